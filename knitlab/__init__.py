@@ -1,0 +1,11 @@
+"""knitlab simulates folding knits and finds the one an engineer needs.
+
+Results are netCDF cubes: :func:`open_cube` reads one.
+"""
+
+from importlib.metadata import version
+
+from knitlab.maps.cube import open_cube
+
+__version__ = version("knitlab")
+__all__ = ["__version__", "open_cube"]

@@ -1,0 +1,30 @@
+"""Opening a cube."""
+
+from pathlib import Path
+
+import xarray as xr
+
+from knitlab.sweep.faults import fault
+
+
+def open_cube(path: str | Path) -> xr.Dataset:
+    """Read a knitlab cube into memory.
+
+    Args:
+        path: a ``cube.nc``, or the results folder that holds one.
+
+    Raises:
+        BadInput: if there is no such file, or it is not a cube.
+    """
+    path = Path(path)
+    path = path / "cube.nc" if path.is_dir() else path
+    try:
+        with xr.open_dataset(path, engine="netcdf4") as dataset:
+            cube = dataset.load()
+    except FileNotFoundError as error:
+        raise fault(str(path), "does not exist; run a workflow first") from error
+    except (OSError, ValueError) as error:
+        raise fault(str(path), f"is not a netCDF file ({error}); give a cube.nc") from error
+    if missing := {"n_stripe", "n_subunit"} - set(cube.dims):
+        raise fault(str(path), f"is not a cube: it has no dimension {sorted(missing)}")
+    return cube

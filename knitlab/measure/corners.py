@@ -1,0 +1,31 @@
+"""Corners of unit cells, picked out of a simulated configuration."""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from knitlab.model.network import MeshShape
+
+
+def unit_cell_corners(
+    shape: MeshShape,
+    unit_cells: tuple[int, int],
+    configuration: Float[Array, "*state unknown"],
+) -> Float[Array, "*state cell_y+1 cell_x+1 2"]:
+    """Positions (x, y) of the corners of the unit cells [mm].
+
+    Args:
+        shape: mesh of the configuration.
+        unit_cells: number of unit cells along (y, x).
+        configuration: node coordinates, then L_x and L_y; in endless fabric the last corners
+            are the first ones' images.
+    """
+    steps = shape.cells_y // unit_cells[0], shape.cells_x // unit_cells[1]
+    rows = steps[0] * np.arange(unit_cells[0] + 1)
+    columns = steps[1] * np.arange(unit_cells[1] + 1)
+    turns_y, rows = np.divmod(rows, shape.nodes_y)
+    turns_x, columns = np.divmod(columns, shape.nodes_x)
+    nodes = configuration[..., :-2].reshape(*configuration.shape[:-1], shape.nodes, 3)
+    corners = nodes[..., shape.nodes_x * rows[:, None] + columns[None, :], :2]
+    images = jnp.stack(jnp.broadcast_arrays(turns_x[None, :], turns_y[:, None]), axis=-1)
+    return corners + images * configuration[..., None, None, -2:]

@@ -1,0 +1,75 @@
+"""Loadings: which unknowns are free, and how the held ones move with the applied strain."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from knitlab.model.network import MeshShape
+
+
+@dataclass(frozen=True, eq=False)
+class Loading:
+    """A displacement-controlled test along y, from a reference configuration.
+
+    Attributes:
+        unknowns: places of the free unknowns.
+        reference: the relaxed configuration [mm].
+        drive: how far each unknown moves per unit of applied strain where it is held, and in an
+            affine stretch where it is free [mm].
+        length: the length that the applied strain refers to [mm].
+    """
+
+    unknowns: Int[np.ndarray, " free"]
+    reference: Float[np.ndarray, " unknown"]
+    drive: Float[np.ndarray, " unknown"]
+    length: float
+
+    @property
+    def held(self) -> Int[np.ndarray, " held"]:
+        """Places of the held unknowns."""
+        return np.setdiff1d(np.arange(len(self.reference)), self.unknowns)
+
+    def holding(
+        self, configuration: Float[np.ndarray, " unknown"], applied_strain: float
+    ) -> Float[np.ndarray, " unknown"]:
+        """The configuration with its held unknowns where the applied strain puts them [mm]."""
+        held, moved = self.held, configuration.copy()
+        moved[held] = self.reference[held] + applied_strain * self.drive[held]
+        return moved
+
+    def reaction_force(self, gradient: Float[np.ndarray, " unknown"]) -> float:
+        """Force that drives the test, conjugate to the displacement of its driven end [N].
+
+        It is ∂V/∂(displacement) at fixed free unknowns: for a clamped sample the sum of the y
+        forces on the top row, for endless fabric ∂V/∂L_y.
+        """
+        held = self.held
+        return float(self.drive[held] @ gradient[held] / self.length)
+
+
+def all_free(shape: MeshShape) -> Int[np.ndarray, " free"]:
+    """Free unknowns while a fabric relaxes: every coordinate, and the lengths if endless."""
+    return np.arange(shape.unknowns if shape.periodic else 3 * shape.nodes)
+
+
+def tensile(shape: MeshShape, relaxed: Float[np.ndarray, " unknown"]) -> Loading:
+    """The paper's tensile test on a relaxed shape (Sec. "Kinematics under tension").
+
+    A clamped sample has its bottom row held and its top row displaced along y; the applied
+    strain is that displacement over the relaxed distance between the rows. Endless fabric has
+    L_y prescribed and L_x free; the applied strain is the relative change of L_y.
+    """
+    drive = np.zeros(shape.unknowns)
+    heights = relaxed[1:-2:3]
+    if shape.periodic:
+        length = float(relaxed[-1])
+        drive[1:-2:3], drive[-1] = heights, length
+        return Loading(np.arange(shape.unknowns - 1), relaxed, drive, length)
+    rows = heights.reshape(shape.nodes_y, shape.nodes_x)
+    length = float(rows[-1].mean() - rows[0].mean())
+    affine = np.clip(rows - rows[0].mean(), 0, length)
+    affine[0], affine[-1] = 0, length
+    drive[1:-2:3] = affine.ravel()
+    inner = np.arange(3 * shape.nodes_x, 3 * (shape.nodes - shape.nodes_x))
+    return Loading(inner, relaxed, drive, length)

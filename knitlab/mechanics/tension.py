@@ -1,0 +1,92 @@
+"""The virtual tensile test: equilibrium at every applied strain of a protocol."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.mechanics.assembly import sparsity
+from knitlab.mechanics.factorisation import FreeStiffness
+from knitlab.mechanics.loading import Loading, tensile
+from knitlab.mechanics.newton import SolverSettings, Request, Solver, State, find_equilibrium
+from knitlab.mechanics.relaxation import relax
+from knitlab.model.fabric import Fabric
+from knitlab.model.network import Network
+
+
+@dataclass(frozen=True)
+class TensileTest:
+    """States along a tensile test.
+
+    Attributes:
+        loading: what was held and driven; ``None`` if the fabric did not relax.
+        states: one for each applied strain that was tried, the relaxed shape first; only the
+            last may be unconverged, and then the test ended there.
+    """
+
+    loading: Loading | None
+    states: list[State]
+
+
+def stretch(
+    net: Network,
+    fabric: Fabric,
+    applied_strain: Sequence[float],
+    settings: SolverSettings,
+    progress: Callable[[int], None] = lambda done: None,
+) -> Solver[TensileTest]:
+    """Solver that relaxes a fabric and takes it through a tensile test.
+
+    Every step starts from the line through the two states before it. One that fails is tried
+    again from the last state over half the strain, down to ``settings.smallest_step`` of the
+    protocol's step; what that costs is counted in the state it leads to. The test ends at the
+    first strain that cannot be reached.
+
+    Args:
+        net, fabric: the fabric.
+        applied_strain: ascending, from 0, the relaxed shape.
+        settings: of the equilibrium solver.
+        progress: told how many of the states are done.
+    """
+    relaxed = yield from relax(net, fabric, settings)
+    progress(1)
+    if not relaxed.converged:
+        return TensileTest(None, [relaxed])
+    loading = tensile(net.shape, relaxed.configuration)
+    free = FreeStiffness.of(sparsity(net.shape), loading.unknowns)
+    longest = settings.step_limit * float(fabric.cell.min())
+
+    states = [relaxed]
+    path = [(applied_strain[0], relaxed.configuration)]
+    for target in applied_strain[1:]:
+        full = target - path[-1][0]
+        step, spent = full, list[State]()
+        while True:
+            strain = min(path[-1][0] + step, target)
+            start = loading.holding(_ahead(path, strain, loading), strain)
+            state = yield from find_equilibrium(Request(start), free, longest, settings)
+            if state.converged:
+                path = [path[-1], (strain, state.configuration)]
+                if strain == target:
+                    break
+            elif step / 2 < settings.smallest_step * full:
+                break
+            else:
+                step /= 2
+            spent.append(state)
+        states.append(state.after(*spent))
+        progress(len(states))
+        if not state.converged:
+            break
+    return TensileTest(loading, states)
+
+
+def _ahead(
+    path: list[tuple[float, Float[np.ndarray, " unknown"]]], strain: float, loading: Loading
+) -> Float[np.ndarray, " unknown"]:
+    (last_strain, last) = path[-1]
+    if len(path) == 1:
+        return last + (strain - last_strain) * loading.drive
+    before_strain, before = path[-2]
+    return last + (last - before) * (strain - last_strain) / (last_strain - before_strain)

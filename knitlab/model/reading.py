@@ -1,0 +1,42 @@
+"""The reading: what the paper leaves open, as named choices that every result carries."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+CellSize = Literal["flat", "relaxed"]
+FoldPhase = Literal["stripe_centre", "stripe_border"]
+Hinges = Literal["fold_lines", "all"]
+HingeStiffness = Literal["per_edge", "per_length"]
+GarterStart = Literal["mountain", "valley"]
+Boundary = Literal["clamped", "periodic"]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One way to read the paper's model.
+
+    Attributes:
+        cell_size: ``"flat"`` makes a grid cell w/4 × h/4 (Sec. "3D model"); ``"relaxed"`` makes
+            it w/(4 sin(θ0/2)) × h/(4 sin(θ0/2)), so that the folded period is the measured one
+            (Sec. "2D model" and the table captions).
+        fold_phase: ``"stripe_centre"`` folds at the odd grid lines of a run of like patches,
+            ``"stripe_border"`` at the even ones.
+        hinges: ``"fold_lines"`` puts hinges only across the fold direction inside like patches
+            (rest angles π and θ0 in turn); ``"all"`` adds every other interior edge, at rest
+            when flat.
+        hinge_stiffness: ``"per_edge"`` takes k_t for each edge; ``"per_length"`` takes
+            k_t × edge length, as its tabulated unit, N, suggests.
+        garter_start: side to which the first fold of a garter patch points; the first fold of a
+            rib patch is a mountain, later ones alternate. It matters only with folds at stripe
+            borders, whose number in a patch is odd.
+        length_scale: factor on the stripes' periods, and so on every grid length [1].
+        boundary: ``"clamped"`` sample or ``"periodic"`` endless fabric.
+    """
+
+    cell_size: CellSize = "relaxed"
+    fold_phase: FoldPhase = "stripe_border"
+    hinges: Hinges = "all"
+    hinge_stiffness: HingeStiffness = "per_edge"
+    garter_start: GarterStart = "mountain"
+    length_scale: float = 1.0
+    boundary: Boundary = "clamped"

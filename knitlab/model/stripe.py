@@ -1,0 +1,57 @@
+"""Calibrated stripes: the four fitted numbers of one n × n rib or garter fabric."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+Knit = Literal["rib", "garter"]
+
+GARTER_STITCHES_PER_RIB_STITCH = 2
+"""A stitch is about twice as wide as it is high, so an n × n rib pairs with a 2n × 2n garter
+(paper, Sec. "Relaxation of a pattern of rib and garter patches")."""
+
+
+@dataclass(frozen=True)
+class Stripe:
+    """Parameters of an ``n`` × ``n`` stripe fabric (paper, Tables 1 and 2).
+
+    Attributes:
+        knit: ``"rib"`` (ridges along the wales) or ``"garter"`` (ridges along the courses).
+        n: stitches across one stripe.
+        period: measured peak-to-peak distance of the relaxed corrugation, w^weft or h^warp [mm].
+        k_s: stiffness of the extensional springs across the ridges [N/mm].
+        theta_0: interior rest angle of a fold; π is flat [rad].
+        k_t: stiffness of the torsional springs, as tabulated [N].
+    """
+
+    knit: Knit
+    n: int
+    period: float
+    k_s: float
+    theta_0: float
+    k_t: float
+
+    @property
+    def fold(self) -> float:
+        """Magnitude of the rest fold angle, π − θ0 [rad]."""
+        return math.pi - self.theta_0
+
+    @property
+    def contraction(self) -> float:
+        """Relaxed over flat length of the pure stripe, sin(θ0/2): exact, at zero energy."""
+        return math.sin(self.theta_0 / 2)
+
+
+def periods_per_patch(n_stripe: int, n_subunit: int) -> int:
+    """Periods (one front and one back stripe) that fill a patch, P = n_subunit / (2 n_stripe).
+
+    Raises:
+        ValueError: if ``n_subunit`` is not a positive multiple of ``2 * n_stripe``.
+    """
+    periods, rest = divmod(n_subunit, 2 * n_stripe)
+    if rest or periods < 1:
+        raise ValueError(
+            f"n_subunit = {n_subunit} is not a positive multiple of 2 × n_stripe = {2 * n_stripe};"
+            f" choose {2 * n_stripe}, {4 * n_stripe}, {6 * n_stripe}, …"
+        )
+    return periods

@@ -1,0 +1,76 @@
+"""The design space: which (n_stripe, n_subunit) a workflow asks for, and which are possible."""
+
+from dataclasses import dataclass
+
+from knitlab.sweep.faults import Fault, BadInput, fault
+from knitlab.sweep.parameters import Parameters
+from knitlab.sweep.workflow import DesignSection
+
+Design = tuple[int, int]
+DEFAULT_SET = "paper"
+
+
+@dataclass(frozen=True)
+class DesignSpace:
+    """Designs of a sweep, on the grid of a cube.
+
+    Attributes:
+        designs: (n_stripe, n_subunit) to simulate, ordered.
+        excluded: combinations of a grid that no fabric can have, with the reason.
+    """
+
+    designs: tuple[Design, ...]
+    excluded: dict[Design, str]
+
+
+def design_space(section: DesignSection, parameters: Parameters, source: str) -> DesignSpace:
+    """Resolve a workflow's ``[design]``.
+
+    Impossible combinations of a grid are excluded.
+
+    Raises:
+        BadInput: if a set or a member asked for does not exist, if a single design that was
+            asked for is impossible, or if no design is left.
+    """
+    if section.n_stripe is not None and section.n_subunit is not None:
+        return _grid(section.n_stripe, section.n_subunit, parameters, source)
+    return _members(section, parameters, source)
+
+
+def _grid(
+    n_stripe: tuple[int, ...], n_subunit: tuple[int, ...], parameters: Parameters, source: str
+) -> DesignSpace:
+    pairs = sorted({(n, m) for n in n_stripe for m in n_subunit})
+    reasons = {pair: parameters.impossible(*pair) for pair in pairs}
+    excluded = {pair: reason for pair, reason in reasons.items() if reason}
+    if len(excluded) == len(pairs):
+        raise BadInput(Fault(f"{source}: design", reason) for reason in dict.fromkeys(excluded.values()))
+    return DesignSpace(tuple(pair for pair in pairs if pair not in excluded), excluded)
+
+
+def _members(section: DesignSection, parameters: Parameters, source: str) -> DesignSpace:
+    name = section.set or DEFAULT_SET
+    sets = parameters.designs.root
+    if name not in sets:
+        raise fault(f"{source}: design.set", f"there is no set {name!r}; choose of {sorted(sets)}")
+    pairs = sets[name].pairs
+    faults = []
+    for key, place in (("n_stripe", 0), ("n_subunit", 1)):
+        wanted = getattr(section, key)
+        if wanted is None:
+            continue
+        members = {pair[place] for pair in pairs}
+        other = "n_subunit" if key == "n_stripe" else "n_stripe"
+        faults += [
+            Fault(
+                f"{source}: design.{key}",
+                f"set {name!r} has no {key} = {value}; choose of {sorted(members)},"
+                f" or give {other} too for a grid of your own",
+            )
+            for value in wanted
+            if value not in members
+        ]
+        pairs = tuple(pair for pair in pairs if pair[place] in wanted)
+    if faults:
+        raise BadInput(faults)
+    return DesignSpace(tuple(sorted(pairs)), {})

@@ -1,0 +1,52 @@
+"""Faults of the user's input, gathered so that one message lists them all."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from pydantic import ValidationError
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One mistake: where it stands and what is wrong with it."""
+
+    path: str
+    problem: str
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.problem}"
+
+
+class BadInput(Exception):
+    """Input that cannot be used; carries every fault that was found."""
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self.faults = tuple(faults)
+        super().__init__("\n".join(map(str, self.faults)))
+
+
+def fault(path: str, problem: str) -> BadInput:
+    """A :class:`BadInput` with a single fault."""
+    return BadInput([Fault(path, problem)])
+
+
+def faults_of(error: ValidationError, source: str) -> list[Fault]:
+    """The faults that pydantic found in what was read from ``source``."""
+    return [
+        Fault(_path(source, entry["loc"]), _problem(entry["type"], entry["msg"], entry["input"]))
+        for entry in error.errors()
+    ]
+
+
+def _path(source: str, location: tuple[int | str, ...]) -> str:
+    return ": ".join(part for part in (source, ".".join(map(str, location))) if part)
+
+
+def _problem(kind: str, message: str, given: object) -> str:
+    if kind == "missing":
+        return "is missing; add it"
+    if kind == "extra_forbidden":
+        return "is not a known key; remove it or check its spelling"
+    message = message.removeprefix("Value error, ").removeprefix("Assertion failed, ")
+    text = message[0].lower() + message[1:]
+    return text if kind == "value_error" else f"{text}, but is {given!r}"

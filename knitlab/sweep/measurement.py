@@ -1,0 +1,120 @@
+"""Measurement of a finished test: all that a case holds, as a labelled dataset."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from knitlab.measure.corners import unit_cell_corners
+from knitlab.measure.strain import (
+    central_mean,
+    lattice_vectors,
+    local_strain,
+    poisson_ratio,
+)
+from knitlab.mechanics.newton import State
+from knitlab.mechanics.tension import TensileTest
+from knitlab.model.energy import positions
+from knitlab.model.fabric import cell_length
+from knitlab.sweep.plan import Case
+from knitlab.sweep.registry import VARIABLES, Status, described
+
+
+def measured(case: Case, test: TensileTest) -> xr.Dataset:
+    """Dataset of a case: its variables of the registry at every strain of the protocol.
+
+    Strains that did not converge, or were not tried, are missing; ``residual_force`` and
+    ``iterations`` are there for every strain that was tried. What sums up the whole test is
+    missing unless all of it converged.
+    """
+    reached = [state for state in test.states if state.converged]
+    complete = len(reached) == len(case.applied_strain)
+    cells = case.sample.cells_per_patch * np.array([len(case.pattern[0]), len(case.pattern)])
+    values: dict[str, Any] = {
+        "status": np.int8(Status.ok if complete else Status.not_converged),
+        "case_id": case.case_id,
+        "periods": case.periods,
+        "flat_cell_x": cells[0] * cell_length(case.rib, case.reading),
+        "flat_cell_y": cells[1] * cell_length(case.garter, case.reading),
+        "residual_force": [state.residual for state in test.states],
+        "iterations": [float(state.iterations) for state in test.states],
+    }
+    if test.loading is not None:
+        gradients = [state.gradient for state in reached]
+        values["reaction_force"] = [test.loading.reaction_force(g) for g in gradients]
+        values |= _shapes(case, reached)
+        values |= _strains(case, reached, complete)
+    return described(_dataset(case, values))
+
+
+def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
+    shape = case.mesh_shape
+    lengths = np.array([state.configuration[-2:] for state in reached])
+    nodes = np.array([positions(state.configuration) for state in reached])
+    energies = {
+        f"energy_{part}": [float(getattr(state.energy, part)) for state in reached]
+        for part in ("stretch", "fold", "wall")
+    }
+    if shape.periodic:
+        energies |= {"length_x": lengths[:, 0], "length_y": lengths[:, 1]}
+    return energies | {"position": nodes.reshape(-1, shape.nodes_y, shape.nodes_x, 3)}
+
+
+def _strains(case: Case, reached: list[State], complete: bool) -> dict[str, Any]:
+    configurations = jnp.array([state.configuration for state in reached])
+    corners = unit_cell_corners(case.mesh_shape, case.unit_cells, configurations)
+    strain_xx, strain_yy = local_strain(corners[0], corners)
+    mean_xx, mean_yy = central_mean(strain_xx), central_mean(strain_yy)
+    edges = jnp.linalg.norm(lattice_vectors(corners[0]), axis=-2)
+    ratio = np.asarray(poisson_ratio(mean_xx, mean_yy)).copy()
+    ratio[0] = np.nan  # 0/0, whatever round-off makes of it
+    values: dict[str, Any] = {
+        "strain_xx": strain_xx,
+        "strain_yy": strain_yy,
+        "mean_strain_xx": mean_xx,
+        "mean_strain_yy": mean_yy,
+        "poisson_ratio": ratio,
+        "relaxed_cell_x": float(central_mean(edges[..., 0])),
+        "relaxed_cell_y": float(central_mean(edges[..., 1])),
+    }
+    if complete and len(ratio) > 1:
+        lowest = int(np.nanargmin(ratio))
+        values["poisson_ratio_min"] = ratio[lowest]
+        values["applied_strain_at_min"] = case.applied_strain[lowest]
+    return values
+
+
+def _dataset(case: Case, values: dict[str, Any]) -> xr.Dataset:
+    """The registry's variables, padded along ``applied_strain`` with what is missing."""
+    shape = case.mesh_shape
+    sizes = {
+        "applied_strain": len(case.applied_strain),
+        "cell_y": case.unit_cells[0],
+        "cell_x": case.unit_cells[1],
+        "node_y": shape.nodes_y,
+        "node_x": shape.nodes_x,
+        "component": 3,
+    }
+    variables = {}
+    for name, variable in VARIABLES.items():
+        given = values.get(name)
+        if not variable.dims:
+            variables[name] = ((), np.nan if given is None else given)
+            continue
+        padded = np.full([sizes[dim] for dim in variable.dims], np.nan)
+        if given is not None:
+            padded[: len(given)] = given
+        elif not variable.in_cube:
+            continue
+        variables[name] = (variable.dims, padded)
+    coordinates: dict[str, Any] = {
+        "n_stripe": case.n_stripe,
+        "n_subunit": case.n_subunit,
+        "applied_strain": list(case.applied_strain),
+        "cell_y": np.arange(sizes["cell_y"]),
+        "cell_x": np.arange(sizes["cell_x"]),
+    }
+    if "position" in variables:
+        coordinates["component"] = ["x", "y", "z"]
+    return xr.Dataset(variables, coordinates)

@@ -1,0 +1,205 @@
+"""Parameters: what ``params/*.toml`` may hold, each value with its unit and source."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Generic, Literal, TypeVar
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PositiveFloat,
+    PositiveInt,
+    RootModel,
+    ValidationError,
+)
+
+from knitlab.model.reading import (
+    Boundary,
+    CellSize,
+    FoldPhase,
+    GarterStart,
+    Hinges,
+    HingeStiffness,
+)
+from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, periods_per_patch
+from knitlab.sweep.faults import BadInput, Fault, faults_of
+from knitlab.sweep.toml import read_toml
+
+Value = TypeVar("Value")
+Unit = TypeVar("Unit")
+Fraction = Annotated[float, Field(gt=0, le=1)]
+Angle = Annotated[float, Field(gt=0, lt=3.141592653589793)]
+
+
+class Strict(BaseModel):
+    """Base of every file's schema: no unknown keys, no infinities, no silent conversions."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class Quantity(Strict, Generic[Value, Unit]):
+    """A value with the unit that it must have, and where it comes from."""
+
+    value: Value
+    unit: Unit
+    source: str = Field(min_length=1)
+
+
+class StripeUnits(Strict):
+    """Units of a stripe table."""
+
+    period: Literal["mm"]
+    k_s: Literal["N/mm"]
+    theta_0: Literal["rad"]
+    k_t: Literal["N"]
+
+
+class StripeRow(Strict):
+    """Fitted values of one stripe (paper, Tables 1 and 2)."""
+
+    period: PositiveFloat
+    k_s: PositiveFloat
+    theta_0: Angle
+    k_t: PositiveFloat
+
+
+def _stitches(text: str) -> str:
+    if not (text.isascii() and text.isdigit() and int(text) > 0):
+        raise ValueError(f"a stripe is named by its number of stitches, but is {text!r}")
+    return text
+
+
+class StripeTable(Strict):
+    """All stripes of one knit, by stitches across a stripe."""
+
+    source: str = Field(min_length=1)
+    unit: StripeUnits
+    n: dict[Annotated[str, AfterValidator(_stitches)], StripeRow] = Field(min_length=1)
+
+
+class Stripes(Strict):
+    """``stripes.toml``."""
+
+    rib: StripeTable
+    garter: StripeTable
+
+
+class SheetParameters(Strict):
+    """``sheet.toml``: walls, mass and damping."""
+
+    z_max: Quantity[PositiveFloat, Literal["mm"]]
+    k_wall: Quantity[PositiveFloat, Literal["N/mm"]]
+    surface_density: Quantity[PositiveFloat, Literal["g/mm^2"]]
+    damping: Quantity[PositiveFloat, Literal["g/ms"]]
+
+
+class ReadingParameters(Strict):
+    """``reading.toml``: what the paper leaves open."""
+
+    cell_size: Quantity[CellSize, Literal["1"]]
+    fold_phase: Quantity[FoldPhase, Literal["1"]]
+    hinges: Quantity[Hinges, Literal["1"]]
+    hinge_stiffness: Quantity[HingeStiffness, Literal["1"]]
+    garter_start: Quantity[GarterStart, Literal["1"]]
+    length_scale: Quantity[PositiveFloat, Literal["1"]]
+    boundary: Quantity[Boundary, Literal["1"]]
+
+
+class SolverParameters(Strict):
+    """``solver.toml``: how equilibria are searched for."""
+
+    tolerance: Quantity[PositiveFloat, Literal["N"]]
+    max_iterations: Quantity[PositiveInt, Literal["1"]]
+    step_limit: Quantity[Fraction, Literal["1"]]
+    smallest_shift: Quantity[PositiveFloat, Literal["N/mm"]]
+    ramp_steps: Quantity[PositiveInt, Literal["1"]]
+    smallest_step: Quantity[Fraction, Literal["1"]]
+
+
+class DesignGrid(Strict):
+    """Every combination of the listed values."""
+
+    n_stripe: tuple[PositiveInt, ...] = Field(min_length=1, strict=False)
+    n_subunit: tuple[PositiveInt, ...] = Field(min_length=1, strict=False)
+
+
+class DesignSet(Strict):
+    """A named set of designs: several grids, each of which must be possible as a whole."""
+
+    unit: Literal["stitches"]
+    source: str = Field(min_length=1)
+    designs: tuple[DesignGrid, ...] = Field(min_length=1, strict=False)
+
+    @property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """Its (n_stripe, n_subunit), in order."""
+        return tuple((n, m) for grid in self.designs for n in grid.n_stripe for m in grid.n_subunit)
+
+
+class DesignSets(RootModel[dict[str, DesignSet]]):
+    """``designs.toml``."""
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Everything under ``params/``, one field a file."""
+
+    stripes: Stripes
+    sheet: SheetParameters
+    reading: ReadingParameters
+    solver: SolverParameters
+    designs: DesignSets
+
+    def impossible(self, n_stripe: int, n_subunit: int) -> str | None:
+        """Why a design cannot be made of these stripes, or None if it can."""
+        tables = self.stripes.rib, self.stripes.garter
+        ribs, garters = (sorted(map(int, table.n)) for table in tables)
+        pairing = [n for n in ribs if GARTER_STITCHES_PER_RIB_STITCH * n in garters]
+        if n_stripe not in pairing:
+            garter = f"garter stripe of {GARTER_STITCHES_PER_RIB_STITCH * n_stripe} to pair with"
+            missing = garter if n_stripe in ribs else "rib stripe"
+            return f"n_stripe = {n_stripe} has no {missing}; choose of {pairing}"
+        try:
+            periods_per_patch(n_stripe, n_subunit)
+        except ValueError as error:
+            return str(error)
+        return None
+
+
+def read_parameters(folder: Path) -> Parameters:
+    """Read and check every file of a parameter folder.
+
+    Raises:
+        BadInput: with every fault of every file, each with its path.
+    """
+    files: dict[str, type[BaseModel]] = {
+        "stripes": Stripes,
+        "sheet": SheetParameters,
+        "reading": ReadingParameters,
+        "solver": SolverParameters,
+        "designs": DesignSets,
+    }
+    faults: list[Fault] = []
+    read: dict[str, Any] = {}
+    for name, schema in files.items():
+        path = folder / f"{name}.toml"
+        try:
+            read[name] = schema.model_validate(read_toml(path))
+        except ValidationError as error:
+            faults += faults_of(error, str(path))
+        except BadInput as error:
+            faults += error.faults
+    if "stripes" in read and "designs" in read:
+        # Sets can be checked against the stripes even if another file is at fault.
+        parameters = Parameters(**{**dict.fromkeys(files), **read})
+        faults += [
+            Fault(f"{folder / 'designs.toml'}: {name}", problem)
+            for name, members in parameters.designs.root.items()
+            for pair in members.pairs
+            if (problem := parameters.impossible(*pair))
+        ]
+    if faults:
+        raise BadInput(faults)
+    return parameters

@@ -1,0 +1,62 @@
+"""Progress: a bar over the work of a run, weighed so that its time left is honest."""
+
+from types import TracebackType
+
+from tqdm import tqdm
+
+from knitlab.sweep.plan import Case
+
+# Measured: relaxation costs about as much as this many steps of a tensile test, and a step
+# grows with the unknowns by about this power.
+RELAXATION_STEPS = 20
+COST_POWER = 1.3
+
+
+def work(case: Case, states: int) -> float:
+    """Work in the first ``states`` states of a case, in steps of a test of 1000 unknowns."""
+    steps = states + RELAXATION_STEPS - 1 if states else 0
+    return steps * (case.mesh_shape.unknowns / 1000) ** COST_POWER
+
+
+class ProgressBar:
+    """A bar over all states of some cases; a case that ends early is credited in full."""
+
+    def __init__(self, cases: dict[str, Case], shown: bool) -> None:
+        self._cases = cases
+        self._states = dict.fromkeys(cases, 0)
+        self._ended = 0
+        total = sum(work(case, len(case.applied_strain)) for case in cases.values())
+        self._bar = tqdm(
+            total=total,
+            disable=not shown,
+            bar_format="{desc} {percentage:3.0f}% |{bar}| {elapsed} elapsed, {remaining} left",
+        )
+        self._describe()
+
+    def __enter__(self) -> "ProgressBar":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._bar.close()
+
+    def reached(self, case_id: str, states: int) -> None:
+        """Note that a case has this many of its states."""
+        case = self._cases[case_id]
+        advance = work(case, states) - work(case, self._states[case_id])
+        if advance > 0:
+            self._states[case_id] = states
+            self._bar.update(advance)
+
+    def ended(self, case_id: str) -> None:
+        """Note that a case has ended, whatever became of it."""
+        self._ended += 1
+        self.reached(case_id, len(self._cases[case_id].applied_strain))
+        self._describe()
+
+    def _describe(self) -> None:
+        self._bar.set_description_str(f"{self._ended}/{len(self._cases)} cases")

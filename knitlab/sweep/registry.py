@@ -1,0 +1,126 @@
+"""The registry: every variable of a case and of a cube, with its dims, units and meaning."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import xarray as xr
+
+
+class Status(IntEnum):
+    """How far a design has come."""
+
+    pending = 0
+    ok = 1
+    not_converged = 2
+    failed = 3
+    excluded = 4
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable, as it stands in a case; a cube adds :data:`DESIGN_DIMS` in front.
+
+    Attributes:
+        dims: its dimensions within a case.
+        units: UDUNITS text.
+        long_name: what a figure's axis says.
+        description: what it is, where the name leaves a question.
+        in_cube: whether the cube has it, or the case alone.
+    """
+
+    dims: tuple[str, ...]
+    units: str
+    long_name: str
+    description: str = ""
+    in_cube: bool = True
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """Its CF attributes."""
+        described = {"description": self.description} if self.description else {}
+        return {"units": self.units, "long_name": self.long_name, **described}
+
+
+DESIGN_DIMS = ("n_stripe", "n_subunit")
+
+COORDINATES = {
+    "n_stripe": Variable(("n_stripe",), "1", "stitches across a rib stripe"),
+    "n_subunit": Variable(("n_subunit",), "1", "stitches along a garter stripe"),
+    "applied_strain": Variable(
+        ("applied_strain",),
+        "1",
+        "applied strain",
+        "displacement of the driven end over the relaxed length",
+    ),
+    "cell_y": Variable(("cell_y",), "1", "unit cell along the warp"),
+    "cell_x": Variable(("cell_x",), "1", "unit cell along the weft"),
+    "node_y": Variable(("node_y",), "1", "node row along the warp"),
+    "node_x": Variable(("node_x",), "1", "node column along the weft"),
+    "component": Variable(("component",), "1", "component of a position"),
+}
+
+_STATE = ("applied_strain",)
+_CELLS = ("applied_strain", "cell_y", "cell_x")
+
+VARIABLES = {
+    "status": Variable((), "1", "status of the design"),
+    "case_id": Variable((), "1", "identifier of the case", "names its file under cases/"),
+    "periods": Variable((), "1", "stripe periods along a patch"),
+    "strain_xx": Variable(_CELLS, "1", "local transverse strain"),
+    "strain_yy": Variable(_CELLS, "1", "local axial strain"),
+    "mean_strain_xx": Variable(
+        _STATE, "1", "mean transverse strain", "mean over the central unit cells"
+    ),
+    "mean_strain_yy": Variable(
+        _STATE, "1", "mean axial strain", "mean over the central unit cells"
+    ),
+    "poisson_ratio": Variable(
+        _STATE, "1", "Poisson's ratio", "-mean_strain_xx / mean_strain_yy; undefined at zero strain"
+    ),
+    "poisson_ratio_min": Variable(
+        (), "1", "lowest Poisson's ratio", "over the strains of the test, all of them converged"
+    ),
+    "applied_strain_at_min": Variable((), "1", "applied strain at the lowest Poisson's ratio"),
+    "reaction_force": Variable(
+        _STATE, "N", "reaction force", "over the whole width of the sample or periodic cell"
+    ),
+    "energy_stretch": Variable(_STATE, "N mm", "energy of the extensional springs"),
+    "energy_fold": Variable(_STATE, "N mm", "energy of the torsional springs"),
+    "energy_wall": Variable(_STATE, "N mm", "energy of the wall penalty"),
+    "residual_force": Variable(_STATE, "N", "largest force left on a free unknown"),
+    "iterations": Variable(_STATE, "1", "Newton steps", "retried strain steps included"),
+    "relaxed_cell_x": Variable((), "mm", "relaxed unit cell along the weft"),
+    "relaxed_cell_y": Variable((), "mm", "relaxed unit cell along the warp"),
+    "flat_cell_x": Variable((), "mm", "flat unit cell along the weft"),
+    "flat_cell_y": Variable((), "mm", "flat unit cell along the warp"),
+    "position": Variable(
+        ("applied_strain", "node_y", "node_x", "component"), "mm", "node position", in_cube=False
+    ),
+    "length_x": Variable(_STATE, "mm", "length of endless fabric along the weft", in_cube=False),
+    "length_y": Variable(_STATE, "mm", "length of endless fabric along the warp", in_cube=False),
+}
+
+
+def described(dataset: xr.Dataset) -> xr.Dataset:
+    """The dataset with the CF attributes of every registered variable and coordinate."""
+    for name, variable in (COORDINATES | VARIABLES).items():
+        if name in dataset.variables:
+            dataset[name].attrs |= variable.attributes
+    if "status" in dataset:
+        dataset["status"].attrs |= {
+            "flag_values": [status.value for status in Status],
+            "flag_meanings": " ".join(status.name for status in Status),
+        }
+    return dataset
+
+
+def encoding(dataset: xr.Dataset) -> dict[str, dict[str, object]]:
+    """netCDF encoding of a case or cube: compressed, whole numbers as such."""
+    chosen: dict[str, dict[str, object]] = {}
+    for name in dataset.data_vars:
+        kind = dataset[name].dtype.kind
+        chosen[str(name)] = {"zlib": True, "complevel": 4} if kind in "fi" and dataset[name].ndim else {}
+    for name in ("iterations", "periods"):
+        if name in dataset:
+            chosen[name] |= {"dtype": "int32", "_FillValue": -1}
+    return chosen

@@ -1,0 +1,11 @@
+"""Where the parameters and workflows that come with knitlab lie."""
+
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parent.parent
+
+
+def shipped(folder: str) -> Path:
+    """Folder ``params`` or ``workflows``: inside an installed package, or beside its source."""
+    installed = PACKAGE / "shipped" / folder
+    return installed if installed.is_dir() else PACKAGE.parent / folder
