@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from knitlab.mechanics.assembly import batch_evaluator
+from knitlab.mechanics.evaluation import batch_evaluator
 from knitlab.mechanics.newton import Solver
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape

@@ -1,7 +1,7 @@
 """Equilibrium by regularised Newton: the step (K + μ I) p = −g, with μ kept as small as works.
 
 A solver here is a generator. It yields the configuration that it wants evaluated and is sent
-the :class:`~knitlab.mechanics.assembly.Evaluation`, so that the solvers of many fabrics can run
+the :class:`~knitlab.mechanics.evaluation.Evaluation`, so that the solvers of many fabrics can run
 in step and share one vmapped evaluation (:mod:`knitlab.mechanics.lockstep`).
 """
 
@@ -13,8 +13,9 @@ from typing import TypeVar
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.mechanics.assembly import Evaluation
-from knitlab.mechanics.factorisation import FreeStiffness, factorise
+from knitlab.mechanics.evaluation import Evaluation
+from knitlab.mechanics.factorisation import factorise
+from knitlab.mechanics.stiffness import FreeStiffness
 from knitlab.model.energy import Energy
 
 Result = TypeVar("Result")
@@ -57,7 +58,7 @@ class SolverSettings:
     max_iterations: int = 500
     step_limit: float = 0.3
     smallest_shift: float = 1e-9
-    ramp_steps: int = 4
+    ramp_steps: int = 10
     smallest_step: float = 1 / 16
 
 
@@ -147,7 +148,7 @@ def find_equilibrium(
         if iterations >= settings.max_iterations:
             return state(Outcome.iteration_limit)
 
-        stiffness = free.matrix(now.stiffness)
+        stiffness = free.matrix(now)
         factors = None
         while factors is None:
             if not shift < LARGEST_SHIFT or not np.isfinite(force):

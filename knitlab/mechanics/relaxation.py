@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from knitlab.mechanics.assembly import sparsity
-from knitlab.mechanics.factorisation import FreeStiffness
+from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.mechanics.loading import all_free
 from knitlab.mechanics.newton import SolverSettings, Request, Solver, State, find_equilibrium
 from knitlab.model.fabric import Fabric, flat_sheet
@@ -24,7 +23,7 @@ def relax(net: Network, fabric: Fabric, settings: SolverSettings) -> Solver[Stat
     neither drifts nor turns.
     """
     shape = net.shape
-    free = FreeStiffness.of(sparsity(shape), all_free(shape))
+    free = free_stiffness(shape, all_free(shape))
     longest = settings.step_limit * float(fabric.cell.min())
     configuration = np.asarray(flat_sheet(net, fabric))
     waypoint = replace(settings, tolerance=max(settings.tolerance, WAYPOINT_TOLERANCE))

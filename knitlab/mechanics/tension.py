@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.mechanics.assembly import sparsity
-from knitlab.mechanics.factorisation import FreeStiffness
+from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.mechanics.loading import Loading, tensile
 from knitlab.mechanics.newton import SolverSettings, Request, Solver, State, find_equilibrium
 from knitlab.mechanics.relaxation import relax
@@ -54,7 +53,7 @@ def stretch(
     if not relaxed.converged:
         return TensileTest(None, [relaxed])
     loading = tensile(net.shape, relaxed.configuration)
-    free = FreeStiffness.of(sparsity(net.shape), loading.unknowns)
+    free = free_stiffness(net.shape, loading.unknowns)
     longest = settings.step_limit * float(fabric.cell.min())
 
     states = [relaxed]

@@ -31,57 +31,49 @@ def positions(configuration: Float[Array, " unknown"]) -> Float[Array, "node 3"]
     return configuration[:-2].reshape(-1, 3)
 
 
-def element_unknowns(
+def element_vectors(
     elements: Elements, configuration: Float[Array, " unknown"]
-) -> Float[Array, "element unknown"]:
-    """Every element's own unknowns: its nodes' coordinates, then L_x and L_y [mm]."""
-    coordinates = positions(configuration)[elements.nodes].reshape(len(elements.nodes), -1)
-    lengths = jnp.broadcast_to(configuration[-2:], (len(elements.nodes), 2))
-    return jnp.concatenate([coordinates, lengths], axis=1)
-
-
-def _corners(local: Float[Array, " unknown"], images: Float[Array, "node 2"]) -> Array:
-    shift = images * local[-2:]
-    return local[:-2].reshape(-1, 3) + jnp.pad(shift, ((0, 0), (0, 1)))
+) -> Float[Array, "element vector 3"]:
+    """The vectors that every element's energy hangs on [mm]."""
+    corners = positions(configuration)[elements.nodes]
+    across_seam = jnp.pad(elements.periods * configuration[-2:], ((0, 0), (0, 0), (0, 1)))
+    return jnp.einsum("vn,enk->evk", elements.incidence, corners) + across_seam
 
 
 def spring_energy(
-    local: Float[Array, "8"],
-    images: Float[Array, "2 2"],
-    rest_length: Float[Array, ""],
-    stiffness: Float[Array, ""],
+    vectors: Float[Array, "1 3"], rest_length: Float[Array, ""], stiffness: Float[Array, ""]
 ) -> Float[Array, ""]:
     """½ k_s (ℓ − ℓ0)² of one spring [N mm] (paper, Eq. 1)."""
-    start, end = _corners(local, images)
-    return 0.5 * stiffness * (jnp.linalg.norm(end - start) - rest_length) ** 2
+    return 0.5 * stiffness * (jnp.linalg.norm(vectors[0]) - rest_length) ** 2
 
 
-def fold_angle(corners: Float[Array, "6 3"], rest: Float[Array, ""]) -> Float[Array, ""]:
+def fold_from_rest(vectors: Float[Array, "5 3"], rest: Float[Array, ""]) -> Float[Array, ""]:
     """Signed fold angle of one hinge, less its rest value, on the branch nearest zero [rad].
 
     The fold angle is that between the normals of the two cells about their shared edge, positive
     for a mountain; a normal is the cross product of its cell's diagonals. Turning the angle
     back by its rest value before the arctangent keeps the energy smooth but for a hinge exactly
     opposite to its rest.
+
+    Args:
+        vectors: the edge and the two diagonals of each cell,
+            see :data:`~knitlab.model.network.HINGE_VECTORS`.
+        rest: signed fold angle at rest.
     """
-    a, b, c, d, e, f = corners
-    before = jnp.cross(b - c, d - a)
-    after = jnp.cross(f - a, b - e)
-    edge = (b - a) / jnp.linalg.norm(b - a)
-    sine = jnp.dot(jnp.cross(before, after), edge)
+    edge, *diagonals = vectors
+    before = jnp.cross(diagonals[0], diagonals[1])
+    after = jnp.cross(diagonals[2], diagonals[3])
+    sine = jnp.dot(jnp.cross(before, after), edge) / jnp.linalg.norm(edge)
     cosine = jnp.dot(before, after)
     cos_rest, sin_rest = jnp.cos(rest), jnp.sin(rest)
     return jnp.arctan2(sine * cos_rest - cosine * sin_rest, cosine * cos_rest + sine * sin_rest)
 
 
 def hinge_energy(
-    local: Float[Array, "20"],
-    images: Float[Array, "6 2"],
-    rest: Float[Array, ""],
-    stiffness: Float[Array, ""],
+    vectors: Float[Array, "5 3"], rest: Float[Array, ""], stiffness: Float[Array, ""]
 ) -> Float[Array, ""]:
     """½ k_t (φ − φ0)² of one hinge [N mm] (paper, Eq. 1)."""
-    return 0.5 * stiffness * fold_angle(_corners(local, images), rest) ** 2
+    return 0.5 * stiffness * fold_from_rest(vectors, rest) ** 2
 
 
 def wall_energy(z: Float[Array, ""], z_max: Float[Array, ""], k_wall: Float[Array, ""]):
@@ -92,14 +84,12 @@ def wall_energy(z: Float[Array, ""], z_max: Float[Array, ""], k_wall: Float[Arra
 def energy(net: Network, fabric: Fabric, configuration: Float[Array, " unknown"]) -> Energy:
     """Elastic energy of a configuration, split into its parts [N mm]."""
     springs = jax.vmap(spring_energy)(
-        element_unknowns(net.springs, configuration),
-        jnp.asarray(net.springs.images, float),
+        element_vectors(net.springs, configuration),
         fabric.rest_length,
         fabric.stretch_stiffness,
     )
     hinges = jax.vmap(hinge_energy)(
-        element_unknowns(net.hinges, configuration),
-        jnp.asarray(net.hinges.images, float),
+        element_vectors(net.hinges, configuration),
         fabric.rest_fold,
         fabric.fold_stiffness,
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 from knitlab.model.pattern import Pattern
 from knitlab.model.reading import Boundary
@@ -50,29 +50,41 @@ def mesh_shape(pattern: Pattern, boundary: Boundary) -> MeshShape:
 
 @dataclass(frozen=True, eq=False)
 class Elements:
-    """Elements of one kind, each over the same number of nodes.
+    """Elements of one kind, whose energy hangs on a few vectors between their nodes.
 
     Attributes:
         nodes: node numbers of every element.
         images: periods of endless fabric along (x, y) by which each node is shifted; zero unless
             the element crosses the seam.
+        incidence: the vectors as differences of nodes, −1 where one starts and 1 where it ends.
         shape: the mesh they belong to.
     """
 
     nodes: Int[np.ndarray, "element node"]
     images: Int[np.ndarray, "element node 2"]
+    incidence: Int[np.ndarray, "vector node"]
     shape: MeshShape
 
     @cached_property
-    def unknowns(self) -> Int[np.ndarray, "element unknown"]:
-        """Places of an element's unknowns in the configuration: its coordinates, then L_x, L_y.
+    def periods(self) -> Float[np.ndarray, "element vector 2"]:
+        """Periods of endless fabric along (x, y) that each vector spans."""
+        return np.einsum("vn,enk->evk", self.incidence, self.images).astype(float)
 
-        −1 marks a length that the element does not feel.
-        """
-        coordinates = (3 * self.nodes[:, :, None] + np.arange(3)).reshape(len(self.nodes), -1)
-        lengths = 3 * self.shape.nodes + np.arange(2)
-        felt = np.where(self.images.any(axis=1), lengths, -1)
-        return np.concatenate([coordinates, felt], axis=1)
+
+SPRING_VECTORS = np.array([[-1, 1]])
+"""From one end to the other."""
+
+HINGE_VECTORS = np.array(
+    [
+        [-1, 1, 0, 0, 0, 0],
+        [0, 1, -1, 0, 0, 0],
+        [-1, 0, 0, 1, 0, 0],
+        [-1, 0, 0, 0, 0, 1],
+        [0, 1, 0, 0, -1, 0],
+    ]
+)
+"""The shared edge from a to b, the diagonals c → b and a → d of the cell before it, and a → f
+and e → b of the cell after it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,38 +118,38 @@ def network(shape: MeshShape) -> Network:
     rows, columns = np.arange(shape.nodes_y), np.arange(shape.nodes_x)
     first_line = 0 if shape.periodic else 1
 
-    def elements(grid: np.ndarray, offsets: list[tuple[int, int]]) -> Elements:
-        places = grid[:, None, :] + np.array(offsets)
-        turns, wrapped = np.divmod(places, (shape.nodes_y, shape.nodes_x))
+    def elements(incidence: np.ndarray, *places: np.ndarray) -> Elements:
+        turns, wrapped = np.divmod(np.concatenate(places), (shape.nodes_y, shape.nodes_x))
         nodes = wrapped[..., 0] * shape.nodes_x + wrapped[..., 1]
-        return Elements(nodes, turns[..., ::-1], shape)
+        return Elements(nodes, turns[..., ::-1], incidence, shape)
 
-    def joined(*kinds: Elements) -> Elements:
-        nodes = np.concatenate([kind.nodes for kind in kinds])
-        return Elements(nodes, np.concatenate([kind.images for kind in kinds]), shape)
+    weft = _places(rows, cells[1], [(0, 0), (0, 1)])
+    warp = _places(cells[0], columns, [(0, 0), (1, 0)])
+    rising = _places(*cells, [(0, 0), (1, 1)])
+    falling = _places(*cells, [(0, 1), (1, 0)])
+    spring_kind = np.repeat([0, 1, 2], [len(weft), len(warp), len(rising) + len(falling)])
 
-    weft = elements(_grid(rows, cells[1]), [(0, 0), (0, 1)])
-    warp = elements(_grid(cells[0], columns), [(0, 0), (1, 0)])
-    rising = elements(_grid(*cells), [(0, 0), (1, 1)])
-    falling = elements(_grid(*cells), [(0, 1), (1, 0)])
-    spring_kind = np.repeat([0, 1, 2], [len(weft.nodes), len(warp.nodes), 2 * len(rising.nodes)])
-
-    wale_cells = _grid(cells[0], cells[1][first_line:])
-    wale = elements(wale_cells, [(0, 0), (1, 0), (0, -1), (1, -1), (0, 1), (1, 1)])
+    after_wale = cells[0], cells[1][first_line:]
+    wale = _places(*after_wale, [(0, 0), (1, 0), (0, -1), (1, -1), (0, 1), (1, 1)])
     # The edge runs towards −x so that, as for a wale hinge, a mountain has a positive angle.
-    course_cells = _grid(cells[0][first_line:], cells[1])
-    course = elements(course_cells, [(0, 1), (0, 0), (-1, 1), (-1, 0), (1, 1), (1, 0)])
+    after_course = cells[0][first_line:], cells[1]
+    course = _places(*after_course, [(0, 1), (0, 0), (-1, 1), (-1, 0), (1, 1), (1, 0)])
+    hinge_cells = [_places(*after, [(0, 0)])[:, 0] for after in (after_wale, after_course)]
 
     return Network(
         shape=shape,
-        springs=joined(weft, warp, rising, falling),
+        springs=elements(SPRING_VECTORS, weft, warp, rising, falling),
         weft=spring_kind == 0,
         warp=spring_kind == 1,
-        hinges=joined(wale, course),
-        wale=np.arange(len(wale_cells) + len(course_cells)) < len(wale_cells),
-        hinge_cells=np.concatenate([wale_cells, course_cells]),
+        hinges=elements(HINGE_VECTORS, wale, course),
+        wale=np.arange(len(wale) + len(course)) < len(wale),
+        hinge_cells=np.concatenate(hinge_cells),
     )
 
 
-def _grid(rows: np.ndarray, columns: np.ndarray) -> Int[np.ndarray, "place 2"]:
-    return np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2)
+def _places(
+    rows: np.ndarray, columns: np.ndarray, offsets: list[tuple[int, int]]
+) -> Int[np.ndarray, "element node 2"]:
+    """Grid places (y, x) of the nodes of an element at every row and column."""
+    origins = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 1, 2)
+    return origins + np.array(offsets)

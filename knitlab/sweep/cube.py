@@ -48,7 +48,7 @@ def build_cube(plan: Plan, results: Path, failed: dict[str, str]) -> xr.Dataset:
         if case_path(results, case.case_id).is_file():
             dataset = read_case(results, case.case_id)
             for name, array in arrays.items():
-                array[place] = dataset[name].values
+                array[place] = dataset[name].values[()]
         else:
             arrays["periods"][place] = case.periods
             arrays["case_id"][place] = case.case_id

@@ -97,6 +97,11 @@ class Plan:
     batches: tuple[tuple[str, ...], ...]
     excluded: dict[tuple[int, int], str]
 
+    @property
+    def applied_strain(self) -> tuple[float, ...]:
+        """Strains of the protocol, the same for every case."""
+        return next(iter(self.cases.values())).applied_strain
+
     def record(self) -> dict[str, Any]:
         """The plan as JSON holds it."""
         return {

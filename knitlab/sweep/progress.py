@@ -28,6 +28,7 @@ class ProgressBar:
         total = sum(work(case, len(case.applied_strain)) for case in cases.values())
         self._bar = tqdm(
             total=total,
+            smoothing=0,
             disable=not shown,
             bar_format="{desc} {percentage:3.0f}% |{bar}| {elapsed} elapsed, {remaining} left",
         )

@@ -1,0 +1,174 @@
+"""The command line: ``knitlab plan | run | status | query | map``."""
+
+import os
+import sys
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import click
+
+from knitlab.sweep.faults import BadInput
+
+# Each command imports what it needs, so that `query` and `map` start without JAX.
+
+BAD_INPUT = 2
+SOME_CASE_NOT_OK = 1
+
+Command = Callable[..., None]
+
+
+def explains_bad_input(command: Command) -> Command:
+    """Turn bad input into its message and exit code 2."""
+
+    @wraps(command)
+    def explained(*arguments: Any, **options: Any) -> None:
+        try:
+            command(*arguments, **options)
+        except BadInput as error:
+            for fault in error.faults:
+                click.echo(f"knitlab: {fault}", err=True)
+            sys.exit(BAD_INPUT)
+
+    return explained
+
+
+def workflow_options(command: Command) -> Command:
+    """The argument and options that name a workflow and its results."""
+    for option in (
+        click.option(
+            "--results",
+            type=click.Path(path_type=Path, file_okay=False),
+            default=Path("results"),
+            show_default=True,
+            help="Folder that holds a folder of results for each workflow.",
+        ),
+        click.option(
+            "--set",
+            "overrides",
+            multiple=True,
+            metavar="KEY=VALUE",
+            help="Override a setting of the workflow; a comma makes a list. Repeatable.",
+        ),
+        click.argument("workflow"),
+    ):
+        command = option(command)
+    return command
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="knitlab")
+def main() -> None:
+    """Simulate folding knits and find the one you need."""
+
+
+@main.command()
+@workflow_options
+@explains_bad_input
+def plan(workflow: str, results: Path, overrides: tuple[str, ...]) -> None:
+    """Resolve WORKFLOW into plan.json and say what it would run."""
+    from knitlab.sweep.case_file import case_path
+    from knitlab.sweep.plan import make_plan
+
+    made = make_plan(workflow, overrides)
+    folder = results / made.workflow
+    made.write(folder / "plan.json")
+    click.echo(made.title)
+    for number, batch in enumerate(made.batches, start=1):
+        shape = made.cases[batch[0]].mesh_shape
+        click.echo(f"batch {number}: {len(batch)} cases of {shape.unknowns} unknowns")
+        for case_id in batch:
+            case = made.cases[case_id]
+            done = "done" if case_path(folder, case_id).is_file() else "to run"
+            design = f"n_stripe {case.n_stripe:2d}  n_subunit {case.n_subunit:3d}"
+            click.echo(f"  {design}  P {case.periods}  {case_id}  {done}")
+    for (n_stripe, n_subunit), reason in made.excluded.items():
+        click.echo(f"excluded: n_stripe {n_stripe}  n_subunit {n_subunit}: {reason}")
+    strains = made.applied_strain
+    click.echo(
+        f"{len(made.cases)} cases, {len(strains)} strains from 0 to {strains[-1]:g};"
+        f" plan in {folder / 'plan.json'}"
+    )
+
+
+@main.command()
+@workflow_options
+@click.option(
+    "--workers",
+    type=click.IntRange(min=0),
+    default=os.cpu_count() or 1,
+    show_default="all cores",
+    help="Worker processes on this machine; 0 runs in this process.",
+)
+@click.option("--scheduler", metavar="ADDRESS", help="Use this dask scheduler instead.")
+@explains_bad_input
+def run(
+    workflow: str,
+    results: Path,
+    overrides: tuple[str, ...],
+    workers: int,
+    scheduler: str | None,
+) -> None:
+    """Simulate the cases of WORKFLOW that are missing, build its cube and draw its figures."""
+    from knitlab.maps.figures import draw_figures
+    from knitlab.sweep.plan import make_plan
+    from knitlab.sweep.run import run_plan
+
+    made = make_plan(workflow, overrides)
+    folder = results / made.workflow
+    done = run_plan(made, folder, workers, scheduler, show_progress=True)
+    click.echo(f"{len(done.simulated)} cases simulated, {done.reused} already there")
+    click.echo(f"cube    {folder / 'cube.nc'}")
+    for path in draw_figures(made.figures, folder):
+        click.echo(f"figure  {path}")
+    for failure in done.failures:
+        design = f"n_stripe {failure['n_stripe']}  n_subunit {failure['n_subunit']}"
+        click.echo(f"{failure['status']}: {design}: {failure['reason']}", err=True)
+    if done.failures:
+        sys.exit(SOME_CASE_NOT_OK)
+
+
+@main.command()
+@click.argument("cube", type=click.Path(path_type=Path))
+@click.option("--select", "selections", multiple=True, metavar="NAME=VALUE",
+              help="Keep one value of a coordinate, or several with commas. Repeatable.")
+@click.option("--where", metavar="EXPRESSION", help="Keep the designs for which this holds.")
+@click.option("--sort", metavar="NAME", help="Sort by a variable, ascending; -NAME descends.")
+@click.option("--columns", metavar="NAMES", help="Columns to show, separated by commas.")
+@click.option("--format", "style", type=click.Choice(["table", "csv", "json"]), default="table",
+              show_default=True)
+@explains_bad_input
+def query(
+    cube: Path,
+    selections: tuple[str, ...],
+    where: str | None,
+    sort: str | None,
+    columns: str | None,
+    style: str,
+) -> None:
+    """List the designs of CUBE.
+
+    Variables along the applied strain appear once it is selected: --select applied_strain=0.15
+    """
+    from knitlab.maps.cube import open_cube
+    from knitlab.maps.query import designs_table, formatted, queried
+
+    table = designs_table(open_cube(cube), selections)
+    names = tuple(name.strip() for name in columns.split(",")) if columns else None
+    click.echo(formatted(queried(table, where, sort, names), style))
+
+
+@main.command(name="map")
+@click.argument("kind", type=click.Choice(["auxetic", "curves", "shape"]))
+@click.argument("cube", type=click.Path(path_type=Path))
+@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), required=True,
+              help="File to draw; its suffix (.pdf, .svg, .png) sets the format.")
+@click.option("--select", "selections", multiple=True, metavar="NAME=VALUE",
+              help="Keep one value of a coordinate, or several with commas. Repeatable.")
+@explains_bad_input
+def draw_map(kind: str, cube: Path, output: Path, selections: tuple[str, ...]) -> None:
+    """Draw a figure of KIND from CUBE."""
+    from knitlab.maps.figures import draw_figure
+
+    click.echo(f"figure  {draw_figure(kind, cube, output, selections)}")

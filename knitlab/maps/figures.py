@@ -1,0 +1,78 @@
+"""Every figure by name, drawn from a cube and written whole."""
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import xarray as xr
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from knitlab.maps.auxetic import auxetic_map
+from knitlab.maps.cube import open_cube
+from knitlab.maps.curves import tension_curves
+from knitlab.maps.selection import selected
+from knitlab.maps.shape import relaxed_shape
+from knitlab.maps.style import print_style
+from knitlab.sweep.faults import fault
+from knitlab.sweep.files import written_whole
+from knitlab.sweep.registry import Status
+
+CUBE_FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
+    "auxetic": auxetic_map,
+    "curves": tension_curves,
+}
+CASE_FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {"shape": relaxed_shape}
+SUFFIXES = (".pdf", ".svg", ".png")
+
+
+def draw_figure(kind: str, cube_path: Path, output: Path, selections: Sequence[str] = ()) -> Path:
+    """Draw one figure into a file.
+
+    Args:
+        kind: a name of :data:`CUBE_FIGURES`, or of :data:`CASE_FIGURES` for the first design
+            of the selection that has a case file beside the cube.
+        cube_path: a cube, or the results folder that holds one.
+        output: the file; its suffix sets the format.
+        selections: texts ``NAME=VALUE`` that slice the cube first.
+
+    Returns:
+        The file.
+
+    Raises:
+        BadInput: if the cube, a selection or the suffix is at fault.
+    """
+    if output.suffix.lower() not in SUFFIXES:
+        raise fault(f"-o {output}", f"has no suffix of {', '.join(SUFFIXES)}; give one")
+    cube = selected(open_cube(cube_path), selections)
+    folder = cube_path if cube_path.is_dir() else cube_path.parent
+    with print_style():
+        if kind in CUBE_FIGURES:
+            figure = CUBE_FIGURES[kind](cube)
+        else:
+            figure = CASE_FIGURES[kind](_first_case(cube, folder))
+        FigureCanvasAgg(figure)
+        with written_whole(output) as temporary:
+            figure.savefig(temporary)
+    return output
+
+
+def draw_figures(kinds: Iterable[str], folder: Path) -> list[Path]:
+    """Draw a workflow's figures into its results folder, each for print and for the screen."""
+    return [
+        draw_figure(kind, folder / "cube.nc", folder / "figures" / f"{kind}{suffix}")
+        for kind in kinds
+        for suffix in (".pdf", ".png")
+    ]
+
+
+def _first_case(cube: xr.Dataset, folder: Path) -> xr.Dataset:
+    for n_stripe in cube["n_stripe"].values:
+        for n_subunit in cube["n_subunit"].values:
+            design = cube.sel(n_stripe=n_stripe, n_subunit=n_subunit)
+            if int(design["status"]) not in (Status.ok, Status.not_converged):
+                continue
+            path = folder / "cases" / f"{design['case_id'].item()}.nc"
+            if path.is_file():
+                with xr.open_dataset(path, engine="netcdf4") as case:
+                    return case.load()
+    raise fault(str(folder / "cases"), "holds no shape of these designs; run the workflow here")

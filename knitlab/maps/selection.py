@@ -1,0 +1,57 @@
+"""Selections: ``NAME=VALUE`` texts that slice a cube along its coordinates."""
+
+import difflib
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import xarray as xr
+
+from knitlab.sweep.faults import BadInput, Fault, fault
+
+
+def unknown(name: str, known: Iterable[str]) -> str:
+    """Say that a name is not known, and which one it may have been."""
+    names = sorted(known)
+    nearest = difflib.get_close_matches(name, names, n=1, cutoff=0.0)
+    return f"there is no {name!r}; did you mean {nearest[0]!r}?" if nearest else f"no {name!r}"
+
+
+def selected(cube: xr.Dataset, selections: Sequence[str]) -> xr.Dataset:
+    """Keep the coordinate values that are named; every dimension stays.
+
+    Args:
+        cube: the cube.
+        selections: texts ``NAME=VALUE`` or ``NAME=VALUE,VALUE``.
+
+    Raises:
+        BadInput: with every selection that is malformed or names what is not there.
+    """
+    faults = []
+    for text in selections:
+        try:
+            cube = _one(cube, text)
+        except BadInput as error:
+            faults += [Fault(f"--select {text}", entry.problem) for entry in error.faults]
+    if faults:
+        raise BadInput(faults)
+    return cube
+
+
+def _one(cube: xr.Dataset, text: str) -> xr.Dataset:
+    name, equals, listed = (part.strip() for part in text.partition("="))
+    if not equals or not listed:
+        raise fault(text, "is not NAME=VALUE; give both")
+    if name not in cube.dims or name not in cube.coords:
+        raise fault(text, unknown(name, map(str, cube.coords)))
+    present = cube[name].values
+    places = []
+    for value in listed.split(","):
+        try:
+            matches = np.flatnonzero(np.isclose(present, float(value), rtol=0, atol=1e-9))
+        except ValueError:
+            raise fault(text, f"{value!r} is not a number; give one") from None
+        if not matches.size:
+            choices = ", ".join(f"{choice:g}" for choice in present)
+            raise fault(text, f"the cube has no {name} = {value}; choose of {choices}")
+        places.append(int(matches[0]))
+    return cube.isel({name: places})

@@ -1,0 +1,91 @@
+"""The relaxed shape of one design, as a shaded relief seen from the technical face."""
+
+import json
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+
+from knitlab.maps.style import ONE_COLUMN, SEQUENCE_COLOURS
+
+ENDLESS_REPEATS = 2
+"""Unit cells of endless fabric that are drawn each way."""
+CELLS_PER_PERIOD = 4
+LIGHT = np.array([-0.5, 0.5, 0.7])
+
+
+def relaxed_shape(case: xr.Dataset) -> Figure:
+    """Relief of a relaxed fabric: colour is height, shading is slope, lines are patch borders.
+
+    Args:
+        case: a case file, with its node positions.
+    """
+    parameters = json.loads(case.attrs["parameters"])
+    nodes = _whole_sheet(case)
+    spans = CELLS_PER_PERIOD * int(case["periods"])
+
+    corners = np.stack([nodes[:-1, :-1], nodes[:-1, 1:], nodes[1:, 1:], nodes[1:, :-1]], axis=2)
+    faces = corners.reshape(-1, 4, 3)
+    normals = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    light = np.abs(normals @ (LIGHT / np.linalg.norm(LIGHT)))
+    heights = faces[:, :, 2].mean(axis=1)
+    norm = mpl.colors.Normalize(heights.min(), heights.max())
+    colours = mpl.colormaps[SEQUENCE_COLOURS](norm(heights))
+    colours[:, :3] *= (0.45 + 0.55 * light)[:, None]
+    from_below = np.argsort(heights)
+
+    extent = np.ptp(nodes[..., :2], axis=(0, 1))
+    height = ONE_COLUMN * min(1.6, 0.8 * extent[1] / extent[0]) + 0.7
+    figure = Figure(figsize=(ONE_COLUMN * 1.2, height), layout="constrained")
+    axes = figure.add_subplot()
+    axes.add_collection(
+        PolyCollection(
+            faces[from_below][:, :, :2], facecolors=colours[from_below], edgecolors="face", lw=0.2
+        )
+    )
+    borders = [*nodes[::spans, :, :2], *nodes[:, ::spans, :2].swapaxes(0, 1)]
+    axes.add_collection(LineCollection(borders, colors="white", lw=1.2))
+    _name_patches(axes, nodes, parameters["pattern"], spans)
+    axes.set(xlabel="x, weft [mm]", ylabel="y, warp [mm]", aspect="equal")
+    axes.autoscale_view()
+    endless = ", endless" if parameters["reading"]["boundary"] == "periodic" else ""
+    axes.set_title(f"n_stripe = {int(case['n_stripe'])}, n_subunit = {int(case['n_subunit'])}{endless}")
+    figure.colorbar(
+        mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS), ax=axes, label="height z [mm]", shrink=0.8
+    )
+    return figure
+
+
+def _whole_sheet(case: xr.Dataset) -> Float[np.ndarray, "node_y node_x 3"]:
+    """Nodes of the relaxed sheet; endless fabric is repeated and closed."""
+    nodes = case["position"].isel(applied_strain=0).values
+    if "length_x" not in case:
+        return nodes
+    across = np.array([float(case["length_x"][0]), 0, 0])
+    along = np.array([0, float(case["length_y"][0]), 0])
+    row = np.concatenate([nodes + k * across for k in range(ENDLESS_REPEATS)], axis=1)
+    row = np.concatenate([row, row[:, :1] + ENDLESS_REPEATS * across], axis=1)
+    sheet = np.concatenate([row + k * along for k in range(ENDLESS_REPEATS)], axis=0)
+    return np.concatenate([sheet, sheet[:1] + ENDLESS_REPEATS * along], axis=0)
+
+
+def _name_patches(
+    axes: mpl.axes.Axes, nodes: np.ndarray, pattern: list[str], spans: int
+) -> None:
+    """Write ``rib`` or ``garter`` on the patches of the lowest left unit cell."""
+    for patch_y, letters in enumerate(reversed(pattern)):
+        for patch_x, letter in enumerate(letters):
+            middle = nodes[int((patch_y + 0.5) * spans), int((patch_x + 0.5) * spans)]
+            name = "rib" if letter in "Rr" else "garter"
+            axes.text(
+                *middle[:2],
+                name,
+                ha="center",
+                va="center",
+                color="white",
+                path_effects=[mpl.patheffects.withStroke(linewidth=2, foreground="black")],
+            )
