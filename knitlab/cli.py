@@ -83,13 +83,17 @@ def plan(workflow: str, results: Path, overrides: tuple[str, ...]) -> None:
             done = "done" if case_path(folder, case_id).is_file() else "to run"
             design = f"n_stripe {case.n_stripe:2d}  n_subunit {case.n_subunit:3d}"
             click.echo(f"  {design}  P {case.periods}  {case_id}  {done}")
-    for (n_stripe, n_subunit), reason in made.excluded.items():
-        click.echo(f"excluded: n_stripe {n_stripe}  n_subunit {n_subunit}: {reason}")
+    _echo_excluded(made.excluded)
     strains = made.applied_strain
     click.echo(
         f"{len(made.cases)} cases, {len(strains)} strains from 0 to {strains[-1]:g};"
         f" plan in {folder / 'plan.json'}"
     )
+
+
+def _echo_excluded(excluded: dict[tuple[int, int], str]) -> None:
+    for (n_stripe, n_subunit), reason in excluded.items():
+        click.echo(f"excluded: n_stripe {n_stripe}  n_subunit {n_subunit}: {reason}")
 
 
 @main.command()
@@ -118,6 +122,7 @@ def run(
     made = make_plan(workflow, overrides)
     folder = results / made.workflow
     done = run_plan(made, folder, workers, scheduler, show_progress=True)
+    _echo_excluded(made.excluded)
     click.echo(f"{len(done.simulated)} cases simulated, {done.reused} already there")
     click.echo(f"cube    {folder / 'cube.nc'}")
     for path in draw_figures(made.figures, folder):

@@ -37,7 +37,7 @@ def auxetic_map(cube: xr.Dataset) -> Figure:
     norm = mpl.colors.Normalize(-largest, largest)
     colours = mpl.colormaps[STRAIN_COLOURS]
 
-    figure = Figure(figsize=(TWO_COLUMNS, 1.1 + 0.5 * rows), layout="constrained")
+    figure = Figure(figsize=(TWO_COLUMNS, max(2.4, 1.1 + 0.5 * rows)), layout="constrained")
     axes = figure.add_subplot()
     for row in range(rows):
         for column in range(columns):

@@ -6,8 +6,10 @@ import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from jaxtyping import Float
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from knitlab.maps.style import ONE_COLUMN, SEQUENCE_COLOURS
 
@@ -74,7 +76,7 @@ def _whole_sheet(case: xr.Dataset) -> Float[np.ndarray, "node_y node_x 3"]:
 
 
 def _name_patches(
-    axes: mpl.axes.Axes, nodes: np.ndarray, pattern: list[str], spans: int
+    axes: Axes, nodes: np.ndarray, pattern: list[str], spans: int
 ) -> None:
     """Write ``rib`` or ``garter`` on the patches of the lowest left unit cell."""
     for patch_y, letters in enumerate(reversed(pattern)):
@@ -87,5 +89,5 @@ def _name_patches(
                 ha="center",
                 va="center",
                 color="white",
-                path_effects=[mpl.patheffects.withStroke(linewidth=2, foreground="black")],
+                path_effects=[withStroke(linewidth=2, foreground="black")],
             )

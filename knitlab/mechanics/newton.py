@@ -51,7 +51,8 @@ class SolverSettings:
             a grid cell; keeps hinges from being thrown past ±π.
         smallest_shift: floor of μ, which also steadies the modes that cost no energy [N/mm].
         ramp_steps: equal steps in which relaxation raises the rest fold angles.
-        smallest_step: part of a protocol's strain step down to which a failed step is halved.
+        strain_step: largest step of applied strain from one equilibrium to the next.
+        smallest_step: part of a strain step down to which a failed one is halved.
     """
 
     tolerance: float = 1e-8
@@ -59,6 +60,7 @@ class SolverSettings:
     step_limit: float = 0.3
     smallest_shift: float = 1e-9
     ramp_steps: int = 10
+    strain_step: float = 0.01
     smallest_step: float = 1 / 16
 
 

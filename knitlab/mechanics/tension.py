@@ -1,5 +1,6 @@
 """The virtual tensile test: equilibrium at every applied strain of a protocol."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -12,6 +13,9 @@ from knitlab.mechanics.newton import SolverSettings, Request, Solver, State, fin
 from knitlab.mechanics.relaxation import relax
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
+
+
+ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True)
@@ -37,10 +41,11 @@ def stretch(
 ) -> Solver[TensileTest]:
     """Solver that relaxes a fabric and takes it through a tensile test.
 
-    Every step starts from the line through the two states before it. One that fails is tried
-    again from the last state over half the strain, down to ``settings.smallest_step`` of the
-    protocol's step; what that costs is counted in the state it leads to. The test ends at the
-    first strain that cannot be reached.
+    The path to a strain is followed in equal steps of at most ``settings.strain_step``, each
+    starting from the line through the two states before it. A step that fails is tried again
+    over half the strain, down to ``settings.smallest_step`` of a full one. What all that costs
+    is counted in the state it leads to. The test ends at the first strain that cannot be
+    reached.
 
     Args:
         net, fabric: the fabric.
@@ -59,10 +64,12 @@ def stretch(
     states = [relaxed]
     path = [(applied_strain[0], relaxed.configuration)]
     for target in applied_strain[1:]:
-        full = target - path[-1][0]
+        distance = target - path[-1][0]
+        full = distance / math.ceil(distance / settings.strain_step - ROUND_OFF)
         step, spent = full, list[State]()
         while True:
-            strain = min(path[-1][0] + step, target)
+            left = target - path[-1][0]
+            strain = target if left <= step * (1 + ROUND_OFF) else path[-1][0] + step
             start = loading.holding(_ahead(path, strain, loading), strain)
             state = yield from find_equilibrium(Request(start), free, longest, settings)
             if state.converged:

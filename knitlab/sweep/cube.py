@@ -41,7 +41,8 @@ def build_cube(plan: Plan, results: Path, failed: dict[str, str]) -> xr.Dataset:
             extent = (len(n_stripe), len(n_subunit), *(sizes[dim] for dim in variable.dims))
             arrays[name] = np.full(extent, np.nan)
     arrays["status"] = np.full(arrays["status"].shape, Status.excluded, np.int8)
-    arrays["case_id"] = np.full(arrays["case_id"].shape, "", dtype=object)
+    longest = max(map(len, plan.cases))
+    arrays["case_id"] = np.full(arrays["case_id"].shape, "", dtype=f"U{longest}")
 
     for design, case in designs.items():
         place = n_stripe.index(design[0]), n_subunit.index(design[1])

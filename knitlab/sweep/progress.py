@@ -51,7 +51,8 @@ class ProgressBar:
         advance = work(case, states) - work(case, self._states[case_id])
         if advance > 0:
             self._states[case_id] = states
-            self._bar.update(advance)
+            # Round-off must not carry the bar past its end.
+            self._bar.update(min(advance, self._bar.total - self._bar.n))
 
     def ended(self, case_id: str) -> None:
         """Note that a case has ended, whatever became of it."""

@@ -1,0 +1,77 @@
+"""Fabrics that several tests share, made of the shipped stripe tables."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from knitlab.mechanics.lockstep import run_in_lockstep
+from knitlab.mechanics.newton import SolverSettings, State
+from knitlab.mechanics.relaxation import relax
+from knitlab.mechanics.tension import TensileTest, stretch
+from knitlab.model.fabric import Fabric, Sheet, weave
+from knitlab.model.network import Network
+from knitlab.model.pattern import Pattern, checkerboard, patch_map
+from knitlab.model.reading import Reading
+from knitlab.model.stripe import Stripe
+from knitlab.sweep.parameters import read_parameters
+from knitlab.sweep.shipped import shipped
+
+PARAMETERS = read_parameters(shipped("params"))
+SHEET = Sheet(z_max=6.0, k_wall=100.0, surface_density=1.1e-4, damping=1e-4)
+ENDLESS = Reading(boundary="periodic")
+CLAMPED = Reading(boundary="clamped")
+FINE = SolverSettings(tolerance=1e-12)
+
+
+def stripe(knit: str, n: int) -> Stripe:
+    table = {"rib": PARAMETERS.stripes.rib, "garter": PARAMETERS.stripes.garter}[knit]
+    return Stripe(knit=knit, n=n, **table.n[str(n)].model_dump())
+
+
+ALL_STRIPES = [stripe("rib", n) for n in (2, 4, 6, 8)] + [
+    stripe("garter", n) for n in (4, 6, 8, 12, 16)
+]
+
+
+def patterned(
+    n_stripe: int, pattern: Pattern, reading: Reading, sheet: Sheet = SHEET
+) -> tuple[Network, Fabric]:
+    return weave(pattern, stripe("rib", n_stripe), stripe("garter", 2 * n_stripe), sheet, reading)
+
+
+def checkered(
+    n_stripe: int, periods: int, reading: Reading, unit_cells: tuple[int, int] = (1, 1)
+) -> tuple[Network, Fabric]:
+    return patterned(n_stripe, checkerboard(periods, unit_cells), reading)
+
+
+def pure(
+    of: Stripe, reading: Reading, periods: int = 1, ridges: str | None = None
+) -> tuple[Network, Fabric]:
+    """A pure stripe; ``ridges`` "R" or "G" lays them along y or x, whatever its knit."""
+    letter = ridges or ("R" if of.knit == "rib" else "G")
+    return weave(patch_map([letter], periods), of, of, SHEET, reading)
+
+
+def relaxed(net: Network, fabric: Fabric, settings: SolverSettings = SolverSettings()) -> State:
+    return run_in_lockstep(net.shape, [fabric], [relax(net, fabric, settings)])[0]
+
+
+def stretched(
+    net: Network,
+    fabric: Fabric,
+    strains: list[float],
+    settings: SolverSettings = SolverSettings(),
+) -> TensileTest:
+    return run_in_lockstep(net.shape, [fabric], [stretch(net, fabric, strains, settings)])[0]
+
+
+def endless_poisson_ratio(test: TensileTest) -> np.ndarray:
+    """ν of endless fabric straight from L_x and L_y."""
+    lengths = np.array([state.configuration[-2:] for state in test.states])
+    strain = lengths[1:] / lengths[0] - 1
+    return -strain[:, 0] / strain[:, 1]
+
+
+def shaken(configuration: jnp.ndarray, amplitude: float, seed: int = 0) -> jnp.ndarray:
+    noise = np.random.default_rng(seed).normal(size=configuration.shape)
+    return configuration + amplitude * jnp.asarray(noise)

@@ -1,0 +1,140 @@
+"""The tensile test: balance of forces, work, symmetry, readings, and honesty when it fails."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.fabrics import (
+    CLAMPED,
+    ENDLESS,
+    FINE,
+    SHEET,
+    checkered,
+    endless_poisson_ratio,
+    patterned,
+    relaxed,
+    stretched,
+)
+
+from knitlab.mechanics.newton import Outcome, SolverSettings
+from knitlab.model.fabric import flat_sheet
+from knitlab.model.pattern import Pattern, patch_map
+from knitlab.model.reading import Reading
+
+LOW_WALL = replace(SHEET, z_max=0.9)
+
+
+def test_an_active_wall_converges_and_is_pressed_on():
+    net, fabric = patterned(4, patch_map(["GRG", "RGR"], 2), CLAMPED, LOW_WALL)
+    test = stretched(net, fabric, [0.0, 0.05, 0.1])
+    assert [state.outcome for state in test.states] == [Outcome.converged] * 3
+    assert max(state.residual for state in test.states) <= 1e-8
+    heights = np.abs(test.states[0].configuration[2:-2:3])
+    assert (heights > LOW_WALL.z_max).any()
+    assert float(test.states[0].energy.wall) > 0
+
+
+def test_reactions_at_top_and_bottom_cancel():
+    net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 1))
+    test = stretched(net, fabric, [0.0, 0.1, 0.2])
+    for state in test.states:
+        forces = state.gradient[:-2].reshape(net.shape.nodes_y, net.shape.nodes_x, 3)
+        assert np.abs(forces[0].sum(axis=0) + forces[-1].sum(axis=0)).max() < 1e-7
+        top = forces[-1, :, 1].sum()
+        assert test.loading.reaction_force(state.gradient) == pytest.approx(top, abs=1e-12)
+    assert top > 1e-3
+
+
+@pytest.mark.parametrize("reading", [CLAMPED, ENDLESS], ids=["clamped", "endless"])
+def test_the_reaction_force_does_the_work_that_the_energy_gains(reading):
+    net, fabric = checkered(2, 1, reading)
+    # Gauss–Legendre points between two strains integrate the smooth force to high order.
+    points, weights = np.polynomial.legendre.leggauss(5)
+    strains = [0.0, *(0.1 * (points + 1) / 2), 0.1]
+    test = stretched(net, fabric, strains, FINE)
+    forces = [test.loading.reaction_force(state.gradient) for state in test.states]
+    work = test.loading.length * 0.1 * (weights @ forces[1:-1]) / 2
+    gained = float(test.states[-1].energy.total - test.states[0].energy.total)
+    assert work == pytest.approx(gained, rel=1e-7)
+
+
+@pytest.mark.parametrize("flip", [np.fliplr, np.flipud], ids=["in x", "in y"])
+def test_mirrored_patterns_make_mirrored_shapes(flip):
+    pattern = patch_map(["RGG", "GRG"], 1)
+    net, fabric = patterned(4, pattern, CLAMPED)
+    _, mirrored = patterned(4, Pattern(flip(pattern.rib), 1), CLAMPED)
+    one, other = (relaxed(net, these, FINE) for these in (fabric, mirrored))
+    assert float(one.energy.total) == pytest.approx(float(other.energy.total), rel=1e-10)
+    axis = 0 if flip is np.fliplr else 1
+    shape = (net.shape.nodes_y, net.shape.nodes_x, 3)
+    nodes = flip(one.configuration[:-2].reshape(shape)).copy()
+    nodes[..., axis] *= -1
+    expected = other.configuration[:-2].reshape(shape)
+    offset = (expected - nodes).mean(axis=(0, 1))
+    assert np.abs(nodes + offset - expected).max() < 1e-6
+
+
+def test_one_unit_cell_and_four_are_the_same_endless_fabric():
+    strains = [0.0, 0.03, 0.06, 0.09, 0.12]
+    one, four = (
+        endless_poisson_ratio(stretched(*checkered(4, 2, ENDLESS, unit_cells=cells), strains))
+        for cells in ((1, 1), (2, 2))
+    )
+    assert one == pytest.approx(four, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("n_stripe", "periods", "reading", "first", "last"),
+    [
+        (4, 2, Reading(cell_size="flat", fold_phase="stripe_centre"), -0.38, -0.29),
+        (2, 4, Reading(cell_size="flat", fold_phase="stripe_border"), -0.08, 0.07),
+    ],
+    ids=["flat stripe_centre", "flat stripe_border"],
+)
+def test_readings_change_poisson_ratio_as_in_the_trial_runs(n_stripe, periods, reading, first, last):
+    reading = replace(reading, boundary="periodic")
+    strains = list(np.linspace(0, 0.48, 9))
+    ratio = endless_poisson_ratio(stretched(*checkered(n_stripe, periods, reading), strains))
+    assert ratio[-1] == pytest.approx(last, abs=0.01)
+    assert ratio[0] == pytest.approx(first, abs=0.015)
+    assert (np.diff(ratio) > 0).all()
+
+
+def test_the_default_reading_is_auxetic_with_its_lowest_ratio_on_the_way():
+    ratio = endless_poisson_ratio(
+        stretched(*checkered(4, 2, ENDLESS), list(np.linspace(0, 0.45, 16)))
+    )
+    assert 0 < ratio.argmin() < len(ratio) - 1
+    assert ratio.min() == pytest.approx(-1.0, abs=0.1)
+
+
+def test_what_does_not_relax_says_so():
+    net, fabric = checkered(4, 1, ENDLESS)
+    test = stretched(net, fabric, [0.0, 0.1], SolverSettings(max_iterations=2))
+    assert test.loading is None
+    assert [state.outcome for state in test.states] == [Outcome.iteration_limit]
+    assert test.states[0].residual > 1e-8
+
+
+def test_a_step_that_fails_is_tried_in_halves():
+    net, fabric = checkered(4, 1, ENDLESS)
+    enough = stretched(net, fabric, [0.0, 0.4])
+    iterations = enough.states[1].iterations
+    # Too few for the whole step, enough for each half of it or of its halves.
+    tight = SolverSettings(max_iterations=iterations - 1, ramp_steps=40)
+    halved = stretched(net, fabric, [0.0, 0.4], tight)
+    assert halved.states[1].converged
+    assert halved.states[1].iterations > iterations
+    given_up = stretched(net, fabric, [0.0, 0.4, 0.5], replace(tight, smallest_step=1.0))
+    assert [state.converged for state in given_up.states] == [True, False]
+
+
+def test_relaxation_neither_drifts_nor_turns_a_sample():
+    net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 1))
+    state = relaxed(net, fabric)
+    flat = np.asarray(flat_sheet(net, fabric))[:-2].reshape(-1, 3)
+    nodes = state.configuration[:-2].reshape(-1, 3)
+    assert np.abs(nodes.mean(axis=0) - flat.mean(axis=0)).max() < 1e-6
+    rows = nodes.reshape(net.shape.nodes_y, net.shape.nodes_x, 3)
+    along = rows[-1].mean(axis=0) - rows[0].mean(axis=0)
+    assert abs(along[0]) < 1e-6 * along[1]

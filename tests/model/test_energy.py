@@ -1,0 +1,116 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from tests.fabrics import ALL_STRIPES, CLAMPED, ENDLESS, checkered, pure, shaken
+
+from knitlab.model.energy import element_vectors, energy, fold_from_rest, positions
+from knitlab.model.fabric import flat_sheet
+from knitlab.model.reading import Reading
+
+
+def zigzag(net, fabric, of):
+    """The relaxed pure stripe in closed form: facets of two cells, folded to θ0."""
+    y, x = np.mgrid[: net.shape.nodes_y, : net.shape.nodes_x]
+    along = x if of.knit == "rib" else y
+    other = y if of.knit == "rib" else x
+    cell = float(fabric.cell[0])
+    # Line 2 of an open run is its first mountain, line 0 of an endless one a valley before it.
+    height = cell * np.cos(of.theta_0 / 2) * (2 - np.abs((along % 4) - 2))
+    across, straight = cell * np.sin(of.theta_0 / 2) * along, cell * other
+    in_plane = (across, straight) if of.knit == "rib" else (straight, across)
+    nodes = np.stack([*in_plane, height], axis=-1).reshape(-1)
+    contracted = np.array([of.contraction, 1.0]) if of.knit == "rib" else [1.0, of.contraction]
+    lengths = cell * np.array([net.shape.cells_x, net.shape.cells_y]) * contracted
+    return jnp.asarray(np.concatenate([nodes, lengths]))
+
+
+@pytest.mark.parametrize("reading", [ENDLESS, CLAMPED], ids=["endless", "clamped"])
+@pytest.mark.parametrize("of", ALL_STRIPES, ids=lambda of: f"{of.knit} {of.n}")
+def test_the_folded_zigzag_costs_no_energy(of, reading):
+    net, fabric = pure(of, reading, periods=2)
+    parts = energy(net, fabric, zigzag(net, fabric, of))
+    assert float(parts.total) == pytest.approx(0, abs=1e-25)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("half", [0.3, 1.2])
+def test_a_mountain_has_a_positive_angle_about_either_edge(axis, half):
+    net, fabric = checkered(4, 1, CLAMPED)
+    flat = positions(flat_sheet(net, fabric))
+    ridge = 4.0 * fabric.cell[axis]
+    folded = flat.at[:, axis].set(ridge + (flat[:, axis] - ridge) * jnp.cos(half))
+    folded = folded.at[:, 2].set(-jnp.abs(flat[:, axis] - ridge) * jnp.sin(half))
+    configuration = jnp.concatenate([folded.ravel(), jnp.zeros(2)])
+    vectors = element_vectors(net.hinges, configuration)
+    angles = jax.vmap(lambda v: fold_from_rest(v, jnp.asarray(0.0)))(vectors)
+    assert float(angles.max()) == pytest.approx(2 * half)
+    assert float(angles.min()) == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("boundary", ["clamped", "periodic"])
+@pytest.mark.parametrize("stiffness", ["per_edge", "per_length"])
+def test_gradient_is_the_slope_of_the_energy(boundary, stiffness):
+    net, fabric = checkered(4, 1, Reading(boundary=boundary, hinge_stiffness=stiffness))
+    at = shaken(flat_sheet(net, fabric), 0.1)
+    toward = shaken(jnp.zeros_like(at), 1.0, seed=1)
+    total = jax.jit(lambda q: energy(net, fabric, q).total)
+    step = 1e-5
+    slope = (total(at + step * toward) - total(at - step * toward)) / (2 * step)
+    assert float(jax.grad(total)(at) @ toward) == pytest.approx(float(slope), rel=1e-7)
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    st.lists(st.floats(-3, 3), min_size=3, max_size=3),
+    st.lists(st.floats(-5, 5), min_size=3, max_size=3),
+)
+def test_rigid_motion_changes_no_energy(turn, shift):
+    net, fabric = checkered(6, 1, CLAMPED)
+    at = shaken(flat_sheet(net, fabric), 0.2)
+    moved = Rotation.from_rotvec(turn).apply(np.array(positions(at))) + shift
+    there = jnp.concatenate([jnp.asarray(moved).ravel(), at[-2:]])
+    before, after = energy(net, fabric, at), energy(net, fabric, there)
+    assert float(after.stretch) == pytest.approx(float(before.stretch), rel=1e-10)
+    assert float(after.fold) == pytest.approx(float(before.fold), rel=1e-10)
+
+
+def test_endless_fabric_may_slide_and_be_cut_anywhere():
+    net, fabric = checkered(4, 1, ENDLESS)
+    at = shaken(flat_sheet(net, fabric), 0.1)
+    nodes = positions(at).at[:, :2].add(jnp.array([0.7, -1.3]))
+    # One column of nodes is counted in the next period instead of this one.
+    column = np.arange(net.shape.nodes) % net.shape.nodes_x == 0
+    slid = jnp.concatenate([nodes.ravel(), at[-2:]])
+    assert float(energy(net, fabric, slid).total) == pytest.approx(
+        float(energy(net, fabric, at).total), rel=1e-12
+    )
+    rolled = np.roll(np.arange(net.shape.nodes).reshape(net.shape.nodes_y, -1), -1, axis=1)
+    cut = positions(at)[rolled.ravel()]
+    last = np.arange(net.shape.nodes) % net.shape.nodes_x == net.shape.nodes_x - 1
+    cut = cut.at[last, 0].add(at[-2])
+    assert column.sum() == last.sum()
+    springs_only = energy(net, fabric, jnp.concatenate([cut.ravel(), at[-2:]])).stretch
+    assert float(springs_only) == pytest.approx(float(energy(net, fabric, at).stretch), rel=1e-12)
+
+
+def test_the_wall_acts_beyond_z_max_on_both_sides():
+    net, fabric = checkered(4, 1, CLAMPED)
+    flat = positions(flat_sheet(net, fabric))
+    for z, beyond in ((5.9, 0.0), (6.2, 0.2), (-6.2, 0.2)):
+        there = jnp.concatenate([flat.at[:, 2].set(z).ravel(), jnp.zeros(2)])
+        expected = 0.5 * 100 * beyond**2 * net.shape.nodes
+        assert float(energy(net, fabric, there).wall) == pytest.approx(expected)
+
+
+def test_an_angle_is_taken_on_the_branch_nearest_its_rest():
+    net, fabric = checkered(4, 1, CLAMPED)
+    vectors = element_vectors(net.hinges, shaken(flat_sheet(net, fabric), 0.3))
+    rest = jnp.linspace(-np.pi, np.pi, len(vectors))
+    angles = jax.vmap(lambda v: fold_from_rest(v, jnp.asarray(0.0)))(vectors)
+    difference = np.asarray(angles - rest)
+    nearest = np.arctan2(np.sin(difference), np.cos(difference))
+    assert np.allclose(jax.vmap(fold_from_rest)(vectors, rest), nearest, atol=1e-12)
