@@ -136,13 +136,23 @@ def run(
 
 @main.command()
 @click.argument("cube", type=click.Path(path_type=Path))
-@click.option("--select", "selections", multiple=True, metavar="NAME=VALUE",
-              help="Keep one value of a coordinate, or several with commas. Repeatable.")
+@click.option(
+    "--select",
+    "selections",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Keep one value of a coordinate, or several with commas. Repeatable.",
+)
 @click.option("--where", metavar="EXPRESSION", help="Keep the designs for which this holds.")
 @click.option("--sort", metavar="NAME", help="Sort by a variable, ascending; -NAME descends.")
 @click.option("--columns", metavar="NAMES", help="Columns to show, separated by commas.")
-@click.option("--format", "style", type=click.Choice(["table", "csv", "json"]), default="table",
-              show_default=True)
+@click.option(
+    "--format",
+    "style",
+    type=click.Choice(["table", "csv", "json"]),
+    default="table",
+    show_default=True,
+)
 @explains_bad_input
 def query(
     cube: Path,
@@ -167,10 +177,20 @@ def query(
 @main.command(name="map")
 @click.argument("kind", type=click.Choice(["auxetic", "curves", "shape"]))
 @click.argument("cube", type=click.Path(path_type=Path))
-@click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), required=True,
-              help="File to draw; its suffix (.pdf, .svg, .png) sets the format.")
-@click.option("--select", "selections", multiple=True, metavar="NAME=VALUE",
-              help="Keep one value of a coordinate, or several with commas. Repeatable.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    required=True,
+    help="File to draw; its suffix (.pdf, .svg, .png) sets the format.",
+)
+@click.option(
+    "--select",
+    "selections",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Keep one value of a coordinate, or several with commas. Repeatable.",
+)
 @explains_bad_input
 def draw_map(kind: str, cube: Path, output: Path, selections: tuple[str, ...]) -> None:
     """Draw a figure of KIND from CUBE."""

@@ -19,6 +19,7 @@ PARAMETERS = read_parameters(shipped("params"))
 SHEET = Sheet(z_max=6.0, k_wall=100.0, surface_density=1.1e-4, damping=1e-4)
 ENDLESS = Reading(boundary="periodic")
 CLAMPED = Reading(boundary="clamped")
+DEFAULT = SolverSettings()
 FINE = SolverSettings(tolerance=1e-12)
 
 
@@ -52,7 +53,7 @@ def pure(
     return weave(patch_map([letter], periods), of, of, SHEET, reading)
 
 
-def relaxed(net: Network, fabric: Fabric, settings: SolverSettings = SolverSettings()) -> State:
+def relaxed(net: Network, fabric: Fabric, settings: SolverSettings = DEFAULT) -> State:
     return run_in_lockstep(net.shape, [fabric], [relax(net, fabric, settings)])[0]
 
 
@@ -60,7 +61,7 @@ def stretched(
     net: Network,
     fabric: Fabric,
     strains: list[float],
-    settings: SolverSettings = SolverSettings(),
+    settings: SolverSettings = DEFAULT,
 ) -> TensileTest:
     return run_in_lockstep(net.shape, [fabric], [stretch(net, fabric, strains, settings)])[0]
 

@@ -1,5 +1,7 @@
 """The auxetic design map: lowest Poisson's ratio over (n_stripe, n_subunit)."""
 
+from typing import Any
+
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
@@ -10,7 +12,7 @@ from matplotlib.patches import Patch, Rectangle
 from knitlab.maps.style import STRAIN_COLOURS, TWO_COLUMNS
 from knitlab.sweep.registry import Status
 
-MARKS = {
+MARKS: dict[Status, dict[str, Any]] = {
     Status.excluded: {"facecolor": "0.93", "edgecolor": "white"},
     Status.pending: {"facecolor": "white", "edgecolor": "0.6", "hatch": "...."},
     Status.not_converged: {"facecolor": "white", "edgecolor": "black", "hatch": "////"},
@@ -80,7 +82,7 @@ def auxetic_map(cube: xr.Dataset) -> Figure:
     return figure
 
 
-def _cell(axes: Axes, row: int, column: int, **style: object) -> None:
+def _cell(axes: Axes, row: int, column: int, **style: Any) -> None:
     axes.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, linewidth=1.5, **style))
 
 

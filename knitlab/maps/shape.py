@@ -46,7 +46,10 @@ def relaxed_shape(case: xr.Dataset) -> Figure:
     axes = figure.add_subplot()
     axes.add_collection(
         PolyCollection(
-            faces[from_below][:, :, :2], facecolors=colours[from_below], edgecolors="face", lw=0.2
+            list(faces[from_below][:, :, :2]),
+            facecolors=colours[from_below],
+            edgecolors="face",
+            lw=0.2,
         )
     )
     borders = [*nodes[::spans, :, :2], *nodes[:, ::spans, :2].swapaxes(0, 1)]
@@ -55,7 +58,9 @@ def relaxed_shape(case: xr.Dataset) -> Figure:
     axes.set(xlabel="x, weft [mm]", ylabel="y, warp [mm]", aspect="equal")
     axes.autoscale_view()
     endless = ", endless" if parameters["reading"]["boundary"] == "periodic" else ""
-    axes.set_title(f"n_stripe = {int(case['n_stripe'])}, n_subunit = {int(case['n_subunit'])}{endless}")
+    axes.set_title(
+        f"n_stripe = {int(case['n_stripe'])}, n_subunit = {int(case['n_subunit'])}{endless}"
+    )
     figure.colorbar(
         mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS), ax=axes, label="height z [mm]", shrink=0.8
     )
@@ -75,17 +80,20 @@ def _whole_sheet(case: xr.Dataset) -> Float[np.ndarray, "node_y node_x 3"]:
     return np.concatenate([sheet, sheet[:1] + ENDLESS_REPEATS * along], axis=0)
 
 
-def _name_patches(
-    axes: Axes, nodes: np.ndarray, pattern: list[str], spans: int
-) -> None:
-    """Write ``rib`` or ``garter`` on the patches of the lowest left unit cell."""
+def _name_patches(axes: Axes, nodes: np.ndarray, pattern: list[str], spans: int) -> None:
+    """Write ``rib`` or ``garter`` on the patches of a unit cell near the middle."""
+    rows, columns = len(pattern), len(pattern[0])
+    first_y = rows * ((nodes.shape[0] // (rows * spans) - 1) // 2)
+    first_x = columns * ((nodes.shape[1] // (columns * spans) - 1) // 2)
     for patch_y, letters in enumerate(reversed(pattern)):
         for patch_x, letter in enumerate(letters):
-            middle = nodes[int((patch_y + 0.5) * spans), int((patch_x + 0.5) * spans)]
-            name = "rib" if letter in "Rr" else "garter"
+            middle_y = int((first_y + patch_y + 0.5) * spans)
+            middle_x = int((first_x + patch_x + 0.5) * spans)
+            x, y, _ = nodes[middle_y, middle_x]
             axes.text(
-                *middle[:2],
-                name,
+                x,
+                y,
+                "rib" if letter in "Rr" else "garter",
                 ha="center",
                 va="center",
                 color="white",

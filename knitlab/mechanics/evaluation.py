@@ -8,7 +8,6 @@ from functools import lru_cache
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from knitlab.model.energy import (
@@ -79,9 +78,7 @@ def evaluate(
     return Evaluation(parts, gradient, springs, hinges, walls)
 
 
-BatchEvaluator = Callable[
-    [Fabric, Float[Array, " case"], Float[Array, "case unknown"]], Evaluation
-]
+BatchEvaluator = Callable[[Fabric, Float[Array, " case"], Float[Array, "case unknown"]], Evaluation]
 
 
 @lru_cache(maxsize=16)

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import TypeVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -39,12 +38,13 @@ def run_in_lockstep(
             jnp.array([request.fold_fraction for request in requests]),
             jnp.array([request.configuration for request in requests]),
         )
-        evaluations = jax.tree.map(np.asarray, evaluations)
+        leaves, structure = jax.tree.flatten(jax.tree.map(np.asarray, evaluations))
+        own = [jax.tree.unflatten(structure, parts) for parts in zip(*leaves, strict=True)]
         for case, solver in enumerate(solvers):
             if case in results:
                 continue
             try:
-                requests[case] = solver.send(jax.tree.map(lambda leaf: leaf[case], evaluations))
+                requests[case] = solver.send(own[case])
             except StopIteration as end:
                 results[case] = end.value
     return [results[case] for case in range(len(solvers))]

@@ -11,7 +11,7 @@ from enum import IntEnum
 from typing import TypeVar
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from knitlab.mechanics.evaluation import Evaluation
 from knitlab.mechanics.factorisation import factorise
@@ -51,7 +51,7 @@ class SolverSettings:
             a grid cell; keeps hinges from being thrown past ±π.
         smallest_shift: floor of μ, which also steadies the modes that cost no energy [N/mm].
         ramp_steps: equal steps in which relaxation raises the rest fold angles.
-        strain_step: largest step of applied strain from one equilibrium to the next.
+        path_step: largest step of applied strain from one equilibrium to the next.
         smallest_step: part of a strain step down to which a failed one is halved.
     """
 
@@ -60,7 +60,7 @@ class SolverSettings:
     step_limit: float = 0.3
     smallest_shift: float = 1e-9
     ramp_steps: int = 10
-    strain_step: float = 0.01
+    path_step: float = 0.01
     smallest_step: float = 1 / 16
 
 
@@ -135,7 +135,7 @@ def find_equilibrium(
         return State(
             configuration=request.configuration,
             energy=now.energy,
-            gradient=now.gradient,
+            gradient=np.asarray(now.gradient),
             outcome=outcome,
             residual=residual,
             iterations=iterations,
@@ -171,7 +171,9 @@ def find_equilibrium(
 
         expected = -(gradient @ step + 0.5 * step @ (stiffness @ step))
         gained = now.energy.total - then.energy.total
-        blurred = max(abs(gained), abs(expected)) < ENERGY_ROUND_OFF * max(1, now.energy.total)
+        blurred = max(abs(gained), abs(expected)) < ENERGY_ROUND_OFF * max(
+            1.0, float(now.energy.total)
+        )
         agreement = gained / expected if expected > 0 else -1.0
         calmer = np.abs(then.gradient[unknowns]).max() <= force
         if agreement > 1e-4 or (blurred and calmer):

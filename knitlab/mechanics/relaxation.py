@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.mechanics.loading import all_free
-from knitlab.mechanics.newton import SolverSettings, Request, Solver, State, find_equilibrium
+from knitlab.mechanics.newton import Request, Solver, SolverSettings, State, find_equilibrium
+from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.network import Network
 
@@ -19,8 +19,8 @@ def relax(net: Network, fabric: Fabric, settings: SolverSettings) -> Solver[Stat
 
     From the flat sheet the rest fold angles are raised to their full value in
     ``settings.ramp_steps`` equal steps, each to a loose equilibrium, the last to tolerance.
-    A sample for clamping relaxes with all its edges free; steps are the shortest that do, so it
-    neither drifts nor turns.
+    A sample for clamping relaxes with all its edges free. No coordinate is pinned: steps are the
+    shortest that do, so the sample does not shift, and turns only as its shape makes it.
     """
     shape = net.shape
     free = free_stiffness(shape, all_free(shape))

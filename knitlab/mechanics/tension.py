@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.mechanics.loading import Loading, tensile
-from knitlab.mechanics.newton import SolverSettings, Request, Solver, State, find_equilibrium
+from knitlab.mechanics.newton import Request, Solver, SolverSettings, State, find_equilibrium
 from knitlab.mechanics.relaxation import relax
+from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
-
 
 ROUND_OFF = 1e-9
 
@@ -41,14 +40,15 @@ def stretch(
 ) -> Solver[TensileTest]:
     """Solver that relaxes a fabric and takes it through a tensile test.
 
-    The path to a strain is followed in equal steps of at most ``settings.strain_step``, each
+    The path to a strain is followed in equal steps of at most ``settings.path_step``, each
     starting from the line through the two states before it. A step that fails is tried again
     over half the strain, down to ``settings.smallest_step`` of a full one. What all that costs
     is counted in the state it leads to. The test ends at the first strain that cannot be
     reached.
 
     Args:
-        net, fabric: the fabric.
+        net: network of the fabric's mesh shape.
+        fabric: its numbers.
         applied_strain: ascending, from 0, the relaxed shape.
         settings: of the equilibrium solver.
         progress: told how many of the states are done.
@@ -65,7 +65,7 @@ def stretch(
     path = [(applied_strain[0], relaxed.configuration)]
     for target in applied_strain[1:]:
         distance = target - path[-1][0]
-        full = distance / math.ceil(distance / settings.strain_step - ROUND_OFF)
+        full = distance / math.ceil(distance / settings.path_step - ROUND_OFF)
         step, spent = full, list[State]()
         while True:
             left = target - path[-1][0]

@@ -76,7 +76,9 @@ def hinge_energy(
     return 0.5 * stiffness * fold_from_rest(vectors, rest) ** 2
 
 
-def wall_energy(z: Float[Array, ""], z_max: Float[Array, ""], k_wall: Float[Array, ""]):
+def wall_energy(
+    z: Float[Array, ""], z_max: Float[Array, ""], k_wall: Float[Array, ""]
+) -> Float[Array, ""]:
     """½ k_wall (δ⁺² + δ⁻²) of one node at height z [N mm] (paper, wall penalty)."""
     return 0.5 * k_wall * jnp.maximum(jnp.abs(z) - z_max, 0.0) ** 2
 

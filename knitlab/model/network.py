@@ -45,7 +45,8 @@ class MeshShape:
 
 def mesh_shape(pattern: Pattern, boundary: Boundary) -> MeshShape:
     """Mesh shape of a pattern under a boundary."""
-    return MeshShape(*pattern.rib_cells.shape, periodic=boundary == "periodic")
+    cells_y, cells_x = pattern.rib_cells.shape
+    return MeshShape(cells_y, cells_x, boundary == "periodic")
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,18 +124,18 @@ def network(shape: MeshShape) -> Network:
         nodes = wrapped[..., 0] * shape.nodes_x + wrapped[..., 1]
         return Elements(nodes, turns[..., ::-1], incidence, shape)
 
-    weft = _places(rows, cells[1], [(0, 0), (0, 1)])
-    warp = _places(cells[0], columns, [(0, 0), (1, 0)])
-    rising = _places(*cells, [(0, 0), (1, 1)])
-    falling = _places(*cells, [(0, 1), (1, 0)])
+    weft = _places((rows, cells[1]), [(0, 0), (0, 1)])
+    warp = _places((cells[0], columns), [(0, 0), (1, 0)])
+    rising = _places(cells, [(0, 0), (1, 1)])
+    falling = _places(cells, [(0, 1), (1, 0)])
     spring_kind = np.repeat([0, 1, 2], [len(weft), len(warp), len(rising) + len(falling)])
 
     after_wale = cells[0], cells[1][first_line:]
-    wale = _places(*after_wale, [(0, 0), (1, 0), (0, -1), (1, -1), (0, 1), (1, 1)])
+    wale = _places(after_wale, [(0, 0), (1, 0), (0, -1), (1, -1), (0, 1), (1, 1)])
     # The edge runs towards −x so that, as for a wale hinge, a mountain has a positive angle.
     after_course = cells[0][first_line:], cells[1]
-    course = _places(*after_course, [(0, 1), (0, 0), (-1, 1), (-1, 0), (1, 1), (1, 0)])
-    hinge_cells = [_places(*after, [(0, 0)])[:, 0] for after in (after_wale, after_course)]
+    course = _places(after_course, [(0, 1), (0, 0), (-1, 1), (-1, 0), (1, 1), (1, 0)])
+    hinge_cells = [_places(after, [(0, 0)])[:, 0] for after in (after_wale, after_course)]
 
     return Network(
         shape=shape,
@@ -148,8 +149,8 @@ def network(shape: MeshShape) -> Network:
 
 
 def _places(
-    rows: np.ndarray, columns: np.ndarray, offsets: list[tuple[int, int]]
+    origins: tuple[np.ndarray, np.ndarray], offsets: list[tuple[int, int]]
 ) -> Int[np.ndarray, "element node 2"]:
-    """Grid places (y, x) of the nodes of an element at every row and column."""
-    origins = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 1, 2)
-    return origins + np.array(offsets)
+    """Grid places (y, x) of an element's nodes, for an element at every row and column."""
+    grid = np.stack(np.meshgrid(*origins, indexing="ij"), axis=-1)
+    return grid.reshape(-1, 1, 2) + np.array(offsets)

@@ -51,7 +51,7 @@ def patch_map(rows: Sequence[str], periods: int) -> Pattern:
 
 
 def checkerboard(periods: int, unit_cells: tuple[int, int] = (1, 1)) -> Pattern:
-    """The paper's fabric: ``unit_cells`` = (along y, along x) cells of 2 × 2 alternating patches."""
+    """The paper's fabric: unit cells, so many along (y, x), of 2 × 2 alternating patches."""
     return Pattern(np.tile(np.array([[True, False], [False, True]]), unit_cells), periods)
 
 

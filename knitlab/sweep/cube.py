@@ -68,11 +68,15 @@ def build_cube(plan: Plan, results: Path, failed: dict[str, str]) -> xr.Dataset:
     }
     cube = described(xr.Dataset(variables, coordinates))
     reading = {f"reading_{key}": value for key, value in vars(first.reading).items()}
-    cube.attrs |= provenance() | reading | {
-        "title": plan.title,
-        "workflow": plan.workflow,
-        "parameters": json.dumps(plan.record()),
-    }
+    cube.attrs |= (
+        provenance()
+        | reading
+        | {
+            "title": plan.title,
+            "workflow": plan.workflow,
+            "parameters": json.dumps(plan.record()),
+        }
+    )
     return cube
 
 

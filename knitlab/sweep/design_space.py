@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from knitlab.sweep.faults import Fault, BadInput, fault
+from knitlab.sweep.faults import BadInput, Fault, fault
 from knitlab.sweep.parameters import Parameters
 from knitlab.sweep.workflow import DesignSection
 
@@ -44,7 +44,9 @@ def _grid(
     reasons = {pair: parameters.impossible(*pair) for pair in pairs}
     excluded = {pair: reason for pair, reason in reasons.items() if reason}
     if len(excluded) == len(pairs):
-        raise BadInput(Fault(f"{source}: design", reason) for reason in dict.fromkeys(excluded.values()))
+        raise BadInput(
+            Fault(f"{source}: design", reason) for reason in dict.fromkeys(excluded.values())
+        )
     return DesignSpace(tuple(pair for pair in pairs if pair not in excluded), excluded)
 
 

@@ -1,11 +1,10 @@
 """Files that are there whole or not at all."""
 
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import mkdtemp
-import os
-import shutil
 
 from knitlab.sweep.faults import fault
 
@@ -27,6 +26,6 @@ def written_whole(path: Path) -> Iterator[Path]:
     try:
         temporary = folder / path.name
         yield temporary
-        os.replace(temporary, path)
+        temporary.replace(path)
     finally:
         shutil.rmtree(folder, ignore_errors=True)

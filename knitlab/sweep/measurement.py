@@ -15,7 +15,6 @@ from knitlab.measure.strain import (
 )
 from knitlab.mechanics.newton import State
 from knitlab.mechanics.tension import TensileTest
-from knitlab.model.energy import positions
 from knitlab.model.fabric import cell_length
 from knitlab.sweep.plan import Case
 from knitlab.sweep.registry import VARIABLES, Status, described
@@ -51,14 +50,14 @@ def measured(case: Case, test: TensileTest) -> xr.Dataset:
 def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
     shape = case.mesh_shape
     lengths = np.array([state.configuration[-2:] for state in reached])
-    nodes = np.array([positions(state.configuration) for state in reached])
-    energies = {
+    nodes = np.array([state.configuration[:-2] for state in reached])
+    values: dict[str, Any] = {
         f"energy_{part}": [float(getattr(state.energy, part)) for state in reached]
         for part in ("stretch", "fold", "wall")
     }
     if shape.periodic:
-        energies |= {"length_x": lengths[:, 0], "length_y": lengths[:, 1]}
-    return energies | {"position": nodes.reshape(-1, shape.nodes_y, shape.nodes_x, 3)}
+        values |= {"length_x": lengths[:, 0], "length_y": lengths[:, 1]}
+    return values | {"position": nodes.reshape(-1, shape.nodes_y, shape.nodes_x, 3)}
 
 
 def _strains(case: Case, reached: list[State], complete: bool) -> dict[str, Any]:
@@ -96,7 +95,7 @@ def _dataset(case: Case, values: dict[str, Any]) -> xr.Dataset:
         "node_x": shape.nodes_x,
         "component": 3,
     }
-    variables = {}
+    variables: dict[str, Any] = {}
     for name, variable in VARIABLES.items():
         given = values.get(name)
         if not variable.dims:

@@ -19,7 +19,7 @@ from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit, Stripe, p
 from knitlab.sweep.design_space import DesignSpace, design_space
 from knitlab.sweep.faults import BadInput, Fault
 from knitlab.sweep.files import written_whole
-from knitlab.sweep.parameters import Parameters, StripeTable, Strict, read_parameters
+from knitlab.sweep.parameters import Parameters, Strict, StripeTable, read_parameters
 from knitlab.sweep.shipped import shipped
 from knitlab.sweep.workflow import Workflow, read_workflow, workflow_file
 
@@ -182,8 +182,7 @@ def _merged(parameters: Strict, section: Strict) -> dict[str, Any]:
     """Values of a parameter file, each replaced where the workflow's section has one."""
     given = section.model_dump(exclude_none=True)
     return {
-        key: given.get(key, getattr(parameters, key).value)
-        for key in type(parameters).model_fields
+        key: given.get(key, getattr(parameters, key).value) for key in type(parameters).model_fields
     }
 
 

@@ -25,9 +25,9 @@ class ProgressBar:
         self._cases = cases
         self._states = dict.fromkeys(cases, 0)
         self._ended = 0
-        total = sum(work(case, len(case.applied_strain)) for case in cases.values())
+        self._total = sum(work(case, len(case.applied_strain)) for case in cases.values())
         self._bar = tqdm(
-            total=total,
+            total=self._total,
             smoothing=0,
             disable=not shown,
             bar_format="{desc} {percentage:3.0f}% |{bar}| {elapsed} elapsed, {remaining} left",
@@ -52,7 +52,7 @@ class ProgressBar:
         if advance > 0:
             self._states[case_id] = states
             # Round-off must not carry the bar past its end.
-            self._bar.update(min(advance, self._bar.total - self._bar.n))
+            self._bar.update(min(advance, self._total - self._bar.n))
 
     def ended(self, case_id: str) -> None:
         """Note that a case has ended, whatever became of it."""

@@ -115,11 +115,13 @@ def described(dataset: xr.Dataset) -> xr.Dataset:
 
 
 def encoding(dataset: xr.Dataset) -> dict[str, dict[str, object]]:
-    """netCDF encoding of a case or cube: compressed, whole numbers as such."""
+    """NetCDF encoding of a case or cube: compressed, whole numbers as such."""
     chosen: dict[str, dict[str, object]] = {}
     for name in dataset.data_vars:
         kind = dataset[name].dtype.kind
-        chosen[str(name)] = {"zlib": True, "complevel": 4} if kind in "fi" and dataset[name].ndim else {}
+        chosen[str(name)] = (
+            {"zlib": True, "complevel": 4} if kind in "fi" and dataset[name].ndim else {}
+        )
     for name in ("iterations", "periods"):
         if name in dataset:
             chosen[name] |= {"dtype": "int32", "_FillValue": -1}

@@ -75,6 +75,7 @@ class SolverSection(Strict):
     step_limit: Fraction | None = None
     smallest_shift: PositiveFloat | None = None
     ramp_steps: PositiveInt | None = None
+    path_step: Fraction | None = None
     smallest_step: Fraction | None = None
 
 
@@ -130,7 +131,9 @@ def read_workflow(path: Path, overrides: tuple[str, ...] = ()) -> Workflow:
             faults.append(Fault(f"--set {override}", "is not KEY=VALUE; give both"))
         elif section is None or key.strip() not in (name, f"{section}.{name}"):
             known = ", ".join(sorted(SECTION_OF))
-            faults.append(Fault(f"--set {override}", f"{key.strip()} is not a setting; choose of {known}"))
+            faults.append(
+                Fault(f"--set {override}", f"{key.strip()} is not a setting; choose of {known}")
+            )
         else:
             part = table.setdefault(section, {})
             if isinstance(part, dict):

@@ -2,11 +2,11 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tests.fabrics import ENDLESS, checkered, stretched
 
 from knitlab.mechanics.lockstep import run_in_lockstep
 from knitlab.mechanics.newton import SolverSettings
 from knitlab.mechanics.tension import stretch
+from tests.fabrics import ENDLESS, checkered, stretched
 
 STRAINS = [0.0, 0.05, 0.1]
 

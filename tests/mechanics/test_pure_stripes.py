@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.optimize import root
+
 from tests.fabrics import ALL_STRIPES, CLAMPED, ENDLESS, FINE, pure, relaxed, stretched
 
 NAMES = [f"{of.knit} {of.n}" for of in ALL_STRIPES]

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from tests.fabrics import ALL_STRIPES, CLAMPED, ENDLESS, checkered, pure, shaken
 
 from knitlab.model.energy import element_vectors, energy, fold_from_rest, positions
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.reading import Reading
+from tests.fabrics import ALL_STRIPES, CLAMPED, ENDLESS, checkered, pure, shaken
 
 
 def zigzag(net, fabric, of):

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
-from tests.fabrics import CLAMPED, checkered, patterned, stripe
 
 from knitlab.model.fabric import cell_length
 from knitlab.model.pattern import checkerboard
 from knitlab.model.reading import Reading
 from knitlab.model.stripe import periods_per_patch
+from tests.fabrics import CLAMPED, checkered, patterned, stripe
 
 
 def test_a_relaxed_cell_folds_to_the_measured_period():
@@ -42,9 +42,7 @@ def test_fold_lines_alone_leave_no_hinge_against_the_folds_or_on_borders():
     _, lines = checkered(4, 2, Reading(hinges="fold_lines"))
     rib = checkerboard(2).rib_cells
     after = rib[tuple(net.hinge_cells.T)]
-    before = rib[
-        tuple((net.hinge_cells - np.where(net.wale[:, None], [0, 1], [1, 0])).T)
-    ]
+    before = rib[tuple((net.hinge_cells - np.where(net.wale[:, None], [0, 1], [1, 0])).T)]
     inside = np.where(net.wale, after & before, ~after & ~before)
     assert (np.asarray(lines.fold_stiffness > 0) == inside).all()
     assert (np.asarray(every.fold_stiffness) > 0).all()
