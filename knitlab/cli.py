@@ -125,8 +125,11 @@ def run(
     _echo_excluded(made.excluded)
     click.echo(f"{len(done.simulated)} cases simulated, {done.reused} already there")
     click.echo(f"cube    {folder / 'cube.nc'}")
-    for path in draw_figures(made.figures, folder):
+    figures, faults = draw_figures(made.figures, folder)
+    for path in figures:
         click.echo(f"figure  {path}")
+    for fault in faults:
+        click.echo(f"knitlab: {fault}", err=True)
     for failure in done.failures:
         design = f"n_stripe {failure['n_stripe']}  n_subunit {failure['n_subunit']}"
         click.echo(f"{failure['status']}: {design}: {failure['reason']}", err=True)

@@ -25,7 +25,7 @@ def tension_curves(cube: xr.Dataset) -> Figure:
     figure = Figure(figsize=(TWO_COLUMNS, 4.6), layout="constrained")
     grid = figure.subplots(len(ROWS), len(stripes), sharex=True, sharey="row", squeeze=False)
     periods = np.unique(cube["periods"].values[np.isfinite(cube["periods"].values)])
-    shades = mpl.colormaps[SEQUENCE_COLOURS](np.linspace(0, 0.9, len(periods)))
+    shades = mpl.colormaps[SEQUENCE_COLOURS](np.linspace(0, 0.8, len(periods)))
     colours = dict(zip(periods, shades, strict=True))
 
     for column, n_stripe in enumerate(stripes):
@@ -42,7 +42,10 @@ def tension_curves(cube: xr.Dataset) -> Figure:
                 if int(design["status"]) == Status.not_converged and curve.size:
                     axes.plot(curve["applied_strain"][-1], curve[-1], "x", ms=6, color=colour)
         grid[0, column].set_title(f"n_stripe = {n_stripe}")
-        grid[0, column].legend(title="n_subunit", frameon=False, handlelength=1)
+        # Axial strain follows the diagonal and leaves this corner free.
+        grid[1, column].legend(
+            title="n_subunit", loc="lower right", frameon=False, handlelength=1, borderpad=0
+        )
         grid[-1, column].set_xlabel("applied strain [1]")
     for axes, label in zip(grid[:, 0], ROWS.values(), strict=True):
         axes.set_ylabel(label)

@@ -13,9 +13,9 @@ from knitlab.maps.curves import tension_curves
 from knitlab.maps.selection import selected
 from knitlab.maps.shape import relaxed_shape
 from knitlab.maps.style import print_style
-from knitlab.sweep.faults import fault
+from knitlab.sweep.faults import BadInput, Fault, fault
 from knitlab.sweep.files import written_whole
-from knitlab.sweep.registry import Status
+from knitlab.sweep.registry import DESIGN_DIMS
 
 CUBE_FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
     "auxetic": auxetic_map,
@@ -29,8 +29,8 @@ def draw_figure(kind: str, cube_path: Path, output: Path, selections: Sequence[s
     """Draw one figure into a file.
 
     Args:
-        kind: a name of :data:`CUBE_FIGURES`, or of :data:`CASE_FIGURES` for the first design
-            of the selection that has a case file beside the cube.
+        kind: a name of :data:`CUBE_FIGURES`, or of :data:`CASE_FIGURES` for the most
+            auxetic design of the selection that has a case file beside the cube.
         cube_path: a cube, or the results folder that holds one.
         output: the file; its suffix sets the format.
         selections: texts ``NAME=VALUE`` that slice the cube first.
@@ -49,30 +49,36 @@ def draw_figure(kind: str, cube_path: Path, output: Path, selections: Sequence[s
         if kind in CUBE_FIGURES:
             figure = CUBE_FIGURES[kind](cube)
         else:
-            figure = CASE_FIGURES[kind](_first_case(cube, folder))
+            figure = CASE_FIGURES[kind](_most_auxetic_case(cube, folder))
         FigureCanvasAgg(figure)
         with written_whole(output) as temporary:
             figure.savefig(temporary)
     return output
 
 
-def draw_figures(kinds: Iterable[str], folder: Path) -> list[Path]:
-    """Draw a workflow's figures into its results folder, each for print and for the screen."""
-    return [
-        draw_figure(kind, folder / "cube.nc", folder / "figures" / f"{kind}{suffix}")
-        for kind in kinds
-        for suffix in (".pdf", ".png")
-    ]
+def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[Fault]]:
+    """Draw a workflow's figures into its results folder, each for print and for the screen.
+
+    Returns:
+        The files, and why a figure could not be drawn of these results.
+    """
+    drawn: list[Path] = []
+    faults: list[Fault] = []
+    for kind in kinds:
+        outputs = [folder / "figures" / f"{kind}{suffix}" for suffix in (".pdf", ".png")]
+        try:
+            drawn += [draw_figure(kind, folder / "cube.nc", output) for output in outputs]
+        except BadInput as error:
+            faults += [Fault(f"figure {kind}", entry.problem) for entry in error.faults]
+    return drawn, faults
 
 
-def _first_case(cube: xr.Dataset, folder: Path) -> xr.Dataset:
-    for n_stripe in cube["n_stripe"].values:
-        for n_subunit in cube["n_subunit"].values:
-            design = cube.sel(n_stripe=n_stripe, n_subunit=n_subunit)
-            if int(design["status"]) not in (Status.ok, Status.not_converged):
-                continue
-            path = folder / "cases" / f"{design['case_id'].item()}.nc"
-            if path.is_file():
-                with xr.open_dataset(path, engine="netcdf4") as case:
+def _most_auxetic_case(cube: xr.Dataset, folder: Path) -> xr.Dataset:
+    designs = cube[["case_id", "poisson_ratio_min"]].stack(design=DESIGN_DIMS)
+    for case_id in designs.sortby("poisson_ratio_min")["case_id"].values:
+        path = folder / "cases" / f"{case_id}.nc"
+        if path.is_file():
+            with xr.open_dataset(path, engine="netcdf4") as case:
+                if "position" in case:
                     return case.load()
     raise fault(str(folder / "cases"), "holds no shape of these designs; run the workflow here")

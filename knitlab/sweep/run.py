@@ -51,7 +51,6 @@ def run_plan(
         scheduler: address of an existing dask scheduler, whose workers see ``results``.
         show_progress: whether to draw a progress bar.
     """
-    plan.write(results / "plan.json")
     missing = {
         case_id: case
         for case_id, case in plan.cases.items()
@@ -62,13 +61,13 @@ def run_plan(
         for planned in plan.batches
         if (batch := [missing[case_id] for case_id in planned if case_id in missing])
     ]
-    failed: dict[str, str] = {}
-    if batches:
-        with (
-            ProgressBar(missing, show_progress) as bar,
-            pool_of(min(workers, len(batches)), scheduler, bar.reached) as pool,
-        ):
-            failed = _simulate(pool, results.resolve(), batches, bar)
+    workers, scheduler = min(workers, len(batches)), scheduler if batches else None
+    with (
+        ProgressBar(missing, shown=show_progress and bool(batches)) as bar,
+        pool_of(workers, scheduler, bar.reached) as pool,
+    ):
+        plan.write(results / "plan.json")
+        failed = _simulate(pool, results.resolve(), batches, bar)
     cube = build_cube(plan, results, failed)
     write_cube(cube, results / "cube.nc")
     failures = _failures(plan, results, failed)

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from tests.fabrics import CLAMPED, ENDLESS, checkered
 
 from knitlab.measure.corners import unit_cell_corners
 from knitlab.measure.strain import (
@@ -14,9 +13,12 @@ from knitlab.measure.strain import (
     poisson_ratio,
 )
 from knitlab.model.fabric import flat_sheet
+from tests.fabrics import CLAMPED, ENDLESS, checkered
 
 ENTRY = st.floats(-1, 1)
-MATRIX = st.tuples(ENTRY, ENTRY, ENTRY, ENTRY).map(lambda e: np.eye(2) + 0.8 * np.reshape(e, (2, 2)))
+MATRIX = st.tuples(ENTRY, ENTRY, ENTRY, ENTRY).map(
+    lambda e: np.eye(2) + 0.8 * np.reshape(e, (2, 2))
+)
 
 
 def skewed_corners(rows=3, columns=4, seed=0):

@@ -63,7 +63,7 @@ def test_gradient_is_the_slope_of_the_energy(boundary, stiffness):
     assert float(jax.grad(total)(at) @ toward) == pytest.approx(float(slope), rel=1e-7)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     st.lists(st.floats(-3, 3), min_size=3, max_size=3),
     st.lists(st.floats(-5, 5), min_size=3, max_size=3),

@@ -1,0 +1,101 @@
+"""The commands as a user types them, on a design small enough for a test."""
+
+import json
+from pathlib import Path
+
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+from knitlab.cli import main
+
+SMALL = ("--set", "n_stripe=4", "--set", "n_subunit=8", "--set", "strain_max=0.06")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("user")
+
+
+@pytest.fixture(autouse=True)
+def in_folder(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+
+
+def knitlab(*words):
+    return CliRunner().invoke(main, words)
+
+
+def test_a_sweep_from_plan_to_map():
+    planned = knitlab("plan", "preview", *SMALL)
+    assert planned.exit_code == 0
+    assert "1 cases, 3 strains from 0 to 0.06" in planned.output
+    assert json.loads(Path("results/preview/plan.json").read_text())["cases"]
+
+    ran = knitlab("run", "preview", *SMALL, "--workers", "0")
+    assert ran.exit_code == 0, ran.output
+    assert "1 cases simulated, 0 already there" in ran.output
+    figures = {path.name for path in Path("results/preview/figures").iterdir()}
+    assert figures == {
+        f"{kind}{suffix}" for kind in ("curves", "auxetic", "shape") for suffix in (".pdf", ".png")
+    }
+
+    again = knitlab("run", "preview", *SMALL, "--workers", "0")
+    assert "0 cases simulated, 1 already there" in again.output
+
+    cube = "results/preview/cube.nc"
+    answered = knitlab("query", cube, "--where", "poisson_ratio_min < 0", "--format", "json")
+    (design,) = json.loads(answered.output)
+    assert (design["n_stripe"], design["n_subunit"], design["status"]) == (4, 8, "ok")
+    stored = xr.load_dataset(cube)["poisson_ratio_min"].item()
+    assert design["poisson_ratio_min"] == pytest.approx(stored)
+
+    drawn = knitlab("map", "auxetic", cube, "-o", "map.pdf")
+    assert drawn.exit_code == 0
+    assert Path("map.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_a_case_that_does_not_converge_makes_exit_code_1():
+    ran = knitlab(
+        "run",
+        "preview",
+        *SMALL,
+        "--set",
+        "max_iterations=2",
+        "--workers",
+        "0",
+        "--results",
+        "hasty",
+    )
+    assert ran.exit_code == 1
+    assert "not_converged: n_stripe 4  n_subunit 8: no equilibrium" in ran.output
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run", "previews"),
+        ("run", "preview", "--set", "n_stripe=5", "--set", "n_subunit=20"),
+        ("run", "preview", "--set", "z_max=-1"),
+        ("run", "preview", "--workers", "-1"),
+        ("run", "preview", "--scheduler", "tcp://127.0.0.1:9"),
+        ("plan", "preview", "--set", "hinge=all"),
+        ("query", "nowhere.nc"),
+        ("map", "auxetic", "nowhere.nc", "-o", "new/map.png"),
+        ("map", "shapes", "nowhere.nc", "-o", "map.png"),
+    ],
+)
+def test_bad_input_is_a_sentence_and_exit_code_2_and_writes_nothing(words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    told = knitlab(*words)
+    assert told.exit_code == 2
+    assert told.output.strip()
+    assert "Traceback" not in told.output
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_written_is_a_sentence(tmp_path):
+    (tmp_path / "results").write_text("a file where a folder should be")
+    told = knitlab("plan", "preview", "--results", str(tmp_path / "results" / "deeper"))
+    assert told.exit_code == 2
+    assert "cannot be written" in told.output

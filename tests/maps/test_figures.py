@@ -1,0 +1,101 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from knitlab.maps.auxetic import auxetic_map
+from knitlab.maps.curves import tension_curves
+from knitlab.maps.figures import draw_figure
+from knitlab.sweep.faults import BadInput
+from tests.maps.made_up import made_up_cube
+
+
+@pytest.fixture
+def cube_file(tmp_path):
+    made_up_cube().to_netcdf(tmp_path / "cube.nc")
+    return tmp_path / "cube.nc"
+
+
+def cell_pixels(figure, column, row):
+    """Pixels of one cell of the map, inside its border."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    image = np.asarray(canvas.buffer_rgba())[..., :3].astype(int)
+    transform = figure.axes[0].transData
+    (left, low), (right, high) = transform.transform(
+        [(column - 0.4, row - 0.4), (column + 0.4, row + 0.4)]
+    )
+    height = image.shape[0]
+    return image[int(height - high) : int(height - low), int(left) : int(right)].reshape(-1, 3)
+
+
+def test_failures_and_gaps_never_look_like_values():
+    figure = auxetic_map(made_up_cube())
+    for column, row in ((1, 0), (1, 2), (2, 0), (0, 2)):
+        pixels = cell_pixels(figure, column, row)
+        assert np.ptp(pixels, axis=1).max() <= 2, "a cell without a value has a colour"
+    for column, row in ((0, 1), (1, 1)):
+        background = np.median(cell_pixels(figure, column, row), axis=0)
+        assert np.ptp(background) > 20, "a value has no colour"
+    looks = [cell_pixels(figure, *cell).mean() for cell in ((1, 0), (1, 2), (2, 0), (0, 2))]
+    assert len({round(look) for look in looks}) == 4
+
+
+def test_the_map_writes_each_value_with_its_strain():
+    texts = [text.get_text() for text in auxetic_map(made_up_cube()).axes[0].texts]
+    assert texts == ["0.05", "at 10%", "-0.80", "at 10%", "-0.40", "at 10%"]
+
+
+def test_curves_have_a_line_for_every_run_and_a_cross_where_one_ended():
+    grid = np.array(tension_curves(made_up_cube()).axes).reshape(3, 3)
+    ratio = grid[2]
+    lines = [[line for line in axes.lines if line.get_label().isdigit()] for axes in ratio]
+    assert [len(column) for column in lines] == [1, 2, 1]
+    assert lines[1][0].get_ydata().tolist() == [-0.8, -0.4]
+    crosses = [line for axes in ratio for line in axes.lines if line.get_marker() == "x"]
+    assert [line.get_xdata().tolist() for line in crosses] == [[0.1]]
+
+
+@pytest.mark.parametrize("suffix", [".pdf", ".svg", ".png"])
+def test_a_figure_is_written_whole_in_the_format_of_its_suffix(cube_file, tmp_path, suffix):
+    output = tmp_path / "figures" / f"map{suffix}"
+    assert draw_figure("auxetic", cube_file, output) == output
+    assert [path.name for path in output.parent.iterdir()] == [output.name]
+    start = output.read_bytes()[:300]
+    assert {".pdf": b"%PDF", ".svg": b"<svg", ".png": b"\x89PNG"}[suffix] in start
+
+
+@pytest.mark.parametrize(
+    ("kind", "output", "selections", "message"),
+    [
+        ("auxetic", "map.jpeg2", (), "has no suffix of"),
+        ("auxetic", "map.pdf", ("n_stripe=3",), "no n_stripe = 3"),
+        ("shape", "shape.png", (), "holds no shape"),
+    ],
+)
+def test_a_figure_that_cannot_be_drawn_writes_nothing(
+    cube_file, tmp_path, kind, output, selections, message
+):
+    with pytest.raises(BadInput, match=message):
+        draw_figure(kind, cube_file, tmp_path / output, selections)
+    assert list(tmp_path.iterdir()) == [cube_file]
+
+
+@pytest.mark.parametrize("content", [None, b"not netCDF"])
+def test_a_cube_that_is_none_is_named(tmp_path, content):
+    path = tmp_path / "cube.nc"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(BadInput, match=r"does not exist|is not a netCDF file"):
+        draw_figure("auxetic", path, tmp_path / "map.png")
+
+
+def test_maps_and_queries_never_import_jax():
+    modules = "knitlab.cli, knitlab.maps.figures, knitlab.maps.query"
+    program = f"import sys, {modules}; print('jax' in sys.modules)"
+    told = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert told.stdout.strip() == "False"

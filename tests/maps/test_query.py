@@ -1,0 +1,115 @@
+import contextlib
+import json
+
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from knitlab.maps.expression import holds
+from knitlab.maps.query import designs_table, formatted, queried
+from knitlab.sweep.faults import BadInput
+from tests.maps.made_up import made_up_cube
+
+TABLE = designs_table(made_up_cube())
+
+
+def pairs(table):
+    return list(zip(table["n_stripe"], table["n_subunit"], strict=True))
+
+
+def test_excluded_combinations_are_no_designs_but_failures_are():
+    assert len(TABLE) == 6
+    assert set(TABLE["status"]) == {"ok", "failed", "pending", "not_converged"}
+
+
+def test_where_sort_and_columns():
+    found = queried(
+        TABLE, "poisson_ratio_min < -0.3", "-poisson_ratio_min", ["n_subunit", "n_stripe"]
+    )
+    assert pairs(found) == [(4, 32), (4, 16)]
+    assert list(found.columns) == ["n_subunit", "n_stripe"]
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        ('status == "failed" or status == "pending"', [(2, 32), (2, 64)]),
+        ("-0.5 < poisson_ratio_min <= -0.4", [(4, 32)]),
+        ("not poisson_ratio_min < 0 and n_stripe == 2 and n_subunit < 32", [(2, 16)]),
+        ("n_subunit / (2 * n_stripe) == 2", [(4, 16), (8, 32)]),
+        (
+            "poisson_ratio_min + 1 > applied_strain_at_min - 1 + 2 * -0.5",
+            [(2, 16), (4, 16), (4, 32)],
+        ),
+    ],
+)
+def test_expressions_mean_what_they_say(expression, expected):
+    assert pairs(queried(TABLE, expression)) == expected
+
+
+@pytest.mark.parametrize(
+    ("expression", "message"),
+    [
+        ("poison_ratio_min < 0", "did you mean 'poisson_ratio_min'"),
+        ("poisson_ratio_min <", "cannot be parsed"),
+        ("poisson_ratio_min", "not a condition"),
+        ("3 < 4", "not a condition"),
+        ("n_stripe and n_subunit", "'n_stripe' is not a condition"),
+        ('n_stripe < "four"', "cannot be computed"),
+        ("__import__('os').system('true')", "not allowed here"),
+        ("status.map(print)", "not allowed here"),
+        ("[x for x in n_stripe]", "not allowed here"),
+        ("n_stripe in (2, 4)", "not allowed here"),
+        ("n_stripe ** 9 ** 9 > 1", "not allowed here"),
+        ("(lambda: 1)()", "not allowed here"),
+    ],
+)
+def test_anything_else_is_refused(expression, message):
+    with pytest.raises(BadInput, match=message):
+        queried(TABLE, expression)
+
+
+@given(st.text(max_size=30))
+def test_no_text_does_anything_but_filter_or_be_refused(expression):
+    with contextlib.suppress(BadInput):
+        assert holds(expression, TABLE).dtype == bool
+
+
+def test_a_selected_strain_brings_its_variables():
+    table = designs_table(made_up_cube(), ["applied_strain=0.1,0.2", "n_stripe=4"])
+    assert list(table["poisson_ratio"]) == [-0.8, -0.4, -0.4, -0.2]
+    assert "poisson_ratio" not in TABLE
+
+
+@pytest.mark.parametrize(
+    ("selection", "message"),
+    [
+        ("n_stripe=3", "no n_stripe = 3; choose of 2, 4, 8"),
+        ("n_stripes=4", "did you mean 'n_stripe'"),
+        ("n_stripe=four", "not a number"),
+        ("n_stripe", "not NAME=VALUE"),
+        ("status=1", "there is no 'status'"),
+    ],
+)
+def test_a_bad_selection_is_named(selection, message):
+    with pytest.raises(BadInput, match=message):
+        designs_table(made_up_cube(), [selection])
+
+
+def test_names_that_are_not_there_come_with_the_nearest():
+    with pytest.raises(BadInput) as caught:
+        queried(TABLE, sort="-poisson_min", columns=["perods"])
+    text = str(caught.value)
+    assert "--sort -poisson_min" in text
+    assert "'poisson_ratio_min'" in text
+    assert "'periods'" in text
+
+
+def test_formats_hold_the_same_rows():
+    as_csv = pd.read_csv(pd.io.common.StringIO(formatted(TABLE, "csv")))
+    as_json = pd.DataFrame(json.loads(formatted(TABLE, "json")))
+    assert pairs(as_csv) == pairs(as_json) == pairs(TABLE)
+    assert as_json["poisson_ratio_min"][0] == TABLE["poisson_ratio_min"][0]
+    assert formatted(TABLE, "table").count("\n") == len(TABLE)
+    assert formatted(TABLE[:0], "table") == "no design matches"

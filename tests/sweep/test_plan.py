@@ -1,0 +1,161 @@
+import json
+
+import pytest
+
+from knitlab.sweep.faults import BadInput
+from knitlab.sweep.plan import make_plan
+
+
+def designs(plan):
+    return sorted((case.n_stripe, case.n_subunit) for case in plan.cases.values())
+
+
+def workflow(tmp_path, text):
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    return str(path)
+
+
+def test_the_preview_holds_the_papers_designs_up_to_four_periods():
+    plan = make_plan("preview")
+    assert len(plan.cases) == 10
+    assert {case.n_stripe for case in plan.cases.values()} == {2, 4, 6, 8}
+    assert max(case.periods for case in plan.cases.values()) == 4
+    assert plan.applied_strain == tuple(round(0.03 * k, 12) for k in range(16))
+
+
+def test_a_batch_shares_one_mesh_shape_and_no_case_is_left_out():
+    plan = make_plan("preview")
+    for batch in plan.batches:
+        assert len({plan.cases[case_id].mesh_shape for case_id in batch}) == 1
+    assert sorted(case_id for batch in plan.batches for case_id in batch) == sorted(plan.cases)
+
+
+def test_overrides_reach_the_case():
+    overrides = (
+        "n_stripe=4",
+        "n_subunit=16",
+        "cell_size=flat",
+        "model.z_max=0.6",
+        "path_step=0.02",
+    )
+    (case,) = make_plan("preview", overrides).cases.values()
+    assert (case.n_stripe, case.n_subunit) == (4, 16)
+    assert case.reading.cell_size == "flat"
+    assert case.sheet.z_max == 0.6
+    assert case.solver.path_step == 0.02
+
+
+def test_one_coordinate_alone_keeps_members_of_the_set():
+    assert designs(make_plan("preview", ("n_stripe=4",))) == [(4, 16), (4, 24), (4, 32)]
+    assert designs(make_plan("preview", ("n_subunit=48",))) == [(6, 48), (8, 48)]
+
+
+def test_impossible_combinations_of_a_grid_are_excluded_with_their_reason():
+    plan = make_plan("preview", ("n_stripe=4,5,6", "n_subunit=24,32"))
+    assert designs(plan) == [(4, 24), (4, 32), (6, 24)]
+    assert sorted(plan.excluded) == [(5, 24), (5, 32), (6, 32)]
+    assert "no rib stripe" in plan.excluded[5, 24]
+    assert "multiple of 2 × n_stripe = 12" in plan.excluded[6, 32]
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (("n_stripe=5", "n_subunit=20"), "n_stripe = 5 has no rib stripe"),
+        (("n_stripe=4", "n_subunit=18"), "n_subunit = 18 is not a positive multiple"),
+        (("n_stripe=4,6", "n_subunit=10,14"), "is not a positive multiple"),
+        (("n_stripe=10",), "set 'preview' has no n_stripe = 10"),
+        (("set=papers",), "no set 'papers'"),
+        (("cell_size=loose",), r"--set cell_size=loose: .*'flat' or 'relaxed'"),
+        (("k_wall=-1",), r"--set k_wall=-1: .*greater than 0"),
+        (("strain_step=0",), r"--set strain_step=0: .*greater than 0"),
+        (("n_strip=4",), "n_strip is not a setting"),
+        (("design.z_max=4",), "design.z_max is not a setting"),
+        (("n_stripe",), "not KEY=VALUE"),
+        (("pattern=RG,R",), "not a rectangle"),
+        (("unit_cells=0,1",), "greater than 0"),
+    ],
+)
+def test_a_bad_override_is_named(overrides, message):
+    with pytest.raises(BadInput, match=message):
+        make_plan("preview", overrides)
+
+
+def test_every_fault_of_a_workflow_comes_at_once(tmp_path):
+    path = workflow(
+        tmp_path,
+        'figures = ["maps"]\n[design]\nn_stripe = [0]\n'
+        "[model]\nwall = 3\n[protocol]\nstrain_max = -1\n",
+    )
+    with pytest.raises(BadInput) as caught:
+        make_plan(path, ("hinges=none",))
+    text = "\n".join(map(str, caught.value.faults))
+    for part in (
+        "title",
+        "figures.0",
+        "n_stripe.0",
+        "model.wall",
+        "strain_max",
+        "--set hinges=none",
+    ):
+        assert part in text
+
+
+def test_a_workflow_may_be_a_file_of_the_same_form(tmp_path):
+    path = workflow(tmp_path, 'title = "mine"\n[design]\nn_stripe = [4]\nn_subunit = [16]\n')
+    plan = make_plan(path)
+    assert plan.workflow == "mine"
+    assert designs(plan) == [(4, 16)]
+
+
+def test_a_missing_workflow_lists_those_there_are():
+    with pytest.raises(BadInput, match=r"neither a workflow .*preview.* nor a file"):
+        make_plan("previews")
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "z_max=5.9",
+        "hinges=fold_lines",
+        "strain_max=0.42",
+        "tolerance=1e-9",
+        "unit_cells=1,2",
+        "garter_start=valley",
+        "pattern=RG,GR",
+    ],
+)
+def test_whatever_changes_numbers_changes_the_identifier(override):
+    design = ("n_stripe=4", "n_subunit=16")
+    (one,), (other,) = (
+        make_plan("preview", settings).cases for settings in (design, (*design, override))
+    )
+    assert one != other
+
+
+def test_what_changes_no_number_leaves_the_identifier(tmp_path):
+    text = '{title}\n[design]\nset = "preview"\nn_stripe = [{n}]\n[model]\nboundary = "periodic"\n'
+    alone = make_plan(workflow(tmp_path, text.format(title='title = "a"', n="4")))
+    among = make_plan(
+        workflow(tmp_path, text.format(title='title = "b"\nfigures = ["curves"]', n="4, 8"))
+    )
+    assert set(alone.cases) < set(among.cases)
+
+
+def test_a_plan_freezes_everything_it_resolved(tmp_path):
+    plan = make_plan("preview", ("n_stripe=4",))
+    plan.write(tmp_path / "plan.json")
+    record = json.loads((tmp_path / "plan.json").read_text())
+    assert list(record["cases"]) == list(plan.cases)
+    case = next(iter(record["cases"].values()))
+    assert case["garter"] == {
+        "knit": "garter",
+        "n": 8,
+        "period": 1.44,
+        "k_s": 4.78,
+        "theta_0": 0.68,
+        "k_t": 0.045,
+    }
+    assert case["reading"]["fold_phase"] == "stripe_border"
+    assert list(tmp_path.iterdir()) == [tmp_path / "plan.json"]

@@ -1,0 +1,117 @@
+"""Running small sweeps for real: what is written, reused, and said of what fails."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import knitlab.sweep.workers as workers_module
+from knitlab.sweep.plan import make_plan
+from knitlab.sweep.registry import COORDINATES, VARIABLES, Status
+from knitlab.sweep.run import run_plan
+
+SMALL = ("strain_max=0.1", "strain_step=0.05", "n_subunit=8,12,16")
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory):
+    results = tmp_path_factory.mktemp("sweep")
+    plan = make_plan("preview", ("n_stripe=2,4", *SMALL))
+    return plan, results, run_plan(plan, results, workers=0)
+
+
+def test_the_cube_on_disk_is_the_one_that_was_built(sweep):
+    _, results, run = sweep
+    with xr.open_dataset(results / "cube.nc") as cube:
+        xr.testing.assert_identical(cube.load(), run.cube.assign_attrs(cube.attrs))
+
+
+def test_every_variable_carries_units_and_a_long_name(sweep):
+    _, results, run = sweep
+    case = xr.load_dataset(next((results / "cases").iterdir()))
+    for dataset in (run.cube, case):
+        for name in dataset.variables:
+            assert dataset[name].attrs["units"] == (COORDINATES | VARIABLES)[name].units
+            assert dataset[name].attrs["long_name"]
+    assert {name for name, v in VARIABLES.items() if v.in_cube} == set(run.cube.data_vars)
+
+
+def test_impossible_designs_are_excluded_and_the_others_are_ok(sweep):
+    plan, _, run = sweep
+    status = run.cube["status"]
+    assert status.sel(n_stripe=4, n_subunit=12) == Status.excluded
+    assert (status == Status.ok).sum() == len(plan.cases) == 5
+    assert run.failures == ()
+    values = run.cube["poisson_ratio_min"].where(status == Status.excluded, drop=True)
+    assert values.isnull().all()
+
+
+def test_results_are_converged_and_say_how_well(sweep):
+    _, _, run = sweep
+    ok = run.cube["status"] == Status.ok
+    assert float(run.cube["residual_force"].max()) <= 1e-8
+    assert (run.cube["iterations"].where(ok, 1) > 0).all()
+    assert run.cube["applied_strain"].values.tolist() == [0, 0.05, 0.1]
+    assert float(np.abs(run.cube["mean_strain_yy"] - run.cube["applied_strain"]).max()) < 1e-9
+
+
+def test_provenance_tells_how_to_make_it_again(sweep):
+    plan, _, run = sweep
+    for name in ("source", "git_commit", "library_versions", "random_seeds", "workflow"):
+        assert run.cube.attrs[name]
+    assert json.loads(run.cube.attrs["parameters"]) == json.loads(json.dumps(plan.record()))
+    assert run.cube.attrs["reading_cell_size"] == "relaxed"
+
+
+def test_a_second_run_recomputes_nothing(sweep, monkeypatch):
+    plan, results, run = sweep
+    monkeypatch.setattr(workers_module, "simulate_batch", None)
+    before = {path: path.stat().st_mtime_ns for path in (results / "cases").iterdir()}
+    again = run_plan(plan, results, workers=0)
+    assert again.simulated == ()
+    assert again.reused == 5
+    assert {path: path.stat().st_mtime_ns for path in (results / "cases").iterdir()} == before
+    xr.testing.assert_identical(again.cube, run.cube)
+
+
+def test_workers_give_what_this_process_gives(sweep, tmp_path):
+    plan, _, run = sweep
+    spawned = run_plan(plan, tmp_path, workers=2).cube
+    assert (spawned["status"] == run.cube["status"]).all()
+    for name in ("mean_strain_xx", "reaction_force", "energy_fold"):
+        np.testing.assert_allclose(spawned[name], run.cube[name], rtol=1e-6, atol=1e-9)
+
+
+def test_a_design_that_does_not_converge_is_reported_not_averaged(tmp_path):
+    plan = make_plan("preview", ("n_stripe=4", *SMALL, "max_iterations=3", "ramp_steps=1"))
+    run = run_plan(plan, tmp_path, workers=0)
+    status = run.cube["status"].sel(n_stripe=4, n_subunit=[8, 16])
+    assert (status == Status.not_converged).all()
+    assert run.cube["poisson_ratio_min"].isnull().all()
+    assert float(run.cube["residual_force"].max()) > 1e-8
+    lines = [json.loads(line) for line in (tmp_path / "failures.jsonl").read_text().splitlines()]
+    assert lines == list(run.failures)
+    assert len(lines) == 2
+    assert "no equilibrium at applied strain 0" in lines[0]["reason"]
+
+
+def test_a_case_that_raises_is_failed_and_its_mates_are_run_without_it(tmp_path, monkeypatch):
+    plan = make_plan("preview", ("n_stripe=4,8", "n_subunit=8,16", *SMALL[:2]))
+    (poisoned,) = (case for case in plan.cases.values() if case.n_stripe == 8)
+    honest = workers_module.simulate_batch
+
+    def poison(results, cases, progress):
+        if poisoned in cases:
+            raise FloatingPointError("poisoned on purpose")
+        return honest(results, cases, progress)
+
+    monkeypatch.setattr(workers_module, "simulate_batch", poison)
+    run = run_plan(plan, tmp_path, workers=0)
+    assert run.cube["status"].sel(n_stripe=8, n_subunit=16) == Status.failed
+    assert run.cube["status"].sel(n_stripe=4, n_subunit=8) == Status.ok
+    (failure,) = run.failures
+    assert failure["case_id"] == poisoned.case_id
+    assert "poisoned on purpose" in failure["reason"]
+    monkeypatch.undo()
+    assert run_plan(plan, tmp_path, workers=0).simulated == (poisoned.case_id,)
