@@ -1,5 +1,6 @@
 """The design space: which (n_stripe, n_subunit) a workflow asks for, and which are possible."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from knitlab.sweep.faults import BadInput, Fault, fault
@@ -7,6 +8,7 @@ from knitlab.sweep.parameters import Parameters
 from knitlab.sweep.workflow import DesignSection
 
 Design = tuple[int, int]
+Source = Callable[[str], str]
 DEFAULT_SET = "paper"
 
 
@@ -23,10 +25,15 @@ class DesignSpace:
     excluded: dict[Design, str]
 
 
-def design_space(section: DesignSection, parameters: Parameters, source: str) -> DesignSpace:
+def design_space(section: DesignSection, parameters: Parameters, source: Source) -> DesignSpace:
     """Resolve a workflow's ``[design]``.
 
     Impossible combinations of a grid are excluded.
+
+    Args:
+        section: what the workflow says.
+        parameters: the stripes and sets there are.
+        source: says where a ``section.key`` comes from, for a fault.
 
     Raises:
         BadInput: if a set or a member asked for does not exist, if a single design that was
@@ -38,23 +45,22 @@ def design_space(section: DesignSection, parameters: Parameters, source: str) ->
 
 
 def _grid(
-    n_stripe: tuple[int, ...], n_subunit: tuple[int, ...], parameters: Parameters, source: str
+    n_stripe: tuple[int, ...], n_subunit: tuple[int, ...], parameters: Parameters, source: Source
 ) -> DesignSpace:
     pairs = sorted({(n, m) for n in n_stripe for m in n_subunit})
     reasons = {pair: parameters.impossible(*pair) for pair in pairs}
     excluded = {pair: reason for pair, reason in reasons.items() if reason}
     if len(excluded) == len(pairs):
-        raise BadInput(
-            Fault(f"{source}: design", reason) for reason in dict.fromkeys(excluded.values())
-        )
+        asked = ", ".join(dict.fromkeys(map(source, ("design.n_stripe", "design.n_subunit"))))
+        raise BadInput(Fault(asked, reason) for reason in dict.fromkeys(excluded.values()))
     return DesignSpace(tuple(pair for pair in pairs if pair not in excluded), excluded)
 
 
-def _members(section: DesignSection, parameters: Parameters, source: str) -> DesignSpace:
+def _members(section: DesignSection, parameters: Parameters, source: Source) -> DesignSpace:
     name = section.set or DEFAULT_SET
     sets = parameters.designs.root
     if name not in sets:
-        raise fault(f"{source}: design.set", f"there is no set {name!r}; choose of {sorted(sets)}")
+        raise fault(source("design.set"), f"there is no set {name!r}; choose of {sorted(sets)}")
     pairs = sets[name].pairs
     faults = []
     for key, place in (("n_stripe", 0), ("n_subunit", 1)):
@@ -65,7 +71,7 @@ def _members(section: DesignSection, parameters: Parameters, source: str) -> Des
         other = "n_subunit" if key == "n_stripe" else "n_stripe"
         faults += [
             Fault(
-                f"{source}: design.{key}",
+                source(f"design.{key}"),
                 f"set {name!r} has no {key} = {value}; choose of {sorted(members)},"
                 f" or give {other} too for a grid of your own",
             )

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from types import TracebackType
 
 from pydantic import ValidationError
 
@@ -23,6 +24,27 @@ class BadInput(Exception):
     def __init__(self, faults: Iterable[Fault]) -> None:
         self.faults = tuple(faults)
         super().__init__("\n".join(map(str, self.faults)))
+
+
+class Gathered:
+    """Collects the faults of several checks; ``with gathered:`` ends each at its first raise."""
+
+    def __init__(self) -> None:
+        self.all: list[Fault] = []
+
+    def __enter__(self) -> None:
+        """Begin a check."""
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> bool:
+        if isinstance(error, BadInput):
+            self.all += error.faults
+            return True
+        return False
 
 
 def fault(path: str, problem: str) -> BadInput:

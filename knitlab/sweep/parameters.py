@@ -24,7 +24,7 @@ from knitlab.model.reading import (
     HingeStiffness,
 )
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, periods_per_patch
-from knitlab.sweep.faults import BadInput, Fault, faults_of
+from knitlab.sweep.faults import BadInput, Fault, Gathered, faults_of
 from knitlab.sweep.toml import read_toml
 
 Value = TypeVar("Value")
@@ -182,25 +182,24 @@ def read_parameters(folder: Path) -> Parameters:
         "solver": SolverParameters,
         "designs": DesignSets,
     }
-    faults: list[Fault] = []
+    faults = Gathered()
     read: dict[str, Any] = {}
     for name, schema in files.items():
         path = folder / f"{name}.toml"
-        try:
-            read[name] = schema.model_validate(read_toml(path))
-        except ValidationError as error:
-            faults += faults_of(error, str(path))
-        except BadInput as error:
-            faults += error.faults
+        with faults:
+            try:
+                read[name] = schema.model_validate(read_toml(path))
+            except ValidationError as error:
+                raise BadInput(faults_of(error, str(path))) from error
     if "stripes" in read and "designs" in read:
         # Sets can be checked against the stripes even if another file is at fault.
         parameters = Parameters(**{**dict.fromkeys(files), **read})
-        faults += [
+        faults.all += [
             Fault(f"{folder / 'designs.toml'}: {name}", problem)
             for name, members in parameters.designs.root.items()
             for pair in members.pairs
             if (problem := parameters.impossible(*pair))
         ]
-    if faults:
-        raise BadInput(faults)
+    if faults.all:
+        raise BadInput(faults.all)
     return parameters

@@ -17,11 +17,12 @@ from knitlab.model.pattern import Pattern, patch_map
 from knitlab.model.reading import Reading
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit, Stripe, periods_per_patch
 from knitlab.sweep.design_space import DesignSpace, design_space
-from knitlab.sweep.faults import BadInput, Fault
+from knitlab.sweep.faults import BadInput, Gathered
 from knitlab.sweep.files import written_whole
 from knitlab.sweep.parameters import Parameters, Strict, StripeTable, read_parameters
 from knitlab.sweep.shipped import shipped
-from knitlab.sweep.workflow import Workflow, read_workflow, workflow_file
+from knitlab.sweep.workflow import Workflow
+from knitlab.sweep.workflow_text import read_workflow, workflow_file
 
 # Unknowns that one vmapped batch may hold: about 1 GiB of element Hessians.
 BATCH_UNKNOWNS = 8_000
@@ -132,22 +133,21 @@ def make_plan(
     Raises:
         BadInput: with every fault of every file and override.
     """
-    path = workflow_file(workflow)
-    faults: list[Fault] = []
-    parameters = read = None
-    try:
+    text = read_workflow(workflow_file(workflow), overrides)
+    faults = Gathered()
+    parameters = read = space = None
+    with faults:
         parameters = read_parameters(parameter_folder or shipped("params"))
-    except BadInput as error:
-        faults += error.faults
-    try:
-        read = read_workflow(path, overrides)
-    except BadInput as error:
-        faults += error.faults
-    if parameters is None or read is None:
-        raise BadInput(faults)
-    space = design_space(read.design, parameters, str(path))
+    with faults:
+        read = text.checked()
+    with faults:
+        if parameters and (section := text.design()):
+            space = design_space(section, parameters, text.source)
+    if parameters is None or read is None or space is None:
+        raise BadInput(faults.all)
     cases = _cases(read, space, parameters)
-    return Plan(path.stem, read.title, read.figures, cases, _batches(cases), space.excluded)
+    name = text.path.stem
+    return Plan(name, read.title, read.figures, cases, _batches(cases), space.excluded)
 
 
 def _cases(workflow: Workflow, space: DesignSpace, parameters: Parameters) -> dict[str, Case]:

@@ -1,10 +1,8 @@
-"""Workflows: one short TOML file an experiment, the overrides of ``--set``, and what they mean."""
+"""Workflows: what the one short TOML file of an experiment may hold."""
 
-import tomllib
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, PositiveFloat, PositiveInt, ValidationError, field_validator
+from pydantic import Field, PositiveFloat, PositiveInt, field_validator
 
 from knitlab.model.pattern import patch_map
 from knitlab.model.reading import (
@@ -15,10 +13,7 @@ from knitlab.model.reading import (
     Hinges,
     HingeStiffness,
 )
-from knitlab.sweep.faults import BadInput, Fault, fault, faults_of
 from knitlab.sweep.parameters import Fraction, Strict
-from knitlab.sweep.shipped import shipped
-from knitlab.sweep.toml import read_toml
 
 Figure = Literal["curves", "auxetic", "shape"]
 Whole = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
@@ -97,69 +92,3 @@ SECTIONS: dict[str, type[Strict]] = {
     "solver": SolverSection,
 }
 SECTION_OF = {key: name for name, section in SECTIONS.items() for key in section.model_fields}
-
-
-def workflow_file(workflow: str) -> Path:
-    """The file of a workflow given by its name or its path.
-
-    Raises:
-        BadInput: if there is none.
-    """
-    named = shipped("workflows") / f"{workflow}.toml"
-    if named.is_file():
-        return named
-    path = Path(workflow)
-    if path.is_file():
-        return path
-    names = ", ".join(sorted(file.stem for file in shipped("workflows").glob("*.toml")))
-    raise fault(workflow, f"is neither a workflow ({names}) nor a file; give one of these")
-
-
-def read_workflow(path: Path, overrides: tuple[str, ...] = ()) -> Workflow:
-    """Read a workflow and apply the ``KEY=VALUE`` overrides of ``--set``.
-
-    Raises:
-        BadInput: with every fault of the file and of the overrides.
-    """
-    table = read_toml(path)
-    faults, overridden = [], dict[tuple[str, str], str]()
-    for override in overrides:
-        key, equals, text = override.partition("=")
-        name = key.strip().rpartition(".")[2]
-        section = SECTION_OF.get(name)
-        if not equals or not text.strip():
-            faults.append(Fault(f"--set {override}", "is not KEY=VALUE; give both"))
-        elif section is None or key.strip() not in (name, f"{section}.{name}"):
-            known = ", ".join(sorted(SECTION_OF))
-            faults.append(
-                Fault(f"--set {override}", f"{key.strip()} is not a setting; choose of {known}")
-            )
-        else:
-            part = table.setdefault(section, {})
-            if isinstance(part, dict):
-                part[name] = _overriding_value(text, SECTIONS[section], name)
-            overridden[section, name] = f"--set {override}"
-    try:
-        workflow = Workflow.model_validate(table)
-    except ValidationError as error:
-        for entry in faults_of(error, str(path)):
-            place = entry.path.removeprefix(f"{path}: ").split(".")
-            source = overridden.get((place[0], place[1] if len(place) > 1 else ""))
-            faults.append(Fault(source, entry.problem) if source else entry)
-    if faults:
-        raise BadInput(faults)
-    return workflow
-
-
-def _overriding_value(text: str, section: type[Strict], name: str) -> Any:
-    annotation = str(section.model_fields[name].annotation)
-    values = [_scalar(part.strip()) for part in text.split(",")]
-    takes_list = "tuple" in annotation
-    return values if takes_list or len(values) > 1 else values[0]
-
-
-def _scalar(text: str) -> Any:
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        return text

@@ -1,9 +1,11 @@
 import json
+import shutil
 
 import pytest
 
 from knitlab.sweep.faults import BadInput
 from knitlab.sweep.plan import make_plan
+from knitlab.sweep.shipped import shipped
 
 
 def designs(plan):
@@ -100,6 +102,26 @@ def test_every_fault_of_a_workflow_comes_at_once(tmp_path):
         "--set hinges=none",
     ):
         assert part in text
+
+
+def test_faults_of_parameters_workflow_and_design_come_at_once(tmp_path):
+    shutil.copytree(shipped("params"), tmp_path / "params")
+    sheet = tmp_path / "params" / "sheet.toml"
+    sheet.write_text(sheet.read_text().replace("value = 6.0", "value = -6.0"))
+    overrides = ("n_stripe=5", "n_subunit=20", "k_wall=-1", "hinge=all")
+    with pytest.raises(BadInput) as caught:
+        make_plan("preview", overrides, tmp_path / "params")
+    assert [fault.path for fault in caught.value.faults][1:] == [
+        "--set hinge=all",
+        "--set k_wall=-1",
+    ]
+    with pytest.raises(BadInput) as caught:
+        make_plan("preview", overrides)
+    assert [fault.path for fault in caught.value.faults] == [
+        "--set hinge=all",
+        "--set k_wall=-1",
+        "--set n_stripe=5, --set n_subunit=20",
+    ]
 
 
 def test_a_workflow_may_be_a_file_of_the_same_form(tmp_path):
