@@ -57,6 +57,15 @@ def workflow_options(command: Command) -> Command:
     return command
 
 
+select_option = click.option(
+    "--select",
+    "selections",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Keep one value of a coordinate, or several with commas. Repeatable.",
+)
+
+
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="knitlab")
 def main() -> None:
@@ -139,13 +148,7 @@ def run(
 
 @main.command()
 @click.argument("cube", type=click.Path(path_type=Path))
-@click.option(
-    "--select",
-    "selections",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="Keep one value of a coordinate, or several with commas. Repeatable.",
-)
+@select_option
 @click.option("--where", metavar="EXPRESSION", help="Keep the designs for which this holds.")
 @click.option("--sort", metavar="NAME", help="Sort by a variable, ascending; -NAME descends.")
 @click.option("--columns", metavar="NAMES", help="Columns to show, separated by commas.")
@@ -187,13 +190,7 @@ def query(
     required=True,
     help="File to draw; its suffix (.pdf, .svg, .png) sets the format.",
 )
-@click.option(
-    "--select",
-    "selections",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="Keep one value of a coordinate, or several with commas. Repeatable.",
-)
+@select_option
 @explains_bad_input
 def draw_map(kind: str, cube: Path, output: Path, selections: tuple[str, ...]) -> None:
     """Draw a figure of KIND from CUBE."""

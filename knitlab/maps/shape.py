@@ -5,7 +5,6 @@ import json
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
@@ -67,8 +66,8 @@ def relaxed_shape(case: xr.Dataset) -> Figure:
     return figure
 
 
-def _whole_sheet(case: xr.Dataset) -> Float[np.ndarray, "node_y node_x 3"]:
-    """Nodes of the relaxed sheet; endless fabric is repeated and closed."""
+def _whole_sheet(case: xr.Dataset) -> np.ndarray:
+    """Nodes (y, x, component) of the relaxed sheet; endless fabric is repeated and closed."""
     nodes = case["position"].isel(applied_strain=0).values
     if "length_x" not in case:
         return nodes

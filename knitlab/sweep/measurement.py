@@ -38,6 +38,7 @@ def measured(case: Case, test: TensileTest) -> xr.Dataset:
         "flat_cell_y": cells[1] * cell_length(case.garter, case.reading),
         "residual_force": [state.residual for state in test.states],
         "iterations": [float(state.iterations) for state in test.states],
+        "factorisations": [float(state.factorisations) for state in test.states],
     }
     if test.loading is not None:
         gradients = [state.gradient for state in reached]

@@ -89,6 +89,13 @@ VARIABLES = {
     "energy_wall": Variable(_STATE, "N mm", "energy of the wall penalty"),
     "residual_force": Variable(_STATE, "N", "largest force left on a free unknown"),
     "iterations": Variable(_STATE, "1", "Newton steps", "retried strain steps included"),
+    "factorisations": Variable(
+        _STATE,
+        "1",
+        "factorisations",
+        "of the stiffness, for all of the Newton steps",
+        in_cube=False,
+    ),
     "relaxed_cell_x": Variable((), "mm", "relaxed unit cell along the weft"),
     "relaxed_cell_y": Variable((), "mm", "relaxed unit cell along the warp"),
     "flat_cell_x": Variable((), "mm", "flat unit cell along the weft"),
@@ -122,7 +129,7 @@ def encoding(dataset: xr.Dataset) -> dict[str, dict[str, object]]:
         chosen[str(name)] = (
             {"zlib": True, "complevel": 4} if kind in "fi" and dataset[name].ndim else {}
         )
-    for name in ("iterations", "periods"):
+    for name in ("iterations", "factorisations", "periods"):
         if name in dataset:
             chosen[name] |= {"dtype": "int32", "_FillValue": -1}
     return chosen
