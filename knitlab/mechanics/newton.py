@@ -51,6 +51,8 @@ class SolverSettings:
             a grid cell; keeps hinges from being thrown past ±π.
         smallest_shift: floor of μ, which also steadies the modes that cost no energy [N/mm].
         ramp_steps: equal steps in which relaxation raises the rest fold angles.
+        waypoint_force: force that may be left between those steps, as a part of the largest
+            that a fold exerts, k_t × fold angle / cell.
         path_step: largest step of applied strain from one equilibrium to the next.
         smallest_step: part of a strain step down to which a failed one is halved.
     """
@@ -60,6 +62,7 @@ class SolverSettings:
     step_limit: float = 0.3
     smallest_shift: float = 1e-9
     ramp_steps: int = 10
+    waypoint_force: float = 1e-3
     path_step: float = 0.01
     smallest_step: float = 1 / 16
 
@@ -116,9 +119,10 @@ def find_equilibrium(
     """Move the free unknowns downhill to a state where no force is left on them.
 
     Each step solves (K + μ I) p = −g for a positive definite K + μ I, so that it always goes
-    downhill and follows the fabric through snaps into a minimum nearby. μ shrinks while the
+    downhill and follows the fabric through snaps towards a minimum nearby. μ shrinks while the
     quadratic model predicts the energy well and grows when it does not (Levenberg–Marquardt);
-    where it vanishes the convergence is Newton's.
+    where it vanishes the convergence is Newton's. The state that is returned is tested for its
+    force alone: a path that runs straight into a saddle would end there.
 
     Args:
         start: configuration to start from; its held unknowns stay.

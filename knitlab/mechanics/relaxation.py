@@ -10,15 +10,13 @@ from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.network import Network
 
-# On the way to the full rest angles a state need only be near the path.
-WAYPOINT_TOLERANCE = 1e-3
-
 
 def relax(net: Network, fabric: Fabric, settings: SolverSettings) -> Solver[State]:
     """Solver for the relaxed shape (paper, Sec. "Relaxation of a pattern").
 
     From the flat sheet the rest fold angles are raised to their full value in
-    ``settings.ramp_steps`` equal steps, each to a loose equilibrium, the last to tolerance.
+    ``settings.ramp_steps`` equal steps, each but the last only near equilibrium: to
+    ``settings.waypoint_force`` of the largest force that a fold exerts on the flat sheet.
     A sample for clamping relaxes with all its edges free. No coordinate is pinned: steps are the
     shortest that do, so the sample does not shift, and turns only as its shape makes it.
     """
@@ -26,7 +24,9 @@ def relax(net: Network, fabric: Fabric, settings: SolverSettings) -> Solver[Stat
     free = free_stiffness(shape, all_free(shape))
     longest = settings.step_limit * float(fabric.cell.min())
     configuration = np.asarray(flat_sheet(net, fabric))
-    waypoint = replace(settings, tolerance=max(settings.tolerance, WAYPOINT_TOLERANCE))
+    moments = np.asarray(fabric.fold_stiffness * abs(fabric.rest_fold))
+    near = settings.waypoint_force * float(moments.max() / fabric.cell.min())
+    waypoint = replace(settings, tolerance=max(settings.tolerance, near))
     passed: list[State] = []
     for step in range(1, settings.ramp_steps):
         request = Request(configuration, step / settings.ramp_steps)

@@ -41,10 +41,10 @@ def stretch(
     """Solver that relaxes a fabric and takes it through a tensile test.
 
     The path to a strain is followed in equal steps of at most ``settings.path_step``, each
-    starting from the line through the two states before it. A step that fails is tried again
-    over half the strain, down to ``settings.smallest_step`` of a full one. What all that costs
-    is counted in the state it leads to. The test ends at the first strain that cannot be
-    reached.
+    starting from the line through the two states before it, the first from an affine stretch.
+    A step that fails is tried again over half the strain, down to ``settings.smallest_step`` of
+    a full one. What all that costs is counted in the state it leads to. The test ends at the
+    first strain that cannot be reached.
 
     Args:
         net: network of the fabric's mesh shape.

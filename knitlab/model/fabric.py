@@ -20,7 +20,7 @@ class Sheet:
     Attributes:
         z_max: half the gap between the walls [mm].
         k_wall: penalty stiffness of the walls [N/mm].
-        surface_density: mass per flat area, ρ_s [g/mm²].
+        surface_density: ρ_s; a node weighs ρ_s (w/4)(h/4), with the tabulated periods [g/mm²].
         damping: viscous damping of a node, c [g/ms].
     """
 

@@ -23,12 +23,12 @@ class Reading:
             ``"stripe_border"`` at the even ones.
         hinges: ``"fold_lines"`` puts hinges only across the fold direction inside like patches
             (rest angles π and θ0 in turn); ``"all"`` adds every other interior edge, at rest
-            when flat.
+            when flat, with the k_t of its direction: rib for edges along y, garter along x.
         hinge_stiffness: ``"per_edge"`` takes k_t for each edge; ``"per_length"`` takes
             k_t × edge length, as its tabulated unit, N, suggests.
         garter_start: side to which the first fold of a garter patch points; the first fold of a
-            rib patch is a mountain, later ones alternate. It matters only with folds at stripe
-            borders, whose number in a patch is odd.
+            rib patch is a mountain, later ones alternate. An endless checkerboard with folds at
+            stripe centres, whose number in a patch is even, is the same either way.
         length_scale: factor on the stripes' periods, and so on every grid length [1].
         boundary: ``"clamped"`` sample or ``"periodic"`` endless fabric.
     """

@@ -115,6 +115,7 @@ class SolverParameters(Strict):
     step_limit: Quantity[Fraction, Literal["1"]]
     smallest_shift: Quantity[PositiveFloat, Literal["N/mm"]]
     ramp_steps: Quantity[PositiveInt, Literal["1"]]
+    waypoint_force: Quantity[Fraction, Literal["1"]]
     path_step: Quantity[Fraction, Literal["1"]]
     smallest_step: Quantity[Fraction, Literal["1"]]
 

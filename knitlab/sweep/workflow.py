@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, PositiveFloat, PositiveInt, field_validator
+from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_validator
 
 from knitlab.model.pattern import patch_map
 from knitlab.model.reading import (
@@ -17,6 +17,9 @@ from knitlab.sweep.parameters import Fraction, Strict
 
 Figure = Literal["curves", "auxetic", "shape"]
 Whole = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
+
+
+MOST_STEPS = 1000
 
 
 class DesignSection(Strict):
@@ -45,6 +48,16 @@ class ProtocolSection(Strict):
     strain_max: Annotated[float, Field(ge=0)] = 0.45
     strain_step: PositiveFloat = 0.03
 
+    @model_validator(mode="after")
+    def _is_not_endless(self) -> "ProtocolSection":
+        steps = self.strain_max / self.strain_step
+        if steps > MOST_STEPS:
+            raise ValueError(
+                f"strain_max / strain_step asks for {steps:.3g} strains;"
+                f" ask for {MOST_STEPS} at most"
+            )
+        return self
+
 
 class ModelSection(Strict):
     """``[model]``: what replaces the values of ``reading.toml`` and ``sheet.toml``."""
@@ -70,6 +83,7 @@ class SolverSection(Strict):
     step_limit: Fraction | None = None
     smallest_shift: PositiveFloat | None = None
     ramp_steps: PositiveInt | None = None
+    waypoint_force: Fraction | None = None
     path_step: Fraction | None = None
     smallest_step: Fraction | None = None
 

@@ -1,3 +1,6 @@
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -83,3 +86,14 @@ def test_corners_of_the_flat_sheet_are_its_lattice(reading):
     corners = np.asarray(unit_cell_corners(net.shape, (3, 2), flat_sheet(net, fabric)))
     y, x = np.mgrid[:4, :3]
     assert np.allclose(corners, np.stack([x, y], axis=-1) * 8 * np.asarray(fabric.cell))
+
+
+def test_measures_alone_are_in_double_precision():
+    program = (
+        "import numpy as np; from knitlab.measure.strain import lattice_vectors;"
+        " print(lattice_vectors(np.zeros((2, 2, 2))).dtype)"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert told.stdout.strip() == "float64"

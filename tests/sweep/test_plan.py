@@ -72,6 +72,7 @@ def test_impossible_combinations_of_a_grid_are_excluded_with_their_reason():
         (("cell_size=loose",), r"--set cell_size=loose: .*'flat' or 'relaxed'"),
         (("k_wall=-1",), r"--set k_wall=-1: .*greater than 0"),
         (("strain_step=0",), r"--set strain_step=0: .*greater than 0"),
+        (("strain_step=1e-9",), r"asks for 4.5e\+08 strains; ask for 1000 at most"),
         (("n_strip=4",), "n_strip is not a setting"),
         (("design.z_max=4",), "design.z_max is not a setting"),
         (("n_stripe",), "not KEY=VALUE"),
