@@ -13,13 +13,15 @@ from knitlab.maps.style import STRAIN_COLOURS, TWO_COLUMNS
 from knitlab.sweep.registry import Status
 
 MARKS: dict[Status, dict[str, Any]] = {
+    Status.ok: {"facecolor": "white", "edgecolor": "0.6"},
     Status.excluded: {"facecolor": "0.93", "edgecolor": "white"},
     Status.pending: {"facecolor": "white", "edgecolor": "0.6", "hatch": "...."},
     Status.not_converged: {"facecolor": "white", "edgecolor": "black", "hatch": "////"},
     Status.failed: {"facecolor": "white", "edgecolor": "black", "hatch": "xxxx"},
 }
 NAMES = {
-    Status.excluded: "not in this sweep",
+    Status.excluded: "no such design, or not in this sweep",
+    Status.ok: "not stretched",
     Status.pending: "not yet run",
     Status.not_converged: "not converged",
     Status.failed: "failed",
@@ -35,10 +37,12 @@ def auxetic_map(cube: xr.Dataset) -> Figure:
     at = cube["applied_strain_at_min"].transpose("n_stripe", "n_subunit")
     status = cube["status"].transpose("n_stripe", "n_subunit")
     rows, columns = lowest.shape
-    largest = float(np.nanmax(np.abs(lowest))) if lowest.notnull().any() else 1.0
+    # The same colour means the same value in every map, unless one goes beyond ±1.
+    largest = float(np.nanmax(np.abs([*lowest.values.ravel(), 1.0])))
     norm = mpl.colors.Normalize(-largest, largest)
     colours = mpl.colormaps[STRAIN_COLOURS]
 
+    marked: set[Status] = set()
     figure = Figure(figsize=(TWO_COLUMNS, max(2.4, 1.1 + 0.5 * rows)), layout="constrained")
     axes = figure.add_subplot()
     for row in range(rows):
@@ -55,7 +59,8 @@ def auxetic_map(cube: xr.Dataset) -> Figure:
                     column, row - 0.2, strain, ha="center", va="center", color=ink, fontsize=6
                 )
             else:
-                _cell(axes, row, column, **MARKS.get(code, MARKS[Status.pending]))
+                _cell(axes, row, column, **MARKS[code])
+                marked.add(code)
 
     axes.set(
         xlim=(-0.5, columns - 0.5),
@@ -75,8 +80,7 @@ def auxetic_map(cube: xr.Dataset) -> Figure:
         pad=0.01,
         label="lowest Poisson's ratio\n(negative: auxetic)",
     )
-    present = [Status(int(code)) for code in np.unique(status)]
-    handles = [Patch(label=NAMES[code], **MARKS[code]) for code in present if code in MARKS]
+    handles = [Patch(label=NAMES[code], **MARKS[code]) for code in sorted(marked)]
     if handles:
         figure.legend(handles=handles, loc="outside lower left", ncols=4, frameon=False)
     return figure

@@ -27,6 +27,15 @@ ARITHMETIC: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
 ALLOWED = "names, numbers, quoted words, + - * /, comparisons, and, or, not"
 
 
+def no_column(name: str, table: pd.DataFrame) -> str:
+    """Say why a table has no such column: its dimensions are not selected, or it is unknown."""
+    along = set(table.attrs.get("dims", {}).get(name, ())) - set(table.columns)
+    if along:
+        selections = " ".join(f"--select {dim}=VALUE" for dim in sorted(along))
+        return f"{name} runs along {', '.join(sorted(along))}; choose there with {selections}"
+    return unknown(name, map(str, table.columns))
+
+
 def holds(expression: str, table: pd.DataFrame) -> pd.Series:
     """For which rows of a table an expression over its columns is true.
 
@@ -55,7 +64,7 @@ def _value(node: ast.expr, table: pd.DataFrame, where: str) -> Any:
     match node:
         case ast.Name(id=name):
             if name not in table.columns:
-                raise fault(where, unknown(name, map(str, table.columns)))
+                raise fault(where, no_column(name, table))
             return table[name]
         case ast.Constant(value=bool() | int() | float() | str() as constant):
             return constant

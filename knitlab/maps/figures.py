@@ -43,6 +43,14 @@ def draw_figure(kind: str, cube_path: Path, output: Path, selections: Sequence[s
     """
     if output.suffix.lower() not in SUFFIXES:
         raise fault(f"-o {output}", f"has no suffix of {', '.join(SUFFIXES)}; give one")
+    if kind != "curves":
+        faults = [
+            Fault(f"--select {text}", f"says nothing to {kind}; select of {', '.join(DESIGN_DIMS)}")
+            for text in selections
+            if text.partition("=")[0].strip() not in DESIGN_DIMS
+        ]
+        if faults:
+            raise BadInput(faults)
     cube = selected(open_cube(cube_path), selections)
     folder = cube_path if cube_path.is_dir() else cube_path.parent
     with print_style():
@@ -81,4 +89,4 @@ def _most_auxetic_case(cube: xr.Dataset, folder: Path) -> xr.Dataset:
             with xr.open_dataset(path, engine="netcdf4") as case:
                 if "position" in case:
                     return case.load()
-    raise fault(str(folder / "cases"), "holds no shape of these designs; run the workflow here")
+    raise fault(str(folder / "cases"), "holds no relaxed shape of these designs")

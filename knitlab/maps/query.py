@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from knitlab.maps.expression import holds
-from knitlab.maps.selection import selected, unknown
+from knitlab.maps.expression import holds, no_column
+from knitlab.maps.selection import selected
 from knitlab.sweep.faults import BadInput, Fault
 from knitlab.sweep.registry import DESIGN_DIMS, Status
 
@@ -29,9 +29,12 @@ def designs_table(cube: xr.Dataset, selections: Sequence[str] = ()) -> pd.DataFr
     named = [text.partition("=")[0].strip() for text in selections]
     rows = [*DESIGN_DIMS, *(name for name in dict.fromkeys(named) if name not in DESIGN_DIMS)]
     shown = [name for name in cube.data_vars if set(cube[name].dims) <= set(rows)]
+    slices = cube[shown]
+    order = [name for name in rows if name in slices.dims]
     present = cube["status"] != Status.excluded
-    table = cube[shown].where(present).to_dataframe(dim_order=rows).reset_index()
+    table = slices.where(present).to_dataframe(dim_order=order).reset_index()
     table = table[table["status"].notna()].reset_index(drop=True)
+    table.attrs["dims"] = {str(name): cube[name].dims for name in cube.data_vars}
     table["status"] = [Status(int(code)).name for code in table["status"]]
     for name in ("periods", "iterations"):
         if name in table:
@@ -57,20 +60,20 @@ def queried(
         BadInput: if the expression is at fault or a column is not there.
     """
     faults = [
-        Fault(f"--columns {name}", unknown(name, map(str, table.columns)))
+        Fault(f"--columns {name}", no_column(name, table))
         for name in columns or ()
         if name not in table.columns
     ]
     key = (sort or "").removeprefix("-")
     if sort and key not in table.columns:
-        faults.append(Fault(f"--sort {sort}", unknown(key, map(str, table.columns))))
+        faults.append(Fault(f"--sort {sort}", no_column(key, table)))
     if faults:
         raise BadInput(faults)
     if where:
         table = table[holds(where, table)]
     if sort:
         table = table.sort_values(key, ascending=not sort.startswith("-"), kind="stable")
-    return table[list(columns)] if columns else table
+    return table[list(dict.fromkeys(columns))] if columns else table
 
 
 def formatted(table: pd.DataFrame, style: str) -> str:

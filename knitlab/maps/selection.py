@@ -10,10 +10,11 @@ from knitlab.sweep.faults import BadInput, Fault, fault
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
-    """Say that a name is not known, and which one it may have been."""
+    """Say that a name is not known, and which one it may have been or which there are."""
     names = sorted(known)
-    nearest = difflib.get_close_matches(name, names, n=1, cutoff=0.0)
-    return f"there is no {name!r}; did you mean {nearest[0]!r}?" if nearest else f"no {name!r}"
+    nearest = difflib.get_close_matches(name, names, n=1)
+    remedy = f"did you mean {nearest[0]!r}?" if nearest else f"choose of {', '.join(names)}"
+    return f"there is no {name!r}; {remedy}"
 
 
 def selected(cube: xr.Dataset, selections: Sequence[str]) -> xr.Dataset:
@@ -42,7 +43,7 @@ def _one(cube: xr.Dataset, text: str) -> xr.Dataset:
     if not equals or not listed:
         raise fault(text, "is not NAME=VALUE; give both")
     if name not in cube.dims or name not in cube.coords:
-        raise fault(text, unknown(name, map(str, cube.coords)))
+        raise fault(text, unknown(name, map(str, cube.dims)))
     present = cube[name].values
     places = []
     for value in listed.split(","):
@@ -54,4 +55,4 @@ def _one(cube: xr.Dataset, text: str) -> xr.Dataset:
             choices = ", ".join(f"{choice:g}" for choice in present)
             raise fault(text, f"the cube has no {name} = {value}; choose of {choices}")
         places.append(int(matches[0]))
-    return cube.isel({name: places})
+    return cube.isel({name: list(dict.fromkeys(places))})

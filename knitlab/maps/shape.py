@@ -6,7 +6,7 @@ import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
@@ -37,7 +37,17 @@ def relaxed_shape(case: xr.Dataset) -> Figure:
     norm = mpl.colors.Normalize(heights.min(), heights.max())
     colours = mpl.colormaps[SEQUENCE_COLOURS](norm(heights))
     colours[:, :3] *= (0.45 + 0.55 * light)[:, None]
-    from_below = np.argsort(heights)
+    borders = np.concatenate(
+        [_segments(line) for line in (*nodes[::spans], *nodes.swapaxes(0, 1)[::spans])]
+    )
+
+    # Painted from below, so that a fold hides what lies under it; a border rides on its faces.
+    polygons = [*faces[:, :, :2], *borders[:, :, :2]]
+    lift = 0.02 * np.ptp(heights)
+    from_below = np.argsort(np.concatenate([heights, borders[:, :, 2].mean(axis=1) + lift]))
+    white = np.ones((len(borders), 4))
+    shades = np.concatenate([colours, white])[from_below]
+    widths = np.repeat([0.2, 1.2], [len(faces), len(borders)])[from_below]
 
     extent = np.ptp(nodes[..., :2], axis=(0, 1))
     height = ONE_COLUMN * min(1.6, 0.8 * extent[1] / extent[0]) + 0.7
@@ -45,14 +55,9 @@ def relaxed_shape(case: xr.Dataset) -> Figure:
     axes = figure.add_subplot()
     axes.add_collection(
         PolyCollection(
-            list(faces[from_below][:, :, :2]),
-            facecolors=colours[from_below],
-            edgecolors="face",
-            lw=0.2,
+            [polygons[k] for k in from_below], facecolors=shades, edgecolors=shades, lw=widths
         )
     )
-    borders = [*nodes[::spans, :, :2], *nodes[:, ::spans, :2].swapaxes(0, 1)]
-    axes.add_collection(LineCollection(borders, colors="white", lw=1.2))
     _name_patches(axes, nodes, parameters["pattern"], spans)
     axes.set(xlabel="x, weft [mm]", ylabel="y, warp [mm]", aspect="equal")
     axes.autoscale_view()
@@ -64,6 +69,11 @@ def relaxed_shape(case: xr.Dataset) -> Figure:
         mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS), ax=axes, label="height z [mm]", shrink=0.8
     )
     return figure
+
+
+def _segments(line: np.ndarray) -> np.ndarray:
+    """Segments (segment, end, component) of a line of nodes."""
+    return np.stack([line[:-1], line[1:]], axis=1)
 
 
 def _whole_sheet(case: xr.Dataset) -> np.ndarray:

@@ -39,9 +39,12 @@ def design_space(section: DesignSection, parameters: Parameters, source: Source)
         BadInput: if a set or a member asked for does not exist, if a single design that was
             asked for is impossible, or if no design is left.
     """
+    name, sets = section.set or DEFAULT_SET, parameters.designs.root
+    if name not in sets:
+        raise fault(source("design.set"), f"there is no set {name!r}; choose of {sorted(sets)}")
     if section.n_stripe is not None and section.n_subunit is not None:
         return _grid(section.n_stripe, section.n_subunit, parameters, source)
-    return _members(section, parameters, source)
+    return _members(section, name, sets[name].pairs, source)
 
 
 def _grid(
@@ -56,12 +59,9 @@ def _grid(
     return DesignSpace(tuple(pair for pair in pairs if pair not in excluded), excluded)
 
 
-def _members(section: DesignSection, parameters: Parameters, source: Source) -> DesignSpace:
-    name = section.set or DEFAULT_SET
-    sets = parameters.designs.root
-    if name not in sets:
-        raise fault(source("design.set"), f"there is no set {name!r}; choose of {sorted(sets)}")
-    pairs = sets[name].pairs
+def _members(
+    section: DesignSection, name: str, pairs: tuple[Design, ...], source: Source
+) -> DesignSpace:
     faults = []
     for key, place in (("n_stripe", 0), ("n_subunit", 1)):
         wanted = getattr(section, key)

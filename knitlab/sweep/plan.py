@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import math
 from collections import defaultdict
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -155,8 +154,7 @@ def _cases(workflow: Workflow, space: DesignSpace, parameters: Parameters) -> di
     reading = _merged(parameters.reading, workflow.model)
     solver = _merged(parameters.solver, workflow.solver)
     protocol = workflow.protocol
-    # A step that overshoots the last strain by round-off still belongs to the test.
-    steps = math.floor(protocol.strain_max / protocol.strain_step + 1e-9)
+    steps = round(protocol.strain_max / protocol.strain_step)
     applied_strain = tuple(round(step * protocol.strain_step, 12) for step in range(steps + 1))
     cases = (
         Case(

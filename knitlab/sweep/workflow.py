@@ -49,8 +49,13 @@ class ProtocolSection(Strict):
     strain_step: PositiveFloat = 0.03
 
     @model_validator(mode="after")
-    def _is_not_endless(self) -> "ProtocolSection":
+    def _is_a_whole_number_of_steps(self) -> "ProtocolSection":
         steps = self.strain_max / self.strain_step
+        if abs(steps - round(steps)) > 1e-6:
+            raise ValueError(
+                f"strain_max = {self.strain_max:g} is no whole number of strain_step ="
+                f" {self.strain_step:g}; change one"
+            )
         if steps > MOST_STEPS:
             raise ValueError(
                 f"strain_max / strain_step asks for {steps:.3g} strains;"

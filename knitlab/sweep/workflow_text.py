@@ -45,7 +45,11 @@ class WorkflowText:
             workflow = Workflow.model_validate(self.table)
         except ValidationError as error:
             for entry in faults_of(error, ""):
-                override = self.overrides.get(".".join(entry.path.split(".")[:2]))
+                section, _, key = entry.path.partition(".")
+                name, _, item = key.partition(".")
+                override = self.overrides.get(f"{section}.{name}")
+                if override and item:
+                    override = f"{override}: value {int(item) + 1}"
                 faults.append(Fault(override or f"{self.path}: {entry.path}", entry.problem))
         if faults:
             raise BadInput(faults)

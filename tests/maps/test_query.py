@@ -82,6 +82,24 @@ def test_a_selected_strain_brings_its_variables():
     assert "poisson_ratio" not in TABLE
 
 
+def test_a_selected_dimension_that_no_column_has_changes_nothing():
+    cube = made_up_cube().expand_dims(cell_x=[0, 1])
+    cube["status"] = cube["status"].isel(cell_x=0)
+    table = designs_table(cube[["status"]].assign(wide=cube["poisson_ratio"]), ["cell_x=0"])
+    assert pairs(table) == pairs(TABLE)
+
+
+def test_what_is_named_twice_comes_once():
+    assert list(queried(TABLE, columns=["n_stripe", "n_stripe"]).columns) == ["n_stripe"]
+    table = designs_table(made_up_cube(), ["n_stripe=4,4"])
+    assert pairs(table) == [(4, 16), (4, 32)]
+
+
+def test_a_variable_along_the_strain_says_how_to_get_it():
+    with pytest.raises(BadInput, match="--select applied_strain=VALUE"):
+        queried(TABLE, "poisson_ratio < 0")
+
+
 @pytest.mark.parametrize(
     ("selection", "message"),
     [
@@ -89,7 +107,7 @@ def test_a_selected_strain_brings_its_variables():
         ("n_stripes=4", "did you mean 'n_stripe'"),
         ("n_stripe=four", "not a number"),
         ("n_stripe", "not NAME=VALUE"),
-        ("status=1", "there is no 'status'"),
+        ("status=1", "there is no 'status'; choose of applied_strain, n_stripe, n_subunit"),
     ],
 )
 def test_a_bad_selection_is_named(selection, message):
