@@ -1,4 +1,4 @@
-"""The command line: ``knitlab plan | run | status | query | map``."""
+"""The command line: ``knitlab plan | run | query | map``."""
 
 import os
 import sys

@@ -13,6 +13,7 @@ from knitlab.maps.curves import tension_curves
 from knitlab.maps.selection import selected
 from knitlab.maps.shape import relaxed_shape
 from knitlab.maps.style import print_style
+from knitlab.sweep.case_file import case_path, read_case
 from knitlab.sweep.faults import BadInput, Fault, fault
 from knitlab.sweep.files import written_whole
 from knitlab.sweep.registry import DESIGN_DIMS
@@ -43,24 +44,8 @@ def draw_figure(kind: str, cube_path: Path, output: Path, selections: Sequence[s
     """
     if output.suffix.lower() not in SUFFIXES:
         raise fault(f"-o {output}", f"has no suffix of {', '.join(SUFFIXES)}; give one")
-    if kind != "curves":
-        faults = [
-            Fault(f"--select {text}", f"says nothing to {kind}; select of {', '.join(DESIGN_DIMS)}")
-            for text in selections
-            if text.partition("=")[0].strip() not in DESIGN_DIMS
-        ]
-        if faults:
-            raise BadInput(faults)
-    cube = selected(open_cube(cube_path), selections)
-    folder = cube_path if cube_path.is_dir() else cube_path.parent
     with print_style():
-        if kind in CUBE_FIGURES:
-            figure = CUBE_FIGURES[kind](cube)
-        else:
-            figure = CASE_FIGURES[kind](_most_auxetic_case(cube, folder))
-        FigureCanvasAgg(figure)
-        with written_whole(output) as temporary:
-            figure.savefig(temporary)
+        _save(_drawn(kind, cube_path, selections), output)
     return output
 
 
@@ -70,23 +55,49 @@ def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     Returns:
         The files, and why a figure could not be drawn of these results.
     """
-    drawn: list[Path] = []
+    saved: list[Path] = []
     faults: list[Fault] = []
     for kind in kinds:
         outputs = [folder / "figures" / f"{kind}{suffix}" for suffix in (".pdf", ".png")]
         try:
-            drawn += [draw_figure(kind, folder / "cube.nc", output) for output in outputs]
+            with print_style():
+                figure = _drawn(kind, folder)
+                for output in outputs:
+                    _save(figure, output)
         except BadInput as error:
             faults += [Fault(f"figure {kind}", entry.problem) for entry in error.faults]
-    return drawn, faults
+        else:
+            saved += outputs
+    return saved, faults
+
+
+def _drawn(kind: str, cube_path: Path, selections: Sequence[str] = ()) -> Figure:
+    if kind != "curves":
+        faults = [
+            Fault(f"--select {text}", f"says nothing to {kind}; select of {', '.join(DESIGN_DIMS)}")
+            for text in selections
+            if text.partition("=")[0].strip() not in DESIGN_DIMS
+        ]
+        if faults:
+            raise BadInput(faults)
+    cube = selected(open_cube(cube_path), selections)
+    if kind in CUBE_FIGURES:
+        return CUBE_FIGURES[kind](cube)
+    folder = cube_path if cube_path.is_dir() else cube_path.parent
+    return CASE_FIGURES[kind](_most_auxetic_case(cube, folder))
+
+
+def _save(figure: Figure, output: Path) -> None:
+    FigureCanvasAgg(figure)
+    with written_whole(output) as temporary:
+        figure.savefig(temporary)
 
 
 def _most_auxetic_case(cube: xr.Dataset, folder: Path) -> xr.Dataset:
     designs = cube[["case_id", "poisson_ratio_min"]].stack(design=DESIGN_DIMS)
     for case_id in designs.sortby("poisson_ratio_min")["case_id"].values:
-        path = folder / "cases" / f"{case_id}.nc"
-        if path.is_file():
-            with xr.open_dataset(path, engine="netcdf4") as case:
-                if "position" in case:
-                    return case.load()
+        if case_path(folder, case_id).is_file():
+            case = read_case(folder, case_id)
+            if "position" in case:
+                return case
     raise fault(str(folder / "cases"), "holds no relaxed shape of these designs")

@@ -14,7 +14,6 @@ from knitlab.maps.style import ONE_COLUMN, SEQUENCE_COLOURS
 
 ENDLESS_REPEATS = 2
 """Unit cells of endless fabric that are drawn each way."""
-CELLS_PER_PERIOD = 4
 LIGHT = np.array([-0.5, 0.5, 0.7])
 
 
@@ -26,7 +25,9 @@ def relaxed_shape(case: xr.Dataset) -> Figure:
     """
     parameters = json.loads(case.attrs["parameters"])
     nodes = _whole_sheet(case)
-    spans = CELLS_PER_PERIOD * int(case["periods"])
+    endless = parameters["reading"]["boundary"] == "periodic"
+    cells_y = case.sizes["node_y"] - (not endless)
+    spans = cells_y // (parameters["unit_cells"][0] * len(parameters["pattern"]))
 
     corners = np.stack([nodes[:-1, :-1], nodes[:-1, 1:], nodes[1:, 1:], nodes[1:, :-1]], axis=2)
     faces = corners.reshape(-1, 4, 3)
@@ -61,10 +62,8 @@ def relaxed_shape(case: xr.Dataset) -> Figure:
     _name_patches(axes, nodes, parameters["pattern"], spans)
     axes.set(xlabel="x, weft [mm]", ylabel="y, warp [mm]", aspect="equal")
     axes.autoscale_view()
-    endless = ", endless" if parameters["reading"]["boundary"] == "periodic" else ""
-    axes.set_title(
-        f"n_stripe = {int(case['n_stripe'])}, n_subunit = {int(case['n_subunit'])}{endless}"
-    )
+    design = f"n_stripe = {int(case['n_stripe'])}, n_subunit = {int(case['n_subunit'])}"
+    axes.set_title(f"{design}, endless" if endless else design)
     figure.colorbar(
         mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS), ax=axes, label="height z [mm]", shrink=0.8
     )

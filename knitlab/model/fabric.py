@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from knitlab.model.network import Network, mesh_shape, network
-from knitlab.model.pattern import CELLS_PER_PERIOD, Pattern, fold_senses
+from knitlab.model.pattern import CELLS_PER_PERIOD, Pattern, fold_senses, inside_runs
 from knitlab.model.reading import Reading
 from knitlab.model.stripe import Stripe
 
@@ -98,8 +98,9 @@ def weave(
     if reading.hinge_stiffness == "per_length":
         k_t = k_t * np.where(net.wale, cell[1], cell[0])
     if reading.hinges == "fold_lines":
-        along_folds = np.where(net.wale, _inside(rib)[at], _inside(~rib.T).T[at])
-        k_t = np.where(along_folds, k_t, 0.0)
+        in_rib = inside_runs(rib, shape.periodic)
+        in_garter = inside_runs(~rib.T, shape.periodic).T
+        k_t = np.where(np.where(net.wale, in_rib[at], in_garter[at]), k_t, 0.0)
 
     return net, Fabric(
         rest_length=jnp.asarray(rest_length),
@@ -110,10 +111,6 @@ def weave(
         k_wall=jnp.asarray(sheet.k_wall, float),
         cell=jnp.asarray(cell),
     )
-
-
-def _inside(like: np.ndarray) -> np.ndarray:
-    return like & np.roll(like, 1, axis=1)
 
 
 def flat_sheet(net: Network, fabric: Fabric) -> Float[Array, " unknown"]:

@@ -55,6 +55,16 @@ def checkerboard(periods: int, unit_cells: tuple[int, int] = (1, 1)) -> Pattern:
     return Pattern(np.tile(np.array([[True, False], [False, True]]), unit_cells), periods)
 
 
+def inside_runs(
+    like: Bool[np.ndarray, "line cell"], periodic: bool
+) -> Bool[np.ndarray, "line cell"]:
+    """Whether the edge before each cell lies inside a run of like cells, along axis 1."""
+    inside = like & np.roll(like, 1, axis=1)
+    if not periodic:
+        inside[:, 0] = False
+    return inside
+
+
 SENSE_BY_LINE = {
     "stripe_border": np.array([-1.0, 0.0, 1.0, 0.0]),
     "stripe_centre": np.array([0.0, 1.0, 0.0, -1.0]),
@@ -86,7 +96,6 @@ def fold_senses(
     last_other = np.maximum.accumulate(np.where(unrolled, -1, np.arange(cells)), axis=1)
     place = np.empty((lines, cells), dtype=int)
     np.put_along_axis(place, order, np.arange(cells) - last_other - 1, axis=1)
-    inside = like & np.roll(like, 1, axis=1)
-    if not periodic:
-        inside[:, 0] = False
-    return np.where(inside, SENSE_BY_LINE[fold_phase][place % CELLS_PER_PERIOD], 0.0)
+    return np.where(
+        inside_runs(like, periodic), SENSE_BY_LINE[fold_phase][place % CELLS_PER_PERIOD], 0.0
+    )

@@ -70,7 +70,7 @@ def run_plan(
         failed = _simulate(pool, results.resolve(), batches, bar)
     cube = build_cube(plan, results, failed)
     write_cube(cube, results / "cube.nc")
-    failures = _failures(plan, results, failed)
+    failures = _failures(plan, results, cube, failed)
     with written_whole(results / "failures.jsonl") as temporary:
         temporary.write_text("".join(json.dumps(entry) + "\n" for entry in failures))
     simulated = tuple(case_id for case_id in missing if case_id not in failed)
@@ -93,21 +93,15 @@ def _simulate(
     return failed | _simulate(pool, results, alone, bar) if alone else failed
 
 
-def _failures(plan: Plan, results: Path, failed: dict[str, str]) -> list[dict[str, object]]:
+def _failures(
+    plan: Plan, results: Path, cube: xr.Dataset, failed: dict[str, str]
+) -> list[dict[str, object]]:
     entries: list[dict[str, object]] = []
     for case_id, case in plan.cases.items():
-        status, reason = Status.failed, failed.get(case_id, "")
-        if case_id not in failed:
-            dataset = read_case(results, case_id)
-            status, reason = Status(int(dataset["status"])), dataset.attrs["reason"]
-        if status is not Status.ok:
-            entries.append(
-                {
-                    "case_id": case_id,
-                    "n_stripe": case.n_stripe,
-                    "n_subunit": case.n_subunit,
-                    "status": status.name,
-                    "reason": reason,
-                }
-            )
+        design = {"n_stripe": case.n_stripe, "n_subunit": case.n_subunit}
+        status = Status(int(cube["status"].sel(design)))
+        if status is Status.ok:
+            continue
+        reason = failed.get(case_id) or read_case(results, case_id).attrs["reason"]
+        entries.append({"case_id": case_id, **design, "status": status.name, "reason": reason})
     return entries
