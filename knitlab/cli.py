@@ -1,18 +1,22 @@
-"""The command line: ``knitlab plan | run | query | map``."""
+"""The command line: ``knitlab plan | run | query | map | calibrate``."""
 
 import os
 import sys
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from knitlab.sweep.faults import BadInput
 
+if TYPE_CHECKING:
+    from knitlab.sweep.plan import Plan
+
 # Each command imports what it needs, so that `query` and `map` start without JAX.
 
+KINDS = ("auxetic", "curves", "shape", "relaxation", "folding", "stripes", "departure")
 BAD_INPUT = 2
 SOME_CASE_NOT_OK = 1
 
@@ -90,9 +94,8 @@ def plan(workflow: str, results: Path, overrides: tuple[str, ...]) -> None:
         for case_id in batch:
             case = made.cases[case_id]
             done = "done" if case_path(folder, case_id).is_file() else "to run"
-            design = f"n_stripe {case.n_stripe:2d}  n_subunit {case.n_subunit:3d}"
-            click.echo(f"  {design}  P {case.periods}  {case_id}  {done}")
-    _echo_excluded(made.excluded)
+            click.echo(f"  {case.label}  P {case.periods}  {case_id}  {done}")
+    _echo_excluded(made)
     strains = made.applied_strain
     click.echo(
         f"{len(made.cases)} cases, {len(strains)} strains from 0 to {strains[-1]:g};"
@@ -100,9 +103,10 @@ def plan(workflow: str, results: Path, overrides: tuple[str, ...]) -> None:
     )
 
 
-def _echo_excluded(excluded: dict[tuple[int, int], str]) -> None:
-    for (n_stripe, n_subunit), reason in excluded.items():
-        click.echo(f"excluded: n_stripe {n_stripe}  n_subunit {n_subunit}: {reason}")
+def _echo_excluded(made: "Plan") -> None:
+    for design, reason in made.excluded.items():
+        labels = zip(made.dims, design, strict=True)
+        click.echo(f"excluded: {'  '.join(f'{name} {label}' for name, label in labels)}: {reason}")
 
 
 @main.command()
@@ -131,7 +135,7 @@ def run(
     made = make_plan(workflow, overrides)
     folder = results / made.workflow
     done = run_plan(made, folder, workers, scheduler, show_progress=True)
-    _echo_excluded(made.excluded)
+    _echo_excluded(made)
     click.echo(f"{len(done.simulated)} cases simulated, {done.reused} already there")
     click.echo(f"cube    {folder / 'cube.nc'}")
     figures, faults = draw_figures(made.figures, folder)
@@ -140,7 +144,7 @@ def run(
     for fault in faults:
         click.echo(f"knitlab: {fault}", err=True)
     for failure in done.failures:
-        design = f"n_stripe {failure['n_stripe']}  n_subunit {failure['n_subunit']}"
+        design = "  ".join(f"{name} {failure[name]}" for name in made.dims)
         click.echo(f"{failure['status']}: {design}: {failure['reason']}", err=True)
     if done.failures:
         sys.exit(SOME_CASE_NOT_OK)
@@ -181,14 +185,14 @@ def query(
 
 
 @main.command(name="map")
-@click.argument("kind", type=click.Choice(["auxetic", "curves", "shape"]))
+@click.argument("kind", type=click.Choice(KINDS))
 @click.argument("cube", type=click.Path(path_type=Path))
 @click.option(
     "-o",
     "--output",
     type=click.Path(path_type=Path, dir_okay=False),
     required=True,
-    help="File to draw; its suffix (.pdf, .svg, .png) sets the format.",
+    help="File to draw; its suffix (.pdf, .svg, .png; .gif for folding) sets the format.",
 )
 @select_option
 @explains_bad_input
@@ -197,3 +201,72 @@ def draw_map(kind: str, cube: Path, output: Path, selections: tuple[str, ...]) -
     from knitlab.maps.figures import draw_figure
 
     click.echo(f"figure  {draw_figure(kind, cube, output, selections)}")
+
+
+MILLIMETRES = click.FloatRange(min=0, min_open=True)
+
+
+@main.command()
+@click.argument("curve", type=click.Path(path_type=Path, dir_okay=False))
+@click.option("--stripe", "knit", type=click.Choice(["rib", "garter"]), required=True)
+@click.option("-n", "stitches", type=click.IntRange(min=1), required=True, help="Its stitches.")
+@click.option(
+    "--period", type=MILLIMETRES, required=True, help="Relaxed peak-to-peak distance [mm]."
+)
+@click.option("--width", type=MILLIMETRES, help="Width of one row, for a curve of stress [mm].")
+@click.option("--thickness", type=MILLIMETRES, help="Of the fabric, for stress over area [mm].")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Stripe entry to write, .toml; figures lie beside it. [default: STRIPE-N.toml]",
+)
+@explains_bad_input
+def calibrate(
+    curve: Path,
+    knit: Literal["rib", "garter"],
+    stitches: int,
+    period: float,
+    width: float | None,
+    thickness: float | None,
+    output: Path | None,
+) -> None:
+    """Fit k_s, k_t and theta_0 of a stripe to the tension CURVE of its pure fabric.
+
+    CURVE is a CSV file with a header such as "strain [1],force [N]": the force on one row of the
+    network, or the stress with the row's --width.
+    """
+    from knitlab.sweep.curve_file import read_tension_curve
+    from knitlab.sweep.faults import fault
+
+    output = output or Path(f"{knit}-{stitches}.toml")
+    if output.suffix != ".toml":
+        raise fault(f"-o {output}", "has no suffix .toml; give it one")
+    measured = read_tension_curve(curve, width, thickness)
+
+    from knitlab.maps.calibration import calibration_figure
+    from knitlab.maps.figures import save
+    from knitlab.maps.style import print_style
+    from knitlab.measure.calibration import calibrate as fit
+    from knitlab.measure.calibration import report
+    from knitlab.sweep.stripe_file import write_stripe_file
+
+    title = f"{stitches} × {stitches} {knit}, period {period:g} mm"
+    try:
+        found = fit(period, measured.strain, measured.force)
+    except ValueError as problem:
+        raise fault(str(curve), str(problem)) from problem
+    click.echo(title)
+    for line in report(found):
+        click.echo(line)
+    for warning in found.warnings:
+        click.echo(f"knitlab: {warning}", err=True)
+    write_stripe_file(output, knit, stitches, found, curve)
+    click.echo(f"stripe   {output}")
+    with print_style():
+        figure = calibration_figure(found.strain, found.force, found.fitted_force, title)
+        for suffix in (".pdf", ".png"):
+            save(figure, output.with_suffix(suffix))
+            click.echo(f"figure   {output.with_suffix(suffix)}")
+    if not found.converged:
+        sys.exit(SOME_CASE_NOT_OK)

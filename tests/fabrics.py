@@ -4,9 +4,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from knitlab.mechanics.lockstep import run_in_lockstep
-from knitlab.mechanics.newton import SolverSettings, State
+from knitlab.mechanics.newton import SolverSettings
 from knitlab.mechanics.relaxation import relax
-from knitlab.mechanics.tension import TensileTest, stretch
+from knitlab.mechanics.state import State, TensileTest
+from knitlab.mechanics.tension import stretch
 from knitlab.model.fabric import Fabric, Sheet, weave
 from knitlab.model.network import Network
 from knitlab.model.pattern import Pattern, checkerboard, patch_map
@@ -16,7 +17,7 @@ from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.shipped import shipped
 
 PARAMETERS = read_parameters(shipped("params"))
-SHEET = Sheet(z_max=6.0, k_wall=100.0, surface_density=1.1e-4, damping=1e-4)
+SHEET = Sheet(z_max=6.0, k_wall=100.0)
 ENDLESS = Reading(boundary="periodic")
 CLAMPED = Reading(boundary="clamped")
 DEFAULT = SolverSettings()

@@ -1,10 +1,11 @@
-"""Opening a cube."""
+"""Opening a cube, and which designs it holds."""
 
 from pathlib import Path
 
 import xarray as xr
 
 from knitlab.sweep.faults import fault
+from knitlab.sweep.registry import DESIGN_DIMS, STRIPE_DIMS
 
 
 def open_cube(path: str | Path) -> xr.Dataset:
@@ -25,6 +26,15 @@ def open_cube(path: str | Path) -> xr.Dataset:
         raise fault(str(path), "does not exist; run a workflow first") from error
     except (OSError, ValueError) as error:
         raise fault(str(path), f"is not a netCDF file ({error}); give a cube.nc") from error
-    if missing := {"n_stripe", "n_subunit"} - set(cube.dims):
-        raise fault(str(path), f"is not a cube: it has no dimension {sorted(missing)}")
+    if "status" not in cube or design_dims(cube) not in (DESIGN_DIMS, STRIPE_DIMS):
+        raise fault(
+            str(path),
+            f"is not a cube: it has no status along {' and '.join(DESIGN_DIMS)};"
+            " give a cube.nc or a results folder",
+        )
     return cube
+
+
+def design_dims(cube: xr.Dataset) -> tuple[str, ...]:
+    """The dimensions that the designs of a cube lie along."""
+    return tuple(map(str, cube["status"].dims))

@@ -1,37 +1,71 @@
 """Every figure by name, drawn from a cube and written whole."""
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import xarray as xr
+from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from knitlab.maps.auxetic import auxetic_map
-from knitlab.maps.cube import open_cube
+from knitlab.maps.cube import design_dims, open_cube
 from knitlab.maps.curves import tension_curves
+from knitlab.maps.relaxation import FRAMES_PER_SECOND, folding_animation, relaxation_figure
 from knitlab.maps.selection import selected
 from knitlab.maps.shape import relaxed_shape
+from knitlab.maps.stripes import stripe_departure, stripe_tension
 from knitlab.maps.style import print_style
 from knitlab.sweep.case_file import case_path, read_case
 from knitlab.sweep.faults import BadInput, Fault, fault
 from knitlab.sweep.files import written_whole
-from knitlab.sweep.registry import DESIGN_DIMS
+from knitlab.sweep.registry import DESIGN_DIMS, STRIPE_DIMS, VARIABLES
 
-CUBE_FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
-    "auxetic": auxetic_map,
-    "curves": tension_curves,
+Drawing = Figure | FuncAnimation
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of figure.
+
+    Attributes:
+        draw: what draws it, from a cube, or from a case if ``needs`` names a variable.
+        dims: the designs it shows lie along these.
+        needs: variable that the case it shows must have.
+        coordinates: further coordinates that it can be sliced along.
+    """
+
+    draw: Callable[[xr.Dataset], Drawing]
+    dims: tuple[str, ...] = DESIGN_DIMS
+    needs: str | None = None
+    coordinates: tuple[str, ...] = ()
+
+
+FIGURES = {
+    "auxetic": Kind(auxetic_map),
+    "curves": Kind(tension_curves, coordinates=("applied_strain",)),
+    "shape": Kind(relaxed_shape, needs="position"),
+    "relaxation": Kind(relaxation_figure, needs="snapshot_position"),
+    "folding": Kind(folding_animation, needs="snapshot_position"),
+    "stripes": Kind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),
+    "departure": Kind(stripe_departure, STRIPE_DIMS, coordinates=("applied_strain",)),
 }
-CASE_FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {"shape": relaxed_shape}
-SUFFIXES = (".pdf", ".svg", ".png")
+STILL = (".pdf", ".svg", ".png")
+MOVING = (".gif",)
+
+
+def suffixes(kind: str) -> tuple[str, ...]:
+    """Formats that a kind of figure can be written in."""
+    return MOVING if kind == "folding" else STILL
 
 
 def draw_figure(kind: str, cube_path: Path, output: Path, selections: Sequence[str] = ()) -> Path:
     """Draw one figure into a file.
 
     Args:
-        kind: a name of :data:`CUBE_FIGURES`, or of :data:`CASE_FIGURES` for the most
-            auxetic design of the selection that has a case file beside the cube.
+        kind: a name of :data:`FIGURES`; one that shows a single case shows the most auxetic
+            design of the selection that has its case file beside the cube.
         cube_path: a cube, or the results folder that holds one.
         output: the file; its suffix sets the format.
         selections: texts ``NAME=VALUE`` that slice the cube first.
@@ -42,10 +76,10 @@ def draw_figure(kind: str, cube_path: Path, output: Path, selections: Sequence[s
     Raises:
         BadInput: if the cube, a selection or the suffix is at fault.
     """
-    if output.suffix.lower() not in SUFFIXES:
-        raise fault(f"-o {output}", f"has no suffix of {', '.join(SUFFIXES)}; give one")
+    if output.suffix.lower() not in suffixes(kind):
+        raise fault(f"-o {output}", f"has no suffix of {', '.join(suffixes(kind))}; give one")
     with print_style():
-        _save(_drawn(kind, cube_path, selections), output)
+        save(_drawn(kind, cube_path, selections), output)
     return output
 
 
@@ -58,12 +92,14 @@ def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     saved: list[Path] = []
     faults: list[Fault] = []
     for kind in kinds:
-        outputs = [folder / "figures" / f"{kind}{suffix}" for suffix in (".pdf", ".png")]
+        outputs = [
+            folder / "figures" / f"{kind}{suffix}" for suffix in suffixes(kind) if suffix != ".svg"
+        ]
         try:
             with print_style():
                 figure = _drawn(kind, folder)
                 for output in outputs:
-                    _save(figure, output)
+                    save(figure, output)
         except BadInput as error:
             faults += [Fault(f"figure {kind}", entry.problem) for entry in error.faults]
         else:
@@ -71,33 +107,44 @@ def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     return saved, faults
 
 
-def _drawn(kind: str, cube_path: Path, selections: Sequence[str] = ()) -> Figure:
-    if kind != "curves":
-        faults = [
-            Fault(f"--select {text}", f"says nothing to {kind}; select of {', '.join(DESIGN_DIMS)}")
-            for text in selections
-            if text.partition("=")[0].strip() not in DESIGN_DIMS
-        ]
-        if faults:
-            raise BadInput(faults)
-    cube = selected(open_cube(cube_path), selections)
-    if kind in CUBE_FIGURES:
-        return CUBE_FIGURES[kind](cube)
+def _drawn(name: str, cube_path: Path, selections: Sequence[str] = ()) -> Drawing:
+    kind = FIGURES[name]
+    cube = open_cube(cube_path)
+    if design_dims(cube) != kind.dims:
+        able = [other for other, its in FIGURES.items() if its.dims == design_dims(cube)]
+        raise fault(name, f"is not of such designs as this cube's; draw {', '.join(able)}")
+    known = (*kind.dims, *kind.coordinates)
+    faults = [
+        Fault(f"--select {text}", f"says nothing to {name}; select of {', '.join(known)}")
+        for text in selections
+        if text.partition("=")[0].strip() not in known
+    ]
+    if faults:
+        raise BadInput(faults)
+    cube = selected(cube, selections)
+    if kind.needs is None:
+        return kind.draw(cube)
     folder = cube_path if cube_path.is_dir() else cube_path.parent
-    return CASE_FIGURES[kind](_most_auxetic_case(cube, folder))
+    return kind.draw(_most_auxetic_case(cube, folder, kind.needs))
 
 
-def _save(figure: Figure, output: Path) -> None:
-    FigureCanvasAgg(figure)
+def save(drawing: Drawing, output: Path) -> None:
+    """Write a figure or a film into a file, whole."""
     with written_whole(output) as temporary:
-        figure.savefig(temporary)
+        if isinstance(drawing, FuncAnimation):
+            drawing.save(temporary, writer=PillowWriter(fps=FRAMES_PER_SECOND))
+        else:
+            FigureCanvasAgg(drawing)
+            drawing.savefig(temporary)
 
 
-def _most_auxetic_case(cube: xr.Dataset, folder: Path) -> xr.Dataset:
+def _most_auxetic_case(cube: xr.Dataset, folder: Path, needs: str) -> xr.Dataset:
     designs = cube[["case_id", "poisson_ratio_min"]].stack(design=DESIGN_DIMS)
     for case_id in designs.sortby("poisson_ratio_min")["case_id"].values:
         if case_path(folder, case_id).is_file():
             case = read_case(folder, case_id)
-            if "position" in case:
+            if needs in case:
                 return case
-    raise fault(str(folder / "cases"), "holds no relaxed shape of these designs")
+    what = VARIABLES[needs].long_name
+    how = "; run them with method=dynamics" if VARIABLES[needs].of == "dynamics" else ""
+    raise fault(str(folder / "cases"), f"holds no {what} of these designs{how}")

@@ -6,10 +6,11 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from knitlab.maps.cube import design_dims
 from knitlab.maps.expression import holds, no_column
 from knitlab.maps.selection import selected
 from knitlab.sweep.faults import BadInput, Fault
-from knitlab.sweep.registry import DESIGN_DIMS, Status
+from knitlab.sweep.registry import Status
 
 
 def designs_table(cube: xr.Dataset, selections: Sequence[str] = ()) -> pd.DataFrame:
@@ -27,7 +28,8 @@ def designs_table(cube: xr.Dataset, selections: Sequence[str] = ()) -> pd.DataFr
     """
     cube = selected(cube, selections)
     named = [text.partition("=")[0].strip() for text in selections]
-    rows = [*DESIGN_DIMS, *(name for name in dict.fromkeys(named) if name not in DESIGN_DIMS)]
+    designs = design_dims(cube)
+    rows = [*designs, *(name for name in dict.fromkeys(named) if name not in designs)]
     shown = [name for name in cube.data_vars if set(cube[name].dims) <= set(rows)]
     slices = cube[shown]
     order = [name for name in rows if name in slices.dims]

@@ -45,8 +45,15 @@ def _one(cube: xr.Dataset, text: str) -> xr.Dataset:
     if name not in cube.dims or name not in cube.coords:
         raise fault(text, unknown(name, map(str, cube.dims)))
     present = cube[name].values
+    words = present.dtype.kind in "UO"
     places = []
-    for value in listed.split(","):
+    for value in (part.strip() for part in listed.split(",")):
+        if words:
+            if value not in present:
+                choices = ", ".join(map(str, present))
+                raise fault(text, f"the cube has no {name} = {value}; choose of {choices}")
+            places.append(int(np.flatnonzero(present == value)[0]))
+            continue
         try:
             matches = np.flatnonzero(np.isclose(present, float(value), rtol=0, atol=1e-9))
         except ValueError:

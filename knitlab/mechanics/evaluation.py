@@ -15,6 +15,7 @@ from knitlab.model.energy import (
     element_vectors,
     energy,
     hinge_energy,
+    over_elements,
     positions,
     spring_energy,
     wall_energy,
@@ -67,10 +68,10 @@ def evaluate(
         return parts.total, parts
 
     gradient, parts = jax.grad(total, has_aux=True)(configuration)
-    springs = jax.vmap(jax.hessian(spring_energy))(
+    springs = over_elements(jax.hessian(spring_energy))(
         element_vectors(net.springs, configuration), fabric.rest_length, fabric.stretch_stiffness
     )
-    hinges = jax.vmap(jax.hessian(hinge_energy))(
+    hinges = over_elements(jax.hessian(hinge_energy))(
         element_vectors(net.hinges, configuration), fabric.rest_fold, fabric.fold_stiffness
     )
     curvature = jax.vmap(jax.grad(jax.grad(wall_energy)), (0, None, None))

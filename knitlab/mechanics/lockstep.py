@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,11 +14,12 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
 
 Result = TypeVar("Result")
+Numbers = TypeVar("Numbers", bound=eqx.Module)
 
 
-def stacked(fabrics: Sequence[Fabric]) -> Fabric:
-    """One batch of fabrics of one mesh shape, their numbers stacked along a first axis."""
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *fabrics)
+def stacked(cases: Sequence[Numbers]) -> Numbers:
+    """One batch of fabrics of one mesh shape, or what drives them, along a first axis."""
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *cases)
 
 
 def run_in_lockstep(

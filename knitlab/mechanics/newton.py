@@ -7,7 +7,6 @@ in step and share one vmapped evaluation (:mod:`knitlab.mechanics.lockstep`).
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
-from enum import IntEnum
 from typing import TypeVar
 
 import numpy as np
@@ -15,8 +14,8 @@ from jaxtyping import Float
 
 from knitlab.mechanics.evaluation import Evaluation
 from knitlab.mechanics.factorisation import factorise
+from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import FreeStiffness
-from knitlab.model.energy import Energy
 
 Result = TypeVar("Result")
 
@@ -30,14 +29,6 @@ class Request:
 
 
 Solver = Generator[Request, Evaluation, Result]
-
-
-class Outcome(IntEnum):
-    """How the search for one state ended."""
-
-    converged = 0
-    iteration_limit = 1
-    stalled = 2
 
 
 @dataclass(frozen=True)
@@ -65,42 +56,6 @@ class SolverSettings:
     waypoint_force: float = 1e-3
     path_step: float = 0.01
     smallest_step: float = 1 / 16
-
-
-@dataclass(frozen=True)
-class State:
-    """A configuration and how near it is to equilibrium.
-
-    Attributes:
-        configuration: node coordinates, then L_x and L_y [mm].
-        energy: its parts there [N mm].
-        gradient: minus the force on every unknown, held ones included [N].
-        outcome: how the search ended.
-        residual: largest force left on a free unknown [N].
-        iterations: Newton steps tried, rejected ones included.
-        factorisations: factorisations they took.
-    """
-
-    configuration: Float[np.ndarray, " unknown"]
-    energy: Energy
-    gradient: Float[np.ndarray, " unknown"]
-    outcome: Outcome
-    residual: float
-    iterations: int
-    factorisations: int
-
-    @property
-    def converged(self) -> bool:
-        """Whether the state is in equilibrium to tolerance."""
-        return self.outcome is Outcome.converged
-
-    def after(self, *earlier: "State") -> "State":
-        """This state, charged with the work of the searches that led to it."""
-        return replace(
-            self,
-            iterations=self.iterations + sum(state.iterations for state in earlier),
-            factorisations=self.factorisations + sum(state.factorisations for state in earlier),
-        )
 
 
 FIRST_SHIFT = 1e-3

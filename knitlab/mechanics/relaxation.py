@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from knitlab.mechanics.loading import all_free
-from knitlab.mechanics.newton import Request, Solver, SolverSettings, State, find_equilibrium
+from knitlab.mechanics.loading import all_free, squaring_angle, turned
+from knitlab.mechanics.newton import Request, Solver, SolverSettings, find_equilibrium
+from knitlab.mechanics.state import State
 from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.network import Network
@@ -17,13 +18,13 @@ def relax(net: Network, fabric: Fabric, settings: SolverSettings) -> Solver[Stat
     From the flat sheet the rest fold angles are raised to their full value in
     ``settings.ramp_steps`` equal steps, each but the last only near equilibrium: to
     ``settings.waypoint_force`` of the largest force that a fold exerts on the flat sheet.
-    A sample for clamping relaxes with all its edges free. No coordinate is pinned: steps are the
-    shortest that do, so the sample does not shift, and turns only as its shape makes it.
+    A sample for clamping relaxes with all its edges free; no coordinate is pinned. It is then
+    squared up.
     """
     shape = net.shape
     free = free_stiffness(shape, all_free(shape))
     longest = settings.step_limit * float(fabric.cell.min())
-    configuration = np.asarray(flat_sheet(net, fabric))
+    flat = configuration = np.asarray(flat_sheet(net, fabric))
     moments = np.asarray(fabric.fold_stiffness * abs(fabric.rest_fold))
     near = settings.waypoint_force * float(moments.max() / fabric.cell.min())
     waypoint = replace(settings, tolerance=max(settings.tolerance, near))
@@ -34,4 +35,8 @@ def relax(net: Network, fabric: Fabric, settings: SolverSettings) -> Solver[Stat
         configuration = state.configuration
         passed.append(state)
     state = yield from find_equilibrium(Request(configuration), free, longest, settings)
+    passed.append(state)
+    angle = squaring_angle(shape, flat, state.configuration)
+    square = Request(turned(state.configuration, angle))
+    state = yield from find_equilibrium(square, free, longest, settings)
     return state.after(*passed)

@@ -123,7 +123,7 @@ def _vector_derivatives(elements: Elements) -> tuple[np.ndarray, np.ndarray]:
     They are the coordinates of its end and start, and the length L_x or L_y where it crosses
     the seam of endless fabric.
     """
-    ends, starts = np.argmax(elements.incidence, axis=1), np.argmin(elements.incidence, axis=1)
+    starts, ends = np.array(elements.ends).T
     count, vectors = len(elements.nodes), len(ends)
     unknowns = np.zeros((count, vectors, 3, 3), dtype=np.int64)
     derivatives = np.zeros((count, vectors, 3, 3))
@@ -134,5 +134,5 @@ def _vector_derivatives(elements: Elements) -> tuple[np.ndarray, np.ndarray]:
         derivatives[:, :, component, 1] = -1
         if component < 2:
             unknowns[:, :, component, 2] = 3 * elements.shape.nodes + component
-            derivatives[:, :, component, 2] = elements.periods[:, :, component]
+            derivatives[:, :, component, 2] = elements.periods[:, component].T
     return unknowns.reshape(count, -1, 3), derivatives.reshape(count, -1, 3)

@@ -2,33 +2,19 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from knitlab.mechanics.loading import Loading, tensile
-from knitlab.mechanics.newton import Request, Solver, SolverSettings, State, find_equilibrium
+from knitlab.mechanics.newton import Request, Solver, SolverSettings, find_equilibrium
 from knitlab.mechanics.relaxation import relax
+from knitlab.mechanics.state import State, TensileTest
 from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
 
 ROUND_OFF = 1e-9
-
-
-@dataclass(frozen=True)
-class TensileTest:
-    """States along a tensile test.
-
-    Attributes:
-        loading: what was held and driven; ``None`` if the fabric did not relax.
-        states: one for each applied strain that was tried, the relaxed shape first; only the
-            last may be unconverged, and then the test ended there.
-    """
-
-    loading: Loading | None
-    states: list[State]
 
 
 def stretch(

@@ -4,6 +4,8 @@ A configuration is one vector: the coordinates of every node, then L_x and L_y, 
 endless fabric (they have no influence on a sheet with open edges). Units are mm, N and rad.
 """
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -33,11 +35,13 @@ def positions(configuration: Float[Array, " unknown"]) -> Float[Array, "node 3"]
 
 def element_vectors(
     elements: Elements, configuration: Float[Array, " unknown"]
-) -> Float[Array, "element vector 3"]:
-    """The vectors that every element's energy hangs on [mm]."""
-    corners = positions(configuration)[elements.nodes]
-    across_seam = jnp.pad(elements.periods * configuration[-2:], ((0, 0), (0, 0), (0, 1)))
-    return jnp.einsum("vn,enk->evk", elements.incidence, corners) + across_seam
+) -> Float[Array, "vector 3 element"]:
+    """The vectors that every element's energy hangs on [mm]; elements last, for speed."""
+    columns = positions(configuration).T
+    corners = [columns[:, nodes] for nodes in elements.nodes.T]
+    vectors = [corners[end] - corners[start] for start, end in elements.ends]
+    across_seam = elements.periods * configuration[-2:, None]
+    return jnp.stack(vectors) + jnp.pad(across_seam, ((0, 0), (0, 1), (0, 0)))
 
 
 def spring_energy(
@@ -83,14 +87,19 @@ def wall_energy(
     return 0.5 * k_wall * jnp.maximum(jnp.abs(z) - z_max, 0.0) ** 2
 
 
+def over_elements(function: Callable[..., Array]) -> Callable[..., Array]:
+    """A function of one element's vectors and two of its numbers, for all elements at once."""
+    return jax.vmap(function, in_axes=(-1, 0, 0))
+
+
 def energy(net: Network, fabric: Fabric, configuration: Float[Array, " unknown"]) -> Energy:
     """Elastic energy of a configuration, split into its parts [N mm]."""
-    springs = jax.vmap(spring_energy)(
+    springs = over_elements(spring_energy)(
         element_vectors(net.springs, configuration),
         fabric.rest_length,
         fabric.stretch_stiffness,
     )
-    hinges = jax.vmap(hinge_energy)(
+    hinges = over_elements(hinge_energy)(
         element_vectors(net.hinges, configuration),
         fabric.rest_fold,
         fabric.fold_stiffness,

@@ -15,19 +15,15 @@ from knitlab.model.stripe import Stripe
 
 @dataclass(frozen=True)
 class Sheet:
-    """What all fabrics share: the wall they lie between, and what makes them move.
+    """What all fabrics share: the walls they lie between.
 
     Attributes:
         z_max: half the gap between the walls [mm].
         k_wall: penalty stiffness of the walls [N/mm].
-        surface_density: ρ_s; a node weighs ρ_s (w/4)(h/4), with the tabulated periods [g/mm²].
-        damping: viscous damping of a node, c [g/ms].
     """
 
     z_max: float
     k_wall: float
-    surface_density: float
-    damping: float
 
 
 class Fabric(eqx.Module):
@@ -75,7 +71,7 @@ def weave(
         pattern: which patch is rib and which garter.
         weft: the rib stripe; for a pure stripe fabric, that stripe.
         warp: the garter stripe; for a pure stripe fabric, that stripe.
-        sheet: walls and mass.
+        sheet: the walls.
         reading: the choices that the paper leaves open.
     """
     shape = mesh_shape(pattern, reading.boundary)

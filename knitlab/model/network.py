@@ -67,9 +67,14 @@ class Elements:
     shape: MeshShape
 
     @cached_property
-    def periods(self) -> Float[np.ndarray, "element vector 2"]:
+    def ends(self) -> list[tuple[int, int]]:
+        """Places of the nodes where each vector starts and ends."""
+        return [(int(np.argmin(row)), int(np.argmax(row))) for row in self.incidence]
+
+    @cached_property
+    def periods(self) -> Float[np.ndarray, "vector 2 element"]:
         """Periods of endless fabric along (x, y) that each vector spans."""
-        return np.einsum("vn,enk->evk", self.incidence, self.images).astype(float)
+        return np.einsum("vn,enk->vke", self.incidence, self.images).astype(float)
 
 
 SPRING_VECTORS = np.array([[-1, 1]])

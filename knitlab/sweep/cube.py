@@ -1,17 +1,21 @@
 """The cube: every case of a plan on one labelled grid."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from knitlab.sweep.case import Label
 from knitlab.sweep.case_file import case_path, read_case
+from knitlab.sweep.design_space import Design
 from knitlab.sweep.files import written_whole
+from knitlab.sweep.measurement import variables_of
 from knitlab.sweep.plan import Plan
 from knitlab.sweep.provenance import provenance
-from knitlab.sweep.registry import DESIGN_DIMS, VARIABLES, Status, described, encoding
+from knitlab.sweep.registry import VARIABLES, Status, described, encoding
 
 
 def build_cube(plan: Plan, results: Path, failed: dict[str, str]) -> xr.Dataset:
@@ -25,59 +29,68 @@ def build_cube(plan: Plan, results: Path, failed: dict[str, str]) -> xr.Dataset:
         results: results folder of the workflow.
         failed: reasons by case identifier.
     """
-    designs = {(case.n_stripe, case.n_subunit): case for case in plan.cases.values()}
-    asked = [*designs, *plan.excluded]
-    n_stripe = sorted({design[0] for design in asked})
-    n_subunit = sorted({design[1] for design in asked})
     first = next(iter(plan.cases.values()))
+    designs = [*(tuple(case.design.values()) for case in plan.cases.values()), *plan.excluded]
+    labels = [_along(designs, place) for place in range(len(plan.dims))]
     sizes = {
         "applied_strain": len(first.applied_strain),
         "cell_y": first.unit_cells[0],
         "cell_x": first.unit_cells[1],
     }
-    arrays: dict[str, np.ndarray] = {}
-    for name, variable in VARIABLES.items():
-        if variable.in_cube:
-            extent = (len(n_stripe), len(n_subunit), *(sizes[dim] for dim in variable.dims))
-            arrays[name] = np.full(extent, np.nan)
-    arrays["status"] = np.full(arrays["status"].shape, Status.excluded, np.int8)
-    longest = max(map(len, plan.cases))
-    arrays["case_id"] = np.full(arrays["case_id"].shape, "", dtype=f"U{longest}")
+    grid = tuple(map(len, labels))
+    arrays: dict[str, np.ndarray] = {
+        name: np.full((*grid, *(sizes[dim] for dim in variable.dims)), np.nan)
+        for name, variable in variables_of(first).items()
+        if variable.in_cube
+    }
+    arrays["status"] = np.full(grid, Status.excluded, np.int8)
+    arrays["case_id"] = np.full(grid, "", dtype=f"U{max(map(len, plan.cases))}")
 
-    for design, case in designs.items():
-        place = n_stripe.index(design[0]), n_subunit.index(design[1])
-        if case_path(results, case.case_id).is_file():
-            dataset = read_case(results, case.case_id)
+    for case_id, case in plan.cases.items():
+        place = tuple(
+            along.index(label) for along, label in zip(labels, case.design.values(), strict=True)
+        )
+        if case_path(results, case_id).is_file():
+            dataset = read_case(results, case_id)
             for name, array in arrays.items():
                 array[place] = dataset[name].values[()]
         else:
             arrays["periods"][place] = case.periods
-            arrays["case_id"][place] = case.case_id
-            known = Status.failed if case.case_id in failed else Status.pending
-            arrays["status"][place] = known
+            arrays["case_id"][place] = case_id
+            arrays["status"][place] = Status.failed if case_id in failed else Status.pending
 
     variables: dict[str, Any] = {
-        name: ((*DESIGN_DIMS, *VARIABLES[name].dims), array) for name, array in arrays.items()
+        name: ((*plan.dims, *VARIABLES[name].dims), array) for name, array in arrays.items()
     }
     coordinates = {
-        "n_stripe": n_stripe,
-        "n_subunit": n_subunit,
+        **dict(zip(plan.dims, labels, strict=True)),
         "applied_strain": list(first.applied_strain),
         "cell_y": np.arange(sizes["cell_y"]),
         "cell_x": np.arange(sizes["cell_x"]),
     }
     cube = described(xr.Dataset(variables, coordinates))
-    reading = {f"reading_{key}": value for key, value in vars(first.reading).items()}
+    reading = {
+        f"reading_{key}": value
+        for key, value in vars(first.reading).items()
+        if key not in plan.dims
+    }
     cube.attrs |= (
         provenance()
         | reading
         | {
             "title": plan.title,
             "workflow": plan.workflow,
+            "method": first.method,
             "parameters": json.dumps(plan.record()),
         }
     )
     return cube
+
+
+def _along(designs: Sequence[Design], place: int) -> list[Label]:
+    """Labels along one dimension: numbers ascending, words as they come."""
+    labels = list(dict.fromkeys(design[place] for design in designs))
+    return labels if any(isinstance(label, str) for label in labels) else sorted(labels)
 
 
 def write_cube(cube: xr.Dataset, path: Path) -> None:

@@ -1,13 +1,15 @@
-"""The design space: which (n_stripe, n_subunit) a workflow asks for, and which are possible."""
+"""The design space: which designs a workflow asks for, and which of them are possible."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from knitlab.sweep.case import Label
 from knitlab.sweep.faults import BadInput, Fault, fault
 from knitlab.sweep.parameters import Parameters
-from knitlab.sweep.workflow import DesignSection
+from knitlab.sweep.workflow import DesignSection, StripesSection
 
-Design = tuple[int, int]
+Design = tuple[Label, ...]
+Pair = tuple[int, int]
 Source = Callable[[str], str]
 DEFAULT_SET = "paper"
 
@@ -17,7 +19,8 @@ class DesignSpace:
     """Designs of a sweep, on the grid of a cube.
 
     Attributes:
-        designs: (n_stripe, n_subunit) to simulate, ordered.
+        designs: labels of those to simulate, ordered: (n_stripe, n_subunit) of a checkerboard,
+            (knit, n, boundary) of a pure stripe.
         excluded: combinations of a grid that no fabric can have, with the reason.
     """
 
@@ -52,15 +55,16 @@ def _grid(
 ) -> DesignSpace:
     pairs = sorted({(n, m) for n in n_stripe for m in n_subunit})
     reasons = {pair: parameters.impossible(*pair) for pair in pairs}
-    excluded = {pair: reason for pair, reason in reasons.items() if reason}
+    excluded: dict[Design, str] = {pair: reason for pair, reason in reasons.items() if reason}
     if len(excluded) == len(pairs):
         asked = ", ".join(dict.fromkeys(map(source, ("design.n_stripe", "design.n_subunit"))))
         raise BadInput(Fault(asked, reason) for reason in dict.fromkeys(excluded.values()))
-    return DesignSpace(tuple(pair for pair in pairs if pair not in excluded), excluded)
+    kept = tuple(pair for pair in pairs if pair not in excluded)
+    return DesignSpace(kept, excluded)
 
 
 def _members(
-    section: DesignSection, name: str, pairs: tuple[Design, ...], source: Source
+    section: DesignSection, name: str, pairs: tuple[Pair, ...], source: Source
 ) -> DesignSpace:
     faults = []
     for key, place in (("n_stripe", 0), ("n_subunit", 1)):
@@ -82,3 +86,30 @@ def _members(
     if faults:
         raise BadInput(faults)
     return DesignSpace(tuple(sorted(pairs)), {})
+
+
+def stripe_space(section: StripesSection, parameters: Parameters, source: Source) -> DesignSpace:
+    """Resolve a workflow's ``[stripes]``: every stripe that there is, or those of the sizes asked.
+
+    A size that one knit has and another has not is excluded for the other.
+
+    Raises:
+        BadInput: if no knit that was asked for has a stripe of a size.
+    """
+    there = {knit: sorted(map(int, parameters.stripes.table(knit).n)) for knit in section.knit}
+    sizes = sorted(set().union(*there.values()))
+    if section.n and (strangers := sorted(set(section.n) - set(sizes))):
+        problem = f"there is no stripe of n = {strangers}; choose of {sizes}"
+        raise fault(source("stripes.n"), problem)
+    asked = [
+        (knit, n, boundary)
+        for knit in dict.fromkeys(section.knit)
+        for n in sorted(set(section.n or sizes))
+        for boundary in dict.fromkeys(section.boundaries)
+    ]
+    excluded: dict[Design, str] = {
+        (knit, n, boundary): f"there is no {knit} stripe of n = {n}; choose of {there[knit]}"
+        for knit, n, boundary in asked
+        if n not in there[knit] and section.n
+    }
+    return DesignSpace(tuple(design for design in asked if design[1] in there[design[0]]), excluded)

@@ -1,5 +1,6 @@
 """Measurement of a finished test: all that a case holds, as a labelled dataset."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import jax.numpy as jnp
@@ -13,38 +14,66 @@ from knitlab.measure.strain import (
     local_strain,
     poisson_ratio,
 )
-from knitlab.mechanics.newton import State
-from knitlab.mechanics.tension import TensileTest
+from knitlab.mechanics.state import History, State, TensileTest
+from knitlab.mechanics.zigzag_tension import ChainState
 from knitlab.model.fabric import cell_length
-from knitlab.sweep.plan import Case
-from knitlab.sweep.registry import VARIABLES, Status, described
+from knitlab.sweep.case import Case
+from knitlab.sweep.registry import VARIABLES, Status, Variable, described
 
 
-def measured(case: Case, test: TensileTest) -> xr.Dataset:
+def variables_of(case: Case) -> dict[str, Variable]:
+    """The registry's variables that a case has."""
+    kinds = ["all"]
+    if case.method == "dynamics":
+        kinds.append("dynamics")
+    if case.pure:
+        kinds.append("stripe")
+    return {name: variable for name, variable in VARIABLES.items() if variable.of in kinds}
+
+
+def measured(case: Case, test: TensileTest, chain: Sequence[ChainState] = ()) -> xr.Dataset:
     """Dataset of a case: its variables of the registry at every strain of the protocol.
 
     Strains that did not converge, or were not tried, are missing; ``residual_force`` and
     ``iterations`` are there for every strain that was tried. What sums up the whole test is
     missing unless all of it converged.
+
+    Args:
+        case: the case.
+        test: its test.
+        chain: of a pure stripe, its two-dimensional zigzag at every strain.
     """
     reached = [state for state in test.states if state.converged]
     complete = len(reached) == len(case.applied_strain)
     cells = case.sample.cells_per_patch * np.array([len(case.pattern[0]), len(case.pattern)])
+    shape = case.mesh_shape
     values: dict[str, Any] = {
         "status": np.int8(Status.ok if complete else Status.not_converged),
         "case_id": case.case_id,
         "periods": case.periods,
-        "flat_cell_x": cells[0] * cell_length(case.rib, case.reading),
-        "flat_cell_y": cells[1] * cell_length(case.garter, case.reading),
+        "flat_cell_x": cells[0] * cell_length(case.weft, case.reading),
+        "flat_cell_y": cells[1] * cell_length(case.warp, case.reading),
         "residual_force": [state.residual for state in test.states],
         "iterations": [float(state.iterations) for state in test.states],
         "factorisations": [float(state.factorisations) for state in test.states],
     }
     if test.loading is not None:
         gradients = [state.gradient for state in reached]
-        values["reaction_force"] = [test.loading.reaction_force(g) for g in gradients]
+        reaction = np.array([test.loading.reaction_force(g) for g in gradients])
+        values |= {"reaction_force": reaction, "row_force": reaction / shape.cells_x}
         values |= _shapes(case, reached)
         values |= _strains(case, reached, complete)
+    if case.method == "dynamics":
+        values["kinetic_energy_peak"] = [state.kinetic_peak for state in test.states]
+        values["snapped"] = [float(state.snapped) for state in test.states]
+    if test.history is not None:
+        values |= _history(case, test.history)
+    if chain:
+        values |= {
+            "zigzag_force": [state.force if state.converged else np.nan for state in chain],
+            "zigzag_residual": [state.residual for state in chain],
+            "zigzag_iterations": [float(state.iterations) for state in chain],
+        }
     return described(_dataset(case, values))
 
 
@@ -59,6 +88,23 @@ def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
     if shape.periodic:
         values |= {"length_x": lengths[:, 0], "length_y": lengths[:, 1]}
     return values | {"position": nodes.reshape(-1, shape.nodes_y, shape.nodes_x, 3)}
+
+
+def _history(case: Case, history: History) -> dict[str, Any]:
+    shape = case.mesh_shape
+    nodes = history.snapshots[:, :-2].reshape(-1, shape.nodes_y, shape.nodes_x, 3)
+    values: dict[str, Any] = {
+        "time": history.time,
+        "kinetic_energy": history.kinetic,
+        "potential_energy": history.potential,
+        "dissipated_work": history.dissipated,
+        "snapshot": history.snapshot_time,
+        "snapshot_position": nodes,
+    }
+    if shape.periodic:
+        values["snapshot_length_x"] = history.snapshots[:, -2]
+        values["snapshot_length_y"] = history.snapshots[:, -1]
+    return values
 
 
 def _strains(case: Case, reached: list[State], complete: bool) -> dict[str, Any]:
@@ -95,26 +141,28 @@ def _dataset(case: Case, values: dict[str, Any]) -> xr.Dataset:
         "node_y": shape.nodes_y,
         "node_x": shape.nodes_x,
         "component": 3,
+        "time": len(values.get("time", ())),
+        "snapshot": len(values.get("snapshot", ())),
     }
     variables: dict[str, Any] = {}
-    for name, variable in VARIABLES.items():
+    for name, variable in variables_of(case).items():
         given = values.get(name)
         if not variable.dims:
             variables[name] = ((), np.nan if given is None else given)
             continue
+        if given is None and not variable.in_cube:
+            continue
         padded = np.full([sizes[dim] for dim in variable.dims], np.nan)
         if given is not None:
             padded[: len(given)] = given
-        elif not variable.in_cube:
-            continue
         variables[name] = (variable.dims, padded)
     coordinates: dict[str, Any] = {
-        "n_stripe": case.n_stripe,
-        "n_subunit": case.n_subunit,
+        **case.design,
         "applied_strain": list(case.applied_strain),
         "cell_y": np.arange(sizes["cell_y"]),
         "cell_x": np.arange(sizes["cell_x"]),
     }
+    coordinates |= {name: values[name] for name in ("time", "snapshot") if name in values}
     if "position" in variables:
         coordinates["component"] = ["x", "y", "z"]
     return xr.Dataset(variables, coordinates)

@@ -1,6 +1,6 @@
 """Parameters: what ``params/*.toml`` may hold, each value with its unit and source."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Generic, Literal, TypeVar
 
@@ -15,6 +15,7 @@ from pydantic import (
     ValidationError,
 )
 
+from knitlab.mechanics.dynamics import Ending
 from knitlab.model.reading import (
     Boundary,
     CellSize,
@@ -23,13 +24,19 @@ from knitlab.model.reading import (
     Hinges,
     HingeStiffness,
 )
-from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, periods_per_patch
+from knitlab.model.stripe import (
+    GARTER_STITCHES_PER_RIB_STITCH,
+    Knit,
+    Stripe,
+    periods_per_patch,
+)
 from knitlab.sweep.faults import BadInput, Fault, Gathered, faults_of
 from knitlab.sweep.toml import read_toml
 
 Value = TypeVar("Value")
 Unit = TypeVar("Unit")
 Fraction = Annotated[float, Field(gt=0, le=1)]
+Snapshots = Annotated[int, Field(ge=2, le=1000)]
 Angle = Annotated[float, Field(gt=0, lt=3.141592653589793)]
 
 
@@ -85,6 +92,29 @@ class Stripes(Strict):
     rib: StripeTable
     garter: StripeTable
 
+    def table(self, knit: Knit) -> StripeTable:
+        """The stripes of one knit."""
+        return self.rib if knit == "rib" else self.garter
+
+    def stripe(self, knit: Knit, stitches: int) -> Stripe:
+        """One stripe that there is."""
+        return Stripe(knit=knit, n=stitches, **self.table(knit).n[str(stitches)].model_dump())
+
+
+class StripeFile(Strict):
+    """Stripes that a user adds or replaces, as ``knitlab calibrate`` writes them."""
+
+    rib: StripeTable | None = None
+    garter: StripeTable | None = None
+
+    def over(self, stripes: Stripes) -> Stripes:
+        """The stripes, with those of this file added or replaced."""
+        tables = {}
+        for knit, table in (("rib", stripes.rib), ("garter", stripes.garter)):
+            own: StripeTable | None = getattr(self, knit)
+            tables[knit] = table if own is None else own.model_copy(update={"n": table.n | own.n})
+        return Stripes(**tables)
+
 
 class SheetParameters(Strict):
     """``sheet.toml``: walls, mass and damping."""
@@ -120,6 +150,23 @@ class SolverParameters(Strict):
     smallest_step: Quantity[Fraction, Literal["1"]]
 
 
+class DynamicsParameters(Strict):
+    """``dynamics.toml``: how motion is integrated."""
+
+    ending: Quantity[Ending, Literal["1"]]
+    steady_force: Quantity[PositiveFloat, Literal["N"]]
+    duration: Quantity[PositiveFloat, Literal["ms"]]
+    max_steps: Quantity[PositiveInt, Literal["1"]]
+    relative_tolerance: Quantity[Fraction, Literal["1"]]
+    absolute_tolerance: Quantity[PositiveFloat, Literal["1"]]
+    fixed_steps: Quantity[PositiveInt, Literal["1"]]
+    time_step: Quantity[PositiveFloat, Literal["ms"]]
+    ramp_rate: Quantity[PositiveFloat, Literal["1/ms"]]
+    haste_limit: Quantity[PositiveFloat, Literal["1"]]
+    smallest_rate: Quantity[Fraction, Literal["1"]]
+    snapshots: Quantity[Snapshots, Literal["1"]]
+
+
 class DesignGrid(Strict):
     """Every combination of the listed values."""
 
@@ -152,7 +199,12 @@ class Parameters:
     sheet: SheetParameters
     reading: ReadingParameters
     solver: SolverParameters
+    dynamics: DynamicsParameters
     designs: DesignSets
+
+    def having(self, stripes: Stripes) -> "Parameters":
+        """These parameters with other stripes."""
+        return replace(self, stripes=stripes)
 
     def impossible(self, n_stripe: int, n_subunit: int) -> str | None:
         """Why a design cannot be made of these stripes, or None if it can."""
@@ -170,6 +222,22 @@ class Parameters:
         return None
 
 
+def read_stripe_file(path: Path, source: str) -> StripeFile:
+    """Read a file of stripes.
+
+    Args:
+        path: the file.
+        source: what named it, for a fault.
+
+    Raises:
+        BadInput: with every fault of the file.
+    """
+    try:
+        return StripeFile.model_validate(read_toml(path))
+    except ValidationError as error:
+        raise BadInput(faults_of(error, f"{source}: {path}")) from error
+
+
 def read_parameters(folder: Path) -> Parameters:
     """Read and check every file of a parameter folder.
 
@@ -181,6 +249,7 @@ def read_parameters(folder: Path) -> Parameters:
         "sheet": SheetParameters,
         "reading": ReadingParameters,
         "solver": SolverParameters,
+        "dynamics": DynamicsParameters,
         "designs": DesignSets,
     }
     faults = Gathered()

@@ -1,80 +1,23 @@
 """The plan: everything a run needs, resolved once and frozen into ``plan.json``."""
 
-import hashlib
 import json
 from collections import defaultdict
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from knitlab.mechanics.newton import SolverSettings
-from knitlab.model.fabric import Sheet
-from knitlab.model.network import MeshShape, mesh_shape
-from knitlab.model.pattern import Pattern, patch_map
-from knitlab.model.reading import Reading
-from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit, Stripe, periods_per_patch
-from knitlab.sweep.design_space import DesignSpace, design_space
+from knitlab.model.network import MeshShape
+from knitlab.sweep.case import Case
+from knitlab.sweep.cases import cases, with_stripe_files
+from knitlab.sweep.design_space import Design, DesignSpace, design_space, stripe_space
 from knitlab.sweep.faults import BadInput, Gathered
 from knitlab.sweep.files import written_whole
-from knitlab.sweep.parameters import Parameters, Strict, StripeTable, read_parameters
+from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.shipped import shipped
-from knitlab.sweep.workflow import Workflow
 from knitlab.sweep.workflow_text import read_workflow, workflow_file
 
 # Unknowns that one vmapped batch may hold: about 1 GiB of element Hessians.
 BATCH_UNKNOWNS = 8_000
-
-
-@dataclass(frozen=True)
-class Case:
-    """One design under one protocol: all that can change its numbers, and nothing else.
-
-    Attributes:
-        n_stripe, n_subunit: the design.
-        rib, garter: its stripes.
-        sheet: walls, mass and damping.
-        reading: the model's open choices.
-        pattern: patch map of a unit cell, top course first.
-        unit_cells: unit cells of the sample along (y, x).
-        applied_strain: strains of the tensile test, ascending from 0.
-        solver: how equilibria are searched for.
-    """
-
-    n_stripe: int
-    n_subunit: int
-    rib: Stripe
-    garter: Stripe
-    sheet: Sheet
-    reading: Reading
-    pattern: tuple[str, ...]
-    unit_cells: tuple[int, int]
-    applied_strain: tuple[float, ...]
-    solver: SolverSettings
-
-    @property
-    def case_id(self) -> str:
-        """Identifier: the design, and a hash of the canonical JSON of this case."""
-        canonical = json.dumps(asdict(self), sort_keys=True, separators=(",", ":"))
-        digest = hashlib.sha256(canonical.encode()).hexdigest()
-        return f"{self.n_stripe}-{self.n_subunit}-{digest[:12]}"
-
-    @property
-    def periods(self) -> int:
-        """Periods of a stripe that fill a patch, P."""
-        return periods_per_patch(self.n_stripe, self.n_subunit)
-
-    @property
-    def sample(self) -> Pattern:
-        """The whole sample: the unit cell's patch map repeated."""
-        tile = patch_map(self.pattern, self.periods)
-        return Pattern(np.tile(tile.rib, self.unit_cells), self.periods)
-
-    @property
-    def mesh_shape(self) -> MeshShape:
-        """Its mesh shape; cases that share it can be one batch."""
-        return mesh_shape(self.sample, self.reading.boundary)
 
 
 @dataclass(frozen=True)
@@ -87,7 +30,7 @@ class Plan:
         figures: the figures that it draws.
         cases: what to simulate, by identifier.
         batches: identifiers of the cases of each batch; a batch shares one mesh shape.
-        excluded: (n_stripe, n_subunit) of the grid that no fabric can have, with the reason.
+        excluded: designs of the grid that no fabric can have, with the reason.
     """
 
     workflow: str
@@ -95,7 +38,12 @@ class Plan:
     figures: tuple[str, ...]
     cases: dict[str, Case]
     batches: tuple[tuple[str, ...], ...]
-    excluded: dict[tuple[int, int], str]
+    excluded: dict[Design, str]
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Dimensions of the cube that its designs lie along."""
+        return tuple(next(iter(self.cases.values())).design)
 
     @property
     def applied_strain(self) -> tuple[float, ...]:
@@ -134,58 +82,26 @@ def make_plan(
     """
     text = read_workflow(workflow_file(workflow), overrides)
     faults = Gathered()
-    parameters = read = space = None
+    parameters = read = None
+    space = DesignSpace((), {})
     with faults:
         parameters = read_parameters(parameter_folder or shipped("params"))
     with faults:
         read = text.checked()
     with faults:
-        if parameters and (section := text.design()):
-            space = design_space(section, parameters, text.source)
-    if parameters is None or read is None or space is None:
+        if parameters and (model := text.section("model")):
+            parameters = with_stripe_files(model, parameters, text)
+    with faults:
+        if parameters and (design := text.section("design")):
+            space = design_space(design, parameters, text.source)
+    with faults:
+        if parameters and (stripes := text.section("stripes")):
+            space = stripe_space(stripes, parameters, text.source)
+    if parameters is None or read is None or faults.all:
         raise BadInput(faults.all)
-    cases = _cases(read, space, parameters)
+    made = {case.case_id: case for case in cases(read, space, parameters)}
     name = text.path.stem
-    return Plan(name, read.title, read.figures, cases, _batches(cases), space.excluded)
-
-
-def _cases(workflow: Workflow, space: DesignSpace, parameters: Parameters) -> dict[str, Case]:
-    sheet = _merged(parameters.sheet, workflow.model)
-    reading = _merged(parameters.reading, workflow.model)
-    solver = _merged(parameters.solver, workflow.solver)
-    protocol = workflow.protocol
-    steps = round(protocol.strain_max / protocol.strain_step)
-    applied_strain = tuple(round(step * protocol.strain_step, 12) for step in range(steps + 1))
-    cases = (
-        Case(
-            n_stripe=n_stripe,
-            n_subunit=n_subunit,
-            rib=_stripe("rib", n_stripe, parameters.stripes.rib),
-            garter=_stripe(
-                "garter", GARTER_STITCHES_PER_RIB_STITCH * n_stripe, parameters.stripes.garter
-            ),
-            sheet=Sheet(**sheet),
-            reading=Reading(**reading),
-            pattern=workflow.design.pattern,
-            unit_cells=workflow.design.unit_cells,
-            applied_strain=applied_strain,
-            solver=SolverSettings(**solver),
-        )
-        for n_stripe, n_subunit in space.designs
-    )
-    return {case.case_id: case for case in cases}
-
-
-def _merged(parameters: Strict, section: Strict) -> dict[str, Any]:
-    """Values of a parameter file, each replaced where the workflow's section has one."""
-    given = section.model_dump(exclude_none=True)
-    return {
-        key: given.get(key, getattr(parameters, key).value) for key in type(parameters).model_fields
-    }
-
-
-def _stripe(knit: Knit, stitches: int, table: StripeTable) -> Stripe:
-    return Stripe(knit=knit, n=stitches, **table.n[str(stitches)].model_dump())
+    return Plan(name, read.title, read.figures, made, _batches(made), space.excluded)
 
 
 def _batches(cases: dict[str, Case]) -> tuple[tuple[str, ...], ...]:

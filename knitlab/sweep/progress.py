@@ -4,7 +4,7 @@ from types import TracebackType
 
 from tqdm import tqdm
 
-from knitlab.sweep.plan import Case
+from knitlab.sweep.case import Case
 
 # Measured: relaxation costs about as much as this many steps of a tensile test, and a step
 # grows with the unknowns by about this power.

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Literal
 
 import xarray as xr
 
@@ -18,7 +19,7 @@ class Status(IntEnum):
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable, as it stands in a case; a cube adds :data:`DESIGN_DIMS` in front.
+    """One variable, as it stands in a case; a cube adds the dimensions of its designs.
 
     Attributes:
         dims: its dimensions within a case.
@@ -26,6 +27,7 @@ class Variable:
         long_name: what a figure's axis says.
         description: what it is, where the name leaves a question.
         in_cube: whether the cube has it, or the case alone.
+        of: what cases have it: all, those reached by dynamics, or those of a pure stripe.
     """
 
     dims: tuple[str, ...]
@@ -33,6 +35,7 @@ class Variable:
     long_name: str
     description: str = ""
     in_cube: bool = True
+    of: Literal["all", "dynamics", "stripe"] = "all"
 
     @property
     def attributes(self) -> dict[str, str]:
@@ -42,10 +45,15 @@ class Variable:
 
 
 DESIGN_DIMS = ("n_stripe", "n_subunit")
+"""Dimensions of a cube of checkerboards; one of pure stripes has :data:`STRIPE_DIMS`."""
+STRIPE_DIMS = ("knit", "n", "boundary")
 
 COORDINATES = {
     "n_stripe": Variable(("n_stripe",), "1", "stitches across a rib stripe"),
     "n_subunit": Variable(("n_subunit",), "1", "stitches along a garter stripe"),
+    "knit": Variable(("knit",), "1", "knit of a pure stripe"),
+    "n": Variable(("n",), "1", "stitches across a stripe"),
+    "boundary": Variable(("boundary",), "1", "clamped sample or periodic, endless fabric"),
     "applied_strain": Variable(
         ("applied_strain",),
         "1",
@@ -57,6 +65,8 @@ COORDINATES = {
     "node_y": Variable(("node_y",), "1", "node row along the warp"),
     "node_x": Variable(("node_x",), "1", "node column along the weft"),
     "component": Variable(("component",), "1", "component of a position"),
+    "time": Variable(("time",), "ms", "time since the flat sheet was let go"),
+    "snapshot": Variable(("snapshot",), "ms", "time since the flat sheet was let go"),
 }
 
 _STATE = ("applied_strain",)
@@ -88,7 +98,9 @@ VARIABLES = {
     "energy_fold": Variable(_STATE, "N mm", "energy of the torsional springs"),
     "energy_wall": Variable(_STATE, "N mm", "energy of the wall penalty"),
     "residual_force": Variable(_STATE, "N", "largest force left on a free unknown"),
-    "iterations": Variable(_STATE, "1", "Newton steps", "retried strain steps included"),
+    "iterations": Variable(
+        _STATE, "1", "Newton steps, or time steps by dynamics", "retried strain steps included"
+    ),
     "factorisations": Variable(
         _STATE,
         "1",
@@ -96,6 +108,26 @@ VARIABLES = {
         "of the stiffness, for all of the Newton steps",
         in_cube=False,
     ),
+    "kinetic_energy_peak": Variable(
+        _STATE, "N mm", "largest kinetic energy on the way to a strain", of="dynamics"
+    ),
+    "snapped": Variable(
+        _STATE,
+        "1",
+        "whether the fabric snapped on the way to a strain",
+        "1 where no slower pull lessened its haste; 0 elsewhere, also where it was not tested",
+        of="dynamics",
+    ),
+    "row_force": Variable(
+        _STATE, "N", "force for one row of the sheet", "a row is as wide as a cell", of="stripe"
+    ),
+    "zigzag_force": Variable(
+        _STATE, "N", "force of the two-dimensional zigzag", "at its energy minimum", of="stripe"
+    ),
+    "zigzag_residual": Variable(
+        _STATE, "N", "largest force left on a free node of the zigzag", of="stripe"
+    ),
+    "zigzag_iterations": Variable(_STATE, "1", "minimiser steps of the zigzag", of="stripe"),
     "relaxed_cell_x": Variable((), "mm", "relaxed unit cell along the weft"),
     "relaxed_cell_y": Variable((), "mm", "relaxed unit cell along the warp"),
     "flat_cell_x": Variable((), "mm", "flat unit cell along the weft"),
@@ -105,6 +137,24 @@ VARIABLES = {
     ),
     "length_x": Variable(_STATE, "mm", "length of endless fabric along the weft", in_cube=False),
     "length_y": Variable(_STATE, "mm", "length of endless fabric along the warp", in_cube=False),
+    "kinetic_energy": Variable(("time",), "N mm", "kinetic energy", in_cube=False, of="dynamics"),
+    "potential_energy": Variable(("time",), "N mm", "elastic energy", in_cube=False, of="dynamics"),
+    "dissipated_work": Variable(
+        ("time",), "N mm", "work done against the drag", in_cube=False, of="dynamics"
+    ),
+    "snapshot_position": Variable(
+        ("snapshot", "node_y", "node_x", "component"),
+        "mm",
+        "node position while relaxing",
+        in_cube=False,
+        of="dynamics",
+    ),
+    "snapshot_length_x": Variable(
+        ("snapshot",), "mm", "length of endless fabric along the weft", in_cube=False, of="dynamics"
+    ),
+    "snapshot_length_y": Variable(
+        ("snapshot",), "mm", "length of endless fabric along the warp", in_cube=False, of="dynamics"
+    ),
 }
 
 

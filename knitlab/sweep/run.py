@@ -7,10 +7,11 @@ from pathlib import Path
 
 import xarray as xr
 
+from knitlab.sweep.case import Case
 from knitlab.sweep.case_file import case_path, read_case
 from knitlab.sweep.cube import build_cube, write_cube
 from knitlab.sweep.files import written_whole
-from knitlab.sweep.plan import Case, Plan
+from knitlab.sweep.plan import Plan
 from knitlab.sweep.progress import ProgressBar
 from knitlab.sweep.registry import Status
 from knitlab.sweep.workers import Pool, pool_of
@@ -98,10 +99,9 @@ def _failures(
 ) -> list[dict[str, object]]:
     entries: list[dict[str, object]] = []
     for case_id, case in plan.cases.items():
-        design = {"n_stripe": case.n_stripe, "n_subunit": case.n_subunit}
-        status = Status(int(cube["status"].sel(design)))
+        status = Status(int(cube["status"].sel(case.design)))
         if status is Status.ok:
             continue
         reason = failed.get(case_id) or read_case(results, case_id).attrs["reason"]
-        entries.append({"case_id": case_id, **design, "status": status.name, "reason": reason})
+        entries.append({"case_id": case_id, **case.design, "status": status.name, "reason": reason})
     return entries

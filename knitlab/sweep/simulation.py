@@ -7,13 +7,19 @@ from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
+from knitlab.mechanics.dynamic_tension import Batch, stretch_by_dynamics
+from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.lockstep import run_in_lockstep
-from knitlab.mechanics.tension import TensileTest, stretch
-from knitlab.model.fabric import weave
+from knitlab.mechanics.newton import SolverSettings
+from knitlab.mechanics.state import Outcome, TensileTest
+from knitlab.mechanics.tension import stretch
+from knitlab.mechanics.zigzag_tension import ChainState, pull_chain
+from knitlab.model.inertia import inertia
+from knitlab.model.zigzag import zigzag
+from knitlab.sweep.case import Case
 from knitlab.sweep.case_file import case_path
 from knitlab.sweep.files import written_whole
 from knitlab.sweep.measurement import measured
-from knitlab.sweep.plan import Case
 from knitlab.sweep.provenance import provenance
 from knitlab.sweep.registry import encoding
 
@@ -21,7 +27,7 @@ Progress = Callable[[str, int], None]
 
 
 def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> None:
-    """Relax and stretch the fabrics of one mesh shape in lockstep, and write their case files.
+    """Relax and stretch the fabrics of one mesh shape together, and write their case files.
 
     Args:
         results: results folder of the workflow.
@@ -29,22 +35,57 @@ def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> 
         progress: told, for a case, how many of its states are done.
     """
     began = time.perf_counter()
-    shape = cases[0].mesh_shape
-    fabrics, tests = [], []
+    simulated = tests_by_dynamics if cases[0].method == "dynamics" else tests_in_equilibrium
+    tests = simulated(cases, progress)
+    chains = [
+        pull_chain(zigzag(case.weft), case.periods, case.applied_strain) if case.pure else []
+        for case in cases
+    ]
+    wall_seconds = time.perf_counter() - began
+    for case, test, chain in zip(cases, tests, chains, strict=True):
+        write_case(results, case, test, chain, wall_seconds)
+
+
+def tests_in_equilibrium(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
+    """Tensile tests by the equilibrium solver, in lockstep."""
+    fabrics, solvers = [], []
     for case in cases:
-        net, fabric = weave(case.sample, case.rib, case.garter, case.sheet, case.reading)
+        net, fabric = case.woven()
+        if not isinstance(case.solver, SolverSettings):
+            raise TypeError(f"case {case.case_id} has no settings of the equilibrium solver")
         done = partial(progress, case.case_id)
         fabrics.append(fabric)
-        tests.append(stretch(net, fabric, case.applied_strain, case.solver, done))
-    finished = run_in_lockstep(shape, fabrics, tests)
-    wall_seconds = time.perf_counter() - began
-    for case, test in zip(cases, finished, strict=True):
-        write_case(results, case, test, wall_seconds)
+        solvers.append(stretch(net, fabric, case.applied_strain, case.solver, done))
+    return run_in_lockstep(cases[0].mesh_shape, fabrics, solvers)
 
 
-def write_case(results: Path, case: Case, test: TensileTest, wall_seconds: float) -> None:
+def tests_by_dynamics(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
+    """Tensile tests by damped dynamics, all cases in one vmapped call a strain."""
+    settings = cases[0].solver
+    if not isinstance(settings, DynamicsSettings):
+        raise TypeError(f"case {cases[0].case_id} has no settings of the dynamics")
+    inertias = [
+        inertia(case.weft, case.warp, case.reading, case.mass_and_drag)
+        for case in cases
+        if case.mass_and_drag is not None
+    ]
+    fabrics = [case.woven()[1] for case in cases]
+    return stretch_by_dynamics(
+        Batch(cases[0].mesh_shape, fabrics, inertias, settings),
+        [case.applied_strain for case in cases],
+        lambda place, done: progress(cases[place].case_id, done),
+    )
+
+
+def write_case(
+    results: Path,
+    case: Case,
+    test: TensileTest,
+    chain: Sequence[ChainState],
+    wall_seconds: float,
+) -> None:
     """Measure a finished test, write its case file."""
-    dataset = measured(case, test)
+    dataset = measured(case, test, chain)
     dataset.attrs |= provenance() | {
         "title": f"knitlab case {case.case_id}",
         "parameters": json.dumps(asdict(case)),
@@ -55,13 +96,23 @@ def write_case(results: Path, case: Case, test: TensileTest, wall_seconds: float
         dataset.to_netcdf(temporary, encoding=encoding(dataset))
 
 
+WHY = {
+    Outcome.iteration_limit: "the limit of steps was reached",
+    Outcome.stalled: "no smaller step helped",
+    Outcome.time_limit: "it was still moving at the end of its time",
+    Outcome.diverged: "it diverged",
+    Outcome.too_fast: "it was pulled too fast at the smallest rate allowed; lower ramp_rate",
+}
+
+
 def failure_reason(case: Case, test: TensileTest) -> str:
     """Why a test did not reach its last strain; empty if it did."""
     last = test.states[-1]
     if last.converged:
         return ""
     strain = case.applied_strain[len(test.states) - 1]
+    steps = "time steps" if case.method == "dynamics" else "Newton steps"
     return (
         f"no equilibrium at applied strain {strain:g}: {last.residual:.1e} N left after"
-        f" {last.iterations} Newton steps ({last.outcome.name.replace('_', ' ')})"
+        f" {last.iterations} {steps} ({WHY[last.outcome]})"
     )

@@ -9,8 +9,8 @@ from pathlib import Path
 import dask
 from distributed import Client, LocalCluster, as_completed, get_worker
 
+from knitlab.sweep.case import Case
 from knitlab.sweep.faults import fault
-from knitlab.sweep.plan import Case
 from knitlab.sweep.simulation import Progress, simulate_batch
 
 # One thread a worker, and a solve cached on disk must not hold host callbacks.

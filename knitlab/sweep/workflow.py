@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_validator
 
+from knitlab.mechanics.dynamics import Ending
 from knitlab.model.pattern import patch_map
 from knitlab.model.reading import (
     Boundary,
@@ -13,11 +14,12 @@ from knitlab.model.reading import (
     Hinges,
     HingeStiffness,
 )
-from knitlab.sweep.parameters import Fraction, Strict
+from knitlab.model.stripe import Knit
+from knitlab.sweep.case import Method
+from knitlab.sweep.parameters import Fraction, Snapshots, Strict
 
-Figure = Literal["curves", "auxetic", "shape"]
+Figure = Literal["curves", "auxetic", "shape", "relaxation", "folding", "stripes", "departure"]
 Whole = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
-
 
 MOST_STEPS = 1000
 
@@ -42,9 +44,22 @@ class DesignSection(Strict):
         return rows
 
 
-class ProtocolSection(Strict):
-    """``[protocol]``: the strains of the tensile test."""
+class StripesSection(Strict):
+    """``[stripes]``: pure stripes, pulled across their ridges, in place of ``[design]``.
 
+    Each is run under every boundary, as a sheet of ``stripe_periods`` periods.
+    """
+
+    knit: Annotated[tuple[Knit, ...], Field(min_length=1, strict=False)] = ("rib", "garter")
+    n: Whole | None = None
+    boundaries: Annotated[tuple[Boundary, ...], Field(min_length=1, strict=False)] = ("periodic",)
+    stripe_periods: PositiveInt = 1
+
+
+class ProtocolSection(Strict):
+    """``[protocol]``: the strains of the tensile test, and how its states are reached."""
+
+    method: Method = "equilibrium"
     strain_max: Annotated[float, Field(ge=0)] = 0.45
     strain_step: PositiveFloat = 0.03
 
@@ -65,7 +80,12 @@ class ProtocolSection(Strict):
 
 
 class ModelSection(Strict):
-    """``[model]``: what replaces the values of ``reading.toml`` and ``sheet.toml``."""
+    """``[model]``: what replaces the values of ``reading.toml``, ``sheet.toml``, ``stripes.toml``.
+
+    ``stripe_files`` hold stripes to add or replace, as ``knitlab calibrate`` writes them.
+    """
+
+    stripe_files: Annotated[tuple[str, ...], Field(strict=False)] = ()
 
     cell_size: CellSize | None = None
     fold_phase: FoldPhase | None = None
@@ -93,21 +113,48 @@ class SolverSection(Strict):
     smallest_step: Fraction | None = None
 
 
+class DynamicsSection(Strict):
+    """``[dynamics]``: what replaces the values of ``dynamics.toml``."""
+
+    ending: Ending | None = None
+    steady_force: PositiveFloat | None = None
+    duration: PositiveFloat | None = None
+    max_steps: PositiveInt | None = None
+    relative_tolerance: Fraction | None = None
+    absolute_tolerance: PositiveFloat | None = None
+    fixed_steps: PositiveInt | None = None
+    time_step: PositiveFloat | None = None
+    ramp_rate: PositiveFloat | None = None
+    haste_limit: PositiveFloat | None = None
+    smallest_rate: Fraction | None = None
+    snapshots: Snapshots | None = None
+
+
 class Workflow(Strict):
     """A workflow file, with what ``--set`` changed."""
 
     title: str = Field(min_length=1)
     figures: Annotated[tuple[Figure, ...], Field(strict=False)] = ()
-    design: DesignSection
+    design: DesignSection | None = None
+    stripes: StripesSection | None = None
     protocol: ProtocolSection = ProtocolSection()
     model: ModelSection = ModelSection()
     solver: SolverSection = SolverSection()
+    dynamics: DynamicsSection = DynamicsSection()
+
+    @model_validator(mode="after")
+    def _is_of_one_kind(self) -> "Workflow":
+        if (self.design is None) == (self.stripes is None):
+            raise ValueError("needs either [design] or [stripes], not both and not neither")
+        return self
 
 
 SECTIONS: dict[str, type[Strict]] = {
     "design": DesignSection,
+    "stripes": StripesSection,
     "protocol": ProtocolSection,
     "model": ModelSection,
     "solver": SolverSection,
+    "dynamics": DynamicsSection,
 }
 SECTION_OF = {key: name for name, section in SECTIONS.items() for key in section.model_fields}

@@ -11,7 +11,7 @@ from knitlab.sweep.faults import BadInput, Fault, fault, faults_of
 from knitlab.sweep.parameters import Strict
 from knitlab.sweep.shipped import shipped
 from knitlab.sweep.toml import read_toml
-from knitlab.sweep.workflow import SECTION_OF, SECTIONS, DesignSection, Workflow
+from knitlab.sweep.workflow import SECTION_OF, SECTIONS, Workflow
 
 
 @dataclass(frozen=True)
@@ -50,17 +50,22 @@ class WorkflowText:
                 override = self.overrides.get(f"{section}.{name}")
                 if override and item:
                     override = f"{override}: value {int(item) + 1}"
-                faults.append(Fault(override or f"{self.path}: {entry.path}", entry.problem))
+                place = ": ".join(part for part in (str(self.path), entry.path) if part)
+                faults.append(Fault(override or place, entry.problem))
         if faults:
             raise BadInput(faults)
         return workflow
 
-    def design(self) -> DesignSection | None:
-        """Its ``[design]`` alone, or None where that has faults."""
+    def section(self, name: str) -> Any:
+        """One of its sections alone, or None where that is not there or has faults."""
         try:
-            return DesignSection.model_validate(self.table.get("design"))
-        except ValidationError:
+            return SECTIONS[name].model_validate(self.table[name])
+        except (KeyError, ValidationError):
             return None
+
+    def folder(self, key: str) -> Path:
+        """What a path under ``section.key`` is relative to: here, or the file that says it."""
+        return Path() if key in self.overrides else self.path.parent
 
 
 def workflow_file(workflow: str) -> Path:

@@ -1,0 +1,333 @@
+"""Damped Lagrangian dynamics, M ü + c u̇ + ∇V = 0, by ``diffrax.Tsit5`` (paper, Sec. "3D model").
+
+One program is compiled for a mesh shape and integrates a batch of fabrics in one call; each has its
+own step size and its own end, so none can disturb another.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Literal
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from knitlab.model.energy import Energy, energy
+from knitlab.model.fabric import Fabric
+from knitlab.model.inertia import Inertia, drag, kinetic_energy, lagrangian, nodes_moved
+from knitlab.model.network import MeshShape, Network, network
+
+Ending = Literal["steady", "fixed_steps"]
+
+
+@dataclass(frozen=True)
+class DynamicsSettings:
+    """How motion is integrated, and when it counts as over.
+
+    Attributes:
+        ending: ``"steady"`` ends where no force is left; ``"fixed_steps"`` is the paper's end,
+            after so many equal steps.
+        steady_force: elastic force that may be left on a free node, and drag on it [N].
+        duration: longest motion towards one state, after what drives it has stopped [ms].
+        max_steps: time steps tried before a motion is given up.
+        relative_tolerance, absolute_tolerance: of a time step, on positions [mm], velocities
+            [mm/ms] and work [N mm] alike.
+        fixed_steps: how many equal steps, where they end a motion.
+        time_step: their size [ms].
+        ramp_rate: fastest applied strain rate of a tensile test [1/ms].
+        haste_limit: kinetic energy and work against the drag while driven, over the elastic
+            energy, above which a strain step was not quasi-static.
+        smallest_rate: part of ``ramp_rate`` down to which a step that was not is slowed.
+        snapshots: configurations kept of a relaxation.
+    """
+
+    ending: Ending = "steady"
+    steady_force: float = 1e-7
+    duration: float = 100.0
+    max_steps: int = 1_000_000
+    relative_tolerance: float = 1e-6
+    absolute_tolerance: float = 1e-10
+    fixed_steps: int = 1600
+    time_step: float = 1e-3
+    ramp_rate: float = 0.02
+    haste_limit: float = 0.02
+    smallest_rate: float = 1 / 16
+    snapshots: int = 60
+
+    @property
+    def settling_time(self) -> float:
+        """Longest motion while nothing is driven [ms]."""
+        steady = self.ending == "steady"
+        return self.duration if steady else self.fixed_steps * self.time_step
+
+
+class Motion(eqx.Module):
+    """Where a fabric is and how it moves.
+
+    Attributes:
+        configuration: node coordinates, then L_x and L_y [mm].
+        velocity: of each [mm/ms].
+        dissipated: work done against the drag since the start [N mm].
+        supplied: work done by what drives the held unknowns since the start [N mm].
+    """
+
+    configuration: Float[Array, "*batch unknown"]
+    velocity: Float[Array, "*batch unknown"]
+    dissipated: Float[Array, "*batch"]
+    supplied: Float[Array, "*batch"]
+
+
+class Drive(eqx.Module):
+    """Which unknowns are free, and how the held ones are moved from one strain to the next.
+
+    The strain runs from ``before`` to ``after`` within ``ramp_time``, starting and ending at rest,
+    and stays.
+
+    Attributes:
+        free: which unknowns are free.
+        reference: configuration at zero applied strain [mm].
+        direction: how far each unknown moves per unit of applied strain where it is held [mm].
+        before, after: applied strains.
+        ramp_time: how long the change takes [ms].
+        ended: whether this fabric only keeps its place in the batch.
+    """
+
+    free: Bool[Array, "*batch unknown"]
+    reference: Float[Array, "*batch unknown"]
+    direction: Float[Array, "*batch unknown"]
+    before: Float[Array, "*batch"]
+    after: Float[Array, "*batch"]
+    ramp_time: Float[Array, "*batch"]
+    ended: Bool[Array, "*batch"]
+
+    def strain(self, time: Float[Array, ""]) -> Float[Array, ""]:
+        """Applied strain at a time of one fabric."""
+        part = jnp.where(
+            self.ramp_time > 0, time / jnp.where(self.ramp_time > 0, self.ramp_time, 1), 1
+        )
+        part = jnp.clip(part, 0, 1)
+        return self.before + (self.after - self.before) * part**2 * (3 - 2 * part)
+
+    def holding(self, time: Float[Array, ""], motion: Motion) -> Motion:
+        """The motion with its held unknowns where, and as fast as, the drive moves them."""
+        strain, rate = jax.jvp(self.strain, (time,), (jnp.ones_like(time),))
+        placed = self.reference + strain * self.direction
+        return eqx.tree_at(
+            lambda moving: (moving.configuration, moving.velocity),
+            motion,
+            (
+                jnp.where(self.free, motion.configuration, placed),
+                jnp.where(self.free, motion.velocity, rate * self.direction),
+            ),
+        )
+
+
+PEAK_OF_SMOOTH_RAMP = 1.5
+"""Fastest over mean rate of the drive's ramp."""
+
+
+def forces(
+    net: Network, fabric: Fabric, inertia: Inertia, motion: Motion
+) -> tuple[Float[Array, " unknown"], Float[Array, " unknown"]]:
+    """Elastic force ∂L/∂u and drag −c u̇ on every unknown [N]."""
+    elastic = jax.grad(lagrangian, argnums=3)(
+        net, fabric, inertia, motion.configuration, motion.velocity
+    )
+    return elastic, -drag(net, inertia, motion.velocity)
+
+
+def largest_force(
+    net: Network, fabric: Fabric, inertia: Inertia, drive: Drive, motion: Motion
+) -> Float[Array, ""]:
+    """Largest elastic force or drag on a free node or length: how far from rest a motion is [N].
+
+    A node's force is its magnitude, so that it is the same however the sample has turned.
+    """
+    pair = jnp.stack(forces(net, fabric, inertia, motion))
+    left = jnp.where(drive.free, pair, 0.0)
+    on_nodes = jnp.linalg.norm(left[:, :-2].reshape(2, -1, 3), axis=-1)
+    return jnp.maximum(on_nodes.max(), jnp.abs(left[:, -2:]).max())
+
+
+def equations_of_motion(
+    net: Network, fabric: Fabric, inertia: Inertia, drive: Drive, time: Array, motion: Motion
+) -> Motion:
+    """Time derivative of a motion (paper, equations of motion)."""
+    moving = drive.holding(time, motion)
+    elastic, viscous = forces(net, fabric, inertia, moving)
+    acceleration = (elastic + viscous) / (inertia.node_mass * nodes_moved(net.shape))
+    return Motion(
+        configuration=jnp.where(drive.free, moving.velocity, 0.0),
+        velocity=jnp.where(drive.free, acceleration, 0.0),
+        dissipated=-jnp.sum(jnp.where(drive.free, viscous * moving.velocity, 0.0)),
+        supplied=-jnp.sum(jnp.where(drive.free, 0.0, elastic * moving.velocity)),
+    )
+
+
+class Energies(eqx.Module):
+    """Energies of a motion at one time; kinetic + potential + dissipated − supplied is constant.
+
+    Attributes:
+        kinetic: T of the free unknowns [N mm].
+        potential: V [N mm].
+        dissipated, supplied: as in :class:`Motion` [N mm].
+    """
+
+    kinetic: Float[Array, "*batch"]
+    potential: Float[Array, "*batch"]
+    dissipated: Float[Array, "*batch"]
+    supplied: Float[Array, "*batch"]
+
+
+class Trajectory(eqx.Module):
+    """What is kept of a motion; times after its end are infinite.
+
+    Attributes:
+        end: the motion at its end.
+        end_time: then [ms].
+        energy: elastic energy then, in its parts.
+        gradient: ∂V/∂(configuration) then [N].
+        force_left: largest elastic force or drag on a free node or length then [N].
+        time: times of ``energies`` [ms].
+        energies: on the way.
+        snapshot_time: times of ``snapshots`` [ms].
+        snapshots: configurations on the way [mm].
+        steps: time steps tried.
+        successful, steady, step_limit: how diffrax says that it ended: at the last time, at
+            rest, or out of steps; if none of these, the step size vanished.
+    """
+
+    end: Motion
+    end_time: Float[Array, "*batch"]
+    energy: Energy
+    gradient: Float[Array, "*batch unknown"]
+    force_left: Float[Array, "*batch"]
+    time: Float[Array, "*batch time"]
+    energies: Energies
+    snapshot_time: Float[Array, "*batch snapshot"]
+    snapshots: Float[Array, "*batch snapshot unknown"]
+    steps: Int[Array, "*batch"]
+    successful: Bool[Array, "*batch"]
+    steady: Bool[Array, "*batch"]
+    step_limit: Bool[Array, "*batch"]
+
+
+SMALLEST_STEP = 1e-9
+"""Time step below which a motion counts as diverged [ms]."""
+
+
+def integrate(
+    net: Network,
+    settings: DynamicsSettings,
+    fabric: Fabric,
+    inertia: Inertia,
+    drive: Drive,
+    start: Motion,
+    times: Float[Array, " time"],
+    snapshot_times: Float[Array, " snapshot"],
+) -> Trajectory:
+    """Motion of one fabric from ``start`` at time 0.
+
+    Args:
+        net: network of its mesh shape.
+        settings: of the integration.
+        fabric: its numbers.
+        inertia: its mass and drag.
+        drive: what holds and drives it.
+        start: where it is and how it moves.
+        times: when to keep the energies, ascending [ms].
+        snapshot_times: when to keep the configuration, likewise [ms].
+    """
+    steady_ending = settings.ending == "steady"
+
+    def derivative(time: Any, motion: Motion, _: Any) -> Motion:
+        return equations_of_motion(net, fabric, inertia, drive, time, motion)
+
+    def over(time: Array, motion: Motion, _: Any, **__: Any) -> Bool[Array, ""]:
+        if not steady_ending:
+            return drive.ended
+        moving = drive.holding(time, motion)
+        left = largest_force(net, fabric, inertia, drive, moving)
+        return drive.ended | ((time >= drive.ramp_time) & (left <= settings.steady_force))
+
+    def energies(time: Array, motion: Motion, _: Any) -> Energies:
+        moving = drive.holding(time, motion)
+        free = jnp.where(drive.free, moving.velocity, 0.0)
+        return Energies(
+            kinetic=kinetic_energy(net, inertia, free),
+            potential=energy(net, fabric, moving.configuration).total,
+            dissipated=motion.dissipated,
+            supplied=motion.supplied,
+        )
+
+    def configuration(time: Array, motion: Motion, _: Any) -> Float[Array, " unknown"]:
+        return drive.holding(time, motion).configuration
+
+    controller: diffrax.AbstractStepSizeController = (
+        diffrax.PIDController(
+            rtol=settings.relative_tolerance,
+            atol=settings.absolute_tolerance,
+            dtmin=SMALLEST_STEP,
+            force_dtmin=False,
+        )
+        if steady_ending
+        else diffrax.ConstantStepSize()
+    )
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(derivative),
+        diffrax.Tsit5(),
+        t0=0.0,
+        t1=drive.ramp_time + settings.settling_time,
+        dt0=settings.time_step,
+        y0=start,
+        saveat=diffrax.SaveAt(
+            subs=(
+                diffrax.SubSaveAt(t1=True, fn=lambda time, motion, _: drive.holding(time, motion)),
+                diffrax.SubSaveAt(ts=times, fn=energies),
+                diffrax.SubSaveAt(ts=snapshot_times, fn=configuration),
+            )
+        ),
+        stepsize_controller=controller,
+        event=diffrax.Event(over),
+        max_steps=settings.max_steps,
+        adjoint=diffrax.ForwardMode(),
+        throw=False,
+    )
+    (end_time, time, snapshot_time), (ends, kept, snapshots) = solution.ts, solution.ys
+    end = jax.tree.map(lambda leaf: leaf[-1], ends)
+    elastic, _ = forces(net, fabric, inertia, end)
+    return Trajectory(
+        end=end,
+        end_time=end_time[-1],
+        energy=energy(net, fabric, end.configuration),
+        gradient=-elastic,
+        force_left=largest_force(net, fabric, inertia, drive, end),
+        time=time,
+        energies=kept,
+        snapshot_time=snapshot_time,
+        snapshots=snapshots,
+        steps=solution.stats["num_steps"],
+        successful=solution.result == diffrax.RESULTS.successful,
+        steady=solution.result == diffrax.RESULTS.event_occurred,
+        step_limit=solution.result == diffrax.RESULTS.max_steps_reached,
+    )
+
+
+Integrator = Callable[
+    [Fabric, Inertia, Drive, Motion, Float[Array, "case time"], Float[Array, "case snapshot"]],
+    Trajectory,
+]
+
+
+@lru_cache(maxsize=8)
+def batch_integrator(shape: MeshShape, settings: DynamicsSettings) -> Integrator:
+    """Compiled :func:`integrate` for a batch: fabrics, motions and times stacked along axis 0."""
+    net = network(shape)
+
+    def one(*arguments: Any) -> Trajectory:
+        return integrate(net, settings, *arguments)
+
+    return jax.jit(jax.vmap(one))

@@ -1,0 +1,98 @@
+"""States along a test, whichever method reached them."""
+
+from dataclasses import dataclass, replace
+from enum import IntEnum
+
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.mechanics.loading import Loading
+from knitlab.model.energy import Energy
+
+
+class Outcome(IntEnum):
+    """How the search for one state ended."""
+
+    converged = 0
+    iteration_limit = 1
+    stalled = 2
+    time_limit = 3
+    diverged = 4
+    too_fast = 5
+
+
+@dataclass(frozen=True)
+class State:
+    """A configuration and how near it is to equilibrium.
+
+    Attributes:
+        configuration: node coordinates, then L_x and L_y [mm].
+        energy: its parts there [N mm].
+        gradient: minus the force on every unknown, held ones included [N].
+        outcome: how the search ended.
+        residual: largest force left on a free unknown [N].
+        iterations: Newton steps tried, rejected ones included; by dynamics, time steps.
+        factorisations: factorisations they took.
+        kinetic_peak: largest kinetic energy while driven here, 0 unless by dynamics [N mm].
+        snapped: whether it is known that the fabric snapped on the way here.
+    """
+
+    configuration: Float[np.ndarray, " unknown"]
+    energy: Energy
+    gradient: Float[np.ndarray, " unknown"]
+    outcome: Outcome
+    residual: float
+    iterations: int
+    factorisations: int = 0
+    kinetic_peak: float = 0.0
+    snapped: bool = False
+
+    @property
+    def converged(self) -> bool:
+        """Whether the state is in equilibrium to tolerance."""
+        return self.outcome is Outcome.converged
+
+    def after(self, *earlier: "State") -> "State":
+        """This state, charged with the work of the searches that led to it."""
+        return replace(
+            self,
+            iterations=self.iterations + sum(state.iterations for state in earlier),
+            factorisations=self.factorisations + sum(state.factorisations for state in earlier),
+        )
+
+
+@dataclass(frozen=True)
+class History:
+    """How a fabric moved while it relaxed, by dynamics.
+
+    Attributes:
+        time: of the energies, from 0 to the last [ms].
+        kinetic: T [N mm].
+        potential: V [N mm].
+        dissipated: work done against the drag since time 0 [N mm].
+        snapshot_time: of the snapshots [ms].
+        snapshots: configurations then [mm].
+    """
+
+    time: Float[np.ndarray, " time"]
+    kinetic: Float[np.ndarray, " time"]
+    potential: Float[np.ndarray, " time"]
+    dissipated: Float[np.ndarray, " time"]
+    snapshot_time: Float[np.ndarray, " snapshot"]
+    snapshots: Float[np.ndarray, "snapshot unknown"]
+
+
+@dataclass(frozen=True)
+class TensileTest:
+    """States along a tensile test.
+
+    Attributes:
+        loading: what was held and driven; ``None`` if the fabric did not relax.
+        states: one for each applied strain that was tried, the relaxed shape first; only the
+            last may be unconverged, and then the test ended there.
+        history: of the relaxation, by dynamics.
+    """
+
+    loading: Loading | None
+    states: list[State]
+    history: History | None = None

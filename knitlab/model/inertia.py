@@ -1,0 +1,93 @@
+"""Inertia and the Lagrangian: what a fabric weighs, its kinetic energy and its viscous drag.
+
+Units are mm, N, g and ms, in which 1 N = 1 g mm/ms².
+"""
+
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from knitlab.model.energy import energy
+from knitlab.model.fabric import Fabric
+from knitlab.model.network import MeshShape, Network
+from knitlab.model.pattern import CELLS_PER_PERIOD
+from knitlab.model.reading import Reading
+from knitlab.model.stripe import Stripe
+
+
+@dataclass(frozen=True)
+class MassAndDrag:
+    """What makes fabrics move as they do; it moves no equilibrium.
+
+    Attributes:
+        surface_density: ρ_s [g/mm²].
+        damping: viscous damping of a node, c [g/ms].
+    """
+
+    surface_density: float
+    damping: float
+
+
+class Inertia(eqx.Module):
+    """Mass and drag of one fabric on its network.
+
+    Attributes:
+        node_mass: lumped mass of a node, m [g].
+        damping: viscous damping of a node, c [g/ms].
+    """
+
+    node_mass: Float[Array, ""]
+    damping: Float[Array, ""]
+
+
+def inertia(weft: Stripe, warp: Stripe, reading: Reading, mass_and_drag: MassAndDrag) -> Inertia:
+    """Inertia of a fabric: m = ρ_s (w/4)(h/4) (paper, Sec. "3D model").
+
+    Args:
+        weft: the stripe across the wales, with the tabulated period w.
+        warp: the stripe across the courses, with the tabulated period h.
+        reading: its ``length_scale`` multiplies both periods.
+        mass_and_drag: ρ_s and c.
+    """
+    sides = [reading.length_scale * stripe.period / CELLS_PER_PERIOD for stripe in (weft, warp)]
+    return Inertia(
+        node_mass=jnp.asarray(mass_and_drag.surface_density * sides[0] * sides[1]),
+        damping=jnp.asarray(mass_and_drag.damping, float),
+    )
+
+
+def nodes_moved(shape: MeshShape) -> Float[Array, " unknown"]:
+    """How many nodes' mass and drag each unknown carries.
+
+    A coordinate carries its node's. L_x and L_y, which are knitlab's and not the paper's, carry
+    the whole sheet's: they move as slowly as its softest modes, and at equilibrium it is all one.
+    """
+    ones = jnp.ones(3 * shape.nodes)
+    return jnp.concatenate([ones, jnp.full(2, float(shape.nodes))])
+
+
+def kinetic_energy(
+    net: Network, inertia: Inertia, velocity: Float[Array, " unknown"]
+) -> Float[Array, ""]:
+    """T = ½ Σ m ‖u̇‖² [N mm] (paper, nodal kinetic energy)."""
+    return 0.5 * inertia.node_mass * jnp.sum(nodes_moved(net.shape) * velocity**2)
+
+
+def lagrangian(
+    net: Network,
+    fabric: Fabric,
+    inertia: Inertia,
+    configuration: Float[Array, " unknown"],
+    velocity: Float[Array, " unknown"],
+) -> Float[Array, ""]:
+    """L = T − V [N mm] (paper, Lagrangian of the model)."""
+    return kinetic_energy(net, inertia, velocity) - energy(net, fabric, configuration).total
+
+
+def drag(
+    net: Network, inertia: Inertia, velocity: Float[Array, " unknown"]
+) -> Float[Array, " unknown"]:
+    """Viscous force c u̇ on every unknown, against its velocity [N] (paper, equations of motion)."""
+    return inertia.damping * nodes_moved(net.shape) * velocity

@@ -1,0 +1,122 @@
+"""The two-dimensional model: a zigzag of springs and hinges, and its tension in closed form.
+
+A period holds four springs, as a row of the sheet does: folds of rest angle θ0 alternate with
+joints that rest straight (paper, Sec. "2D model" and Fig. 1F). The relaxed period is the
+measured one.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from knitlab.model.pattern import CELLS_PER_PERIOD
+from knitlab.model.stripe import Stripe
+
+
+class Zigzag(eqx.Module):
+    """Numbers of one stripe's zigzag.
+
+    Attributes:
+        period: relaxed peak-to-peak distance, w or h [mm].
+        k_s: stiffness of a spring [N/mm].
+        k_t: stiffness of a hinge [N mm].
+        theta_0: interior rest angle of a fold [rad].
+    """
+
+    period: Float[Array, ""]
+    k_s: Float[Array, ""]
+    k_t: Float[Array, ""]
+    theta_0: Float[Array, ""]
+
+    @property
+    def cell(self) -> Float[Array, ""]:
+        """Rest length of a spring, a quarter of the flattened period [mm]."""
+        return self.period / (CELLS_PER_PERIOD * jnp.sin(self.theta_0 / 2))
+
+
+def zigzag(stripe: Stripe) -> Zigzag:
+    """The zigzag of a calibrated stripe."""
+    numbers = stripe.period, stripe.k_s, stripe.k_t, stripe.theta_0
+    return Zigzag(*(jnp.asarray(number, float) for number in numbers))
+
+
+def relaxed_chain(chain: Zigzag, periods: int) -> Float[Array, "node 2"]:
+    """Nodes (x, y) of a relaxed zigzag that starts and ends halfway between folds [mm]."""
+    steps = np.arange(CELLS_PER_PERIOD * periods + 1)
+    height = np.array([0.0, 1.0, 0.0, -1.0])[steps % CELLS_PER_PERIOD]
+    along = steps * chain.cell * jnp.sin(chain.theta_0 / 2)
+    return jnp.stack([along, height * chain.cell * jnp.cos(chain.theta_0 / 2)], axis=1)
+
+
+def chain_energy(chain: Zigzag, nodes: Float[Array, "node 2"]) -> Float[Array, ""]:
+    """E_tot of a zigzag [N mm] (paper, Eq. 1).
+
+    Args:
+        chain: its numbers.
+        nodes: positions (x, y) [mm]; folds are at the odd ones, up and down in turn.
+    """
+    segments = jnp.diff(nodes, axis=0)
+    lengths = jnp.linalg.norm(segments, axis=1)
+    before, after = segments[:-1], segments[1:]
+    turn = jnp.arctan2(
+        before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], jnp.sum(before * after, axis=1)
+    )
+    # At an upper fold the chain turns clockwise.
+    sense = np.array([-1.0, 0.0, 1.0, 0.0])[np.arange(len(nodes) - 2) % CELLS_PER_PERIOD]
+    rest = sense * (jnp.pi - chain.theta_0)
+    stretch = 0.5 * chain.k_s * jnp.sum((lengths - chain.cell) ** 2)
+    return stretch + 0.5 * chain.k_t * jnp.sum((turn - rest) ** 2)
+
+
+def force_at(chain: Zigzag, lean: Float[Array, ""]) -> Float[Array, ""]:
+    """Tension of a zigzag whose segments lean by an angle from the line of pull [N].
+
+    The moment of the force about a fold meets the hinge, k_t (θ − θ0) = F ℓ cos(θ/2), with
+    θ = π − 2 lean and the stretched spring ℓ = cell + F sin(θ/2) / k_s: a quadratic in F.
+    """
+    sine, cosine = jnp.sin(lean), jnp.cos(lean)
+    moment = chain.k_t * (jnp.pi - 2 * lean - chain.theta_0)
+    half = chain.cell * sine
+    # The root in the form that does not cancel where the springs hardly stretch.
+    return 2 * moment / (half + jnp.sqrt(half**2 + 4 * sine * cosine * moment / chain.k_s))
+
+
+def period_at(chain: Zigzag, lean: Float[Array, ""]) -> Float[Array, ""]:
+    """Peak-to-peak distance of a zigzag under tension, 4 ℓ sin(θ/2) [mm]; see :func:`force_at`."""
+    length = chain.cell + force_at(chain, lean) * jnp.cos(lean) / chain.k_s
+    return CELLS_PER_PERIOD * length * jnp.cos(lean)
+
+
+def tension(chain: Zigzag, strain: Float[Array, " point"]) -> Float[Array, " point"]:
+    """Tension of a zigzag at strains of its period, in closed form but for one root [N].
+
+    Differentiable by the numbers of the zigzag and by strain, which must not be negative.
+    """
+    relaxed_lean = (jnp.pi - chain.theta_0) / 2
+
+    def excess(part: Array, of: tuple[Zigzag, Array]) -> Array:
+        numbers, target = of
+        # Solved for the logarithm of the lean: at large strain it falls by orders of magnitude.
+        lean = jnp.exp(-part) * (jnp.pi - numbers.theta_0) / 2
+        return period_at(numbers, lean) / numbers.period - 1 - target
+
+    def lean_at(target: Array) -> Array:
+        found: optx.Solution = optx.root_find(
+            excess,
+            optx.Bisection(rtol=1e-14, atol=1e-14),  # type: ignore[call-arg]
+            jnp.asarray(1.0),
+            args=(chain, target),
+            options={"lower": -1e-9, "upper": LEAST_LEAN},
+            max_steps=200,
+            throw=False,
+        )
+        return jnp.exp(-found.value) * relaxed_lean
+
+    return jax.vmap(lambda target: force_at(chain, lean_at(target)))(strain)
+
+
+LEAST_LEAN = 40.0
+"""Largest −log(lean / relaxed lean) searched."""

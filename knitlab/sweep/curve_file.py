@@ -1,0 +1,180 @@
+"""Measured curves: a CSV file whose header names each column with its unit."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pint
+from jaxtyping import Float
+
+from knitlab.sweep.faults import BadInput, Fault, fault
+
+COLUMN = re.compile(r"\s*(?P<name>[^\[\]]+?)\s*\[(?P<unit>[^\[\]]*)\]\s*")
+EXAMPLE = "write it as in 'strain [1],force [N]'"
+LEAST_POINTS = 4
+"""One more than a stripe has parameters to fit, for their errors."""
+
+
+@dataclass(frozen=True)
+class TensionCurve:
+    """Tension of one row of the network against strain.
+
+    Attributes:
+        strain: of the period, ascending from 0 or more [1].
+        force: on one row [N].
+    """
+
+    strain: Float[np.ndarray, " point"]
+    force: Float[np.ndarray, " point"]
+
+
+def read_tension_curve(
+    path: Path, width: float | None = None, thickness: float | None = None
+) -> TensionCurve:
+    """Read a tension curve: a column of strain, and one of force or of stress.
+
+    Force is for one row of the network. Stress is force over width [N/mm] or, with a thickness,
+    over cross-section [MPa]; any unit of these dimensions will do. Other columns are passed over.
+
+    Args:
+        path: the CSV file; lines that start with # are passed over.
+        width: of one row, for stress [mm].
+        thickness: of the fabric, for stress over cross-section [mm].
+
+    Raises:
+        BadInput: with every fault of the file.
+    """
+    table = _read_csv(path)
+    columns = {}
+    faults = []
+    for header in table.columns:
+        match = COLUMN.fullmatch(str(header))
+        name = (match["name"] if match else str(header)).strip().lower()
+        if name not in ("strain", "force", "stress"):
+            continue
+        if not match or not match["unit"].strip():
+            faults.append(Fault(f"{path}: column {name}", f"has no unit; {EXAMPLE}"))
+        elif name in columns:
+            faults.append(Fault(f"{path}: column {name}", "is there twice; keep one"))
+        columns[name] = str(header)
+    loads = [name for name in ("force", "stress") if name in columns]
+    if "strain" not in columns:
+        faults.append(Fault(f"{path}: column strain", f"is missing; {EXAMPLE}"))
+    if len(loads) != 1:
+        problem = "has both; keep one" if loads else f"has neither; {EXAMPLE}"
+        faults.append(Fault(f"{path}: columns force and stress", problem))
+    if faults:
+        raise BadInput(faults)
+
+    (load,) = loads
+    numbers = {}
+    for name in ("strain", load):
+        numbers[name], found = _numbers(path, name, table[columns[name]])
+        faults += found
+    units = {name: _unit(columns[name]) for name in numbers}
+    per_row, found = _newton_per_row(path, load, units[load], width, thickness)
+    faults += found
+    of_one, found = _factor(path, "strain", units["strain"], "1", "such as [1] or [%]")
+    faults += found
+    if not faults:
+        faults += _strain_faults(path, numbers["strain"])
+    if faults:
+        raise BadInput(faults)
+    return TensionCurve(numbers["strain"] * of_one, numbers[load] * per_row)
+
+
+def _read_csv(path: Path) -> pd.DataFrame:
+    try:
+        table = pd.read_csv(
+            path,
+            dtype=str,
+            comment="#",
+            skipinitialspace=True,
+            index_col=False,
+            keep_default_na=False,
+        )
+    except OSError as error:
+        raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        raise fault(str(path), f"is not a CSV table ({error}); {EXAMPLE}") from error
+    return table
+
+
+def _unit(header: str) -> str:
+    match = COLUMN.fullmatch(header)
+    return match["unit"].strip() if match else ""
+
+
+def _numbers(
+    path: Path, name: str, column: pd.Series
+) -> tuple[Float[np.ndarray, " point"], list[Fault]]:
+    numbers = pd.to_numeric(column, errors="coerce").to_numpy(float)
+    bad = np.flatnonzero(~np.isfinite(numbers))
+    faults = []
+    if len(bad):
+        first = column.iloc[bad[0]]
+        more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
+        value = repr(first) if first else "empty"
+        problem = f"point {bad[0] + 1} is {value}{more}, not a finite number; mend or remove it"
+        faults.append(Fault(f"{path}: column {name}", problem))
+    return numbers, faults
+
+
+def _strain_faults(path: Path, strain: Float[np.ndarray, " point"]) -> list[Fault]:
+    place = f"{path}: column strain"
+    if len(strain) < LEAST_POINTS:
+        problem = f"has {len(strain)} points; three parameters need at least {LEAST_POINTS}"
+        return [Fault(place, problem)]
+    if strain.min() < 0:
+        return [Fault(place, f"goes down to {strain.min():g}; give tension alone, from 0 up")]
+    falls = np.flatnonzero(np.diff(strain) < 0)
+    if len(falls):
+        at = falls[0]
+        problem = (
+            f"decreases from {strain[at]:g} to {strain[at + 1]:g} at point {at + 2};"
+            " give the loading curve alone"
+        )
+        return [Fault(place, problem)]
+    return []
+
+
+def _factor(
+    path: Path, name: str, unit: str, target: str, remedy: str
+) -> tuple[float, list[Fault]]:
+    """What a column is multiplied by to be in a unit."""
+    place = f"{path}: column {name}"
+    try:
+        quantity = _registry().Quantity(1.0, "dimensionless" if unit == "1" else unit)
+        return float(quantity.to("dimensionless" if target == "1" else target).magnitude), []
+    except pint.DimensionalityError:
+        return np.nan, [Fault(place, f"is in {unit}; give it in a unit {remedy}")]
+    except Exception:  # pint raises many kinds on a text that is no unit
+        return np.nan, [Fault(place, f"has the unknown unit {unit!r}; give one {remedy}")]
+
+
+def _newton_per_row(
+    path: Path, load: str, unit: str, width: float | None, thickness: float | None
+) -> tuple[float, list[Fault]]:
+    if load == "force":
+        faults = [
+            Fault(f"--{option} {value:g}", "is for stress, but the curve holds force; leave it out")
+            for option, value in (("width", width), ("thickness", thickness))
+            if value is not None
+        ]
+        factor, found = _factor(path, load, unit, "N", "of force, such as [N]")
+        return factor, faults + found
+    if width is None:
+        problem = "needs the width of one row of the network; give --width MM"
+        return np.nan, [Fault(f"{path}: column stress", problem)]
+    if thickness is None:
+        remedy = "of force over width, such as [N/mm], or give --thickness MM for [MPa]"
+        factor, faults = _factor(path, load, unit, "N/mm", remedy)
+        return factor * width, faults
+    factor, faults = _factor(path, load, unit, "N/mm^2", "of force over area, such as [MPa]")
+    return factor * width * thickness, faults
+
+
+def _registry() -> pint.UnitRegistry:
+    return pint.get_application_registry()

@@ -1,0 +1,39 @@
+"""Writing a calibrated stripe as an entry that workflows can use (``stripe_files``)."""
+
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from knitlab.measure.calibration import UNITS, Calibration
+from knitlab.model.stripe import Knit
+from knitlab.sweep.files import written_whole
+
+DIGITS = 6
+ENTRY_UNITS = {"period": "mm", **UNITS}
+
+
+def write_stripe_file(
+    path: Path, knit: Knit, stitches: int, calibration: Calibration, curve: Path
+) -> None:
+    """Write a fitted stripe in the form of ``params/stripes.toml``.
+
+    Args:
+        path: the file.
+        knit: rib or garter.
+        stitches: across a stripe, n.
+        calibration: the fit.
+        curve: the file that it was fitted to, named as the source.
+    """
+    numbers = {"period": calibration.period, **calibration.values}
+    errors = ", ".join(
+        f"{name} {error:.2g} {UNITS[name]}" for name, error in calibration.standard_errors.items()
+    )
+    row = {name: float(f"{numbers[name]:.{DIGITS}g}") for name in ENTRY_UNITS}
+    said = "".join(f"; {warning}" for warning in calibration.warnings)
+    source = f"knitlab calibrate {curve.name}; standard errors {errors}{said}"
+    table: dict[str, Any] = {
+        knit: {"source": source, "unit": ENTRY_UNITS, "n": {str(stitches): row}}
+    }
+    with written_whole(path) as temporary:
+        temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
