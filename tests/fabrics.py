@@ -3,16 +3,19 @@
 import jax.numpy as jnp
 import numpy as np
 
+from knitlab.mechanics.dynamic_tension import Batch
+from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.lockstep import run_in_lockstep
 from knitlab.mechanics.newton import SolverSettings
 from knitlab.mechanics.relaxation import relax
 from knitlab.mechanics.state import State, TensileTest
 from knitlab.mechanics.tension import stretch
 from knitlab.model.fabric import Fabric, Sheet, weave
+from knitlab.model.inertia import MassAndDrag, inertia
 from knitlab.model.network import Network
 from knitlab.model.pattern import Pattern, checkerboard, patch_map
 from knitlab.model.reading import Reading
-from knitlab.model.stripe import Stripe
+from knitlab.model.stripe import Knit, Stripe
 from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.shipped import shipped
 
@@ -21,12 +24,12 @@ SHEET = Sheet(z_max=6.0, k_wall=100.0)
 ENDLESS = Reading(boundary="periodic")
 CLAMPED = Reading(boundary="clamped")
 DEFAULT = SolverSettings()
+MASS_AND_DRAG = MassAndDrag(surface_density=1.1e-4, damping=2e-4)
 FINE = SolverSettings(tolerance=1e-12)
 
 
-def stripe(knit: str, n: int) -> Stripe:
-    table = {"rib": PARAMETERS.stripes.rib, "garter": PARAMETERS.stripes.garter}[knit]
-    return Stripe(knit=knit, n=n, **table.n[str(n)].model_dump())
+def stripe(knit: Knit, n: int) -> Stripe:
+    return PARAMETERS.stripes.stripe(knit, n)
 
 
 ALL_STRIPES = [stripe("rib", n) for n in (2, 4, 6, 8)] + [
@@ -65,6 +68,22 @@ def stretched(
     settings: SolverSettings = DEFAULT,
 ) -> TensileTest:
     return run_in_lockstep(net.shape, [fabric], [stretch(net, fabric, strains, settings)])[0]
+
+
+def moving(
+    designs: list[tuple[int, int]],
+    reading: Reading,
+    settings: DynamicsSettings,
+    unit_cells: tuple[int, int] = (1, 1),
+    mass_and_drag: MassAndDrag = MASS_AND_DRAG,
+) -> Batch:
+    """Checkerboards (n_stripe, periods) of one mesh shape, ready to move."""
+    woven = [checkered(*design, reading, unit_cells) for design in designs]
+    inertias = [
+        inertia(stripe("rib", n), stripe("garter", 2 * n), reading, mass_and_drag)
+        for n, _ in designs
+    ]
+    return Batch(woven[0][0].shape, [fabric for _, fabric in woven], inertias, settings)
 
 
 def endless_poisson_ratio(test: TensileTest) -> np.ndarray:

@@ -9,7 +9,7 @@ from knitlab.maps.style import SEQUENCE_COLOURS
 
 VIEW = {"elev": 38.0, "azim": -58.0}
 MARGIN = 0.02
-ZOOM = 1.25
+ZOOM = 1.0
 """As large as the flat sheet still fits."""
 
 

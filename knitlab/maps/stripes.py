@@ -100,7 +100,7 @@ def _stripes(cube: xr.Dataset, knit: str) -> Iterator[tuple[Any, xr.Dataset]]:
 
 def _agreed_strain(departure: xr.DataArray) -> float:
     """Largest applied strain up to which no sheet departs by more than :data:`AGREEMENT`."""
-    beyond = (np.abs(departure) > AGREEMENT).any("boundary").values
+    beyond = abs(departure).max("boundary").values > AGREEMENT
     strains = departure["applied_strain"].values
     within = int(np.argmax(beyond)) if beyond.any() else len(strains)
     return float(strains[within - 1]) if within else 0.0

@@ -35,8 +35,9 @@ def relax(net: Network, fabric: Fabric, settings: SolverSettings) -> Solver[Stat
         configuration = state.configuration
         passed.append(state)
     state = yield from find_equilibrium(Request(configuration), free, longest, settings)
-    passed.append(state)
     angle = squaring_angle(shape, flat, state.configuration)
-    square = Request(turned(state.configuration, angle))
-    state = yield from find_equilibrium(square, free, longest, settings)
+    if state.converged and angle:
+        passed.append(state)
+        square = Request(turned(state.configuration, angle))
+        state = yield from find_equilibrium(square, free, longest, settings)
     return state.after(*passed)

@@ -61,11 +61,11 @@ def inertia(weft: Stripe, warp: Stripe, reading: Reading, mass_and_drag: MassAnd
 def nodes_moved(shape: MeshShape) -> Float[Array, " unknown"]:
     """How many nodes' mass and drag each unknown carries.
 
-    A coordinate carries its node's. L_x and L_y, which are knitlab's and not the paper's, carry
-    the whole sheet's: they move as slowly as its softest modes, and at equilibrium it is all one.
+    A coordinate carries its node's. L_x and L_y, which are knitlab's and not the paper's, move the
+    images of a line of nodes, and carry that line's; at equilibrium it is all one.
     """
-    ones = jnp.ones(3 * shape.nodes)
-    return jnp.concatenate([ones, jnp.full(2, float(shape.nodes))])
+    lines = [float(shape.nodes_y), float(shape.nodes_x)]
+    return jnp.concatenate([jnp.ones(3 * shape.nodes), jnp.array(lines)])
 
 
 def kinetic_energy(

@@ -9,7 +9,7 @@ from knitlab.sweep.shipped import shipped
 
 
 def designs(plan):
-    return sorted((case.n_stripe, case.n_subunit) for case in plan.cases.values())
+    return sorted(tuple(case.design.values()) for case in plan.cases.values())
 
 
 def workflow(tmp_path, text):
@@ -21,7 +21,7 @@ def workflow(tmp_path, text):
 def test_the_preview_holds_the_papers_designs_up_to_four_periods():
     plan = make_plan("preview")
     assert len(plan.cases) == 10
-    assert {case.n_stripe for case in plan.cases.values()} == {2, 4, 6, 8}
+    assert {case.design["n_stripe"] for case in plan.cases.values()} == {2, 4, 6, 8}
     assert max(case.periods for case in plan.cases.values()) == 4
     assert plan.applied_strain == tuple(round(0.03 * k, 12) for k in range(16))
 
@@ -42,7 +42,7 @@ def test_overrides_reach_the_case():
         "path_step=0.02",
     )
     (case,) = make_plan("preview", overrides).cases.values()
-    assert (case.n_stripe, case.n_subunit) == (4, 16)
+    assert case.design == {"n_stripe": 4, "n_subunit": 16}
     assert case.reading.cell_size == "flat"
     assert case.sheet.z_max == 0.6
     assert case.solver.path_step == 0.02
@@ -176,7 +176,7 @@ def test_a_plan_freezes_everything_it_resolved(tmp_path):
     record = json.loads((tmp_path / "plan.json").read_text())
     assert list(record["cases"]) == list(plan.cases)
     case = next(iter(record["cases"].values()))
-    assert case["garter"] == {
+    assert case["warp"] == {
         "knit": "garter",
         "n": 8,
         "period": 1.44,

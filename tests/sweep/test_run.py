@@ -34,7 +34,9 @@ def test_every_variable_carries_units_and_a_long_name(sweep):
         for name in dataset.variables:
             assert dataset[name].attrs["units"] == (COORDINATES | VARIABLES)[name].units
             assert dataset[name].attrs["long_name"]
-    assert {name for name, v in VARIABLES.items() if v.in_cube} == set(run.cube.data_vars)
+    assert {name for name, v in VARIABLES.items() if v.in_cube and v.of == "all"} == set(
+        run.cube.data_vars
+    )
 
 
 def test_impossible_designs_are_excluded_and_the_others_are_ok(sweep):
@@ -98,7 +100,7 @@ def test_a_design_that_does_not_converge_is_reported_not_averaged(tmp_path):
 
 def test_a_case_that_raises_is_failed_and_its_mates_are_run_without_it(tmp_path, monkeypatch):
     plan = make_plan("preview", ("n_stripe=4,8", "n_subunit=8,16", *SMALL[:2]))
-    (poisoned,) = (case for case in plan.cases.values() if case.n_stripe == 8)
+    (poisoned,) = (case for case in plan.cases.values() if case.design["n_stripe"] == 8)
     honest = workers_module.simulate_batch
 
     def poison(results, cases, progress):

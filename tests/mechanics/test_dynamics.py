@@ -1,0 +1,178 @@
+"""Damped dynamics: against closed forms, its own balance of energy, and smaller steps."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from knitlab.mechanics.dynamic_tension import Batch, Course, move
+from knitlab.mechanics.dynamics import DynamicsSettings, batch_integrator
+from knitlab.mechanics.state import Outcome
+from knitlab.model.energy import energy
+from knitlab.model.fabric import Fabric, flat_sheet
+from knitlab.model.inertia import Inertia, nodes_moved
+from knitlab.model.network import MeshShape, network
+from tests.fabrics import CLAMPED, ENDLESS, checkered, moving, relaxed, shaken
+
+SETTINGS = DynamicsSettings()
+STIFFNESS, MASS, LENGTH, PULL = 2.0, 1e-3, 1.0, 1e-3
+
+
+def two_nodes(damping: float, settings: DynamicsSettings) -> tuple[Batch, Course]:
+    """One spring along x between two free nodes, let go stretched by ``PULL``."""
+    shape = MeshShape(cells_y=0, cells_x=1, periodic=False)
+    none = jnp.zeros(0)
+    fabric = Fabric(
+        rest_length=jnp.array([LENGTH]),
+        stretch_stiffness=jnp.array([STIFFNESS]),
+        rest_fold=none,
+        fold_stiffness=none,
+        z_max=jnp.array(6.0),
+        k_wall=jnp.array(100.0),
+        cell=jnp.array([LENGTH, LENGTH]),
+    )
+    inertia = Inertia(jnp.array(MASS), jnp.array(damping))
+    start = np.array([0, 0, 0, LENGTH + PULL, 0, 0, 0, 0])
+    return Batch(shape, [fabric], [inertia], settings), Course(start)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.01])
+def test_two_nodes_on_a_spring_vibrate_at_their_frequency(damping):
+    settings = replace(SETTINGS, duration=1.0, relative_tolerance=1e-9)
+    batch, course = two_nodes(damping, settings)
+    (arrival,) = move(batch, [course])
+    time = arrival.history.snapshot_time
+    stretch = arrival.history.snapshots[:, 3] - arrival.history.snapshots[:, 0] - LENGTH
+    decay = damping / (2 * MASS)
+    frequency = np.sqrt(2 * STIFFNESS / MASS - decay**2)
+    swing = np.cos(frequency * time) + decay / frequency * np.sin(frequency * time)
+    assert time[-1] == pytest.approx(1.0)
+    assert frequency * time[-1] > 60
+    np.testing.assert_allclose(stretch, PULL * np.exp(-decay * time) * swing, atol=1e-5 * PULL)
+
+
+def test_an_undamped_spring_never_comes_to_rest():
+    batch, course = two_nodes(0.0, replace(SETTINGS, duration=1.0))
+    (arrival,) = move(batch, [course])
+    assert arrival.state.outcome is Outcome.time_limit
+    assert arrival.state.kinetic_peak == pytest.approx(0.5 * STIFFNESS * PULL**2, rel=1e-2)
+
+
+def test_energy_is_kept_account_of_over_a_relaxation():
+    batch = moving([(8, 1)], ENDLESS, SETTINGS)
+    sheet = np.asarray(flat_sheet(network(batch.shape), batch.fabrics[0]))
+    (arrival,) = move(batch, [Course(sheet)])
+    history = arrival.history
+    total = history.kinetic + history.potential + history.dissipated
+    assert arrival.state.converged
+    assert history.kinetic.max() > 0.1 * history.potential[0]
+    assert history.kinetic[-1] < 1e-9 * history.potential[0]
+    assert np.ptp(total) < 1e-4 * history.potential[0]
+    assert (np.diff(history.dissipated) >= 0).all()
+
+
+def test_the_error_falls_with_the_fifth_power_of_the_time_step():
+    ends = []
+    for steps in (60, 120, 480):
+        settings = replace(
+            SETTINGS, ending="fixed_steps", fixed_steps=steps, time_step=0.06 / steps
+        )
+        batch = moving([(8, 1)], CLAMPED, settings)
+        sheet = flat_sheet(network(batch.shape), batch.fabrics[0])
+        (arrival,) = move(batch, [Course(np.asarray(sheet))])
+        assert arrival.state.iterations == steps
+        ends.append(arrival.state.configuration)
+    errors = [np.abs(end - ends[-1]).max() for end in ends[:-1]]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert (orders > 4.5).all(), (errors, orders)
+
+
+def test_the_error_falls_with_the_tolerance():
+    ends = []
+    for tolerance in (1e-4, 1e-6, 1e-9):
+        settings = replace(
+            SETTINGS, duration=0.1, relative_tolerance=tolerance, absolute_tolerance=tolerance / 1e3
+        )
+        batch = moving([(8, 1)], CLAMPED, settings)
+        sheet = flat_sheet(network(batch.shape), batch.fabrics[0])
+        (arrival,) = move(batch, [Course(np.asarray(sheet))])
+        ends.append(arrival.state.configuration)
+    errors = [np.abs(end - ends[-1]).max() for end in ends[:-1]]
+    assert errors[0] > 10 * errors[1], errors
+
+
+def test_damping_is_near_critical_for_the_softest_mode():
+    net, fabric = checkered(4, 2, ENDLESS)
+    state = relaxed(net, fabric)
+    (inertia,) = moving([(4, 2)], ENDLESS, SETTINGS).inertias
+    mass = np.asarray(inertia.node_mass * nodes_moved(net.shape))
+    hessian = jax.jit(jax.hessian(lambda q: energy(net, fabric, q).total))
+    stiffness = np.asarray(hessian(jnp.asarray(state.configuration)))
+    squares = np.linalg.eigvalsh(stiffness / np.sqrt(mass[:, None] * mass))
+    assert np.abs(squares[:3]).max() < 1e-6 * squares[3]  # translations
+    softest = np.sqrt(squares[3])
+    assert 0.5 < float(inertia.damping / inertia.node_mass) / (2 * softest) < 1.5
+
+
+def test_a_batch_moves_as_its_cases_do_alone_and_compiles_once():
+    designs = [(2, 1), (4, 1), (8, 1)]
+    settings = replace(SETTINGS, snapshots=7)  # an integrator of its own
+    batch = moving(designs, ENDLESS, settings)
+    sheets = [np.asarray(flat_sheet(network(batch.shape), fabric)) for fabric in batch.fabrics]
+    together = move(batch, [Course(sheet) for sheet in sheets])
+    again = move(batch, [Course(np.asarray(shaken(sheet, 1e-3))) for sheet in sheets])
+    assert all(arrival.state.converged for arrival in again)
+    assert batch_integrator(batch.shape, settings)._cache_size() == 1
+    for case, sheet in enumerate(sheets):
+        one = replace(
+            batch, fabrics=batch.fabrics[case : case + 1], inertias=batch.inertias[case : case + 1]
+        )
+        (alone,) = move(one, [Course(sheet)])
+        assert together[case].state.outcome is alone.state.outcome is Outcome.converged
+        assert float(together[case].state.energy.total) == pytest.approx(
+            float(alone.state.energy.total), rel=1e-6
+        )
+        np.testing.assert_allclose(
+            together[case].state.configuration[-2:], alone.state.configuration[-2:], rtol=1e-4
+        )
+
+
+@pytest.mark.parametrize(
+    ("ending", "outcome"), [("steady", Outcome.stalled), ("fixed_steps", Outcome.diverged)]
+)
+def test_a_design_that_diverges_does_not_disturb_its_neighbour(ending, outcome):
+    settings = replace(SETTINGS, ending=ending)
+    batch = moving([(4, 1), (8, 1)], ENDLESS, settings)
+    sheets = [np.asarray(flat_sheet(network(batch.shape), fabric)) for fabric in batch.fabrics]
+    honest = move(batch, [Course(sheet) for sheet in sheets])
+    # A mass far too light for any step diverges with fixed ones, one that is no number with all.
+    mass = jnp.array(1e-12 if ending == "fixed_steps" else np.nan)
+    light = Inertia(mass, batch.inertias[0].damping)
+    spoiled = move(
+        replace(batch, inertias=[light, batch.inertias[1]]), [Course(sheet) for sheet in sheets]
+    )
+    assert spoiled[0].state.outcome is outcome
+    assert spoiled[1].state.outcome is honest[1].state.outcome
+    np.testing.assert_allclose(
+        spoiled[1].state.configuration, honest[1].state.configuration, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "outcome"),
+    [
+        ({"max_steps": 50}, Outcome.iteration_limit),
+        ({"duration": 0.1}, Outcome.time_limit),
+        ({"ending": "fixed_steps", "fixed_steps": 100}, Outcome.time_limit),
+        ({"ending": "fixed_steps", "fixed_steps": 100, "steady_force": 10.0}, Outcome.converged),
+    ],
+)
+def test_the_end_of_a_motion_is_told(changes, outcome):
+    batch = moving([(8, 1)], ENDLESS, replace(SETTINGS, **changes))
+    sheet = np.asarray(flat_sheet(network(batch.shape), batch.fabrics[0]))
+    (arrival,) = move(batch, [Course(sheet)])
+    assert arrival.state.outcome is outcome
+    assert np.isfinite(arrival.state.residual)
+    assert (arrival.state.residual <= batch.settings.steady_force) == arrival.state.converged
