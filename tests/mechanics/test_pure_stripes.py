@@ -1,9 +1,12 @@
 """Pure stripes against closed forms and an independent solution with three unknowns."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import root
 
+from knitlab.model.reading import Reading
+from knitlab.model.zigzag import tension, zigzag
 from tests.fabrics import ALL_STRIPES, CLAMPED, ENDLESS, FINE, pure, relaxed, stretched
 
 NAMES = [f"{of.knit} {of.n}" for of in ALL_STRIPES]
@@ -92,3 +95,15 @@ def test_tension_along_the_ridges_is_that_of_three_unknowns(of):
         width = 4 * float(fabric.cell[0]) * length * of.contraction
         assert state.configuration[-2] == pytest.approx(width, rel=1e-6)
         assert test.loading.reaction_force(state.gradient) == pytest.approx(4 * force, rel=1e-6)
+
+
+@pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
+@pytest.mark.parametrize(("boundary", "periods"), [("periodic", 1), ("clamped", 2)])
+def test_the_sheet_is_the_zigzag_within_five_percent_while_it_unfolds(of, boundary, periods):
+    reading = Reading(boundary=boundary, fold_phase="stripe_centre")
+    net, fabric = pure(of, reading, periods=periods, ridges="G")
+    test = stretched(net, fabric, [0.0, 0.1, 0.3])
+    assert all(state.converged for state in test.states)
+    force = [test.loading.reaction_force(state.gradient) for state in test.states[1:]]
+    zigzag_force = tension(zigzag(of), jnp.array([0.1, 0.3]))
+    np.testing.assert_allclose(np.array(force) / net.shape.cells_x, zigzag_force, rtol=0.05)

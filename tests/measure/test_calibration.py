@@ -1,0 +1,78 @@
+"""Calibration recovers a stripe that is known, and says when a curve does not fix it."""
+
+from functools import cache
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from knitlab.measure.calibration import FITTED, calibrate
+from knitlab.model.zigzag import tension, zigzag
+from tests.fabrics import ALL_STRIPES, stripe
+
+POINTS, NOISE, SEEDS = 41, 0.01, 40
+
+
+def curve(of, largest=2.0, noise=NOISE, seed=0):
+    strain = np.linspace(0, largest, POINTS)
+    force = np.asarray(tension(zigzag(of), jnp.asarray(strain)))
+    scatter = np.random.default_rng(seed).normal(size=POINTS)
+    return strain, force + noise * force.max() * scatter
+
+
+@pytest.mark.parametrize("of", ALL_STRIPES, ids=lambda of: f"{of.knit} {of.n}")
+def test_a_clean_curve_gives_its_stripe_back(of):
+    fit = calibrate(of.period, *curve(of, noise=0.0))
+    assert fit.converged
+    assert fit.warnings == ()
+    for name in FITTED:
+        assert fit.values[name] == pytest.approx(getattr(of, name), rel=1e-6)
+
+
+@cache
+def fits(knit, n):
+    of = stripe(knit, n)
+    return [calibrate(of.period, *curve(of, seed=seed)) for seed in range(SEEDS)]
+
+
+@pytest.mark.parametrize("name", FITTED)
+@pytest.mark.parametrize(("knit", "n"), [("rib", 4), ("garter", 16)])
+def test_the_stated_intervals_cover_the_truth_as_often_as_they_say(knit, n, name):
+    truth = getattr(stripe(knit, n), name)
+    covered = [low <= truth <= high for low, high in (f.intervals[name] for f in fits(knit, n))]
+    assert 0.85 <= np.mean(covered) <= 1
+    errors = [fit.standard_errors[name] for fit in fits(knit, n)]
+    spread = np.std([fit.values[name] for fit in fits(knit, n)], ddof=1)
+    assert np.mean(errors) == pytest.approx(spread, rel=0.35)
+    assert all(fit.starts[1] > 1 for fit in fits(knit, n))
+
+
+def test_correlations_are_those_of_repeated_measurements():
+    values = np.array([[fit.values[name] for name in FITTED] for fit in fits("rib", 4)])
+    np.testing.assert_allclose(fits("rib", 4)[0].correlations, np.corrcoef(values.T), atol=0.1)
+
+
+def test_a_curve_too_short_to_tell_two_parameters_apart_says_so():
+    fit = calibrate(1.41, *curve(stripe("rib", 4), largest=0.3))
+    assert any("cannot tell k_t from theta_0" in warning for warning in fit.warnings)
+    straight = np.linspace(0, 0.02, 20)
+    fit = calibrate(1.41, straight, 0.02 * straight)
+    assert fit.warnings
+
+
+def test_the_misfit_is_the_noise():
+    of = stripe("garter", 16)
+    noise = NOISE * curve(of, noise=0.0)[1].max()
+    assert np.mean([fit.misfit for fit in fits("garter", 16)]) == pytest.approx(noise, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("strain", "force", "message"),
+    [
+        (np.arange(3.0), np.arange(3.0), "at least 4"),
+        (np.arange(5.0), np.zeros(5), "force is zero"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused(strain, force, message):
+    with pytest.raises(ValueError, match=message):
+        calibrate(1.41, strain, force)
