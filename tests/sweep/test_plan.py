@@ -186,3 +186,30 @@ def test_a_plan_freezes_everything_it_resolved(tmp_path):
     }
     assert case["reading"]["fold_phase"] == "stripe_border"
     assert list(tmp_path.iterdir()) == [tmp_path / "plan.json"]
+
+
+def test_the_stripes_workflow_holds_all_nine_under_both_boundaries():
+    plan = make_plan("stripes")
+    assert plan.dims == ("knit", "n", "boundary")
+    assert len(plan.cases) == 18
+    assert all(case.pure and case.pattern == ("G",) for case in plan.cases.values())
+    assert {case.reading.boundary for case in plan.cases.values()} == {"periodic", "clamped"}
+
+
+def test_mass_and_drag_change_the_identifier_of_a_case_by_dynamics_alone():
+    design = ("n_stripe=4", "n_subunit=16")
+    for method, same in (("equilibrium", True), ("dynamics", False)):
+        (one,), (other,) = (
+            make_plan("preview", (*design, f"method={method}", f"damping={damping}")).cases
+            for damping in (1e-4, 3e-4)
+        )
+        assert (one == other) is same
+
+
+def test_a_workflow_is_of_checkerboards_or_of_stripes(tmp_path):
+    with pytest.raises(BadInput, match=r"either \[design\] or \[stripes\]"):
+        make_plan("stripes", ("n_stripe=4",))
+    with pytest.raises(BadInput, match=r"either \[design\] or \[stripes\]"):
+        make_plan(workflow(tmp_path, 'title = "neither"\n'))
+    with pytest.raises(BadInput, match="no stripe of n"):
+        make_plan("stripes", ("n=5",))

@@ -1,0 +1,65 @@
+"""The workflows of the paper's method and of pure stripes, on designs small enough for a test."""
+
+from pathlib import Path
+
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+from knitlab.cli import main
+from knitlab.sweep.registry import Status
+
+
+@pytest.fixture(autouse=True)
+def in_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def knitlab(*words):
+    return CliRunner().invoke(main, words)
+
+
+def test_a_relaxation_is_drawn_and_filmed():
+    settings = ("n_stripe=8", "n_subunit=16", "boundary=periodic", "snapshots=12")
+    words = [word for setting in settings for word in ("--set", setting)]
+    ran = knitlab("run", "relaxation", *words, "--workers", "0")
+    assert ran.exit_code == 0, ran.output
+    figures = {path.name for path in Path("results/relaxation/figures").iterdir()}
+    assert figures == {"relaxation.pdf", "relaxation.png", "folding.gif"}
+    (path,) = Path("results/relaxation/cases").iterdir()
+    case = xr.load_dataset(path)
+    assert float(case["kinetic_energy"][-1]) < 1e-9 * float(case["potential_energy"][0])
+    assert case["snapshot_position"].sizes["snapshot"] == case.sizes["snapshot"] > 4
+
+
+def test_dynamics_that_cannot_finish_is_reported():
+    settings = ("n_stripe=8", "n_subunit=16", "boundary=periodic", "max_steps=20")
+    words = [word for setting in settings for word in ("--set", setting)]
+    ran = knitlab("run", "relaxation", *words, "--workers", "0")
+    assert ran.exit_code == 1
+    assert "the limit of steps was reached" in ran.output
+    cube = xr.load_dataset("results/relaxation/cube.nc")
+    assert (cube["status"] == Status.not_converged).all()
+
+
+def test_stripes_are_run_queried_and_drawn():
+    words = ("--set", "n=4", "--set", "strain_max=0.2", "--set", "stripe_periods=1")
+    ran = knitlab("run", "stripes", *words, "--workers", "0")
+    assert ran.exit_code == 0, ran.output
+    figures = {path.name for path in Path("results/stripes/figures").iterdir()}
+    assert {"stripes.png", "departure.png"} <= figures
+    answer = knitlab(
+        "query",
+        "results/stripes",
+        "--select",
+        "knit=rib",
+        "--select",
+        "applied_strain=0.2",
+        "--columns",
+        "knit,n,boundary,row_force,zigzag_force",
+    )
+    assert answer.exit_code == 0, answer.output
+    assert "periodic" in answer.output
+    refused = knitlab("map", "auxetic", "results/stripes", "-o", "map.png")
+    assert refused.exit_code == 2
+    assert "draw stripes, departure" in refused.output
