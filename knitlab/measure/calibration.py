@@ -23,6 +23,8 @@ STARTING_FACTORS = (0.3, 3.0)
 CONFIDENCE = 0.95
 ALIKE_CORRELATION = 0.99
 VAGUE_ERROR = 0.1
+USELESS_ERROR = 0.5
+"""Standard error of a logarithm, or of the angle [rad], that leaves nothing known."""
 AT_BOUND = 1e-3
 """How near a bound, in the fitted unknown, counts as at it."""
 LEAST_POINTS = len(FITTED) + 1
@@ -213,6 +215,8 @@ def _warnings(
         if min(fit.x[place] - lower[place], upper[place] - fit.x[place]) < AT_BOUND:
             low, high = BOUNDS[name]
             said.append(f"{name} is at its bound ({low:g} to {high:g}): the curve does not fix it")
+        if errors[place] > USELESS_ERROR:
+            said.append(f"{name} is uncertain by more than half; the curve does not fix it")
     for one, other in itertools.combinations(range(len(FITTED)), 2):
         vague = max(errors[one], errors[other]) > VAGUE_ERROR
         if vague and abs(correlations[one, other]) > ALIKE_CORRELATION:

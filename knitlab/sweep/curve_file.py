@@ -1,6 +1,7 @@
 """Measured curves: a CSV file whose header names each column with its unit."""
 
 import re
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -87,19 +88,26 @@ def read_tension_curve(
 
 def _read_csv(path: Path) -> pd.DataFrame:
     try:
-        table = pd.read_csv(
-            path,
-            dtype=str,
-            comment="#",
-            skipinitialspace=True,
-            index_col=False,
-            keep_default_na=False,
-        )
+        with warnings.catch_warnings():
+            # A row with more values than the header would lose the last ones.
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            return pd.read_csv(
+                path,
+                dtype=str,
+                comment="#",
+                skipinitialspace=True,
+                index_col=False,
+                keep_default_na=False,
+            )
     except OSError as error:
         raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+    except (
+        pd.errors.ParserError,
+        pd.errors.ParserWarning,
+        pd.errors.EmptyDataError,
+        UnicodeDecodeError,
+    ) as error:
         raise fault(str(path), f"is not a CSV table ({error}); {EXAMPLE}") from error
-    return table
 
 
 def _unit(header: str) -> str:
@@ -124,8 +132,9 @@ def _numbers(
 
 def _strain_faults(path: Path, strain: Float[np.ndarray, " point"]) -> list[Fault]:
     place = f"{path}: column strain"
-    if len(strain) < LEAST_POINTS:
-        problem = f"has {len(strain)} points; three parameters need at least {LEAST_POINTS}"
+    points = len(np.unique(strain))
+    if points < LEAST_POINTS:
+        problem = f"has {points} points; three parameters need at least {LEAST_POINTS}"
         return [Fault(place, problem)]
     if strain.min() < 0:
         return [Fault(place, f"goes down to {strain.min():g}; give tension alone, from 0 up")]

@@ -27,7 +27,7 @@ def written(tmp_path, text):
 )
 def test_units_of_the_header_are_heeded(tmp_path, header, strain, force, options):
     extra = ",7" if "time" in header else ""
-    strains, forces = [0.0, 0.1, 0.1, 0.3], [0.0, 0.2, 0.5, 0.9]
+    strains, forces = [0.0, 0.1, 0.1, 0.3, 0.4], [0.0, 0.2, 0.5, 0.9, 1.0]
     rows = [f"{strain * a},{force * b}{extra}" for a, b in zip(strains, forces, strict=True)]
     path = written(tmp_path, "\n".join(["# a comment", header, *rows]))
     curve = read_tension_curve(path, **options)
@@ -55,6 +55,8 @@ def test_units_of_the_header_are_heeded(tmp_path, header, strain, force, options
         ("strain [1],force [N]\n", {}, "has 0 points"),
         ("", {}, "is not a CSV table"),
         (GOOD.replace("0.2,0.5", "0.2,0.5,3"), {}, "is not a CSV table"),
+        ("strain [1],force [N]\n0,0,0,0\n0,1,0,5\n0,2,0,9\n0,3,1,0\n", {}, "is not a CSV"),
+        (GOOD.replace("0.2,", "0.1,").replace("0.3,", "0.1,"), {}, "has 2 points"),
         (GOOD, {"width": 0.3}, "--width 0.3: is for stress"),
         (GOOD.replace("force [N]", "stress [N/mm]"), {}, "give --width"),
         (GOOD.replace("force [N]", "stress [MPa]"), {"width": 0.3}, "give --thickness"),
