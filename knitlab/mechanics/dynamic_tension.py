@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from knitlab.mechanics.dynamics import (
     PEAK_OF_SMOOTH_RAMP,
@@ -16,7 +16,7 @@ from knitlab.mechanics.dynamics import (
     Trajectory,
     batch_integrator,
 )
-from knitlab.mechanics.loading import Loading, all_free, squaring_angle, tensile, turned
+from knitlab.mechanics.loading import Loading, all_free, squared_up, tensile
 from knitlab.mechanics.lockstep import stacked
 from knitlab.mechanics.state import History, Outcome, State, TensileTest
 from knitlab.model.fabric import Fabric, flat_sheet
@@ -92,13 +92,15 @@ class Arrival:
     Attributes:
         state: the last state.
         history: of the way.
-        haste: kinetic energy at its peak and work against the drag, over the largest elastic
-            energy, while driven.
+        haste: kinetic energy at its peak and all work against the drag, over the largest work of
+            what drove the fabric; not a number if nothing did.
+        settling: time from the end of the drive to rest [ms].
     """
 
     state: State
     history: History
     haste: float
+    settling: float
 
 
 def move(batch: Batch, courses: Sequence[Course]) -> list[Arrival]:
@@ -118,7 +120,7 @@ def move(batch: Batch, courses: Sequence[Course]) -> list[Arrival]:
     )
     leaves, structure = jax.tree.flatten(trajectories)
     return [
-        _arrival(jax.tree.unflatten(structure, parts), np.asarray(drive.free), batch.settings)
+        _arrival(jax.tree.unflatten(structure, parts), drive, batch.settings)
         for drive, *parts in zip(drives, *leaves, strict=True)
     ]
 
@@ -126,19 +128,17 @@ def move(batch: Batch, courses: Sequence[Course]) -> list[Arrival]:
 def _kept_times(
     settings: DynamicsSettings, course: Course, count: int
 ) -> Float[np.ndarray, " time"]:
-    """Even times of a ramp; of a motion that is not driven, times even in their logarithm."""
-    if course.ramp_time:
-        return np.linspace(0, course.ramp_time, count)
-    times = np.geomspace(settings.time_step, settings.settling_time, count - 1)
-    return np.append(0, np.minimum(times, settings.settling_time))
+    """Even times of the ramp if there is one; after it, times even in their logarithm."""
+    driven = count // 2 if course.ramp_time else 1
+    ramp = np.linspace(0, course.ramp_time, driven)
+    after = np.geomspace(settings.time_step, settings.settling_time, count - driven)
+    return np.append(ramp, course.ramp_time + np.minimum(after, settings.settling_time))
 
 
-def _arrival(
-    trajectory: Trajectory, free: Bool[np.ndarray, " unknown"], settings: DynamicsSettings
-) -> Arrival:
+def _arrival(trajectory: Trajectory, drive: Drive, settings: DynamicsSettings) -> Arrival:
     if not np.isfinite(trajectory.end.configuration).all():
         outcome = Outcome.diverged
-    elif trajectory.force_left <= settings.steady_force:
+    elif trajectory.force_left <= settings.force_left:
         outcome = Outcome.converged
     elif trajectory.successful:
         outcome = Outcome.time_limit
@@ -160,13 +160,18 @@ def _arrival(
         energy=trajectory.energy,
         gradient=np.asarray(trajectory.gradient),
         outcome=outcome,
-        residual=float(np.abs(trajectory.gradient[free]).max()),
+        residual=float(np.abs(trajectory.gradient[np.asarray(drive.free)]).max()),
         iterations=int(trajectory.steps),
         kinetic_peak=float(history.kinetic.max(initial=0.0)),
     )
-    spent = state.kinetic_peak + history.dissipated.max(initial=0.0)
-    stored = history.potential.max(initial=0.0)
-    return Arrival(state, history, haste=spent / stored if stored else 0.0)
+    spent = state.kinetic_peak + float(trajectory.end.dissipated)
+    work = np.abs(np.asarray(trajectory.energies.supplied)[kept]).max(initial=0.0)
+    return Arrival(
+        state,
+        history,
+        haste=spent / work if work else np.nan,
+        settling=float(trajectory.end_time - drive.ramp_time),
+    )
 
 
 def stretch_by_dynamics(
@@ -179,9 +184,9 @@ def stretch_by_dynamics(
     To every applied strain the driven end moves at no more than ``settings.ramp_rate``; then the
     fabric comes to rest. A strain step whose haste exceeds ``settings.haste_limit`` is taken
     again at a quarter of the rate, which lowers the drag's work as much and the kinetic energy
-    more. If haste does not even halve, the fabric snaps, for which no rate is slow enough, and
-    the step stands. A test ends at the first strain that cannot be reached; its batch mates go
-    on.
+    more. If haste does not even halve, though both drives lasted longer than the settling after
+    them, the fabric snaps, for which no rate is slow enough, and the step stands. A test ends at
+    the first strain that cannot be reached; its batch mates go on.
 
     Args:
         batch: the fabrics.
@@ -192,8 +197,9 @@ def stretch_by_dynamics(
     sheets = [np.asarray(flat_sheet(network(shape), fabric)) for fabric in batch.fabrics]
     arrivals = move(batch, [Course(sheet) for sheet in sheets])
     tests = []
-    for case, (sheet, arrival) in enumerate(zip(sheets, arrivals, strict=True)):
-        relaxed = _squared_up(shape, sheet, arrival.state)
+    for case, (relaxed, arrival) in enumerate(
+        zip(_squared_up(batch, sheets, arrivals), arrivals, strict=True)
+    ):
         loading = tensile(shape, relaxed.configuration) if relaxed.converged else None
         tests.append(TensileTest(loading, [relaxed], arrival.history))
         progress(case, 1)
@@ -215,13 +221,25 @@ def stretch_by_dynamics(
     return tests
 
 
-def _squared_up(shape: MeshShape, sheet: Float[np.ndarray, " unknown"], relaxed: State) -> State:
-    angle = squaring_angle(shape, sheet, relaxed.configuration)
-    return replace(
-        relaxed,
-        configuration=turned(relaxed.configuration, angle),
-        gradient=turned(relaxed.gradient, angle),
-    )
+def _squared_up(
+    batch: Batch, sheets: Sequence[Float[np.ndarray, " unknown"]], arrivals: Sequence[Arrival]
+) -> list[State]:
+    """Relaxed states, samples squared up and at rest again as the walls may resist that."""
+    relaxed = [arrival.state for arrival in arrivals]
+    if batch.shape.periodic:
+        return relaxed
+    courses = [
+        Course(squared_up(batch.shape, sheet, state.configuration))
+        if state.converged
+        else Course(sheet, ended=True)
+        for sheet, state in zip(sheets, relaxed, strict=True)
+    ]
+    return [
+        replace(again.state.after(state), kinetic_peak=state.kinetic_peak)
+        if state.converged
+        else state
+        for state, again in zip(relaxed, move(batch, courses), strict=True)
+    ]
 
 
 def _quasi_static(batch: Batch, courses: Sequence[Course]) -> dict[int, State]:
@@ -231,13 +249,13 @@ def _quasi_static(batch: Batch, courses: Sequence[Course]) -> dict[int, State]:
     while pending := [case for case, course in enumerate(courses) if not course.ended]:
         arrivals = move(batch, courses)
         for case in pending:
-            arrival = arrivals[case]
-            if case in hasty:
-                arrival = replace(arrival, state=arrival.state.after(hasty[case].state))
+            arrival, earlier = arrivals[case], hasty.get(case)
+            if earlier is not None:
+                arrival = replace(arrival, state=arrival.state.after(earlier.state))
             slower = courses[case].rate / SLOWING
             if not arrival.state.converged or arrival.haste <= settings.haste_limit:
                 reached[case] = arrival.state
-            elif case in hasty and 2 * arrival.haste > hasty[case].haste:
+            elif earlier is not None and _snapped(courses[case], earlier, arrival):
                 reached[case] = replace(arrival.state, snapped=True)
             elif slower < settings.smallest_rate * settings.ramp_rate:
                 reached[case] = replace(arrival.state, outcome=Outcome.too_fast)
@@ -245,3 +263,13 @@ def _quasi_static(batch: Batch, courses: Sequence[Course]) -> dict[int, State]:
                 hasty[case] = arrival
             courses[case] = replace(courses[case], rate=slower, ended=case in reached)
     return reached
+
+
+def _snapped(slower: Course, faster: Arrival, arrival: Arrival) -> bool:
+    """Whether work is lost at any rate: haste is not even halved at a quarter of a slow rate.
+
+    A rate is slow if the drive outlasts the settling after it. A sudden pull loses the same work at
+    any rate too.
+    """
+    slow = slower.ramp_time / SLOWING >= faster.settling
+    return slow and 2 * arrival.haste > faster.haste

@@ -31,6 +31,7 @@ class DynamicsSettings:
         ending: ``"steady"`` ends where no force is left; ``"fixed_steps"`` is the paper's end,
             after so many equal steps.
         steady_force: elastic force that may be left on a free node, and drag on it [N].
+        fixed_steps_force: the same where fixed steps end a motion [N].
         duration: longest motion towards one state, after what drives it has stopped [ms].
         max_steps: time steps tried before a motion is given up.
         relative_tolerance, absolute_tolerance: of a time step, on positions [mm], velocities
@@ -38,14 +39,15 @@ class DynamicsSettings:
         fixed_steps: how many equal steps, where they end a motion.
         time_step: their size [ms].
         ramp_rate: fastest applied strain rate of a tensile test [1/ms].
-        haste_limit: kinetic energy and work against the drag while driven, over the elastic
-            energy, above which a strain step was not quasi-static.
+        haste_limit: kinetic energy and work against the drag, over the work of a strain step,
+            above which it was not quasi-static.
         smallest_rate: part of ``ramp_rate`` down to which a step that was not is slowed.
         snapshots: configurations kept of a relaxation.
     """
 
     ending: Ending = "steady"
     steady_force: float = 1e-7
+    fixed_steps_force: float = 1e-3
     duration: float = 100.0
     max_steps: int = 1_000_000
     relative_tolerance: float = 1e-6
@@ -53,9 +55,14 @@ class DynamicsSettings:
     fixed_steps: int = 1600
     time_step: float = 1e-3
     ramp_rate: float = 0.02
-    haste_limit: float = 0.02
+    haste_limit: float = 0.05
     smallest_rate: float = 1 / 16
     snapshots: int = 60
+
+    @property
+    def force_left(self) -> float:
+        """Force that may be left where a motion is over [N]."""
+        return self.steady_force if self.ending == "steady" else self.fixed_steps_force
 
     @property
     def settling_time(self) -> float:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.spatial.transform import Rotation
 
 from knitlab.model.network import MeshShape
 
@@ -53,34 +54,26 @@ def all_free(shape: MeshShape) -> Int[np.ndarray, " free"]:
     return np.arange(shape.unknowns if shape.periodic else 3 * shape.nodes)
 
 
-def squaring_angle(
+def squared_up(
     shape: MeshShape,
     flat: Float[np.ndarray, " unknown"],
     relaxed: Float[np.ndarray, " unknown"],
-) -> float:
-    """How far a relaxed sample must be turned in its plane to lie as its flat sheet did [rad].
+) -> Float[np.ndarray, " unknown"]:
+    """A relaxed sample turned so that the rows to be clamped lie as on its flat sheet, at best.
 
-    A free sample may turn as it folds, by an angle that hangs on how it came there; one squares
-    it up before it is clamped, for pulled askew it takes other states. Endless fabric cannot turn.
+    A free sample turns and tilts as it folds, by angles that hang on how it came there; whoever
+    clamps it squares it up and levels it, for pulled askew it takes other states. Walls are not
+    regarded. Endless fabric cannot turn.
     """
     if shape.periodic:
-        return 0.0
-    (x, y), (flat_x, flat_y) = (_about_middle(of).T for of in (relaxed, flat))
-    return float(np.arctan2(np.sum(x * flat_y - y * flat_x), np.sum(x * flat_x + y * flat_y)))
-
-
-def turned(vector: Float[np.ndarray, " unknown"], angle: float) -> Float[np.ndarray, " unknown"]:
-    """A configuration, or the forces on it, turned in the plane about the middle of its nodes."""
-    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    nodes = vector[:-2].reshape(-1, 3).copy()
-    from_middle = _about_middle(vector)
-    nodes[:, :2] += from_middle @ turn - from_middle
-    return np.concatenate([nodes.ravel(), vector[-2:]])
-
-
-def _about_middle(vector: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "node 2"]:
-    in_plane = vector[:-2].reshape(-1, 3)[:, :2]
-    return in_plane - in_plane.mean(axis=0)
+        return relaxed
+    rows, flat_rows = (
+        of[:-2].reshape(shape.nodes_y, -1, 3)[[0, -1]].reshape(-1, 3) for of in (relaxed, flat)
+    )
+    middle = rows.mean(axis=0)
+    turn, _ = Rotation.align_vectors(flat_rows - flat_rows.mean(axis=0), rows - middle)
+    nodes = middle + turn.apply(relaxed[:-2].reshape(-1, 3) - middle)
+    return np.concatenate([nodes.ravel(), relaxed[-2:]])
 
 
 def tensile(shape: MeshShape, relaxed: Float[np.ndarray, " unknown"]) -> Loading:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from knitlab.mechanics.loading import all_free, squaring_angle, turned
+from knitlab.mechanics.loading import all_free, squared_up
 from knitlab.mechanics.newton import Request, Solver, SolverSettings, find_equilibrium
 from knitlab.mechanics.state import State
 from knitlab.mechanics.stiffness import free_stiffness
@@ -19,7 +19,7 @@ def relax(net: Network, fabric: Fabric, settings: SolverSettings) -> Solver[Stat
     ``settings.ramp_steps`` equal steps, each but the last only near equilibrium: to
     ``settings.waypoint_force`` of the largest force that a fold exerts on the flat sheet.
     A sample for clamping relaxes with all its edges free; no coordinate is pinned. It is then
-    squared up.
+    squared up, and solved again as the walls may resist that.
     """
     shape = net.shape
     free = free_stiffness(shape, all_free(shape))
@@ -35,9 +35,8 @@ def relax(net: Network, fabric: Fabric, settings: SolverSettings) -> Solver[Stat
         configuration = state.configuration
         passed.append(state)
     state = yield from find_equilibrium(Request(configuration), free, longest, settings)
-    angle = squaring_angle(shape, flat, state.configuration)
-    if state.converged and angle:
+    if state.converged and not shape.periodic:
         passed.append(state)
-        square = Request(turned(state.configuration, angle))
+        square = Request(squared_up(shape, flat, state.configuration))
         state = yield from find_equilibrium(square, free, longest, settings)
     return state.after(*passed)

@@ -33,7 +33,7 @@ class State:
         residual: largest force left on a free unknown [N].
         iterations: Newton steps tried, rejected ones included; by dynamics, time steps.
         factorisations: factorisations they took.
-        kinetic_peak: largest kinetic energy while driven here, 0 unless by dynamics [N mm].
+        kinetic_peak: largest kinetic energy on the way here, 0 unless by dynamics [N mm].
         snapped: whether it is known that the fabric snapped on the way here.
     """
 

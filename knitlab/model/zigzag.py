@@ -1,8 +1,8 @@
 """The two-dimensional model: a zigzag of springs and hinges, and its tension in closed form.
 
-A period holds four springs, as a row of the sheet does: folds of rest angle θ0 alternate with
-joints that rest straight (paper, Sec. "2D model" and Fig. 1F). The relaxed period is the
-measured one.
+A period is read as four springs, as a row of the sheet has them (paper, Sec. "3D model"): folds of
+rest angle θ0 alternate with joints that rest straight. The paper's Sec. "2D model" leaves their
+number open.
 """
 
 import equinox as eqx
@@ -12,15 +12,20 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from knitlab.model.fabric import cell_length
 from knitlab.model.pattern import CELLS_PER_PERIOD
+from knitlab.model.reading import Reading
 from knitlab.model.stripe import Stripe
+
+AS_CALIBRATED = Reading(cell_size="relaxed", hinge_stiffness="per_edge", length_scale=1.0)
+"""The reading in which a measured curve is fitted."""
 
 
 class Zigzag(eqx.Module):
     """Numbers of one stripe's zigzag.
 
     Attributes:
-        period: relaxed peak-to-peak distance, w or h [mm].
+        period: relaxed peak-to-peak distance [mm].
         k_s: stiffness of a spring [N/mm].
         k_t: stiffness of a hinge [N mm].
         theta_0: interior rest angle of a fold [rad].
@@ -37,9 +42,17 @@ class Zigzag(eqx.Module):
         return self.period / (CELLS_PER_PERIOD * jnp.sin(self.theta_0 / 2))
 
 
-def zigzag(stripe: Stripe) -> Zigzag:
-    """The zigzag of a calibrated stripe."""
-    numbers = stripe.period, stripe.k_s, stripe.k_t, stripe.theta_0
+def zigzag(stripe: Stripe, reading: Reading = AS_CALIBRATED) -> Zigzag:
+    """The zigzag of a calibrated stripe: one row of its pure sheet in a reading.
+
+    Args:
+        stripe: its numbers.
+        reading: by default the one that calibrates, in which w or h is the relaxed period.
+    """
+    cell = cell_length(stripe, reading)
+    k_t = stripe.k_t * (cell if reading.hinge_stiffness == "per_length" else 1.0)
+    period = CELLS_PER_PERIOD * cell * stripe.contraction
+    numbers = period, stripe.k_s, k_t, stripe.theta_0
     return Zigzag(*(jnp.asarray(number, float) for number in numbers))
 
 
@@ -93,7 +106,9 @@ def period_at(chain: Zigzag, lean: Float[Array, ""]) -> Float[Array, ""]:
 def tension(chain: Zigzag, strain: Float[Array, " point"]) -> Float[Array, " point"]:
     """Tension of a zigzag at strains of its period, in closed form but for one root [N].
 
-    Differentiable by the numbers of the zigzag and by strain, which must not be negative.
+    All folds open alike and the joints stay straight. That is the minimum of the energy while
+    k_t / (k_s cell²) is small; it is 0.07 at most for the paper's stripes. Differentiable by the
+    numbers of the zigzag and by strain, which must not be negative.
     """
     relaxed_lean = (jnp.pi - chain.theta_0) / 2
 

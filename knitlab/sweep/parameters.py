@@ -155,6 +155,7 @@ class DynamicsParameters(Strict):
 
     ending: Quantity[Ending, Literal["1"]]
     steady_force: Quantity[PositiveFloat, Literal["N"]]
+    fixed_steps_force: Quantity[PositiveFloat, Literal["N"]]
     duration: Quantity[PositiveFloat, Literal["ms"]]
     max_steps: Quantity[PositiveInt, Literal["1"]]
     relative_tolerance: Quantity[Fraction, Literal["1"]]

@@ -37,10 +37,7 @@ def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> 
     began = time.perf_counter()
     simulated = tests_by_dynamics if cases[0].method == "dynamics" else tests_in_equilibrium
     tests = simulated(cases, progress)
-    chains = [
-        pull_chain(zigzag(case.weft), case.periods, case.applied_strain) if case.pure else []
-        for case in cases
-    ]
+    chains = [_zigzag_test(case) if case.pure else [] for case in cases]
     wall_seconds = time.perf_counter() - began
     for case, test, chain in zip(cases, tests, chains, strict=True):
         write_case(results, case, test, chain, wall_seconds)
@@ -77,6 +74,10 @@ def tests_by_dynamics(cases: Sequence[Case], progress: Progress) -> list[Tensile
     )
 
 
+def _zigzag_test(case: Case) -> list[ChainState]:
+    return pull_chain(zigzag(case.weft, case.reading), case.periods, case.applied_strain)
+
+
 def write_case(
     results: Path,
     case: Case,
@@ -99,8 +100,9 @@ def write_case(
 WHY = {
     Outcome.iteration_limit: "the limit of steps was reached",
     Outcome.stalled: "no smaller step helped",
-    Outcome.time_limit: "it was still moving at the end of its time",
-    Outcome.diverged: "it diverged",
+    Outcome.time_limit: "it was still moving at the end of its time; raise duration, or where"
+    " ending is fixed_steps, fixed_steps",
+    Outcome.diverged: "it diverged; lower time_step",
     Outcome.too_fast: "it was pulled too fast at the smallest rate allowed; lower ramp_rate",
 }
 

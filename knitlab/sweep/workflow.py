@@ -118,6 +118,7 @@ class DynamicsSection(Strict):
 
     ending: Ending | None = None
     steady_force: PositiveFloat | None = None
+    fixed_steps_force: PositiveFloat | None = None
     duration: PositiveFloat | None = None
     max_steps: PositiveInt | None = None
     relative_tolerance: Fraction | None = None

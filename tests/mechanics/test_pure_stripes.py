@@ -1,5 +1,8 @@
 """Pure stripes against closed forms and an independent solution with three unknowns."""
 
+from dataclasses import replace
+
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -7,24 +10,35 @@ from scipy.optimize import root
 
 from knitlab.model.reading import Reading
 from knitlab.model.zigzag import tension, zigzag
-from tests.fabrics import ALL_STRIPES, CLAMPED, ENDLESS, FINE, pure, relaxed, stretched
+from tests.fabrics import (
+    ALL_STRIPES,
+    CLAMPED,
+    DEFAULT,
+    ENDLESS,
+    FINE,
+    pure,
+    relaxed,
+    stretched,
+    stripe,
+)
 
 NAMES = [f"{of.knit} {of.n}" for of in ALL_STRIPES]
+LONG_STEPS = replace(DEFAULT, path_step=0.05)
 STRAINS = [0.0, 0.05, 0.3, 0.8, 1.3, 1.7, 2.0]
 
 
-def cell_forces(of, theta, length, height):
+def cell_forces(of, length, height, diagonals=1.0):
     """∂e/∂length and ∂e/∂height of one grid cell of a pure stripe [N]."""
     cell = of.period / 4 / np.sin(of.theta_0 / 2)
     diagonal = np.hypot(length, height)
-    pull = 2 * of.k_s * (diagonal - np.sqrt(2) * cell) / diagonal
+    pull = 2 * diagonals * of.k_s * (diagonal - np.sqrt(2) * cell) / diagonal
     return (
         of.k_s * (length - cell) + pull * length,
         of.k_s * (height - cell) + pull * height,
     )
 
 
-def across_the_ridges(of, strain):
+def across_the_ridges(of, strain, diagonals=1.0):
     """(row height over cell, force on a row) when the period is prescribed: θ, ℓ, h balance."""
     cell = of.period / 4 / np.sin(of.theta_0 / 2)
     period = of.period * (1 + strain)
@@ -32,7 +46,7 @@ def across_the_ridges(of, strain):
     def imbalance(unknowns):
         theta, height = unknowns
         length = period / (4 * np.sin(theta / 2))
-        along, other = cell_forces(of, theta, length, height)
+        along, other = cell_forces(of, length, height, diagonals)
         turn = -along * length / (2 * np.tan(theta / 2)) + of.k_t * (theta - of.theta_0) / 2
         return turn, other
 
@@ -40,7 +54,7 @@ def across_the_ridges(of, strain):
     found = root(imbalance, (2 * np.arcsin(flat), cell), tol=1e-14)
     theta, height = found.x
     assert np.abs(imbalance(found.x)).max() < 1e-11
-    along, _ = cell_forces(of, theta, period / (4 * np.sin(theta / 2)), height)
+    along, _ = cell_forces(of, period / (4 * np.sin(theta / 2)), height, diagonals)
     return height / cell, along / np.sin(theta / 2)
 
 
@@ -48,8 +62,8 @@ def along_the_ridges(of, strain):
     """(cell length over flat, force on a column) when the row height is prescribed."""
     cell = of.period / 4 / np.sin(of.theta_0 / 2)
     height = cell * (1 + strain)
-    found = root(lambda x: cell_forces(of, None, x[0], height)[0], [cell], tol=1e-14)
-    return found.x[0] / cell, cell_forces(of, None, found.x[0], height)[1]
+    found = root(lambda x: cell_forces(of, x[0], height)[0], [cell], tol=1e-14)
+    return found.x[0] / cell, cell_forces(of, found.x[0], height)[1]
 
 
 @pytest.mark.parametrize("reading", [ENDLESS, CLAMPED], ids=["endless", "clamped"])
@@ -98,12 +112,63 @@ def test_tension_along_the_ridges_is_that_of_three_unknowns(of):
 
 
 @pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
-@pytest.mark.parametrize(("boundary", "periods"), [("periodic", 1), ("clamped", 2)])
+@pytest.mark.parametrize(("boundary", "periods"), [("periodic", 1), ("clamped", 1), ("clamped", 2)])
 def test_the_sheet_is_the_zigzag_within_five_percent_while_it_unfolds(of, boundary, periods):
     reading = Reading(boundary=boundary, fold_phase="stripe_centre")
     net, fabric = pure(of, reading, periods=periods, ridges="G")
     test = stretched(net, fabric, [0.0, 0.1, 0.3])
     assert all(state.converged for state in test.states)
-    force = [test.loading.reaction_force(state.gradient) for state in test.states[1:]]
     zigzag_force = tension(zigzag(of), jnp.array([0.1, 0.3]))
-    np.testing.assert_allclose(np.array(force) / net.shape.cells_x, zigzag_force, rtol=0.05)
+    np.testing.assert_allclose(row_force(net, test), zigzag_force, rtol=0.05)
+
+
+@pytest.mark.parametrize(
+    "choice", [{"cell_size": "flat"}, {"hinge_stiffness": "per_length"}, {"length_scale": 3.0}]
+)
+def test_the_zigzag_is_read_as_the_sheet_is(choice):
+    of = stripe("garter", 12)
+    reading = Reading(boundary="periodic", fold_phase="stripe_centre", **choice)
+    test = stretched(*pure(of, reading, ridges="G"), [0.0, 0.1])
+    (force,) = row_force(pure(of, reading)[0], test)
+    assert force == pytest.approx(
+        float(tension(zigzag(of, reading), jnp.array([0.1]))[0]), rel=0.01
+    )
+    assert force != pytest.approx(float(tension(zigzag(of), jnp.array([0.1]))[0]), rel=0.1)
+
+
+@pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
+def test_without_its_diagonals_an_endless_sheet_is_the_zigzag(of):
+    """First of the two reasons why 3D is stiffer than 2D at large strain."""
+    force = [across_the_ridges(of, strain, diagonals=0.0)[1] for strain in STRAINS[1:]]
+    np.testing.assert_allclose(force, tension(zigzag(of), jnp.array(STRAINS[1:])), rtol=1e-8)
+    net, fabric = weakly_braced(of, ENDLESS, 0.01)
+    test = stretched(net, fabric, [0.0, 0.3, 1.0, 1.5], LONG_STEPS)
+    expected = tension(zigzag(of), jnp.array([0.3, 1.0, 1.5]))
+    np.testing.assert_allclose(row_force(net, test), expected, rtol=0.01)
+
+
+@pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
+def test_without_its_diagonals_an_open_sheet_is_a_zigzag_with_one_more_row_of_springs(of):
+    """The second reason: R cells side by side have R hinges on a fold, but R + 1 springs."""
+    reading = Reading(boundary="clamped", fold_phase="stripe_centre")
+    net, fabric = weakly_braced(of, reading, 1e-3)
+    test = stretched(net, fabric, [0.0, 1.0, 2.0], LONG_STEPS)
+    rows = net.shape.cells_x
+    stiffer = zigzag(replace(of, k_s=of.k_s * (rows + 1) / rows))
+    expected = float(tension(stiffer, jnp.array([2.0]))[0])
+    assert row_force(net, test)[-1] == pytest.approx(expected, rel=0.02)
+    assert float(tension(zigzag(of), jnp.array([2.0]))[0]) < 0.95 * expected
+
+
+def weakly_braced(of, reading, factor):
+    """A pure stripe whose diagonals have a factor of their stiffness; none would leave it limp."""
+    net, fabric = pure(of, reading, ridges="G")
+    diagonal = ~(net.weft | net.warp)
+    stiffness = fabric.stretch_stiffness * np.where(diagonal, factor, 1.0)
+    return net, eqx.tree_at(lambda whole: whole.stretch_stiffness, fabric, stiffness)
+
+
+def row_force(net, test):
+    """Reaction force on one row of the network at every strain but the first [N]."""
+    forces = [test.loading.reaction_force(state.gradient) for state in test.states[1:]]
+    return np.array(forces) / net.shape.cells_x
