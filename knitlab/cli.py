@@ -234,7 +234,8 @@ def calibrate(
     """Fit k_s, k_t and theta_0 of a stripe to the tension CURVE of its pure fabric.
 
     CURVE is a CSV file with a header such as "strain [1],force [N]": the force on one row of the
-    network, or the stress with the row's --width.
+    network, or the stress with the row's --width. Measure until the folds are open and the springs
+    stretch, to about 200 % strain: short of that the three cannot be told apart.
     """
     from knitlab.sweep.curve_file import read_tension_curve
     from knitlab.sweep.faults import fault

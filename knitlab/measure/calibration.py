@@ -38,7 +38,7 @@ class Calibration:
         period: w or h, as given [mm].
         values: k_s [N/mm], k_t [N mm] and theta_0 [rad], by name.
         standard_errors: of each, in its unit.
-        intervals: 95 % confidence interval of each, in its unit.
+        intervals: 95 % confidence interval of each, in its unit; of the angle within 0 to π.
         correlations: between the fitted, in the order of :data:`FITTED`.
         strain: of the curve [1].
         force: measured [N].
@@ -119,11 +119,13 @@ def calibrate(
     reach = errors * student_t.ppf((1 + CONFIDENCE) / 2, len(strain) - len(FITTED))
     values, lows, highs = (_numbers(best.x + shift) for shift in (0, -reach, reach))
     slopes = np.array([values["k_s"], values["k_t"], 1.0])
+    # Beyond its bounds an angle is no fold.
+    lows["theta_0"], highs["theta_0"] = np.clip([lows["theta_0"], highs["theta_0"]], 0, np.pi)
     return Calibration(
         period=period,
         values=values,
         standard_errors=dict(zip(FITTED, (errors * slopes).tolist(), strict=True)),
-        intervals={name: (lows[name], highs[name]) for name in FITTED},
+        intervals={name: (float(lows[name]), float(highs[name])) for name in FITTED},
         correlations=correlations,
         strain=strain,
         force=force,

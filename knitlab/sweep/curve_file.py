@@ -1,8 +1,8 @@
 """Measured curves: a CSV file whose header names each column with its unit."""
 
 import re
-import warnings
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -47,19 +47,21 @@ def read_tension_curve(
     Raises:
         BadInput: with every fault of the file.
     """
-    table = _read_csv(path)
-    columns = {}
+    headers, table = _read_csv(path)
+    columns: dict[str, int] = {}
+    units: dict[str, str] = {}
     faults = []
-    for header in table.columns:
-        match = COLUMN.fullmatch(str(header))
-        name = (match["name"] if match else str(header)).strip().lower()
+    for place, header in enumerate(headers):
+        match = COLUMN.fullmatch(header)
+        name = (match["name"] if match else header).strip().lower()
         if name not in ("strain", "force", "stress"):
             continue
-        if not match or not match["unit"].strip():
+        unit = match["unit"].strip() if match else ""
+        if not unit:
             faults.append(Fault(f"{path}: column {name}", f"has no unit; {EXAMPLE}"))
-        elif name in columns:
+        if name in columns:
             faults.append(Fault(f"{path}: column {name}", "is there twice; keep one"))
-        columns[name] = str(header)
+        columns[name], units[name] = place, unit
     loads = [name for name in ("force", "stress") if name in columns]
     if "strain" not in columns:
         faults.append(Fault(f"{path}: column strain", f"is missing; {EXAMPLE}"))
@@ -74,7 +76,6 @@ def read_tension_curve(
     for name in ("strain", load):
         numbers[name], found = _numbers(path, name, table[columns[name]])
         faults += found
-    units = {name: _unit(columns[name]) for name in numbers}
     per_row, found = _newton_per_row(path, load, units[load], width, thickness)
     faults += found
     of_one, found = _factor(path, "strain", units["strain"], "1", "such as [1] or [%]")
@@ -86,33 +87,23 @@ def read_tension_curve(
     return TensionCurve(numbers["strain"] * of_one, numbers[load] * per_row)
 
 
-def _read_csv(path: Path) -> pd.DataFrame:
+def _read_csv(path: Path) -> tuple[list[str], pd.DataFrame]:
+    """Headers, which may repeat, and the rows below them, as text."""
     try:
-        with warnings.catch_warnings():
-            # A row with more values than the header would lose the last ones.
-            warnings.simplefilter("error", pd.errors.ParserWarning)
-            return pd.read_csv(
-                path,
-                dtype=str,
-                comment="#",
-                skipinitialspace=True,
-                index_col=False,
-                keep_default_na=False,
-            )
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        table = pd.read_csv(
+            StringIO("\n".join(line for line in lines if not line.lstrip().startswith("#"))),
+            dtype=str,
+            header=None,
+            skipinitialspace=True,
+            keep_default_na=False,
+        ).fillna("")
     except OSError as error:
         raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
-    except (
-        pd.errors.ParserError,
-        pd.errors.ParserWarning,
-        pd.errors.EmptyDataError,
-        UnicodeDecodeError,
-    ) as error:
-        raise fault(str(path), f"is not a CSV table ({error}); {EXAMPLE}") from error
-
-
-def _unit(header: str) -> str:
-    match = COLUMN.fullmatch(header)
-    return match["unit"].strip() if match else ""
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        problem = " ".join(str(error).split())
+        raise fault(str(path), f"is not a CSV table ({problem}); {EXAMPLE}") from error
+    return table.iloc[0].tolist(), table.iloc[1:]
 
 
 def _numbers(
@@ -155,12 +146,21 @@ def _factor(
     """What a column is multiplied by to be in a unit."""
     place = f"{path}: column {name}"
     try:
-        quantity = _registry().Quantity(1.0, "dimensionless" if unit == "1" else unit)
-        return float(quantity.to("dimensionless" if target == "1" else target).magnitude), []
+        once, twice = (_in_unit(value, unit, target) for value in (1.0, 2.0))
+        if not np.isclose(twice, 2 * once):  # a logarithmic unit
+            raise pint.DimensionalityError(unit, target)
+        return once, []
     except pint.DimensionalityError:
         return np.nan, [Fault(place, f"is in {unit}; give it in a unit {remedy}")]
     except Exception:  # pint raises many kinds on a text that is no unit
         return np.nan, [Fault(place, f"has the unknown unit {unit!r}; give one {remedy}")]
+
+
+def _in_unit(value: float, unit: str, target: str) -> float:
+    quantity = _registry().Quantity(value, "dimensionless" if unit == "1" else unit)
+    if target == "1" and not quantity.to_root_units().unitless:  # an angle
+        raise pint.DimensionalityError(unit, target)
+    return float(quantity.to("dimensionless" if target == "1" else target).magnitude)
 
 
 def _newton_per_row(

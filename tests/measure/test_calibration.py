@@ -59,6 +59,7 @@ def test_a_curve_too_short_to_tell_two_parameters_apart_says_so():
     straight = np.linspace(0, 0.02, 20)
     fit = calibrate(1.41, straight, 0.02 * straight)
     assert fit.warnings
+    assert 0 <= fit.intervals["theta_0"][0] < fit.intervals["theta_0"][1] <= np.pi
 
 
 def test_the_misfit_is_the_noise():

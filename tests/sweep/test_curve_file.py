@@ -61,6 +61,11 @@ def test_units_of_the_header_are_heeded(tmp_path, header, strain, force, options
         (GOOD.replace("force [N]", "stress [N/mm]"), {}, "give --width"),
         (GOOD.replace("force [N]", "stress [MPa]"), {"width": 0.3}, "give --thickness"),
         (GOOD.replace("force", "strain"), {}, "is there twice"),
+        (GOOD.replace("force [N]", "strain [1]"), {}, "is there twice"),
+        (GOOD.replace("strain [1]", "strain [deg]"), {}, "is in deg"),
+        (GOOD.replace("strain [1]", "strain [dB]"), {}, "is in dB"),
+        (GOOD.replace("0.2,0.5", "0.2,0.5 # slack"), {}, "point 3 is '0.5 # slack'"),
+        (GOOD.replace("0.2,0.5", "0.2"), {}, "point 3 is empty"),
     ],
 )
 def test_a_bad_curve_is_refused(tmp_path, text, options, message):
