@@ -115,7 +115,7 @@ VARIABLES = {
         _STATE,
         "1",
         "whether the fabric snapped on the way to a strain",
-        "1 where no slower pull lessened its haste; 0 elsewhere, also where it was not tested",
+        "1 where more than haste_limit of the work of the strain step is lost at any slow rate",
         of="dynamics",
     ),
     "row_force": Variable(
