@@ -5,7 +5,8 @@ Results are netCDF cubes: :func:`open_cube` reads one.
 
 from importlib.metadata import version
 
-from knitlab.maps.cube import open_cube
+from knitlab.maps.accessor import KnitlabAccessor
+from knitlab.sweep.cube_file import open_cube
 
 __version__ = version("knitlab")
-__all__ = ["__version__", "open_cube"]
+__all__ = ["KnitlabAccessor", "__version__", "open_cube"]

@@ -1,5 +1,6 @@
-"""The command line: ``knitlab plan | run | query | map | calibrate``."""
+"""The command line: ``knitlab plan | run | status | reproduce | query | map | calibrate``."""
 
+import json
 import os
 import sys
 from collections.abc import Callable
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 KINDS = ("auxetic", "curves", "shape", "relaxation", "folding", "stripes", "departure")
 BAD_INPUT = 2
 SOME_CASE_NOT_OK = 1
+MOST_LINES = 20
+"""Cases of which a command lists that many."""
 
 Command = Callable[..., None]
 
@@ -81,31 +84,49 @@ def main() -> None:
 @explains_bad_input
 def plan(workflow: str, results: Path, overrides: tuple[str, ...]) -> None:
     """Resolve WORKFLOW into plan.json and say what it would run."""
-    from knitlab.sweep.case_file import case_path
+    from knitlab.sweep.lock import held
     from knitlab.sweep.plan import make_plan
+    from knitlab.sweep.status import PLAN, folder_status
 
     made = make_plan(workflow, overrides)
     folder = results / made.workflow
-    made.write(folder / "plan.json")
+    with held(folder):
+        made.write(folder / PLAN)
+    status = folder_status(folder, made.designs, check=False)
     click.echo(made.title)
     for number, batch in enumerate(made.batches, start=1):
-        shape = made.cases[batch[0]].mesh_shape
-        click.echo(f"batch {number}: {len(batch)} cases of {shape.unknowns} unknowns")
-        for case_id in batch:
+        click.echo(
+            f"batch {number}: {len(batch.cases)} cases, {batch.unknowns} unknowns, about"
+            f" {_duration(batch.estimated_seconds)}, {batch.estimated_bytes / 1e9:.1f} GB"
+        )
+        for case_id in batch.cases[:MOST_LINES]:
             case = made.cases[case_id]
-            done = "done" if case_path(folder, case_id).is_file() else "to run"
-            click.echo(f"  {case.label}  P {case.periods}  {case_id}  {done}")
+            click.echo(f"  {case.label}  P {case.periods}  {case_id}  {status.words[case_id]}")
+        if len(batch.cases) > MOST_LINES:
+            click.echo(f"  … and {len(batch.cases) - MOST_LINES} more")
     _echo_excluded(made)
     strains = made.applied_strain
+    time = _duration(sum(batch.estimated_seconds for batch in made.batches))
     click.echo(
-        f"{len(made.cases)} cases, {len(strains)} strains from 0 to {strains[-1]:g};"
-        f" plan in {folder / 'plan.json'}"
+        f"{len(made.cases)} cases, {len(strains)} strains from 0 to {strains[-1]:g},"
+        f" about {time} on one core; plan in {folder / PLAN}"
     )
+    click.echo(_counted(status.counts))
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.0f} h"
+
+
+def _counted(counts: dict[str, int]) -> str:
+    return ", ".join(f"{count} {word}" for word, count in counts.items())
 
 
 def _echo_excluded(made: "Plan") -> None:
     for design, reason in made.excluded.items():
-        labels = zip(made.dims, design, strict=True)
+        labels = zip(made.dims, design, strict=False)
         click.echo(f"excluded: {'  '.join(f'{name} {label}' for name, label in labels)}: {reason}")
 
 
@@ -119,6 +140,27 @@ def _echo_excluded(made: "Plan") -> None:
     help="Worker processes on this machine; 0 runs in this process.",
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Use this dask scheduler instead.")
+@click.option(
+    "--retries",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="How often to try a batch again that raised an error.",
+)
+@click.option(
+    "--keep-going/--fail-fast",
+    default=True,
+    show_default=True,
+    help="Whether to go on after a case that is not ok.",
+)
+@click.option(
+    "--case-timeout",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="SECONDS",
+    help="Longest time for one case.",
+)
+@click.option("--refresh", is_flag=True, help="Compute stale results anew.")
+@click.option("--dashboard", is_flag=True, help="Open dask's dashboard on this machine.")
 @explains_bad_input
 def run(
     workflow: str,
@@ -126,18 +168,39 @@ def run(
     overrides: tuple[str, ...],
     workers: int,
     scheduler: str | None,
+    retries: int,
+    keep_going: bool,
+    case_timeout: float | None,
+    refresh: bool,
+    dashboard: bool,
 ) -> None:
     """Simulate the cases of WORKFLOW that are missing, build its cube and draw its figures."""
     from knitlab.maps.figures import draw_figures
+    from knitlab.sweep.cube_file import CUBE
     from knitlab.sweep.plan import make_plan
-    from knitlab.sweep.run import run_plan
+    from knitlab.sweep.run import RunOptions, run_plan
+    from knitlab.sweep.survey import Standing
 
     made = make_plan(workflow, overrides)
     folder = results / made.workflow
-    done = run_plan(made, folder, workers, scheduler, show_progress=True)
+    options = RunOptions(
+        workers=workers,
+        scheduler=scheduler,
+        retries=retries,
+        fail_fast=not keep_going,
+        case_timeout=case_timeout,
+        refresh=refresh,
+        dashboard=dashboard,
+        show_progress=True,
+    )
+    done = run_plan(made, folder, options)
     _echo_excluded(made)
-    click.echo(f"{len(done.simulated)} cases simulated, {done.reused} already there")
-    click.echo(f"cube    {folder / 'cube.nc'}")
+    for case_id in done.standing_at(Standing.damaged):
+        damaged = folder / "cases" / f"{case_id}.nc"
+        click.echo(f"damaged: {damaged} was not as it had been written", err=True)
+    there = len(made.cases) - len(done.simulated) - len(done.unfinished)
+    click.echo(f"{len(done.simulated)} cases simulated, {there} already there")
+    click.echo(f"cube    {folder / CUBE}")
     figures, faults = draw_figures(made.figures, folder)
     for path in figures:
         click.echo(f"figure  {path}")
@@ -147,6 +210,79 @@ def run(
         design = "  ".join(f"{name} {failure[name]}" for name in made.dims)
         click.echo(f"{failure['status']}: {design}: {failure['reason']}", err=True)
     if done.failures:
+        click.echo("one alone, in detail: knitlab reproduce CASE_ID (failures.jsonl)", err=True)
+    if done.stale_code:
+        click.echo(
+            f"stale: {len(done.stale_code)} cases were computed by other code and stay as they"
+            " are; --refresh computes them anew",
+            err=True,
+        )
+    if done.stale_parameters:
+        click.echo(
+            f"stale: {len(done.stale_parameters)} cases stay as they were computed with other"
+            " parameters; --refresh computes them anew, --results FOLDER keeps both",
+            err=True,
+        )
+    if done.stopped:
+        left = f"{len(done.unfinished)} cases are left"
+        click.echo(f"stopped: what is done is kept, {left}; run again to go on", err=True)
+    if done.failures or done.stale_parameters or done.stopped:
+        sys.exit(SOME_CASE_NOT_OK)
+
+
+@main.command()
+@workflow_options
+@click.option("--check", is_flag=True, help="Compare every case file with its checksum.")
+@click.option("--json", "as_json", is_flag=True, help="For scripts.")
+@explains_bad_input
+def status(
+    workflow: str, results: Path, overrides: tuple[str, ...], check: bool, as_json: bool
+) -> None:
+    """Say how far the last plan of WORKFLOW has come, and what of it is stale.
+
+    With --set, or if a file that the plan was made of has changed, the workflow is resolved anew.
+    """
+    from knitlab.sweep.status import changed_inputs, folder_status, planned_designs, read_plan
+
+    folder = results / Path(workflow).stem
+    record = read_plan(folder)
+    designs = planned_designs(record)
+    if overrides or changed_inputs(record):
+        from knitlab.sweep.plan import make_plan
+
+        designs = make_plan(workflow, overrides or tuple(record["overrides"])).designs
+    found = folder_status(folder, designs, check)
+    if as_json:
+        click.echo(json.dumps(found.record(), indent=1))
+        return
+    click.echo(f"{len(found.designs)} cases: {_counted(found.counts)}")
+    for path in found.changed:
+        click.echo(f"changed since the plan: {path}")
+    not_ok = [case_id for case_id, word in found.words.items() if word != "ok"]
+    for case_id in not_ok[:MOST_LINES]:
+        reason = found.failures.get(case_id, "")
+        said = f"{found.words[case_id]}: {reason}" if reason else found.words[case_id]
+        click.echo(f"  {found.label(case_id)}  {case_id}  {said}")
+    if len(not_ok) > MOST_LINES:
+        click.echo(f"  … and {len(not_ok) - MOST_LINES} more; --json lists them all")
+
+
+@main.command()
+@click.argument("case_id")
+@click.option(
+    "--results",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("results"),
+    show_default=True,
+    help="Folder that holds a folder of results for each workflow.",
+)
+@explains_bad_input
+def reproduce(case_id: str, results: Path) -> None:
+    """Run one case alone, in this process, and say how every state was reached."""
+    from knitlab.sweep.reproduce import find_case
+    from knitlab.sweep.reproduce import reproduce as run_alone
+
+    if not run_alone(find_case(results, case_id), click.echo):
         sys.exit(SOME_CASE_NOT_OK)
 
 
@@ -176,8 +312,8 @@ def query(
 
     Variables along the applied strain appear once it is selected: --select applied_strain=0.15
     """
-    from knitlab.maps.cube import open_cube
     from knitlab.maps.query import designs_table, formatted, queried
+    from knitlab.sweep.cube_file import open_cube
 
     table = designs_table(open_cube(cube), selections)
     names = tuple(name.strip() for name in columns.split(",")) if columns else None

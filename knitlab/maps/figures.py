@@ -1,5 +1,6 @@
 """Every figure by name, drawn from a cube and written whole."""
 
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from knitlab.maps.auxetic import auxetic_map
-from knitlab.maps.cube import design_dims, open_cube
 from knitlab.maps.curves import tension_curves
 from knitlab.maps.relaxation import FRAMES_PER_SECOND, folding_animation, relaxation_figure
 from knitlab.maps.selection import selected
@@ -18,6 +18,7 @@ from knitlab.maps.shape import relaxed_shape
 from knitlab.maps.stripes import stripe_departure, stripe_tension
 from knitlab.maps.style import print_style
 from knitlab.sweep.case_file import case_path, read_case
+from knitlab.sweep.cube_file import base_dims, open_cube, swept_dims
 from knitlab.sweep.faults import BadInput, Fault, fault
 from knitlab.sweep.files import written_whole
 from knitlab.sweep.registry import DESIGN_DIMS, STRIPE_DIMS, VARIABLES
@@ -51,6 +52,8 @@ FIGURES = {
     "stripes": Kind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),
     "departure": Kind(stripe_departure, STRIPE_DIMS, coordinates=("applied_strain",)),
 }
+MOST_SLICES = 24
+"""Values of swept settings that a run draws by itself."""
 STILL = (".pdf", ".svg", ".png")
 MOVING = (".gif",)
 
@@ -86,34 +89,48 @@ def draw_figure(kind: str, cube_path: Path, output: Path, selections: Sequence[s
 def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[Fault]]:
     """Draw a workflow's figures into its results folder, each for print and for the screen.
 
+    A cube that lies along swept settings too gives a figure for each of their values.
+
     Returns:
         The files, and why a figure could not be drawn of these results.
     """
     saved: list[Path] = []
     faults: list[Fault] = []
-    for kind in kinds:
+    slices = _slices(open_cube(folder))
+    if len(slices) > MOST_SLICES:
+        problem = f"{len(slices)} slices are too many to draw; choose some with knitlab map"
+        return [], [Fault("figures", problem)]
+    for kind, selections in itertools.product(kinds, slices):
+        stem = "_".join([kind, *(text.replace("=", "-") for text in selections)])
         outputs = [
-            folder / "figures" / f"{kind}{suffix}" for suffix in suffixes(kind) if suffix != ".svg"
+            folder / "figures" / f"{stem}{suffix}" for suffix in suffixes(kind) if suffix != ".svg"
         ]
         try:
             with print_style():
-                figure = _drawn(kind, folder)
+                figure = _drawn(kind, folder, selections)
                 for output in outputs:
                     save(figure, output)
         except BadInput as error:
-            faults += [Fault(f"figure {kind}", entry.problem) for entry in error.faults]
+            faults += [Fault(f"figure {stem}", entry.problem) for entry in error.faults]
         else:
             saved += outputs
     return saved, faults
 
 
+def _slices(cube: xr.Dataset) -> list[tuple[str, ...]]:
+    """Selections of one value of every swept setting, all of them."""
+    along = [[f"{dim}={value}" for value in cube[dim].values] for dim in swept_dims(cube)]
+    return list(itertools.product(*along))
+
+
 def _drawn(name: str, cube_path: Path, selections: Sequence[str] = ()) -> Drawing:
     kind = FIGURES[name]
     cube = open_cube(cube_path)
-    if design_dims(cube) != kind.dims:
-        able = [other for other, its in FIGURES.items() if its.dims == design_dims(cube)]
+    if base_dims(cube) != kind.dims:
+        able = [other for other, its in FIGURES.items() if its.dims == base_dims(cube)]
         raise fault(name, f"is not of such designs as this cube's; draw {', '.join(able)}")
-    known = (*kind.dims, *kind.coordinates)
+    swept = swept_dims(cube)
+    known = (*kind.dims, *swept, *kind.coordinates)
     faults = [
         Fault(f"--select {text}", f"says nothing to {name}; select of {', '.join(known)}")
         for text in selections
@@ -122,6 +139,10 @@ def _drawn(name: str, cube_path: Path, selections: Sequence[str] = ()) -> Drawin
     if faults:
         raise BadInput(faults)
     cube = selected(cube, selections)
+    if several := [dim for dim in swept if cube.sizes[dim] > 1]:
+        choices = "; ".join(f"{dim} of {', '.join(map(str, cube[dim].values))}" for dim in several)
+        raise fault(name, f"shows one value of each swept setting; --select {choices}")
+    cube = cube.isel(dict.fromkeys(swept, 0), drop=True)
     if kind.needs is None:
         return kind.draw(cube)
     folder = cube_path if cube_path.is_dir() else cube_path.parent

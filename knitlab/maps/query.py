@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from knitlab.maps.cube import design_dims
 from knitlab.maps.expression import holds, no_column
 from knitlab.maps.selection import selected
+from knitlab.sweep.cube_file import design_dims
 from knitlab.sweep.faults import BadInput, Fault
 from knitlab.sweep.registry import Status
 

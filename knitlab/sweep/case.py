@@ -2,10 +2,12 @@
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
-from typing import Literal
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any, Literal
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.newton import SolverSettings
@@ -13,11 +15,11 @@ from knitlab.model.fabric import Fabric, Sheet, weave
 from knitlab.model.inertia import MassAndDrag
 from knitlab.model.network import MeshShape, Network, mesh_shape
 from knitlab.model.pattern import Pattern, patch_map
-from knitlab.model.reading import Reading
+from knitlab.model.reading import Boundary, Reading
 from knitlab.model.stripe import Stripe
 
 Method = Literal["equilibrium", "dynamics"]
-Label = int | str
+Label = int | float | str
 
 
 @dataclass(frozen=True)
@@ -51,9 +53,12 @@ class Case:
     method: Method
     solver: SolverSettings | DynamicsSettings
 
-    @property
+    @cached_property
     def case_id(self) -> str:
-        """Identifier: the design, and a hash of the canonical JSON of this case."""
+        """Identifier: the design, and a hash of the canonical JSON of this case.
+
+        Every field enters, so that one added later makes every case another.
+        """
         canonical = json.dumps(asdict(self), sort_keys=True, separators=(",", ":"))
         digest = hashlib.sha256(canonical.encode()).hexdigest()
         return "-".join([*map(str, self.design.values()), digest[:12]])
@@ -66,13 +71,12 @@ class Case:
     @property
     def sample(self) -> Pattern:
         """The whole sample: the unit cell's patch map repeated."""
-        tile = patch_map(self.pattern, self.periods)
-        return Pattern(np.tile(tile.rib, self.unit_cells), self.periods)
+        return _sample(self.pattern, self.periods, self.unit_cells)
 
     @property
     def mesh_shape(self) -> MeshShape:
         """Its mesh shape; cases of one plan that share it can be one batch."""
-        return mesh_shape(self.sample, self.reading.boundary)
+        return _mesh_shape(self.pattern, self.periods, self.unit_cells, self.reading.boundary)
 
     @property
     def pure(self) -> bool:
@@ -82,3 +86,27 @@ class Case:
     def woven(self) -> tuple[Network, Fabric]:
         """Its network and fabric."""
         return weave(self.sample, self.weft, self.warp, self.sheet, self.reading)
+
+
+def case_of(record: dict[str, Any]) -> Case:
+    """The case that its record, ``asdict(case)`` as JSON holds it, describes.
+
+    Raises:
+        ValidationError: if the record is not of a case of this version.
+    """
+    settings = DynamicsSettings if record["method"] == "dynamics" else SolverSettings
+    # Left to itself, the union would take the first kind that all keys fit.
+    solver = settings(**record["solver"])
+    return replace(TypeAdapter(Case).validate_python(record), solver=solver)
+
+
+@lru_cache(maxsize=256)
+def _sample(pattern: tuple[str, ...], periods: int, unit_cells: tuple[int, int]) -> Pattern:
+    return Pattern(np.tile(patch_map(pattern, periods).rib, unit_cells), periods)
+
+
+@lru_cache(maxsize=256)
+def _mesh_shape(
+    pattern: tuple[str, ...], periods: int, unit_cells: tuple[int, int], boundary: Boundary
+) -> MeshShape:
+    return mesh_shape(_sample(pattern, periods, unit_cells), boundary)

@@ -1,13 +1,59 @@
-"""Case files: where one netCDF file a case lies, and how it is read. Needs no JAX."""
+"""Case files: one netCDF file a case with its checksum beside it. Needs no JAX."""
 
+from enum import Enum
 from pathlib import Path
 
 import xarray as xr
+
+from knitlab.sweep.files import written_whole
+from knitlab.sweep.fingerprint import file_digest
+from knitlab.sweep.registry import encoding
+
+
+class Kept(Enum):
+    """What there is of a case in a results folder."""
+
+    nothing = "pending"
+    sound = "sound"
+    damaged = "damaged"
 
 
 def case_path(results: Path, case_id: str) -> Path:
     """Where the file of a case lies within a results folder."""
     return results / "cases" / f"{case_id}.nc"
+
+
+def checksum_path(results: Path, case_id: str) -> Path:
+    """Where its checksum lies, as ``sha256sum --check`` reads it."""
+    return results / "cases" / f"{case_id}.sha256"
+
+
+def write_case_file(results: Path, case_id: str, dataset: xr.Dataset) -> None:
+    """Write a case file and its checksum, each whole.
+
+    The checksum comes first, so that a case is either whole or not there.
+
+    Raises:
+        CannotWrite: if they cannot be written.
+    """
+    path = case_path(results, case_id)
+    with written_whole(path) as temporary:
+        dataset.to_netcdf(temporary, encoding=encoding(dataset))
+        with written_whole(checksum_path(results, case_id)) as checksum:
+            checksum.write_text(f"{file_digest(temporary)}  {path.name}\n")
+
+
+def kept(results: Path, case_id: str) -> Kept:
+    """Whether a case file is there and has the contents that were written."""
+    try:
+        stated = checksum_path(results, case_id).read_text().split(" ")[0]
+        found = file_digest(case_path(results, case_id))
+    except FileNotFoundError:
+        there = case_path(results, case_id).exists()
+        return Kept.damaged if there else Kept.nothing
+    except OSError:
+        return Kept.damaged
+    return Kept.sound if found == stated else Kept.damaged
 
 
 def read_case(results: Path, case_id: str) -> xr.Dataset:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 from knitlab.mechanics.dynamics import DynamicsSettings
@@ -9,8 +10,15 @@ from knitlab.mechanics.newton import SolverSettings
 from knitlab.model.fabric import Sheet
 from knitlab.model.inertia import MassAndDrag
 from knitlab.model.reading import Reading
-from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, periods_per_patch
-from knitlab.sweep.case import Case
+from knitlab.model.stripe import (
+    GARTER_STITCHES_PER_RIB_STITCH,
+    Knit,
+    Stripe,
+    periods_per_patch,
+)
+from knitlab.sweep.axes import Axis, combinations
+from knitlab.sweep.case import Case, Label
+from knitlab.sweep.changes import changed_sheet, changed_stripe
 from knitlab.sweep.design_space import DesignSpace
 from knitlab.sweep.parameters import Parameters, Strict, read_stripe_file
 from knitlab.sweep.workflow import ModelSection, Workflow
@@ -18,6 +26,7 @@ from knitlab.sweep.workflow_text import WorkflowText
 
 # A pure stripe lies with its ridges along x, whatever its knit, and is pulled across them along y.
 PULLED_ACROSS = ("G",)
+STRIPE_FILES = "model.stripe_files"
 
 
 def with_stripe_files(
@@ -28,18 +37,31 @@ def with_stripe_files(
     Raises:
         BadInput: with every fault of a file.
     """
-    key = "model.stripe_files"
     stripes = parameters.stripes
-    for name in section.stripe_files:
-        stripes = read_stripe_file(text.folder(key) / name, text.source(key)).over(stripes)
+    for path in stripe_files(section, text):
+        stripes = read_stripe_file(path, text.source(STRIPE_FILES)).over(stripes)
     return parameters.having(stripes)
 
 
-def cases(workflow: Workflow, space: DesignSpace, parameters: Parameters) -> Iterator[Case]:
-    """Every case of a workflow, in order."""
+def stripe_files(section: ModelSection, text: WorkflowText) -> list[Path]:
+    """Where the ``stripe_files`` of a workflow lie."""
+    return [text.folder(STRIPE_FILES) / name for name in section.stripe_files]
+
+
+def cases(
+    workflow: Workflow, axes: tuple[Axis, ...], space: DesignSpace, parameters: Parameters
+) -> Iterator[Case]:
+    """Every case of a workflow: every design under every combination of the axes' values."""
+    for labels, chosen in combinations(workflow, axes):
+        yield from _cases(chosen, labels, space, parameters)
+
+
+def _cases(
+    workflow: Workflow, labels: dict[str, Label], space: DesignSpace, parameters: Parameters
+) -> Iterator[Case]:
     protocol = workflow.protocol
     steps = round(protocol.strain_max / protocol.strain_step)
-    sheet = _merged(parameters.sheet, workflow.model)
+    sheet = changed_sheet(_values(parameters.sheet), workflow.model)
     reading = _merged(parameters.reading, workflow.model)
     common: dict[str, Any] = {
         "sheet": Sheet(**_of(Sheet, sheet)),
@@ -54,12 +76,14 @@ def cases(workflow: Workflow, space: DesignSpace, parameters: Parameters) -> Ite
         common["mass_and_drag"] = MassAndDrag(**_of(MassAndDrag, sheet))
         common["solver"] = DynamicsSettings(**_merged(parameters.dynamics, workflow.dynamics))
 
-    stripe = parameters.stripes.stripe
+    def stripe(knit: Knit, stitches: int) -> Stripe:
+        return changed_stripe(parameters.stripes.stripe(knit, stitches), workflow.model)
+
     if workflow.design is not None:
         for n_stripe, n_subunit in space.designs:
             n, m = int(n_stripe), int(n_subunit)
             yield Case(
-                design={"n_stripe": n, "n_subunit": m},
+                design={"n_stripe": n, "n_subunit": m, **labels},
                 weft=stripe("rib", n),
                 warp=stripe("garter", GARTER_STITCHES_PER_RIB_STITCH * n),
                 reading=Reading(**reading),
@@ -72,7 +96,7 @@ def cases(workflow: Workflow, space: DesignSpace, parameters: Parameters) -> Ite
         for knit, stitches, boundary in space.designs:
             pure = stripe("rib" if knit == "rib" else "garter", int(stitches))
             yield Case(
-                design={"knit": knit, "n": stitches, "boundary": boundary},
+                design={"knit": knit, "n": stitches, "boundary": boundary, **labels},
                 weft=pure,
                 warp=pure,
                 reading=Reading(**reading | {"boundary": boundary}),
@@ -86,9 +110,11 @@ def cases(workflow: Workflow, space: DesignSpace, parameters: Parameters) -> Ite
 def _merged(parameters: Strict, section: Strict) -> dict[str, Any]:
     """Values of a parameter file, each replaced where the workflow's section has one."""
     given = section.model_dump(exclude_none=True)
-    return {
-        key: given.get(key, getattr(parameters, key).value) for key in type(parameters).model_fields
-    }
+    return {key: given.get(key, value) for key, value in _values(parameters).items()}
+
+
+def _values(parameters: Strict) -> dict[str, Any]:
+    return {key: getattr(parameters, key).value for key in type(parameters).model_fields}
 
 
 def _of(kind: type, values: dict[str, Any]) -> dict[str, Any]:

@@ -1,99 +1,181 @@
-"""The cube: every case of a plan on one labelled grid."""
+"""The cube: every design that a results folder knows, on one labelled grid."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import netCDF4
 import numpy as np
 import xarray as xr
 
-from knitlab.sweep.case import Label
-from knitlab.sweep.case_file import case_path, read_case
+from knitlab.sweep.case import Case, Label
+from knitlab.sweep.case_file import case_path
 from knitlab.sweep.design_space import Design
-from knitlab.sweep.files import written_whole
 from knitlab.sweep.measurement import variables_of
 from knitlab.sweep.plan import Plan
 from knitlab.sweep.provenance import provenance
-from knitlab.sweep.registry import VARIABLES, Status, described, encoding
+from knitlab.sweep.registry import VARIABLES, Status, described
+from knitlab.sweep.survey import cells
+
+WORDS = ("case_id", "code")
+Values = dict[str, Any]
 
 
-def build_cube(plan: Plan, results: Path, failed: dict[str, str]) -> xr.Dataset:
-    """Cube of a plan, from its case files.
+@dataclass(frozen=True)
+class Entry:
+    """What goes into one cell of a cube.
 
-    Combinations that the sweep does not hold are ``excluded``; cases without a file are
-    ``failed`` if they are among ``failed``, else ``pending``.
+    Attributes:
+        values: by variable, along the strains and unit cells of its own test.
+        strains: of its test.
+    """
+
+    values: Values
+    strains: tuple[float, ...]
+
+    @property
+    def unit_cells(self) -> tuple[int, int]:
+        """Of its sample, along (y, x)."""
+        shape = np.shape(self.values.get("strain_xx", np.empty((1, 1, 1))))
+        return shape[1], shape[2]
+
+
+def build_cube(
+    plan: Plan,
+    results: Path,
+    old: xr.Dataset | None,
+    computed: Collection[str],
+    kept_stale: Collection[str],
+    failed: Collection[str],
+) -> xr.Dataset:
+    """Cube of a plan, from its case files and the cube that there was.
+
+    Cells of the old cube that the plan does not touch stay as they are; combinations that
+    nobody asked for are ``excluded``; planned cases without a file are ``failed`` if they are
+    among ``failed``, else ``pending``.
 
     Args:
         plan: what was to be simulated.
         results: results folder of the workflow.
-        failed: reasons by case identifier.
+        old: the cube that there was, along the same dimensions.
+        computed: identifiers of cases whose files are newer than the old cube.
+        kept_stale: identifiers of cases in whose place other parameters' results stay.
+        failed: identifiers of cases that have no result.
     """
+    entries: dict[Design, Entry] = {}
+    known = {} if old is None else cells(old)
+    for design, cell in known.items():
+        assert old is not None
+        entries[design] = _old_entry(old, cell.place)
+    for case_id, case in plan.cases.items():
+        design = tuple(case.design.values())
+        there = known.get(design)
+        same = there is not None and there.case_id == case_id and there.has_results
+        if case_id in kept_stale or (same and case_id not in computed):
+            continue
+        entries[design] = _entry(case, results, case_id in failed)
+
     first = next(iter(plan.cases.values()))
-    designs = [*(tuple(case.design.values()) for case in plan.cases.values()), *plan.excluded]
-    labels = [_along(designs, place) for place in range(len(plan.dims))]
-    sizes = {
-        "applied_strain": len(first.applied_strain),
-        "cell_y": first.unit_cells[0],
-        "cell_x": first.unit_cells[1],
+    names = [name for name, variable in variables_of(first).items() if variable.in_cube]
+    if old is not None:
+        names += [str(name) for name in old.data_vars if name not in names]
+    cube = _gridded(plan, names, entries)
+    cube.attrs |= provenance() | {
+        "title": plan.title,
+        "workflow": plan.workflow,
+        "method": first.method,
+        "parameters": json.dumps(common_parameters(plan)),
     }
+    reading = vars(first.reading).items()
+    cube.attrs |= {f"reading_{key}": value for key, value in reading if key not in plan.dims}
+    return cube
+
+
+def _entry(case: Case, results: Path, failed: bool) -> Entry:
+    path = case_path(results, case.case_id)
+    if path.is_file() and not failed:
+        return _read_entry(path, case)
+    status = Status.failed if failed else Status.pending
+    values = {"periods": case.periods, "case_id": case.case_id, "code": "", "status": status}
+    return Entry(values, case.applied_strain)
+
+
+def _read_entry(path: Path, case: Case) -> Entry:
+    # By netCDF4 itself: through xarray, reading takes ten times as long.
+    with netCDF4.Dataset(path) as dataset:
+        values = {
+            name: _plain(dataset[name][...])
+            for name, variable in variables_of(case).items()
+            if variable.in_cube
+        }
+    return Entry(values, case.applied_strain)
+
+
+def _plain(value: Any) -> Any:
+    return np.ma.filled(value.astype(float), np.nan) if np.ma.isMaskedArray(value) else value
+
+
+def _old_entry(old: xr.Dataset, place: tuple[int, ...]) -> Entry:
+    values = {str(name): old[name].values[place] for name in old.data_vars}
+    return Entry(values, tuple(old["applied_strain"].values.tolist()))
+
+
+def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) -> xr.Dataset:
+    designs = [*entries, *(design for design in plan.excluded if len(design) == len(plan.dims))]
+    labels = [_along(designs, place) for place in range(len(plan.dims))]
+    strains = sorted({strain for entry in entries.values() for strain in entry.strains})
+    cells_y, cells_x = np.max([entry.unit_cells for entry in entries.values()], axis=0)
+    sizes = {"applied_strain": len(strains), "cell_y": int(cells_y), "cell_x": int(cells_x)}
     grid = tuple(map(len, labels))
     arrays: dict[str, np.ndarray] = {
-        name: np.full((*grid, *(sizes[dim] for dim in variable.dims)), np.nan)
-        for name, variable in variables_of(first).items()
-        if variable.in_cube
+        name: np.full((*grid, *(sizes[dim] for dim in VARIABLES[name].dims)), np.nan)
+        for name in names
+        if name not in WORDS
     }
     arrays["status"] = np.full(grid, Status.excluded, np.int8)
-    arrays["case_id"] = np.full(grid, "", dtype=f"U{max(map(len, plan.cases))}")
+    arrays |= {name: np.full(grid, "", dtype=object) for name in WORDS}
 
-    for case_id, case in plan.cases.items():
-        place = tuple(
-            along.index(label) for along, label in zip(labels, case.design.values(), strict=True)
-        )
-        if case_path(results, case_id).is_file():
-            dataset = read_case(results, case_id)
-            for name, array in arrays.items():
-                array[place] = dataset[name].values[()]
-        else:
-            arrays["periods"][place] = case.periods
-            arrays["case_id"][place] = case_id
-            arrays["status"][place] = Status.failed if case_id in failed else Status.pending
+    places = [{label: k for k, label in enumerate(along)} for along in labels]
+    rank = {strain: k for k, strain in enumerate(strains)}
+    for design, entry in entries.items():
+        place = tuple(along[label] for along, label in zip(places, design, strict=True))
+        rows = [rank[strain] for strain in entry.strains]
+        for name, value in entry.values.items():
+            if VARIABLES[name].dims:
+                within = tuple(slice(0, size) for size in np.shape(value)[1:])
+                arrays[name][place][(rows, *within)] = value
+            else:
+                arrays[name][place] = value[()] if isinstance(value, np.ndarray) else value
 
     variables: dict[str, Any] = {
         name: ((*plan.dims, *VARIABLES[name].dims), array) for name, array in arrays.items()
     }
     coordinates = {
         **dict(zip(plan.dims, labels, strict=True)),
-        "applied_strain": list(first.applied_strain),
+        "applied_strain": strains,
         "cell_y": np.arange(sizes["cell_y"]),
         "cell_x": np.arange(sizes["cell_x"]),
     }
     cube = described(xr.Dataset(variables, coordinates))
-    reading = {
-        f"reading_{key}": value
-        for key, value in vars(first.reading).items()
-        if key not in plan.dims
-    }
-    cube.attrs |= (
-        provenance()
-        | reading
-        | {
-            "title": plan.title,
-            "workflow": plan.workflow,
-            "method": first.method,
-            "parameters": json.dumps(plan.record()),
-        }
-    )
+    for name, coordinate in plan.coordinates.items():
+        cube[name].attrs |= coordinate.attributes
     return cube
+
+
+def common_parameters(plan: Plan) -> dict[str, Any]:
+    """What all cases of a plan share; the rest is in ``plan.json`` and in each case file."""
+    records = [asdict(case) for case in plan.cases.values()]
+    first = records[0]
+    return {
+        key: value
+        for key, value in first.items()
+        if key != "design" and all(record[key] == value for record in records)
+    }
 
 
 def _along(designs: Sequence[Design], place: int) -> list[Label]:
     """Labels along one dimension: numbers ascending, words as they come."""
     labels = list(dict.fromkeys(design[place] for design in designs))
     return labels if any(isinstance(label, str) for label in labels) else sorted(labels)
-
-
-def write_cube(cube: xr.Dataset, path: Path) -> None:
-    """Replace a cube's file whole, or leave the old one."""
-    with written_whole(path) as temporary:
-        cube.to_netcdf(temporary, encoding=encoding(cube))

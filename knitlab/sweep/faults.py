@@ -25,6 +25,14 @@ class BadInput(Exception):
         self.faults = tuple(faults)
         super().__init__("\n".join(map(str, self.faults)))
 
+    def __reduce__(self) -> tuple[type["BadInput"], tuple[tuple["Fault", ...]]]:
+        """Pickled by its faults, as it comes back from a worker."""
+        return type(self), (self.faults,)
+
+
+class CannotWrite(BadInput):
+    """A file that cannot be written, so that going on is no use."""
+
 
 class Gathered:
     """Collects the faults of several checks; ``with gathered:`` ends each at its first raise."""

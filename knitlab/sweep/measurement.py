@@ -18,6 +18,7 @@ from knitlab.mechanics.state import History, State, TensileTest
 from knitlab.mechanics.zigzag_tension import ChainState
 from knitlab.model.fabric import cell_length
 from knitlab.sweep.case import Case
+from knitlab.sweep.fingerprint import code_fingerprint
 from knitlab.sweep.registry import VARIABLES, Status, Variable, described
 
 
@@ -50,6 +51,7 @@ def measured(case: Case, test: TensileTest, chain: Sequence[ChainState] = ()) ->
     values: dict[str, Any] = {
         "status": np.int8(Status.ok if complete else Status.not_converged),
         "case_id": case.case_id,
+        "code": code_fingerprint(),
         "periods": case.periods,
         "flat_cell_x": cells[0] * cell_length(case.weft, case.reading),
         "flat_cell_y": cells[1] * cell_length(case.warp, case.reading),

@@ -7,17 +7,38 @@ from pathlib import Path
 from typing import Any
 
 from knitlab.model.network import MeshShape
+from knitlab.sweep.axes import Axis
 from knitlab.sweep.case import Case
-from knitlab.sweep.cases import cases, with_stripe_files
+from knitlab.sweep.cases import cases, stripe_files, with_stripe_files
 from knitlab.sweep.design_space import Design, DesignSpace, design_space, stripe_space
+from knitlab.sweep.estimate import bytes_needed, seconds
 from knitlab.sweep.faults import BadInput, Gathered
 from knitlab.sweep.files import written_whole
+from knitlab.sweep.fingerprint import code_fingerprint, digests
 from knitlab.sweep.parameters import read_parameters
+from knitlab.sweep.registry import Variable
 from knitlab.sweep.shipped import shipped
 from knitlab.sweep.workflow_text import read_workflow, workflow_file
 
 # Unknowns that one vmapped batch may hold: about 1 GiB of element Hessians.
 BATCH_UNKNOWNS = 8_000
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Cases that one worker simulates together, by one vmapped program.
+
+    Attributes:
+        cases: their identifiers.
+        unknowns: of all of them.
+        estimated_seconds: how long they take on one core [s].
+        estimated_bytes: memory of their worker [bytes].
+    """
+
+    cases: tuple[str, ...]
+    unknowns: int
+    estimated_seconds: float
+    estimated_bytes: float
 
 
 @dataclass(frozen=True)
@@ -29,21 +50,32 @@ class Plan:
         title: its title.
         figures: the figures that it draws.
         cases: what to simulate, by identifier.
-        batches: identifiers of the cases of each batch; a batch shares one mesh shape.
+        batches: the cases by mesh shape, as many together as memory allows.
         excluded: designs of the grid that no fabric can have, with the reason.
+        coordinates: of the settings that it gives as lists.
+        overrides: the ``KEY=VALUE`` settings that it was made with.
+        inputs: SHA-256 of every file that it was made from, by path.
     """
 
     workflow: str
     title: str
     figures: tuple[str, ...]
     cases: dict[str, Case]
-    batches: tuple[tuple[str, ...], ...]
+    batches: tuple[Batch, ...]
     excluded: dict[Design, str]
+    coordinates: dict[str, Variable]
+    overrides: tuple[str, ...]
+    inputs: dict[str, str]
 
     @property
     def dims(self) -> tuple[str, ...]:
         """Dimensions of the cube that its designs lie along."""
         return tuple(next(iter(self.cases.values())).design)
+
+    @property
+    def designs(self) -> dict[str, Design]:
+        """Labels of its cases, by identifier."""
+        return {case_id: tuple(case.design.values()) for case_id, case in self.cases.items()}
 
     @property
     def applied_strain(self) -> tuple[float, ...]:
@@ -56,15 +88,27 @@ class Plan:
             "workflow": self.workflow,
             "title": self.title,
             "figures": self.figures,
-            "batches": self.batches,
+            "dims": self.dims,
+            "overrides": self.overrides,
+            "inputs": self.inputs,
+            "code": code_fingerprint(),
+            "batches": [asdict(batch) for batch in self.batches],
             "excluded": [[*design, reason] for design, reason in self.excluded.items()],
             "cases": {case_id: asdict(case) for case_id, case in self.cases.items()},
         }
 
     def write(self, path: Path) -> None:
-        """Freeze the plan into a JSON file."""
+        """Freeze the plan into a JSON file, a line for each case.
+
+        Raises:
+            CannotWrite: if it cannot be written.
+        """
+        record = self.record()
+        cases = record.pop("cases").items()
+        lines = (f"  {json.dumps(case_id)}: {json.dumps(case)}" for case_id, case in cases)
+        head = json.dumps(record, indent=1).removesuffix("\n}")
         with written_whole(path) as temporary:
-            temporary.write_text(json.dumps(self.record(), indent=1) + "\n", encoding="utf-8")
+            temporary.write_text(f'{head},\n "cases": {{\n' + ",\n".join(lines) + "\n }\n}\n")
 
 
 def make_plan(
@@ -81,38 +125,58 @@ def make_plan(
         BadInput: with every fault of every file and override.
     """
     text = read_workflow(workflow_file(workflow), overrides)
+    folder = parameter_folder or shipped("params")
     faults = Gathered()
     parameters = read = None
+    axes: tuple[Axis, ...] = ()
     space = DesignSpace((), {})
+    made: dict[str, Case] = {}
+    inputs = [text.path, *folder.glob("*.toml")]
     with faults:
-        parameters = read_parameters(parameter_folder or shipped("params"))
+        parameters = read_parameters(folder)
     with faults:
         read = text.checked()
     with faults:
+        axes = text.checked_axes()
+    with faults:
         if parameters and (model := text.section("model")):
             parameters = with_stripe_files(model, parameters, text)
+            inputs += stripe_files(model, text)
     with faults:
         if parameters and (design := text.section("design")):
             space = design_space(design, parameters, text.source)
     with faults:
         if parameters and (stripes := text.section("stripes")):
             space = stripe_space(stripes, parameters, text.source)
+    with faults:
+        if parameters and read and not faults.all:
+            made = {case.case_id: case for case in cases(read, axes, space, parameters)}
     if parameters is None or read is None or faults.all:
         raise BadInput(faults.all)
-    made = {case.case_id: case for case in cases(read, space, parameters)}
-    name = text.path.stem
-    return Plan(name, read.title, read.figures, made, _batches(made), space.excluded)
+    return Plan(
+        workflow=text.path.stem,
+        title=read.title,
+        figures=read.figures,
+        cases=made,
+        batches=batched(made),
+        excluded=space.excluded,
+        coordinates={axis.name: axis.coordinate(parameters) for axis in axes},
+        overrides=overrides,
+        inputs=digests(inputs),
+    )
 
 
-def _batches(cases: dict[str, Case]) -> tuple[tuple[str, ...], ...]:
+def batched(cases: dict[str, Case]) -> tuple[Batch, ...]:
     """Cases of one mesh shape together, as many as fit, the longest batches first."""
     by_shape: dict[MeshShape, list[str]] = defaultdict(list)
     for case_id, case in cases.items():
         by_shape[case.mesh_shape].append(case_id)
-    batches: list[tuple[int, tuple[str, ...]]] = []
+    batches = []
     for shape, members in by_shape.items():
         size = max(1, BATCH_UNKNOWNS // shape.unknowns)
         for first in range(0, len(members), size):
-            batch = tuple(members[first : first + size])
-            batches.append((shape.unknowns * len(batch), batch))
-    return tuple(batch for _, batch in sorted(batches, reverse=True))
+            together = tuple(members[first : first + size])
+            unknowns = shape.unknowns * len(together)
+            time = seconds(cases[case_id] for case_id in together)
+            batches.append(Batch(together, unknowns, time, bytes_needed(unknowns)))
+    return tuple(sorted(batches, key=lambda batch: batch.estimated_seconds, reverse=True))

@@ -5,17 +5,7 @@ from types import TracebackType
 from tqdm import tqdm
 
 from knitlab.sweep.case import Case
-
-# Measured: relaxation costs about as much as this many steps of a tensile test, and a step
-# grows with the unknowns by about this power.
-RELAXATION_STEPS = 20
-COST_POWER = 1.3
-
-
-def work(case: Case, states: int) -> float:
-    """Work in the first ``states`` states of a case, in steps of a test of 1000 unknowns."""
-    steps = states + RELAXATION_STEPS - 1 if states else 0
-    return steps * (case.mesh_shape.unknowns / 1000) ** COST_POWER
+from knitlab.sweep.estimate import work
 
 
 class ProgressBar:

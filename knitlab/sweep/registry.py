@@ -75,6 +75,7 @@ _CELLS = ("applied_strain", "cell_y", "cell_x")
 VARIABLES = {
     "status": Variable((), "1", "status of the design"),
     "case_id": Variable((), "1", "identifier of the case", "names its file under cases/"),
+    "code": Variable((), "1", "fingerprint of the code that computed the design"),
     "periods": Variable((), "1", "stripe periods along a patch"),
     "strain_xx": Variable(_CELLS, "1", "local transverse strain"),
     "strain_yy": Variable(_CELLS, "1", "local axial strain"),

@@ -1,20 +1,53 @@
 """Running a plan: what is missing is simulated, then one writer builds the cube."""
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import xarray as xr
 
 from knitlab.sweep.case import Case
-from knitlab.sweep.case_file import case_path, read_case
-from knitlab.sweep.cube import build_cube, write_cube
-from knitlab.sweep.files import written_whole
+from knitlab.sweep.case_file import read_case
+from knitlab.sweep.cube import build_cube
+from knitlab.sweep.cube_file import CUBE, open_cube, write_cube
+from knitlab.sweep.files import clear_unfinished, written_whole
+from knitlab.sweep.lock import held
 from knitlab.sweep.plan import Plan
 from knitlab.sweep.progress import ProgressBar
 from knitlab.sweep.registry import Status
-from knitlab.sweep.workers import Pool, pool_of
+from knitlab.sweep.simulation import simulate_batch
+from knitlab.sweep.status import FAILURES, PLAN, earlier_failures
+from knitlab.sweep.survey import Standing, check_dims, survey
+from knitlab.sweep.workers import BatchError, Pool, Simulate, Task, pool_of
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a plan is run; nothing of it changes a number.
+
+    Attributes:
+        workers: processes on this machine; 0 simulates in this process.
+        scheduler: address of an existing dask scheduler, whose workers see the results folder.
+        retries: how often a batch that raised is tried again as it is.
+        fail_fast: whether to stop at the first case that is not ok.
+        case_timeout: longest time for a case, if any [s].
+        refresh: whether to compute stale results anew.
+        dashboard: whether to open dask's dashboard.
+        show_progress: whether to draw a progress bar.
+        simulate: what simulates a batch.
+    """
+
+    workers: int = 0
+    scheduler: str | None = None
+    retries: int = 0
+    fail_fast: bool = False
+    case_timeout: float | None = None
+    refresh: bool = False
+    dashboard: bool = False
+    show_progress: bool = False
+    simulate: Simulate = simulate_batch
 
 
 @dataclass(frozen=True)
@@ -24,84 +57,168 @@ class Run:
     Attributes:
         cube: the cube, as written.
         simulated: identifiers of the cases that this run simulated.
-        reused: how many were there already.
+        standing: what there was of each planned case before.
         failures: what each case that is not ok says of itself.
+        stopped: whether the run was broken off.
     """
 
     cube: xr.Dataset
     simulated: tuple[str, ...]
-    reused: int
-    failures: tuple[dict[str, object], ...]
+    standing: dict[str, Standing]
+    failures: tuple[dict[str, Any], ...]
+    stopped: bool
+
+    def standing_at(self, standing: Standing) -> tuple[str, ...]:
+        """Cases that were of one standing before, by identifier."""
+        return tuple(case_id for case_id, its in self.standing.items() if its is standing)
+
+    @property
+    def stale_code(self) -> tuple[str, ...]:
+        """Cases that are still of other code."""
+        return tuple(set(self.standing_at(Standing.stale_code)) - set(self.simulated))
+
+    @property
+    def stale_parameters(self) -> tuple[str, ...]:
+        """Cases that are still of other parameters."""
+        return tuple(set(self.standing_at(Standing.stale_parameters)) - set(self.simulated))
+
+    @property
+    def unfinished(self) -> tuple[str, ...]:
+        """Cases that have no result."""
+        without = {*self.standing_at(Standing.pending), *self.standing_at(Standing.damaged)}
+        return tuple(without - set(self.simulated))
 
 
-def run_plan(
-    plan: Plan,
-    results: Path,
-    workers: int,
-    scheduler: str | None = None,
-    show_progress: bool = False,
-) -> Run:
-    """Simulate the cases of a plan that have no file yet, then write ``cube.nc``.
+@dataclass
+class Progress:
+    """How far a run has come; it outlives a Ctrl-C."""
 
-    A case whose worker raises is ``failed``; its batch mates are run again without it.
+    ended: set[str] = field(default_factory=set)
+    failed: dict[str, BatchError] = field(default_factory=dict)
+
+
+def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
+    """Simulate the cases of a plan that have no sound file, then write ``cube.nc``.
+
+    Results of other code or parameters stay unless ``options.refresh``. A batch that raises or
+    whose worker dies is tried again, then its cases alone; one that has no result even so is
+    ``failed``. Ctrl-C keeps what is done.
 
     Args:
         plan: the plan, frozen here into ``plan.json``.
         results: results folder of the workflow.
-        workers: processes on this machine; 0 simulates in this process.
-        scheduler: address of an existing dask scheduler, whose workers see ``results``.
-        show_progress: whether to draw a progress bar.
+        options: how to run it.
+
+    Raises:
+        BadInput: if another run holds the folder, or its cube is of other dimensions.
+        CannotWrite: if the folder cannot be written, or is full; what is done is kept.
     """
-    missing = {
-        case_id: case
-        for case_id, case in plan.cases.items()
-        if not case_path(results, case_id).is_file()
-    }
+    with held(results):
+        clear_unfinished(results)
+        old = open_cube(results / CUBE) if (results / CUBE).exists() else None
+        if old is not None:
+            check_dims(old, plan.dims, results / CUBE)
+        standing = survey(plan.designs, results, old, check=True)
+        missing = {
+            case_id: plan.cases[case_id]
+            for case_id, its in standing.items()
+            if its in (Standing.pending, Standing.damaged) or (its.stale and options.refresh)
+        }
+        plan.write(results / PLAN)
+        progress = Progress()
+        stopped = _simulate_all(plan, results, missing, options, progress)
+        simulated = tuple(case_id for case_id in missing if case_id in progress.ended)
+        stale = {
+            case_id
+            for case_id, its in standing.items()
+            if its is Standing.stale_parameters and case_id not in simulated
+        }
+        cube = build_cube(plan, results, old, simulated, stale, progress.failed)
+        write_cube(cube, results / CUBE)
+        failures = tuple(_failures(plan, results, cube, progress.failed))
+        with written_whole(results / FAILURES) as temporary:
+            temporary.write_text("".join(json.dumps(entry) + "\n" for entry in failures))
+    mine = tuple(entry for entry in failures if entry["case_id"] in plan.cases)
+    return Run(cube, simulated, standing, mine, stopped)
+
+
+def _simulate_all(
+    plan: Plan, results: Path, missing: dict[str, Case], options: RunOptions, progress: Progress
+) -> bool:
+    """Simulate what is missing; whether it was broken off."""
     batches = [
         batch
         for planned in plan.batches
-        if (batch := [missing[case_id] for case_id in planned if case_id in missing])
+        if (batch := [missing[case_id] for case_id in planned.cases if case_id in missing])
     ]
-    workers, scheduler = min(workers, len(batches)), scheduler if batches else None
-    with (
-        ProgressBar(missing, shown=show_progress and bool(batches)) as bar,
-        pool_of(workers, scheduler, bar.reached) as pool,
-    ):
-        plan.write(results / "plan.json")
-        failed = _simulate(pool, results.resolve(), batches, bar)
-    cube = build_cube(plan, results, failed)
-    write_cube(cube, results / "cube.nc")
-    failures = _failures(plan, results, cube, failed)
-    with written_whole(results / "failures.jsonl") as temporary:
-        temporary.write_text("".join(json.dumps(entry) + "\n" for entry in failures))
-    simulated = tuple(case_id for case_id in missing if case_id not in failed)
-    return Run(cube, simulated, len(plan.cases) - len(missing), tuple(failures))
+    if not batches:
+        return False
+    task = Task(options.simulate, results.resolve(), options.case_timeout)
+    workers = min(options.workers, len(batches))
+    with ProgressBar(missing, shown=options.show_progress) as bar:
+        try:
+            with pool_of(task, workers, options.scheduler, options.dashboard, bar.reached) as pool:
+                return _in_rounds(pool, batches, results, options, progress, bar)
+        except KeyboardInterrupt:
+            return True
 
 
-def _simulate(
-    pool: Pool, results: Path, batches: Sequence[Sequence[Case]], bar: ProgressBar
-) -> dict[str, str]:
-    failed: dict[str, str] = {}
-    alone: list[list[Case]] = []
-    for batch, error in pool(results, batches):
-        if error and len(batch) > 1:
-            alone += [[case] for case in batch]
-            continue
-        for case in batch:
-            bar.ended(case.case_id)
-            if error:
-                failed[case.case_id] = error.reason
-    return failed | _simulate(pool, results, alone, bar) if alone else failed
+def _in_rounds(
+    pool: Pool,
+    batches: Sequence[Sequence[Case]],
+    results: Path,
+    options: RunOptions,
+    progress: Progress,
+    bar: ProgressBar,
+) -> bool:
+    """Simulate batches, then those again that need it, until none does."""
+    attempts = 0
+    while batches:
+        again: list[Sequence[Case]] = []
+        for batch, error in pool(batches):
+            if error and error.cannot_write:
+                raise error.cannot_write
+            if error and (attempts < options.retries or (error.lost and attempts == 0)):
+                again.append(batch)
+            elif error and len(batch) > 1:
+                again += [[case] for case in batch]
+            else:
+                for case in batch:
+                    bar.ended(case.case_id)
+                    if error:
+                        progress.failed[case.case_id] = error
+                    else:
+                        progress.ended.add(case.case_id)
+                if options.fail_fast and (error or not _all_ok(results, batch)):
+                    return True
+        batches, attempts = again, attempts + 1
+    return False
+
+
+def _all_ok(results: Path, batch: Sequence[Case]) -> bool:
+    return all(read_case(results, case.case_id)["status"] == Status.ok for case in batch)
 
 
 def _failures(
-    plan: Plan, results: Path, cube: xr.Dataset, failed: dict[str, str]
-) -> list[dict[str, object]]:
-    entries: list[dict[str, object]] = []
-    for case_id, case in plan.cases.items():
-        status = Status(int(cube["status"].sel(case.design)))
-        if status is Status.ok:
+    plan: Plan, results: Path, cube: xr.Dataset, failed: dict[str, BatchError]
+) -> Iterator[dict[str, Any]]:
+    """What there is to say of every design of the cube that is not ok, and how to run it alone."""
+    earlier = earlier_failures(results)
+    bad = cube["status"].isin([Status.not_converged, Status.failed])
+    for case_id in cube["case_id"].values[bad.values]:
+        case = plan.cases.get(case_id)
+        if case is None:
+            if case_id in earlier:
+                yield earlier[case_id]
             continue
-        reason = failed.get(case_id) or read_case(results, case_id).attrs["reason"]
-        entries.append({"case_id": case_id, **case.design, "status": status.name, "reason": reason})
-    return entries
+        error = failed.get(case_id)
+        status = Status.failed if error else Status.not_converged
+        reason = error.reason if error else read_case(results, case_id).attrs["reason"]
+        yield {
+            "case_id": case_id,
+            **case.design,
+            "status": status.name,
+            "reason": reason,
+            "trace": error.trace if error else "",
+            "case": asdict(case),
+        }

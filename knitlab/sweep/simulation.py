@@ -17,11 +17,9 @@ from knitlab.mechanics.zigzag_tension import ChainState, pull_chain
 from knitlab.model.inertia import inertia
 from knitlab.model.zigzag import zigzag
 from knitlab.sweep.case import Case
-from knitlab.sweep.case_file import case_path
-from knitlab.sweep.files import written_whole
+from knitlab.sweep.case_file import write_case_file
 from knitlab.sweep.measurement import measured
 from knitlab.sweep.provenance import provenance
-from knitlab.sweep.registry import encoding
 
 Progress = Callable[[str, int], None]
 
@@ -35,12 +33,17 @@ def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> 
         progress: told, for a case, how many of its states are done.
     """
     began = time.perf_counter()
-    simulated = tests_by_dynamics if cases[0].method == "dynamics" else tests_in_equilibrium
-    tests = simulated(cases, progress)
+    tests = tensile_tests(cases, progress)
     chains = [_zigzag_test(case) if case.pure else [] for case in cases]
     wall_seconds = time.perf_counter() - began
     for case, test, chain in zip(cases, tests, chains, strict=True):
         write_case(results, case, test, chain, wall_seconds)
+
+
+def tensile_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
+    """Tensile tests of cases of one mesh shape and method."""
+    by = tests_by_dynamics if cases[0].method == "dynamics" else tests_in_equilibrium
+    return by(cases, progress)
 
 
 def tests_in_equilibrium(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
@@ -93,8 +96,7 @@ def write_case(
         "reason": failure_reason(case, test),
         "batch_wall_seconds": wall_seconds,
     }
-    with written_whole(case_path(results, case.case_id)) as temporary:
-        dataset.to_netcdf(temporary, encoding=encoding(dataset))
+    write_case_file(results, case.case_id, dataset)
 
 
 WHY = {

@@ -16,6 +16,7 @@ from knitlab.model.reading import (
 )
 from knitlab.model.stripe import Knit
 from knitlab.sweep.case import Method
+from knitlab.sweep.changes import Changes
 from knitlab.sweep.parameters import Fraction, Snapshots, Strict
 
 Figure = Literal["curves", "auxetic", "shape", "relaxation", "folding", "stripes", "departure"]
@@ -79,10 +80,11 @@ class ProtocolSection(Strict):
         return self
 
 
-class ModelSection(Strict):
+class ModelSection(Changes):
     """``[model]``: what replaces the values of ``reading.toml``, ``sheet.toml``, ``stripes.toml``.
 
-    ``stripe_files`` hold stripes to add or replace, as ``knitlab calibrate`` writes them.
+    ``stripe_files`` hold stripes to add or replace, as ``knitlab calibrate`` writes them. Any other
+    setting may be a list, and is then a dimension of the cube.
     """
 
     stripe_files: Annotated[tuple[str, ...], Field(strict=False)] = ()
@@ -94,14 +96,10 @@ class ModelSection(Strict):
     garter_start: GarterStart | None = None
     length_scale: PositiveFloat | None = None
     boundary: Boundary | None = None
-    z_max: PositiveFloat | None = None
-    k_wall: PositiveFloat | None = None
-    surface_density: PositiveFloat | None = None
-    damping: PositiveFloat | None = None
 
 
 class SolverSection(Strict):
-    """``[solver]``: what replaces the values of ``solver.toml``."""
+    """``[solver]``: what replaces the values of ``solver.toml``; a list is a dimension."""
 
     tolerance: PositiveFloat | None = None
     max_iterations: PositiveInt | None = None
@@ -114,7 +112,7 @@ class SolverSection(Strict):
 
 
 class DynamicsSection(Strict):
-    """``[dynamics]``: what replaces the values of ``dynamics.toml``."""
+    """``[dynamics]``: what replaces the values of ``dynamics.toml``; a list is a dimension."""
 
     ending: Ending | None = None
     steady_force: PositiveFloat | None = None

@@ -7,6 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from knitlab.sweep.axes import SAMPLE_SIZE, SWEPT_SECTIONS, Axis
 from knitlab.sweep.faults import BadInput, Fault, fault, faults_of
 from knitlab.sweep.parameters import Strict
 from knitlab.sweep.shipped import shipped
@@ -20,13 +21,15 @@ class WorkflowText:
 
     Attributes:
         path: the workflow's file.
-        table: its tables, overrides included.
+        table: its tables, overrides included, with the first value of every axis.
+        axes: settings given as lists of values, unchecked.
         overrides: the ``--set`` that each overridden ``section.key`` comes from.
         faults: overrides that say nothing.
     """
 
     path: Path
     table: dict[str, Any]
+    axes: tuple[Axis, ...]
     overrides: dict[str, str]
     faults: tuple[Fault, ...]
 
@@ -35,7 +38,7 @@ class WorkflowText:
         return self.overrides.get(key, f"{self.path}: {key}")
 
     def checked(self) -> Workflow:
-        """The workflow.
+        """The workflow, with the first value of every axis.
 
         Raises:
             BadInput: with every fault of the file and of the overrides.
@@ -55,6 +58,33 @@ class WorkflowText:
         if faults:
             raise BadInput(faults)
         return workflow
+
+    def checked_axes(self) -> tuple[Axis, ...]:
+        """Its axes.
+
+        Raises:
+            BadInput: with every fault of their values.
+        """
+        faults: list[Fault] = []
+        axes = []
+        for axis in self.axes:
+            source, values = self.source(f"{axis.section}.{axis.name}"), []
+            for place, value in enumerate(axis.values, start=1):
+                try:
+                    read = SECTIONS[axis.section].model_validate({axis.name: value})
+                except ValidationError as error:
+                    found = [entry.problem for entry in faults_of(error, "")]
+                    faults += [Fault(f"{source}: value {place}", problem) for problem in found]
+                else:
+                    values.append(getattr(read, axis.name))
+            if len(set(values)) < len(values):
+                faults.append(Fault(source, "has a value twice; keep one"))
+            if axis.name == "boundary" and "stripes" in self.table:
+                faults.append(Fault(source, "lists boundaries; list them in stripes.boundaries"))
+            axes.append(Axis(axis.section, axis.name, tuple(values)))
+        if faults:
+            raise BadInput(faults)
+        return tuple(axes)
 
     def section(self, name: str) -> Any:
         """One of its sections alone, or None where that is not there or has faults."""
@@ -109,13 +139,40 @@ def read_workflow(path: Path, overrides: tuple[str, ...] = ()) -> WorkflowText:
             if isinstance(part, dict):
                 part[name] = _value(text, SECTIONS[section], name)
             sources[f"{section}.{name}"] = f"--set {override}"
-    return WorkflowText(path, table, sources, tuple(faults))
+    table, axes = _axes(table)
+    return WorkflowText(path, table, axes, sources, tuple(faults))
+
+
+def _axes(table: dict[str, Any]) -> tuple[dict[str, Any], tuple[Axis, ...]]:
+    """Split a table into one with single values and the axes along which it has several."""
+    single, axes = dict(table), []
+    for section in (*SWEPT_SECTIONS, "design"):
+        given = table.get(section)
+        for name, value in given.items() if isinstance(given, dict) else ():
+            if section == "design":
+                several = name == SAMPLE_SIZE and _is_list_of_lists(value)
+            else:
+                several = isinstance(value, list) and not _takes_list(SECTIONS[section], name)
+            if several and value:
+                single[section] = single[section] | {name: value[0]}
+                axes.append(Axis(section, name, tuple(value)))
+    return single, tuple(axes)
+
+
+def _is_list_of_lists(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(part, list) for part in value)
+
+
+def _takes_list(section: type[Strict], name: str) -> bool:
+    field = section.model_fields.get(name)
+    return field is None or "tuple" in str(field.annotation)
 
 
 def _value(text: str, section: type[Strict], name: str) -> Any:
+    if text.startswith("["):
+        return _scalar(text)
     values = [_scalar(part.strip()) for part in text.split(",")]
-    takes_list = "tuple" in str(section.model_fields[name].annotation)
-    return values if takes_list or len(values) > 1 else values[0]
+    return values if _takes_list(section, name) or len(values) > 1 else values[0]
 
 
 def _scalar(text: str) -> Any:

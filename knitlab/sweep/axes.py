@@ -1,0 +1,75 @@
+"""Axes: settings that a workflow gives as a list, and that so become dimensions of its cube."""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from knitlab.sweep.case import Label
+from knitlab.sweep.changes import SHEET_QUANTITIES, STRIPE_QUANTITIES
+from knitlab.sweep.parameters import Parameters, StripeUnits
+from knitlab.sweep.registry import Variable
+from knitlab.sweep.workflow import Workflow
+
+SWEPT_SECTIONS = ("model", "solver", "dynamics")
+"""Sections of which any setting may be a list."""
+SAMPLE_SIZE = "unit_cells"
+"""The setting of ``[design]`` that may be a list too, of pairs."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One setting and the values that it takes.
+
+    Attributes:
+        section: the workflow's section that it stands in.
+        name: its name, also that of the cube's dimension.
+        values: its values.
+    """
+
+    section: str
+    name: str
+    values: tuple[Any, ...]
+
+    @property
+    def labels(self) -> tuple[Label, ...]:
+        """Its values as labels; a sample of 5 by 3 unit cells is ``5x3``."""
+        return tuple(
+            "x".join(map(str, value)) if isinstance(value, tuple) else value
+            for value in self.values
+        )
+
+    def coordinate(self, parameters: Parameters) -> Variable:
+        """The cube's coordinate along it."""
+        name, units, base = self.name, "1", self.name.removesuffix("_factor")
+        words = base.replace("_", " ") if base == SAMPLE_SIZE else base
+        if base != name:
+            return Variable((name,), units, f"factor on {base}")
+        quantity = base.removeprefix("rib_").removeprefix("garter_")
+        if base == SAMPLE_SIZE:
+            words = "unit cells of the sample, along y and x"
+        elif quantity in STRIPE_QUANTITIES:
+            units = StripeUnits.model_fields[quantity].annotation.__args__[0]  # type: ignore[union-attr]
+        elif base in SHEET_QUANTITIES:
+            units = getattr(parameters.sheet, base).unit
+        elif self.section == "model":
+            units = getattr(parameters.reading, base).unit
+        else:
+            units = getattr(getattr(parameters, self.section), base).unit
+        return Variable((name,), units, words)
+
+
+def combinations(
+    workflow: Workflow, axes: tuple[Axis, ...]
+) -> Iterator[tuple[dict[str, Label], Workflow]]:
+    """Every combination of the axes' values: its labels, and the workflow that it makes."""
+    for places in itertools.product(*(range(len(axis.values)) for axis in axes)):
+        labels = {axis.name: axis.labels[k] for axis, k in zip(axes, places, strict=True)}
+        changed: dict[str, dict[str, Any]] = {}
+        for axis, place in zip(axes, places, strict=True):
+            changed.setdefault(axis.section, {})[axis.name] = axis.values[place]
+        sections = {
+            name: getattr(workflow, name).model_copy(update=values)
+            for name, values in changed.items()
+        }
+        yield labels, workflow.model_copy(update=sections)

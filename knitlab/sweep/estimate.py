@@ -1,0 +1,34 @@
+"""Estimates of time and memory, from what ``workflows/benchmark.py`` measures."""
+
+from collections.abc import Iterable
+
+from knitlab.sweep.case import Case, Method
+
+# Relaxation costs about as much as this many steps of a tensile test, and a step grows with the
+# unknowns by about this power.
+RELAXATION_STEPS = 20
+COST_POWER = 1.3
+SECONDS_OF_WORK: dict[Method, float] = {"equilibrium": 0.55, "dynamics": 4.0}
+"""Seconds for a unit of work on one core, by method."""
+PROCESS_BYTES = 600e6
+"""Memory of a worker with its compiled programs."""
+BYTES_OF_UNKNOWN = 130e3
+"""Memory for each unknown of a batch: mostly the Hessians of its elements."""
+
+
+def work(case: Case, states: int) -> float:
+    """Work in the first ``states`` states of a case, in steps of a test of 1000 unknowns."""
+    steps = states + RELAXATION_STEPS - 1 if states else 0
+    return steps * (case.mesh_shape.unknowns / 1000) ** COST_POWER
+
+
+def seconds(cases: Iterable[Case]) -> float:
+    """How long cases take on one core, to within a factor of about three [s]."""
+    return sum(
+        SECONDS_OF_WORK[case.method] * work(case, len(case.applied_strain)) for case in cases
+    )
+
+
+def bytes_needed(unknowns: int) -> float:
+    """Memory of a worker on a batch of so many unknowns [bytes]."""
+    return PROCESS_BYTES + BYTES_OF_UNKNOWN * unknowns

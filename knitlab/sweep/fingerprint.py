@@ -1,0 +1,44 @@
+"""Fingerprints: of the code that computes results, and of files. Needs no JAX."""
+
+import hashlib
+from collections.abc import Iterable
+from functools import lru_cache
+from pathlib import Path
+
+from knitlab.sweep.shipped import PACKAGE
+
+COMPUTING = ("model", "mechanics", "measure", "sweep/measurement.py")
+"""Parts of the package whose text can change the numbers of a case."""
+DIGITS = 12
+
+
+@lru_cache(maxsize=1)
+def code_fingerprint() -> str:
+    """Fingerprint of the code that computes a case."""
+    files = [
+        file
+        for part in COMPUTING
+        for file in ([PACKAGE / part] if part.endswith(".py") else (PACKAGE / part).glob("*.py"))
+    ]
+    digest = hashlib.sha256()
+    for file in sorted(files):
+        digest.update(file.relative_to(PACKAGE).as_posix().encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:DIGITS]
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal digits.
+
+    Raises:
+        OSError: if it cannot be read.
+    """
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def digests(paths: Iterable[Path]) -> dict[str, str]:
+    """SHA-256 of files by their absolute path; empty where a file is not there."""
+    return {
+        str(path.resolve()): file_digest(path) if path.is_file() else "" for path in sorted(paths)
+    }

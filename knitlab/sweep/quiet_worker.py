@@ -1,0 +1,7 @@
+"""Preloaded by dask's workers: Ctrl-C is the run's business, and so is what is said of it."""
+
+import logging
+import signal
+
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+logging.getLogger("distributed").setLevel(logging.CRITICAL)

@@ -1,0 +1,134 @@
+"""The status of a results folder: what is done, what is not, and what is stale. Needs no JAX."""
+
+import json
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from knitlab.sweep.cube_file import CUBE, open_cube
+from knitlab.sweep.faults import fault
+from knitlab.sweep.fingerprint import digests
+from knitlab.sweep.registry import Status
+from knitlab.sweep.survey import Design, Standing, cells, survey
+
+PLAN = "plan.json"
+FAILURES = "failures.jsonl"
+
+
+@dataclass(frozen=True)
+class FolderStatus:
+    """What a results folder holds of its plan.
+
+    Attributes:
+        designs: labels of the planned cases, by identifier.
+        dims: what they are labels of.
+        words: how each case stands: a status, or why it is not done.
+        failures: what failed cases say of themselves.
+        changed: files that have changed since the plan was made.
+    """
+
+    designs: dict[str, Design]
+    dims: tuple[str, ...]
+    words: dict[str, str]
+    failures: dict[str, str]
+    changed: tuple[str, ...]
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many cases stand how, the most first."""
+        return dict(Counter(self.words.values()).most_common())
+
+    def label(self, case_id: str) -> str:
+        """The design of a case in words."""
+        labels = zip(self.dims, self.designs[case_id], strict=True)
+        return "  ".join(f"{name} {value}" for name, value in labels)
+
+    def record(self) -> dict[str, Any]:
+        """The status as JSON holds it."""
+        return {
+            "cases": len(self.designs),
+            "counts": self.counts,
+            "changed_inputs": self.changed,
+            "not_ok": [
+                {
+                    "case_id": case_id,
+                    **dict(zip(self.dims, self.designs[case_id], strict=True)),
+                    "status": word,
+                    "reason": self.failures.get(case_id, ""),
+                }
+                for case_id, word in self.words.items()
+                if word != Status.ok.name
+            ],
+        }
+
+
+def read_plan(folder: Path) -> dict[str, Any]:
+    """The record of a folder's plan.
+
+    Raises:
+        BadInput: if there is none.
+    """
+    path = folder / PLAN
+    try:
+        record: dict[str, Any] = json.loads(path.read_text())
+    except FileNotFoundError:
+        raise fault(str(path), "does not exist; plan or run the workflow first") from None
+    except ValueError as error:
+        raise fault(str(path), f"is no plan ({error}); plan the workflow again") from error
+    return record
+
+
+def changed_inputs(record: Mapping[str, Any]) -> tuple[str, ...]:
+    """Files of which a plan was made and that are not now what they were."""
+    now = digests(map(Path, record["inputs"]))
+    return tuple(path for path, digest in record["inputs"].items() if now.get(path) != digest)
+
+
+def folder_status(folder: Path, designs: Mapping[str, Design], check: bool) -> FolderStatus:
+    """How every planned case stands in a results folder.
+
+    Args:
+        folder: the folder.
+        designs: labels of the planned cases, by identifier.
+        check: whether to compare case files with their checksums.
+
+    Raises:
+        BadInput: if the folder has no plan, or its cube is none.
+    """
+    record = read_plan(folder)
+    cube = open_cube(folder / CUBE) if (folder / CUBE).exists() else None
+    there = {} if cube is None else cells(cube)
+    failures = earlier_failures(folder)
+    words = {}
+    for case_id, standing in survey(designs, folder, cube, check).items():
+        cell = there.get(designs[case_id])
+        if standing is Standing.done:
+            in_cube = cell is not None and cell.case_id == case_id
+            words[case_id] = cell.status.name if cell and in_cube else "done, not yet in the cube"
+        elif standing is Standing.pending and case_id in failures:
+            words[case_id] = Status.failed.name
+        else:
+            words[case_id] = standing.value
+    return FolderStatus(
+        designs=dict(designs),
+        dims=tuple(record["dims"]),
+        words=words,
+        failures={case_id: entry["reason"] for case_id, entry in failures.items()},
+        changed=changed_inputs(record),
+    )
+
+
+def planned_designs(record: Mapping[str, Any]) -> dict[str, Design]:
+    """Labels of a plan's cases, by identifier."""
+    return {case_id: tuple(case["design"].values()) for case_id, case in record["cases"].items()}
+
+
+def earlier_failures(folder: Path) -> dict[str, dict[str, Any]]:
+    """What the last run said of designs that are not ok, by case identifier."""
+    try:
+        lines = (folder / FAILURES).read_text().splitlines()
+    except FileNotFoundError:
+        return {}
+    return {entry["case_id"]: entry for entry in map(json.loads, lines)}

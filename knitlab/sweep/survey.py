@@ -1,0 +1,127 @@
+"""The survey: how far each design of a plan has come in a results folder. Needs no JAX."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from knitlab.sweep.case_file import Kept, case_path, checksum_path, kept, read_case
+from knitlab.sweep.faults import fault
+from knitlab.sweep.fingerprint import code_fingerprint
+from knitlab.sweep.registry import Status
+
+Design = tuple[Any, ...]
+
+
+class Standing(Enum):
+    """What there is of a planned case."""
+
+    done = "done"
+    pending = "pending"
+    stale_code = "stale: other code"
+    stale_parameters = "stale: other parameters"
+    damaged = "damaged"
+
+    @property
+    def stale(self) -> bool:
+        """Whether its results are of other code or parameters."""
+        return self in (Standing.stale_code, Standing.stale_parameters)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What a cube says of one design.
+
+    Attributes:
+        place: where in the cube, an index for each design dimension.
+        case_id: its case.
+        code: fingerprint of the code that computed it.
+        status: of it.
+    """
+
+    place: tuple[int, ...]
+    case_id: str
+    code: str
+    status: Status
+
+    @property
+    def has_results(self) -> bool:
+        """Whether it was simulated."""
+        return self.status in (Status.ok, Status.not_converged)
+
+
+def cells(cube: xr.Dataset) -> dict[Design, Cell]:
+    """The designs of a cube by their labels; combinations that are none are left out."""
+    dims = cube["status"].dims
+    labels = [cube[dim].values.tolist() for dim in dims]
+    status, case_id = cube["status"].values, cube["case_id"].values
+    # Cubes of earlier versions do not say.
+    code = cube["code"].values if "code" in cube else np.full(status.shape, "")
+    found = {}
+    for place in zip(*np.nonzero(status != Status.excluded), strict=True):
+        design = tuple(along[k] for along, k in zip(labels, place, strict=True))
+        where = tuple(map(int, place))
+        found[design] = Cell(
+            where, str(case_id[place]), str(code[place]), Status(int(status[place]))
+        )
+    return found
+
+
+def check_dims(cube: xr.Dataset, dims: tuple[str, ...], path: Path) -> None:
+    """Refuse a cube whose designs lie along other dimensions than a plan's.
+
+    Raises:
+        BadInput: if they do.
+    """
+    there = tuple(map(str, cube["status"].dims))
+    if there != dims:
+        raise fault(
+            str(path),
+            f"lies along {', '.join(there)}, but the workflow along {', '.join(dims)};"
+            " name another --results",
+        )
+
+
+def survey(
+    cases: Mapping[str, Design], folder: Path, cube: xr.Dataset | None, check: bool
+) -> dict[str, Standing]:
+    """Standing of every planned case.
+
+    Args:
+        cases: designs by case identifier.
+        folder: results folder of the workflow.
+        cube: its cube, if there is one.
+        check: whether to compare every case file with its checksum, or only look whether both
+            are there.
+    """
+    there = {} if cube is None else cells(cube)
+    names = {path.name for path in (folder / "cases").glob("*")}
+    return dict(_survey(cases, folder, there, names, check))
+
+
+def _survey(
+    cases: Mapping[str, Design],
+    folder: Path,
+    there: Mapping[Design, Cell],
+    names: set[str],
+    check: bool,
+) -> Iterator[tuple[str, Standing]]:
+    for case_id, design in cases.items():
+        cell = there.get(design)
+        result, checksum = case_path(folder, case_id).name, checksum_path(folder, case_id).name
+        if result not in names:
+            stale = cell is not None and cell.case_id != case_id and cell.has_results
+            yield case_id, Standing.stale_parameters if stale else Standing.pending
+        elif checksum not in names or (check and kept(folder, case_id) is not Kept.sound):
+            yield case_id, Standing.damaged
+        else:
+            if cell is not None and cell.case_id == case_id and cell.code:
+                code = cell.code
+            else:
+                code = str(read_case(folder, case_id)["code"].item())
+            current = code == code_fingerprint()
+            yield case_id, Standing.done if current else Standing.stale_code
