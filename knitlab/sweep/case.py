@@ -54,12 +54,17 @@ class Case:
     solver: SolverSettings | DynamicsSettings
 
     @cached_property
+    def record(self) -> dict[str, Any]:
+        """The case as JSON holds it; :func:`case_of` reads it."""
+        return asdict(self)
+
+    @cached_property
     def case_id(self) -> str:
         """Identifier: the design, and a hash of the canonical JSON of this case.
 
         Every field enters, so that one added later makes every case another.
         """
-        canonical = json.dumps(asdict(self), sort_keys=True, separators=(",", ":"))
+        canonical = json.dumps(self.record, sort_keys=True, separators=(",", ":"))
         digest = hashlib.sha256(canonical.encode()).hexdigest()
         return "-".join([*map(str, self.design.values()), digest[:12]])
 

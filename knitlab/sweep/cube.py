@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -66,9 +66,12 @@ def build_cube(
     """
     entries: dict[Design, Entry] = {}
     known = {} if old is None else cells(old)
-    for design, cell in known.items():
-        assert old is not None
-        entries[design] = _old_entry(old, cell.place)
+    if old is not None:
+        arrays = {str(name): old[name].values for name in old.data_vars}
+        strains = tuple(old["applied_strain"].values.tolist())
+        for design, cell in known.items():
+            values = {name: array[cell.place] for name, array in arrays.items()}
+            entries[design] = Entry(values, strains)
     for case_id, case in plan.cases.items():
         design = tuple(case.design.values())
         there = known.get(design)
@@ -117,11 +120,6 @@ def _plain(value: Any) -> Any:
     return np.ma.filled(value.astype(float), np.nan) if np.ma.isMaskedArray(value) else value
 
 
-def _old_entry(old: xr.Dataset, place: tuple[int, ...]) -> Entry:
-    values = {str(name): old[name].values[place] for name in old.data_vars}
-    return Entry(values, tuple(old["applied_strain"].values.tolist()))
-
-
 def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) -> xr.Dataset:
     designs = [*entries, *(design for design in plan.excluded if len(design) == len(plan.dims))]
     labels = [_along(designs, place) for place in range(len(plan.dims))]
@@ -146,8 +144,10 @@ def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) 
             if VARIABLES[name].dims:
                 within = tuple(slice(0, size) for size in np.shape(value)[1:])
                 arrays[name][place][(rows, *within)] = value
+            elif name in WORDS:
+                arrays[name][place] = str(value)
             else:
-                arrays[name][place] = value[()] if isinstance(value, np.ndarray) else value
+                arrays[name][place] = value
 
     variables: dict[str, Any] = {
         name: ((*plan.dims, *VARIABLES[name].dims), array) for name, array in arrays.items()
@@ -166,7 +166,7 @@ def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) 
 
 def common_parameters(plan: Plan) -> dict[str, Any]:
     """What all cases of a plan share; the rest is in ``plan.json`` and in each case file."""
-    records = [asdict(case) for case in plan.cases.values()]
+    records = [case.record for case in plan.cases.values()]
     first = records[0]
     return {
         key: value

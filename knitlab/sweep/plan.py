@@ -94,7 +94,7 @@ class Plan:
             "code": code_fingerprint(),
             "batches": [asdict(batch) for batch in self.batches],
             "excluded": [[*design, reason] for design, reason in self.excluded.items()],
-            "cases": {case_id: asdict(case) for case_id, case in self.cases.items()},
+            "cases": {case_id: case.record for case_id, case in self.cases.items()},
         }
 
     def write(self, path: Path) -> None:

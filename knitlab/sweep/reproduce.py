@@ -4,7 +4,6 @@ import json
 import time
 import traceback
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +76,7 @@ def reproduce(case: Case, say: Callable[[str], None]) -> bool:
     """
     say(f"{case.case_id}: {case.label}")
     say(f"{case.mesh_shape.unknowns} unknowns, method {case.method}, code {code_fingerprint()}")
-    say(json.dumps(asdict(case)))
+    say(json.dumps(case.record))
     began = time.perf_counter()
 
     def told(_: str, states: int) -> None:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -220,5 +220,5 @@ def _failures(
             "status": status.name,
             "reason": reason,
             "trace": error.trace if error else "",
-            "case": asdict(case),
+            "case": case.record,
         }

@@ -3,7 +3,6 @@
 import json
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
@@ -92,7 +91,7 @@ def write_case(
     dataset = measured(case, test, chain)
     dataset.attrs |= provenance() | {
         "title": f"knitlab case {case.case_id}",
-        "parameters": json.dumps(asdict(case)),
+        "parameters": json.dumps(case.record),
         "reason": failure_reason(case, test),
         "batch_wall_seconds": wall_seconds,
     }

@@ -190,7 +190,9 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
         watch.daemon = True
         watch.start()
     try:
-        task.simulate(task.results, batch, progress)
+        # On a worker xarray would ask the scheduler for leave to write, at every variable.
+        with dask.config.set(scheduler="synchronous"):
+            task.simulate(task.results, batch, progress)
     finally:
         if watch:
             watch.cancel()
