@@ -20,7 +20,7 @@ from knitlab.sweep.registry import Status
 from knitlab.sweep.simulation import simulate_batch
 from knitlab.sweep.status import FAILURES, PLAN, earlier_failures
 from knitlab.sweep.survey import Standing, check_dims, survey
-from knitlab.sweep.workers import BatchError, Pool, Simulate, Task, pool_of
+from knitlab.sweep.workers import BatchError, Pool, Simulate, Task, connected, pool_of
 
 
 @dataclass(frozen=True)
@@ -113,6 +113,8 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
         BadInput: if another run holds the folder, or its cube is of other dimensions.
         CannotWrite: if the folder cannot be written, or is full; what is done is kept.
     """
+    if options.scheduler is not None:
+        connected(options.scheduler).close()  # before anything is written
     with held(results):
         clear_unfinished(results)
         old = open_cube(results / CUBE) if (results / CUBE).exists() else None

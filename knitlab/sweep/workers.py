@@ -224,15 +224,23 @@ def pool_of(
         yield pool
 
 
+def connected(scheduler: str) -> Client:
+    """A client of an existing scheduler.
+
+    Raises:
+        BadInput: if there is none at the address.
+    """
+    try:
+        return Client(scheduler, timeout=10)
+    except (OSError, ValueError) as error:
+        problem = f"no dask scheduler answers ({error}); check the address"
+        raise fault(f"--scheduler {scheduler}", problem) from error
+
+
 @contextmanager
 def _client(workers: int, scheduler: str | None, dashboard: bool) -> Iterator[Client]:
     if scheduler is not None:
-        try:
-            client = Client(scheduler, timeout=10)
-        except (OSError, ValueError) as error:
-            problem = f"no dask scheduler answers ({error}); check the address"
-            raise fault(f"--scheduler {scheduler}", problem) from error
-        with client:
+        with connected(scheduler) as client:
             yield client
         return
     settings = {

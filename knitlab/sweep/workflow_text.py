@@ -156,7 +156,8 @@ def _axes(table: dict[str, Any]) -> tuple[dict[str, Any], tuple[Axis, ...]]:
             if several and value:
                 single[section] = single[section] | {name: value[0]}
                 axes.append(Axis(section, name, tuple(value)))
-    return single, tuple(axes)
+    # By name, so that a cube's dimensions do not hang on the order of what is said.
+    return single, tuple(sorted(axes, key=lambda axis: axis.name))
 
 
 def _is_list_of_lists(value: Any) -> bool:

@@ -26,7 +26,7 @@ def test_a_relaxation_is_drawn_and_filmed():
     assert ran.exit_code == 0, ran.output
     figures = {path.name for path in Path("results/relaxation/figures").iterdir()}
     assert figures == {"relaxation.pdf", "relaxation.png", "folding.gif"}
-    (path,) = Path("results/relaxation/cases").iterdir()
+    (path,) = Path("results/relaxation/cases").glob("*.nc")
     case = xr.load_dataset(path)
     assert float(case["kinetic_energy"][-1]) < 1e-9 * float(case["potential_energy"][0])
     assert case["snapshot_position"].sizes["snapshot"] == case.sizes["snapshot"] > 4

@@ -91,7 +91,7 @@ def simulate_endlessly(results, cases, progress):
 def simulate_once_lost(results, cases, progress):
     """The worker dies once, and not when the batch is tried again."""
     mark = results / "died-once"
-    if cases[0].design["n_stripe"] == POISONED and not mark.exists():
+    if any(case.design["n_stripe"] == POISONED for case in cases) and not mark.exists():
         mark.touch()
         os.kill(os.getpid(), signal.SIGKILL)
     simulate(results, cases, progress)

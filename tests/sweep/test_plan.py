@@ -29,8 +29,12 @@ def test_the_preview_holds_the_papers_designs_up_to_four_periods():
 def test_a_batch_shares_one_mesh_shape_and_no_case_is_left_out():
     plan = make_plan("preview")
     for batch in plan.batches:
-        assert len({plan.cases[case_id].mesh_shape for case_id in batch}) == 1
-    assert sorted(case_id for batch in plan.batches for case_id in batch) == sorted(plan.cases)
+        assert len({plan.cases[case_id].mesh_shape for case_id in batch.cases}) == 1
+        assert batch.unknowns <= 8_000
+        assert batch.estimated_seconds > 0
+        assert batch.estimated_bytes < 2e9
+    planned = [case_id for batch in plan.batches for case_id in batch.cases]
+    assert sorted(planned) == sorted(plan.cases)
 
 
 def test_overrides_reach_the_case():

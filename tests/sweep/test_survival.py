@@ -126,11 +126,12 @@ def test_a_worker_lost_once_costs_nothing(tmp_path):
     assert run.failures == ()
 
 
-@pytest.mark.parametrize("workers", [0, WORKERS])
-def test_a_case_without_end_is_ended(tmp_path, workers):
-    run = ran(plan_of(), tmp_path, stand_in.simulate_endlessly, workers=workers, case_timeout=2.0)
+@pytest.mark.parametrize(("workers", "timeout"), [(0, 0.5), (WORKERS, 2.0)])
+def test_a_case_without_end_is_ended(tmp_path, workers, timeout):
+    endless = stand_in.simulate_endlessly
+    run = ran(plan_of(), tmp_path, endless, workers=workers, case_timeout=timeout)
     assert statuses(run)["failed"] == 3
-    assert "took longer than 2 s (--case-timeout)" in run.failures[0]["reason"]
+    assert f"took longer than {timeout:g} s (--case-timeout)" in run.failures[0]["reason"]
     assert not list(tmp_path.glob(".timed-out-*"))
 
 
