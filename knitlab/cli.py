@@ -176,7 +176,7 @@ def run(
 ) -> None:
     """Simulate the cases of WORKFLOW that are missing, build its cube and draw its figures."""
     from knitlab.maps.figures import draw_figures
-    from knitlab.sweep.cube_file import CUBE
+    from knitlab.sweep.plain_cube import CUBE
     from knitlab.sweep.plan import make_plan
     from knitlab.sweep.run import RunOptions, run_plan
     from knitlab.sweep.survey import Standing
@@ -313,9 +313,9 @@ def query(
     Variables along the applied strain appear once it is selected: --select applied_strain=0.15
     """
     from knitlab.maps.query import designs_table, formatted, queried
-    from knitlab.sweep.cube_file import open_cube
+    from knitlab.sweep.plain_cube import open_plain_cube
 
-    table = designs_table(open_cube(cube), selections)
+    table = designs_table(open_plain_cube(cube), selections)
     names = tuple(name.strip() for name in columns.split(",")) if columns else None
     click.echo(formatted(queried(table, where, sort, names), style))
 

@@ -7,6 +7,10 @@ import xarray as xr
 
 from knitlab.maps.query import designs_table, queried
 from knitlab.maps.selection import selected
+from knitlab.sweep.cube_file import open_cube
+from knitlab.sweep.plain_cube import PlainCube
+
+__all__ = ["KnitlabAccessor", "open_cube"]
 
 
 @xr.register_dataset_accessor("knitlab")
@@ -42,4 +46,4 @@ class KnitlabAccessor:
         Raises:
             BadInput: with every fault of these.
         """
-        return queried(designs_table(self._cube, selections), where, sort, columns)
+        return queried(designs_table(PlainCube.of(self._cube), selections), where, sort, columns)

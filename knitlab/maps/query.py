@@ -4,16 +4,15 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 
 from knitlab.maps.expression import holds, no_column
-from knitlab.maps.selection import selected
-from knitlab.sweep.cube_file import design_dims
+from knitlab.maps.selection import chosen_places
 from knitlab.sweep.faults import BadInput, Fault
+from knitlab.sweep.plain_cube import PlainCube
 from knitlab.sweep.registry import Status
 
 
-def designs_table(cube: xr.Dataset, selections: Sequence[str] = ()) -> pd.DataFrame:
+def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFrame:
     """One row a design, one column a variable; excluded combinations are left out.
 
     Variables along other dimensions appear once all of those are selected, with a row for each
@@ -21,22 +20,31 @@ def designs_table(cube: xr.Dataset, selections: Sequence[str] = ()) -> pd.DataFr
 
     Args:
         cube: the cube.
-        selections: texts ``NAME=VALUE``, see :func:`~knitlab.maps.selection.selected`.
+        selections: texts ``NAME=VALUE``, see :func:`~knitlab.maps.selection.chosen_places`.
 
     Raises:
         BadInput: if a selection is at fault.
     """
-    cube = selected(cube, selections)
-    named = [text.partition("=")[0].strip() for text in selections]
-    designs = design_dims(cube)
-    rows = [*designs, *(name for name in dict.fromkeys(named) if name not in designs)]
-    shown = [name for name in cube.data_vars if set(cube[name].dims) <= set(rows)]
-    slices = cube[shown]
-    order = [name for name in rows if name in slices.dims]
-    present = cube["status"] != Status.excluded
-    table = slices.where(present).to_dataframe(dim_order=order).reset_index()
-    table = table[table["status"].notna()].reset_index(drop=True)
-    table.attrs["dims"] = {str(name): cube[name].dims for name in cube.data_vars}
+    chosen = chosen_places(cube.coordinates, selections)
+    rows = [*cube.design_dims, *(name for name in chosen if name not in cube.design_dims)]
+    shown = [name for name, dims in cube.dims.items() if set(dims) <= set(rows)]
+    along = [name for name in rows if any(name in cube.dims[variable] for variable in shown)]
+    places = {name: chosen.get(name, range(len(cube.coordinates[name]))) for name in along}
+
+    def sliced(name: str) -> np.ndarray:
+        return cube.read(name)[np.ix_(*(places[dim] for dim in cube.dims[name]))]
+
+    # A row for each design that is there, at each of the other values.
+    present = sliced("status") != Status.excluded
+    others = [len(places[name]) for name in along[present.ndim :]]
+    grid = np.broadcast_to(
+        present.reshape(present.shape + (1,) * len(others)), (*present.shape, *others)
+    )
+    index = dict(zip(along, np.nonzero(grid), strict=True))
+    columns = {name: cube.coordinates[name][list(places[name])][index[name]] for name in along}
+    columns |= {name: sliced(name)[tuple(index[dim] for dim in cube.dims[name])] for name in shown}
+    table = pd.DataFrame(columns)
+    table.attrs["dims"] = cube.dims
     table["status"] = [Status(int(code)).name for code in table["status"]]
     for name in ("periods", "iterations"):
         if name in table:

@@ -1,12 +1,18 @@
 """Selections: ``NAME=VALUE`` texts that slice a cube along its coordinates."""
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from knitlab.sweep.faults import BadInput, Fault, fault
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MOST_CHOICES = 30
+"""Values of a coordinate that a message lists."""
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
@@ -17,7 +23,7 @@ def unknown(name: str, known: Iterable[str]) -> str:
     return f"there is no {name!r}; {remedy}"
 
 
-def selected(cube: xr.Dataset, selections: Sequence[str]) -> xr.Dataset:
+def selected(cube: "xr.Dataset", selections: Sequence[str]) -> "xr.Dataset":
     """Keep the coordinate values that are named; every dimension stays.
 
     Args:
@@ -27,39 +33,55 @@ def selected(cube: xr.Dataset, selections: Sequence[str]) -> xr.Dataset:
     Raises:
         BadInput: with every selection that is malformed or names what is not there.
     """
+    coordinates = {str(name): cube[name].values for name in cube.coords if name in cube.dims}
+    return cube.isel(chosen_places(coordinates, selections))
+
+
+def chosen_places(
+    coordinates: Mapping[str, np.ndarray], selections: Sequence[str]
+) -> dict[str, list[int]]:
+    """Where the values that selections name lie along their coordinates.
+
+    Args:
+        coordinates: values along every labelled dimension.
+        selections: texts ``NAME=VALUE`` or ``NAME=VALUE,VALUE``.
+
+    Raises:
+        BadInput: with every selection that is malformed or names what is not there.
+    """
+    chosen: dict[str, list[int]] = {}
     faults = []
     for text in selections:
         try:
-            cube = _one(cube, text)
+            name, places = _places(coordinates, text)
         except BadInput as error:
             faults += [Fault(f"--select {text}", entry.problem) for entry in error.faults]
+        else:
+            chosen[name] = [place for place in chosen.get(name, places) if place in places]
     if faults:
         raise BadInput(faults)
-    return cube
+    return chosen
 
 
-def _one(cube: xr.Dataset, text: str) -> xr.Dataset:
+def _places(coordinates: Mapping[str, np.ndarray], text: str) -> tuple[str, list[int]]:
     name, equals, listed = (part.strip() for part in text.partition("="))
     if not equals or not listed:
         raise fault(text, "is not NAME=VALUE; give both")
-    if name not in cube.dims or name not in cube.coords:
-        raise fault(text, unknown(name, map(str, cube.dims)))
-    present = cube[name].values
+    if name not in coordinates:
+        raise fault(text, unknown(name, coordinates))
+    present = coordinates[name]
     words = present.dtype.kind in "UO"
     places = []
     for value in (part.strip() for part in listed.split(",")):
-        if words:
-            if value not in present:
-                choices = ", ".join(map(str, present))
-                raise fault(text, f"the cube has no {name} = {value}; choose of {choices}")
-            places.append(int(np.flatnonzero(present == value)[0]))
-            continue
         try:
-            matches = np.flatnonzero(np.isclose(present, float(value), rtol=0, atol=1e-9))
+            matches = present == value if words else np.isclose(present, float(value), 0, 1e-9)
         except ValueError:
             raise fault(text, f"{value!r} is not a number; give one") from None
-        if not matches.size:
-            choices = ", ".join(f"{choice:g}" for choice in present)
+        found = np.flatnonzero(matches)
+        if not found.size:
+            shown = [str(choice) if words else f"{choice:g}" for choice in present]
+            more = ", …" if len(shown) > MOST_CHOICES else ""
+            choices = ", ".join(shown[:MOST_CHOICES]) + more
             raise fault(text, f"the cube has no {name} = {value}; choose of {choices}")
-        places.append(int(matches[0]))
-    return cube.isel({name: list(dict.fromkeys(places))})
+        places.append(int(found[0]))
+    return name, list(dict.fromkeys(places))

@@ -2,12 +2,16 @@
 
 from enum import Enum
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import xarray as xr
+import netCDF4
 
 from knitlab.sweep.files import written_whole
 from knitlab.sweep.fingerprint import file_digest
 from knitlab.sweep.registry import encoding
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 class Kept(Enum):
@@ -28,7 +32,7 @@ def checksum_path(results: Path, case_id: str) -> Path:
     return results / "cases" / f"{case_id}.sha256"
 
 
-def write_case_file(results: Path, case_id: str, dataset: xr.Dataset) -> None:
+def write_case_file(results: Path, case_id: str, dataset: "xr.Dataset") -> None:
     """Write a case file and its checksum, each whole.
 
     The checksum comes first, so that a case is either whole or not there.
@@ -56,7 +60,15 @@ def kept(results: Path, case_id: str) -> Kept:
     return Kept.sound if found == stated else Kept.damaged
 
 
-def read_case(results: Path, case_id: str) -> xr.Dataset:
+def read_code(results: Path, case_id: str) -> str:
+    """Fingerprint of the code that computed a case."""
+    with netCDF4.Dataset(case_path(results, case_id)) as dataset:
+        return str(dataset["code"][...])
+
+
+def read_case(results: Path, case_id: str) -> "xr.Dataset":
     """Read a case file into memory."""
+    import xarray as xr
+
     with xr.open_dataset(case_path(results, case_id), engine="netcdf4") as dataset:
         return dataset.load()

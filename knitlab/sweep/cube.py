@@ -14,6 +14,7 @@ from knitlab.sweep.case import Case, Label
 from knitlab.sweep.case_file import case_path
 from knitlab.sweep.design_space import Design
 from knitlab.sweep.measurement import variables_of
+from knitlab.sweep.plain_cube import PlainCube, unmasked
 from knitlab.sweep.plan import Plan
 from knitlab.sweep.provenance import provenance
 from knitlab.sweep.registry import VARIABLES, Status, described
@@ -65,7 +66,7 @@ def build_cube(
         failed: identifiers of cases that have no result.
     """
     entries: dict[Design, Entry] = {}
-    known = {} if old is None else cells(old)
+    known = {} if old is None else cells(PlainCube.of(old))
     if old is not None:
         arrays = {str(name): old[name].values for name in old.data_vars}
         strains = tuple(old["applied_strain"].values.tolist())
@@ -106,18 +107,14 @@ def _entry(case: Case, results: Path, failed: bool) -> Entry:
 
 
 def _read_entry(path: Path, case: Case) -> Entry:
-    # By netCDF4 itself: through xarray, reading takes ten times as long.
+    # By netCDF4 itself and unmasked: through xarray, reading takes several times as long.
+    values = {}
     with netCDF4.Dataset(path) as dataset:
-        values = {
-            name: _plain(dataset[name][...])
-            for name, variable in variables_of(case).items()
-            if variable.in_cube
-        }
+        dataset.set_auto_maskandscale(False)
+        for name, variable in variables_of(case).items():
+            if variable.in_cube:
+                values[name] = unmasked(name, dataset[name][...])
     return Entry(values, case.applied_strain)
-
-
-def _plain(value: Any) -> Any:
-    return np.ma.filled(value.astype(float), np.nan) if np.ma.isMaskedArray(value) else value
 
 
 def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) -> xr.Dataset:

@@ -1,4 +1,4 @@
-"""Cube files: how a cube is written, opened, and what its designs lie along. Needs no JAX."""
+"""Cube files: how a cube is written, opened, and what its designs lie along."""
 
 from pathlib import Path
 
@@ -6,9 +6,8 @@ import xarray as xr
 
 from knitlab.sweep.faults import fault
 from knitlab.sweep.files import written_whole
-from knitlab.sweep.registry import DESIGN_DIMS, STRIPE_DIMS, encoding
-
-CUBE = "cube.nc"
+from knitlab.sweep.plain_cube import base_of, check_is_cube, cube_path
+from knitlab.sweep.registry import encoding
 
 
 def open_cube(path: str | Path) -> xr.Dataset:
@@ -20,8 +19,7 @@ def open_cube(path: str | Path) -> xr.Dataset:
     Raises:
         BadInput: if there is no such file, or it is not a cube.
     """
-    path = Path(path)
-    path = path / CUBE if path.is_dir() else path
+    path = cube_path(path)
     try:
         with xr.open_dataset(path, engine="netcdf4") as dataset:
             cube = dataset.load()
@@ -29,12 +27,7 @@ def open_cube(path: str | Path) -> xr.Dataset:
         raise fault(str(path), "does not exist; run a workflow first") from error
     except (OSError, ValueError) as error:
         raise fault(str(path), f"is not a netCDF file ({error}); give a cube.nc") from error
-    if "status" not in cube or not base_dims(cube):
-        raise fault(
-            str(path),
-            f"is not a cube: it has no status along {' and '.join(DESIGN_DIMS)};"
-            " give a cube.nc or a results folder",
-        )
+    check_is_cube(path, design_dims(cube) if "status" in cube else None)
     return cube
 
 
@@ -54,12 +47,8 @@ def design_dims(cube: xr.Dataset) -> tuple[str, ...]:
 
 
 def base_dims(cube: xr.Dataset) -> tuple[str, ...]:
-    """Those of a checkerboard or of a pure stripe; none if it is a cube of neither."""
-    dims = design_dims(cube)
-    for known in (DESIGN_DIMS, STRIPE_DIMS):
-        if dims[: len(known)] == known:
-            return known
-    return ()
+    """Those of a checkerboard or of a pure stripe."""
+    return base_of(design_dims(cube))
 
 
 def swept_dims(cube: xr.Dataset) -> tuple[str, ...]:

@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-import xarray as xr
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 class Status(IntEnum):
@@ -159,7 +160,7 @@ VARIABLES = {
 }
 
 
-def described(dataset: xr.Dataset) -> xr.Dataset:
+def described(dataset: "xr.Dataset") -> "xr.Dataset":
     """The dataset with the CF attributes of every registered variable and coordinate."""
     for name, variable in (COORDINATES | VARIABLES).items():
         if name in dataset.variables:
@@ -172,7 +173,13 @@ def described(dataset: xr.Dataset) -> xr.Dataset:
     return dataset
 
 
-def encoding(dataset: xr.Dataset) -> dict[str, dict[str, object]]:
+WHOLE = ("iterations", "factorisations", "periods")
+"""Variables that are stored as whole numbers."""
+MISSING = -1
+"""What stands for none in these."""
+
+
+def encoding(dataset: "xr.Dataset") -> dict[str, dict[str, object]]:
     """NetCDF encoding of a case or cube: compressed, whole numbers as such."""
     chosen: dict[str, dict[str, object]] = {}
     for name in dataset.data_vars:
@@ -180,7 +187,7 @@ def encoding(dataset: xr.Dataset) -> dict[str, dict[str, object]]:
         chosen[str(name)] = (
             {"zlib": True, "complevel": 4} if kind in "fi" and dataset[name].ndim else {}
         )
-    for name in ("iterations", "factorisations", "periods"):
+    for name in WHOLE:
         if name in dataset:
-            chosen[name] |= {"dtype": "int32", "_FillValue": -1}
+            chosen[name] |= {"dtype": "int32", "_FillValue": MISSING}
     return chosen

@@ -11,9 +11,10 @@ import xarray as xr
 from knitlab.sweep.case import Case
 from knitlab.sweep.case_file import read_case
 from knitlab.sweep.cube import build_cube
-from knitlab.sweep.cube_file import CUBE, open_cube, write_cube
+from knitlab.sweep.cube_file import open_cube, write_cube
 from knitlab.sweep.files import clear_unfinished, written_whole
 from knitlab.sweep.lock import held
+from knitlab.sweep.plain_cube import CUBE, PlainCube
 from knitlab.sweep.plan import Plan
 from knitlab.sweep.progress import ProgressBar
 from knitlab.sweep.registry import Status
@@ -118,9 +119,10 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
     with held(results):
         clear_unfinished(results)
         old = open_cube(results / CUBE) if (results / CUBE).exists() else None
-        if old is not None:
-            check_dims(old, plan.dims, results / CUBE)
-        standing = survey(plan.designs, results, old, check=True)
+        known = None if old is None else PlainCube.of(old)
+        if known is not None:
+            check_dims(known, plan.dims, results / CUBE)
+        standing = survey(plan.designs, results, known, check=True)
         missing = {
             case_id: plan.cases[case_id]
             for case_id, its in standing.items()

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from knitlab.sweep.cube_file import CUBE, open_cube
 from knitlab.sweep.faults import fault
 from knitlab.sweep.fingerprint import digests
+from knitlab.sweep.plain_cube import CUBE, open_plain_cube
 from knitlab.sweep.registry import Status
 from knitlab.sweep.survey import Design, Standing, cells, survey
 
@@ -98,7 +98,7 @@ def folder_status(folder: Path, designs: Mapping[str, Design], check: bool) -> F
         BadInput: if the folder has no plan, or its cube is none.
     """
     record = read_plan(folder)
-    cube = open_cube(folder / CUBE) if (folder / CUBE).exists() else None
+    cube = open_plain_cube(folder / CUBE) if (folder / CUBE).exists() else None
     there = {} if cube is None else cells(cube)
     failures = earlier_failures(folder)
     words = {}

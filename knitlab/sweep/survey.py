@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
-from knitlab.sweep.case_file import Kept, case_path, checksum_path, kept, read_case
+from knitlab.sweep.case_file import Kept, case_path, checksum_path, kept, read_code
 from knitlab.sweep.faults import fault
 from knitlab.sweep.fingerprint import code_fingerprint
+from knitlab.sweep.plain_cube import PlainCube
 from knitlab.sweep.registry import Status
 
 Design = tuple[Any, ...]
@@ -54,40 +54,37 @@ class Cell:
         return self.status in (Status.ok, Status.not_converged)
 
 
-def cells(cube: xr.Dataset) -> dict[Design, Cell]:
+def cells(cube: PlainCube) -> dict[Design, Cell]:
     """The designs of a cube by their labels; combinations that are none are left out."""
-    dims = cube["status"].dims
-    labels = [cube[dim].values.tolist() for dim in dims]
-    status, case_id = cube["status"].values, cube["case_id"].values
+    labels = [cube.coordinates[dim].tolist() for dim in cube.design_dims]
+    status, case_id = cube.read("status"), cube.read("case_id")
     # Cubes of earlier versions do not say.
-    code = cube["code"].values if "code" in cube else np.full(status.shape, "")
+    code = cube.read("code") if "code" in cube.dims else np.full(status.shape, "")
     found = {}
-    for place in zip(*np.nonzero(status != Status.excluded), strict=True):
+    for place in zip(*map(np.ndarray.tolist, np.nonzero(status != Status.excluded)), strict=True):
         design = tuple(along[k] for along, k in zip(labels, place, strict=True))
-        where = tuple(map(int, place))
         found[design] = Cell(
-            where, str(case_id[place]), str(code[place]), Status(int(status[place]))
+            place, str(case_id[place]), str(code[place]), Status(int(status[place]))
         )
     return found
 
 
-def check_dims(cube: xr.Dataset, dims: tuple[str, ...], path: Path) -> None:
+def check_dims(cube: PlainCube, dims: tuple[str, ...], path: Path) -> None:
     """Refuse a cube whose designs lie along other dimensions than a plan's.
 
     Raises:
         BadInput: if they do.
     """
-    there = tuple(map(str, cube["status"].dims))
-    if there != dims:
+    if cube.design_dims != dims:
         raise fault(
             str(path),
-            f"lies along {', '.join(there)}, but the workflow along {', '.join(dims)};"
-            " name another --results",
+            f"lies along {', '.join(cube.design_dims)}, but the workflow along"
+            f" {', '.join(dims)}; name another --results",
         )
 
 
 def survey(
-    cases: Mapping[str, Design], folder: Path, cube: xr.Dataset | None, check: bool
+    cases: Mapping[str, Design], folder: Path, cube: PlainCube | None, check: bool
 ) -> dict[str, Standing]:
     """Standing of every planned case.
 
@@ -122,6 +119,6 @@ def _survey(
             if cell is not None and cell.case_id == case_id and cell.code:
                 code = cell.code
             else:
-                code = str(read_case(folder, case_id)["code"].item())
+                code = read_code(folder, case_id)
             current = code == code_fingerprint()
             yield case_id, Standing.done if current else Standing.stale_code

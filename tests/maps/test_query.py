@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 from knitlab.maps.expression import holds
 from knitlab.maps.query import designs_table, formatted, queried
 from knitlab.sweep.faults import BadInput
+from knitlab.sweep.plain_cube import PlainCube
 from tests.maps.made_up import made_up_cube
 
-TABLE = designs_table(made_up_cube())
+TABLE = designs_table(PlainCube.of(made_up_cube()))
 
 
 def pairs(table):
@@ -77,7 +78,7 @@ def test_no_text_does_anything_but_filter_or_be_refused(expression):
 
 
 def test_a_selected_strain_brings_its_variables():
-    table = designs_table(made_up_cube(), ["applied_strain=0.1,0.2", "n_stripe=4"])
+    table = designs_table(PlainCube.of(made_up_cube()), ["applied_strain=0.1,0.2", "n_stripe=4"])
     assert list(table["poisson_ratio"]) == [-0.8, -0.4, -0.4, -0.2]
     assert "poisson_ratio" not in TABLE
 
@@ -85,13 +86,15 @@ def test_a_selected_strain_brings_its_variables():
 def test_a_selected_dimension_that_no_column_has_changes_nothing():
     cube = made_up_cube().expand_dims(cell_x=[0, 1])
     cube["status"] = cube["status"].isel(cell_x=0)
-    table = designs_table(cube[["status"]].assign(wide=cube["poisson_ratio"]), ["cell_x=0"])
+    table = designs_table(
+        PlainCube.of(cube[["status"]].assign(wide=cube["poisson_ratio"])), ["cell_x=0"]
+    )
     assert pairs(table) == pairs(TABLE)
 
 
 def test_what_is_named_twice_comes_once():
     assert list(queried(TABLE, columns=["n_stripe", "n_stripe"]).columns) == ["n_stripe"]
-    table = designs_table(made_up_cube(), ["n_stripe=4,4"])
+    table = designs_table(PlainCube.of(made_up_cube()), ["n_stripe=4,4"])
     assert pairs(table) == [(4, 16), (4, 32)]
 
 
@@ -112,7 +115,7 @@ def test_a_variable_along_the_strain_says_how_to_get_it():
 )
 def test_a_bad_selection_is_named(selection, message):
     with pytest.raises(BadInput, match=message):
-        designs_table(made_up_cube(), [selection])
+        designs_table(PlainCube.of(made_up_cube()), [selection])
 
 
 def test_names_that_are_not_there_come_with_the_nearest():

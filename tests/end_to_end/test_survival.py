@@ -1,0 +1,102 @@
+"""A real sweep that is killed, taken up again, damaged and reproduced, as a user types it."""
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+from knitlab.cli import main
+
+DESIGNS = ("--set", "n_stripe=2,4,8", "--set", "n_subunit=8,16", "--set", "strain_max=0.06")
+
+
+def knitlab(*words):
+    return CliRunner().invoke(main, words)
+
+
+def killed(folder, after):
+    """A run in a process of its own, killed when so many cases are done; how many were."""
+    command = ["-c", "from knitlab.cli import main; main()", "run", "preview", *DESIGNS]
+    process = subprocess.Popen(
+        [sys.executable, *command, "--workers", "0"], cwd=folder, stderr=subprocess.DEVNULL
+    )
+    cases = folder / "results" / "preview" / "cases"
+    while len(list(cases.glob("*.nc"))) < after:
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.kill()
+    process.wait()
+    return len(list(cases.glob("*.nc")))
+
+
+def test_a_killed_sweep_goes_on_and_ends_as_if_it_had_not_been(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = killed(tmp_path, after=1)
+    told = knitlab("status", "preview")
+    assert f"{done} done, not yet in the cube" in told.output
+
+    went_on = knitlab("run", "preview", *DESIGNS, "--workers", "0")
+    assert went_on.exit_code == 0, went_on.output
+    assert f"{5 - done} cases simulated, {done} already there" in went_on.output
+    knitlab("run", "preview", *DESIGNS, "--workers", "0", "--results", "whole")
+    cubes = [xr.load_dataset(f"{folder}/preview/cube.nc") for folder in ("results", "whole")]
+    assert set(cubes[0].data_vars) == set(cubes[1].data_vars)
+    for name in ("status", "case_id", "code"):
+        assert (cubes[0][name] == cubes[1][name]).all()
+    for name in ("mean_strain_xx", "reaction_force", "energy_fold", "relaxed_cell_x"):
+        np.testing.assert_allclose(cubes[0][name], cubes[1][name], rtol=1e-6, atol=1e-9)
+
+    status = knitlab("status", "preview", "--json")
+    assert json.loads(status.output)["counts"] == {"ok": 5}
+
+    case = next(Path("results/preview/cases").glob("4-8-*.nc"))
+    case.write_bytes(case.read_bytes()[:-100])
+    assert "1 damaged" in knitlab("status", "preview", "--check").output
+    mended = knitlab("run", "preview", *DESIGNS, "--workers", "0")
+    assert f"damaged: {case}" in mended.output
+    assert "1 cases simulated, 4 already there" in mended.output
+
+    other = knitlab("run", "preview", *DESIGNS, "--set", "z_max=4", "--workers", "0")
+    assert other.exit_code == 1
+    assert "5 cases stay as they were computed with other parameters" in other.output
+    assert "5 stale: other parameters" in knitlab("status", "preview").output
+
+
+def test_a_case_that_failed_is_reproduced_alone(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    hasty = ("--set", "n_stripe=4", "--set", "n_subunit=8", "--set", "max_iterations=3")
+    ran = knitlab("run", "preview", *hasty, "--workers", "0")
+    assert ran.exit_code == 1
+    (failure,) = map(json.loads, Path("results/preview/failures.jsonl").read_text().splitlines())
+    alone = knitlab("reproduce", failure["case_id"])
+    assert alone.exit_code == 1
+    assert "iteration_limit" in alone.output
+    assert failure["reason"] in alone.output
+    told = knitlab("status", "preview")
+    assert failure["case_id"] in told.output
+    assert failure["reason"] in told.output
+
+    nobody = knitlab("reproduce", "4-8-000000000000")
+    assert nobody.exit_code == 2
+    assert "is in no plan.json" in nobody.output
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("status", "preview"), "plan.json: does not exist; plan or run the workflow first"),
+        (("reproduce", "4-8-0"), "is in no plan.json"),
+    ],
+)
+def test_what_is_not_there_is_a_sentence(tmp_path, monkeypatch, words, message):
+    monkeypatch.chdir(tmp_path)
+    told = knitlab(*words)
+    assert told.exit_code == 2
+    assert message in told.output
+    assert list(tmp_path.iterdir()) == []
