@@ -94,7 +94,7 @@ def plan(workflow: str, results: Path, overrides: tuple[str, ...]) -> None:
         made.write(folder / PLAN)
     status = folder_status(folder, made.designs, check=False)
     click.echo(made.title)
-    for number, batch in enumerate(made.batches, start=1):
+    for number, batch in enumerate(made.batches[:MOST_LINES], start=1):
         click.echo(
             f"batch {number}: {len(batch.cases)} cases, {batch.unknowns} unknowns, about"
             f" {_duration(batch.estimated_seconds)}, {batch.estimated_bytes / 1e9:.1f} GB"
@@ -104,6 +104,8 @@ def plan(workflow: str, results: Path, overrides: tuple[str, ...]) -> None:
             click.echo(f"  {case.label}  P {case.periods}  {case_id}  {status.words[case_id]}")
         if len(batch.cases) > MOST_LINES:
             click.echo(f"  … and {len(batch.cases) - MOST_LINES} more")
+    if len(made.batches) > MOST_LINES:
+        click.echo(f"… and {len(made.batches) - MOST_LINES} more batches")
     _echo_excluded(made)
     strains = made.applied_strain
     time = _duration(sum(batch.estimated_seconds for batch in made.batches))

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
+from distributed import LocalCluster
 
 from knitlab.sweep.case_file import Kept, case_path, kept
 from knitlab.sweep.faults import BadInput, CannotWrite
@@ -133,6 +134,20 @@ def test_a_case_without_end_is_ended(tmp_path, workers, timeout):
     assert statuses(run)["failed"] == 3
     assert f"took longer than {timeout:g} s (--case-timeout)" in run.failures[0]["reason"]
     assert not list(tmp_path.glob(".timed-out-*"))
+
+
+def test_an_existing_scheduler_is_used(tmp_path):
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        run = ran(plan_of(), tmp_path, scheduler=cluster.scheduler_address)
+        poisoned = ran(
+            plan_of(2),
+            tmp_path / "poisoned",
+            stand_in.simulate_poisoned,
+            scheduler=cluster.scheduler_address,
+        )
+    assert run.failures == ()
+    assert statuses(poisoned)["failed"] == 6
+    assert statuses(poisoned)["ok"] == 14
 
 
 def test_what_raises_is_tried_again_as_often_as_asked(tmp_path):
