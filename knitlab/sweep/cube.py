@@ -50,6 +50,7 @@ def build_cube(
     computed: Collection[str],
     kept_stale: Collection[str],
     failed: Collection[str],
+    damaged: Collection[str] = (),
 ) -> xr.Dataset:
     """Cube of a plan, from its case files and the cube that there was.
 
@@ -63,7 +64,8 @@ def build_cube(
         old: the cube that there was, along the same dimensions.
         computed: identifiers of cases whose files are newer than the old cube.
         kept_stale: identifiers of cases in whose place other parameters' results stay.
-        failed: identifiers of cases that have no result.
+        failed: identifiers of cases that this run could not compute.
+        damaged: identifiers of cases whose files are not to be read.
     """
     entries: dict[Design, Entry] = {}
     known = {} if old is None else cells(PlainCube.of(old))
@@ -77,9 +79,15 @@ def build_cube(
         design = tuple(case.design.values())
         there = known.get(design)
         same = there is not None and there.case_id == case_id and there.has_results
-        if case_id in kept_stale or (same and case_id not in computed):
+        untouched = same and case_id not in computed and case_id not in failed
+        if untouched or case_id in kept_stale:
             continue
-        entries[design] = _entry(case, results, case_id in failed)
+        status = Status.failed if case_id in failed else Status.pending
+        readable = case_path(results, case_id).is_file() and case_id not in damaged
+        if readable and case_id not in failed:
+            entries[design] = _read_entry(case_path(results, case_id), case)
+        else:
+            entries[design] = _empty_entry(case, status)
 
     first = next(iter(plan.cases.values()))
     names = [name for name, variable in variables_of(first).items() if variable.in_cube]
@@ -97,11 +105,7 @@ def build_cube(
     return cube
 
 
-def _entry(case: Case, results: Path, failed: bool) -> Entry:
-    path = case_path(results, case.case_id)
-    if path.is_file() and not failed:
-        return _read_entry(path, case)
-    status = Status.failed if failed else Status.pending
+def _empty_entry(case: Case, status: Status) -> Entry:
     values = {"periods": case.periods, "case_id": case.case_id, "code": "", "status": status}
     return Entry(values, case.applied_strain)
 

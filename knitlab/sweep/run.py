@@ -137,7 +137,12 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
             for case_id, its in standing.items()
             if its is Standing.stale_parameters and case_id not in simulated
         }
-        cube = build_cube(plan, results, old, simulated, stale, progress.failed)
+        damaged = {
+            case_id
+            for case_id, its in standing.items()
+            if its is Standing.damaged and case_id not in simulated
+        }
+        cube = build_cube(plan, results, old, simulated, stale, progress.failed, damaged)
         write_cube(cube, results / CUBE)
         failures = tuple(_failures(plan, results, cube, progress.failed))
         with written_whole(results / FAILURES) as temporary:

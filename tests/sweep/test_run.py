@@ -17,7 +17,7 @@ SMALL = ("strain_max=0.1", "strain_step=0.05", "n_subunit=8,12,16")
 @pytest.fixture(scope="module")
 def sweep(tmp_path_factory):
     results = tmp_path_factory.mktemp("sweep")
-    plan = make_plan("preview", ("n_stripe=2,4", *SMALL))
+    plan = make_plan("preview", ("n_stripe=4,8", *SMALL))
     return plan, results, run_plan(plan, results, RunOptions())
 
 
@@ -42,7 +42,7 @@ def test_impossible_designs_are_excluded_and_the_others_are_ok(sweep):
     plan, _, run = sweep
     status = run.cube["status"]
     assert status.sel(n_stripe=4, n_subunit=12) == Status.excluded
-    assert (status == Status.ok).sum() == len(plan.cases) == 5
+    assert (status == Status.ok).sum() == len(plan.cases) == 3
     assert run.failures == ()
     values = run.cube["poisson_ratio_min"].where(status == Status.excluded, drop=True)
     assert values.isnull().all()

@@ -193,6 +193,28 @@ def test_a_damaged_case_file_is_named_and_computed_again(tmp_path, damage):
     assert kept(tmp_path, case_id) is Kept.sound
 
 
+def test_a_damaged_file_that_cannot_be_computed_again_is_not_read(tmp_path):
+    plan = plan_of()
+    ran(plan, tmp_path)
+    (tmp_path / "cube.nc").unlink()
+    for case_id, case in plan.cases.items():
+        if case.design["n_stripe"] == stand_in.POISONED:
+            case_path(tmp_path, case_id).write_bytes(b"no longer netCDF")
+    run = ran(plan, tmp_path, stand_in.simulate_poisoned)
+    assert statuses(run)["failed"] == 3
+    assert statuses(run)["ok"] == 7
+
+
+def test_a_refresh_that_fails_is_told_and_loses_nothing(tmp_path):
+    plan = plan_of()
+    before = ran(plan, tmp_path)
+    for case_id in plan.cases:
+        case_path(tmp_path, case_id).with_suffix(".sha256").unlink()
+    run = ran(plan, tmp_path, stand_in.simulate_poisoned)
+    assert {failure["n_stripe"] for failure in run.failures} == {stand_in.POISONED}
+    same(ran(plan, tmp_path).cube, before.cube)
+
+
 def test_a_second_run_says_who_holds_the_folder(tmp_path):
     with held(tmp_path), pytest.raises(BadInput, match=f"is held by process {os.getpid()} of "):
         # A lock is of an open file, so that this process may stand for another.
