@@ -41,16 +41,19 @@ def explains_bad_input(command: Command) -> Command:
     return explained
 
 
+results_option = click.option(
+    "--results",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("results"),
+    show_default=True,
+    help="Folder that holds a folder of results for each workflow.",
+)
+
+
 def workflow_options(command: Command) -> Command:
     """The argument and options that name a workflow and its results."""
     for option in (
-        click.option(
-            "--results",
-            type=click.Path(path_type=Path, file_okay=False),
-            default=Path("results"),
-            show_default=True,
-            help="Folder that holds a folder of results for each workflow.",
-        ),
+        results_option,
         click.option(
             "--set",
             "overrides",
@@ -200,8 +203,7 @@ def run(
     for case_id in done.standing_at(Standing.damaged):
         damaged = folder / "cases" / f"{case_id}.nc"
         click.echo(f"damaged: {damaged} was not as it had been written", err=True)
-    there = len(made.cases) - len(done.simulated) - len(done.unfinished)
-    click.echo(f"{len(done.simulated)} cases simulated, {there} already there")
+    click.echo(f"{len(done.simulated)} cases simulated, {len(done.reused)} already there")
     click.echo(f"cube    {folder / CUBE}")
     figures, faults = draw_figures(made.figures, folder)
     for path in figures:
@@ -222,7 +224,8 @@ def run(
     if done.stale_parameters:
         click.echo(
             f"stale: {len(done.stale_parameters)} cases stay as they were computed with other"
-            " parameters; --refresh computes them anew, --results FOLDER keeps both",
+            f" parameters ({'; '.join(done.changed) or 'of single designs'}); --refresh computes"
+            " them anew, --results FOLDER keeps both",
             err=True,
         )
     if done.stopped:
@@ -233,26 +236,26 @@ def run(
 
 
 @main.command()
-@workflow_options
+@click.argument("workflow")
+@results_option
 @click.option("--check", is_flag=True, help="Compare every case file with its checksum.")
 @click.option("--json", "as_json", is_flag=True, help="For scripts.")
 @explains_bad_input
-def status(
-    workflow: str, results: Path, overrides: tuple[str, ...], check: bool, as_json: bool
-) -> None:
+def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
     """Say how far the last plan of WORKFLOW has come, and what of it is stale.
 
-    With --set, or if a file that the plan was made of has changed, the workflow is resolved anew.
+    If a file that the plan was made of has changed, the workflow is resolved anew, with the same
+    settings.
     """
     from knitlab.sweep.status import changed_inputs, folder_status, planned_designs, read_plan
 
     folder = results / Path(workflow).stem
     record = read_plan(folder)
     designs = planned_designs(record)
-    if overrides or changed_inputs(record):
+    if changed_inputs(record):
         from knitlab.sweep.plan import make_plan
 
-        designs = make_plan(workflow, overrides or tuple(record["overrides"])).designs
+        designs = make_plan(workflow, tuple(record["overrides"])).designs
     found = folder_status(folder, designs, check)
     if as_json:
         click.echo(json.dumps(found.record(), indent=1))
@@ -271,13 +274,7 @@ def status(
 
 @main.command()
 @click.argument("case_id")
-@click.option(
-    "--results",
-    type=click.Path(path_type=Path, file_okay=False),
-    default=Path("results"),
-    show_default=True,
-    help="Folder that holds a folder of results for each workflow.",
-)
+@results_option
 @explains_bad_input
 def reproduce(case_id: str, results: Path) -> None:
     """Run one case alone, in this process, and say how every state was reached."""
@@ -341,7 +338,7 @@ def draw_map(kind: str, cube: Path, output: Path, selections: tuple[str, ...]) -
     click.echo(f"figure  {draw_figure(kind, cube, output, selections)}")
 
 
-MILLIMETRES = click.FloatRange(min=0, min_open=True)
+MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
 
 
 @main.command()
@@ -400,12 +397,15 @@ def calibrate(
         click.echo(line)
     for warning in found.warnings:
         click.echo(f"knitlab: {warning}", err=True)
-    write_stripe_file(output, knit, stitches, found, curve)
-    click.echo(f"stripe   {output}")
+    if found.usable:
+        write_stripe_file(output, knit, stitches, found, curve)
+        click.echo(f"stripe   {output}")
+    else:
+        click.echo("knitlab: no stripe is written, for this fit cannot be used", err=True)
     with print_style():
         figure = calibration_figure(found.strain, found.force, found.fitted_force, title)
         for suffix in (".pdf", ".png"):
             save(figure, output.with_suffix(suffix))
             click.echo(f"figure   {output.with_suffix(suffix)}")
-    if not found.converged:
+    if not found.usable:
         sys.exit(SOME_CASE_NOT_OK)

@@ -55,9 +55,12 @@ def holds(expression: str, table: pd.DataFrame) -> pd.Series:
         raise fault(where, f"cannot be parsed ({error.msg}); use {ALLOWED}") from error
     except (TypeError, ZeroDivisionError) as error:
         raise fault(where, f"cannot be computed ({error}); compare like with like") from error
-    if not (isinstance(truth, pd.Series) and truth.dtype == bool):
+    except RecursionError as error:
+        raise fault("--where", "is too long; make it shorter") from error
+    if not (isinstance(truth, pd.Series) and pd.api.types.is_bool_dtype(truth)):
         raise fault(where, "is not a condition on the designs; compare a column with something")
-    return truth
+    # Whole numbers may be missing, and what is missing fulfils nothing.
+    return truth.fillna(False).astype(bool)
 
 
 def _value(node: ast.expr, table: pd.DataFrame, where: str) -> Any:
@@ -87,7 +90,7 @@ def _value(node: ast.expr, table: pd.DataFrame, where: str) -> Any:
 
 def _condition(node: ast.expr, table: pd.DataFrame, where: str) -> pd.Series:
     truth = _value(node, table, where)
-    if not (isinstance(truth, pd.Series) and truth.dtype == bool):
+    if not (isinstance(truth, pd.Series) and pd.api.types.is_bool_dtype(truth)):
         raise fault(where, f"{ast.unparse(node)!r} is not a condition; compare it with something")
     return truth
 

@@ -52,7 +52,7 @@ FIGURES = {
     "stripes": Kind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),
     "departure": Kind(stripe_departure, STRIPE_DIMS, coordinates=("applied_strain",)),
 }
-MOST_SLICES = 24
+MOST_SLICES = 8
 """Values of swept settings that a run draws by itself."""
 STILL = (".pdf", ".svg", ".png")
 MOVING = (".gif",)
@@ -98,7 +98,7 @@ def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     faults: list[Fault] = []
     slices = _slices(open_cube(folder))
     if len(slices) > MOST_SLICES:
-        problem = f"{len(slices)} slices are too many to draw; choose some with knitlab map"
+        problem = f"{len(slices)} slices are too many to draw unasked; draw one by knitlab map"
         return [], [Fault("figures", problem)]
     for kind, selections in itertools.product(kinds, slices):
         stem = "_".join([kind, *(text.replace("=", "-") for text in selections)])
@@ -142,11 +142,17 @@ def _drawn(name: str, cube_path: Path, selections: Sequence[str] = ()) -> Drawin
     if several := [dim for dim in swept if cube.sizes[dim] > 1]:
         choices = "; ".join(f"{dim} of {', '.join(map(str, cube[dim].values))}" for dim in several)
         raise fault(name, f"shows one value of each swept setting; --select {choices}")
+    slice_shown = ", ".join(f"{dim} = {cube[dim].item()}" for dim in swept)
     cube = cube.isel(dict.fromkeys(swept, 0), drop=True)
     if kind.needs is None:
-        return kind.draw(cube)
-    folder = cube_path if cube_path.is_dir() else cube_path.parent
-    return kind.draw(_most_auxetic_case(cube, folder, kind.needs))
+        drawing = kind.draw(cube)
+    else:
+        folder = cube_path if cube_path.is_dir() else cube_path.parent
+        drawing = kind.draw(_most_auxetic_case(cube, folder, kind.needs))
+    if slice_shown and isinstance(drawing, Figure):
+        title = drawing.get_suptitle()
+        drawing.suptitle(f"{title}\n{slice_shown}" if title else slice_shown, fontsize="small")
+    return drawing
 
 
 def save(drawing: Drawing, output: Path) -> None:

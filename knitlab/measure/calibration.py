@@ -28,6 +28,11 @@ USELESS_ERROR = 0.5
 AT_BOUND = 1e-3
 """How near a bound, in the fitted unknown, counts as at it."""
 LEAST_POINTS = len(FITTED) + 1
+INSIDE = {
+    name: (low * (1 + 2 * AT_BOUND), high * (1 - 2 * AT_BOUND))
+    for name, (low, high) in BOUNDS.items()
+}
+"""Values that are not at a bound."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,12 @@ class Calibration:
     warnings: tuple[str, ...]
 
     @property
+    def usable(self) -> bool:
+        """Whether the fit converged, with no parameter at the bound of where it was looked for."""
+        inside = (low < self.values[name] < high for name, (low, high) in INSIDE.items())
+        return self.converged and all(inside)
+
+    @property
     def misfit(self) -> float:
         """Root of the mean square difference between curve and fit [N]."""
         return float(np.sqrt(np.mean((self.force - self.fitted_force) ** 2)))
@@ -92,6 +103,8 @@ def calibrate(
     scale = float(np.max(np.abs(force)))
     if not scale > 0:
         raise ValueError("the force is zero throughout; give a curve under tension")
+    if not np.sum(strain * force) > 0:
+        raise ValueError("the force falls with strain; give tension as positive")
     compiled, jacobian = (
         lambda unknowns, of=of: np.asarray(of(unknowns, period, strain))
         for of in (_force, _force_slopes)

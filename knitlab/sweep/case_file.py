@@ -50,20 +50,23 @@ def write_case_file(results: Path, case_id: str, dataset: "xr.Dataset") -> None:
 def kept(results: Path, case_id: str) -> Kept:
     """Whether a case file is there and has the contents that were written."""
     try:
-        stated = checksum_path(results, case_id).read_text().split(" ")[0]
+        stated = checksum_path(results, case_id).read_bytes().split(b" ")[0]
         found = file_digest(case_path(results, case_id))
     except FileNotFoundError:
         there = case_path(results, case_id).exists()
         return Kept.damaged if there else Kept.nothing
     except OSError:
         return Kept.damaged
-    return Kept.sound if found == stated else Kept.damaged
+    return Kept.sound if found.encode() == stated else Kept.damaged
 
 
-def read_code(results: Path, case_id: str) -> str:
-    """Fingerprint of the code that computed a case."""
-    with netCDF4.Dataset(case_path(results, case_id)) as dataset:
-        return str(dataset["code"][...])
+def read_code(results: Path, case_id: str) -> str | None:
+    """Fingerprint of the code that computed a case; None if the file is no case."""
+    try:
+        with netCDF4.Dataset(case_path(results, case_id)) as dataset:
+            return str(dataset["code"][...])
+    except (OSError, IndexError):
+        return None
 
 
 def read_case(results: Path, case_id: str) -> "xr.Dataset":

@@ -12,6 +12,7 @@ import xarray as xr
 
 from knitlab.sweep.case import Case, Label
 from knitlab.sweep.case_file import case_path
+from knitlab.sweep.common import ATTRIBUTE, common_parameters, parameters_of, shared
 from knitlab.sweep.design_space import Design
 from knitlab.sweep.measurement import variables_of
 from knitlab.sweep.plain_cube import PlainCube, unmasked
@@ -94,14 +95,20 @@ def build_cube(
     if old is not None:
         names += [str(name) for name in old.data_vars if name not in names]
     cube = _gridded(plan, names, entries)
+    common = common_parameters(plan)
+    if old is not None and any(
+        entry.values["case_id"] not in plan.cases for entry in entries.values()
+    ):
+        mine = any(entry.values["case_id"] in plan.cases for entry in entries.values())
+        common = shared(parameters_of(old), common) if mine else parameters_of(old)
     cube.attrs |= provenance() | {
         "title": plan.title,
         "workflow": plan.workflow,
-        "method": first.method,
-        "parameters": json.dumps(common_parameters(plan)),
+        ATTRIBUTE: json.dumps(common),
     }
-    reading = vars(first.reading).items()
-    cube.attrs |= {f"reading_{key}": value for key, value in reading if key not in plan.dims}
+    if "method" in common:
+        cube.attrs["method"] = common["method"]
+    cube.attrs |= {f"reading_{key}": value for key, value in common.get("reading", {}).items()}
     return cube
 
 
@@ -163,17 +170,6 @@ def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) 
     for name, coordinate in plan.coordinates.items():
         cube[name].attrs |= coordinate.attributes
     return cube
-
-
-def common_parameters(plan: Plan) -> dict[str, Any]:
-    """What all cases of a plan share; the rest is in ``plan.json`` and in each case file."""
-    records = [case.record for case in plan.cases.values()]
-    first = records[0]
-    return {
-        key: value
-        for key, value in first.items()
-        if key != "design" and all(record[key] == value for record in records)
-    }
 
 
 def _along(designs: Sequence[Design], place: int) -> list[Label]:

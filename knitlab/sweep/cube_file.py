@@ -27,7 +27,7 @@ def open_cube(path: str | Path) -> xr.Dataset:
         raise fault(str(path), "does not exist; run a workflow first") from error
     except (OSError, ValueError) as error:
         raise fault(str(path), f"is not a netCDF file ({error}); give a cube.nc") from error
-    check_is_cube(path, design_dims(cube) if "status" in cube else None)
+    check_is_cube(path, design_dims(cube) if {"status", "case_id"} <= set(cube) else None)
     return cube
 
 

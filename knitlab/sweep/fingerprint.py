@@ -27,6 +27,11 @@ def code_fingerprint() -> str:
     return digest.hexdigest()[:DIGITS]
 
 
+def text_fingerprint(text: str) -> str:
+    """Fingerprint of a text."""
+    return hashlib.sha256(text.encode()).hexdigest()[:DIGITS]
+
+
 def file_digest(path: Path) -> str:
     """SHA-256 of a file, in hexadecimal digits.
 

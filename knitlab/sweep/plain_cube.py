@@ -69,7 +69,7 @@ def open_plain_cube(path: str | Path) -> PlainCube:
         {name: np.ma.getdata(values) for name, values in coordinates.items()},
         lambda name: read_values(path, name),
     )
-    check_is_cube(path, cube.dims.get("status"))
+    check_is_cube(path, cube.dims.get("status") if "case_id" in cube.dims else None)
     return cube
 
 

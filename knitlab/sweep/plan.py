@@ -10,14 +10,16 @@ from knitlab.model.network import MeshShape
 from knitlab.sweep.axes import Axis
 from knitlab.sweep.case import Case
 from knitlab.sweep.cases import cases, stripe_files, with_stripe_files
+from knitlab.sweep.changes import Changes
 from knitlab.sweep.design_space import Design, DesignSpace, design_space, stripe_space
 from knitlab.sweep.estimate import bytes_needed, seconds
 from knitlab.sweep.faults import BadInput, Gathered
 from knitlab.sweep.files import written_whole
-from knitlab.sweep.fingerprint import code_fingerprint, digests
-from knitlab.sweep.parameters import read_parameters
+from knitlab.sweep.fingerprint import code_fingerprint, digests, text_fingerprint
+from knitlab.sweep.parameters import Parameters, read_parameters
 from knitlab.sweep.registry import Variable
 from knitlab.sweep.shipped import shipped
+from knitlab.sweep.workflow import Workflow
 from knitlab.sweep.workflow_text import read_workflow, workflow_file
 
 # Unknowns that one vmapped batch may hold: about 1 GiB of element Hessians.
@@ -55,6 +57,7 @@ class Plan:
         coordinates: of the settings that it gives as lists.
         overrides: the ``KEY=VALUE`` settings that it was made with.
         inputs: SHA-256 of every file that it was made from, by path.
+        stripes: fingerprint of the stripes, with what the workflow changes of all of them.
     """
 
     workflow: str
@@ -66,6 +69,7 @@ class Plan:
     coordinates: dict[str, Variable]
     overrides: tuple[str, ...]
     inputs: dict[str, str]
+    stripes: str
 
     @property
     def dims(self) -> tuple[str, ...]:
@@ -163,7 +167,14 @@ def make_plan(
         coordinates={axis.name: axis.coordinate(parameters) for axis in axes},
         overrides=overrides,
         inputs=digests(inputs),
+        stripes=_stripes_fingerprint(parameters, read, axes),
     )
+
+
+def _stripes_fingerprint(parameters: Parameters, read: Workflow, axes: tuple[Axis, ...]) -> str:
+    swept = {axis.name for axis in axes}
+    changes = read.model.model_dump(include=set(Changes.model_fields) - swept)
+    return text_fingerprint(json.dumps([parameters.stripes.model_dump(), changes]))
 
 
 def batched(cases: dict[str, Case]) -> tuple[Batch, ...]:

@@ -1,5 +1,6 @@
 """Progress: a bar over the work of a run, weighed so that its time left is honest."""
 
+import sys
 from types import TracebackType
 
 from tqdm import tqdm
@@ -49,6 +50,10 @@ class ProgressBar:
         self._ended += 1
         self.reached(case_id, len(self._cases[case_id].applied_strain))
         self._describe()
+
+    def say(self, sentence: str) -> None:
+        """Say something above the bar."""
+        self._bar.write(sentence, file=sys.stderr)
 
     def _describe(self) -> None:
         self._bar.set_description_str(f"{self._ended}/{len(self._cases)} cases")

@@ -4,6 +4,7 @@ import json
 import time
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from pydantic import ValidationError
 from knitlab.mechanics.state import TensileTest
 from knitlab.sweep.case import Case, case_of
 from knitlab.sweep.case_file import case_path, read_case
-from knitlab.sweep.faults import fault
+from knitlab.sweep.faults import BadInput, fault
 from knitlab.sweep.fingerprint import code_fingerprint
 from knitlab.sweep.simulation import failure_reason, tensile_tests
 from knitlab.sweep.status import FAILURES, PLAN, earlier_failures, read_plan
@@ -33,7 +34,9 @@ def find_case(results: Path, case_id: str) -> Case:
         BadInput: if there is none, or it was recorded by another version.
     """
     for folder in sorted(path.parent for path in results.glob(f"*/{PLAN}")):
-        record = _record(folder, case_id)
+        record = None
+        with suppress(BadInput, OSError):  # a folder that cannot be read holds no case
+            record = _record(folder, case_id)
         if record is None:
             continue
         try:

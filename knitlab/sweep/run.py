@@ -1,7 +1,7 @@
 """Running a plan: what is missing is simulated, then one writer builds the cube."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,10 @@ import xarray as xr
 
 from knitlab.sweep.case import Case
 from knitlab.sweep.case_file import read_case
+from knitlab.sweep.common import common_parameters, differences, parameters_of
 from knitlab.sweep.cube import build_cube
 from knitlab.sweep.cube_file import open_cube, write_cube
+from knitlab.sweep.faults import BadInput, fault
 from knitlab.sweep.files import clear_unfinished, written_whole
 from knitlab.sweep.lock import held
 from knitlab.sweep.plain_cube import CUBE, PlainCube
@@ -20,8 +22,13 @@ from knitlab.sweep.progress import ProgressBar
 from knitlab.sweep.registry import Status
 from knitlab.sweep.simulation import simulate_batch
 from knitlab.sweep.status import FAILURES, PLAN, earlier_failures
-from knitlab.sweep.survey import Standing, check_dims, survey
+from knitlab.sweep.survey import Standing, cells, check_dims, survey
 from knitlab.sweep.workers import BatchError, Pool, Simulate, Task, connected, pool_of
+
+MAY_DIFFER = ("applied_strain", "solver")
+"""What designs of one cube may differ in: how far they are pulled, and how that is solved."""
+Failed = dict[str, BatchError]
+"""Why cases could not be computed, by identifier."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +68,7 @@ class Run:
         standing: what there was of each planned case before.
         failures: what each case that is not ok says of itself.
         stopped: whether the run was broken off.
+        changed: what differs from the parameters of stale results.
     """
 
     cube: xr.Dataset
@@ -68,10 +76,17 @@ class Run:
     standing: dict[str, Standing]
     failures: tuple[dict[str, Any], ...]
     stopped: bool
+    changed: tuple[str, ...] = ()
 
     def standing_at(self, standing: Standing) -> tuple[str, ...]:
         """Cases that were of one standing before, by identifier."""
         return tuple(case_id for case_id, its in self.standing.items() if its is standing)
+
+    @property
+    def reused(self) -> tuple[str, ...]:
+        """Cases whose results were there, be it of other code."""
+        there = {*self.standing_at(Standing.done), *self.standing_at(Standing.stale_code)}
+        return tuple(there - set(self.simulated))
 
     @property
     def stale_code(self) -> tuple[str, ...]:
@@ -95,7 +110,7 @@ class Progress:
     """How far a run has come; it outlives a Ctrl-C."""
 
     ended: set[str] = field(default_factory=set)
-    failed: dict[str, BatchError] = field(default_factory=dict)
+    failed: Failed = field(default_factory=dict)
 
 
 def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
@@ -118,10 +133,8 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
         connected(options.scheduler).close()  # before anything is written
     with held(results):
         clear_unfinished(results)
-        old = open_cube(results / CUBE) if (results / CUBE).exists() else None
+        old = _old_cube(plan, results / CUBE)
         known = None if old is None else PlainCube.of(old)
-        if known is not None:
-            check_dims(known, plan.dims, results / CUBE)
         standing = survey(plan.designs, results, known, check=True)
         missing = {
             case_id: plan.cases[case_id]
@@ -144,11 +157,34 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
         }
         cube = build_cube(plan, results, old, simulated, stale, progress.failed, damaged)
         write_cube(cube, results / CUBE)
-        failures = tuple(_failures(plan, results, cube, progress.failed))
+        failures = tuple(_failures(plan, results, cube, simulated, progress.failed))
         with written_whole(results / FAILURES) as temporary:
             temporary.write_text("".join(json.dumps(entry) + "\n" for entry in failures))
     mine = tuple(entry for entry in failures if entry["case_id"] in plan.cases)
-    return Run(cube, simulated, standing, mine, stopped)
+    changed = () if old is None else differences(parameters_of(old), common_parameters(plan))
+    return Run(cube, simulated, standing, mine, stopped, changed if stale else ())
+
+
+def _old_cube(plan: Plan, path: Path) -> xr.Dataset | None:
+    """The cube that there is, if the plan's designs can join it."""
+    if not path.exists():
+        return None
+    try:
+        cube = open_cube(path)
+    except BadInput as error:
+        problem = "cannot be read; remove it and run again: it is made anew of the case files"
+        raise fault(str(path), problem) from error
+    check_dims(PlainCube.of(cube), plan.dims, path)
+    others = set(cells(PlainCube.of(cube))) - set(plan.designs.values())
+    changed = differences(parameters_of(cube), common_parameters(plan))
+    changed = tuple(change for change in changed if not change.startswith(MAY_DIFFER))
+    if others and changed:
+        raise fault(
+            str(path),
+            f"holds {len(others)} designs computed otherwise ({'; '.join(changed)}); name another"
+            " --results, or list the values of a setting to make it a dimension",
+        )
+    return cube
 
 
 def _simulate_all(
@@ -167,7 +203,11 @@ def _simulate_all(
     with ProgressBar(missing, shown=options.show_progress) as bar:
         try:
             with pool_of(task, workers, options.scheduler, options.dashboard, bar.reached) as pool:
-                return _in_rounds(pool, batches, results, options, progress, bar)
+                try:
+                    return _in_rounds(pool, batches, results, options, progress, bar)
+                except KeyboardInterrupt:
+                    bar.say("stopping: the workers end and the cube is written; wait a moment")
+                    raise
         except KeyboardInterrupt:
             return True
 
@@ -209,25 +249,26 @@ def _all_ok(results: Path, batch: Sequence[Case]) -> bool:
 
 
 def _failures(
-    plan: Plan, results: Path, cube: xr.Dataset, failed: dict[str, BatchError]
+    plan: Plan, results: Path, cube: xr.Dataset, simulated: Collection[str], failed: Failed
 ) -> Iterator[dict[str, Any]]:
     """What there is to say of every design of the cube that is not ok, and how to run it alone."""
     earlier = earlier_failures(results)
     bad = cube["status"].isin([Status.not_converged, Status.failed])
-    for case_id in cube["case_id"].values[bad.values]:
-        case = plan.cases.get(case_id)
-        if case is None:
-            if case_id in earlier:
-                yield earlier[case_id]
-            continue
-        error = failed.get(case_id)
-        status = Status.failed if error else Status.not_converged
-        reason = error.reason if error else read_case(results, case_id).attrs["reason"]
-        yield {
-            "case_id": case_id,
-            **case.design,
-            "status": status.name,
-            "reason": reason,
-            "trace": error.trace if error else "",
-            "case": case.record,
-        }
+    # One that failed when it was refreshed keeps its old results in the cube.
+    for case_id in dict.fromkeys([*cube["case_id"].values[bad.values], *failed]):
+        if case_id in earlier and case_id not in simulated and case_id not in failed:
+            yield earlier[case_id]
+        elif case := plan.cases.get(case_id):
+            error = failed.get(case_id)
+            yield {
+                "case_id": case_id,
+                **case.design,
+                "status": (Status.failed if error else Status.not_converged).name,
+                "reason": error.reason if error else _reason(results, case_id),
+                "trace": error.trace if error else "",
+                "case": case.record,
+            }
+
+
+def _reason(results: Path, case_id: str) -> str:
+    return str(read_case(results, case_id).attrs["reason"])

@@ -72,12 +72,17 @@ def read_plan(folder: Path) -> dict[str, Any]:
     """
     path = folder / PLAN
     try:
-        record: dict[str, Any] = json.loads(path.read_text())
+        record = json.loads(path.read_text())
+        complete = all(name in record for name in ("cases", "dims", "inputs", "overrides"))
     except FileNotFoundError:
         raise fault(str(path), "does not exist; plan or run the workflow first") from None
-    except ValueError as error:
-        raise fault(str(path), f"is no plan ({error}); plan the workflow again") from error
-    return record
+    except OSError as error:
+        raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
+    except (ValueError, TypeError):
+        complete = False
+    if not complete:
+        raise fault(str(path), "is no plan; plan the workflow again")
+    return dict(record)
 
 
 def changed_inputs(record: Mapping[str, Any]) -> tuple[str, ...]:
@@ -129,6 +134,7 @@ def earlier_failures(folder: Path) -> dict[str, dict[str, Any]]:
     """What the last run said of designs that are not ok, by case identifier."""
     try:
         lines = (folder / FAILURES).read_text().splitlines()
-    except FileNotFoundError:
-        return {}
-    return {entry["case_id"]: entry for entry in map(json.loads, lines)}
+        entries = [json.loads(line) for line in lines]
+        return {entry["case_id"]: entry for entry in entries if entry["reason"] and entry["case"]}
+    except (OSError, ValueError, TypeError, KeyError):
+        return {}  # it is written anew by every run, and nothing hangs on it

@@ -117,8 +117,11 @@ def _survey(
             yield case_id, Standing.damaged
         else:
             if cell is not None and cell.case_id == case_id and cell.code:
-                code = cell.code
+                code: str | None = cell.code
             else:
                 code = read_code(folder, case_id)
-            current = code == code_fingerprint()
-            yield case_id, Standing.done if current else Standing.stale_code
+            if code is None:
+                yield case_id, Standing.damaged
+            else:
+                current = code == code_fingerprint()
+                yield case_id, Standing.done if current else Standing.stale_code

@@ -47,9 +47,12 @@ class WorkflowText:
         try:
             workflow = Workflow.model_validate(self.table)
         except ValidationError as error:
+            swept = {(axis.section, axis.name) for axis in self.axes}
             for entry in faults_of(error, ""):
                 section, _, key = entry.path.partition(".")
                 name, _, item = key.partition(".")
+                if (section, name) in swept:
+                    continue  # checked_axes says it, with the value's place
                 override = self.overrides.get(f"{section}.{name}")
                 if override and item:
                     override = f"{override}: value {int(item) + 1}"

@@ -39,6 +39,7 @@ def test_where_sort_and_columns():
         ("-0.5 < poisson_ratio_min <= -0.4", [(4, 32)]),
         ("not poisson_ratio_min < 0 and n_stripe == 2 and n_subunit < 32", [(2, 16)]),
         ("n_subunit / (2 * n_stripe) == 2", [(4, 16), (8, 32)]),
+        ("periods > 4 and not n_stripe == 4", [(2, 32), (2, 64)]),
         (
             "poisson_ratio_min + 1 > applied_strain_at_min - 1 + 2 * -0.5",
             [(2, 16), (4, 16), (4, 32)],
@@ -56,6 +57,7 @@ def test_expressions_mean_what_they_say(expression, expected):
         ("poisson_ratio_min <", "cannot be parsed"),
         ("poisson_ratio_min", "not a condition"),
         ("3 < 4", "not a condition"),
+        ("n_stripe > 1" + " + 1" * 3000, "is too long"),
         ("n_stripe and n_subunit", "'n_stripe' is not a condition"),
         ('n_stripe < "four"', "cannot be computed"),
         ("__import__('os').system('true')", "not allowed here"),

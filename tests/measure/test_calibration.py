@@ -24,7 +24,7 @@ def curve(of, largest=2.0, noise=NOISE, seed=0):
 @pytest.mark.parametrize("of", ALL_STRIPES, ids=lambda of: f"{of.knit} {of.n}")
 def test_a_clean_curve_gives_its_stripe_back(of):
     fit = calibrate(of.period, *curve(of, noise=0.0))
-    assert fit.converged
+    assert fit.usable
     assert fit.warnings == ()
     for name in FITTED:
         assert fit.values[name] == pytest.approx(getattr(of, name), rel=1e-6)
@@ -59,6 +59,7 @@ def test_a_curve_too_short_to_tell_two_parameters_apart_says_so():
     straight = np.linspace(0, 0.02, 20)
     fit = calibrate(1.41, straight, 0.02 * straight)
     assert fit.warnings
+    assert not fit.usable
     assert 0 <= fit.intervals["theta_0"][0] < fit.intervals["theta_0"][1] <= np.pi
 
 
@@ -73,6 +74,7 @@ def test_the_misfit_is_the_noise():
     [
         (np.arange(3.0), np.arange(3.0), "at least 4"),
         (np.arange(5.0), np.zeros(5), "force is zero"),
+        (np.arange(5.0), -np.arange(5.0), "falls with strain"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused(strain, force, message):

@@ -176,6 +176,38 @@ def test_results_of_other_parameters_stay_until_refreshed(tmp_path):
     xr.testing.assert_identical(back.cube.drop_attrs(), first.cube.drop_attrs())
 
 
+def test_a_cube_states_only_what_holds_for_all_of_it(tmp_path):
+    ran(planned(*PAIRS), tmp_path)
+    joined = ran(planned("n_stripe=6", "n_subunit=24", "strain_max=0.12"), tmp_path).cube
+    stated = json.loads(joined.attrs["parameters"])
+    assert "applied_strain" not in stated
+    assert stated["sheet"] == {"z_max": 6.0, "k_wall": 100.0}
+    stale = ran(planned("n_stripe=4,6", "n_subunit=16,24", "z_max=4"), tmp_path)
+    assert "sheet.z_max was 6.0, is 4.0" in stale.changed
+    assert json.loads(stale.cube.attrs["parameters"]) == stated
+
+
+def test_new_values_of_a_swept_setting_join_a_cube(tmp_path):
+    first = ran(planned(*PAIRS, "z_max=[4]", "k_t_factor=[1]"), tmp_path)
+    both = ran(planned(*PAIRS, "z_max=[6]", "k_t_factor=[1,2]"), tmp_path).cube
+    assert both["z_max"].values.tolist() == [4, 6]
+    assert (both["status"].sel(z_max=4, k_t_factor=2) == Status.excluded).all()
+    assert bits(both, z_max=4, k_t_factor=1) == bits(first.cube, z_max=4, k_t_factor=1)
+
+
+@pytest.mark.parametrize("change", ["z_max=4", "cell_size=flat", "k_t_factor=2", "unit_cells=2,1"])
+def test_designs_of_another_model_do_not_join_a_cube(tmp_path, change):
+    before = ran(planned(*PAIRS), tmp_path).cube
+    with pytest.raises(BadInput, match="holds 2 designs computed otherwise"):
+        ran(planned("n_stripe=8", "n_subunit=32", "strain_max=0.06", change), tmp_path)
+    with pytest.raises(BadInput, match="holds 1 designs computed otherwise"):
+        ran(
+            planned("n_stripe=4", "n_subunit=16", "strain_max=0.06", change), tmp_path, refresh=True
+        )
+    xr.testing.assert_identical(knitlab.open_cube(tmp_path), xr.load_dataset(tmp_path / "cube.nc"))
+    xr.testing.assert_equal(knitlab.open_cube(tmp_path), before)
+
+
 def test_results_of_other_code_are_told_and_computed_anew_only_when_asked(tmp_path, monkeypatch):
     plan = planned(*PAIRS)
     ran(plan, tmp_path)

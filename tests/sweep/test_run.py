@@ -62,6 +62,7 @@ def test_provenance_tells_how_to_make_it_again(sweep):
     for name in ("source", "git_commit", "library_versions", "random_seeds", "workflow"):
         assert run.cube.attrs[name]
     shared = json.loads(run.cube.attrs["parameters"])
+    assert shared.pop("stripes") == plan.stripes
     for case_id, case in plan.cases.items():
         record = json.loads(json.dumps(case.record))
         assert {name: record[name] for name in shared} == shared

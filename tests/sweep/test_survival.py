@@ -1,6 +1,7 @@
 """Sweeps that survive: kills, poison, damage, full disks and second runs, by a cheap stand-in."""
 
 import fcntl
+import hashlib
 import json
 import os
 import shutil
@@ -14,12 +15,14 @@ import pytest
 import xarray as xr
 from distributed import LocalCluster
 
+import knitlab.sweep.survey as survey_module
 from knitlab.sweep.case_file import Kept, case_path, kept
 from knitlab.sweep.faults import BadInput, CannotWrite
 from knitlab.sweep.lock import LOCK_NAME, held
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.registry import Status
 from knitlab.sweep.run import RunOptions, run_plan
+from knitlab.sweep.status import read_plan
 from knitlab.sweep.survey import Standing
 from tests.sweep import stand_in
 
@@ -205,14 +208,41 @@ def test_a_damaged_file_that_cannot_be_computed_again_is_not_read(tmp_path):
     assert statuses(run)["ok"] == 7
 
 
-def test_a_refresh_that_fails_is_told_and_loses_nothing(tmp_path):
+@pytest.mark.parametrize("other", ["", "z_max=4"])
+def test_a_refresh_that_fails_is_told_and_loses_nothing(tmp_path, monkeypatch, other):
+    before = ran(plan_of(), tmp_path)
+    plan = make_plan("preview", ("strain_max=0.06", "k_t_factor=1", other or "z_max=6"))
+    if not other:
+        monkeypatch.setattr(survey_module, "code_fingerprint", lambda: "other code")
+    run = ran(plan, tmp_path, stand_in.simulate_poisoned, refresh=True)
+    assert [failure["n_stripe"] for failure in run.failures] == [stand_in.POISONED] * 3
+    assert all("poisoned on purpose" in failure["reason"] for failure in run.failures)
+    monkeypatch.undo()
+    same(ran(plan_of(), tmp_path).cube, before.cube)
+
+
+@pytest.mark.parametrize("garbage", [b"garbage", b"[]", b"{}", b"\xff\xfe\x00"])
+def test_garbage_in_files_that_are_made_anew_stops_nothing(tmp_path, garbage):
     plan = plan_of()
-    before = ran(plan, tmp_path)
-    for case_id in plan.cases:
-        case_path(tmp_path, case_id).with_suffix(".sha256").unlink()
-    run = ran(plan, tmp_path, stand_in.simulate_poisoned)
-    assert {failure["n_stripe"] for failure in run.failures} == {stand_in.POISONED}
-    same(ran(plan, tmp_path).cube, before.cube)
+    before = ran(plan, tmp_path, stand_in.simulate_unconverged)
+    (tmp_path / "failures.jsonl").write_bytes(garbage)
+    (tmp_path / "plan.json").write_bytes(garbage)
+    with pytest.raises(BadInput, match=r"plan\.json: is no plan"):
+        read_plan(tmp_path)
+    first, second = list(plan.cases)[:2]
+    case_path(tmp_path, first).with_suffix(".sha256").write_bytes(garbage)
+    again = ran(plan, tmp_path, stand_in.simulate_unconverged)
+    assert again.simulated == (first,)
+    assert again.failures == before.failures
+    (tmp_path / "cube.nc").write_bytes(garbage)
+    with pytest.raises(BadInput, match="remove it and run again"):
+        ran(plan, tmp_path)
+    (tmp_path / "cube.nc").unlink()
+    # Whole by its checksum, and yet no case.
+    case_path(tmp_path, second).write_bytes(garbage)
+    digest = hashlib.sha256(garbage).hexdigest()
+    case_path(tmp_path, second).with_suffix(".sha256").write_text(f"{digest}  {second}.nc\n")
+    assert ran(plan, tmp_path, stand_in.simulate_unconverged).simulated == (second,)
 
 
 def test_a_second_run_says_who_holds_the_folder(tmp_path):
