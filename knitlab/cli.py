@@ -184,7 +184,6 @@ def run(
     from knitlab.sweep.plain_cube import CUBE
     from knitlab.sweep.plan import make_plan
     from knitlab.sweep.run import RunOptions, run_plan
-    from knitlab.sweep.survey import Standing
 
     made = make_plan(workflow, overrides)
     folder = results / made.workflow
@@ -200,9 +199,6 @@ def run(
     )
     done = run_plan(made, folder, options)
     _echo_excluded(made)
-    for case_id in done.standing_at(Standing.damaged):
-        damaged = folder / "cases" / f"{case_id}.nc"
-        click.echo(f"damaged: {damaged} was not as it had been written", err=True)
     click.echo(f"{len(done.simulated)} cases simulated, {len(done.reused)} already there")
     click.echo(f"cube    {folder / CUBE}")
     figures, faults = draw_figures(made.figures, folder)
@@ -213,24 +209,8 @@ def run(
     for failure in done.failures:
         design = "  ".join(f"{name} {failure[name]}" for name in made.dims)
         click.echo(f"{failure['status']}: {design}: {failure['reason']}", err=True)
-    if done.failures:
-        click.echo("one alone, in detail: knitlab reproduce CASE_ID (failures.jsonl)", err=True)
-    if done.stale_code:
-        click.echo(
-            f"stale: {len(done.stale_code)} cases were computed by other code and stay as they"
-            " are; --refresh computes them anew",
-            err=True,
-        )
-    if done.stale_parameters:
-        click.echo(
-            f"stale: {len(done.stale_parameters)} cases stay as they were computed with other"
-            f" parameters ({'; '.join(done.changed) or 'of single designs'}); --refresh computes"
-            " them anew, --results FOLDER keeps both",
-            err=True,
-        )
-    if done.stopped:
-        left = f"{len(done.unfinished)} cases are left"
-        click.echo(f"stopped: what is done is kept, {left}; run again to go on", err=True)
+    for remark in done.remarks(folder):
+        click.echo(remark, err=True)
     if done.failures or done.stale_parameters or done.stopped:
         sys.exit(SOME_CASE_NOT_OK)
 

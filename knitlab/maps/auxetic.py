@@ -21,7 +21,7 @@ MARKS: dict[Status, dict[str, Any]] = {
 }
 NAMES = {
     Status.excluded: "no such design, or not in this sweep",
-    Status.ok: "not stretched",
+    Status.ok: "no ratio: not stretched, or a single clamped cell",
     Status.pending: "not yet run",
     Status.not_converged: "not converged",
     Status.failed: "failed",

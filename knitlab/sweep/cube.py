@@ -19,7 +19,7 @@ from knitlab.sweep.plain_cube import PlainCube, unmasked
 from knitlab.sweep.plan import Plan
 from knitlab.sweep.provenance import provenance
 from knitlab.sweep.registry import VARIABLES, Status, described
-from knitlab.sweep.survey import cells
+from knitlab.sweep.survey import Cell, cells
 
 WORDS = ("case_id", "code")
 Values = dict[str, Any]
@@ -68,14 +68,8 @@ def build_cube(
         failed: identifiers of cases that this run could not compute.
         damaged: identifiers of cases whose files are not to be read.
     """
-    entries: dict[Design, Entry] = {}
     known = {} if old is None else cells(PlainCube.of(old))
-    if old is not None:
-        arrays = {str(name): old[name].values for name in old.data_vars}
-        strains = tuple(old["applied_strain"].values.tolist())
-        for design, cell in known.items():
-            values = {name: array[cell.place] for name, array in arrays.items()}
-            entries[design] = Entry(values, strains)
+    entries = {} if old is None else _old_entries(old, known)
     for case_id, case in plan.cases.items():
         design = tuple(case.design.values())
         there = known.get(design)
@@ -83,33 +77,45 @@ def build_cube(
         untouched = same and case_id not in computed and case_id not in failed
         if untouched or case_id in kept_stale:
             continue
-        status = Status.failed if case_id in failed else Status.pending
-        readable = case_path(results, case_id).is_file() and case_id not in damaged
-        if readable and case_id not in failed:
-            entries[design] = _read_entry(case_path(results, case_id), case)
+        path = case_path(results, case_id)
+        if case_id in failed:
+            entries[design] = _empty_entry(case, Status.failed)
+        elif case_id in damaged or not path.is_file():
+            entries[design] = _empty_entry(case, Status.pending)
         else:
-            entries[design] = _empty_entry(case, status)
+            entries[design] = _read_entry(path, case)
 
     first = next(iter(plan.cases.values()))
     names = [name for name, variable in variables_of(first).items() if variable.in_cube]
     if old is not None:
         names += [str(name) for name in old.data_vars if name not in names]
     cube = _gridded(plan, names, entries)
-    common = common_parameters(plan)
-    if old is not None and any(
-        entry.values["case_id"] not in plan.cases for entry in entries.values()
-    ):
-        mine = any(entry.values["case_id"] in plan.cases for entry in entries.values())
-        common = shared(parameters_of(old), common) if mine else parameters_of(old)
-    cube.attrs |= provenance() | {
-        "title": plan.title,
-        "workflow": plan.workflow,
-        ATTRIBUTE: json.dumps(common),
-    }
-    if "method" in common:
-        cube.attrs["method"] = common["method"]
-    cube.attrs |= {f"reading_{key}": value for key, value in common.get("reading", {}).items()}
+    cube.attrs |= _attributes(plan, old, entries)
     return cube
+
+
+def _old_entries(old: xr.Dataset, known: Mapping[Design, Cell]) -> dict[Design, Entry]:
+    arrays = {str(name): old[name].values for name in old.data_vars}
+    strains = tuple(old["applied_strain"].values.tolist())
+    return {
+        design: Entry({name: array[cell.place] for name, array in arrays.items()}, strains)
+        for design, cell in known.items()
+    }
+
+
+def _attributes(
+    plan: Plan, old: xr.Dataset | None, entries: Mapping[Design, Entry]
+) -> dict[str, str]:
+    """Attributes of a cube: of its parameters, those alone that hold for every design."""
+    common = common_parameters(plan)
+    planned = [entry.values["case_id"] in plan.cases for entry in entries.values()]
+    if old is not None and not all(planned):
+        common = shared(parameters_of(old), common) if any(planned) else parameters_of(old)
+    attributes = {"title": plan.title, "workflow": plan.workflow, ATTRIBUTE: json.dumps(common)}
+    if "method" in common:
+        attributes["method"] = common["method"]
+    reading = {f"reading_{key}": value for key, value in common.get("reading", {}).items()}
+    return provenance() | attributes | reading
 
 
 def _empty_entry(case: Case, status: Status) -> Entry:

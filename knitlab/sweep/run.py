@@ -9,7 +9,7 @@ from typing import Any
 import xarray as xr
 
 from knitlab.sweep.case import Case
-from knitlab.sweep.case_file import read_case
+from knitlab.sweep.case_file import case_path, read_case
 from knitlab.sweep.common import common_parameters, differences, parameters_of
 from knitlab.sweep.cube import build_cube
 from knitlab.sweep.cube_file import open_cube, write_cube
@@ -103,6 +103,30 @@ class Run:
         """Cases that have no result."""
         without = {*self.standing_at(Standing.pending), *self.standing_at(Standing.damaged)}
         return tuple(without - set(self.simulated))
+
+    def remarks(self, folder: Path) -> list[str]:
+        """What is to be said of a run whose results are not all as they should be."""
+        said = [
+            f"damaged: {case_path(folder, case_id)} was not as it had been written"
+            for case_id in self.standing_at(Standing.damaged)
+        ]
+        if self.failures:
+            said.append(f"one alone, in detail: knitlab reproduce CASE_ID (see {FAILURES})")
+        if self.stale_code:
+            said.append(
+                f"stale: {len(self.stale_code)} cases were computed by other code and stay as they"
+                " are; --refresh computes them anew"
+            )
+        if self.stale_parameters:
+            said.append(
+                f"stale: {len(self.stale_parameters)} cases stay as they were computed with other"
+                f" parameters ({'; '.join(self.changed) or 'of single designs'}); --refresh"
+                " computes them anew, --results FOLDER keeps both"
+            )
+        if self.stopped:
+            left = f"{len(self.unfinished)} cases are left"
+            said.append(f"stopped: what is done is kept, {left}; run again to go on")
+        return said
 
 
 @dataclass

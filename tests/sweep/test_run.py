@@ -94,6 +94,24 @@ def test_workers_give_what_this_process_gives(sweep, tmp_path):
         np.testing.assert_allclose(spawned[name], run.cube[name], rtol=1e-6, atol=1e-9)
 
 
+def test_a_clamped_sample_of_one_cell_has_no_poisson_ratio(tmp_path):
+    overrides = (
+        "n_stripe=4",
+        "n_subunit=8",
+        *SMALL[:2],
+        "boundary=clamped",
+        "unit_cells=[[1,1],[2,1]]",
+    )
+    cube = run_plan(make_plan("preview", overrides), tmp_path, RunOptions()).cube.squeeze()
+    assert (cube["status"] == Status.ok).all()
+    one, two = (cube.sel(unit_cells=label) for label in ("1x1", "2x1"))
+    assert one["poisson_ratio"].isnull().all()
+    assert one["strain_xx"].isnull().all()
+    assert one["poisson_ratio_min"].isnull()
+    assert one["mean_strain_yy"].notnull().all()
+    assert two["poisson_ratio"][1:].notnull().all()
+
+
 def test_a_design_that_does_not_converge_is_reported_not_averaged(tmp_path):
     plan = make_plan("preview", ("n_stripe=4", *SMALL, "max_iterations=3", "ramp_steps=1"))
     run = run_plan(plan, tmp_path, RunOptions())
