@@ -86,9 +86,10 @@ def test_a_second_run_recomputes_nothing(sweep):
     xr.testing.assert_identical(again.cube, run.cube)
 
 
-def test_workers_give_what_this_process_gives(sweep, tmp_path):
+@pytest.mark.parametrize("workers", [1, 2])
+def test_workers_give_what_this_process_gives(sweep, tmp_path, workers):
     plan, _, run = sweep
-    spawned = run_plan(plan, tmp_path, RunOptions(workers=2)).cube
+    spawned = run_plan(plan, tmp_path, RunOptions(workers=workers)).cube
     assert (spawned["status"] == run.cube["status"]).all()
     for name in ("mean_strain_xx", "reaction_force", "energy_fold"):
         np.testing.assert_allclose(spawned[name], run.cube[name], rtol=1e-6, atol=1e-9)
