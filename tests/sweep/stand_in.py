@@ -119,7 +119,7 @@ def kill_again_and_again(results, kills):
             options = RunOptions(simulate=simulate_slowly)
             while True:  # what is done is done: then the cube alone is written, over and over
                 run_plan(plan, results, options)
-        time.sleep(random.uniform(0, 0.6))
+        time.sleep(random.uniform(0, 0.4))
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
         after = {case_id for case_id in plan.cases if kept(results, case_id) is Kept.sound}

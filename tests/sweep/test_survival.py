@@ -130,7 +130,7 @@ def test_a_worker_lost_once_costs_nothing(tmp_path):
     assert run.failures == ()
 
 
-@pytest.mark.parametrize(("workers", "timeout"), [(0, 0.5), (WORKERS, 2.0)])
+@pytest.mark.parametrize(("workers", "timeout"), [(0, 0.5), (WORKERS, 1.0)])
 def test_a_case_without_end_is_ended(tmp_path, workers, timeout):
     endless = stand_in.simulate_endlessly
     run = ran(plan_of(), tmp_path, endless, workers=workers, case_timeout=timeout)
