@@ -5,8 +5,8 @@ own step size and its own end, so none can disturb another.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, fields
+from functools import lru_cache, partial
 from typing import Any, Literal
 
 import diffrax
@@ -226,9 +226,26 @@ SMALLEST_STEP = 1e-9
 """Time step below which a motion counts as diverged [ms]."""
 
 
+class Numbers(eqx.Module):
+    """The numbers among the settings: traced, so that no change of one compiles anew."""
+
+    steady_force: Float[Array, ""]
+    relative_tolerance: Float[Array, ""]
+    absolute_tolerance: Float[Array, ""]
+    time_step: Float[Array, ""]
+    settling_time: Float[Array, ""]
+
+    @classmethod
+    def of(cls, settings: DynamicsSettings) -> "Numbers":
+        """Those of some settings."""
+        return cls(*(jnp.asarray(getattr(settings, field.name)) for field in fields(cls)))
+
+
 def integrate(
     net: Network,
-    settings: DynamicsSettings,
+    steady_ending: bool,
+    max_steps: int,
+    settings: Numbers,
     fabric: Fabric,
     inertia: Inertia,
     drive: Drive,
@@ -240,7 +257,9 @@ def integrate(
 
     Args:
         net: network of its mesh shape.
-        settings: of the integration.
+        steady_ending: whether rest ends it, or equal steps do.
+        max_steps: time steps tried.
+        settings: numbers of the integration.
         fabric: its numbers.
         inertia: its mass and drag.
         drive: what holds and drives it.
@@ -248,7 +267,6 @@ def integrate(
         times: when to keep the energies, ascending [ms].
         snapshot_times: when to keep the configuration, likewise [ms].
     """
-    steady_ending = settings.ending == "steady"
 
     def derivative(time: Any, motion: Motion, _: Any) -> Motion:
         return equations_of_motion(net, fabric, inertia, drive, time, motion)
@@ -299,7 +317,7 @@ def integrate(
         ),
         stepsize_controller=controller,
         event=diffrax.Event(over),
-        max_steps=settings.max_steps,
+        max_steps=max_steps,
         adjoint=diffrax.ForwardMode(),
         throw=False,
     )
@@ -329,12 +347,16 @@ Integrator = Callable[
 ]
 
 
-@lru_cache(maxsize=8)
 def batch_integrator(shape: MeshShape, settings: DynamicsSettings) -> Integrator:
     """Compiled :func:`integrate` for a batch: fabrics, motions and times stacked along axis 0."""
-    net = network(shape)
+    compiled = _compiled(shape, settings.ending == "steady", settings.max_steps)
+    return partial(compiled, Numbers.of(settings))
 
-    def one(*arguments: Any) -> Trajectory:
-        return integrate(net, settings, *arguments)
 
-    return jax.jit(jax.vmap(one))
+@lru_cache(maxsize=8)
+def _compiled(shape: MeshShape, steady_ending: bool, max_steps: int) -> Callable[..., Trajectory]:
+    def one(settings: Numbers, *arguments: Any) -> Trajectory:
+        return integrate(network(shape), steady_ending, max_steps, settings, *arguments)
+
+    over_settings_once = (None, *[0] * 6)
+    return jax.jit(jax.vmap(one, in_axes=over_settings_once))
