@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from knitlab.sweep.faults import BadInput, Fault, fault
+from knitlab.sweep.plain_cube import PlainCube
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -33,8 +34,7 @@ def selected(cube: "xr.Dataset", selections: Sequence[str]) -> "xr.Dataset":
     Raises:
         BadInput: with every selection that is malformed or names what is not there.
     """
-    coordinates = {str(name): cube[name].values for name in cube.coords if name in cube.dims}
-    return cube.isel(chosen_places(coordinates, selections))
+    return cube.isel(chosen_places(PlainCube.of(cube).coordinates, selections))
 
 
 def chosen_places(

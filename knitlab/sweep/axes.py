@@ -7,7 +7,7 @@ from typing import Any
 
 from knitlab.sweep.case import Label
 from knitlab.sweep.changes import SHEET_QUANTITIES, STRIPE_QUANTITIES
-from knitlab.sweep.parameters import Parameters, StripeUnits
+from knitlab.sweep.parameters import Parameters
 from knitlab.sweep.registry import Variable
 from knitlab.sweep.workflow import Workflow
 
@@ -42,14 +42,14 @@ class Axis:
     def coordinate(self, parameters: Parameters) -> Variable:
         """The cube's coordinate along it."""
         name, units, base = self.name, "1", self.name.removesuffix("_factor")
-        words = base.replace("_", " ") if base == SAMPLE_SIZE else base
+        words = base
         if base != name:
             return Variable((name,), units, f"factor on {base}")
         quantity = base.removeprefix("rib_").removeprefix("garter_")
         if base == SAMPLE_SIZE:
             words = "unit cells of the sample, along y and x"
         elif quantity in STRIPE_QUANTITIES:
-            units = StripeUnits.model_fields[quantity].annotation.__args__[0]  # type: ignore[union-attr]
+            units = getattr(parameters.stripes.rib.unit, quantity)
         elif base in SHEET_QUANTITIES:
             units = getattr(parameters.sheet, base).unit
         elif self.section == "model":
@@ -63,11 +63,13 @@ def combinations(
     workflow: Workflow, axes: tuple[Axis, ...]
 ) -> Iterator[tuple[dict[str, Label], Workflow]]:
     """Every combination of the axes' values: its labels, and the workflow that it makes."""
-    for places in itertools.product(*(range(len(axis.values)) for axis in axes)):
-        labels = {axis.name: axis.labels[k] for axis, k in zip(axes, places, strict=True)}
+    labelled = [tuple(zip(axis.labels, axis.values, strict=True)) for axis in axes]
+    for chosen in itertools.product(*labelled):
+        labels: dict[str, Label] = {}
         changed: dict[str, dict[str, Any]] = {}
-        for axis, place in zip(axes, places, strict=True):
-            changed.setdefault(axis.section, {})[axis.name] = axis.values[place]
+        for axis, (label, value) in zip(axes, chosen, strict=True):
+            labels[axis.name] = label
+            changed.setdefault(axis.section, {})[axis.name] = value
         sections = {
             name: getattr(workflow, name).model_copy(update=values)
             for name, values in changed.items()

@@ -4,9 +4,8 @@ from pathlib import Path
 
 import xarray as xr
 
-from knitlab.sweep.faults import fault
 from knitlab.sweep.files import written_whole
-from knitlab.sweep.plain_cube import base_of, check_is_cube, cube_path
+from knitlab.sweep.plain_cube import base_of, check_is_cube, cube_path, read_as_cube
 from knitlab.sweep.registry import encoding
 
 
@@ -20,13 +19,8 @@ def open_cube(path: str | Path) -> xr.Dataset:
         BadInput: if there is no such file, or it is not a cube.
     """
     path = cube_path(path)
-    try:
-        with xr.open_dataset(path, engine="netcdf4") as dataset:
-            cube = dataset.load()
-    except FileNotFoundError as error:
-        raise fault(str(path), "does not exist; run a workflow first") from error
-    except (OSError, ValueError) as error:
-        raise fault(str(path), f"is not a netCDF file ({error}); give a cube.nc") from error
+    with read_as_cube(path), xr.open_dataset(path, engine="netcdf4") as dataset:
+        cube = dataset.load()
     check_is_cube(path, design_dims(cube) if {"status", "case_id"} <= set(cube) else None)
     return cube
 

@@ -1,6 +1,7 @@
 """A cube as plain arrays: without xarray, whose import alone takes longer than most questions."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -56,14 +57,9 @@ def open_plain_cube(path: str | Path) -> PlainCube:
         BadInput: if there is no such file, or it is not a cube.
     """
     path = cube_path(path)
-    try:
-        with netCDF4.Dataset(path) as dataset:
-            dims = {name: its.dimensions for name, its in dataset.variables.items()}
-            coordinates = {name: dataset[name][...] for name in dims if dims[name] == (name,)}
-    except FileNotFoundError as error:
-        raise fault(str(path), "does not exist; run a workflow first") from error
-    except (OSError, ValueError) as error:
-        raise fault(str(path), f"is not a netCDF file ({error}); give a cube.nc") from error
+    with read_as_cube(path), netCDF4.Dataset(path) as dataset:
+        dims = {name: its.dimensions for name, its in dataset.variables.items()}
+        coordinates = {name: dataset[name][...] for name in dims if dims[name] == (name,)}
     cube = PlainCube(
         {name: its for name, its in dims.items() if name not in coordinates},
         {name: np.ma.getdata(values) for name, values in coordinates.items()},
@@ -77,6 +73,21 @@ def cube_path(path: str | Path) -> Path:
     """The file of a cube that is named by it or by its folder."""
     path = Path(path)
     return path / CUBE if path.is_dir() else path
+
+
+@contextmanager
+def read_as_cube(path: Path) -> Iterator[None]:
+    """Explain why a file cannot be read as a cube.
+
+    Raises:
+        BadInput: if it is not there, or not netCDF.
+    """
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise fault(str(path), "does not exist; run a workflow first") from error
+    except (OSError, ValueError) as error:
+        raise fault(str(path), f"is not a netCDF file ({error}); give a cube.nc") from error
 
 
 def read_values(path: Path, name: str) -> np.ndarray:
