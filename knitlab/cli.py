@@ -95,7 +95,7 @@ def plan(workflow: str, results: Path, overrides: tuple[str, ...]) -> None:
     folder = results / made.workflow
     with held(folder):
         made.write(folder / PLAN)
-    status = folder_status(folder, made.designs, check=False)
+    status = folder_status(folder, made.record(), made.designs, check=False)
     click.echo(made.title)
     for number, batch in enumerate(made.batches[:MOST_LINES], start=1):
         click.echo(
@@ -236,7 +236,7 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
         from knitlab.sweep.plan import make_plan
 
         designs = make_plan(workflow, tuple(record["overrides"])).designs
-    found = folder_status(folder, designs, check)
+    found = folder_status(folder, record, designs, check)
     if as_json:
         click.echo(json.dumps(found.record(), indent=1))
         return

@@ -3,17 +3,17 @@
 import json
 from typing import TYPE_CHECKING, Any
 
-from knitlab.sweep.plan import Plan
-
 if TYPE_CHECKING:
     import xarray as xr
+
+    from knitlab.sweep.plan import Plan
 
 ATTRIBUTE = "parameters"
 OF_DESIGNS = ("design", "weft", "warp", "periods")
 """What follows from a design and the stripes."""
 
 
-def common_parameters(plan: Plan) -> dict[str, Any]:
+def common_parameters(plan: "Plan") -> dict[str, Any]:
     """What all cases of a plan share beside their designs.
 
     The rest, what is a dimension included, is in ``plan.json`` and in each case file.

@@ -12,7 +12,7 @@ import xarray as xr
 
 from knitlab.sweep.case import Case, Label
 from knitlab.sweep.case_file import case_path
-from knitlab.sweep.common import ATTRIBUTE, common_parameters, parameters_of, shared
+from knitlab.sweep.common import ATTRIBUTE, parameters_of, shared
 from knitlab.sweep.design_space import Design
 from knitlab.sweep.measurement import variables_of
 from knitlab.sweep.plain_cube import PlainCube, unmasked
@@ -107,7 +107,7 @@ def _attributes(
     plan: Plan, old: xr.Dataset | None, entries: Mapping[Design, Entry]
 ) -> dict[str, str]:
     """Attributes of a cube: of its parameters, those alone that hold for every design."""
-    common = common_parameters(plan)
+    common = plan.common
     planned = [entry.values["case_id"] in plan.cases for entry in entries.values()]
     if old is not None and not all(planned):
         common = shared(parameters_of(old), common) if any(planned) else parameters_of(old)

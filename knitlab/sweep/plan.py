@@ -3,6 +3,7 @@
 import json
 from collections import defaultdict
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from knitlab.sweep.axes import Axis
 from knitlab.sweep.case import Case
 from knitlab.sweep.cases import cases, stripe_files, with_stripe_files
 from knitlab.sweep.changes import Changes
+from knitlab.sweep.common import common_parameters
 from knitlab.sweep.design_space import Design, DesignSpace, design_space, stripe_space
 from knitlab.sweep.estimate import bytes_needed, seconds
 from knitlab.sweep.faults import BadInput, Gathered
@@ -80,6 +82,11 @@ class Plan:
     def designs(self) -> dict[str, Design]:
         """Labels of its cases, by identifier."""
         return {case_id: tuple(case.design.values()) for case_id, case in self.cases.items()}
+
+    @cached_property
+    def common(self) -> dict[str, Any]:
+        """What all of its cases share beside their designs."""
+        return common_parameters(self)
 
     @property
     def applied_strain(self) -> tuple[float, ...]:

@@ -111,7 +111,7 @@ VARIABLES = {
         in_cube=False,
     ),
     "kinetic_energy_peak": Variable(
-        _STATE, "N mm", "largest kinetic energy while driven to a strain", of="dynamics"
+        _STATE, "N mm", "largest kinetic energy on the way to a strain", of="dynamics"
     ),
     "snapped": Variable(
         _STATE,

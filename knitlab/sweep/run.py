@@ -10,7 +10,7 @@ import xarray as xr
 
 from knitlab.sweep.case import Case
 from knitlab.sweep.case_file import case_path, read_case
-from knitlab.sweep.common import common_parameters, differences, parameters_of
+from knitlab.sweep.common import differences, parameters_of
 from knitlab.sweep.cube import build_cube
 from knitlab.sweep.cube_file import open_cube, write_cube
 from knitlab.sweep.faults import BadInput, fault
@@ -185,7 +185,7 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
         with written_whole(results / FAILURES) as temporary:
             temporary.write_text("".join(json.dumps(entry) + "\n" for entry in failures))
     mine = tuple(entry for entry in failures if entry["case_id"] in plan.cases)
-    changed = () if old is None else differences(parameters_of(old), common_parameters(plan))
+    changed = () if old is None else differences(parameters_of(old), plan.common)
     return Run(cube, simulated, standing, mine, stopped, changed if stale else ())
 
 
@@ -200,7 +200,7 @@ def _old_cube(plan: Plan, path: Path) -> xr.Dataset | None:
         raise fault(str(path), problem) from error
     check_dims(PlainCube.of(cube), plan.dims, path)
     others = set(cells(PlainCube.of(cube))) - set(plan.designs.values())
-    changed = differences(parameters_of(cube), common_parameters(plan))
+    changed = differences(parameters_of(cube), plan.common)
     changed = tuple(change for change in changed if not change.startswith(MAY_DIFFER))
     if others and changed:
         raise fault(

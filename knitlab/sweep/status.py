@@ -91,18 +91,20 @@ def changed_inputs(record: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(path for path, digest in record["inputs"].items() if now.get(path) != digest)
 
 
-def folder_status(folder: Path, designs: Mapping[str, Design], check: bool) -> FolderStatus:
+def folder_status(
+    folder: Path, record: Mapping[str, Any], designs: Mapping[str, Design], check: bool
+) -> FolderStatus:
     """How every planned case stands in a results folder.
 
     Args:
         folder: the folder.
+        record: of its plan, see :func:`read_plan`.
         designs: labels of the planned cases, by identifier.
         check: whether to compare case files with their checksums.
 
     Raises:
-        BadInput: if the folder has no plan, or its cube is none.
+        BadInput: if its cube is none.
     """
-    record = read_plan(folder)
     cube = open_plain_cube(folder / CUBE) if (folder / CUBE).exists() else None
     there = {} if cube is None else cells(cube)
     failures = earlier_failures(folder)

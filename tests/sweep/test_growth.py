@@ -165,7 +165,7 @@ def test_results_of_other_parameters_stay_until_refreshed(tmp_path):
     assert kept.simulated == ()
     assert sorted(kept.stale_parameters) == sorted(other.cases)
     xr.testing.assert_identical(kept.cube.drop_attrs(), first.cube.drop_attrs())
-    words = folder_status(tmp_path, other.designs, check=True).words
+    words = folder_status(tmp_path, read_plan(tmp_path), other.designs, check=True).words
     assert set(words.values()) == {Standing.stale_parameters.value}
     fresh = ran(other, tmp_path, refresh=True)
     assert sorted(fresh.simulated) == sorted(other.cases)
@@ -215,7 +215,7 @@ def test_results_of_other_code_are_told_and_computed_anew_only_when_asked(tmp_pa
     kept = ran(plan, tmp_path)
     assert kept.simulated == ()
     assert sorted(kept.stale_code) == sorted(plan.cases)
-    words = folder_status(tmp_path, plan.designs, check=False).words
+    words = folder_status(tmp_path, read_plan(tmp_path), plan.designs, check=False).words
     assert set(words.values()) == {Standing.stale_code.value}
     assert sorted(ran(plan, tmp_path, refresh=True).simulated) == sorted(plan.cases)
 
@@ -272,10 +272,13 @@ def test_the_status_of_a_folder_before_its_first_cube(tmp_path):
     plan = planned(*PAIRS)
     plan.write(tmp_path / "plan.json")
     stand_in.simulate(tmp_path, list(plan.cases.values())[:1], lambda *_: None)
-    counts = folder_status(tmp_path, plan.designs, check=True).counts
+    counts = folder_status(tmp_path, read_plan(tmp_path), plan.designs, check=True).counts
     assert counts == {"done, not yet in the cube": 1, "pending": 1}
     os.truncate(next((tmp_path / "cases").glob("*.nc")), 100)
-    assert folder_status(tmp_path, plan.designs, check=True).counts == {"damaged": 1, "pending": 1}
+    assert folder_status(tmp_path, read_plan(tmp_path), plan.designs, check=True).counts == {
+        "damaged": 1,
+        "pending": 1,
+    }
 
 
 def test_query_and_figures_slice_swept_settings(tmp_path):
