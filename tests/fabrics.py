@@ -3,11 +3,11 @@
 import jax.numpy as jnp
 import numpy as np
 
+from knitlab.mechanics.drive import run
 from knitlab.mechanics.dynamic_tension import Batch
 from knitlab.mechanics.dynamics import DynamicsSettings
-from knitlab.mechanics.lockstep import run_in_lockstep
-from knitlab.mechanics.newton import SolverSettings
 from knitlab.mechanics.relaxation import relax
+from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.state import State, TensileTest
 from knitlab.mechanics.tension import stretch
 from knitlab.model.fabric import Fabric, Sheet, weave
@@ -58,7 +58,7 @@ def pure(
 
 
 def relaxed(net: Network, fabric: Fabric, settings: SolverSettings = DEFAULT) -> State:
-    return run_in_lockstep(net.shape, [fabric], [relax(net, fabric, settings)])[0]
+    return run(net.shape, fabric, relax(net, fabric, settings))
 
 
 def stretched(
@@ -67,7 +67,7 @@ def stretched(
     strains: list[float],
     settings: SolverSettings = DEFAULT,
 ) -> TensileTest:
-    return run_in_lockstep(net.shape, [fabric], [stretch(net, fabric, strains, settings)])[0]
+    return run(net.shape, fabric, stretch(net, fabric, strains, settings))
 
 
 def moving(

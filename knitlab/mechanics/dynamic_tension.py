@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from knitlab.mechanics.drive import stacked
 from knitlab.mechanics.dynamics import (
     PEAK_OF_SMOOTH_RAMP,
     Drive,
@@ -17,7 +18,6 @@ from knitlab.mechanics.dynamics import (
     batch_integrator,
 )
 from knitlab.mechanics.loading import Loading, all_free, squared_up, tensile
-from knitlab.mechanics.lockstep import stacked
 from knitlab.mechanics.state import History, Outcome, State, TensileTest
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.inertia import Inertia

@@ -1,27 +1,48 @@
-"""Evaluation: energy, forces and element Hessians of a batch of fabrics, in one JAX program.
+"""Evaluation: energy, forces and element Hessians of a fabric, each one JAX program.
 
-The program is compiled once for a mesh shape and batch size and vmapped over the batch.
+A program is compiled once for a mesh shape. How far a fabric is folded and how hard its walls are
+enter as numbers, so that a path on which they rise compiles nothing anew.
 """
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
+from typing import TypeVar
 
 import equinox as eqx
 import jax
+import numpy as np
 from jaxtyping import Array, Float
 
-from knitlab.model.energy import (
-    Energy,
-    element_vectors,
-    energy,
-    hinge_energy,
-    over_elements,
-    positions,
-    spring_energy,
-    wall_energy,
-)
+from knitlab.mechanics.element_stiffness import hinge_stiffness, spring_stiffness
+from knitlab.model.energy import Energy, element_vectors, energy, positions, wall_energy
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, Network, network
+
+Result = TypeVar("Result")
+
+
+class Stage(eqx.Module):
+    """How much of a fabric acts: a way from the flat sheet to the whole.
+
+    Attributes:
+        fold: fraction of the rest fold angles, 0 rests flat.
+        wall: fraction of the stiffness of the walls.
+    """
+
+    fold: Float[Array, ""] | float = 1.0
+    wall: Float[Array, ""] | float = 1.0
+
+
+WHOLE = Stage()
+
+
+def staged(fabric: Fabric, stage: Stage) -> Fabric:
+    """The fabric at a stage."""
+    return eqx.tree_at(
+        lambda f: (f.rest_fold, f.k_wall),
+        fabric,
+        (stage.fold * fabric.rest_fold, stage.wall * fabric.k_wall),
+    )
 
 
 class Evaluation(eqx.Module):
@@ -30,59 +51,76 @@ class Evaluation(eqx.Module):
     Attributes:
         energy: its parts [N mm].
         gradient: ∂V/∂(configuration), minus the force on every unknown [N].
-        springs: Hessian of every spring's energy by its vector [N/mm].
-        hinges: Hessian of every hinge's energy by its five vectors [N/mm].
-        walls: second derivative of the wall penalty by every node's height [N/mm].
     """
 
     energy: Energy
     gradient: Float[Array, "*batch unknown"]
-    springs: Float[Array, "*batch spring 1 3 1 3"]
-    hinges: Float[Array, "*batch hinge 5 3 5 3"]
+
+
+class ElementHessians(eqx.Module):
+    """Second derivatives of the energies that the total is summed from.
+
+    Attributes:
+        springs: of every spring's energy by its vector, lower triangle [N/mm].
+        hinges: of every hinge's energy by its nodes, lower triangle, in blocks of hinges as
+            :func:`~knitlab.mechanics.element_stiffness.hinge_stiffness` lays them [N/mm].
+        walls: of the wall penalty by every node's height [N/mm].
+    """
+
+    springs: Float[Array, "*batch 6 spring"]
+    hinges: Float[Array, "*batch block 171 lane"]
     walls: Float[Array, "*batch node"]
 
 
-def part_folded(fabric: Fabric, fraction: Float[Array, ""]) -> Fabric:
-    """The fabric with every rest fold angle at a fraction of its own; 0 rests flat."""
-    return eqx.tree_at(lambda f: f.rest_fold, fabric, fraction * fabric.rest_fold)
-
-
 def evaluate(
-    net: Network,
-    fabric: Fabric,
-    fold_fraction: Float[Array, ""],
-    configuration: Float[Array, " unknown"],
+    net: Network, fabric: Fabric, stage: Stage, configuration: Float[Array, " unknown"]
 ) -> Evaluation:
-    """Energy, gradient and element Hessians of one fabric in one configuration.
+    """Energy and gradient of one fabric in one configuration.
 
     Args:
         net: the network of the fabric's mesh shape.
         fabric: its numbers.
-        fold_fraction: fraction of the rest fold angles that acts, 1 but while relaxing.
+        stage: how much of it acts.
         configuration: node coordinates, then L_x and L_y [mm].
     """
-    fabric = part_folded(fabric, fold_fraction)
+    acting = staged(fabric, stage)
 
     def total(q: Float[Array, " unknown"]) -> tuple[Array, Energy]:
-        parts = energy(net, fabric, q)
+        parts = energy(net, acting, q)
         return parts.total, parts
 
     gradient, parts = jax.grad(total, has_aux=True)(configuration)
-    springs = over_elements(jax.hessian(spring_energy))(
-        element_vectors(net.springs, configuration), fabric.rest_length, fabric.stretch_stiffness
+    return Evaluation(parts, gradient)
+
+
+def element_hessians(
+    net: Network, fabric: Fabric, stage: Stage, configuration: Float[Array, " unknown"]
+) -> ElementHessians:
+    """Element Hessians of one fabric in one configuration; arguments as for :func:`evaluate`."""
+    acting = staged(fabric, stage)
+    springs = spring_stiffness(
+        element_vectors(net.springs, configuration)[0],
+        acting.rest_length,
+        acting.stretch_stiffness,
     )
-    hinges = over_elements(jax.hessian(hinge_energy))(
-        element_vectors(net.hinges, configuration), fabric.rest_fold, fabric.fold_stiffness
+    hinges = hinge_stiffness(
+        element_vectors(net.hinges, configuration), acting.rest_fold, acting.fold_stiffness
     )
     curvature = jax.vmap(jax.grad(jax.grad(wall_energy)), (0, None, None))
-    walls = curvature(positions(configuration)[:, 2], fabric.z_max, fabric.k_wall)
-    return Evaluation(parts, gradient, springs, hinges, walls)
+    walls = curvature(positions(configuration)[:, 2], acting.z_max, acting.k_wall)
+    return ElementHessians(springs, hinges, walls)
 
 
-BatchEvaluator = Callable[[Fabric, Float[Array, " case"], Float[Array, "case unknown"]], Evaluation]
+Program = Callable[[Fabric, Stage, Float[np.ndarray, "*batch unknown"]], Result]
 
 
 @lru_cache(maxsize=16)
-def batch_evaluator(shape: MeshShape) -> BatchEvaluator:
-    """Compiled :func:`evaluate` for a batch of fabrics stacked along their first axis."""
-    return jax.jit(jax.vmap(lambda *case: evaluate(network(shape), *case)))
+def evaluator(shape: MeshShape) -> Program[Evaluation]:
+    """Compiled :func:`evaluate` for fabrics of one mesh shape."""
+    return jax.jit(partial(evaluate, network(shape)))
+
+
+@lru_cache(maxsize=16)
+def hessian_evaluator(shape: MeshShape) -> Program[ElementHessians]:
+    """Compiled :func:`element_hessians` for fabrics of one mesh shape."""
+    return jax.jit(partial(element_hessians, network(shape)))

@@ -14,6 +14,7 @@ class Loading:
     """A displacement-controlled test along y, from a reference configuration.
 
     Attributes:
+        shape: the mesh shape.
         unknowns: places of the free unknowns.
         reference: the relaxed configuration [mm].
         drive: how far each unknown moves per unit of applied strain where it is held, and in an
@@ -21,6 +22,7 @@ class Loading:
         length: the length that the applied strain refers to [mm].
     """
 
+    shape: MeshShape
     unknowns: Int[np.ndarray, " free"]
     reference: Float[np.ndarray, " unknown"]
     drive: Float[np.ndarray, " unknown"]
@@ -61,9 +63,9 @@ def squared_up(
 ) -> Float[np.ndarray, " unknown"]:
     """A relaxed sample turned so that the rows to be clamped lie as on its flat sheet, at best.
 
-    A free sample turns and tilts as it folds, by angles that hang on how it came there; whoever
-    clamps it squares it up and levels it, for pulled askew it takes other states. Walls are not
-    regarded. Endless fabric cannot turn.
+    A free sample turns, tilts and drifts as it folds, by amounts that hang on how it came there;
+    whoever clamps it squares it up and levels it, for pulled askew it takes other states. Walls
+    are not regarded, and its height between them is left. Endless fabric cannot turn.
     """
     if shape.periodic:
         return relaxed
@@ -73,6 +75,7 @@ def squared_up(
     middle = rows.mean(axis=0)
     turn, _ = Rotation.align_vectors(flat_rows - flat_rows.mean(axis=0), rows - middle)
     nodes = middle + turn.apply(relaxed[:-2].reshape(-1, 3) - middle)
+    nodes[:, :2] += (flat[:-2].reshape(-1, 3) - nodes).mean(axis=0)[:2]
     return np.concatenate([nodes.ravel(), relaxed[-2:]])
 
 
@@ -88,11 +91,11 @@ def tensile(shape: MeshShape, relaxed: Float[np.ndarray, " unknown"]) -> Loading
     if shape.periodic:
         length = float(relaxed[-1])
         drive[1:-2:3], drive[-1] = heights, length
-        return Loading(np.arange(shape.unknowns - 1), relaxed, drive, length)
+        return Loading(shape, np.arange(shape.unknowns - 1), relaxed, drive, length)
     rows = heights.reshape(shape.nodes_y, shape.nodes_x)
     length = float(rows[-1].mean() - rows[0].mean())
     affine = np.clip(rows - rows[0].mean(), 0, length)
     affine[0], affine[-1] = 0, length
     drive[1:-2:3] = affine.ravel()
     inner = np.arange(3 * shape.nodes_x, 3 * (shape.nodes - shape.nodes_x))
-    return Loading(inner, relaxed, drive, length)
+    return Loading(shape, inner, relaxed, drive, length)

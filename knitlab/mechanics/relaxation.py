@@ -1,42 +1,92 @@
 """Relaxation: the flat sheet off the needles folds into its corrugated shape."""
 
+import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
+from knitlab.mechanics.equilibrium import find_equilibrium
+from knitlab.mechanics.evaluation import Stage
 from knitlab.mechanics.loading import all_free, squared_up
-from knitlab.mechanics.newton import Request, Solver, SolverSettings, find_equilibrium
+from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
 from knitlab.mechanics.state import State
 from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.network import Network
 
 
-def relax(net: Network, fabric: Fabric, settings: SolverSettings) -> Solver[State]:
+def relax(
+    net: Network,
+    fabric: Fabric,
+    settings: SolverSettings,
+    start: Float[np.ndarray, " unknown"] | None = None,
+) -> Solver[State]:
     """Solver for the relaxed shape (paper, Sec. "Relaxation of a pattern").
 
-    From the flat sheet the rest fold angles are raised to their full value in
-    ``settings.ramp_steps`` equal steps, each but the last only near equilibrium: to
-    ``settings.waypoint_force`` of the largest force that a fold exerts on the flat sheet.
-    A sample for clamping relaxes with all its edges free; no coordinate is pinned. It is then
-    squared up, and solved again as the walls may resist that.
+    The rest fold angles are raised to their full value in ``settings.ramp_steps`` equal steps,
+    between walls that are soft at first: hard walls stop every step at the first node that
+    touches them, and a node that slides along one touches it anew at every step. Each stage but
+    the last is only solved to near equilibrium, ``settings.waypoint_force`` of the largest
+    force that a fold exerts on the flat sheet. A sample for clamping relaxes with all its edges
+    free; no coordinate is pinned. It is then squared up, and solved again as the walls may
+    resist that.
+
+    Args:
+        net: network of the fabric's mesh shape.
+        fabric: its numbers.
+        settings: of the equilibrium solver.
+        start: where to start from; the flat sheet by default.
     """
     shape = net.shape
     free = free_stiffness(shape, all_free(shape))
     longest = settings.step_limit * float(fabric.cell.min())
-    flat = configuration = np.asarray(flat_sheet(net, fabric))
+    flat = np.asarray(flat_sheet(net, fabric))
     moments = np.asarray(fabric.fold_stiffness * abs(fabric.rest_fold))
     near = settings.waypoint_force * float(moments.max() / fabric.cell.min())
     waypoint = replace(settings, tolerance=max(settings.tolerance, near))
+    configuration = flat if start is None else start
     passed: list[State] = []
-    for step in range(1, settings.ramp_steps):
-        request = Request(configuration, step / settings.ramp_steps)
+    for stage in _stages(settings):
+        request = Evaluate(configuration, stage)
         state = yield from find_equilibrium(request, free, longest, waypoint)
         configuration = state.configuration
         passed.append(state)
-    state = yield from find_equilibrium(Request(configuration), free, longest, settings)
+    state = yield from find_equilibrium(Evaluate(configuration), free, longest, settings)
     if state.converged and not shape.periodic:
         passed.append(state)
-        square = Request(squared_up(shape, flat, state.configuration))
+        square = Evaluate(squared_up(shape, flat, state.configuration))
         state = yield from find_equilibrium(square, free, longest, settings)
     return state.after(*passed)
+
+
+def _stages(settings: SolverSettings) -> Iterator[Stage]:
+    """All stages but the whole."""
+    for step in range(1, settings.ramp_steps):
+        yield Stage(step / settings.ramp_steps, settings.soft_wall)
+    for decade in range(math.ceil(-math.log10(settings.soft_wall))):
+        yield Stage(1.0, settings.soft_wall * 10.0**decade)
+
+
+def tiled(
+    net: Network,
+    fabric: Fabric,
+    cell: Network,
+    relaxed: Float[np.ndarray, " cell_unknown"],
+) -> Float[np.ndarray, " unknown"]:
+    """A sample laid out of relaxed endless fabric: a start that is right but for its edges [mm].
+
+    Args:
+        net: network of the sample.
+        fabric: its numbers.
+        cell: network of the endless fabric.
+        relaxed: its relaxed configuration.
+    """
+    rows, columns = np.mgrid[: net.shape.nodes_y, : net.shape.nodes_x]
+    turns_y, rows = np.divmod(rows, cell.shape.nodes_y)
+    turns_x, columns = np.divmod(columns, cell.shape.nodes_x)
+    nodes = relaxed[:-2].reshape(cell.shape.nodes_y, cell.shape.nodes_x, 3)[rows, columns].copy()
+    nodes[..., 0] += turns_x * relaxed[-2]
+    nodes[..., 1] += turns_y * relaxed[-1]
+    return np.concatenate([nodes.ravel(), np.asarray(flat_sheet(net, fabric))[-2:]])

@@ -31,7 +31,7 @@ class State:
         gradient: minus the force on every unknown, held ones included [N].
         outcome: how the search ended.
         residual: largest force left on a free unknown [N].
-        iterations: Newton steps tried, rejected ones included; by dynamics, time steps.
+        iterations: steps tried, rejected ones included; by dynamics, time steps.
         factorisations: factorisations they took.
         kinetic_peak: largest kinetic energy on the way here, 0 unless by dynamics [N mm].
         snapped: whether it is known that the fabric snapped on the way here.

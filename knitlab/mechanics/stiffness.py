@@ -1,18 +1,21 @@
 """Stiffness of the free unknowns, summed from element Hessians on a fixed sparsity.
 
-An element's vectors are linear in the unknowns, so the non-zeros of the stiffness are a constant
-sparse matrix, of signs, times the element Hessians. It is built once for a mesh shape and a
-choice of free unknowns; after that an assembly is one sparse product.
+A node of an element moves with its three coordinates and, where the element crosses the seam of
+endless fabric, with L_x and L_y. So the non-zeros of the stiffness are a constant sparse matrix
+times the entries of the element Hessians: it is built once for a mesh shape and a choice of free
+unknowns, and after that an assembly is one sparse product.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from knitlab.mechanics.evaluation import Evaluation
+from knitlab.mechanics.element_stiffness import HINGE_ENTRIES, LANES, SPRING_ENTRIES
+from knitlab.mechanics.evaluation import ElementHessians
 from knitlab.model.network import Elements, MeshShape, network
 
 
@@ -21,54 +24,54 @@ class FreeStiffness:
     """Sparsity of the stiffness of the free unknowns, and how element Hessians fill it.
 
     Attributes:
+        shape: the mesh shape.
         unknowns: places of the free unknowns, ascending.
-        indptr, indices: compressed-column sparsity, both triangles.
-        diagonal: which of the non-zeros lie on the diagonal.
-        from_springs, from_hinges, from_walls: constant matrices from element Hessians to
-            non-zeros.
+        indptr, indices: compressed-column sparsity of the lower triangle; the diagonal comes
+            first in its column.
+        from_springs, from_hinges, from_walls: constant matrices from entries of element Hessians
+            to non-zeros.
     """
 
+    shape: MeshShape
     unknowns: Int[np.ndarray, " free"]
     indptr: Int[np.ndarray, " column"]
     indices: Int[np.ndarray, " nonzero"]
-    diagonal: Int[np.ndarray, " free"]
     from_springs: sp.csr_array
     from_hinges: sp.csr_array
     from_walls: sp.csr_array
 
-    def matrix(self, evaluation: Evaluation) -> sp.csc_array:
-        """Stiffness of the free unknowns [N/mm] of one evaluated configuration."""
-        entries = (
-            self.from_springs @ np.ravel(evaluation.springs)
-            + self.from_hinges @ np.ravel(evaluation.hinges)
-            + self.from_walls @ np.ravel(evaluation.walls)
+    @property
+    def diagonal(self) -> Int[np.ndarray, " free"]:
+        """Which of the non-zeros lie on the diagonal."""
+        return self.indptr[:-1]
+
+    @cached_property
+    def grid(self) -> tuple[Int[np.ndarray, " free"], Int[np.ndarray, " free"]]:
+        """Row and column of the node that every free unknown belongs to; −1 for L_x and L_y."""
+        rows, columns = np.divmod(self.unknowns // 3, self.shape.nodes_x)
+        length = self.unknowns >= 3 * self.shape.nodes
+        return np.where(length, -1, rows), np.where(length, -1, columns)
+
+    def entries(self, hessians: ElementHessians) -> Float[np.ndarray, " nonzero"]:
+        """Non-zeros of the stiffness, from the element Hessians of one configuration [N/mm]."""
+        return (
+            self.from_springs @ np.ravel(hessians.springs)
+            + self.from_hinges @ np.ravel(hessians.hinges)
+            + self.from_walls @ np.ravel(hessians.walls)
         )
-        return self._with(entries)
 
-    def shifted(self, matrix: sp.csc_array, shift: float) -> sp.csc_array:
-        """``matrix`` plus ``shift`` times the identity [N/mm]."""
-        entries = matrix.data.copy()
-        entries[self.diagonal] += shift
-        return self._with(entries)
+    def shifted(
+        self, entries: Float[np.ndarray, " nonzero"], shift: float
+    ) -> Float[np.ndarray, " nonzero"]:
+        """Non-zeros with ``shift`` times the identity added [N/mm]."""
+        moved = entries.copy()
+        moved[self.diagonal] += shift
+        return moved
 
-    def _with(self, entries: Float[np.ndarray, " nonzero"]) -> sp.csc_array:
+    def lower(self, entries: Float[np.ndarray, " nonzero"]) -> sp.csc_array:
+        """The lower triangle that has these non-zeros."""
         size = len(self.unknowns)
         return sp.csc_array((entries, self.indices, self.indptr), shape=(size, size))
-
-
-@dataclass(frozen=True, eq=False)
-class _Entries:
-    """Terms of the stiffness: ``sign`` × element Hessian entry ``source``, at ``key``."""
-
-    key: Int[np.ndarray, " term"]
-    source: Int[np.ndarray, " term"]
-    sign: Float[np.ndarray, " term"]
-    sources: int
-
-    def into(self, keys: Int[np.ndarray, " nonzero"]) -> sp.csr_array:
-        """The constant matrix from element Hessians to the non-zeros at ``keys``."""
-        rows = np.searchsorted(keys, self.key)
-        return sp.csr_array((self.sign, (rows, self.source)), shape=(len(keys), self.sources))
 
 
 def free_stiffness(shape: MeshShape, unknowns: Int[np.ndarray, " free"]) -> FreeStiffness:
@@ -82,57 +85,102 @@ def _free_stiffness(shape: MeshShape, unknown_bytes: bytes) -> FreeStiffness:
     size = len(unknowns)
     number = np.full(shape.unknowns, -1)
     number[unknowns] = np.arange(size)
-
-    springs, hinges = (_terms(elements, number, size) for elements in (net.springs, net.hinges))
     heights = number[3 * np.arange(shape.nodes) + 2]
     free = np.flatnonzero(heights >= 0)
-    walls = _Entries(heights[free] * (size + 1), free, np.ones(len(free)), shape.nodes)
 
-    diagonal_keys = np.arange(size) * (size + 1)
-    keys = np.unique(np.concatenate([springs.key, hinges.key, diagonal_keys]))
+    springs = _terms(net.springs, number, size, _spring_entry(len(net.springs.nodes)))
+    hinges = _terms(net.hinges, number, size, _hinge_entry(len(net.hinges.nodes)))
+    walls = _Terms(heights[free] * (size + 1), free, np.ones(len(free)))
+    keys = np.unique(np.concatenate([springs.key, hinges.key, np.arange(size) * (size + 1)]))
     columns, rows = np.divmod(keys, size)
+    blocks = -(-len(net.hinges.nodes) // LANES)
     return FreeStiffness(
+        shape=shape,
         unknowns=unknowns,
         indptr=np.searchsorted(columns, np.arange(size + 1)).astype(np.int32),
         indices=rows.astype(np.int32),
-        diagonal=np.searchsorted(keys, diagonal_keys),
-        from_springs=springs.into(keys),
-        from_hinges=hinges.into(keys),
-        from_walls=walls.into(keys),
+        from_springs=springs.into(keys, len(SPRING_ENTRIES[0]) * len(net.springs.nodes)),
+        from_hinges=hinges.into(keys, len(HINGE_ENTRIES[0]) * LANES * blocks),
+        from_walls=walls.into(keys, shape.nodes),
     )
 
 
-def _terms(elements: Elements, number: Int[np.ndarray, " unknown"], size: int) -> _Entries:
-    """Every product of two derivatives of an element's vector components by free unknowns."""
-    unknowns, derivatives = _vector_derivatives(elements)
-    places = number[unknowns]
-    places = np.where(derivatives != 0, places, -1)
-    components = places.shape[1]
-    key = places[:, None, :, None, :] * size + places[:, :, None, :, None]
-    sign = derivatives[:, None, :, None, :] * derivatives[:, :, None, :, None]
-    free = places >= 0
-    kept = free[:, None, :, None, :] & free[:, :, None, :, None]
-    element, row, column, _, _ = np.nonzero(kept)
-    source = (element * components + row) * components + column
-    return _Entries(key[kept], source, sign[kept], len(places) * components**2)
+@dataclass(frozen=True, eq=False)
+class _Terms:
+    """Terms of the stiffness: ``factor`` × element Hessian entry ``source``, at ``key``."""
+
+    key: Int[np.ndarray, " term"]
+    source: Int[np.ndarray, " term"]
+    factor: Float[np.ndarray, " term"]
+
+    def into(self, keys: Int[np.ndarray, " nonzero"], sources: int) -> sp.csr_array:
+        """The constant matrix from element Hessian entries to the non-zeros at ``keys``."""
+        rows = np.searchsorted(keys, self.key)
+        return sp.csr_array((self.factor, (rows, self.source)), shape=(len(keys), sources))
 
 
-def _vector_derivatives(elements: Elements) -> tuple[np.ndarray, np.ndarray]:
-    """For every component of an element's vectors the three unknowns it hangs on, and how.
+Entry = Callable[[int, int], tuple[Int[np.ndarray, " element"], int]]
+"""Where to find, and with which sign, an entry of every element's Hessian by its nodes."""
 
-    They are the coordinates of its end and start, and the length L_x or L_y where it crosses
-    the seam of endless fabric.
-    """
-    starts, ends = np.array(elements.ends).T
-    count, vectors = len(elements.nodes), len(ends)
-    unknowns = np.zeros((count, vectors, 3, 3), dtype=np.int64)
-    derivatives = np.zeros((count, vectors, 3, 3))
-    for component in range(3):
-        unknowns[:, :, component, 0] = 3 * elements.nodes[:, ends] + component
-        unknowns[:, :, component, 1] = 3 * elements.nodes[:, starts] + component
-        derivatives[:, :, component, 0] = 1
-        derivatives[:, :, component, 1] = -1
-        if component < 2:
-            unknowns[:, :, component, 2] = 3 * elements.shape.nodes + component
-            derivatives[:, :, component, 2] = elements.periods[:, component].T
-    return unknowns.reshape(count, -1, 3), derivatives.reshape(count, -1, 3)
+
+def _spring_entry(count: int) -> Entry:
+    position = _position(SPRING_ENTRIES)
+
+    def entry(i: int, j: int) -> tuple[Int[np.ndarray, " element"], int]:
+        sign = 1 if i // 3 == j // 3 else -1
+        return position[i % 3, j % 3] * count + np.arange(count), sign
+
+    return entry
+
+
+def _hinge_entry(count: int) -> Entry:
+    position = _position(HINGE_ENTRIES)
+    block, lane = np.divmod(np.arange(count), LANES)
+
+    def entry(i: int, j: int) -> tuple[Int[np.ndarray, " element"], int]:
+        return (block * len(HINGE_ENTRIES[0]) + position[i, j]) * LANES + lane, 1
+
+    return entry
+
+
+def _position(entries: tuple[np.ndarray, np.ndarray]) -> Int[np.ndarray, "row column"]:
+    """Where an entry of a symmetric matrix lies among those of its lower triangle."""
+    rows, columns = entries
+    position = np.zeros((rows.max() + 1,) * 2, dtype=np.int64)
+    position[rows, columns] = position[columns, rows] = np.arange(len(rows))
+    return position
+
+
+def _terms(
+    elements: Elements, number: Int[np.ndarray, " unknown"], size: int, entry: Entry
+) -> _Terms:
+    """Every product of two coordinates of an element's nodes that falls into the lower triangle."""
+    freedoms = [
+        _freedoms(elements, number, node, component)
+        for node in range(elements.nodes.shape[1])
+        for component in range(3)
+    ]
+    parts: list[_Terms] = []
+    for i, moving in enumerate(freedoms):
+        for j, moved in enumerate(freedoms):
+            source, sign = entry(i, j)
+            for row, by_row in moving:
+                for column, by_column in moved:
+                    factor = sign * by_row * by_column
+                    kept = (row >= column) & (column >= 0) & (factor != 0)
+                    key = column[kept] * size + row[kept]
+                    parts.append(_Terms(key, source[kept], factor[kept]))
+    return _Terms(
+        *(np.concatenate([getattr(p, name) for p in parts]) for name in ("key", "source", "factor"))
+    )
+
+
+def _freedoms(
+    elements: Elements, number: Int[np.ndarray, " unknown"], node: int, component: int
+) -> list[tuple[Int[np.ndarray, " element"], Float[np.ndarray, " element"]]]:
+    """The free unknowns that move a node of every element, and how far: −1 where held."""
+    own = number[3 * elements.nodes[:, node] + component], np.ones(len(elements.nodes))
+    if component == 2 or not elements.images[:, node, component].any():
+        return [own]
+    length = np.full(len(elements.nodes), number[3 * elements.shape.nodes + component])
+    return [own, (length, elements.images[:, node, component].astype(float))]

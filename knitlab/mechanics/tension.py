@@ -2,19 +2,23 @@
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
+from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.loading import Loading, tensile
-from knitlab.mechanics.newton import Request, Solver, SolverSettings, find_equilibrium
 from knitlab.mechanics.relaxation import relax
+from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
 from knitlab.mechanics.state import State, TensileTest
 from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
 
 ROUND_OFF = 1e-9
+LEAST_WORK = 1e-6
+"""Work of a strain step below which its energy is compared with the stored energy instead."""
 
 
 def stretch(
@@ -23,14 +27,19 @@ def stretch(
     applied_strain: Sequence[float],
     settings: SolverSettings,
     progress: Callable[[int], None] = lambda done: None,
+    start: Float[np.ndarray, " unknown"] | None = None,
 ) -> Solver[TensileTest]:
     """Solver that relaxes a fabric and takes it through a tensile test.
 
-    The path to a strain is followed in equal steps of at most ``settings.path_step``, each
-    starting from the line through the two states before it, the first from an affine stretch.
-    A step that fails is tried again over half the strain, down to ``settings.smallest_step`` of
-    a full one. What all that costs is counted in the state it leads to. The test ends at the
-    first strain that cannot be reached.
+    The path to a strain is followed in steps of at most ``settings.path_step``, each starting
+    from the line through the two states before it, the first from an affine stretch. Along one
+    branch of equilibria the energy grows by the work of the reaction force; where a step gains
+    or loses more than ``settings.branch_limit`` of that work, the fabric has left its branch. A
+    step that does so, or fails, is tried again over half the strain, down to
+    ``settings.smallest_step`` of a full one. If it leaves the branch even then, the branch has
+    ended there: the fabric has snapped, and the state it snapped to is kept and marked. What
+    all that costs is counted in the state it leads to. The test ends at the first strain that
+    cannot be reached.
 
     Args:
         net: network of the fabric's mesh shape.
@@ -38,47 +47,73 @@ def stretch(
         applied_strain: ascending, from 0, the relaxed shape.
         settings: of the equilibrium solver.
         progress: told how many of the states are done.
+        start: where the relaxation starts from; the flat sheet by default.
     """
-    relaxed = yield from relax(net, fabric, settings)
+    relaxed = yield from relax(net, fabric, settings, start)
     progress(1)
     if not relaxed.converged:
         return TensileTest(None, [relaxed])
     loading = tensile(net.shape, relaxed.configuration)
-    free = free_stiffness(net.shape, loading.unknowns)
     longest = settings.step_limit * float(fabric.cell.min())
-
+    path = _Path(loading, [(applied_strain[0], relaxed)], settings)
     states = [relaxed]
-    path = [(applied_strain[0], relaxed.configuration)]
     for target in applied_strain[1:]:
-        distance = target - path[-1][0]
-        full = distance / math.ceil(distance / settings.path_step - ROUND_OFF)
-        step, spent = full, list[State]()
-        while True:
-            left = target - path[-1][0]
-            strain = target if left <= step * (1 + ROUND_OFF) else path[-1][0] + step
-            start = loading.holding(_ahead(path, strain, loading), strain)
-            state = yield from find_equilibrium(Request(start), free, longest, settings)
-            if state.converged:
-                path = [path[-1], (strain, state.configuration)]
-                if strain == target:
-                    break
-            elif step / 2 < settings.smallest_step * full:
-                break
-            else:
-                step /= 2
-            spent.append(state)
-        states.append(state.after(*spent))
+        state = yield from path.to(target, longest)
+        states.append(state)
         progress(len(states))
         if not state.converged:
             break
     return TensileTest(loading, states)
 
 
-def _ahead(
-    path: list[tuple[float, Float[np.ndarray, " unknown"]]], strain: float, loading: Loading
-) -> Float[np.ndarray, " unknown"]:
-    (last_strain, last) = path[-1]
-    if len(path) == 1:
-        return last + (strain - last_strain) * loading.drive
-    before_strain, before = path[-2]
-    return last + (last - before) * (strain - last_strain) / (last_strain - before_strain)
+@dataclass
+class _Path:
+    """The last states of a test, from which the next is sought."""
+
+    loading: Loading
+    last: list[tuple[float, State]]
+    settings: SolverSettings
+
+    def to(self, target: float, longest: float) -> Solver[State]:
+        """Follow the path to a strain."""
+        free = free_stiffness(self.loading.shape, self.loading.unknowns)
+        distance = target - self.last[-1][0]
+        full = distance / math.ceil(distance / self.settings.path_step - ROUND_OFF)
+        step, spent, snapped = full, list[State](), False
+        while True:
+            left = target - self.last[-1][0]
+            strain = target if left <= step * (1 + ROUND_OFF) else self.last[-1][0] + step
+            start = self.loading.holding(self._ahead(strain), strain)
+            state = yield from find_equilibrium(Evaluate(start), free, longest, self.settings)
+            smallest = step / 2 < self.settings.smallest_step * full * (1 - ROUND_OFF)
+            followed = state.converged and self._on_branch(strain, state)
+            if state.converged and (followed or smallest):
+                snapped |= not followed
+                self.last = [(strain, state)] if not followed else [self.last[-1], (strain, state)]
+                if strain == target:
+                    return replace(state, snapped=snapped).after(*spent)
+                step = min(2 * step, full) if followed else full
+            elif smallest:
+                return replace(state, snapped=snapped).after(*spent)
+            else:
+                step /= 2
+            spent.append(state)
+
+    def _on_branch(self, strain: float, state: State) -> bool:
+        """Whether the energy grew by the work done."""
+        before_strain, before = self.last[-1]
+        distance = (strain - before_strain) * self.loading.length
+        forces = [self.loading.reaction_force(of.gradient) for of in (before, state)]
+        work = sum(forces) / 2 * distance
+        gained = float(state.energy.total) - float(before.energy.total)
+        scale = max(abs(work), LEAST_WORK * float(before.energy.total))
+        return abs(gained - work) <= self.settings.branch_limit * scale
+
+    def _ahead(self, strain: float) -> Float[np.ndarray, " unknown"]:
+        """The path's continuation to a strain, by a straight line."""
+        last_strain, last = self.last[-1]
+        if len(self.last) == 1:
+            return last.configuration + (strain - last_strain) * self.loading.drive
+        before_strain, before = self.last[-2]
+        part = (strain - last_strain) / (last_strain - before_strain)
+        return last.configuration + (last.configuration - before.configuration) * part

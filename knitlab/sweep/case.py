@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from knitlab.mechanics.dynamics import DynamicsSettings
-from knitlab.mechanics.newton import SolverSettings
+from knitlab.mechanics.solver import SolverSettings
 from knitlab.model.fabric import Fabric, Sheet, weave
 from knitlab.model.inertia import MassAndDrag
 from knitlab.model.network import MeshShape, Network, mesh_shape

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from knitlab.mechanics.dynamics import DynamicsSettings
-from knitlab.mechanics.newton import SolverSettings
+from knitlab.mechanics.solver import SolverSettings
 from knitlab.model.fabric import Sheet
 from knitlab.model.inertia import MassAndDrag
 from knitlab.model.reading import Reading

@@ -58,6 +58,7 @@ def measured(case: Case, test: TensileTest, chain: Sequence[ChainState] = ()) ->
         "residual_force": [state.residual for state in test.states],
         "iterations": [float(state.iterations) for state in test.states],
         "factorisations": [float(state.factorisations) for state in test.states],
+        "snapped": [float(state.snapped) for state in reached],
     }
     if test.loading is not None:
         gradients = [state.gradient for state in reached]
@@ -67,7 +68,6 @@ def measured(case: Case, test: TensileTest, chain: Sequence[ChainState] = ()) ->
         values |= _strains(case, reached, complete)
     if case.method == "dynamics":
         values["kinetic_energy_peak"] = [state.kinetic_peak for state in test.states]
-        values["snapped"] = [float(state.snapped) for state in test.states]
     if test.history is not None:
         values |= _history(case, test.history)
     if chain:

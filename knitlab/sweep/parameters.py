@@ -16,6 +16,7 @@ from pydantic import (
 )
 
 from knitlab.mechanics.dynamics import Ending
+from knitlab.mechanics.solver import Start
 from knitlab.model.reading import (
     Boundary,
     CellSize,
@@ -144,10 +145,13 @@ class SolverParameters(Strict):
     max_iterations: Quantity[PositiveInt, Literal["1"]]
     step_limit: Quantity[Fraction, Literal["1"]]
     smallest_shift: Quantity[PositiveFloat, Literal["N/mm"]]
+    start: Quantity[Start, Literal["1"]]
     ramp_steps: Quantity[PositiveInt, Literal["1"]]
     waypoint_force: Quantity[Fraction, Literal["1"]]
     path_step: Quantity[Fraction, Literal["1"]]
     smallest_step: Quantity[Fraction, Literal["1"]]
+    soft_wall: Quantity[Fraction, Literal["1"]]
+    branch_limit: Quantity[PositiveFloat, Literal["1"]]
 
 
 class DynamicsParameters(Strict):

@@ -101,13 +101,16 @@ VARIABLES = {
     "energy_wall": Variable(_STATE, "N mm", "energy of the wall penalty"),
     "residual_force": Variable(_STATE, "N", "largest force left on a free unknown"),
     "iterations": Variable(
-        _STATE, "1", "Newton steps, or time steps by dynamics", "retried strain steps included"
+        _STATE,
+        "1",
+        "steps of the solver, or time steps by dynamics",
+        "retried strain steps included",
     ),
     "factorisations": Variable(
         _STATE,
         "1",
         "factorisations",
-        "of the stiffness, for all of the Newton steps",
+        "of the stiffness, for all of the steps",
         in_cube=False,
     ),
     "kinetic_energy_peak": Variable(
@@ -117,8 +120,8 @@ VARIABLES = {
         _STATE,
         "1",
         "whether the fabric snapped on the way to a strain",
-        "1 where more than haste_limit of the work of the strain step is lost at any slow rate",
-        of="dynamics",
+        "1 where the fabric left its branch of equilibria: more than branch_limit (by dynamics,"
+        " haste_limit) of the work of even the smallest strain step went astray",
     ),
     "row_force": Variable(
         _STATE, "N", "force for one row of the sheet", "a row is as wide as a cell", of="stripe"

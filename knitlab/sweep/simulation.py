@@ -3,13 +3,18 @@
 import json
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.mechanics.drive import run, run_all
 from knitlab.mechanics.dynamic_tension import Batch, stretch_by_dynamics
 from knitlab.mechanics.dynamics import DynamicsSettings
-from knitlab.mechanics.lockstep import run_in_lockstep
-from knitlab.mechanics.newton import SolverSettings
+from knitlab.mechanics.relaxation import relax, tiled
+from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.state import Outcome, TensileTest
 from knitlab.mechanics.tension import stretch
 from knitlab.mechanics.zigzag_tension import ChainState, pull_chain
@@ -46,16 +51,28 @@ def tensile_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest
 
 
 def tests_in_equilibrium(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
-    """Tensile tests by the equilibrium solver, in lockstep."""
+    """Tensile tests by the equilibrium solver."""
     fabrics, solvers = [], []
     for case in cases:
         net, fabric = case.woven()
-        if not isinstance(case.solver, SolverSettings):
+        settings = case.solver
+        if not isinstance(settings, SolverSettings):
             raise TypeError(f"case {case.case_id} has no settings of the equilibrium solver")
         done = partial(progress, case.case_id)
+        start = _start(case, settings)
         fabrics.append(fabric)
-        solvers.append(stretch(net, fabric, case.applied_strain, case.solver, done))
-    return run_in_lockstep(cases[0].mesh_shape, fabrics, solvers)
+        solvers.append(stretch(net, fabric, case.applied_strain, settings, done, start))
+    return run_all(cases[0].mesh_shape, fabrics, solvers)
+
+
+def _start(case: Case, settings: SolverSettings) -> Float[np.ndarray, " unknown"] | None:
+    """What a clamped sample relaxes from, unless from the flat sheet."""
+    if settings.start == "flat" or case.mesh_shape.periodic:
+        return None
+    endless = replace(case.reading, boundary="periodic")
+    net, fabric = replace(case, unit_cells=(1, 1), reading=endless).woven()
+    cell = run(net.shape, fabric, relax(net, fabric, settings))
+    return tiled(*case.woven(), net, cell.configuration) if cell.converged else None
 
 
 def tests_by_dynamics(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
@@ -114,7 +131,7 @@ def failure_reason(case: Case, test: TensileTest) -> str:
     if last.converged:
         return ""
     strain = case.applied_strain[len(test.states) - 1]
-    steps = "time steps" if case.method == "dynamics" else "Newton steps"
+    steps = "time steps" if case.method == "dynamics" else "steps"
     return (
         f"no equilibrium at applied strain {strain:g}: {last.residual:.1e} N left after"
         f" {last.iterations} {steps} ({WHY[last.outcome]})"

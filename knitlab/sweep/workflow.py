@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_validator
 
 from knitlab.mechanics.dynamics import Ending
+from knitlab.mechanics.solver import Start
 from knitlab.model.pattern import patch_map
 from knitlab.model.reading import (
     Boundary,
@@ -105,10 +106,13 @@ class SolverSection(Strict):
     max_iterations: PositiveInt | None = None
     step_limit: Fraction | None = None
     smallest_shift: PositiveFloat | None = None
+    start: Start | None = None
     ramp_steps: PositiveInt | None = None
     waypoint_force: Fraction | None = None
     path_step: Fraction | None = None
     smallest_step: Fraction | None = None
+    soft_wall: Fraction | None = None
+    branch_limit: PositiveFloat | None = None
 
 
 class DynamicsSection(Strict):

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from knitlab.mechanics.newton import Outcome, SolverSettings
+from knitlab.mechanics.solver import SolverSettings
+from knitlab.mechanics.state import Outcome
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.pattern import Pattern, patch_map
 from knitlab.model.reading import Reading
@@ -131,7 +132,7 @@ def test_what_does_not_relax_says_so():
 
 def test_a_step_that_fails_is_tried_in_halves():
     net, fabric = checkered(4, 1, ENDLESS)
-    whole = SolverSettings(path_step=1.0, ramp_steps=40)
+    whole = SolverSettings(path_step=1.0, ramp_steps=60, branch_limit=1e9)
     iterations = stretched(net, fabric, [0.0, 0.4], whole).states[1].iterations
     # Too few for the whole step, enough for its halves or theirs.
     tight = replace(whole, max_iterations=iterations - 1)

@@ -3,8 +3,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from knitlab.mechanics.lockstep import run_in_lockstep
-from knitlab.mechanics.newton import SolverSettings
+from knitlab.mechanics.drive import run_all
+from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.tension import stretch
 from tests.fabrics import ENDLESS, checkered, stretched
 
@@ -13,7 +13,7 @@ STRAINS = [0.0, 0.05, 0.1]
 
 def in_one_batch(net, fabrics):
     tests = [stretch(net, fabric, STRAINS, SolverSettings()) for fabric in fabrics]
-    return run_in_lockstep(net.shape, fabrics, tests)
+    return run_all(net.shape, fabrics, tests)
 
 
 def test_a_batch_gives_what_its_fabrics_give_alone():

@@ -1,0 +1,87 @@
+"""Driving solvers: what they ask for is worked out here."""
+
+from collections.abc import Sequence
+from typing import Any, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from knitlab.mechanics.evaluation import Evaluation, evaluator, hessian_evaluator
+from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser
+from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Request, Solve, Solver
+from knitlab.mechanics.stiffness import FreeStiffness
+from knitlab.model.fabric import Fabric
+from knitlab.model.network import MeshShape
+
+Result = TypeVar("Result")
+Numbers = TypeVar("Numbers", bound=eqx.Module)
+
+
+def stacked(cases: Sequence[Numbers]) -> Numbers:
+    """One batch of fabrics of one mesh shape, or what drives them, along a first axis."""
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *cases)
+
+
+class Desk:
+    """Answers the requests of one fabric's solver on this processor.
+
+    Args:
+        shape: mesh shape of the fabric.
+        fabric: its numbers.
+        method: of factorisation; by default the fastest that is installed.
+    """
+
+    def __init__(self, shape: MeshShape, fabric: Fabric, method: str | None = None) -> None:
+        self._shape, self._fabric, self._method = shape, fabric, method
+        self._factorisers: dict[FreeStiffness, Factoriser] = {}
+        self._free: FreeStiffness | None = None
+        self._entries = np.zeros(0)
+        self._factors: Factors | None = None
+
+    def answer(self, request: Request) -> Any:
+        """What a request asks for."""
+        match request:
+            case Evaluate(configuration, stage):
+                evaluation = evaluator(self._shape)(self._fabric, stage, configuration)
+                return jax.tree.map(np.asarray, evaluation)
+            case Assemble(configuration, free, stage):
+                hessians = hessian_evaluator(self._shape)(self._fabric, stage, configuration)
+                self._free, self._entries = free, free.entries(jax.tree.map(np.asarray, hessians))
+                return None
+            case Factorise(shift):
+                return self._factorise(shift)
+            case Solve(right):
+                if self._factors is None:
+                    raise RuntimeError("nothing is factorised")
+                return self._factors.solve(right)
+
+    def _factorise(self, shift: float) -> bool:
+        free = self._free
+        if free is None:
+            raise RuntimeError("nothing is assembled")
+        if free not in self._factorisers:
+            self._factorisers[free] = factoriser(free, self._method)
+        self._factors = self._factorisers[free](free.shifted(self._entries, shift))
+        return self._factors is not None
+
+
+def run(
+    shape: MeshShape, fabric: Fabric, solver: Solver[Result], method: str | None = None
+) -> Result:
+    """Run the solver of one fabric to its end and return what it returns."""
+    desk = Desk(shape, fabric, method)
+    answer: Evaluation | Any = None
+    while True:
+        try:
+            answer = desk.answer(solver.send(answer))
+        except StopIteration as end:
+            return end.value
+
+
+def run_all(
+    shape: MeshShape, fabrics: Sequence[Fabric], solvers: Sequence[Solver[Result]]
+) -> list[Result]:
+    """Run one solver a fabric and return what each returns, in order."""
+    return [run(shape, *each) for each in zip(fabrics, solvers, strict=True)]

@@ -1,0 +1,188 @@
+"""Second derivatives of one spring's and one hinge's energy, in closed form.
+
+Automatic differentiation gives the same numbers (the tests compare them) at five times the cost,
+and this is the part of a Newton step that hangs on nothing but elements.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from knitlab.model.network import HINGE_VECTORS
+
+Vector = Float[Array, "3 element"]
+Matrix = Float[Array, "3 3 element"]
+
+LANES = 64
+"""Hinges that are worked on together: their intermediate values stay in the fastest cache."""
+
+SPRING_ENTRIES = np.tril_indices(3)
+"""Rows and columns of the entries of a spring's stiffness that are kept."""
+
+HINGE_ENTRIES = np.tril_indices(18)
+"""Rows and columns (3 × node + component) of the entries of a hinge's stiffness that are kept."""
+
+
+def spring_stiffness(
+    vectors: Float[Array, "3 spring"],
+    rest_length: Float[Array, " spring"],
+    stiffness: Float[Array, " spring"],
+) -> Float[Array, "6 spring"]:
+    """Hessian of ½ k_s (ℓ − ℓ0)² by the spring's vector, lower triangle [N/mm].
+
+    Along the spring it is k_s, across it the tension k_s (1 − ℓ0/ℓ).
+    """
+    length = jnp.sqrt((vectors**2).sum(0))
+    along = vectors / length
+    across = stiffness * (1 - rest_length / length)
+    hessian = (stiffness - across) * _outer(along, along) + across * jnp.eye(3)[:, :, None]
+    return hessian[SPRING_ENTRIES]
+
+
+def hinge_stiffness(
+    vectors: Float[Array, "5 3 hinge"],
+    rest: Float[Array, " hinge"],
+    stiffness: Float[Array, " hinge"],
+) -> Float[Array, "block 171 lane"]:
+    """Hessian of ½ k_t (φ − φ0)² by the hinge's six nodes, lower triangle [N/mm].
+
+    Args:
+        vectors: see :data:`~knitlab.model.network.HINGE_VECTORS`.
+        rest: signed fold angle at rest, φ0.
+        stiffness: k_t.
+
+    Returns:
+        The entries of :data:`HINGE_ENTRIES`, for blocks of :data:`LANES` hinges; the last block
+        is filled up with hinges of no stiffness.
+    """
+    blocks = -(-len(rest) // LANES)
+    spare = (0, blocks * LANES - len(rest))
+    # Any hinge that is not degenerate will do where there is none.
+    filled = jnp.concatenate([vectors, jnp.broadcast_to(_UNFOLDED, (5, 3, spare[1]))], axis=-1)
+    laned = jnp.moveaxis(filled.reshape(5, 3, blocks, LANES), 2, 0)
+    numbers = (jnp.pad(of, spare).reshape(blocks, LANES) for of in (rest, stiffness))
+    return jax.lax.map(lambda block: _hinge_entries(*block), (laned, *numbers))
+
+
+_UNFOLDED = np.array([[0, 1, 0], [1, 1, 0], [-1, 1, 0], [1, 1, 0], [-1, 1, 0]])[:, :, None] * 1.0
+
+
+def _hinge_entries(
+    vectors: Float[Array, "5 3 lane"], rest: Float[Array, " lane"], stiffness: Float[Array, " lane"]
+) -> Float[Array, "171 lane"]:
+    """By nodes: every node is the start or the end of some of the vectors."""
+    by_vectors = _by_vectors(vectors, rest, stiffness)
+    blocks = {}
+    for row in range(6):
+        for column in range(row + 1):
+            terms = [
+                int(HINGE_VECTORS[i, row] * HINGE_VECTORS[j, column]) * by_vectors[i][j]
+                for i in range(5)
+                for j in range(5)
+                if HINGE_VECTORS[i, row] * HINGE_VECTORS[j, column]
+            ]
+            blocks[row, column] = sum(terms[1:], terms[0])
+    return jnp.stack(
+        [
+            blocks[i // 3, j // 3][i % 3, j % 3]
+            for i, j in zip(*(of.tolist() for of in HINGE_ENTRIES), strict=True)
+        ]
+    )
+
+
+def _by_vectors(
+    vectors: Float[Array, "5 3 lane"], rest: Float[Array, " lane"], stiffness: Float[Array, " lane"]
+) -> list[list[Matrix]]:
+    """By the edge and the diagonals, through the cross products that the normals are."""
+    edge, *diagonals = vectors
+    before = jnp.cross(diagonals[0], diagonals[1], axis=0)
+    after = jnp.cross(diagonals[2], diagonals[3], axis=0)
+    (by_before, by_after), second = _by_edge_and_normals(edge, before, after, rest, stiffness)
+    # n = d × d′ has ∂n/∂d = −[d′]× and ∂n/∂d′ = [d]×.
+    normal = [1, 1, 2, 2]
+    slope = [
+        -_skew(diagonals[1]),
+        _skew(diagonals[0]),
+        -_skew(diagonals[3]),
+        _skew(diagonals[2]),
+    ]
+    rows: list[list[Matrix]] = [[second[0][0]] for _ in range(5)]
+    for i in range(4):
+        rows[i + 1][0] = _product(_turned(slope[i]), second[normal[i]][0])
+        for j in range(i + 1):
+            half = _product(_turned(slope[i]), second[normal[i]][normal[j]])
+            rows[i + 1].append(_product(half, slope[j]))
+    rows[2][1] += _skew(by_before)
+    rows[4][3] += _skew(by_after)
+    return [[rows[i][j] if j <= i else _turned(rows[j][i]) for j in range(5)] for i in range(5)]
+
+
+def _by_edge_and_normals(
+    edge: Vector, before: Vector, after: Vector, rest: Array, stiffness: Array
+) -> tuple[tuple[Vector, Vector], list[list[Matrix]]]:
+    """Gradient by the two normals, and Hessian by edge and normals, lower triangle.
+
+    φ = atan2(S, C) with S = (n1 × n2)·ê and C = n1·n2, so that with r² = S² + C²:
+    φ_S = C/r², φ_C = −S/r², φ_SS = −φ_CC = −2SC/r⁴, φ_SC = (S² − C²)/r⁴.
+    """
+    length = jnp.sqrt((edge**2).sum(0))
+    along = edge / length
+    turned = jnp.cross(before, after, axis=0)
+    sine, cosine = (turned * along).sum(0), (before * after).sum(0)
+    cos_rest, sin_rest = jnp.cos(rest), jnp.sin(rest)
+    moment = stiffness * jnp.arctan2(
+        sine * cos_rest - cosine * sin_rest, cosine * cos_rest + sine * sin_rest
+    )
+    square = sine**2 + cosine**2
+    by_sine, by_cosine = cosine / square, -sine / square
+    bend, twist = -2 * sine * cosine / square**2, (sine**2 - cosine**2) / square**2
+    ss = stiffness * by_sine**2 + moment * bend
+    sc = stiffness * by_sine * by_cosine + moment * twist
+    cc = stiffness * by_cosine**2 - moment * bend
+    of_sine, of_cosine = moment * by_sine, moment * by_cosine
+
+    sideways = (turned - along * sine) / length
+    none = jnp.zeros_like(edge)
+    slopes_s = sideways, jnp.cross(after, along, axis=0), jnp.cross(along, before, axis=0)
+    slopes_c = none, after, before
+
+    def squares(i: int, j: int) -> Matrix:
+        right = ss * slopes_s[j] + sc * slopes_c[j]
+        low = sc * slopes_s[j] + cc * slopes_c[j]
+        return _outer(slopes_s[i], right) + _outer(slopes_c[i], low)
+
+    across = (jnp.eye(3)[:, :, None] - _outer(along, along)) / length
+    bent = _outer(along, sideways) + _outer(sideways, along)
+    edge_edge = squares(0, 0) - of_sine / length * (bent + sine * across)
+    before_edge = squares(1, 0) + of_sine * _product(_skew(after), across)
+    after_edge = squares(2, 0) - of_sine * _product(_skew(before), across)
+    mixed = squares(2, 1) + of_sine * _skew(along) + of_cosine * jnp.eye(3)[:, :, None]
+    gradient = (
+        of_sine * slopes_s[1] + of_cosine * slopes_c[1],
+        of_sine * slopes_s[2] + of_cosine * slopes_c[2],
+    )
+    return gradient, [
+        [edge_edge],
+        [before_edge, squares(1, 1)],
+        [after_edge, mixed, squares(2, 2)],
+    ]
+
+
+def _skew(vector: Vector) -> Matrix:
+    """The matrix of the cross product, [v]× w = v × w."""
+    x, y, z = vector
+    none = jnp.zeros_like(x)
+    return jnp.stack([none, -z, y, z, none, -x, -y, x, none]).reshape(3, 3, -1)
+
+
+def _outer(left: Vector, right: Vector) -> Matrix:
+    return left[:, None] * right[None, :]
+
+
+def _product(left: Matrix, right: Matrix) -> Matrix:
+    return (left[:, :, None] * right[None, :, :]).sum(1)
+
+
+def _turned(matrix: Matrix) -> Matrix:
+    return jnp.swapaxes(matrix, 0, 1)

@@ -1,0 +1,227 @@
+"""Equilibrium: downhill by quasi-Newton steps, with a fresh factorisation when it pays.
+
+A fold moves far while its yarn hardly stretches, so that the energy is a narrow curved valley
+and a Newton step, straight as it is, soon climbs its side. A factorisation costs some ten to
+twenty gradients and solves. So one factorisation of K + μ I serves as the first guess of many
+L-BFGS steps (Nocedal and Wright, Numerical Optimization, Alg. 7.4), which learn how the valley
+bends, and is made anew as soon as a step gains less than the steps since then have on average,
+its cost included.
+"""
+
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.mechanics.evaluation import Evaluation
+from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Solve, Solver, SolverSettings
+from knitlab.mechanics.state import Outcome, State
+from knitlab.mechanics.stiffness import FreeStiffness
+from knitlab.model.network import MeshShape
+
+FIRST_SHIFT = 1e-4
+LEAST_RAISED_SHIFT = 1e-6
+LARGEST_SHIFT = 1e6
+FACTORISATION_COST = 16
+"""Quasi-Newton steps that a fresh factorisation is held to be worth."""
+MOST_STEPS = 60
+"""Quasi-Newton steps on one factorisation, and how many of them are remembered."""
+PATIENCE = 3
+"""Poor steps in a row after which the stiffness is factored anew."""
+BACKTRACKS = 5
+SUFFICIENT_DECREASE = 1e-4
+LEAST_CURVATURE = 1e-8
+# Below this relative change the energy is round-off and the force decides instead.
+ENERGY_ROUND_OFF = 1e-13
+PROGRESS_ROUND_OFF = 1e-10
+
+Vector = Float[np.ndarray, " free"]
+
+
+@dataclass
+class _Search:
+    """Where a search is, and what it has cost."""
+
+    at: Evaluate
+    now: Evaluation
+    unknowns: np.ndarray
+    shift: float = FIRST_SHIFT
+    iterations: int = 0
+    factorisations: int = 0
+
+    @property
+    def energy(self) -> float:
+        return float(self.now.energy.total)
+
+    @property
+    def gradient(self) -> Vector:
+        return np.asarray(self.now.gradient)[self.unknowns]
+
+    @property
+    def force(self) -> float:
+        return float(np.abs(self.gradient).max())
+
+    def state(self, outcome: Outcome) -> State:
+        return State(
+            configuration=self.at.configuration,
+            energy=self.now.energy,
+            gradient=np.asarray(self.now.gradient),
+            outcome=outcome,
+            residual=self.force,
+            iterations=self.iterations,
+            factorisations=self.factorisations,
+        )
+
+
+def find_equilibrium(
+    start: Evaluate, free: FreeStiffness, step_length: float, settings: SolverSettings
+) -> Solver[State]:
+    """Move the free unknowns downhill to a state where no force is left on them.
+
+    Every step goes downhill, so that the fabric is followed through snaps towards a minimum
+    nearby. μ is raised until K + μ I is positive definite and falls while steps succeed; where
+    it vanishes and the forces are small, convergence is Newton's. The state that is returned is
+    tested for its force alone: a path that runs straight into a saddle would end there.
+
+    Args:
+        start: configuration to start from, and the stage; its held unknowns stay.
+        free: the free unknowns and the sparsity of their stiffness.
+        step_length: longest change of the vector between neighbouring nodes in a step [mm].
+        settings: tolerance and limits.
+    """
+    search = _Search(start, (yield start), free.unknowns)
+    while True:
+        if search.force <= settings.tolerance:
+            return search.state(Outcome.converged)
+        if search.iterations >= settings.max_iterations:
+            return search.state(Outcome.iteration_limit)
+        if not np.isfinite(search.force):
+            return search.state(Outcome.stalled)
+        yield Assemble(search.at.configuration, free, search.at.stage)
+        raised = False
+        while True:
+            search.factorisations += 1
+            if (yield Factorise(search.shift)):
+                break
+            search.shift, raised = max(4 * search.shift, LEAST_RAISED_SHIFT), True
+            if search.shift > LARGEST_SHIFT:
+                return search.state(Outcome.stalled)
+        descent = yield from _descend(search, free.shape, step_length, settings)
+        if descent.blurred and not descent.steps and search.shift <= settings.smallest_shift:
+            return search.state(Outcome.stalled)
+        if descent.blurred or not (descent.blocked or raised):
+            search.shift = max(0.1 * search.shift, settings.smallest_shift)
+        elif not descent.steps:
+            search.shift = max(10 * search.shift, LEAST_RAISED_SHIFT)
+        elif descent.blocked:
+            search.shift *= 2
+        if search.shift > LARGEST_SHIFT:
+            return search.state(Outcome.stalled)
+
+
+@dataclass(frozen=True)
+class _Descent:
+    """What came of one factorisation.
+
+    Attributes:
+        steps: quasi-Newton steps taken.
+        blocked: whether no part of the next step helped.
+        blurred: whether it did not because round-off hid it; then not the step is too long, but
+            the shift too large for the force to fall at once.
+    """
+
+    steps: int
+    blocked: bool = False
+    blurred: bool = False
+
+
+def _descend(
+    search: _Search, shape: MeshShape, step_length: float, settings: SolverSettings
+) -> Solver[_Descent]:
+    """Quasi-Newton steps on one factorisation."""
+    memory: deque[tuple[Vector, Vector, float]] = deque(maxlen=MOST_STEPS)
+    highest, steps, poor = search.energy, 0, 0
+    while steps < MOST_STEPS and search.iterations < settings.max_iterations:
+        direction = yield from _direction(search.gradient, memory)
+        slope = float(search.gradient @ direction)
+        if not slope < 0:
+            return _Descent(steps, blocked=True)
+        longest = longest_change(shape, search.unknowns, direction)
+        shortening = min(1.0, step_length / longest)
+        before = search.energy, search.gradient, search.force
+        length = yield from _line_search(search, direction * shortening, slope * shortening)
+        if not length:
+            noise = ENERGY_ROUND_OFF * abs(search.energy)
+            return _Descent(steps, blocked=True, blurred=-slope * shortening < noise)
+        steps += 1
+        if search.force <= settings.tolerance:
+            break
+        step, change = direction * (shortening * length), search.gradient - before[1]
+        curvature = float(step @ change)
+        if curvature > LEAST_CURVATURE * np.sqrt((step @ step) * (change @ change)):
+            memory.append((step, change, curvature))
+        total = highest - search.energy
+        if total > PROGRESS_ROUND_OFF * abs(search.energy):
+            is_poor = before[0] - search.energy < total / (FACTORISATION_COST + steps)
+        else:
+            is_poor = search.force > 0.5 * before[2]
+        poor = poor + 1 if is_poor else 0
+        if poor == PATIENCE:
+            break
+    return _Descent(steps)
+
+
+def _direction(gradient: Vector, memory: deque[tuple[Vector, Vector, float]]) -> Solver[Vector]:
+    """The L-BFGS direction, with the factorised stiffness as its first guess."""
+    direction, weights = -gradient, list[float]()
+    for step, change, curvature in reversed(memory):
+        weights.append(float(step @ direction) / curvature)
+        direction = direction - weights[-1] * change
+    direction = yield Solve(direction)
+    for (step, change, curvature), weight in zip(memory, reversed(weights), strict=True):
+        direction = direction + (weight - float(change @ direction) / curvature) * step
+    return direction
+
+
+def _line_search(search: _Search, step: Vector, slope: float) -> Solver[float]:
+    """Move by as much of a step as lowers the energy enough; 0 if nothing does."""
+    length, energy, force = 1.0, search.energy, search.force
+    noise = ENERGY_ROUND_OFF * abs(energy)
+    for _ in range(BACKTRACKS):
+        configuration = search.at.configuration.copy()
+        configuration[search.unknowns] += length * step
+        trial = replace(search.at, configuration=configuration)
+        then: Evaluation = yield trial
+        search.iterations += 1
+        there = float(then.energy.total)
+        calmer = float(np.abs(np.asarray(then.gradient)[search.unknowns]).max()) <= force
+        lower = there <= energy + SUFFICIENT_DECREASE * length * slope + noise
+        if lower and (there < energy - noise or calmer):
+            search.at, search.now = trial, then
+            return length
+        excess = there - energy - length * slope
+        lowest = -slope * length**2 / (2 * excess) if excess > 0 else length / 2
+        length = min(max(lowest, 0.1 * length), 0.5 * length)
+    return 0.0
+
+
+def longest_change(shape: MeshShape, unknowns: np.ndarray, step: Vector) -> float:
+    """Longest change, in a step, of the vector from a node to its neighbour [mm].
+
+    A part of the sheet that moves or turns as a whole may go far in a step; what must not is one
+    node against the next.
+    """
+    move = np.zeros(shape.unknowns)
+    move[unknowns] = step
+    nodes = move[:-2].reshape(shape.nodes_y, shape.nodes_x, 3)
+    longest = 0.0
+    for axis, length in ((1, move[-2]), (0, move[-1])):
+        if shape.periodic:
+            change = np.roll(nodes, -1, axis) - nodes
+            seam = (-1, slice(None), 1) if axis == 0 else (slice(None), -1, 0)
+            change[seam] += length
+        else:
+            change = np.diff(nodes, axis=axis)
+        longest = max(longest, float((change**2).sum(-1).max()))
+    return max(longest, np.finfo(float).tiny) ** 0.5

@@ -1,0 +1,92 @@
+"""Solvers as generators: what they ask for, whoever works it out.
+
+A solver yields a request and is sent the answer. It never touches a device itself, so that one
+and the same solver runs alone on a processor or beside others in batches on an accelerator
+(:mod:`knitlab.mechanics.drive`).
+"""
+
+from collections.abc import Generator
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.mechanics.evaluation import WHOLE, Stage
+from knitlab.mechanics.stiffness import FreeStiffness
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Ask for energy and gradient: answered by an ``Evaluation`` of NumPy arrays."""
+
+    configuration: Float[np.ndarray, " unknown"]
+    stage: Stage = field(default=WHOLE)
+
+
+@dataclass(frozen=True)
+class Assemble:
+    """Ask for the stiffness of the free unknowns to be kept ready: answered by nothing."""
+
+    configuration: Float[np.ndarray, " unknown"]
+    free: FreeStiffness
+    stage: Stage = field(default=WHOLE)
+
+
+@dataclass(frozen=True)
+class Factorise:
+    """Ask for the assembled stiffness plus a shift to be factored: is it positive definite?"""
+
+    shift: float
+
+
+@dataclass(frozen=True)
+class Solve:
+    """Ask for K⁻¹ times a vector by the last factorisation: answered by that vector."""
+
+    right: Float[np.ndarray, " free"]
+
+
+Start = Literal["endless", "flat"]
+Request = Evaluate | Assemble | Factorise | Solve
+Solver = Generator[Request, Any, Result]
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """How equilibria are searched for.
+
+    Attributes:
+        tolerance: largest force left on any free unknown [N].
+        max_iterations: steps tried before a search is given up.
+        step_limit: longest change of the vector between two neighbouring nodes in a step, as a
+            fraction of the shorter side of a grid cell; keeps hinges from being thrown past ±π.
+        smallest_shift: floor of the shift, which also steadies the modes that cost no energy
+            [N/mm].
+        start: where the relaxation of a clamped sample starts from: ``endless``, laid out of
+            relaxed endless fabric, or ``flat``; endless fabric always starts flat.
+        ramp_steps: equal steps in which relaxation raises the rest fold angles.
+        soft_wall: fraction of the walls' stiffness that relaxation begins with, to be raised
+            tenfold from stage to stage; 1 for hard walls from the start.
+        waypoint_force: force that may be left between those steps, as a part of the largest
+            that a fold exerts, k_t × fold angle / cell.
+        path_step: largest step of applied strain from one equilibrium to the next.
+        smallest_step: part of a strain step down to which it is halved where the search fails or
+            the fabric leaves its branch.
+        branch_limit: energy that a strain step may gain or lose against the work done in it, as a
+            part of that work, before the fabric counts as having left its branch.
+    """
+
+    tolerance: float = 1e-8
+    max_iterations: int = 4000
+    step_limit: float = 0.3
+    smallest_shift: float = 1e-9
+    start: Start = "endless"
+    ramp_steps: int = 1
+    soft_wall: float = 1e-3
+    waypoint_force: float = 1e-3
+    path_step: float = 0.01
+    smallest_step: float = 1 / 16
+    branch_limit: float = 0.05

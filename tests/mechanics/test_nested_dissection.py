@@ -1,0 +1,193 @@
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from jaxtyping import Int
+from scipy.sparse.linalg import spsolve
+
+from knitlab.mechanics import dissection
+from knitlab.mechanics.nested_dissection import Factors, NestedDissection, nested_dissection
+
+OFFSETS = [
+    (down, across)
+    for down in range(-2, 3)
+    for across in range(-2, 3)
+    if abs(down) + abs(across) <= 3
+]
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A positive definite matrix and where its unknowns lie."""
+
+    matrix: sp.csc_array
+    rows: Int[np.ndarray, " unknown"]
+    columns: Int[np.ndarray, " unknown"]
+
+    @property
+    def lower(self) -> sp.csc_array:
+        lower = sp.csc_array(sp.tril(self.matrix))
+        lower.sort_indices()
+        return lower
+
+    @property
+    def plan(self) -> NestedDissection:
+        lower = self.lower
+        return nested_dissection(lower.indptr, lower.indices, self.rows, self.columns)
+
+    def factors(self) -> Factors | None:
+        return self.plan.factorise(self.lower.data)
+
+
+def sheet(height: int, width: int, endless: bool = False, held: int = 0) -> Case:
+    """Nodes coupled as in fabric; ``held`` rows at either end are not free."""
+    row, column = (place.ravel() for place in np.indices((height, width)))
+    pairs = []
+    for down, across in OFFSETS:
+        to_row, to_column = row + down, column + across
+        if endless:
+            to_row, to_column = to_row % height, to_column % width
+        inside = (to_row >= 0) & (to_row < height) & (to_column >= 0) & (to_column < width)
+        pairs.append(np.stack([np.flatnonzero(inside), (to_row * width + to_column)[inside]]))
+    one, other = np.concatenate(pairs, axis=1)
+    blocks = (np.ones(len(one)), (one, other))
+    pattern = sp.kron(sp.coo_array(blocks, shape=(row.size,) * 2), np.ones((3, 3)))
+    rows, columns = np.repeat(row, 3), np.repeat(column, 3)
+    if endless:
+        seams = np.stack([columns < 2, rows < 2]).astype(float)
+        pattern = sp.block_array([[pattern, seams.T], [seams, np.ones((2, 2))]])
+        rows, columns = (np.append(line, [-1, -1]) for line in (rows, columns))
+    free = (rows < 0) | ((rows >= held) & (rows < height - held))
+    pattern = sp.csc_array(pattern)[free][:, free]
+    random = sp.tril(pattern, -1, format="csc")
+    random.data = np.random.default_rng(0).normal(size=random.nnz)
+    matrix = random + random.T
+    matrix += sp.diags_array(abs(matrix).sum(axis=0) + 0.1)
+    return Case(sp.csc_array(matrix), rows[free], columns[free])
+
+
+def half_free() -> Case:
+    """A sheet of which any unknown may be held, alone of its node."""
+    case = sheet(20, 30)
+    free = np.random.default_rng(3).random(len(case.rows)) < 0.5
+    return Case(sp.csc_array(case.matrix[free][:, free]), case.rows[free], case.columns[free])
+
+
+CASES = {
+    "one node": sheet(1, 1),
+    "one row": sheet(1, 70),
+    "3 × 3": sheet(3, 3),
+    "3 × 3, held": sheet(3, 3, held=1),
+    "narrow": sheet(60, 3),
+    "free": sheet(23, 31),
+    "held": sheet(25, 18, held=1),
+    "held twice": sheet(21, 40, held=2),
+    "half free": half_free(),
+    "endless 3 × 3": sheet(3, 3, endless=True),
+    "endless 4 × 30": sheet(4, 30, endless=True),
+    "endless 7 × 8": sheet(7, 8, endless=True),
+    "endless": sheet(24, 37, endless=True),
+    "endless, tall": sheet(41, 20, endless=True),
+}
+
+
+@pytest.fixture(params=CASES.values(), ids=CASES.keys())
+def case(request: pytest.FixtureRequest) -> Case:
+    return request.param
+
+
+def triangle(factors: Factors) -> np.ndarray:
+    """L as a dense matrix, in the order of elimination."""
+    dense = np.zeros((len(factors.order),) * 2)
+    for front, (pivots, coupling) in zip(factors.fronts, factors.columns, strict=True):
+        dense[front.pivots, front.pivots] = np.tril(pivots)
+        dense[front.boundary, front.pivots] = coupling
+    return dense
+
+
+def test_it_solves(case: Case) -> None:
+    rhs = np.random.default_rng(1).normal(size=len(case.rows))
+    before = rhs.copy()
+    solution = case.factors().solve(rhs)
+    np.testing.assert_allclose(solution, spsolve(case.matrix, rhs), rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(rhs, before)
+
+
+@pytest.mark.parametrize("columns", [0, 1, 5])
+def test_it_solves_for_many_columns(case: Case, columns: int) -> None:
+    rhs = np.random.default_rng(1).normal(size=(len(case.rows), columns))
+    solution = case.factors().solve(rhs)
+    assert solution.shape == rhs.shape
+    np.testing.assert_allclose(case.matrix @ solution, rhs, rtol=0, atol=1e-12)
+
+
+def test_the_factor_is_that_of_the_reordered_matrix(case: Case) -> None:
+    factors = case.factors()
+    dense = case.matrix.toarray()[np.ix_(factors.order, factors.order)]
+    np.testing.assert_allclose(triangle(factors), np.linalg.cholesky(dense), rtol=0, atol=1e-12)
+
+
+def test_indefinite_matrices_are_told(case: Case) -> None:
+    plan, lower = case.plan, case.lower
+    smallest = np.linalg.eigvalsh(case.matrix.toarray())[0]
+    diagonal = lower.indptr[:-1]
+    for shift, definite in ((0.999, True), (1.001, False)):
+        entries = lower.data.copy()
+        entries[diagonal] -= shift * smallest
+        assert (plan.factorise(entries) is not None) == definite
+
+
+def test_one_bad_pivot_anywhere_is_told() -> None:
+    case = sheet(12, 17, endless=True)
+    plan, lower = case.plan, case.lower
+    for column in range(0, len(case.rows), 7):
+        for bad in (0.0, -1.0, np.nan):
+            entries = lower.data.copy()
+            entries[lower.indptr[column]] = bad
+            assert plan.factorise(entries) is None
+
+
+def test_a_plan_serves_many_matrices() -> None:
+    case = sheet(15, 20, held=1)
+    plan, lower = case.plan, case.lower
+    rhs = np.ones(len(case.rows))
+    first = plan.factorise(lower.data)
+    second = plan.factorise(2 * lower.data)
+    np.testing.assert_allclose(first.solve(rhs), 2 * second.solve(rhs), rtol=1e-12)
+
+
+@pytest.mark.parametrize("leaf", [1, 4, 10_000])
+def test_the_size_of_the_leaves_does_not_matter(leaf: int, monkeypatch) -> None:
+    monkeypatch.setattr(dissection, "LEAF_NODES", leaf)
+    case = sheet(17, 22, endless=True)
+    rhs = np.ones(len(case.rows))
+    np.testing.assert_allclose(case.matrix @ case.factors().solve(rhs), rhs, rtol=1e-12)
+
+
+def test_the_order_alone_hangs_on_the_grid() -> None:
+    """Wrong places give wrong cuts, whose fronts couple across them, and the same solution."""
+    case = sheet(14, 19)
+    shuffled = np.random.default_rng(2).permutation(len(case.rows))
+    scrambled = Case(case.matrix, case.rows[shuffled], case.columns[shuffled])
+    rhs = np.ones(len(case.rows))
+    np.testing.assert_allclose(case.matrix @ scrambled.factors().solve(rhs), rhs, rtol=1e-12)
+
+
+def test_ill_conditioned_matrices_are_solved_as_well_as_by_dense_cholesky() -> None:
+    case = sheet(20, 26)
+    lower, plan = case.lower, case.plan
+    smallest = np.linalg.eigvalsh(case.matrix.toarray())[0]
+    shift = smallest * (1 - 1e-9)
+    entries = lower.data.copy()
+    entries[lower.indptr[:-1]] -= shift
+    matrix = case.matrix - shift * sp.eye_array(len(case.rows), format="csc")
+    rhs = np.ones(len(case.rows))
+    solution = plan.factorise(entries).solve(rhs)
+    backward = abs(matrix @ solution - rhs).max() / abs(solution).max()
+    assert backward < 1e-14 * abs(matrix).max()
+
+
+def test_fill_grows_no_faster_than_the_size_times_its_logarithm() -> None:
+    small, large = sheet(24, 24, endless=True), sheet(48, 48, endless=True)
+    assert large.plan.stored < 4 * 1.6 * small.plan.stored
