@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.mechanics.drive import stacked
+from knitlab.mechanics.batch import stacked
 from knitlab.mechanics.dynamics import (
     PEAK_OF_SMOOTH_RAMP,
     Drive,

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.measure.corners import unit_cell_corners
+from knitlab.measure.folds import hinges_past_pi
 from knitlab.measure.strain import (
     central_mean,
     lattice_vectors,
@@ -89,6 +90,10 @@ def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
     }
     if shape.periodic:
         values |= {"length_x": lengths[:, 0], "length_y": lengths[:, 1]}
+    configurations = jnp.array([state.configuration for state in reached])
+    values["hinges_past_pi"] = np.asarray(
+        hinges_past_pi(*case.woven(), configurations), dtype=float
+    )
     return values | {"position": nodes.reshape(-1, shape.nodes_y, shape.nodes_x, 3)}
 
 

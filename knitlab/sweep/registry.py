@@ -123,6 +123,12 @@ VARIABLES = {
         "1 where the fabric left its branch of equilibria: more than branch_limit (by dynamics,"
         " haste_limit) of the work of even the smallest strain step went astray",
     ),
+    "hinges_past_pi": Variable(
+        _STATE,
+        "1",
+        "hinges folded past half a turn",
+        "there the fabric passes through itself, which the model does not forbid",
+    ),
     "row_force": Variable(
         _STATE, "N", "force for one row of the sheet", "a row is as wide as a cell", of="stripe"
     ),
@@ -176,7 +182,7 @@ def described(dataset: "xr.Dataset") -> "xr.Dataset":
     return dataset
 
 
-WHOLE = ("iterations", "factorisations", "periods")
+WHOLE = ("iterations", "factorisations", "hinges_past_pi", "periods")
 """Variables that are stored as whole numbers."""
 MISSING = -1
 """What stands for none in these."""

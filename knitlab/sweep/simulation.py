@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.mechanics.drive import run, run_all
+from knitlab.mechanics.drive import run_all
 from knitlab.mechanics.dynamic_tension import Batch, stretch_by_dynamics
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.relaxation import relax, tiled
@@ -52,27 +52,47 @@ def tensile_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest
 
 def tests_in_equilibrium(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
     """Tensile tests by the equilibrium solver."""
-    fabrics, solvers = [], []
-    for case in cases:
-        net, fabric = case.woven()
-        settings = case.solver
-        if not isinstance(settings, SolverSettings):
-            raise TypeError(f"case {case.case_id} has no settings of the equilibrium solver")
-        done = partial(progress, case.case_id)
-        start = _start(case, settings)
-        fabrics.append(fabric)
-        solvers.append(stretch(net, fabric, case.applied_strain, settings, done, start))
-    return run_all(cases[0].mesh_shape, fabrics, solvers)
+    woven = [case.woven() for case in cases]
+    tests = [
+        stretch(net, fabric, case.applied_strain, _settings(case), done, start)
+        for case, (net, fabric), start, done in zip(
+            cases,
+            woven,
+            _starts(cases),
+            [partial(progress, case.case_id) for case in cases],
+            strict=True,
+        )
+    ]
+    return run_all(cases[0].mesh_shape, [fabric for _, fabric in woven], tests)
 
 
-def _start(case: Case, settings: SolverSettings) -> Float[np.ndarray, " unknown"] | None:
-    """What a clamped sample relaxes from, unless from the flat sheet."""
-    if settings.start == "flat" or case.mesh_shape.periodic:
-        return None
-    endless = replace(case.reading, boundary="periodic")
-    net, fabric = replace(case, unit_cells=(1, 1), reading=endless).woven()
-    cell = run(net.shape, fabric, relax(net, fabric, settings))
-    return tiled(*case.woven(), net, cell.configuration) if cell.converged else None
+def _settings(case: Case) -> SolverSettings:
+    if not isinstance(case.solver, SolverSettings):
+        raise TypeError(f"case {case.case_id} has no settings of the equilibrium solver")
+    return case.solver
+
+
+def _starts(cases: Sequence[Case]) -> list[Float[np.ndarray, " unknown"] | None]:
+    """What samples relax from; ``None`` for the flat sheet."""
+    if cases[0].mesh_shape.periodic or _settings(cases[0]).start == "flat":
+        return [None] * len(cases)
+    cells = [
+        replace(case, unit_cells=(1, 1), reading=replace(case.reading, boundary="periodic"))
+        for case in cases
+    ]
+    woven = [cell.woven() for cell in cells]
+    relaxed = run_all(
+        cells[0].mesh_shape,
+        [fabric for _, fabric in woven],
+        [
+            relax(net, fabric, _settings(cell))
+            for cell, (net, fabric) in zip(cells, woven, strict=True)
+        ],
+    )
+    return [
+        tiled(*case.woven(), net, state.configuration) if state.converged else None
+        for case, (net, _), state in zip(cases, woven, relaxed, strict=True)
+    ]
 
 
 def tests_by_dynamics(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:

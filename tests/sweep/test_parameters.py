@@ -57,7 +57,7 @@ def test_the_paper_has_twenty_designs():
         ("sheet.toml", "source = .*", "", r"z_max\.source: is missing"),
         ("sheet.toml", "value = 6.0", "value = true", r"z_max\.value: "),
         ("reading.toml", '"relaxed"', '"loose"', r"cell_size\.value: .*'flat' or 'relaxed'"),
-        ("solver.toml", "value = 500", "value = 0", r"max_iterations\.value: .*greater than 0"),
+        ("solver.toml", "value = 4000", "value = 0", r"max_iterations\.value: .*greater than 0"),
         ("designs.toml", r"\[16, 20", "[18, 20", r"paper: n_subunit = 18 is not a positive mult"),
         ("designs.toml", r"n_stripe = \[2\]", "n_stripe = [3]", r"n_stripe = 3 has no rib stripe"),
         ("sheet.toml", r"\[z_max\]", "[z_max", r"sheet\.toml: is not TOML"),

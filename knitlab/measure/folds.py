@@ -1,0 +1,38 @@
+"""Folds: the angles of the hinges of a configuration, and those that have folded too far."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from knitlab.model.energy import element_vectors, fold_from_rest
+from knitlab.model.fabric import Fabric
+from knitlab.model.network import Network
+
+
+def fold_angles(
+    net: Network, fabric: Fabric, configuration: Float[Array, "*state unknown"]
+) -> Float[Array, "*state hinge"]:
+    """Signed fold angle of every hinge, on the branch nearest its rest angle [rad].
+
+    Flat is 0 and a mountain positive. Beyond ±π the two cells have passed through each other;
+    the angle, like the energy, goes on smoothly there.
+    """
+
+    def angles(q: Float[Array, " unknown"]) -> Float[Array, " hinge"]:
+        vectors = element_vectors(net.hinges, q)
+        from_rest = jax.vmap(fold_from_rest, in_axes=(-1, 0))(vectors, fabric.rest_fold)
+        return fabric.rest_fold + from_rest
+
+    return jnp.vectorize(angles, signature="(n)->(h)")(configuration)
+
+
+def hinges_past_pi(
+    net: Network, fabric: Fabric, configuration: Float[Array, "*state unknown"]
+) -> Int[Array, "*state"]:
+    """How many hinges have folded past ±π, where the fabric passes through itself [1].
+
+    Hinges without stiffness are left out. Contact between layers is not in the paper's model, so
+    that nothing keeps a fold from it.
+    """
+    past = jnp.abs(fold_angles(net, fabric, configuration)) > jnp.pi
+    return (past & (fabric.fold_stiffness > 0)).sum(axis=-1)

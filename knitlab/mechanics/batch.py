@@ -1,0 +1,191 @@
+"""Solvers of many fabrics of one mesh shape in step, as an accelerator wants its work.
+
+In every round what the solvers ask for is worked out for all of them at once: evaluations and
+element Hessians vmapped, the stiffness summed, factored and solved with on the device
+(:mod:`knitlab.mechanics.block_tridiagonal`). A solver that has ended, or asks for something else
+in this round, keeps its place, so that the compiled batch size stays; what is worked out there
+is thrown away. The solvers share nothing, so none can disturb another.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache, partial
+from typing import Any, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Array, Bool, Float
+
+from knitlab.mechanics.block_tridiagonal import (
+    BlockTridiagonal,
+    Factors,
+    block_tridiagonal,
+    narrower,
+)
+from knitlab.mechanics.evaluation import Stage, element_hessians, evaluate
+from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Request, Solver
+from knitlab.mechanics.stiffness import FreeStiffness
+from knitlab.model.fabric import Fabric
+from knitlab.model.network import MeshShape, network
+
+Result = TypeVar("Result")
+Numbers = TypeVar("Numbers")
+
+
+def stacked(cases: Sequence[Numbers]) -> Numbers:
+    """One batch of fabrics of one mesh shape, or what drives them, along a first axis."""
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *cases)
+
+
+@lru_cache(maxsize=16)
+def _evaluator(shape: MeshShape) -> Any:
+    return jax.jit(jax.vmap(partial(evaluate, network(shape))))
+
+
+class _Bench:
+    """Stiffness of one choice of free unknowns, of all fabrics of a batch, on the device."""
+
+    def __init__(self, free: FreeStiffness, cases: int) -> None:
+        net = network(free.shape)
+        plan = block_tridiagonal(free.indptr, free.indices, narrower(*free.grid))
+        maps = [_Sum.of(of) for of in (free.from_springs, free.from_hinges, free.from_walls)]
+        diagonal = jnp.asarray(free.diagonal)
+
+        def entries(
+            fabric: Fabric, stage: Stage, configuration: Float[Array, " unknown"]
+        ) -> Float[Array, " nonzero"]:
+            hessians = element_hessians(net, fabric, stage, configuration)
+            parts = hessians.springs, hessians.hinges, hessians.walls
+            return sum((of(part) for of, part in zip(maps, parts, strict=True)), jnp.zeros(()))
+
+        def factors(
+            plan: BlockTridiagonal, entries: Float[Array, " nonzero"], shift: Float[Array, ""]
+        ) -> Factors:
+            return plan.factorise(entries.at[diagonal].add(shift))
+
+        self._plan, self._assemble = plan, jax.jit(jax.vmap(entries))
+        self._factorise = jax.jit(jax.vmap(factors, (None, 0, 0)))
+        self._solve = jax.jit(jax.vmap(Factors.solve))
+        self.entries = jnp.zeros((cases, len(free.indices)))
+        self.factors: Factors | None = None
+
+    def assemble(self, whose: Bool[Array, " case"], *at: Any) -> None:
+        self.entries = _chosen(whose, self._assemble(*at), self.entries)
+
+    def factorise(
+        self, whose: Bool[Array, " case"], shifts: Float[Array, " case"]
+    ) -> Bool[np.ndarray, " case"]:
+        new = self._factorise(self._plan, self.entries, shifts)
+        self.factors = new if self.factors is None else _chosen(whose, new, self.factors)
+        return np.asarray(new.positive)
+
+    def solve(self, right: Float[Array, "case free"]) -> Float[np.ndarray, "case free"]:
+        if self.factors is None:
+            raise RuntimeError("nothing is factorised")
+        return np.asarray(self._solve(self.factors, right))
+
+
+class _Sum(eqx.Module):
+    """A constant sparse matrix that sums entries, for the device."""
+
+    rows: Array
+    columns: Array
+    factors: Array
+    size: int = eqx.field(static=True)
+
+    @classmethod
+    def of(cls, matrix: sp.csr_array) -> "_Sum":
+        rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+        arrays = (jnp.asarray(of) for of in (rows, matrix.indices, matrix.data))
+        return cls(*arrays, size=matrix.shape[0])
+
+    def __call__(self, values: Float[Array, "..."]) -> Float[Array, " nonzero"]:
+        terms = self.factors * values.ravel()[self.columns]
+        return jax.ops.segment_sum(terms, self.rows, self.size, indices_are_sorted=True)
+
+
+def _chosen(whose: Bool[Array, " case"], new: Numbers, old: Numbers) -> Numbers:
+    def choose(one: Array, other: Array) -> Array:
+        return jnp.where(whose.reshape(-1, *[1] * (one.ndim - 1)), one, other)
+
+    return jax.tree.map(choose, new, old)
+
+
+class _Batch:
+    """Answers the requests of all solvers of a batch."""
+
+    def __init__(self, shape: MeshShape, fabrics: Sequence[Fabric]) -> None:
+        self._evaluate, self._fabrics = _evaluator(shape), stacked(fabrics)
+        self._cases = len(fabrics)
+        self._benches: dict[FreeStiffness, _Bench] = {}
+        self._free: dict[int, FreeStiffness] = {}
+        self._at: list[Evaluate | Assemble | None] = [None] * self._cases
+
+    def answers(self, requests: dict[int, Request]) -> dict[int, Any]:
+        """What the requests of these cases ask for."""
+        groups: dict[Any, dict[int, Request]] = {}
+        for case, request in requests.items():
+            if isinstance(request, Evaluate | Assemble):
+                self._at[case] = request
+            if isinstance(request, Assemble):
+                self._free[case] = request.free
+            free = None if isinstance(request, Evaluate) else self._free[case]
+            groups.setdefault((type(request), free), {})[case] = request
+        results: dict[int, Any] = {}
+        for (kind, free), group in groups.items():
+            worked_out = self._worked_out(kind, free, group)
+            results |= {case: worked_out[case] for case in group}
+        return results
+
+    def _worked_out(self, kind: type, free: Any, group: dict[int, Any]) -> Any:
+        whose = jnp.asarray([case in group for case in range(self._cases)])
+        if kind is Evaluate:
+            return _unstacked(self._evaluate(self._fabrics, *self._places()), self._cases)
+        if free not in self._benches:
+            self._benches[free] = _Bench(free, self._cases)
+        bench = self._benches[free]
+        if kind is Assemble:
+            bench.assemble(whose, self._fabrics, *self._places())
+            return dict.fromkeys(group)
+        if kind is Factorise:
+            shifts = [group[c].shift if c in group else 1.0 for c in range(self._cases)]
+            return bench.factorise(whose, jnp.asarray(shifts))
+        nothing = np.zeros(len(free.unknowns))
+        right = [group[c].right if c in group else nothing for c in range(self._cases)]
+        return bench.solve(jnp.asarray(np.array(right)))
+
+    def _places(self) -> tuple[Stage, Float[Array, "case unknown"]]:
+        at = [request for request in self._at if request is not None]
+        stages = stacked([Stage(jnp.asarray(a.stage.fold), jnp.asarray(a.stage.wall)) for a in at])
+        return stages, jnp.asarray(np.array([a.configuration for a in at]))
+
+
+def _unstacked(batch: Numbers, cases: int) -> list[Numbers]:
+    leaves, structure = jax.tree.flatten(jax.tree.map(np.asarray, batch))
+    return [jax.tree.unflatten(structure, [leaf[case] for leaf in leaves]) for case in range(cases)]
+
+
+def run_in_step(
+    shape: MeshShape, fabrics: Sequence[Fabric], solvers: Sequence[Solver[Result]]
+) -> list[Result]:
+    """Run one solver a fabric to its end, all in step, and return what each returns, in order.
+
+    Args:
+        shape: mesh shape of all the fabrics.
+        fabrics: their numbers.
+        solvers: one for each, which begins by asking for an evaluation.
+    """
+    batch = _Batch(shape, fabrics)
+    results: dict[int, Result] = {}
+    answers: dict[int, Any] = dict.fromkeys(range(len(solvers)))
+    while answers:
+        requests: dict[int, Request] = {}
+        for case, answer in answers.items():
+            try:
+                requests[case] = solvers[case].send(answer)
+            except StopIteration as end:
+                results[case] = end.value
+        answers = batch.answers(requests)
+    return [results[case] for case in range(len(solvers))]
