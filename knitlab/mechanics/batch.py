@@ -98,8 +98,12 @@ class _Sum(eqx.Module):
     @classmethod
     def of(cls, matrix: sp.csr_array) -> "_Sum":
         rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
-        arrays = (jnp.asarray(of) for of in (rows, matrix.indices, matrix.data))
-        return cls(*arrays, size=matrix.shape[0])
+        return cls(
+            rows=jnp.asarray(rows),
+            columns=jnp.asarray(matrix.indices),
+            factors=jnp.asarray(matrix.data),
+            size=matrix.shape[0],
+        )
 
     def __call__(self, values: Float[Array, "..."]) -> Float[Array, " nonzero"]:
         terms = self.factors * values.ravel()[self.columns]

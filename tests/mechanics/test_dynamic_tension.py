@@ -22,7 +22,7 @@ from knitlab.model.network import network
 from tests.fabrics import CLAMPED, ENDLESS, checkered, moving, relaxed, shaken, stretched
 
 SETTINGS = DynamicsSettings()
-STRAINS = [0.0, 0.05, 0.1, 0.15, 0.2, 0.3]
+STRAINS = [0.0, 0.05, 0.1, 0.15, 0.2]
 PATCHES = (2, 2)
 """Of a single unit cell; between clamps only the corners of its patches can move across."""
 
@@ -51,15 +51,17 @@ def test_both_methods_reach_the_same_states(reading):
     ratios = np.array(
         [patch_poisson_ratio(net.shape, test) for test in (in_equilibrium, by_dynamics)]
     )
-    # Endless (4,16) snaps at times; the dynamics slow down there, and then find the same states.
-    assert any(state.snapped for state in by_dynamics.states) == (reading is ENDLESS)
-    # Clamped at 15 % the solver's steps have left a branch that ends a little later and on which
-    # the motion still is: 0.9951 and 0.9983 N mm.
-    left = np.array(STRAINS) == (0.15 if reading is CLAMPED else -1)
-    assert (energies[1] > energies[0] * (1 - 1e-4)).all()
-    np.testing.assert_allclose(energies[1, ~left], energies[0, ~left], rtol=1e-4)
-    same = ~left[1:]
-    np.testing.assert_allclose(ratios[1, same], ratios[0, same], rtol=0.01, atol=1e-4)
+    # Both snap on the way, the dynamics slowed down, the solver at the end of its branch, and then
+    # find the same states. Where motion loses its work, the solver has found a branch's end; it
+    # sees smaller snaps as well, for it looks at smaller steps.
+    flagged = np.array(
+        [[state.snapped for state in test.states] for test in (in_equilibrium, by_dynamics)]
+    )
+    assert flagged[0].any()
+    assert flagged[1].any() == (reading is ENDLESS)
+    assert not (flagged[1] & ~flagged[0]).any()
+    np.testing.assert_allclose(energies[1], energies[0], rtol=1e-4)
+    np.testing.assert_allclose(ratios[1], ratios[0], rtol=0.01, atol=1e-4)
 
 
 def haste_of_a_pull(design, rate):
