@@ -8,12 +8,12 @@ from knitlab.sweep.case import Case, Method
 # unknowns by about this power.
 RELAXATION_STEPS = 20
 COST_POWER = 1.3
-SECONDS_OF_WORK: dict[Method, float] = {"equilibrium": 0.4, "dynamics": 4.0}
+SECONDS_OF_WORK: dict[Method, float] = {"equilibrium": 0.07, "dynamics": 4.0}
 """Seconds for a unit of work on one core, by method."""
 PROCESS_BYTES = 600e6
 """Memory of a worker with its compiled programs."""
-BYTES_OF_UNKNOWN = 130e3
-"""Memory for each unknown of a batch: mostly the Hessians of its elements."""
+BYTES_OF_UNKNOWN = 25e3
+"""Memory for each unknown of a batch: mostly the element Hessians, their places and the factors."""
 
 
 def work(case: Case, states: int) -> float:
