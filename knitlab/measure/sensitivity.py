@@ -71,16 +71,17 @@ def measured_by(
 
 
 def logarithmic(derivative: StripePair, stripes: StripePair) -> Float[np.ndarray, "quantity 8"]:
-    """p ∂J/∂p for every parameter p, in the order of :data:`STRIPE_PARAMETERS`.
+    """Logarithmic derivatives p ∂J/∂p by every parameter p, as :data:`STRIPE_PARAMETERS` has them.
 
-    It is the change of J for a relative change of p, and so comparable between parameters.
+    They are the change of J for a relative change of p, and so comparable between parameters.
+
+    Args:
+        derivative: of every quantity J by each number.
+        stripes: the numbers.
     """
+    by_log = jax.tree.map(jnp.multiply, derivative, stripes)
     return np.stack(
-        [
-            getattr(getattr(stripes, side), name) * getattr(getattr(derivative, side), name)
-            for side, name in (parameter for parameter in STRIPE_PARAMETERS.values())
-        ],
-        axis=-1,
+        [getattr(getattr(by_log, side), name) for side, name in STRIPE_PARAMETERS.values()], axis=-1
     )
 
 

@@ -23,16 +23,17 @@ import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
 from knitlab.mechanics.evaluation import WHOLE, hessian_evaluator
-from knitlab.mechanics.factorisation import Factors, factoriser
+from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser
 from knitlab.mechanics.loading import all_free, drive_along, free_under_tension, squared_up
-from knitlab.mechanics.stiffness import free_stiffness
+from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric, StripePair, Weave, flat_sheet
 from knitlab.model.network import MeshShape, Network, network
 
 Configuration = Float[Array, " unknown"]
-Quantities = Callable[[Configuration, Configuration, Fabric], Float[Array, " quantity"]]
-"""What is read off: of the relaxed configuration, of that under strain and of the fabric."""
+Quantities = Callable[[Configuration, Configuration, Fabric], Float[Array, "*quantity"]]
+"""What is read off the relaxed configuration, that under strain and the fabric, in pure JAX: a
+number or several."""
 
 SHIFT = 1e-9
 """Added to K so that rigid motions do not make it singular [N/mm]."""
@@ -70,9 +71,16 @@ class Adjoint:
         relaxed: Float[np.ndarray, " unknown"],
         method: str | None = None,
     ) -> None:
-        self._shape, self._relaxed, self._method = weave.net.shape, relaxed, method
+        self._shape, self._relaxed = weave.net.shape, relaxed
         self._fabric, self._to_stripes = jax.vjp(weave.fabric, stripes)
-        self._rest = self._equilibrium(relaxed, all_free(self._shape))
+        self._at_rest, self._held = (
+            _Solvable(free, factoriser(free, method))
+            for free in (
+                free_stiffness(self._shape, all_free(self._shape)),
+                free_stiffness(self._shape, free_under_tension(self._shape)),
+            )
+        )
+        self._rest = self._at_rest.equilibrium(self._fabric, relaxed)
 
     def of_relaxed(self, quantities: Quantities) -> StripePair:
         """Derivatives of quantities of the relaxed shape, which is given as the strained one too.
@@ -108,7 +116,7 @@ class Adjoint:
         by_relaxed, by_strained, by_fabric = _jacobian(quantities)(
             self._relaxed, strained, self._fabric
         )
-        here = self._equilibrium(strained, free_under_tension(self._shape))
+        here = self._held.equilibrium(self._fabric, strained)
         for_free = [here.solve(row) for row in np.asarray(by_strained)[:, here.unknowns]]
         fabric_bar, left = _pulled_back(self._shape)(
             self._fabric, strained, here.spread(for_free), by_strained, by_fabric
@@ -136,21 +144,29 @@ class Adjoint:
         )
         return jax.vmap(lambda row: self._to_stripes(row)[0])(by_fabric)
 
-    def _equilibrium(
-        self, configuration: Float[np.ndarray, " unknown"], unknowns: Int[np.ndarray, " free"]
+
+@dataclass(frozen=True, eq=False)
+class _Solvable:
+    """One choice of free unknowns, and what factors their stiffness."""
+
+    free: FreeStiffness
+    factorise: Factoriser
+
+    def equilibrium(
+        self, fabric: Fabric, configuration: Float[np.ndarray, " unknown"]
     ) -> "_Equilibrium":
-        free = free_stiffness(self._shape, unknowns)
-        hessians = hessian_evaluator(self._shape)(self._fabric, WHOLE, configuration)
-        entries = free.entries(jax.tree.map(np.asarray, hessians))
-        lower = free.lower(entries)
+        """A state of these; the one before can no longer be solved with."""
+        hessians = hessian_evaluator(self.free.shape)(fabric, WHOLE, configuration)
+        entries = self.free.entries(jax.tree.map(np.asarray, hessians))
+        lower = self.free.lower(entries)
         stiffness = lower + sp.tril(lower, -1).T
-        factors = factoriser(free, self._method)(free.shifted(entries, SHIFT))
+        factors = self.factorise(self.free.shifted(entries, SHIFT))
         if factors is None:
             raise NoDerivative("the stiffness is not positive definite")
-        motions = np.linalg.qr(rigid_motions(configuration)[unknowns])[0]
+        motions = np.linalg.qr(rigid_motions(configuration)[self.free.unknowns])[0]
         energies, combined = np.linalg.eigh(motions.T @ (stiffness @ motions))
         rigid = motions @ combined[:, energies < RIGID]
-        return _Equilibrium(len(configuration), unknowns, stiffness, factors, rigid)
+        return _Equilibrium(len(configuration), self.free.unknowns, stiffness, factors, rigid)
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +224,7 @@ def rigid_motions(
 
 @lru_cache(maxsize=16)
 def _jacobian(quantities: Quantities) -> Callable[..., tuple[Array, Array, Fabric]]:
-    return jax.jit(jax.jacrev(quantities, argnums=(0, 1, 2)))
+    return jax.jit(jax.jacrev(lambda *of: jnp.ravel(quantities(*of)), argnums=(0, 1, 2)))
 
 
 Rows = Float[Array, "quantity unknown"]

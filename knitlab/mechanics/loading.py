@@ -60,8 +60,7 @@ def all_free(shape: MeshShape) -> Int[np.ndarray, " free"]:
 
 
 def free_under_tension(shape: MeshShape) -> Int[np.ndarray, " free"]:
-    """Free unknowns of the tensile test: all but L_y if endless, else what lies between the rows
-    that are clamped."""
+    """Free unknowns of the tensile test: all but L_y if endless, else those between the clamps."""
     if shape.periodic:
         return np.arange(shape.unknowns - 1)
     return np.arange(3 * shape.nodes_x, 3 * (shape.nodes - shape.nodes_x))

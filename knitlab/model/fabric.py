@@ -133,8 +133,8 @@ class Weave:
         return Fabric(
             rest_length=jnp.take(rest_length, self.spring_kind),
             stretch_stiffness=jnp.take(stretch_stiffness, self.spring_kind),
-            rest_fold=self.fold_sense * jnp.take(fold, self.hinge_kind),
-            fold_stiffness=self.hinged * jnp.take(k_t, self.hinge_kind),
+            rest_fold=jnp.asarray(self.fold_sense) * jnp.take(fold, self.hinge_kind),
+            fold_stiffness=jnp.asarray(self.hinged) * jnp.take(k_t, self.hinge_kind),
             z_max=jnp.asarray(self.sheet.z_max, float),
             k_wall=jnp.asarray(self.sheet.k_wall, float),
             cell=cell,

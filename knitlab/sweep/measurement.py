@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.measure.corners import unit_cell_corners
+from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.measure.strain import (
     central_mean,
     lattice_vectors,
@@ -20,6 +21,7 @@ from knitlab.model.fabric import cell_length
 from knitlab.sweep.case import Case
 from knitlab.sweep.fingerprint import code_fingerprint
 from knitlab.sweep.registry import VARIABLES, Status, Variable, described
+from knitlab.sweep.sensitivity import sensitivities
 
 
 def variables_of(case: Case) -> dict[str, Variable]:
@@ -29,6 +31,8 @@ def variables_of(case: Case) -> dict[str, Variable]:
         kinds.append("dynamics")
     if case.pure:
         kinds.append("stripe")
+    if case.sensitivities:
+        kinds.append("sensitivities")
     return {name: variable for name, variable in VARIABLES.items() if variable.of in kinds}
 
 
@@ -66,6 +70,8 @@ def measured(case: Case, test: TensileTest, chain: Sequence[ChainState] = ()) ->
         values |= {"reaction_force": reaction, "row_force": reaction / shape.cells_x}
         values |= _shapes(case, reached)
         values |= _strains(case, reached, complete)
+        if case.sensitivities:
+            values |= sensitivities(case, reached)
     if case.method == "dynamics":
         values["kinetic_energy_peak"] = [state.kinetic_peak for state in test.states]
     if test.history is not None:
@@ -117,8 +123,8 @@ def _strains(case: Case, reached: list[State], complete: bool) -> dict[str, Any]
     edges = jnp.linalg.norm(lattice_vectors(corners[0]), axis=-2)
     ratio = np.asarray(poisson_ratio(mean_xx, mean_yy)).copy()
     ratio[0] = np.nan  # 0/0, whatever round-off makes of it
-    if case.reading.boundary == "clamped" and case.unit_cells[0] == 1:
-        # Every corner lies on a clamp; what its strain across reads is round-off.
+    if case.all_corners_held:
+        # What its strain across reads is round-off.
         strain_xx, mean_xx = strain_xx * np.nan, mean_xx * np.nan
         ratio[:] = np.nan
     values: dict[str, Any] = {
@@ -144,6 +150,7 @@ def _dataset(case: Case, values: dict[str, Any]) -> xr.Dataset:
         "applied_strain": len(case.applied_strain),
         "cell_y": case.unit_cells[0],
         "cell_x": case.unit_cells[1],
+        "stripe_parameter": len(STRIPE_PARAMETERS),
         "node_y": shape.nodes_y,
         "node_x": shape.nodes_x,
         "component": 3,
@@ -169,6 +176,8 @@ def _dataset(case: Case, values: dict[str, Any]) -> xr.Dataset:
         "cell_x": np.arange(sizes["cell_x"]),
     }
     coordinates |= {name: values[name] for name in ("time", "snapshot") if name in values}
+    if case.sensitivities:
+        coordinates["stripe_parameter"] = list(STRIPE_PARAMETERS)
     if "position" in variables:
         coordinates["component"] = ["x", "y", "z"]
     return xr.Dataset(variables, coordinates)
