@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic, measured_by
-from knitlab.mechanics.adjoint import Adjoint, NoDerivative
+from knitlab.mechanics.adjoint import Adjoint
+from knitlab.mechanics.response import NoDerivative
 from knitlab.mechanics.state import State
 from knitlab.model.fabric import StripePair, laid_out
 from knitlab.sweep.case import Case
