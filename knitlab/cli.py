@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
 # Each command imports what it needs, so that `query` and `map` start without JAX.
 
-KINDS = ("auxetic", "curves", "shape", "relaxation", "folding", "stripes", "departure")
+KINDS = (
+    *("auxetic", "curves", "shape", "sensitivity", "relaxation", "folding", "stripes", "departure"),
+)
 BAD_INPUT = 2
 SOME_CASE_NOT_OK = 1
 MOST_LINES = 20

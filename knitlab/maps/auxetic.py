@@ -1,31 +1,13 @@
 """The auxetic design map: lowest Poisson's ratio over (n_stripe, n_subunit)."""
 
-from typing import Any
-
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch, Rectangle
 
+from knitlab.maps.cells import MARKS, cell, ink_on, marks_legend
 from knitlab.maps.style import STRAIN_COLOURS, TWO_COLUMNS
 from knitlab.sweep.registry import Status
-
-MARKS: dict[Status, dict[str, Any]] = {
-    Status.ok: {"facecolor": "white", "edgecolor": "0.6"},
-    Status.excluded: {"facecolor": "0.93", "edgecolor": "white"},
-    Status.pending: {"facecolor": "white", "edgecolor": "0.6", "hatch": "...."},
-    Status.not_converged: {"facecolor": "white", "edgecolor": "black", "hatch": "////"},
-    Status.failed: {"facecolor": "white", "edgecolor": "black", "hatch": "xxxx"},
-}
-NAMES = {
-    Status.excluded: "no such design, or not in this sweep",
-    Status.ok: "no ratio: not stretched, or a single clamped cell",
-    Status.pending: "not yet run",
-    Status.not_converged: "not converged",
-    Status.failed: "failed",
-}
 
 
 def auxetic_map(cube: xr.Dataset) -> Figure:
@@ -51,15 +33,15 @@ def auxetic_map(cube: xr.Dataset) -> Figure:
             value = float(lowest[row, column])
             if code is Status.ok and np.isfinite(value):
                 colour = colours(norm(value))
-                _cell(axes, row, column, facecolor=colour, edgecolor="white")
-                ink = "white" if _luminance(colour) < 0.45 else "black"
+                cell(axes, row, column, facecolor=colour, edgecolor="white")
+                ink = ink_on(colour)
                 axes.text(column, row + 0.14, f"{value:.2f}", ha="center", va="center", color=ink)
                 strain = f"at {float(at[row, column]):.0%}"
                 axes.text(
                     column, row - 0.2, strain, ha="center", va="center", color=ink, fontsize=6
                 )
             else:
-                _cell(axes, row, column, **MARKS[code])
+                cell(axes, row, column, **MARKS[code])
                 marked.add(code)
 
     axes.set(
@@ -80,15 +62,5 @@ def auxetic_map(cube: xr.Dataset) -> Figure:
         pad=0.01,
         label="lowest Poisson's ratio\n(negative: auxetic)",
     )
-    handles = [Patch(label=NAMES[code], **MARKS[code]) for code in sorted(marked)]
-    if handles:
-        figure.legend(handles=handles, loc="outside lower left", ncols=4, frameon=False)
+    marks_legend(figure, marked)
     return figure
-
-
-def _cell(axes: Axes, row: int, column: int, **style: Any) -> None:
-    axes.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, linewidth=1.5, **style))
-
-
-def _luminance(colour: tuple[float, ...]) -> float:
-    return 0.299 * colour[0] + 0.587 * colour[1] + 0.114 * colour[2]

@@ -14,6 +14,7 @@ from knitlab.maps.auxetic import auxetic_map
 from knitlab.maps.curves import tension_curves
 from knitlab.maps.relaxation import FRAMES_PER_SECOND, folding_animation, relaxation_figure
 from knitlab.maps.selection import selected
+from knitlab.maps.sensitivity import sensitivity_map
 from knitlab.maps.shape import relaxed_shape
 from knitlab.maps.stripes import stripe_departure, stripe_tension
 from knitlab.maps.style import print_style
@@ -47,6 +48,7 @@ FIGURES = {
     "auxetic": Kind(auxetic_map),
     "curves": Kind(tension_curves, coordinates=("applied_strain",)),
     "shape": Kind(relaxed_shape, needs="position"),
+    "sensitivity": Kind(sensitivity_map),
     "relaxation": Kind(relaxation_figure, needs="snapshot_position"),
     "folding": Kind(folding_animation, needs="snapshot_position"),
     "stripes": Kind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),

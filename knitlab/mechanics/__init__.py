@@ -2,3 +2,5 @@
 
 This room knows nothing of files, xarray or designs.
 """
+
+import knitlab.model  # noqa: F401  # so that JAX is in float64 here too

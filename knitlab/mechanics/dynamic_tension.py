@@ -229,7 +229,7 @@ def _squared_up(
     if batch.shape.periodic:
         return relaxed
     courses = [
-        Course(squared_up(batch.shape, sheet, state.configuration))
+        Course(np.asarray(squared_up(batch.shape, sheet, state.configuration)))
         if state.converged
         else Course(sheet, ended=True)
         for sheet, state in zip(sheets, relaxed, strict=True)

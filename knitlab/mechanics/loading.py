@@ -1,11 +1,14 @@
 """Loadings: which unknowns are free, and how the held ones move with the applied strain."""
 
 from dataclasses import dataclass
+from functools import partial
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
-from scipy.spatial.transform import Rotation
+from jaxtyping import Array, Float, Int
 
+from knitlab.mechanics.alignment import aligning_rotation
 from knitlab.model.network import MeshShape
 
 
@@ -56,11 +59,19 @@ def all_free(shape: MeshShape) -> Int[np.ndarray, " free"]:
     return np.arange(shape.unknowns if shape.periodic else 3 * shape.nodes)
 
 
+def free_under_tension(shape: MeshShape) -> Int[np.ndarray, " free"]:
+    """Free unknowns of the tensile test: all but L_y if endless, else those between the clamps."""
+    if shape.periodic:
+        return np.arange(shape.unknowns - 1)
+    return np.arange(3 * shape.nodes_x, 3 * (shape.nodes - shape.nodes_x))
+
+
+@partial(jax.jit, static_argnums=0)
 def squared_up(
     shape: MeshShape,
-    flat: Float[np.ndarray, " unknown"],
-    relaxed: Float[np.ndarray, " unknown"],
-) -> Float[np.ndarray, " unknown"]:
+    flat: Float[Array, " unknown"],
+    relaxed: Float[Array, " unknown"],
+) -> Float[Array, " unknown"]:
     """A relaxed sample turned so that the rows to be clamped lie as on its flat sheet, at best.
 
     A free sample turns, tilts and drifts as it folds, by amounts that hang on how it came there;
@@ -70,13 +81,32 @@ def squared_up(
     if shape.periodic:
         return relaxed
     rows, flat_rows = (
-        of[:-2].reshape(shape.nodes_y, -1, 3)[[0, -1]].reshape(-1, 3) for of in (relaxed, flat)
+        of[:-2].reshape(shape.nodes_y, -1, 3)[np.array([0, -1])].reshape(-1, 3)
+        for of in (relaxed, flat)
     )
     middle = rows.mean(axis=0)
-    turn, _ = Rotation.align_vectors(flat_rows - flat_rows.mean(axis=0), rows - middle)
-    nodes = middle + turn.apply(relaxed[:-2].reshape(-1, 3) - middle)
-    nodes[:, :2] += (flat[:-2].reshape(-1, 3) - nodes).mean(axis=0)[:2]
-    return np.concatenate([nodes.ravel(), relaxed[-2:]])
+    turn = aligning_rotation(flat_rows - flat_rows.mean(axis=0), rows - middle)
+    nodes = middle + (relaxed[:-2].reshape(-1, 3) - middle) @ turn.T
+    drift = (flat[:-2].reshape(-1, 3) - nodes).mean(axis=0)
+    return jnp.concatenate([(nodes + drift * np.array([1, 1, 0])).ravel(), relaxed[-2:]])
+
+
+@partial(jax.jit, static_argnums=0)
+def drive_along(
+    shape: MeshShape, relaxed: Float[Array, " unknown"]
+) -> tuple[Float[Array, " unknown"], Float[Array, ""]]:
+    """How far each unknown moves per unit of applied strain, and the length that refers to [mm].
+
+    Of a :class:`Loading`, what follows from the relaxed shape, as JAX takes derivatives of it.
+    """
+    heights = relaxed[1:-2:3]
+    drive = jnp.zeros(shape.unknowns)
+    if shape.periodic:
+        return drive.at[1:-2:3].set(heights).at[-1].set(relaxed[-1]), relaxed[-1]
+    rows = heights.reshape(shape.nodes_y, shape.nodes_x)
+    length = rows[-1].mean() - rows[0].mean()
+    affine = jnp.clip(rows - rows[0].mean(), 0, length).at[0].set(0).at[-1].set(length)
+    return drive.at[1:-2:3].set(affine.ravel()), length
 
 
 def tensile(shape: MeshShape, relaxed: Float[np.ndarray, " unknown"]) -> Loading:
@@ -86,16 +116,6 @@ def tensile(shape: MeshShape, relaxed: Float[np.ndarray, " unknown"]) -> Loading
     strain is that displacement over the relaxed distance between the rows. Endless fabric has
     L_y prescribed and L_x free; the applied strain is the relative change of L_y.
     """
-    drive = np.zeros(shape.unknowns)
-    heights = relaxed[1:-2:3]
-    if shape.periodic:
-        length = float(relaxed[-1])
-        drive[1:-2:3], drive[-1] = heights, length
-        return Loading(shape, np.arange(shape.unknowns - 1), relaxed, drive, length)
-    rows = heights.reshape(shape.nodes_y, shape.nodes_x)
-    length = float(rows[-1].mean() - rows[0].mean())
-    affine = np.clip(rows - rows[0].mean(), 0, length)
-    affine[0], affine[-1] = 0, length
-    drive[1:-2:3] = affine.ravel()
-    inner = np.arange(3 * shape.nodes_x, 3 * (shape.nodes - shape.nodes_x))
-    return Loading(shape, inner, relaxed, drive, length)
+    drive, length = drive_along(shape, relaxed)
+    free = free_under_tension(shape)
+    return Loading(shape, free, relaxed, np.asarray(drive), float(length))

@@ -56,7 +56,7 @@ def relax(
     state = yield from find_equilibrium(Evaluate(configuration), free, longest, settings)
     if state.converged and not shape.periodic:
         passed.append(state)
-        square = Evaluate(squared_up(shape, flat, state.configuration))
+        square = Evaluate(np.asarray(squared_up(shape, flat, state.configuration)))
         state = yield from find_equilibrium(square, free, longest, settings)
     return state.after(*passed)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from knitlab.model.network import Network, mesh_shape, network
 from knitlab.model.pattern import CELLS_PER_PERIOD, Pattern, fold_senses, inside_runs
@@ -49,23 +49,140 @@ class Fabric(eqx.Module):
     cell: Float[Array, "2"]
 
 
-def cell_length(stripe: Stripe, reading: Reading) -> float:
+class StripeNumbers(eqx.Module):
+    """The four numbers of a :class:`~knitlab.model.stripe.Stripe`, to take derivatives by.
+
+    Attributes:
+        k_s: stiffness of the extensional springs across the ridges [N/mm].
+        k_t: stiffness of the torsional springs, as tabulated [N].
+        theta_0: interior rest angle of a fold [rad].
+        period: measured peak-to-peak distance of the relaxed corrugation [mm].
+    """
+
+    k_s: Float[Array, "*quantity"]
+    k_t: Float[Array, "*quantity"]
+    theta_0: Float[Array, "*quantity"]
+    period: Float[Array, "*quantity"]
+
+    @classmethod
+    def of(cls, stripe: Stripe) -> "StripeNumbers":
+        """Those of a stripe."""
+        numbers = stripe.k_s, stripe.k_t, stripe.theta_0, stripe.period
+        return cls(*(jnp.asarray(number, float) for number in numbers))
+
+
+class StripePair(eqx.Module):
+    """Both stripes of a fabric; also a derivative by each of their numbers.
+
+    Attributes:
+        weft: the rib stripe, whose period is w; for a pure stripe fabric, that stripe.
+        warp: the garter stripe, whose period is h; for a pure stripe fabric, that stripe.
+    """
+
+    weft: StripeNumbers
+    warp: StripeNumbers
+
+    @classmethod
+    def of(cls, weft: Stripe, warp: Stripe) -> "StripePair":
+        """The numbers of two stripes."""
+        return cls(StripeNumbers.of(weft), StripeNumbers.of(warp))
+
+
+def cell_length(stripe: Stripe | StripeNumbers, reading: Reading) -> Float[Array, ""]:
     """Flat length of a grid cell across a stripe's ridges [mm]: the reading's ``cell_size``."""
-    quarter = reading.length_scale * stripe.period / CELLS_PER_PERIOD
-    return quarter if reading.cell_size == "flat" else quarter / stripe.contraction
+    quarter = jnp.asarray(reading.length_scale * stripe.period / CELLS_PER_PERIOD)
+    return quarter if reading.cell_size == "flat" else quarter / jnp.sin(stripe.theta_0 / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Weave:
+    """How a patterned fabric takes its numbers from its stripes: all of it but the numbers.
+
+    Attributes:
+        net: the network of its mesh shape.
+        sheet: the walls.
+        reading: the choices that the paper leaves open.
+        spring_kind: of every spring, 0 along the weft, 1 along the warp, 2 a diagonal.
+        hinge_kind: of every hinge, 0 if it turns about an edge along y, else 1.
+        fold_sense: of every hinge, 1 for a mountain, −1 for a valley, 0 where it rests flat.
+        hinged: of every hinge, whether the reading puts one there.
+    """
+
+    net: Network
+    sheet: Sheet
+    reading: Reading
+    spring_kind: Int[np.ndarray, " spring"]
+    hinge_kind: Int[np.ndarray, " hinge"]
+    fold_sense: Int[np.ndarray, " hinge"]
+    hinged: Bool[np.ndarray, " hinge"]
+
+    def fabric(self, stripes: StripePair) -> Fabric:
+        """The fabric of two stripes; pure JAX, so that derivatives pass through it.
+
+        There is none by k_s where both stripes have the same: diagonals take the smaller.
+        """
+        pair = stripes.weft, stripes.warp
+        cell = jnp.stack([cell_length(stripe, self.reading) for stripe in pair])
+        k_s = jnp.stack([stripe.k_s for stripe in pair])
+        k_t = jnp.stack([stripe.k_t for stripe in pair])
+        if self.reading.hinge_stiffness == "per_length":
+            k_t = k_t * cell[::-1]
+        rest_length = jnp.append(cell, jnp.hypot(*cell))
+        stretch_stiffness = jnp.append(k_s, k_s.min())
+        fold = jnp.pi - jnp.stack([stripe.theta_0 for stripe in pair])
+        return Fabric(
+            rest_length=jnp.take(rest_length, self.spring_kind),
+            stretch_stiffness=jnp.take(stretch_stiffness, self.spring_kind),
+            rest_fold=jnp.asarray(self.fold_sense) * jnp.take(fold, self.hinge_kind),
+            fold_stiffness=jnp.asarray(self.hinged) * jnp.take(k_t, self.hinge_kind),
+            z_max=jnp.asarray(self.sheet.z_max, float),
+            k_wall=jnp.asarray(self.sheet.k_wall, float),
+            cell=cell,
+        )
+
+
+def laid_out(pattern: Pattern, sheet: Sheet, reading: Reading) -> Weave:
+    """Where a patterned fabric has which spring, hinge and fold (paper, Sec. "3D model").
+
+    Springs and hinges take their values by direction: those across the wales (springs along x,
+    hinges about edges along y) from the weft stripe, those across the courses from the warp
+    stripe, diagonals the smaller k_s. Folds lie where
+    :func:`~knitlab.model.pattern.fold_senses` puts them, the first of a rib patch a mountain, of
+    a garter patch as the reading says. Hinges that join unlike patches, or turn against their
+    patch's folds, rest flat and exist only where the reading says ``all``.
+
+    Args:
+        pattern: which patch is rib and which garter.
+        sheet: the walls.
+        reading: the choices that the paper leaves open.
+    """
+    shape = mesh_shape(pattern, reading.boundary)
+    net = network(shape)
+    rib = pattern.rib_cells
+    at = tuple(net.hinge_cells.T)
+    rib_senses = fold_senses(rib, reading.fold_phase, shape.periodic)
+    garter_senses = fold_senses(~rib.T, reading.fold_phase, shape.periodic).T
+    garter_sign = 1 if reading.garter_start == "mountain" else -1
+    hinged = np.ones(len(net.wale), dtype=bool)
+    if reading.hinges == "fold_lines":
+        in_rib = inside_runs(rib, shape.periodic)
+        in_garter = inside_runs(~rib.T, shape.periodic).T
+        hinged = np.where(net.wale, in_rib[at], in_garter[at])
+    return Weave(
+        net=net,
+        sheet=sheet,
+        reading=reading,
+        spring_kind=np.select([net.weft, net.warp], [0, 1], 2),
+        hinge_kind=np.where(net.wale, 0, 1),
+        fold_sense=np.where(net.wale, rib_senses[at], garter_sign * garter_senses[at]),
+        hinged=hinged,
+    )
 
 
 def weave(
     pattern: Pattern, weft: Stripe, warp: Stripe, sheet: Sheet, reading: Reading
 ) -> tuple[Network, Fabric]:
-    """Network and numbers of a patterned fabric (paper, Sec. "3D model").
-
-    Springs and hinges take their values by direction: those across the wales (springs along x,
-    hinges about edges along y) from ``weft``, those across the courses from ``warp``, diagonals
-    the smaller k_s. Folds lie where :func:`~knitlab.model.pattern.fold_senses` puts them, the
-    first of a rib patch a mountain, of a garter patch as the reading says. Hinges that join
-    unlike patches, or turn against their patch's folds, rest flat and exist only where the
-    reading says ``all``.
+    """Network and numbers of a patterned fabric, see :func:`laid_out`.
 
     Args:
         pattern: which patch is rib and which garter.
@@ -74,39 +191,8 @@ def weave(
         sheet: the walls.
         reading: the choices that the paper leaves open.
     """
-    shape = mesh_shape(pattern, reading.boundary)
-    net = network(shape)
-    cell = np.array([cell_length(weft, reading), cell_length(warp, reading)])
-
-    by_kind = [net.weft, net.warp]
-    rest_length = np.select(by_kind, list(cell), np.hypot(*cell))
-    stretch_stiffness = np.select(by_kind, [weft.k_s, warp.k_s], min(weft.k_s, warp.k_s))
-
-    rib = pattern.rib_cells
-    rib_senses = fold_senses(rib, reading.fold_phase, shape.periodic)
-    garter_senses = fold_senses(~rib.T, reading.fold_phase, shape.periodic).T
-    garter_sign = 1 if reading.garter_start == "mountain" else -1
-    at = tuple(net.hinge_cells.T)
-    fold = np.where(
-        net.wale, rib_senses[at] * weft.fold, garter_sign * garter_senses[at] * warp.fold
-    )
-    k_t = np.where(net.wale, weft.k_t, warp.k_t)
-    if reading.hinge_stiffness == "per_length":
-        k_t = k_t * np.where(net.wale, cell[1], cell[0])
-    if reading.hinges == "fold_lines":
-        in_rib = inside_runs(rib, shape.periodic)
-        in_garter = inside_runs(~rib.T, shape.periodic).T
-        k_t = np.where(np.where(net.wale, in_rib[at], in_garter[at]), k_t, 0.0)
-
-    return net, Fabric(
-        rest_length=jnp.asarray(rest_length),
-        stretch_stiffness=jnp.asarray(stretch_stiffness),
-        rest_fold=jnp.asarray(fold),
-        fold_stiffness=jnp.asarray(k_t),
-        z_max=jnp.asarray(sheet.z_max, float),
-        k_wall=jnp.asarray(sheet.k_wall, float),
-        cell=jnp.asarray(cell),
-    )
+    laid = laid_out(pattern, sheet, reading)
+    return laid.net, laid.fabric(StripePair.of(weft, warp))
 
 
 def flat_sheet(net: Network, fabric: Fabric) -> Float[Array, " unknown"]:

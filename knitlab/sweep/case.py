@@ -38,6 +38,7 @@ class Case:
         applied_strain: strains of the tensile test, ascending from 0.
         method: how its states are reached.
         solver: settings of that method.
+        sensitivities: whether it is told how its results hang on the stripe parameters.
     """
 
     design: dict[str, Label]
@@ -52,6 +53,7 @@ class Case:
     applied_strain: tuple[float, ...]
     method: Method
     solver: SolverSettings | DynamicsSettings
+    sensitivities: bool = False
 
     @cached_property
     def record(self) -> dict[str, Any]:
@@ -87,6 +89,11 @@ class Case:
     def pure(self) -> bool:
         """Whether it is one stripe, corrugated in a single direction."""
         return self.weft == self.warp
+
+    @property
+    def all_corners_held(self) -> bool:
+        """Whether every corner of a unit cell lies on a clamp: then no strain across is read."""
+        return self.reading.boundary == "clamped" and self.unit_cells[0] == 1
 
     def woven(self) -> tuple[Network, Fabric]:
         """Its network and fabric."""

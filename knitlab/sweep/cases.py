@@ -71,6 +71,7 @@ def _cases(
         ),
         "method": protocol.method,
         "solver": SolverSettings(**_merged(parameters.solver, workflow.solver)),
+        "sensitivities": protocol.sensitivities,
     }
     if protocol.method == "dynamics":
         common["mass_and_drag"] = MassAndDrag(**_of(MassAndDrag, sheet))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from knitlab.sweep.shipped import PACKAGE
 
-COMPUTING = ("model", "mechanics", "measure", "sweep/measurement.py")
+COMPUTING = ("model", "mechanics", "measure", "sweep/measurement.py", "sweep/sensitivity.py")
 """Parts of the package whose text can change the numbers of a case."""
 DIGITS = 12
 

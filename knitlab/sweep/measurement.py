@@ -9,6 +9,7 @@ import xarray as xr
 
 from knitlab.measure.corners import unit_cell_corners
 from knitlab.measure.folds import hinges_past_pi
+from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.measure.strain import (
     central_mean,
     lattice_vectors,
@@ -21,6 +22,7 @@ from knitlab.model.fabric import cell_length
 from knitlab.sweep.case import Case
 from knitlab.sweep.fingerprint import code_fingerprint
 from knitlab.sweep.registry import VARIABLES, Status, Variable, described
+from knitlab.sweep.sensitivity import sensitivities
 
 
 def variables_of(case: Case) -> dict[str, Variable]:
@@ -30,6 +32,8 @@ def variables_of(case: Case) -> dict[str, Variable]:
         kinds.append("dynamics")
     if case.pure:
         kinds.append("stripe")
+    if case.sensitivities:
+        kinds.append("sensitivities")
     return {name: variable for name, variable in VARIABLES.items() if variable.of in kinds}
 
 
@@ -54,8 +58,8 @@ def measured(case: Case, test: TensileTest, chain: Sequence[ChainState] = ()) ->
         "case_id": case.case_id,
         "code": code_fingerprint(),
         "periods": case.periods,
-        "flat_cell_x": cells[0] * cell_length(case.weft, case.reading),
-        "flat_cell_y": cells[1] * cell_length(case.warp, case.reading),
+        "flat_cell_x": float(cells[0] * cell_length(case.weft, case.reading)),
+        "flat_cell_y": float(cells[1] * cell_length(case.warp, case.reading)),
         "residual_force": [state.residual for state in test.states],
         "iterations": [float(state.iterations) for state in test.states],
         "factorisations": [float(state.factorisations) for state in test.states],
@@ -67,6 +71,8 @@ def measured(case: Case, test: TensileTest, chain: Sequence[ChainState] = ()) ->
         values |= {"reaction_force": reaction, "row_force": reaction / shape.cells_x}
         values |= _shapes(case, reached)
         values |= _strains(case, reached, complete)
+        if case.sensitivities:
+            values |= sensitivities(case, reached)
     if case.method == "dynamics":
         values["kinetic_energy_peak"] = [state.kinetic_peak for state in test.states]
     if test.history is not None:
@@ -122,8 +128,8 @@ def _strains(case: Case, reached: list[State], complete: bool) -> dict[str, Any]
     edges = jnp.linalg.norm(lattice_vectors(corners[0]), axis=-2)
     ratio = np.asarray(poisson_ratio(mean_xx, mean_yy)).copy()
     ratio[0] = np.nan  # 0/0, whatever round-off makes of it
-    if case.reading.boundary == "clamped" and case.unit_cells[0] == 1:
-        # Every corner lies on a clamp; what its strain across reads is round-off.
+    if case.all_corners_held:
+        # What its strain across reads is round-off.
         strain_xx, mean_xx = strain_xx * np.nan, mean_xx * np.nan
         ratio[:] = np.nan
     values: dict[str, Any] = {
@@ -149,6 +155,7 @@ def _dataset(case: Case, values: dict[str, Any]) -> xr.Dataset:
         "applied_strain": len(case.applied_strain),
         "cell_y": case.unit_cells[0],
         "cell_x": case.unit_cells[1],
+        "stripe_parameter": len(STRIPE_PARAMETERS),
         "node_y": shape.nodes_y,
         "node_x": shape.nodes_x,
         "component": 3,
@@ -174,6 +181,8 @@ def _dataset(case: Case, values: dict[str, Any]) -> xr.Dataset:
         "cell_x": np.arange(sizes["cell_x"]),
     }
     coordinates |= {name: values[name] for name in ("time", "snapshot") if name in values}
+    if case.sensitivities:
+        coordinates["stripe_parameter"] = list(STRIPE_PARAMETERS)
     if "position" in variables:
         coordinates["component"] = ["x", "y", "z"]
     return xr.Dataset(variables, coordinates)

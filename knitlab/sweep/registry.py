@@ -28,7 +28,8 @@ class Variable:
         long_name: what a figure's axis says.
         description: what it is, where the name leaves a question.
         in_cube: whether the cube has it, or the case alone.
-        of: what cases have it: all, those reached by dynamics, or those of a pure stripe.
+        of: what cases have it: all, those reached by dynamics, those of a pure stripe, or those
+            of which sensitivities were asked for.
     """
 
     dims: tuple[str, ...]
@@ -36,7 +37,7 @@ class Variable:
     long_name: str
     description: str = ""
     in_cube: bool = True
-    of: Literal["all", "dynamics", "stripe"] = "all"
+    of: Literal["all", "dynamics", "stripe", "sensitivities"] = "all"
 
     @property
     def attributes(self) -> dict[str, str]:
@@ -63,6 +64,12 @@ COORDINATES = {
     ),
     "cell_y": Variable(("cell_y",), "1", "unit cell along the warp"),
     "cell_x": Variable(("cell_x",), "1", "unit cell along the weft"),
+    "stripe_parameter": Variable(
+        ("stripe_parameter",),
+        "1",
+        "parameter of the rib or of the garter stripe",
+        "rib_period is the paper's w, garter_period its h; k_s stretches, k_t and theta_0 fold",
+    ),
     "node_y": Variable(("node_y",), "1", "node row along the warp"),
     "node_x": Variable(("node_x",), "1", "node column along the weft"),
     "component": Variable(("component",), "1", "component of a position"),
@@ -71,6 +78,12 @@ COORDINATES = {
 }
 
 _STATE = ("applied_strain",)
+_PARAMETERS = ("applied_strain", "stripe_parameter")
+_LOGARITHMIC = (
+    "for a parameter p, p times the derivative by p, the applied strain held: the change for a"
+    " relative change of p, comparable between parameters; divide by p for the plain derivative."
+    " Missing at zero strain, and where the state is no stable equilibrium"
+)
 _CELLS = ("applied_strain", "cell_y", "cell_x")
 
 VARIABLES = {
@@ -95,6 +108,20 @@ VARIABLES = {
     "applied_strain_at_min": Variable((), "1", "applied strain at the lowest Poisson's ratio"),
     "reaction_force": Variable(
         _STATE, "N", "reaction force", "over the whole width of the sample or periodic cell"
+    ),
+    "poisson_ratio_sensitivity": Variable(
+        _PARAMETERS,
+        "1",
+        "logarithmic sensitivity of Poisson's ratio to a stripe parameter",
+        _LOGARITHMIC,
+        of="sensitivities",
+    ),
+    "reaction_force_sensitivity": Variable(
+        _PARAMETERS,
+        "N",
+        "logarithmic sensitivity of the reaction force to a stripe parameter",
+        _LOGARITHMIC,
+        of="sensitivities",
     ),
     "energy_stretch": Variable(_STATE, "N mm", "energy of the extensional springs"),
     "energy_fold": Variable(_STATE, "N mm", "energy of the torsional springs"),

@@ -25,8 +25,9 @@ from knitlab.sweep.status import FAILURES, PLAN, earlier_failures
 from knitlab.sweep.survey import Standing, cells, check_dims, survey
 from knitlab.sweep.workers import BatchError, Pool, Simulate, Task, connected, pool_of
 
-MAY_DIFFER = ("applied_strain", "solver")
-"""What designs of one cube may differ in: how far they are pulled, and how that is solved."""
+MAY_DIFFER = ("applied_strain", "solver", "sensitivities")
+"""What designs of one cube may differ in: how far they are pulled, how that is solved, and whether
+sensitivities are asked for."""
 Failed = dict[str, BatchError]
 """Why cases could not be computed, by identifier."""
 

@@ -20,7 +20,9 @@ from knitlab.sweep.case import Method
 from knitlab.sweep.changes import Changes
 from knitlab.sweep.parameters import Fraction, Snapshots, Strict
 
-Figure = Literal["curves", "auxetic", "shape", "relaxation", "folding", "stripes", "departure"]
+Figure = Literal[
+    "curves", "auxetic", "shape", "sensitivity", "relaxation", "folding", "stripes", "departure"
+]
 Whole = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
 
 MOST_STEPS = 1000
@@ -59,11 +61,23 @@ class StripesSection(Strict):
 
 
 class ProtocolSection(Strict):
-    """``[protocol]``: the strains of the tensile test, and how its states are reached."""
+    """``[protocol]``: the strains of the tensile test, and how its states are reached.
+
+    With ``sensitivities``, also how Poisson's ratio and force hang on the stripe parameters.
+    """
 
     method: Method = "equilibrium"
     strain_max: Annotated[float, Field(ge=0)] = 0.45
     strain_step: PositiveFloat = 0.03
+    sensitivities: bool = False
+
+    @model_validator(mode="after")
+    def _has_sensitivities_in_equilibrium(self) -> "ProtocolSection":
+        if self.sensitivities and self.method != "equilibrium":
+            raise ValueError(
+                f"has no sensitivities by method = {self.method}; take method = equilibrium"
+            )
+        return self
 
     @model_validator(mode="after")
     def _is_a_whole_number_of_steps(self) -> "ProtocolSection":
@@ -149,6 +163,8 @@ class Workflow(Strict):
     def _is_of_one_kind(self) -> "Workflow":
         if (self.design is None) == (self.stripes is None):
             raise ValueError("needs either [design] or [stripes], not both and not neither")
+        if self.stripes is not None and self.protocol.sensitivities:
+            raise ValueError("has no sensitivities of pure stripes; leave protocol.sensitivities")
         return self
 
 

@@ -21,7 +21,10 @@ STATUS = {
 N_STRIPE, N_SUBUNIT = [2, 4, 8], [16, 32, 64]
 
 
-def made_up_cube() -> xr.Dataset:
+PARAMETERS = ["rib_k_s", "rib_k_t", "garter_k_s", "garter_k_t"]
+
+
+def made_up_cube(sensitivities: bool = False) -> xr.Dataset:
     grid = [[(n, m) for m in N_SUBUNIT] for n in N_STRIPE]
     status = np.array([[STATUS[pair] for pair in row] for row in grid], dtype=np.int8)
     lowest = np.array([[LOWEST.get(pair, np.nan) for pair in row] for row in grid])
@@ -32,7 +35,7 @@ def made_up_cube() -> xr.Dataset:
     axial[np.isnan(curve) & (np.arange(3) > 0)] = np.nan
     designs = ("n_stripe", "n_subunit")
     states = (*designs, "applied_strain")
-    return described(
+    made_up = described(
         xr.Dataset(
             {
                 "status": (designs, status),
@@ -47,3 +50,7 @@ def made_up_cube() -> xr.Dataset:
             {"n_stripe": N_STRIPE, "n_subunit": N_SUBUNIT, "applied_strain": STRAINS},
         )
     )
+    if sensitivities:
+        shares = xr.DataArray([1.0, 2.0, -0.5, 0.0], {"stripe_parameter": PARAMETERS})
+        made_up["poisson_ratio_sensitivity"] = made_up["poisson_ratio"] * shares
+    return made_up

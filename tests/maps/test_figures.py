@@ -8,6 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from knitlab.maps.auxetic import auxetic_map
 from knitlab.maps.curves import tension_curves
 from knitlab.maps.figures import draw_figure
+from knitlab.maps.sensitivity import sensitivity_map
 from knitlab.sweep.faults import BadInput
 from tests.maps.made_up import made_up_cube
 
@@ -48,6 +49,22 @@ def test_the_map_writes_each_value_with_its_strain():
     assert texts == ["0.05", "at 10%", "-0.80", "at 10%", "-0.40", "at 10%"]
 
 
+def test_the_sensitivity_map_frames_the_largest_of_each_design():
+    axes = sensitivity_map(made_up_cube(sensitivities=True)).axes[0]
+    designs = [label.get_text().split("  ")[0] for label in axes.get_yticklabels()]
+    assert designs == ["(2, 16)", "(2, 32)", "(2, 64)", "(4, 16)", "(4, 32)", "(8, 32)"]
+    bold = [text.get_text() for text in axes.texts if text.get_weight() == "bold"]
+    assert bold == ["+0.10", "−1.60", "−0.80"]
+    frames = [patch for patch in axes.patches if patch.get_facecolor()[3] == 0]
+    assert [(round(of.get_x() + 0.5), of.get_y() + 0.5) for of in frames] == [
+        (1, 0),
+        (1, 3),
+        (1, 4),
+    ]
+    hatched = [patch.get_y() + 0.5 for patch in axes.patches if patch.get_hatch()]
+    assert sorted(set(hatched)) == [1, 2, 5], "a design without a value is not marked"
+
+
 def test_curves_have_a_line_for_every_run_and_a_cross_where_one_ended():
     grid = np.array(tension_curves(made_up_cube()).axes).reshape(3, 3)
     ratio = grid[2]
@@ -75,6 +92,7 @@ def test_a_figure_is_written_whole_in_the_format_of_its_suffix(cube_file, tmp_pa
         ("shape", "shape.png", (), "holds no node position"),
         ("curves", "curves.png", ("n_stripe=2", "n_subunit=64"), "no design of this selection"),
         ("auxetic", "map.pdf", ("applied_strain=0.1",), "says nothing to auxetic"),
+        ("sensitivity", "map.pdf", (), "run with --set sensitivities=true"),
     ],
 )
 def test_a_figure_that_cannot_be_drawn_writes_nothing(

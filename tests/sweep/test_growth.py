@@ -225,13 +225,15 @@ def test_the_fingerprint_follows_the_code_that_computes(tmp_path, monkeypatch):
     for part in ("model", "mechanics", "measure", "sweep", "maps"):
         (package / part).mkdir(parents=True)
         (package / part / "one.py").write_text("x = 1")
-    (package / "sweep" / "measurement.py").write_text("x = 1")
+    computing = ("sweep/measurement.py", "sweep/sensitivity.py")
+    for file in computing:
+        (package / file).write_text("x = 1")
     monkeypatch.setattr(fingerprint_module, "PACKAGE", package)
     read = fingerprint_module.code_fingerprint.__wrapped__
     before = read()
     (package / "maps" / "one.py").write_text("x = 2")
     assert read() == before
-    for file in ("model/one.py", "mechanics/one.py", "measure/one.py", "sweep/measurement.py"):
+    for file in ("model/one.py", "mechanics/one.py", "measure/one.py", *computing):
         (package / file).write_text("x = 3")
         assert read() != before
         before = read()

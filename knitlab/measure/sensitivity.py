@@ -1,0 +1,94 @@
+"""Quantities of a tensile test as pure JAX, and their sensitivities to the stripe parameters."""
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from knitlab.measure.corners import unit_cell_corners
+from knitlab.measure.strain import central_mean, lattice_vectors, local_strain, poisson_ratio
+from knitlab.mechanics.loading import drive_along, free_under_tension
+from knitlab.model.energy import energy
+from knitlab.model.fabric import Fabric, StripePair
+from knitlab.model.network import MeshShape, network
+
+Configuration = Float[Array, " unknown"]
+Quantity = Callable[[Configuration, Configuration, Fabric], Float[Array, ""]]
+"""A number read off the relaxed configuration, that under strain and the fabric."""
+
+
+def quantities(shape: MeshShape, unit_cells: tuple[int, int]) -> dict[str, Quantity]:
+    """What a tensile test is measured by, each by its name in the cube.
+
+    Args:
+        shape: the mesh shape.
+        unit_cells: unit cells along (y, x).
+    """
+
+    def corners(configuration: Configuration) -> Float[Array, "cell_y+1 cell_x+1 2"]:
+        return unit_cell_corners(shape, unit_cells, configuration)
+
+    def strains(relaxed: Configuration, strained: Configuration) -> list[Array]:
+        return [central_mean(of) for of in local_strain(corners(relaxed), corners(strained))]
+
+    def cell(relaxed: Configuration) -> Float[Array, "2"]:
+        edges = jnp.linalg.norm(lattice_vectors(corners(relaxed)), axis=-2)
+        return jnp.stack([central_mean(edges[..., axis]) for axis in (0, 1)])
+
+    return {
+        "mean_strain_xx": lambda q0, q, fabric: strains(q0, q)[0],
+        "mean_strain_yy": lambda q0, q, fabric: strains(q0, q)[1],
+        "poisson_ratio": lambda q0, q, fabric: poisson_ratio(*strains(q0, q)),
+        "reaction_force": lambda q0, q, fabric: reaction_force(shape, q0, q, fabric),
+        "relaxed_cell_x": lambda q0, q, fabric: cell(q0)[0],
+        "relaxed_cell_y": lambda q0, q, fabric: cell(q0)[1],
+    }
+
+
+def reaction_force(
+    shape: MeshShape, relaxed: Configuration, strained: Configuration, fabric: Fabric
+) -> Float[Array, ""]:
+    """Force that drives the tensile test [N].
+
+    See :meth:`knitlab.mechanics.loading.Loading.reaction_force`.
+    """
+    held = np.setdiff1d(np.arange(shape.unknowns), free_under_tension(shape))
+    drive, length = drive_along(shape, relaxed)
+    gradient = jax.grad(lambda q: energy(network(shape), fabric, q).total)(strained)
+    return drive[held] @ gradient[held] / length
+
+
+@lru_cache(maxsize=16)
+def measured_by(
+    shape: MeshShape, unit_cells: tuple[int, int], names: tuple[str, ...]
+) -> Callable[[Configuration, Configuration, Fabric], Float[Array, " quantity"]]:
+    """Several of :func:`quantities` at once; the same function for the same arguments."""
+    chosen = [quantities(shape, unit_cells)[name] for name in names]
+    return lambda q0, q, fabric: jnp.stack([quantity(q0, q, fabric) for quantity in chosen])
+
+
+def logarithmic(derivative: StripePair, stripes: StripePair) -> Float[np.ndarray, "quantity 8"]:
+    """Logarithmic derivatives p ∂J/∂p by every parameter p, as :data:`STRIPE_PARAMETERS` has them.
+
+    They are the change of J for a relative change of p, and so comparable between parameters.
+
+    Args:
+        derivative: of every quantity J by each number.
+        stripes: the numbers.
+    """
+    by_log = jax.tree.map(jnp.multiply, derivative, stripes)
+    return np.stack(
+        [getattr(getattr(by_log, side), name) for side, name in STRIPE_PARAMETERS.values()], axis=-1
+    )
+
+
+STRIPE_PARAMETERS = {
+    f"{knit}_{name}": (side, name)
+    for knit, side in (("rib", "weft"), ("garter", "warp"))
+    for name in ("k_s", "k_t", "theta_0", "period")
+}
+"""Where each parameter stands in a :class:`~knitlab.model.fabric.StripePair`, by its label. The
+periods of rib and garter are the paper's w and h."""

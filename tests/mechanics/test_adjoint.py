@@ -1,0 +1,254 @@
+"""Derivatives of equilibria, against finite differences of equilibria found anew."""
+
+from dataclasses import dataclass, replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic, measured_by
+from knitlab.mechanics.adjoint import Adjoint
+from knitlab.mechanics.alignment import aligning_rotation
+from knitlab.mechanics.drive import run
+from knitlab.mechanics.equilibrium import find_equilibrium
+from knitlab.mechanics.loading import all_free, squared_up, tensile
+from knitlab.mechanics.response import NoDerivative, rigid_motions
+from knitlab.mechanics.solver import Evaluate
+from knitlab.mechanics.stiffness import free_stiffness
+from knitlab.mechanics.tension import stretch
+from knitlab.model.fabric import Fabric, Sheet, StripePair, Weave, flat_sheet, laid_out
+from knitlab.model.pattern import checkerboard
+from knitlab.model.reading import Reading
+from tests.fabrics import CLAMPED, ENDLESS, FINE, stripe
+
+pytestmark = pytest.mark.xdist_group("adjoint")  # so that each program is compiled once
+
+NAMES = (
+    "poisson_ratio",
+    "mean_strain_xx",
+    "mean_strain_yy",
+    "reaction_force",
+    "relaxed_cell_x",
+    "relaxed_cell_y",
+)
+WALLS_FAR, WALLS_NEAR = Sheet(6.0, 100.0), Sheet(1.5, 100.0)
+
+
+@dataclass(frozen=True)
+class Pulled:
+    """A small design, relaxed and at one strain."""
+
+    weave: Weave
+    unit_cells: tuple[int, int]
+    stripes: StripePair
+    strain: float
+    relaxed: np.ndarray
+    strained: np.ndarray
+
+    @property
+    def measure(self):
+        return measured_by(self.weave.net.shape, self.unit_cells, NAMES)
+
+    def under(self, stripes: StripePair) -> tuple[np.ndarray, np.ndarray, Fabric]:
+        """Its states under slightly other stripes, each found from the one it has."""
+        net, fabric = self.weave.net, self.weave.fabric(stripes)
+        longest = FINE.step_limit * float(fabric.cell.min())
+
+        def found(start: np.ndarray, unknowns: np.ndarray) -> np.ndarray:
+            free = free_stiffness(net.shape, unknowns)
+            state = run(net.shape, fabric, find_equilibrium(Evaluate(start), free, longest, FINE))
+            assert state.converged
+            return state.configuration
+
+        relaxed = found(self.relaxed, all_free(net.shape))
+        square = np.asarray(squared_up(net.shape, flat_sheet(net, fabric), relaxed))
+        relaxed = found(square, all_free(net.shape))
+        loading = tensile(net.shape, relaxed)
+        start = loading.holding(self.strained, self.strain)
+        return relaxed, found(start, loading.unknowns), fabric
+
+    def measured_here(self) -> np.ndarray:
+        return np.asarray(
+            self.measure(self.relaxed, self.strained, self.weave.fabric(self.stripes))
+        )
+
+    def measured(self, stripes: StripePair) -> np.ndarray:
+        return np.asarray(self.measure(*self.under(stripes)))
+
+    def adjoint(self) -> Adjoint:
+        return Adjoint(self.weave, self.stripes, self.relaxed)
+
+    def sensitivities(self) -> np.ndarray:
+        found = self.adjoint().of_strained(self.strain, self.strained, self.measure)
+        return logarithmic(found, self.stripes)
+
+
+def pulled(
+    n_stripe: int, reading: Reading, unit_cells: tuple[int, int] = (1, 1), sheet: Sheet = WALLS_FAR
+) -> Pulled:
+    strain = 0.05
+    weave = laid_out(checkerboard(1, unit_cells), sheet, reading)
+    stripes = StripePair.of(stripe("rib", n_stripe), stripe("garter", 2 * n_stripe))
+    fabric = weave.fabric(stripes)
+    test = run(weave.net.shape, fabric, stretch(weave.net, fabric, [0, strain], FINE))
+    relaxed, strained = test.states
+    assert strained.converged
+    assert not strained.snapped
+    # A node that is about to touch a wall, or to leave it, would spoil the differences.
+    for state in test.states:
+        heights = np.abs(state.configuration[2:-2:3])
+        assert np.abs(heights - sheet.z_max).min() > 1e-6
+    return Pulled(weave, unit_cells, stripes, strain, relaxed.configuration, strained.configuration)
+
+
+@pytest.fixture(scope="module")
+def endless() -> Pulled:
+    return pulled(4, ENDLESS)
+
+
+@pytest.fixture(scope="module")
+def clamped() -> Pulled:
+    return pulled(2, CLAMPED, (2, 1))
+
+
+def by_differences(of: Pulled) -> np.ndarray:
+    """Logarithmic derivatives by central differences of two steps, extrapolated."""
+    columns = []
+    for side, name in STRIPE_PARAMETERS.values():
+
+        def at(factor, side=side, name=name):
+            def where(pair):
+                return getattr(getattr(pair, side), name)
+
+            return of.measured(eqx.tree_at(where, of.stripes, factor * where(of.stripes)))
+
+        short, long = ((at(1 + h) - at(1 - h)) / (2 * h) for h in (2e-4, 4e-4))
+        columns.append((4 * short - long) / 3)
+    return np.stack(columns, axis=-1)
+
+
+def assert_agree(found: np.ndarray, expected: np.ndarray) -> None:
+    """Within 1e-5 of the largest derivative of each quantity."""
+    scale = np.abs(expected).max(axis=1, keepdims=True)
+    assert (np.abs(found - expected) <= 1e-5 * scale + 1e-9).all()
+
+
+def test_derivatives_of_endless_fabric_are_those_of_differences(endless):
+    found, expected = endless.sensitivities(), by_differences(endless)
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-9)
+
+
+def test_derivatives_of_a_clamped_sample_are_those_of_differences(clamped):
+    assert_agree(clamped.sensitivities(), by_differences(clamped))
+
+
+def test_derivatives_of_a_sample_pressed_by_walls_are_those_of_differences():
+    pressed = pulled(4, CLAMPED, (2, 1), WALLS_NEAR)
+    assert (np.abs(pressed.strained[2:-2:3]) > WALLS_NEAR.z_max).any()
+    assert_agree(pressed.sensitivities(), by_differences(pressed))
+
+
+@pytest.mark.parametrize("name", ["endless", "clamped"])
+def test_derivatives_scale_as_the_model_does(name, request):
+    """Exact while no wall is touched.
+
+    Forces grow with all stiffnesses, which moves nothing; and as all lengths grow, so does the
+    shape if every k_t grows with their square.
+    """
+    of = request.getfixturevalue(name)
+    found = dict(zip(NAMES, of.sensitivities(), strict=True))
+    places = {key: k for k, key in enumerate(STRIPE_PARAMETERS)}
+
+    def total(quantity, *parameters):
+        return sum(
+            found[quantity][places[f"{knit}_{p}"]] for knit in ("rib", "garter") for p in parameters
+        )
+
+    values = dict(zip(NAMES, of.measured_here(), strict=True))
+    assert total("poisson_ratio", "k_s", "k_t") == pytest.approx(0, abs=1e-8)
+    assert total("reaction_force", "k_s", "k_t") == pytest.approx(
+        values["reaction_force"], rel=1e-8
+    )
+    bent = total("poisson_ratio", "period") + 2 * total("poisson_ratio", "k_t")
+    assert bent == pytest.approx(0, abs=1e-8)
+    grown = total("relaxed_cell_x", "period") + 2 * total("relaxed_cell_x", "k_t")
+    assert grown == pytest.approx(values["relaxed_cell_x"], rel=1e-8)
+
+
+def test_the_relaxed_shape_alone_has_the_same_derivatives(endless):
+    alone = logarithmic(endless.adjoint().of_relaxed(endless.measure), endless.stripes)
+    np.testing.assert_allclose(alone[4:], endless.sensitivities()[4:], rtol=1e-9)
+
+
+def test_any_scalar_of_the_states_has_a_gradient(endless):
+    """The chain rule holds for a loss made of several quantities."""
+
+    strains = measured_by(endless.weave.net.shape, endless.unit_cells, NAMES[1:3])
+
+    def loss(relaxed, strained, fabric):
+        return jnp.sum(strains(relaxed, strained, fabric) ** 2)
+
+    gradient = endless.adjoint().of_strained(endless.strain, endless.strained, loss)
+    expected = 2 * endless.measured_here()[1:3] @ endless.sensitivities()[1:3]
+    np.testing.assert_allclose(logarithmic(gradient, endless.stripes)[0], expected, rtol=1e-9)
+
+
+def test_how_the_free_sample_lay_before_it_was_squared_up_changes_nothing(clamped):
+    """Whatever rigid motion a derivative of the relaxed shape is mixed with, it comes out."""
+    adjoint = clamped.adjoint()
+    shape = clamped.weave.net.shape
+    flat = flat_sheet(clamped.weave.net, clamped.weave.fabric(clamped.stripes))
+    motions = rigid_motions(clamped.relaxed)
+    squared = jax.jacfwd(lambda q: squared_up(shape, flat, q))(jnp.asarray(clamped.relaxed))
+    left = np.asarray(squared) @ motions
+    height = np.tile([0, 0, 1.0], shape.nodes)
+    assert np.abs(np.delete(left, 2, axis=1)).max() < 1e-9
+    np.testing.assert_allclose(left[:-2, 2], height, atol=1e-9)
+
+    turn = Rotation.from_rotvec([0.3, -0.2, 0.1]).as_matrix()
+    weights = jnp.asarray(np.random.default_rng(0).normal(size=(shape.nodes, shape.nodes)))
+
+    def distances(q):
+        nodes = q[:-2].reshape(-1, 3)
+        return jnp.sum(weights * ((nodes[:, None] - nodes[None]) ** 2).sum(-1))
+
+    def turned(q):
+        return jnp.concatenate([(q[:-2].reshape(-1, 3) @ turn.T).ravel(), q[-2:]])
+
+    one = adjoint.of_relaxed(lambda q0, q, fabric: distances(q0))
+    other = adjoint.of_relaxed(lambda q0, q, fabric: distances(turned(q0)))
+    np.testing.assert_allclose(
+        logarithmic(one, clamped.stripes), logarithmic(other, clamped.stripes), rtol=1e-8
+    )
+
+
+def test_no_derivative_is_made_up_where_there_is_no_stable_equilibrium(endless):
+    flat = np.asarray(flat_sheet(endless.weave.net, endless.weave.fabric(endless.stripes)))
+    squeezed = flat.copy()
+    squeezed[1:-2:3] *= 0.5
+    squeezed[-1] *= 0.5
+    with pytest.raises(NoDerivative):
+        replace(endless, relaxed=squeezed).adjoint()
+
+
+@given(seed=st.integers(0, 1000), flat=st.booleans(), mirrored=st.booleans())
+def test_the_aligning_rotation_and_its_derivative_are_scipys(seed, flat, mirrored):
+    random = np.random.default_rng(seed)
+    target = random.normal(size=(20, 3)) * [3, 2, 0 if flat else 1]
+    points = Rotation.random(random_state=seed).apply(target)
+    points = points * [1, 1, -1 if mirrored else 1] + 0.1 * random.normal(size=points.shape)
+
+    def scipys(x):
+        return Rotation.align_vectors(target, x)[0].as_matrix()
+
+    found = aligning_rotation(jnp.asarray(target), jnp.asarray(points))
+    np.testing.assert_allclose(found, scipys(points), atol=1e-10)
+    toward, h = random.normal(size=points.shape), 1e-6
+    slope = jax.jvp(lambda x: aligning_rotation(jnp.asarray(target), x), (points,), (toward,))[1]
+    differences = (scipys(points + h * toward) - scipys(points - h * toward)) / (2 * h)
+    np.testing.assert_allclose(slope, differences, atol=1e-6)
