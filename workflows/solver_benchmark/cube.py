@@ -26,7 +26,7 @@ DIMS = {
     "workers": "worker processes of a sweep, threads of anything else",
     "repeat": "which of the repeats",
 }
-TRIAL_DIMS = ("solver", "setting", "repeat")
+TRIAL_DIMS = ("solver", "size", "setting")
 COST = {
     "seconds": ("s", "wall time, compilation apart; missing where the tolerance was not reached"),
     "compile_seconds": ("s", "time to compile, before the watch started"),
@@ -82,17 +82,14 @@ def gathered(results: Path) -> xr.Dataset:
 
 def cube_of(records: list[dict[str, Any]]) -> xr.Dataset:
     """A cube of records. Where two differ in the setting alone, the later one counts."""
-    frame = pd.DataFrame(sorted(records, key=lambda record: record["date"]))
+    frame = pd.DataFrame(records).sort_values("date")
     trials = frame[frame["task"] == "tuning"].drop_duplicates([*TRIAL_DIMS], keep="last")
     frame = frame[frame["task"] != "tuning"].drop_duplicates([*DIMS], keep="last")
     parts = []
     if len(frame):
         parts.append(_costs(frame))
     if len(trials):
-        seconds = trials.set_index([*TRIAL_DIMS])["seconds"].astype(float)
-        tuned = seconds.to_xarray().rename(setting="trial_setting").rename("tuning_seconds")
-        words = "time to relax one small sample with that setting; missing where not reached"
-        parts.append(tuned.assign_attrs(units="s", long_name=words).to_dataset())
+        parts.append(_trials(trials))
     cube = xr.merge(parts, join="outer", combine_attrs="drop", compat="no_conflicts")
     if "status" in cube:
         cube["status"] = cube["status"].fillna(NOT_MEASURED).astype(np.int8)
@@ -102,6 +99,32 @@ def cube_of(records: list[dict[str, Any]]) -> xr.Dataset:
     return cube.assign_attrs(
         Conventions="CF-1.11", title="Benchmark of knitlab's solvers against others"
     )
+
+
+def _trials(trials: pd.DataFrame) -> xr.Dataset:
+    """What every setting cost on a small sample; missing where it did not reach the tolerance."""
+    costs = trials.set_index([*TRIAL_DIMS]).sort_index()[["evaluations", "seconds"]].astype(float)
+    costs = costs.where(costs["seconds"].notna())
+    of = costs.to_xarray().rename(
+        setting="trial_setting",
+        size="trial_size",
+        evaluations="trial_evaluations",
+        seconds="trial_seconds",
+    )
+    of["trial_evaluations"].attrs = {
+        "units": "1",
+        "long_name": "evaluations of energy and gradient to relax, by the setting that is tried",
+    }
+    of["trial_seconds"].attrs = {
+        "units": "s",
+        "long_name": "wall time to relax, by the setting that is tried",
+    }
+    of["trial_setting"].attrs = {
+        "long_name": "damping of the dynamics [g/ms], initial time step of FIRE [sqrt(g mm/N)],"
+        " steps that L-BFGS remembers",
+    }
+    of["trial_size"].attrs = {"long_name": "unit cells of the small sample along y x along x"}
+    return of
 
 
 def _costs(frame: pd.DataFrame) -> xr.Dataset:
@@ -171,7 +194,7 @@ def _with_first_times(cube: xr.Dataset, frame: pd.DataFrame) -> xr.Dataset:
     long = pd.DataFrame(
         indexed.tolist(), index=indexed.index, columns=pd.Index(RESIDUAL_LEVELS, name="level")
     )
-    times = long.stack().astype(float).to_xarray().rename("time_to_residual")
+    times = xr.DataArray.from_series(long.stack().astype(float))
     cube["time_to_residual"] = times.assign_attrs(
         units="s", long_name="wall time until the residual first fell to a level, in relaxation"
     )

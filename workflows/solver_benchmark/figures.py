@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from knitlab.maps.figures import save
 from knitlab.maps.style import ONE_COLUMN, print_style
+from workflows.solver_benchmark.cube import NOT_REACHED
 
 # Okabe and Ito's colours, told apart by the colour-blind; the marker says it once more.
 LOOKS = {
@@ -50,6 +51,9 @@ def time_against_size(cube: xr.Dataset) -> Figure | None:
         spread = [middle - its["seconds_least"], its["seconds_most"] - middle]
         slope = float(its["slope"])
         fit = f", $s$ = {slope:.2f}" if np.isfinite(slope) else ""
+        given_up = its["nodes"].where((its["status"] == NOT_REACHED).any("repeat"))
+        if given_up.notnull().any():
+            fit += f"; given up at {float(given_up.min()):,.0f}"
         axes.errorbar(
             its["nodes"],
             middle,

@@ -17,8 +17,8 @@ from scipy.sparse.linalg import splu
 
 from knitlab.mechanics.drive import run
 from knitlab.mechanics.evaluation import WHOLE, evaluator, hessian_evaluator
+from knitlab.mechanics.factorisation import factoriser
 from knitlab.mechanics.loading import tensile
-from knitlab.mechanics.nested_dissection import nested_dissection
 from knitlab.mechanics.relaxation import relax, tiled
 from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
@@ -40,8 +40,9 @@ its symbolic one: it has no way to keep it."""
 
 
 def _nested_dissection(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:
-    plan = nested_dissection(free.indptr, free.indices, *free.grid)
-    return lambda: plan.factorise(entries), lambda factors: factors.solve(right)
+    # As knitlab uses it: one thread of BLAS, whatever the number is else.
+    factorise = factoriser(free, "nested_dissection")
+    return lambda: factorise(entries), lambda factors: factors.solve(right)
 
 
 def _cholmod(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from statistics import median
 
+from knitlab.model.reading import Boundary
 from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.shipped import shipped
 from workflows.solver_benchmark.limit import FACTORISATIONS
@@ -17,8 +17,9 @@ GROWING = ("2x2", "4x2", "6x3", "8x4", "12x6", "16x8", "22x11")
 """Samples from 1,000 to 62,000 nodes."""
 FACTORED = ("6x4", "24x11")
 """Samples of about 20,000 and 200,000 free unknowns between the clamps."""
-TUNED = "1x1"
-EVERY_DESIGN = (("periodic", "1x1"), ("clamped", "5x3"))
+TUNED = ("1x1", "3x2")
+"""Samples that settings are tried on: the first for itself, the second for all that are larger."""
+EVERY_DESIGN: tuple[tuple[Boundary, str], ...] = (("periodic", "1x1"), ("clamped", "5x3"))
 
 
 @dataclass(frozen=True)
@@ -37,10 +38,11 @@ class Budget:
 
 
 def tuning() -> Iterator[Measurement]:
-    """Values of the one number of every method that has one, on a small sample."""
-    for solver, settings in TRIALS.items():
-        for setting in settings:
-            yield Measurement("tuning", solver, size=TUNED, setting=setting)
+    """Values of the one number of every method that has one, on small samples."""
+    for size in TUNED:
+        for solver, settings in TRIALS.items():
+            for setting in settings:
+                yield Measurement("tuning", solver, size=size, setting=setting)
 
 
 def methods() -> Iterator[Measurement]:
@@ -92,44 +94,36 @@ GROUPS: dict[str, Callable[[], Iterator[Measurement]]] = {
 def planned(groups: Sequence[str], budget: Budget, results: Path) -> Iterator[Measurement]:
     """The measurements of some groups, all repeats; what is tuned takes its best setting.
 
-    It looks at the records as it goes: tuning comes before what it tunes, and what took long is
-    not repeated.
+    It looks at the records as it goes: tuning comes before what it tunes and is not repeated, as
+    it counts evaluations; nor is what took long or was given up.
     """
-    for group in GROUPS:
-        if group not in groups:
-            continue
-        for repeat in range(budget.repeats):
+    for group in (group for group in GROUPS if group in groups):
+        for repeat in range(budget.repeats if group != "tuning" else 1):
             for measurement in GROUPS[group]():
                 if not installed(measurement.solver):
                     continue
-                tried = replace(measurement, time_limit=budget.time_limit)
-                if tried.solver in TRIALS and tried.setting is None:
-                    tried = replace(tried, setting=best_setting(tried.solver, results))
-                record = tried.record(results)
-                short = record is None or record.get("seconds", budget.time_limit)
-                if repeat == 0 or (record and short <= budget.once_above):
-                    yield replace(tried, repeat=repeat)
+                first = replace(measurement, time_limit=budget.time_limit)
+                if first.setting is None:
+                    first = replace(first, setting=best_setting(first, results))
+                record = first.record(results) or {"reached": False}
+                if repeat == 0 or (record["reached"] and record["seconds"] <= budget.once_above):
+                    yield replace(first, repeat=repeat)
 
 
-def best_setting(solver: str, results: Path) -> float | None:
-    """The setting of the fastest trials; ``None`` if none has reached the tolerance."""
-    times: dict[float, float] = {}
-    for trial in tuning():
-        if trial.solver != solver or trial.setting is None:
-            continue
-        records = [
-            record
-            for path in trial_paths(trial, results)
-            if (record := replace(trial, repeat=path).record(results)) and record["reached"]
-        ]
-        if records:
-            times[trial.setting] = median(record["seconds"] for record in records)
-    return min(times, key=lambda setting: times[setting]) if times else None
+def best_setting(measurement: Measurement, results: Path) -> float | None:
+    """The setting that took the fewest evaluations on a small sample, of those tried.
 
-
-def trial_paths(trial: Measurement, results: Path) -> list[int]:
-    """Repeats of a trial that have a record."""
-    repeats = []
-    while replace(trial, repeat=len(repeats)).path(results).exists():
-        repeats.append(len(repeats))
-    return repeats
+    Where none has reached the tolerance there, the sample before it decides; ``None`` if none has
+    at all.
+    """
+    samples = TUNED[:1] if measurement.size == TUNED[0] else TUNED[::-1]
+    for size in samples:
+        costs: dict[float, int] = {}
+        for trial in tuning():
+            if (trial.solver, trial.size) == (measurement.solver, size):
+                record = trial.record(results)
+                if record and record["reached"] and trial.setting is not None:
+                    costs[trial.setting] = record["evaluations"]
+        if costs:
+            return min(costs, key=lambda setting: costs[setting])
+    return None
