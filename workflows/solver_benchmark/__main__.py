@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from dataclasses import asdict
@@ -54,6 +55,8 @@ def run(
     groups = only.split(",")
     if unknown := sorted(set(groups) - set(GROUPS)):
         raise click.BadParameter(f"{', '.join(unknown)}: choose of {', '.join(GROUPS)}")
+    # Who is terminated ends the measurement that is under way, lest it disturb the next run's.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     failed = 0
     for measurement in planned(groups, Budget(repeats, time_limit, once_above), results):
         if solvers and measurement.solver not in solvers.split(","):

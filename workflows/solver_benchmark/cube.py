@@ -90,7 +90,7 @@ def cube_of(records: list[dict[str, Any]]) -> xr.Dataset:
         parts.append(_costs(frame))
     if len(trials):
         parts.append(_trials(trials))
-    cube = xr.merge(parts, join="outer", combine_attrs="drop", compat="no_conflicts")
+    cube = xr.merge(parts, join="outer", combine_attrs="override", compat="no_conflicts")
     if "status" in cube:
         cube["status"] = cube["status"].fillna(NOT_MEASURED).astype(np.int8)
     for name, words in DIMS.items():
@@ -243,9 +243,10 @@ def report(cube: xr.Dataset) -> str:
     if "status" not in cube:
         return ""
     middle = cube[[name for name in _REPORTED if name in cube]]
-    status = cube["status"].max("repeat")
-    table = middle.assign(status=status).to_dataframe().reset_index()
+    over_repeats = {name: cube[name].max("repeat") for name in ("residual", "status")}
+    table = middle.assign(over_repeats).to_dataframe().reset_index()
     table = table[table["status"] != NOT_MEASURED].dropna(axis="columns", how="all")
+    table["status"] = table["status"].map({REACHED: "reached", NOT_REACHED: "not reached"})
     return table.to_string(index=False, na_rep="")
 
 
