@@ -44,8 +44,7 @@ def made_up_records():
                         "first_times": times if reached else times[:9] + [None] * len(times[9:]),
                     }
                     records.append(asdict(measurement) | cost)
-                    if reached:
-                        records[-1]["seconds"] = seconds
+                    records[-1]["seconds" if reached else "given_up_after"] = seconds
     iteration = {"nodes": 289, "reached": True, "date": DAY, "git_commit": "0"}
     for solver, factorise in (("nested_dissection", 2.0), ("pardiso", 1.0)):
         records.append(
@@ -105,6 +104,9 @@ def test_what_was_not_reached_has_no_time(cube):
     assert (given_up["status"] == NOT_REACHED).all()
     assert given_up["seconds"].isnull().all()
     assert (given_up["residual"] == 1e-3).all()
+    at_least = 1.1 * NODES["5x3"] ** (SLOPE["dynamics"] - SLOPE["knitlab"])
+    assert float(given_up["times_slower_at_least"]) == pytest.approx(at_least)
+    assert given_up["times_slower"].isnull()
     assert (of["status"].sel(solver="knitlab") == REACHED).all()
     assert (of["status"].sel(solver="pardiso") == NOT_MEASURED).all()
     assert "not reached" in report(cube)

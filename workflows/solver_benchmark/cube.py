@@ -31,7 +31,8 @@ COST = {
     "seconds": ("s", "wall time, compilation apart; missing where the tolerance was not reached"),
     "compile_seconds": ("s", "time to compile, before the watch started"),
     "residual": ("N", "largest force left on a free unknown; of one iteration, of its solution"),
-    "time_limit": ("s", "wall time after which a search was given up"),
+    "time_limit": ("s", "wall time after which a search is given up"),
+    "given_up_after": ("s", "wall time after which it was, which is no time to the tolerance"),
     "states": ("1", "states reached, of the 16 of a tension test"),
     "evaluations": ("1", "evaluations of energy and gradient"),
     "factorisations": ("1", "factorisations of the stiffness"),
@@ -159,6 +160,9 @@ def _costs(frame: pd.DataFrame) -> xr.Dataset:
         ratio = middle / middle.sel(solver=COMPARED_TO, drop=True)
         words = f"median wall time over that of {COMPARED_TO} for the same"
         cube["times_slower"] = ratio.assign_attrs(units="1", long_name=words)
+        least = cube["given_up_after"].max("repeat") / middle.sel(solver=COMPARED_TO, drop=True)
+        words = f"time after which it was given up over the median wall time of {COMPARED_TO}"
+        cube["times_slower_at_least"] = least.assign_attrs(units="1", long_name=words)
     best = cube["factorise_seconds"].median("repeat").min("solver")
     words = "one iteration over the fastest numeric factorisation alone of the same matrix"
     cube["iteration_over_factorisation"] = (middle / best).assign_attrs(units="1", long_name=words)
@@ -194,7 +198,7 @@ def _with_first_times(cube: xr.Dataset, frame: pd.DataFrame) -> xr.Dataset:
     long = pd.DataFrame(
         indexed.tolist(), index=indexed.index, columns=pd.Index(RESIDUAL_LEVELS, name="level")
     )
-    times = xr.DataArray.from_series(long.stack().astype(float))
+    times = xr.DataArray.from_series(pd.Series(long.stack()).astype(float))
     cube["time_to_residual"] = times.assign_attrs(
         units="s", long_name="wall time until the residual first fell to a level, in relaxation"
     )
@@ -242,12 +246,13 @@ def report(cube: xr.Dataset) -> str:
     """Medians with their spread, ratios and what was not reached, as a table."""
     if "status" not in cube:
         return ""
-    middle = cube[[name for name in _REPORTED if name in cube]]
-    over_repeats = {name: cube[name].max("repeat") for name in ("residual", "status")}
-    table = middle.assign(over_repeats).to_dataframe().reset_index()
+    whole = cube[[name for name in _REPORTED if name in cube]]
+    over_repeats = {name: cube[name].median("repeat") for name in _MEDIANS}
+    over_repeats["status"] = cube["status"].max("repeat")
+    table = whole.assign(over_repeats).to_dataframe().reset_index()
     table = table[table["status"] != NOT_MEASURED].dropna(axis="columns", how="all")
     table["status"] = table["status"].map({REACHED: "reached", NOT_REACHED: "not reached"})
-    return table.to_string(index=False, na_rep="")
+    return table.to_string(index=False, na_rep="", float_format="{:.3g}".format)
 
 
 _REPORTED = (
@@ -255,5 +260,15 @@ _REPORTED = (
     "seconds_least",
     "seconds_most",
     "times_slower",
+    "times_slower_at_least",
     "iteration_over_factorisation",
+    "slope",
+)
+_MEDIANS = (
+    "residual",
+    "evaluations",
+    "factorisations",
+    "symbolic_seconds",
+    "factorise_seconds",
+    "peak_memory",
 )

@@ -22,7 +22,7 @@ def lbfgs(memory: float) -> Search:
         def energy_and_gradient(unknowns: np.ndarray) -> tuple[float, np.ndarray]:
             configuration[free] = unknowns
             evaluation = problem.evaluate(configuration)
-            gradient = evaluation.gradient[free]
+            gradient = np.asarray(evaluation.gradient)[free]
             watch.sees(float(np.abs(gradient).max()))
             return float(evaluation.energy.total), gradient
 

@@ -11,7 +11,7 @@ from knitlab.mechanics.solver import SolverSettings
 from workflows.solver_benchmark import dynamics, fire, lbfgs, ours
 from workflows.solver_benchmark.measurement import TOLERANCE, Measurement, Record
 from workflows.solver_benchmark.problem import Method, Problem, by
-from workflows.solver_benchmark.watch import GivenUp, Watch
+from workflows.solver_benchmark.watch import GivenUp, OutOfTime, Watch
 
 TRIALS = {
     "dynamics": (5e-5, 1e-4, 1.5e-4, 2e-4, 3e-4, 4e-4),
@@ -77,6 +77,8 @@ def measure(measurement: Measurement) -> Record:
         values["energy"] = float(problem.evaluate(last).energy.total)
     except GivenUp as error:
         reason = str(error)
+        if isinstance(error, OutOfTime):
+            values["given_up_after"] = watch.seconds
     free = 3 * problem.shape.nodes
     return (
         values

@@ -10,7 +10,11 @@ from jaxtyping import Float
 
 
 class GivenUp(Exception):
-    """A search that is not going to reach the tolerance, or not in time."""
+    """A search that is not going to reach the tolerance."""
+
+
+class OutOfTime(GivenUp):
+    """A search that has not reached it in time."""
 
 
 @dataclass
@@ -50,14 +54,14 @@ class Watch:
         """Note a residual, and the evaluations since the last.
 
         Raises:
-            GivenUp: if time is up.
+            OutOfTime: if time is up.
         """
         self.evaluations += evaluations
         self.residual = residual
         seconds = self.seconds
         self.trace.append((seconds, residual))
         if seconds > self.limit:
-            raise GivenUp(f"the limit of {self.limit:g} s was reached")
+            raise OutOfTime(f"the limit of {self.limit:g} s was reached")
 
     def first_times(self, levels: Float[np.ndarray, " level"]) -> list[float | None]:
         """When each level of the residual was first reached; ``None`` if it was not [s]."""
