@@ -37,7 +37,7 @@ COST = {
     "evaluations": ("1", "evaluations of energy and gradient"),
     "factorisations": ("1", "factorisations of the stiffness"),
     "energy": ("N mm", "elastic energy of the last state"),
-    "peak_memory": ("B", "largest resident memory of the process"),
+    "peak_memory": ("B", "largest resident memory of the process, of a sweep of its largest"),
     "setting": ("1", "the method's number that tuning chose"),
     "symbolic_seconds": ("s", "plan of the factorisation, made once for a sparsity"),
     "hessian_seconds": ("s", "element Hessians and their assembly"),
