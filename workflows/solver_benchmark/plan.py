@@ -90,15 +90,18 @@ GROUPS: dict[str, Callable[[], Iterator[Measurement]]] = {
     "iterations": iterations,
 }
 
+COUNTED = ("tuning", "iterations")
+"""Groups that ask how many evaluations or factorisations it takes, which no repeat changes."""
+
 
 def planned(groups: Sequence[str], budget: Budget, results: Path) -> Iterator[Measurement]:
     """The measurements of some groups, all repeats; what is tuned takes its best setting.
 
-    It looks at the records as it goes: tuning comes before what it tunes and is not repeated, as
-    it counts evaluations; nor is what took long or was given up.
+    It looks at the records as it goes: tuning comes before what it tunes, and what took long or
+    was given up is not repeated.
     """
     for group in (group for group in GROUPS if group in groups):
-        for repeat in range(budget.repeats if group != "tuning" else 1):
+        for repeat in range(1 if group in COUNTED else budget.repeats):
             for measurement in GROUPS[group]():
                 if not installed(measurement.solver):
                     continue
