@@ -1,0 +1,170 @@
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from workflows.solver_benchmark.cube import (
+    NOT_MEASURED,
+    NOT_REACHED,
+    REACHED,
+    cube_of,
+    machine,
+    read_cube,
+    report,
+    write_cube,
+)
+from workflows.solver_benchmark.figures import FIGURES, draw_all
+from workflows.solver_benchmark.measurement import Measurement
+from workflows.solver_benchmark.methods import RESIDUAL_LEVELS
+from workflows.solver_benchmark.plan import GROUPS, Budget, best_setting, planned
+
+NODES = {"1x1": 289, "3x2": 1617, "5x3": 3969}
+SLOPE = {"knitlab": 1.2, "dynamics": 2.0}
+DAY = "2026-01-01T00:00:00+00:00"
+
+
+def made_up_records():
+    """Times that are powers of the size; the dynamics are given up on the largest sample."""
+    records = []
+    for solver, slope in SLOPE.items():
+        for size, nodes in NODES.items():
+            for task in ("relaxation", "tension"):
+                for repeat in range(3):
+                    seconds = 1e-3 * nodes**slope * (1 + 0.1 * (repeat - 1))
+                    reached = (solver, size) != ("dynamics", "5x3")
+                    measurement = Measurement(task, solver, size=size, repeat=repeat)
+                    # As the residual falls, each level takes as long as the one before.
+                    times = np.linspace(0, seconds, len(RESIDUAL_LEVELS) + 1)[1:].tolist()
+                    cost = {
+                        "nodes": nodes,
+                        "reached": reached,
+                        "residual": 1e-7 if reached else 1e-3,
+                        "date": DAY,
+                        "git_commit": "0",
+                        "first_times": times if reached else times[:9] + [None] * len(times[9:]),
+                    }
+                    records.append(asdict(measurement) | cost)
+                    records[-1]["seconds" if reached else "given_up_after"] = seconds
+    iteration = {"nodes": 289, "reached": True, "date": DAY, "git_commit": "0"}
+    for solver, factorise in (("nested_dissection", 2.0), ("pardiso", 1.0)):
+        records.append(
+            asdict(Measurement("iteration", solver))
+            | iteration
+            | {"seconds": factorise + 1.0, "factorise_seconds": factorise}
+        )
+    trial = {"reached": True, "seconds": 1.0, "evaluations": 9, "date": DAY, "git_commit": "0"}
+    return [*records, asdict(Measurement("tuning", "fire", setting=0.02)) | trial]
+
+
+@pytest.fixture(scope="module")
+def cube():
+    return cube_of(made_up_records()).assign_attrs(machine())
+
+
+def test_every_variable_says_what_it_is(cube):
+    for name, variable in cube.data_vars.items():
+        assert variable.attrs["long_name"], name
+        assert "units" in variable.attrs or "flag_meanings" in variable.attrs, name
+    for name in cube.coords:
+        assert cube[name].attrs["long_name"], name
+
+
+def test_attributes_state_the_machine(cube):
+    assert cube.attrs["cpu_model"]
+    assert cube.attrs["cpu_cores"] >= 1
+    assert cube.attrs["memory_bytes"] > 0
+    assert "numpy=" in cube.attrs["library_versions"]
+
+
+def test_median_spread_slope_and_ratio_come_of_the_repeats(cube):
+    of = cube.sel(
+        task="tension", boundary="clamped", n_stripe=4, n_subunit=16, workers=1, size="3x2"
+    )
+    ours = of.sel(solver="knitlab")
+    expected = 1e-3 * NODES["3x2"] ** SLOPE["knitlab"]
+    assert float(ours["seconds_median"]) == pytest.approx(expected)
+    assert float(ours["seconds_least"]) == pytest.approx(0.9 * expected)
+    assert float(ours["seconds_most"]) == pytest.approx(1.1 * expected)
+    for solver, slope in SLOPE.items():
+        assert float(of.sel(solver=solver)["slope"]) == pytest.approx(slope)
+    ratio = NODES["3x2"] ** (SLOPE["dynamics"] - SLOPE["knitlab"])
+    assert float(of.sel(solver="dynamics")["times_slower"]) == pytest.approx(ratio)
+
+
+def test_an_iteration_is_compared_with_the_fastest_factorisation_alone(cube):
+    ratio = cube["iteration_over_factorisation"].sel(
+        task="iteration", boundary="clamped", n_stripe=4, n_subunit=16, workers=1, size="1x1"
+    )
+    assert float(ratio.sel(solver="nested_dissection")) == pytest.approx(3.0)
+
+
+def test_what_was_not_reached_has_no_time(cube):
+    of = cube.sel(task="tension", boundary="clamped", n_stripe=4, n_subunit=16, workers=1)
+    given_up = of.sel(solver="dynamics", size="5x3")
+    assert (given_up["status"] == NOT_REACHED).all()
+    assert given_up["seconds"].isnull().all()
+    assert (given_up["residual"] == 1e-3).all()
+    at_least = 1.1 * NODES["5x3"] ** (SLOPE["dynamics"] - SLOPE["knitlab"])
+    assert float(given_up["times_slower_at_least"]) == pytest.approx(at_least)
+    assert given_up["times_slower"].isnull()
+    assert (of["status"].sel(solver="knitlab") == REACHED).all()
+    assert (of["status"].sel(solver="pardiso") == NOT_MEASURED).all()
+    assert "not reached" in report(cube)
+
+
+def test_of_two_records_that_differ_in_their_setting_the_later_counts():
+    early = asdict(Measurement("relaxation", "fire", setting=0.1))
+    early |= {"seconds": 1.0, "nodes": 1, "reached": True, "date": "2026-01-01", "git_commit": "0"}
+    late = early | {"setting": 0.2, "seconds": 2.0, "date": "2026-01-02"}
+    cube = cube_of([late, early])
+    assert cube["seconds"].item() == 2.0
+    assert cube["setting"].item() == 0.2
+
+
+def test_figures_are_drawn_from_the_file_of_the_cube_alone(cube, tmp_path):
+    write_cube(cube, tmp_path / "solvers.nc")
+    read = read_cube(tmp_path / "solvers.nc")
+    drawn = list(draw_all(read, tmp_path / "figures"))
+    expected = {f"{name}{suffix}" for name in FIGURES for suffix in (".pdf", ".png")}
+    assert {path.name for path in drawn} == expected
+    assert all(path.stat().st_size for path in drawn)
+
+
+def test_figures_say_who_was_given_up(cube):
+    for draw in FIGURES.values():
+        (axes,) = draw(cube).axes
+        assert "[" in axes.get_xlabel()
+        assert "[" in axes.get_ylabel()
+        labels = [text.get_text() for text in axes.get_legend().get_texts()]
+        assert [label for label in labels if "given up" in label]
+        assert all(("given up" in label) == ("dynamics" in label) for label in labels)
+
+
+def test_a_record_stands_unless_it_was_given_up_too_soon(tmp_path):
+    measurement = Measurement("relaxation", "fire", time_limit=10.0)
+    assert measurement.record(tmp_path) is None
+    measurement.write(tmp_path, {"reached": False})
+    assert measurement.record(tmp_path)
+    assert replace(measurement, time_limit=20.0).record(tmp_path) is None
+    measurement.write(tmp_path, {"reached": True})
+    assert replace(measurement, time_limit=20.0).record(tmp_path)
+
+
+def test_the_setting_that_took_the_fewest_evaluations_is_taken(tmp_path):
+    asked = Measurement("relaxation", "fire")
+    assert best_setting(asked, tmp_path) is None
+    for setting, evaluations, reached in ((0.01, 300, True), (0.02, 200, True), (0.03, 100, False)):
+        trial = Measurement("tuning", "fire", setting=setting)
+        trial.write(tmp_path, {"reached": reached, "evaluations": evaluations, "seconds": 1.0})
+    assert best_setting(asked, tmp_path) == 0.02
+
+
+def test_what_took_long_is_not_repeated(tmp_path):
+    budget = Budget(repeats=2, time_limit=100.0, once_above=10.0)
+    names = []
+    for measurement in planned(["scaling"], budget, tmp_path):
+        names.append(measurement.name)
+        long = measurement.size == "22x11"
+        measurement.write(tmp_path, {"reached": True, "seconds": 50.0 if long else 1.0})
+    count = len(list(GROUPS["scaling"]()))
+    assert len(names) == len(set(names)) == 2 * count - 1

@@ -1,0 +1,74 @@
+"""The benchmark's other methods are an independent check of the equilibrium solver."""
+
+import numpy as np
+import pytest
+
+from knitlab.mechanics.loading import all_free
+from workflows.solver_benchmark import limit, methods
+from workflows.solver_benchmark.measurement import TOLERANCE, Measurement
+from workflows.solver_benchmark.problem import Problem
+from workflows.solver_benchmark.watch import GivenUp, Watch
+
+SMALL = {"n_stripe": 4, "n_subunit": 8, "size": "1x1"}
+PLENTY = 300.0
+
+
+@pytest.mark.parametrize("boundary", ["clamped", "periodic"])
+def test_fire_and_l_bfgs_relax_to_the_state_of_the_equilibrium_solver(boundary):
+    problem = Problem.of(
+        Measurement("relaxation", "knitlab", **SMALL, boundary=boundary).case("strain_max=0"),
+        TOLERANCE,
+    )
+    free = all_free(problem.shape)
+    energies = {}
+    for solver in ("knitlab", "fire", "lbfgs"):
+        named = Measurement("relaxation", solver, **SMALL, boundary=boundary)
+        relaxed = methods.method(named).relax(problem, Watch(PLENTY))
+        evaluation = problem.evaluate(relaxed)
+        assert np.abs(evaluation.gradient[free]).max() <= TOLERANCE
+        energies[solver] = float(evaluation.energy.total)
+    # A force of the tolerance left on a soft mode is worth this much energy.
+    assert energies == pytest.approx(dict.fromkeys(energies, energies["knitlab"]), rel=1e-6)
+
+
+@pytest.mark.parametrize("solver", ["knitlab_direct", "fire", "lbfgs"])
+def test_methods_pull_a_sample_to_the_same_state(solver):
+    case = Measurement("tension", solver, **SMALL).case("strain_max=0.06")
+    problem = Problem.of(case, TOLERANCE)
+    named, shipped = (Measurement("tension", its, **SMALL) for its in (solver, "knitlab"))
+    watch = Watch(PLENTY)
+    pulled, expected = (
+        methods.method(measurement).pull(problem, its)
+        for measurement, its in ((named, watch), (shipped, Watch(PLENTY)))
+    )
+    assert watch.states == len(pulled) == len(expected) == 3
+    energies = [float(problem.evaluate(states[-1]).energy.total) for states in (pulled, expected)]
+    # Each pulls from its own relaxed shape, whose length the force left on it blurs.
+    assert energies[0] == pytest.approx(energies[1], rel=1e-5)
+
+
+def test_a_method_that_is_given_up_leaves_no_time_but_its_residual():
+    record = methods.measure(Measurement("relaxation", "fire", **SMALL, time_limit=0.0))
+    assert not record["reached"]
+    assert "limit" in record["reason"]
+    assert "seconds" not in record
+    assert TOLERANCE < record["residual"] < 1
+    assert record["first_times"][-1] is None
+
+
+@pytest.mark.parametrize("solver", [*filter(methods.installed, limit.FACTORISATIONS)])
+def test_every_factorisation_solves_the_stiffness(solver):
+    record = limit.measure(Measurement("iteration", solver, **SMALL))
+    assert record["residual"] < 1e-12
+    parts = ("hessian", "factorise", "solve", "evaluation")
+    assert record["seconds"] == pytest.approx(sum(record[f"{part}_seconds"] for part in parts))
+
+
+def test_a_watch_tells_when_a_residual_was_first_reached():
+    watch = Watch(np.inf, trace=[(1.0, 0.5), (2.0, 0.05), (3.0, 0.2), (4.0, 0.01)])
+    assert watch.first_times(np.array([1.0, 0.1, 0.01, 1e-3])) == [1.0, 2.0, 4.0, None]
+
+
+def test_a_watch_gives_up_when_time_is_up():
+    with pytest.raises(GivenUp):
+        Watch(limit=0.0).sees(1.0)

@@ -1,0 +1,78 @@
+"""The paper's method: damped dynamics by ``diffrax.Tsit5`` until nothing moves.
+
+Motions are cut into pieces, each from where and how fast the last ended, so that the watch can be
+looked at between them. A load step starts as for the other methods, from rest; no time is spent on
+pulling slowly, which spares the dynamics the better part of what knitlab's own tensile test by
+dynamics takes.
+"""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from knitlab.mechanics.drive import stacked
+from knitlab.mechanics.dynamics import Drive, DynamicsSettings, Motion, batch_integrator
+from knitlab.mechanics.loading import all_free
+from workflows.solver_benchmark.problem import Configuration, Free, Problem, Search
+from workflows.solver_benchmark.watch import GivenUp, Watch
+
+PIECE = 0.25
+"""Length of a piece of motion [ms]."""
+RELATIVE, ABSOLUTE = 1e-4, 1e-8
+"""Tolerances of a time step: wider than the shipped ones, as only the end matters here. They save
+up to half of the steps; still wider ones save no more."""
+STAGES = 6
+"""Evaluations of a step of Tsit5, whose last is the first of the next."""
+
+
+def dynamics(settings: DynamicsSettings, damping: float) -> Search:
+    """Damped dynamics from rest, with a viscous damping of the nodes [g/ms]."""
+    settings = replace(
+        settings, duration=PIECE, relative_tolerance=RELATIVE, absolute_tolerance=ABSOLUTE
+    )
+
+    def search(problem: Problem, start: Configuration, free: Free, watch: Watch) -> Configuration:
+        if problem.inertia is None:
+            raise ValueError("the dynamics need a mass; pose the problem with method=dynamics")
+        inertia = eqx.tree_at(lambda i: i.damping, problem.inertia, jnp.asarray(damping))
+        integrate = batch_integrator(
+            problem.shape, replace(settings, steady_force=problem.tolerance)
+        )
+        zero = jnp.zeros(1)
+        at, drive = jnp.asarray(start), _held(start, free)
+        motion = Motion(at[None], jnp.zeros_like(at)[None], zero, zero)
+        numbers = stacked([problem.fabric]), stacked([inertia]), stacked([drive])
+        kept = jnp.array([[0.0, PIECE]]), jnp.array([[0.0]])
+        while True:
+            piece = integrate(*numbers, motion, *kept)
+            motion = piece.end
+            residual = float(np.abs(np.asarray(piece.gradient[0])[free]).max())
+            watch.sees(residual, STAGES * int(piece.steps[0]))
+            if piece.steady[0]:
+                return np.asarray(motion.configuration[0])
+            if not piece.successful[0]:
+                raise GivenUp("the dynamics diverged")
+
+    return search
+
+
+def prepare(settings: DynamicsSettings, problem: Problem) -> None:
+    """Compile its program: one look at a fabric on which any force may be left."""
+    once = replace(problem, tolerance=np.inf)
+    dynamics(settings, 1.0)(once, problem.flat, all_free(problem.shape), Watch(np.inf))
+
+
+def _held(start: Configuration, free: Free) -> Drive:
+    """What is not free stays where it is."""
+    zero, at = jnp.asarray(0.0), jnp.asarray(start)
+    return Drive(
+        free=jnp.asarray(np.isin(np.arange(len(start)), free)),
+        reference=at,
+        direction=jnp.zeros_like(at),
+        before=zero,
+        after=zero,
+        ramp_time=zero,
+        ended=jnp.asarray(False),
+    )

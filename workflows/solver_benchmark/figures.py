@@ -1,0 +1,153 @@
+"""The figures, from the cube alone."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from knitlab.maps.figures import save
+from knitlab.maps.style import ONE_COLUMN, print_style
+from workflows.solver_benchmark.cube import NOT_REACHED
+
+# Okabe and Ito's colours, told apart by the colour-blind; the marker says it once more.
+LOOKS = {
+    "knitlab": ("#0072B2", "o", "knitlab"),
+    "knitlab_direct": ("#56B4E9", "s", "knitlab, 3 % steps"),
+    "knitlab_cholmod": ("#009E73", "^", "knitlab, CHOLMOD"),
+    "lbfgs": ("#E69F00", "D", "L-BFGS"),
+    "fire": ("#D55E00", "v", "FIRE"),
+    "dynamics": ("#000000", "P", "dynamics, Tsit5"),
+}
+HEIGHT = 3.1
+SUFFIXES = (".pdf", ".png")
+
+
+def draw_all(cube: xr.Dataset, folder: Path) -> Iterator[Path]:
+    """Draw each figure that the cube has numbers for, for print and for the screen."""
+    for name, draw in FIGURES.items():
+        with print_style():
+            figure = draw(cube)
+            if figure is None:
+                continue
+            for suffix in SUFFIXES:
+                save(figure, folder / f"{name}{suffix}")
+                yield folder / f"{name}{suffix}"
+
+
+def time_against_size(cube: xr.Dataset) -> Figure | None:
+    """Median time of relaxation and 15 load steps, its spread, and the fitted slopes."""
+    if "tension" not in cube.get("task", ()):
+        return None
+    of = _one_design(cube).sel(task="tension", boundary="clamped", workers=1)
+    figure = Figure(figsize=(ONE_COLUMN, HEIGHT), layout="constrained")
+    axes = figure.subplots()
+    for solver in _shown(of):
+        colour, marker, label = LOOKS[solver]
+        its = of.sel(solver=solver).sortby("nodes")
+        middle = its["seconds_median"]
+        spread = [middle - its["seconds_least"], its["seconds_most"] - middle]
+        slope = float(its["slope"])
+        fit = f", $s$ = {slope:.2f}" if np.isfinite(slope) else ""
+        given_up = its["nodes"].where((its["status"] == NOT_REACHED).any("repeat"))
+        if given_up.notnull().any():
+            fit += f"; given up at {float(given_up.min()):,.0f}"
+        axes.errorbar(
+            its["nodes"],
+            middle,
+            np.array([part.values for part in spread]),
+            color=colour,
+            marker=marker,
+            ms=3.5,
+            ls="",
+            capsize=1.5,
+            elinewidth=0.6,
+            label=label + fit,
+        )
+        _draw_fit(axes, its["nodes"].values, middle.values, slope, colour)
+    axes.set(xscale="log", yscale="log", xlabel="size [nodes]")
+    axes.set_ylabel("relaxation + 15 load steps [s]")
+    axes.legend(frameon=False, title="time ~ nodes$^s$", handletextpad=0.3)
+    return figure
+
+
+def _draw_fit(
+    axes: Axes, nodes: np.ndarray, seconds: np.ndarray, slope: float, colour: str
+) -> None:
+    there = np.isfinite(nodes) & np.isfinite(seconds)
+    if not np.isfinite(slope) or not there.any():
+        return
+    ends = np.array([nodes[there].min(), nodes[there].max()])
+    level = np.exp(np.mean(np.log(seconds[there]) - slope * np.log(nodes[there])))
+    axes.plot(ends, level * ends**slope, color=colour, lw=0.9)
+
+
+def time_to_residual(cube: xr.Dataset) -> Figure | None:
+    """Residual against the time after which it was first reached, by method.
+
+    It shows the largest sample that the most methods relaxed. A line that does not come down to
+    the lowest level was given up: its method did not reach it.
+    """
+    if "time_to_residual" not in cube:
+        return None
+    times = _one_design(cube)["time_to_residual"]
+    begun = times.notnull().any("level").any("repeat").sum("solver")
+    nodes = _one_design(cube)["nodes"].sel(boundary="clamped").reindex(size=begun["size"])
+    size = str(nodes.where(begun == begun.max()).fillna(0).idxmax("size").item())
+    times = times.sel(size=size)
+    figure = Figure(figsize=(ONE_COLUMN, HEIGHT), layout="constrained")
+    axes = figure.subplots()
+    lowest = float(times["level"].min())
+    for solver in LOOKS:
+        # One load step or many: relaxation is the same.
+        if solver == "knitlab_direct" or solver not in times["solver"]:
+            continue
+        its = times.sel(solver=solver).sortby("level", ascending=False)
+        middle, level = its.median("repeat").values, its["level"].values
+        there = np.isfinite(middle)
+        if not there.any():
+            continue
+        colour, marker, label = LOOKS[solver]
+        reached = level[there].min() <= lowest
+        axes.plot(
+            middle[there],
+            level[there],
+            color=colour,
+            marker=marker,
+            markevery=[-1],
+            ms=4,
+            drawstyle="steps-post",
+            label=label if reached else f"{label} (given up)",
+        )
+        axes.fill_betweenx(
+            level[there],
+            its.min("repeat").values[there],
+            its.max("repeat").values[there],
+            color=colour,
+            alpha=0.2,
+            lw=0,
+        )
+    count = int(nodes.sel(size=size))
+    axes.set(xscale="log", yscale="log", xlabel="wall time [s]")
+    axes.set_ylabel("largest force on a free unknown [N]")
+    axes.set_title(f"relaxation, {size.replace('x', ' × ')} unit cells, {count:,} nodes")
+    axes.legend(frameon=False, handletextpad=0.4)
+    return figure
+
+
+FIGURES: dict[str, Callable[[xr.Dataset], Figure | None]] = {
+    "time_against_size": time_against_size,
+    "time_to_residual": time_to_residual,
+}
+
+
+def _one_design(cube: xr.Dataset) -> xr.Dataset:
+    """The design that the methods are compared on."""
+    return cube.sel(n_stripe=4, n_subunit=16)
+
+
+def _shown(of: xr.Dataset) -> list[str]:
+    there = of["seconds_median"].notnull().any("size")
+    return [name for name in LOOKS if name in of["solver"] and bool(there.sel(solver=name))]

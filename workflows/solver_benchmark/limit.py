@@ -1,0 +1,158 @@
+"""How close to the limit one iteration is: its parts, and other sparse Cholesky factorisations.
+
+Every method factors one and the same matrix, the stiffness of a clamped sample laid out of relaxed
+endless fabric. Its plan, which is made once for a sparsity, is timed apart.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import jax
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float
+from scipy.sparse.linalg import splu
+
+from knitlab.mechanics.drive import run
+from knitlab.mechanics.evaluation import WHOLE, evaluator, hessian_evaluator
+from knitlab.mechanics.factorisation import factoriser
+from knitlab.mechanics.loading import tensile
+from knitlab.mechanics.relaxation import relax, tiled
+from knitlab.mechanics.solver import SolverSettings
+from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
+from knitlab.sweep.case import Case
+from workflows.solver_benchmark.measurement import Measurement, Record
+from workflows.solver_benchmark.problem import Configuration
+
+TIMED, LONG = 5, 30.0
+"""Times that a part is done after a first that is not counted, and time after which no more [s]."""
+SHIFT = 1e-2
+"""Added to the diagonal, so that the matrix is positive definite whatever buckles [N/mm]."""
+SUPERNODAL = 2
+SYMMETRIC_DEFINITE, SYMBOLIC, NUMERIC, BACKWARD = 2, 11, 22, 33
+
+Vector = Float[np.ndarray, " free"]
+Plan = tuple[Callable[[], Any], Callable[[Any], Vector]]
+"""The numeric factorisation, and the solution with what that returned. SuperLU's alone includes
+its symbolic one: it has no way to keep it."""
+
+
+def _nested_dissection(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:
+    # As knitlab uses it: one thread of BLAS, whatever the number is else.
+    factorise = factoriser(free, "nested_dissection")
+    return lambda: factorise(entries), lambda factors: factors.solve(right)
+
+
+def _cholmod(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:
+    from cvxopt import cholmod, matrix, spmatrix
+
+    size = len(free.unknowns)
+    columns = np.repeat(np.arange(size), np.diff(free.indptr))
+    lower = spmatrix(entries.tolist(), free.indices.tolist(), columns.tolist(), (size, size))
+    cholmod.options["supernodal"] = SUPERNODAL
+    factor = cholmod.symbolic(lower)
+
+    def solve(_: Any) -> Vector:
+        solution = matrix(right)
+        cholmod.solve(factor, solution)
+        return np.array(solution).ravel()
+
+    return lambda: cholmod.numeric(lower, factor), solve
+
+
+def _pardiso(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:
+    from pypardiso import PyPardisoSolver
+
+    solver = PyPardisoSolver(mtype=SYMMETRIC_DEFINITE)
+    # The columns of the lower triangle are the rows of the upper, which is what it takes.
+    upper = sp.csr_matrix(free.lower(entries).T)
+    upper.sort_indices()
+
+    def phase(number: int) -> Any:
+        solver.set_phase(number)
+        return solver._call_pardiso(upper, right)
+
+    phase(SYMBOLIC)
+    return lambda: phase(NUMERIC), lambda _: phase(BACKWARD)
+
+
+def _superlu(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:
+    lower = free.lower(entries)
+    matrix = sp.csc_matrix(lower + sp.tril(lower, -1).T)
+
+    def factorise() -> Any:
+        symmetric = {"SymmetricMode": True}
+        return splu(matrix, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
+
+    return factorise, lambda factors: factors.solve(right)
+
+
+FACTORISATIONS = {
+    "nested_dissection": _nested_dissection,
+    "cholmod": _cholmod,
+    "pardiso": _pardiso,
+    "superlu": _superlu,
+}
+
+
+def measure(measurement: Measurement) -> Record:
+    """Time the parts of one iteration with one method of factorisation."""
+    case = measurement.case()
+    start = laid_out(case)
+    net, fabric = case.woven()
+    shape = net.shape
+    free = free_stiffness(shape, tensile(shape, start).unknowns)
+
+    def assembled() -> np.ndarray:
+        hessians = hessian_evaluator(shape)(fabric, WHOLE, start)
+        return free.shifted(free.entries(jax.tree.map(np.asarray, hessians)), SHIFT)
+
+    def evaluated() -> Vector:
+        return np.asarray(evaluator(shape)(fabric, WHOLE, start).gradient)[free.unknowns]
+
+    hessian_seconds, entries = _timed(assembled)
+    evaluation_seconds, gradient = _timed(evaluated)
+    right = -gradient
+    began = time.perf_counter()
+    factorise, solve = FACTORISATIONS[measurement.solver](free, entries, right)
+    symbolic_seconds = time.perf_counter() - began
+    factorise_seconds, factors = _timed(factorise)
+    solve_seconds, solution = _timed(lambda: solve(factors))
+    lower = free.lower(entries)
+    left = lower @ solution + sp.tril(lower, -1).T @ solution - right
+    return {
+        "reached": True,
+        "reason": "",
+        "nodes": shape.nodes,
+        "unknowns": len(free.unknowns),
+        "residual": float(np.abs(left).max()),
+        "seconds": hessian_seconds + factorise_seconds + solve_seconds + evaluation_seconds,
+        "symbolic_seconds": symbolic_seconds,
+        "hessian_seconds": hessian_seconds,
+        "factorise_seconds": factorise_seconds,
+        "solve_seconds": solve_seconds,
+        "evaluation_seconds": evaluation_seconds,
+    }
+
+
+def laid_out(case: Case) -> Configuration:
+    """A sample laid out of relaxed endless fabric [mm]."""
+    settings = case.solver
+    if not isinstance(settings, SolverSettings):
+        raise TypeError("not a case of the equilibrium solver")
+    endless = replace(case.reading, boundary="periodic")
+    net, fabric = replace(case, unit_cells=(1, 1), reading=endless).woven()
+    relaxed = run(net.shape, fabric, relax(net, fabric, settings), "nested_dissection")
+    return tiled(*case.woven(), net, relaxed.configuration)
+
+
+def _timed(part: Callable[[], Any]) -> tuple[float, Any]:
+    """Median time of a part after a first that is not counted, and what it returned [s]."""
+    result, seconds = part(), list[float]()
+    while len(seconds) < TIMED and sum(seconds) < LONG:
+        began = time.perf_counter()
+        result = part()
+        seconds.append(time.perf_counter() - began)
+    return float(np.median(seconds)), result

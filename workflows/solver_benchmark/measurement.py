@@ -1,0 +1,82 @@
+"""A measurement: what is timed, and the file its record lies in."""
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from knitlab.model.reading import Boundary
+from knitlab.sweep.case import Case
+from knitlab.sweep.files import written_whole
+from knitlab.sweep.plan import make_plan
+
+Task = Literal["tuning", "relaxation", "tension", "shipped_relaxation", "iteration", "sweep"]
+Record = dict[str, Any]
+
+TOLERANCE = 1e-6
+"""Largest force that every method may leave on a free unknown [N]."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One thing to time, once.
+
+    Attributes:
+        task: what is done.
+        solver: by which method.
+        n_stripe, n_subunit: the design.
+        size: unit cells of the sample along (y, x), as ``7x5``.
+        boundary: of the sample.
+        workers: worker processes of a sweep, threads of anything else.
+        repeat: which of the repeats it is.
+        time_limit: wall time after which it is given up [s].
+        setting: of a method that has one number to tune, that number.
+    """
+
+    task: Task
+    solver: str
+    n_stripe: int = 4
+    n_subunit: int = 16
+    size: str = "1x1"
+    boundary: Boundary = "clamped"
+    workers: int = 1
+    repeat: int = 0
+    time_limit: float = 3600.0
+    setting: float | None = None
+
+    @property
+    def name(self) -> str:
+        """Identifier, without the limit: that only says when to give up."""
+        setting = "" if self.setting is None else f"-{self.setting:g}"
+        return (
+            f"{self.task}-{self.solver}{setting}-{self.n_stripe}-{self.n_subunit}"
+            f"-{self.boundary}-{self.size}-w{self.workers}-r{self.repeat}"
+        )
+
+    def path(self, results: Path) -> Path:
+        """File of its record."""
+        return results / "records" / f"{self.name}.json"
+
+    def record(self, results: Path) -> Record | None:
+        """What was measured, unless it was given up sooner than it would be now."""
+        path = self.path(results)
+        if not path.exists():
+            return None
+        record = json.loads(path.read_text())
+        return record if record["reached"] or record["time_limit"] >= self.time_limit else None
+
+    def case(self, *overrides: str) -> Case:
+        """The sample as a case of the shipped parameters, 15 strain steps of 3 %."""
+        settings = (
+            f"n_stripe={self.n_stripe}",
+            f"n_subunit={self.n_subunit}",
+            f"boundary={self.boundary}",
+            f"unit_cells={self.size.replace('x', ',')}",
+        )
+        (case,) = make_plan("preview", (*settings, *overrides)).cases.values()
+        return case
+
+    def write(self, results: Path, values: Record) -> None:
+        """Leave its record, whole or not at all."""
+        with written_whole(self.path(results)) as temporary:
+            temporary.write_text(json.dumps(asdict(self) | values, indent=1))

@@ -1,0 +1,119 @@
+"""The methods by name, and what is measured of each on one sample."""
+
+import time
+from functools import partial
+from importlib.util import find_spec
+
+import numpy as np
+
+from knitlab.mechanics.dynamics import DynamicsSettings
+from knitlab.mechanics.solver import SolverSettings
+from workflows.solver_benchmark import dynamics, fire, lbfgs, ours
+from workflows.solver_benchmark.measurement import TOLERANCE, Measurement, Record
+from workflows.solver_benchmark.problem import Method, Problem, by
+from workflows.solver_benchmark.watch import GivenUp, OutOfTime, Watch
+
+TRIALS = {
+    "dynamics": (5e-5, 1e-4, 1.5e-4, 2e-4, 3e-4, 4e-4),
+    "fire": (0.01, 0.02, 0.03, 0.04),
+    "lbfgs": (5, 10, 20, 40),
+}
+"""Values tried of the one number of a method: damping of a node [g/ms], initial time step
+[√(g mm/N)], steps remembered."""
+UNTRIED = {"dynamics": 2e-4, "fire": 0.02, "lbfgs": 20}
+"""What is taken while none has been tried."""
+PLAIN = "nested_dissection"
+SOLVERS = ("knitlab", "knitlab_direct", "knitlab_cholmod", "dynamics", "fire", "lbfgs")
+RESIDUAL_LEVELS = 10.0 ** np.arange(0, -6.01, -0.25)
+"""Residuals whose first times are kept [N]."""
+
+
+def installed(solver: str) -> bool:
+    """Whether what a solver needs is there."""
+    needs = {"knitlab_cholmod": "cvxopt", "cholmod": "cvxopt", "pardiso": "pypardiso"}
+    return solver not in needs or find_spec(needs[solver]) is not None
+
+
+def method(measurement: Measurement) -> Method:
+    """The method that a measurement names."""
+    solver, setting = measurement.solver, measurement.setting
+    moving, still = measurement.case("method=dynamics").solver, measurement.case().solver
+    if not (isinstance(moving, DynamicsSettings) and isinstance(still, SolverSettings)):
+        raise TypeError("the cases are of other methods")
+    if setting is None:
+        setting = UNTRIED.get(solver, 0.0)
+    match solver:
+        case "knitlab":
+            return ours.knitlab(still, PLAIN)
+        case "knitlab_direct":
+            return ours.knitlab(still, PLAIN, direct=True)
+        case "knitlab_cholmod":
+            return ours.knitlab(still, "cholmod")
+        case "dynamics":
+            prepare = partial(dynamics.prepare, moving)
+            return by(dynamics.dynamics(moving, setting), prepare)
+        case "fire":
+            return by(fire.fire(setting), fire.prepare)
+        case "lbfgs":
+            return by(lbfgs.lbfgs(setting), lbfgs.prepare)
+    raise ValueError(f"{solver} is no solver; choose of {', '.join(SOLVERS)}")
+
+
+def measure(measurement: Measurement) -> Record:
+    """Relax a sample from the flat sheet, and pull it where tension is asked for."""
+    problem = Problem.of(measurement.case("method=dynamics"), TOLERANCE)
+    chosen = method(measurement)
+    began = time.perf_counter()
+    chosen.prepare(problem)
+    compiled = time.perf_counter() - began
+    watch, reason = Watch(measurement.time_limit), ""
+    values: Record = {}
+    try:
+        if measurement.task == "tension":
+            last = chosen.pull(problem, watch)[-1]
+        else:
+            last = chosen.relax(problem, watch)
+        values["seconds"] = watch.seconds
+        values["energy"] = float(problem.evaluate(last).energy.total)
+    except GivenUp as error:
+        reason = str(error)
+        if isinstance(error, OutOfTime):
+            values["given_up_after"] = watch.seconds
+    free = 3 * problem.shape.nodes
+    return (
+        values
+        | _cost(watch, reason)
+        | {
+            "compile_seconds": compiled,
+            "unknowns": free,
+            "nodes": problem.shape.nodes,
+            "first_times": watch.first_times(RESIDUAL_LEVELS),
+        }
+    )
+
+
+def measure_shipped(measurement: Measurement) -> Record:
+    """Relax a sample as a sweep does; factorisations are those of the sample itself."""
+    case, watch, reason = measurement.case(), Watch(measurement.time_limit), ""
+    values: Record = {"nodes": case.mesh_shape.nodes, "unknowns": 3 * case.mesh_shape.nodes}
+    try:
+        state = ours.shipped_relaxation(case, PLAIN, watch)
+    except GivenUp as error:
+        return values | _cost(watch, str(error))
+    if not state.converged:
+        reason = f"the search {state.outcome.name.replace('_', ' ')}"
+    values |= _cost(watch, reason)
+    if state.converged:
+        values |= {"seconds": watch.seconds, "energy": float(state.energy.total)}
+    return values | {"factorisations": state.factorisations, "evaluations": state.iterations}
+
+
+def _cost(watch: Watch, reason: str) -> Record:
+    return {
+        "reached": not reason,
+        "reason": reason,
+        "residual": watch.residual,
+        "states": watch.states,
+        "evaluations": watch.evaluations,
+        "factorisations": watch.factorisations,
+    }

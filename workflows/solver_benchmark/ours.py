@@ -1,0 +1,132 @@
+"""knitlab's own solver, driven under the watch."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import TypeVar
+
+import jax
+import numpy as np
+
+from knitlab.mechanics.drive import Desk
+from knitlab.mechanics.equilibrium import find_equilibrium
+from knitlab.mechanics.evaluation import WHOLE, hessian_evaluator
+from knitlab.mechanics.loading import all_free
+from knitlab.mechanics.relaxation import relax, tiled
+from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Solver, SolverSettings
+from knitlab.mechanics.state import State
+from knitlab.mechanics.stiffness import free_stiffness
+from knitlab.mechanics.tension import stretch
+from knitlab.sweep.case import Case
+from workflows.solver_benchmark.problem import (
+    Configuration,
+    Free,
+    Method,
+    Problem,
+    Search,
+    pull_by,
+)
+from workflows.solver_benchmark.watch import GivenUp, Watch
+
+Result = TypeVar("Result")
+
+
+def knitlab(settings: SolverSettings, factorisation: str, direct: bool = False) -> Method:
+    """The equilibrium solver as it is shipped, from the flat sheet.
+
+    Args:
+        settings: of the solver; the tolerance is the problem's.
+        factorisation: method of factorisation.
+        direct: whether a load step is one search, as for the other methods, and not a path of
+            small steps along which branches are watched.
+    """
+
+    def its(problem: Problem) -> SolverSettings:
+        return replace(settings, tolerance=problem.tolerance)
+
+    def relaxed(problem: Problem, watch: Watch) -> Configuration:
+        solver = relax(problem.net, problem.fabric, its(problem))
+        return _reached(driven(problem, solver, factorisation, watch))
+
+    def path(problem: Problem, watch: Watch) -> list[Configuration]:
+        def progress(done: int) -> None:
+            watch.states = done
+
+        solver = stretch(
+            problem.net, problem.fabric, problem.applied_strain, its(problem), progress
+        )
+        test = driven(problem, solver, factorisation, watch)
+        return [_reached(state) for state in test.states]
+
+    pull = partial(pull_by, _search(its, factorisation), relaxed) if direct else path
+    return Method(relaxed, pull, prepare)
+
+
+def _search(its: Callable[[Problem], SolverSettings], factorisation: str) -> Search:
+    def search(problem: Problem, start: Configuration, free: Free, watch: Watch) -> Configuration:
+        settings = its(problem)
+        stiffness = free_stiffness(problem.shape, free)
+        longest = settings.step_limit * float(problem.fabric.cell.min())
+        solver = find_equilibrium(Evaluate(start), stiffness, longest, settings)
+        return _reached(driven(problem, solver, factorisation, watch))
+
+    return search
+
+
+def shipped_relaxation(case: Case, factorisation: str, watch: Watch) -> State:
+    """Relax a sample as a sweep does: between clamps it starts as relaxed endless fabric."""
+    settings = case.solver
+    if not isinstance(settings, SolverSettings):
+        raise TypeError("not a case of the equilibrium solver")
+
+    def its(case: Case, start: Configuration | None = None) -> State:
+        problem = Problem.of(case, settings.tolerance)
+        solver = relax(problem.net, problem.fabric, settings, start)
+        with watch.paused():
+            prepare(problem)
+        return driven(problem, solver, factorisation, watch)
+
+    if case.mesh_shape.periodic or settings.start == "flat":
+        return its(case)
+    endless = replace(case.reading, boundary="periodic")
+    cell = replace(case, unit_cells=(1, 1), reading=endless)
+    relaxed = its(cell).configuration
+    return its(case, tiled(*case.woven(), cell.woven()[0], relaxed))
+
+
+def driven(problem: Problem, solver: Solver[Result], factorisation: str, watch: Watch) -> Result:
+    """Run a solver to its end, and note the residual of the whole fabric as it goes.
+
+    While the solver looks at a fabric that is not yet whole, the watch is paused to see the whole.
+    """
+    desk = Desk(problem.shape, problem.fabric, factorisation)
+    free, answer = all_free(problem.shape), None
+    while True:
+        try:
+            request = solver.send(answer)
+        except StopIteration as end:
+            return end.value
+        answer = desk.answer(request)
+        match request:
+            case Assemble():
+                free = request.free.unknowns
+            case Factorise():
+                watch.factorisations += 1
+            case Evaluate(configuration, stage):
+                gradient = answer.gradient
+                if stage is not WHOLE:
+                    with watch.paused():
+                        gradient = problem.evaluate(configuration).gradient
+                watch.sees(float(np.abs(gradient[free]).max()))
+
+
+def prepare(problem: Problem) -> None:
+    """Compile its programs; plans of assembly and factorisation are made while it is timed."""
+    problem.evaluate(problem.flat)
+    jax.block_until_ready(hessian_evaluator(problem.shape)(problem.fabric, WHOLE, problem.flat))
+
+
+def _reached(state: State) -> Configuration:
+    if not state.converged:
+        raise GivenUp(f"the search {state.outcome.name.replace('_', ' ')}")
+    return state.configuration

@@ -1,0 +1,122 @@
+"""A problem: one sample to relax and to pull, and the protocol that every method follows."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import jax
+import numpy as np
+from jaxtyping import Float, Int
+
+from knitlab.mechanics.evaluation import WHOLE, Evaluation, evaluator
+from knitlab.mechanics.loading import all_free, squared_up, tensile
+from knitlab.model.fabric import Fabric, flat_sheet
+from knitlab.model.inertia import Inertia, inertia
+from knitlab.model.network import MeshShape, Network
+from knitlab.sweep.case import Case
+from workflows.solver_benchmark.watch import Watch
+
+Configuration = Float[np.ndarray, " unknown"]
+Free = Int[np.ndarray, " free"]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A sample, and how far its forces are to fall.
+
+    Attributes:
+        net: its network.
+        fabric: its numbers.
+        inertia: its mass and drag, where they are asked for.
+        applied_strain: of its tensile test, ascending from 0.
+        tolerance: largest force that may be left on a free unknown [N].
+    """
+
+    net: Network
+    fabric: Fabric
+    inertia: Inertia | None
+    applied_strain: Sequence[float]
+    tolerance: float
+
+    @classmethod
+    def of(cls, case: Case, tolerance: float) -> "Problem":
+        """The problem that a case poses."""
+        moving = case.mass_and_drag
+        its = inertia(case.weft, case.warp, case.reading, moving) if moving else None
+        return cls(*case.woven(), its, case.applied_strain, tolerance)
+
+    @property
+    def shape(self) -> MeshShape:
+        """Its mesh shape."""
+        return self.net.shape
+
+    @cached_property
+    def flat(self) -> Configuration:
+        """The flat sheet, from which everyone starts [mm]."""
+        return np.asarray(flat_sheet(self.net, self.fabric))
+
+    def evaluate(self, configuration: Configuration) -> Evaluation:
+        """Energy and gradient."""
+        evaluation = evaluator(self.shape)(self.fabric, WHOLE, configuration)
+        return jax.tree.map(np.asarray, evaluation)
+
+
+Search = Callable[[Problem, Configuration, Free, Watch], Configuration]
+"""Moves the free unknowns to where no force above the tolerance is left on them.
+
+It raises :class:`~workflows.solver_benchmark.watch.GivenUp` where it does not get there."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A way to the states of a tensile test.
+
+    Attributes:
+        relax: from the flat sheet to the relaxed shape.
+        pull: through the whole test; every state in turn, the relaxed shape first.
+        prepare: compiles what there is to compile.
+    """
+
+    relax: Callable[[Problem, Watch], Configuration]
+    pull: Callable[[Problem, Watch], list[Configuration]]
+    prepare: Callable[[Problem], None]
+
+
+def by(search: Search, prepare: Callable[[Problem], None]) -> Method:
+    """The method that takes one search for everything."""
+    relax = partial(relax_by, search)
+    return Method(relax, partial(pull_by, search, relax), prepare)
+
+
+def relax_by(search: Search, problem: Problem, watch: Watch) -> Configuration:
+    """Relax a flat sheet; a sample for clamping is squared up and relaxed again, as by knitlab."""
+    free = all_free(problem.shape)
+    relaxed = search(problem, problem.flat, free, watch)
+    if problem.shape.periodic:
+        return relaxed
+    return search(problem, squared_up(problem.shape, problem.flat, relaxed), free, watch)
+
+
+def pull_by(
+    search: Search,
+    relax: Callable[[Problem, Watch], Configuration],
+    problem: Problem,
+    watch: Watch,
+) -> list[Configuration]:
+    """Relax and pull in as many steps as there are strains.
+
+    The first starts from an affine stretch, the others from the line through the last two states.
+    """
+    states = [relax(problem, watch)]
+    watch.states = 1
+    loading = tensile(problem.shape, states[0])
+    strains = problem.applied_strain
+    for place in range(1, len(strains)):
+        ahead = states[-1] + (strains[place] - strains[place - 1]) * loading.drive
+        if place > 1:
+            part = (strains[place] - strains[place - 1]) / (strains[place - 1] - strains[place - 2])
+            ahead = states[-1] + part * (states[-1] - states[-2])
+        start = loading.holding(ahead, strains[place])
+        states.append(search(problem, start, loading.unknowns, watch))
+        watch.states = len(states)
+    return states
