@@ -132,10 +132,12 @@ def test_figures_are_drawn_from_the_file_of_the_cube_alone(cube, tmp_path):
 
 def test_figures_say_who_was_given_up(cube):
     for draw in FIGURES.values():
-        (axes,) = draw(cube).axes
+        figure = draw(cube)
+        (axes,) = figure.axes
+        (legend,) = figure.legends or [axes.get_legend()]
         assert "[" in axes.get_xlabel()
         assert "[" in axes.get_ylabel()
-        labels = [text.get_text() for text in axes.get_legend().get_texts()]
+        labels = [text.get_text() for text in legend.get_texts()]
         assert [label for label in labels if "given up" in label]
         assert all(("given up" in label) == ("dynamics" in label) for label in labels)
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from knitlab.maps.figures import save
 from knitlab.maps.style import ONE_COLUMN, print_style
-from workflows.solver_benchmark.cube import NOT_REACHED
+from workflows.solver_benchmark.cube import NOT_MEASURED, NOT_REACHED
 
 # Okabe and Ito's colours, told apart by the colour-blind; the marker says it once more.
 LOOKS = {
@@ -21,7 +21,7 @@ LOOKS = {
     "fire": ("#D55E00", "v", "FIRE"),
     "dynamics": ("#000000", "P", "dynamics, Tsit5"),
 }
-HEIGHT = 3.1
+HEIGHT, HEIGHT_WITH_LEGEND = 3.1, 4.0
 SUFFIXES = (".pdf", ".png")
 
 
@@ -42,7 +42,7 @@ def time_against_size(cube: xr.Dataset) -> Figure | None:
     if "tension" not in cube.get("task", ()):
         return None
     of = _one_design(cube).sel(task="tension", boundary="clamped", workers=1)
-    figure = Figure(figsize=(ONE_COLUMN, HEIGHT), layout="constrained")
+    figure = Figure(figsize=(ONE_COLUMN, HEIGHT_WITH_LEGEND), layout="constrained")
     axes = figure.subplots()
     for solver in _shown(of):
         colour, marker, label = LOOKS[solver]
@@ -69,7 +69,9 @@ def time_against_size(cube: xr.Dataset) -> Figure | None:
         _draw_fit(axes, its["nodes"].values, middle.values, slope, colour)
     axes.set(xscale="log", yscale="log", xlabel="size [nodes]")
     axes.set_ylabel("relaxation + 15 load steps [s]")
-    axes.legend(frameon=False, title="time ~ nodes$^s$", handletextpad=0.3)
+    figure.legend(
+        loc="outside upper center", frameon=False, title="time ~ nodes$^s$", handletextpad=0.3
+    )
     return figure
 
 
@@ -149,5 +151,5 @@ def _one_design(cube: xr.Dataset) -> xr.Dataset:
 
 
 def _shown(of: xr.Dataset) -> list[str]:
-    there = of["seconds_median"].notnull().any("size")
+    there = (of["status"] != NOT_MEASURED).any(["size", "repeat"])
     return [name for name in LOOKS if name in of["solver"] and bool(there.sel(solver=name))]

@@ -15,12 +15,12 @@ from workflows.solver_benchmark.watch import GivenUp, OutOfTime, Watch
 
 TRIALS = {
     "dynamics": (5e-5, 1e-4, 1.5e-4, 2e-4, 3e-4, 4e-4),
-    "fire": (0.01, 0.02, 0.03, 0.04),
+    "fire": (0.005, 0.01, 0.015, 0.02, 0.03),
     "lbfgs": (5, 10, 20, 40),
 }
 """Values tried of the one number of a method: damping of a node [g/ms], initial time step
 [√(g mm/N)], steps remembered."""
-UNTRIED = {"dynamics": 2e-4, "fire": 0.02, "lbfgs": 20}
+UNTRIED = {"dynamics": 2e-4, "fire": 0.01, "lbfgs": 20}
 """What is taken while none has been tried."""
 PLAIN = "nested_dissection"
 SOLVERS = ("knitlab", "knitlab_direct", "knitlab_cholmod", "dynamics", "fire", "lbfgs")
