@@ -12,7 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from knitlab.mechanics.drive import stacked
+from knitlab.mechanics.batch import stacked
 from knitlab.mechanics.dynamics import Drive, DynamicsSettings, Motion, batch_integrator
 from knitlab.mechanics.loading import all_free
 from workflows.solver_benchmark.problem import Configuration, Free, Problem, Search
