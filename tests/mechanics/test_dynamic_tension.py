@@ -135,8 +135,8 @@ def test_a_sample_is_squared_up_however_it_turned_and_tilted(turn):
     shape = np.array(shaken(jnp.asarray(flat), 0.05))
     nodes = np.array([3, -2, 1]) + Rotation.from_rotvec(turn).apply(shape[:-2].reshape(-1, 3))
     skewed = np.concatenate([nodes.ravel(), shape[-2:]])
-    square = squared_up(net.shape, flat, shape)
-    again = squared_up(net.shape, flat, skewed)
+    square = np.asarray(squared_up(net.shape, flat, shape))
+    again = np.asarray(squared_up(net.shape, flat, skewed))
     np.testing.assert_allclose(
         np.diff(again[:-2].reshape(-1, 3), axis=0),
         np.diff(square[:-2].reshape(-1, 3), axis=0),
