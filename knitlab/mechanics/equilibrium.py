@@ -75,7 +75,11 @@ class _Search:
 
 
 def find_equilibrium(
-    start: Evaluate, free: FreeStiffness, step_length: float, settings: SolverSettings
+    start: Evaluate,
+    free: FreeStiffness,
+    step_length: float,
+    settings: SolverSettings,
+    floor: float = -np.inf,
 ) -> Solver[State]:
     """Move the free unknowns downhill to a state where no force is left on them.
 
@@ -89,11 +93,15 @@ def find_equilibrium(
         free: the free unknowns and the sparsity of their stiffness.
         step_length: longest change of the vector between neighbouring nodes in a step [mm].
         settings: tolerance and limits.
+        floor: energy below which the search is broken off, as what it was to find lies higher
+            [N mm].
     """
     search = _Search(start, (yield start), free.unknowns)
     while True:
         if search.force <= settings.tolerance:
             return search.state(Outcome.converged)
+        if search.energy < floor:
+            return search.state(Outcome.left_branch)
         if search.iterations >= settings.max_iterations:
             return search.state(Outcome.iteration_limit)
         if not np.isfinite(search.force):
@@ -107,7 +115,7 @@ def find_equilibrium(
             search.shift, raised = max(4 * search.shift, LEAST_RAISED_SHIFT), True
             if search.shift > LARGEST_SHIFT:
                 return search.state(Outcome.stalled)
-        descent = yield from _descend(search, free.shape, step_length, settings)
+        descent = yield from _descend(search, free.shape, step_length, settings, floor)
         if descent.blurred and not descent.steps and search.shift <= settings.smallest_shift:
             return search.state(Outcome.stalled)
         if descent.blurred or not (descent.blocked or raised):
@@ -137,7 +145,11 @@ class _Descent:
 
 
 def _descend(
-    search: _Search, shape: MeshShape, step_length: float, settings: SolverSettings
+    search: _Search,
+    shape: MeshShape,
+    step_length: float,
+    settings: SolverSettings,
+    floor: float,
 ) -> Solver[_Descent]:
     """Quasi-Newton steps on one factorisation."""
     memory: deque[tuple[Vector, Vector, float]] = deque(maxlen=MOST_STEPS)
@@ -155,7 +167,7 @@ def _descend(
             noise = ENERGY_ROUND_OFF * abs(search.energy)
             return _Descent(steps, blocked=True, blurred=-slope * shortening < noise)
         steps += 1
-        if search.force <= settings.tolerance:
+        if search.force <= settings.tolerance or search.energy < floor:
             break
         step, change = direction * (shortening * length), search.gradient - before[1]
         curvature = float(step @ change)

@@ -19,6 +19,7 @@ class Outcome(IntEnum):
     time_limit = 3
     diverged = 4
     too_fast = 5
+    left_branch = 6
 
 
 @dataclass(frozen=True)

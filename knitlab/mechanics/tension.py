@@ -79,25 +79,44 @@ class _Path:
         free = free_stiffness(self.loading.shape, self.loading.unknowns)
         distance = target - self.last[-1][0]
         full = distance / math.ceil(distance / self.settings.path_step - ROUND_OFF)
+        smallest = self.settings.smallest_step * full * (1 + ROUND_OFF)
         step, spent, snapped = full, list[State](), False
         while True:
-            left = target - self.last[-1][0]
-            strain = target if left <= step * (1 + ROUND_OFF) else self.last[-1][0] + step
+            strain = self.last[-1][0] + step
+            strain = target if target - strain <= ROUND_OFF else strain
             start = self.loading.holding(self._ahead(strain), strain)
-            state = yield from find_equilibrium(Evaluate(start), free, longest, self.settings)
-            smallest = step / 2 < self.settings.smallest_step * full * (1 - ROUND_OFF)
+            floor = -math.inf if step <= smallest else self._least_energy(strain)
+            state = yield from find_equilibrium(
+                Evaluate(start), free, longest, self.settings, floor
+            )
             followed = state.converged and self._on_branch(strain, state)
-            if state.converged and (followed or smallest):
+            if state.converged and (followed or step <= smallest):
                 snapped |= not followed
-                self.last = [(strain, state)] if not followed else [self.last[-1], (strain, state)]
+                self.last = [self.last[-1], (strain, state)] if followed else [(strain, state)]
                 if strain == target:
                     return replace(state, snapped=snapped).after(*spent)
-                step = min(2 * step, full) if followed else full
-            elif smallest:
+                step = min(2 * step if followed else full, full, target - strain)
+            elif step <= smallest:
                 return replace(state, snapped=snapped).after(*spent)
             else:
                 step /= 2
             spent.append(state)
+
+    def _least_energy(self, strain: float) -> float:
+        """Energy below which a state at a strain cannot be on the branch, by what is expected."""
+        before_strain, before = self.last[-1]
+        if len(self.last) == 1:
+            return -math.inf
+        distance = (strain - before_strain) * self.loading.length
+        force = self.loading.reaction_force(before.gradient)
+        earlier = self.loading.reaction_force(self.last[0][1].gradient)
+        slope = (force - earlier) / (before_strain - self.last[0][0])
+        work = (force + slope * (strain - before_strain) / 2) * distance
+        return float(before.energy.total) + work - self._allowed(work, before)
+
+    def _allowed(self, work: float, before: State) -> float:
+        """Energy that a strain step may gain or lose against its work on one branch."""
+        return self.settings.branch_limit * max(abs(work), LEAST_WORK * float(before.energy.total))
 
     def _on_branch(self, strain: float, state: State) -> bool:
         """Whether the energy grew by the work done."""
@@ -106,8 +125,7 @@ class _Path:
         forces = [self.loading.reaction_force(of.gradient) for of in (before, state)]
         work = sum(forces) / 2 * distance
         gained = float(state.energy.total) - float(before.energy.total)
-        scale = max(abs(work), LEAST_WORK * float(before.energy.total))
-        return abs(gained - work) <= self.settings.branch_limit * scale
+        return abs(gained - work) <= self._allowed(work, before)
 
     def _ahead(self, strain: float) -> Float[np.ndarray, " unknown"]:
         """The path's continuation to a strain, by a straight line."""
