@@ -47,7 +47,7 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
     norm = _norm(values)
     colours = mpl.colormaps[STRAIN_COLOURS]
     columns = [k + GAP * name.startswith("garter_") for k, name in enumerate(parameters)]
-    figure = Figure(figsize=(TWO_COLUMNS, 1.4 + 0.24 * len(labels)), layout="constrained")
+    figure = Figure(figsize=(TWO_COLUMNS, 1.7 + 0.24 * len(labels)), layout="constrained")
     axes = figure.add_subplot()
     marked: set[Status] = set()
     for row, its in enumerate(values):
@@ -85,8 +85,12 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
         ax=axes,
         pad=0.01,
         extend="both" if np.nanmax(np.abs(values), initial=0) > norm.vmax else "neither",
-        label="$p\\,\\partial\\nu/\\partial p$ [1]: change of Poisson's ratio\n"
-        "for a relative change of $p$; framed: the largest",
+        label="$p\\,\\partial\\nu/\\partial p$ [1]",
+    )
+    figure.supxlabel(
+        "change of Poisson's ratio for a relative change of a number $p$ of a stripe;"
+        " framed: the largest of a design",
+        fontsize="medium",
     )
     marks_legend(figure, marked, no_value="no derivative, or no lowest ratio")
     return figure
