@@ -94,7 +94,8 @@ def relax_by(search: Search, problem: Problem, watch: Watch) -> Configuration:
     relaxed = search(problem, problem.flat, free, watch)
     if problem.shape.periodic:
         return relaxed
-    return search(problem, squared_up(problem.shape, problem.flat, relaxed), free, watch)
+    square = np.asarray(squared_up(problem.shape, problem.flat, relaxed))
+    return search(problem, square, free, watch)
 
 
 def pull_by(
