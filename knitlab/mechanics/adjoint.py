@@ -44,7 +44,7 @@ class Adjoint:
         weave: the fabric but for its numbers.
         stripes: the numbers to take derivatives by, at their values.
         relaxed: the relaxed shape of that fabric, an equilibrium [mm].
-        method: of factorisation; by default the fastest that is installed.
+        method: of factorisation; nested dissection by default.
 
     Raises:
         NoDerivative: if the relaxed shape is no stable equilibrium.

@@ -23,7 +23,7 @@ class Desk:
     Args:
         shape: mesh shape of the fabric.
         fabric: its numbers.
-        method: of factorisation; by default the fastest that is installed.
+        method: of factorisation; nested dissection by default.
     """
 
     def __init__(self, shape: MeshShape, fabric: Fabric, method: str | None = None) -> None:

@@ -1,13 +1,11 @@
-"""Factorisation of the stiffness: the fastest sparse Cholesky that is installed.
+"""Factorisation of the stiffness by a sparse Cholesky.
 
-The plain installation factors by its own nested dissection
-(:mod:`knitlab.mechanics.nested_dissection`). Where the optional ``cvxopt`` is there, its CHOLMOD
-is taken instead, which is somewhat faster and under the GPL; nothing else changes.
+The package's own nested dissection (:mod:`knitlab.mechanics.nested_dissection`) is the fastest
+that was measured in knitlab; CHOLMOD, of the optional ``cvxopt`` under the GPL, is there to be
+compared with.
 """
 
 from collections.abc import Callable
-from functools import lru_cache
-from importlib.util import find_spec
 from typing import Any, Protocol
 
 import numpy as np
@@ -26,6 +24,7 @@ class Factors(Protocol):
         ...
 
 
+DEFAULT_METHOD = "nested_dissection"
 Entries = Float[np.ndarray, " nonzero"]
 Factoriser = Callable[[Entries], Factors | None]
 """Factors the matrix with these non-zeros, or says by ``None`` that it is not positive definite.
@@ -37,15 +36,9 @@ def factoriser(free: FreeStiffness, method: str | None = None) -> Factoriser:
 
     Args:
         free: the sparsity.
-        method: a key of :data:`METHODS`; by default the fastest that is installed.
+        method: a key of :data:`METHODS`; nested dissection by default.
     """
-    return METHODS[method or fastest_installed()](free)
-
-
-@lru_cache(maxsize=1)
-def fastest_installed() -> str:
-    """Name of the method that is taken by default."""
-    return "cholmod" if find_spec("cvxopt") else "nested_dissection"
+    return METHODS[method or DEFAULT_METHOD](free)
 
 
 def _nested_dissection(free: FreeStiffness) -> Factoriser:

@@ -56,7 +56,7 @@ class Responses:
         Args:
             shape: the mesh shape.
             unknowns: places of the free unknowns.
-            method: of factorisation; by default the fastest that is installed.
+            method: of factorisation; nested dissection by default.
         """
         free = free_stiffness(shape, unknowns)
         return cls(free, free_stiffness(shape, all_free(shape)), factoriser(free, method))
