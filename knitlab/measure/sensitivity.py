@@ -1,7 +1,6 @@
 """Quantities of a tensile test as pure JAX, and their sensitivities to the stripe parameters."""
 
 from collections.abc import Callable
-from functools import lru_cache
 
 import jax
 import jax.numpy as jnp
@@ -10,10 +9,8 @@ from jaxtyping import Array, Float
 
 from knitlab.measure.corners import unit_cell_corners
 from knitlab.measure.strain import central_mean, lattice_vectors, local_strain, poisson_ratio
-from knitlab.mechanics.loading import drive_along, free_under_tension
-from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric, StripePair
-from knitlab.model.network import MeshShape, network
+from knitlab.model.network import MeshShape
 
 Configuration = Float[Array, " unknown"]
 Quantity = Callable[[Configuration, Configuration, Fabric], Float[Array, ""]]
@@ -21,7 +18,7 @@ Quantity = Callable[[Configuration, Configuration, Fabric], Float[Array, ""]]
 
 
 def quantities(shape: MeshShape, unit_cells: tuple[int, int]) -> dict[str, Quantity]:
-    """What a tensile test is measured by, each by its name in the cube.
+    """What is read off the shapes in a tensile test, each by its name in the cube.
 
     Args:
         shape: the mesh shape.
@@ -42,32 +39,9 @@ def quantities(shape: MeshShape, unit_cells: tuple[int, int]) -> dict[str, Quant
         "mean_strain_xx": lambda q0, q, fabric: strains(q0, q)[0],
         "mean_strain_yy": lambda q0, q, fabric: strains(q0, q)[1],
         "poisson_ratio": lambda q0, q, fabric: poisson_ratio(*strains(q0, q)),
-        "reaction_force": lambda q0, q, fabric: reaction_force(shape, q0, q, fabric),
         "relaxed_cell_x": lambda q0, q, fabric: cell(q0)[0],
         "relaxed_cell_y": lambda q0, q, fabric: cell(q0)[1],
     }
-
-
-def reaction_force(
-    shape: MeshShape, relaxed: Configuration, strained: Configuration, fabric: Fabric
-) -> Float[Array, ""]:
-    """Force that drives the tensile test [N].
-
-    See :meth:`knitlab.mechanics.loading.Loading.reaction_force`.
-    """
-    held = np.setdiff1d(np.arange(shape.unknowns), free_under_tension(shape))
-    drive, length = drive_along(shape, relaxed)
-    gradient = jax.grad(lambda q: energy(network(shape), fabric, q).total)(strained)
-    return drive[held] @ gradient[held] / length
-
-
-@lru_cache(maxsize=16)
-def measured_by(
-    shape: MeshShape, unit_cells: tuple[int, int], names: tuple[str, ...]
-) -> Callable[[Configuration, Configuration, Fabric], Float[Array, " quantity"]]:
-    """Several of :func:`quantities` at once; the same function for the same arguments."""
-    chosen = [quantities(shape, unit_cells)[name] for name in names]
-    return lambda q0, q, fabric: jnp.stack([quantity(q0, q, fabric) for quantity in chosen])
 
 
 def logarithmic(derivative: StripePair, stripes: StripePair) -> Float[np.ndarray, "quantity 8"]:

@@ -1,7 +1,7 @@
 """Loadings: which unknowns are free, and how the held ones move with the applied strain."""
 
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 
 import jax
 import jax.numpy as jnp
@@ -34,7 +34,7 @@ class Loading:
     @property
     def held(self) -> Int[np.ndarray, " held"]:
         """Places of the held unknowns."""
-        return np.setdiff1d(np.arange(len(self.reference)), self.unknowns)
+        return held_under_tension(self.shape)
 
     def holding(
         self, configuration: Float[np.ndarray, " unknown"], applied_strain: float
@@ -50,8 +50,7 @@ class Loading:
         It is ∂V/∂(displacement) at fixed free unknowns: for a clamped sample the sum of the y
         forces on the top row, for endless fabric ∂V/∂L_y.
         """
-        held = self.held
-        return float(self.drive[held] @ gradient[held] / self.length)
+        return float(reaction_force(self.shape, self.drive, self.length, gradient))
 
 
 def all_free(shape: MeshShape) -> Int[np.ndarray, " free"]:
@@ -64,6 +63,23 @@ def free_under_tension(shape: MeshShape) -> Int[np.ndarray, " free"]:
     if shape.periodic:
         return np.arange(shape.unknowns - 1)
     return np.arange(3 * shape.nodes_x, 3 * (shape.nodes - shape.nodes_x))
+
+
+@lru_cache(maxsize=16)
+def held_under_tension(shape: MeshShape) -> Int[np.ndarray, " held"]:
+    """Held unknowns of the tensile test, L_x and L_y of an open sample among them."""
+    return np.setdiff1d(np.arange(shape.unknowns), free_under_tension(shape))
+
+
+def reaction_force(
+    shape: MeshShape,
+    drive: Float[Array | np.ndarray, " unknown"],
+    length: Float[Array, ""] | float,
+    gradient: Float[Array | np.ndarray, " unknown"],
+) -> Float[Array, ""]:
+    """See :meth:`Loading.reaction_force`; in JAX as in NumPy [N]."""
+    held = held_under_tension(shape)
+    return drive[held] @ gradient[held] / length
 
 
 @partial(jax.jit, static_argnums=0)

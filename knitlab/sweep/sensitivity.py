@@ -1,18 +1,51 @@
 """Sensitivities of a finished test: how its results hang on the stripe parameters."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import lru_cache
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic, measured_by
+from knitlab.measure.sensitivity import (
+    STRIPE_PARAMETERS,
+    Configuration,
+    logarithmic,
+    quantities,
+)
 from knitlab.mechanics.adjoint import Adjoint
+from knitlab.mechanics.loading import drive_along, reaction_force
 from knitlab.mechanics.response import NoDerivative
 from knitlab.mechanics.state import State
-from knitlab.model.fabric import StripePair, laid_out
+from knitlab.model.energy import energy
+from knitlab.model.fabric import Fabric, StripePair, laid_out
+from knitlab.model.network import MeshShape, network
 from knitlab.sweep.case import Case
 
 QUANTITIES = ("poisson_ratio", "reaction_force")
+
+
+@lru_cache(maxsize=16)
+def measured_by(
+    shape: MeshShape, unit_cells: tuple[int, int], names: tuple[str, ...]
+) -> Callable[[Configuration, Configuration, Fabric], Float[Array, " quantity"]]:
+    """Several quantities of a tensile test at once; the same function for the same arguments.
+
+    Args:
+        shape: the mesh shape.
+        unit_cells: unit cells along (y, x).
+        names: of :func:`~knitlab.measure.sensitivity.quantities`, or ``reaction_force``.
+    """
+
+    def force(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
+        gradient = jax.grad(lambda q: energy(network(shape), fabric, q).total)(strained)
+        drive, length = drive_along(shape, relaxed)
+        return reaction_force(shape, drive, length, gradient)
+
+    known = quantities(shape, unit_cells) | {"reaction_force": force}
+    chosen = [known[name] for name in names]
+    return lambda q0, q, fabric: jnp.stack([quantity(q0, q, fabric) for quantity in chosen])
 
 
 def sensitivities(

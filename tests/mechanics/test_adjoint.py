@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic, measured_by
+from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.mechanics.adjoint import Adjoint
 from knitlab.mechanics.alignment import aligning_rotation
 from knitlab.mechanics.drive import run
@@ -24,6 +24,7 @@ from knitlab.mechanics.tension import stretch
 from knitlab.model.fabric import Fabric, Sheet, StripePair, Weave, flat_sheet, laid_out
 from knitlab.model.pattern import checkerboard
 from knitlab.model.reading import Reading
+from knitlab.sweep.sensitivity import measured_by
 from tests.fabrics import CLAMPED, ENDLESS, FINE, stripe
 
 pytestmark = pytest.mark.xdist_group("adjoint")  # so that each program is compiled once
