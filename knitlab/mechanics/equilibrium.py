@@ -39,28 +39,19 @@ PROGRESS_ROUND_OFF = 1e-10
 Vector = Float[np.ndarray, " free"]
 
 
-@dataclass
 class _Search:
     """Where a search is, and what it has cost."""
 
-    at: Evaluate
-    now: Evaluation
-    unknowns: np.ndarray
-    shift: float = FIRST_SHIFT
-    iterations: int = 0
-    factorisations: int = 0
+    def __init__(self, at: Evaluate, now: Evaluation, unknowns: np.ndarray) -> None:
+        self.unknowns = unknowns
+        self.shift, self.iterations, self.factorisations = FIRST_SHIFT, 0, 0
+        self.move(at, now)
 
-    @property
-    def energy(self) -> float:
-        return float(self.now.energy.total)
-
-    @property
-    def gradient(self) -> Vector:
-        return np.asarray(self.now.gradient)[self.unknowns]
-
-    @property
-    def force(self) -> float:
-        return float(np.abs(self.gradient).max())
+    def move(self, at: Evaluate, now: Evaluation) -> None:
+        self.at, self.now = at, now
+        self.energy = float(now.energy.total)
+        self.gradient: Vector = np.asarray(now.gradient)[self.unknowns]
+        self.force = float(np.abs(self.gradient).max())
 
     def state(self, outcome: Outcome) -> State:
         return State(
@@ -210,7 +201,7 @@ def _line_search(search: _Search, step: Vector, slope: float) -> Solver[float]:
         calmer = float(np.abs(np.asarray(then.gradient)[search.unknowns]).max()) <= force
         lower = there <= energy + SUFFICIENT_DECREASE * length * slope + noise
         if lower and (there < energy - noise or calmer):
-            search.at, search.now = trial, then
+            search.move(trial, then)
             return length
         excess = there - energy - length * slope
         lowest = -slope * length**2 / (2 * excess) if excess > 0 else length / 2

@@ -6,6 +6,7 @@ compared with.
 """
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -32,7 +33,9 @@ The factors hold until the next call."""
 
 
 def factoriser(free: FreeStiffness, method: str | None = None) -> Factoriser:
-    """Factoriser of the stiffness of a mesh shape's free unknowns; its plan is made here, once.
+    """Factoriser of the stiffness of a mesh shape's free unknowns.
+
+    Its plan is made here; nested dissection keeps it, so that it is made once a mesh shape.
 
     Args:
         free: the sparsity.
@@ -41,6 +44,7 @@ def factoriser(free: FreeStiffness, method: str | None = None) -> Factoriser:
     return METHODS[method or DEFAULT_METHOD](free)
 
 
+@lru_cache(maxsize=8)
 def _nested_dissection(free: FreeStiffness) -> Factoriser:
     plan = nested_dissection(free.indptr, free.indices, *free.grid)
     threads = ThreadpoolController()
