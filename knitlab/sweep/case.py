@@ -95,6 +95,23 @@ class Case:
         """Whether every corner of a unit cell lies on a clamp: then no strain across is read."""
         return self.reading.boundary == "clamped" and self.unit_cells[0] == 1
 
+    @property
+    def endless_cell(self) -> "Case":
+        """One unit cell of the same fabric without end, of which a clamped sample is laid out."""
+        endless = replace(self.reading, boundary="periodic")
+        return replace(self, unit_cells=(1, 1), reading=endless)
+
+    @property
+    def equilibrium_solver(self) -> SolverSettings:
+        """Settings of the equilibrium solver.
+
+        Raises:
+            TypeError: if this case is solved by dynamics.
+        """
+        if not isinstance(self.solver, SolverSettings):
+            raise TypeError(f"case {self.case_id} has no settings of the equilibrium solver")
+        return self.solver
+
     def woven(self) -> tuple[Network, Fabric]:
         """Its network and fabric."""
         return weave(self.sample, self.weft, self.warp, self.sheet, self.reading)

@@ -3,7 +3,6 @@
 import json
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -14,11 +13,12 @@ from knitlab.mechanics.drive import run_all
 from knitlab.mechanics.dynamic_tension import Batch, stretch_by_dynamics
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.relaxation import relax, tiled
-from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.state import Outcome, TensileTest
 from knitlab.mechanics.tension import stretch
 from knitlab.mechanics.zigzag_tension import ChainState, pull_chain
+from knitlab.model.fabric import Fabric
 from knitlab.model.inertia import inertia
+from knitlab.model.network import Network
 from knitlab.model.zigzag import zigzag
 from knitlab.sweep.case import Case
 from knitlab.sweep.case_file import write_case_file
@@ -54,11 +54,11 @@ def tests_in_equilibrium(cases: Sequence[Case], progress: Progress) -> list[Tens
     """Tensile tests by the equilibrium solver."""
     woven = [case.woven() for case in cases]
     tests = [
-        stretch(net, fabric, case.applied_strain, _settings(case), done, start)
+        stretch(net, fabric, case.applied_strain, case.equilibrium_solver, done, start)
         for case, (net, fabric), start, done in zip(
             cases,
             woven,
-            _starts(cases),
+            starts(cases, woven),
             [partial(progress, case.case_id) for case in cases],
             strict=True,
         )
@@ -66,32 +66,30 @@ def tests_in_equilibrium(cases: Sequence[Case], progress: Progress) -> list[Tens
     return run_all(cases[0].mesh_shape, [fabric for _, fabric in woven], tests)
 
 
-def _settings(case: Case) -> SolverSettings:
-    if not isinstance(case.solver, SolverSettings):
-        raise TypeError(f"case {case.case_id} has no settings of the equilibrium solver")
-    return case.solver
+def starts(
+    cases: Sequence[Case], woven: Sequence[tuple[Network, Fabric]]
+) -> list[Float[np.ndarray, " unknown"] | None]:
+    """What samples of one mesh shape relax from; ``None`` for the flat sheet [mm].
 
-
-def _starts(cases: Sequence[Case]) -> list[Float[np.ndarray, " unknown"] | None]:
-    """What samples relax from; ``None`` for the flat sheet."""
-    if cases[0].mesh_shape.periodic or _settings(cases[0]).start == "flat":
+    Args:
+        cases: the samples.
+        woven: network and fabric of each.
+    """
+    if cases[0].mesh_shape.periodic or cases[0].equilibrium_solver.start == "flat":
         return [None] * len(cases)
-    cells = [
-        replace(case, unit_cells=(1, 1), reading=replace(case.reading, boundary="periodic"))
-        for case in cases
-    ]
-    woven = [cell.woven() for cell in cells]
+    cells = [case.endless_cell for case in cases]
+    endless = [cell.woven() for cell in cells]
     relaxed = run_all(
         cells[0].mesh_shape,
-        [fabric for _, fabric in woven],
+        [fabric for _, fabric in endless],
         [
-            relax(net, fabric, _settings(cell))
-            for cell, (net, fabric) in zip(cells, woven, strict=True)
+            relax(net, fabric, cell.equilibrium_solver)
+            for cell, (net, fabric) in zip(cells, endless, strict=True)
         ],
     )
     return [
-        tiled(*case.woven(), net, state.configuration) if state.converged else None
-        for case, (net, _), state in zip(cases, woven, relaxed, strict=True)
+        tiled(*sample, net, state.configuration) if state.converged else None
+        for sample, (net, _), state in zip(woven, endless, relaxed, strict=True)
     ]
 
 

@@ -6,7 +6,6 @@ endless fabric. Its plan, which is made once for a sparsity, is timed apart.
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import jax
@@ -15,16 +14,12 @@ import scipy.sparse as sp
 from jaxtyping import Float
 from scipy.sparse.linalg import splu
 
-from knitlab.mechanics.drive import run
 from knitlab.mechanics.evaluation import WHOLE, evaluator, hessian_evaluator
 from knitlab.mechanics.factorisation import factoriser
 from knitlab.mechanics.loading import tensile
-from knitlab.mechanics.relaxation import relax, tiled
-from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
-from knitlab.sweep.case import Case
+from knitlab.sweep.simulation import starts
 from workflows.solver_benchmark.measurement import Measurement, Record
-from workflows.solver_benchmark.problem import Configuration
 
 TIMED, LONG = 5, 30.0
 """Times that a part is done after a first that is not counted, and time after which no more [s]."""
@@ -100,8 +95,10 @@ FACTORISATIONS = {
 def measure(measurement: Measurement) -> Record:
     """Time the parts of one iteration with one method of factorisation."""
     case = measurement.case()
-    start = laid_out(case)
     net, fabric = case.woven()
+    (start,) = starts([case], [(net, fabric)])
+    if start is None:
+        raise RuntimeError("endless fabric did not relax")
     shape = net.shape
     free = free_stiffness(shape, tensile(shape, start).unknowns)
 
@@ -135,17 +132,6 @@ def measure(measurement: Measurement) -> Record:
         "solve_seconds": solve_seconds,
         "evaluation_seconds": evaluation_seconds,
     }
-
-
-def laid_out(case: Case) -> Configuration:
-    """A sample laid out of relaxed endless fabric [mm]."""
-    settings = case.solver
-    if not isinstance(settings, SolverSettings):
-        raise TypeError("not a case of the equilibrium solver")
-    endless = replace(case.reading, boundary="periodic")
-    net, fabric = replace(case, unit_cells=(1, 1), reading=endless).woven()
-    relaxed = run(net.shape, fabric, relax(net, fabric, settings), "nested_dissection")
-    return tiled(*case.woven(), net, relaxed.configuration)
 
 
 def _timed(part: Callable[[], Any]) -> tuple[float, Any]:

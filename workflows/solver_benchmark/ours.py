@@ -75,9 +75,7 @@ def _search(its: Callable[[Problem], SolverSettings], factorisation: str) -> Sea
 
 def shipped_relaxation(case: Case, factorisation: str, watch: Watch) -> State:
     """Relax a sample as a sweep does: between clamps it starts as relaxed endless fabric."""
-    settings = case.solver
-    if not isinstance(settings, SolverSettings):
-        raise TypeError("not a case of the equilibrium solver")
+    settings = case.equilibrium_solver
 
     def its(case: Case, start: Configuration | None = None) -> State:
         problem = Problem.of(case, settings.tolerance)
@@ -88,8 +86,7 @@ def shipped_relaxation(case: Case, factorisation: str, watch: Watch) -> State:
 
     if case.mesh_shape.periodic or settings.start == "flat":
         return its(case)
-    endless = replace(case.reading, boundary="periodic")
-    cell = replace(case, unit_cells=(1, 1), reading=endless)
+    cell = case.endless_cell
     relaxed = its(cell).configuration
     return its(case, tiled(*case.woven(), cell.woven()[0], relaxed))
 
