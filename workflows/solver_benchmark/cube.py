@@ -28,11 +28,15 @@ DIMS = {
 }
 TRIAL_DIMS = ("solver", "size", "setting")
 COST = {
-    "seconds": ("s", "wall time, compilation apart; missing where the tolerance was not reached"),
+    "seconds": (
+        "s",
+        "processor time of a search, which runs on one thread, compilation apart; wall time of a"
+        " sweep and of one iteration; missing where the tolerance was not reached",
+    ),
     "compile_seconds": ("s", "time to compile, before the watch started"),
     "residual": ("N", "largest force left on a free unknown; of one iteration, of its solution"),
-    "time_limit": ("s", "wall time after which a search is given up"),
-    "given_up_after": ("s", "wall time after which it was, which is no time to the tolerance"),
+    "time_limit": ("s", "processor time after which a search is given up"),
+    "given_up_after": ("s", "processor time after which it was, which is no time to the tolerance"),
     "states": ("1", "states reached, of the 16 of a tension test"),
     "evaluations": ("1", "evaluations of energy and gradient"),
     "factorisations": ("1", "factorisations of the stiffness"),
@@ -118,7 +122,7 @@ def _trials(trials: pd.DataFrame) -> xr.Dataset:
     }
     of["trial_seconds"].attrs = {
         "units": "s",
-        "long_name": "wall time to relax, by the setting that is tried",
+        "long_name": "processor time to relax, by the setting that is tried",
     }
     of["trial_setting"].attrs = {
         "long_name": "damping of the dynamics [g/ms], initial time step of FIRE [sqrt(g mm/N)],"
@@ -150,18 +154,18 @@ def _costs(frame: pd.DataFrame) -> xr.Dataset:
 
     seconds = cube["seconds"]
     for name, value, words in (
-        ("seconds_median", seconds.median("repeat"), "median wall time over repeats"),
-        ("seconds_least", seconds.min("repeat"), "shortest wall time of the repeats"),
-        ("seconds_most", seconds.max("repeat"), "longest wall time of the repeats"),
+        ("seconds_median", seconds.median("repeat"), "median time over repeats"),
+        ("seconds_least", seconds.min("repeat"), "shortest time of the repeats"),
+        ("seconds_most", seconds.max("repeat"), "longest time of the repeats"),
     ):
         cube[name] = value.assign_attrs(units="s", long_name=words)
     middle = cube["seconds_median"]
     if COMPARED_TO in middle["solver"]:
         ratio = middle / middle.sel(solver=COMPARED_TO, drop=True)
-        words = f"median wall time over that of {COMPARED_TO} for the same"
+        words = f"median time over that of {COMPARED_TO} for the same"
         cube["times_slower"] = ratio.assign_attrs(units="1", long_name=words)
         least = cube["given_up_after"].max("repeat") / middle.sel(solver=COMPARED_TO, drop=True)
-        words = f"time after which it was given up over the median wall time of {COMPARED_TO}"
+        words = f"time after which it was given up over the median time of {COMPARED_TO}"
         cube["times_slower_at_least"] = least.assign_attrs(units="1", long_name=words)
     best = cube["factorise_seconds"].median("repeat").min("solver")
     words = "one iteration over the fastest numeric factorisation alone of the same matrix"
@@ -185,7 +189,7 @@ def _slopes(cube: xr.Dataset) -> xr.DataArray:
         cube["nodes"],
         input_core_dims=[["size"], ["size"]],
         vectorize=True,
-    ).assign_attrs(units="1", long_name="s of the fit: wall time ~ nodes^s")
+    ).assign_attrs(units="1", long_name="s of the fit: time ~ nodes^s")
 
 
 def _with_first_times(cube: xr.Dataset, frame: pd.DataFrame) -> xr.Dataset:
@@ -200,7 +204,8 @@ def _with_first_times(cube: xr.Dataset, frame: pd.DataFrame) -> xr.Dataset:
     )
     times = xr.DataArray.from_series(pd.Series(long.stack()).astype(float))
     cube["time_to_residual"] = times.assign_attrs(
-        units="s", long_name="wall time until the residual first fell to a level, in relaxation"
+        units="s",
+        long_name="processor time until the residual first fell to a level, in relaxation",
     )
     cube["level"].attrs = {"units": "N", "long_name": "largest force on a free unknown"}
     return cube

@@ -132,7 +132,7 @@ def time_to_residual(cube: xr.Dataset) -> Figure | None:
             lw=0,
         )
     count = int(nodes.sel(size=size))
-    axes.set(xscale="log", yscale="log", xlabel="wall time [s]")
+    axes.set(xscale="log", yscale="log", xlabel="time on one thread [s]")
     axes.set_ylabel("largest force on a free unknown [N]")
     axes.set_title(f"relaxation, {size.replace('x', ' × ')} unit cells, {count:,} nodes")
     axes.legend(frameon=False, handletextpad=0.4)

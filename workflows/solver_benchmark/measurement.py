@@ -29,7 +29,7 @@ class Measurement:
         boundary: of the sample.
         workers: worker processes of a sweep, threads of anything else.
         repeat: which of the repeats it is.
-        time_limit: wall time after which it is given up [s].
+        time_limit: processor time after which it is given up [s].
         setting: of a method that has one number to tune, that number.
     """
 

@@ -19,10 +19,13 @@ class OutOfTime(GivenUp):
 
 @dataclass
 class Watch:
-    """Wall time, work and residual of one search as it goes.
+    """Time, work and residual of one search as it goes.
+
+    The time is the processor time of this process: a search runs on one thread, and
+    the time that it waits for a processor is not its own.
 
     Attributes:
-        limit: time after which the search is given up [s].
+        limit: processor time after which the search is given up [s].
         evaluations: of energy and gradient.
         factorisations: of the stiffness.
         states: reached so far.
@@ -36,19 +39,19 @@ class Watch:
     states: int = 0
     residual: float = np.inf
     trace: list[tuple[float, float]] = field(default_factory=list)
-    _began: float = field(default_factory=time.perf_counter)
+    _began: float = field(default_factory=time.process_time)
 
     @property
     def seconds(self) -> float:
-        """Time since the start, pauses not counted [s]."""
-        return time.perf_counter() - self._began
+        """Processor time since the start, pauses not counted [s]."""
+        return time.process_time() - self._began
 
     @contextmanager
     def paused(self) -> Iterator[None]:
         """Do what the search would not have done."""
-        stopped = time.perf_counter()
+        stopped = time.process_time()
         yield
-        self._began += time.perf_counter() - stopped
+        self._began += time.process_time() - stopped
 
     def sees(self, residual: float, evaluations: int = 1) -> None:
         """Note a residual, and the evaluations since the last.
