@@ -205,7 +205,7 @@ def _with_first_times(cube: xr.Dataset, frame: pd.DataFrame) -> xr.Dataset:
     times = xr.DataArray.from_series(pd.Series(long.stack()).astype(float))
     cube["time_to_residual"] = times.assign_attrs(
         units="s",
-        long_name="processor time until the residual first fell to a level, in relaxation",
+        long_name="processor time until the residual first fell to a level, relaxing",
     )
     cube["level"].attrs = {"units": "N", "long_name": "largest force on a free unknown"}
     return cube
