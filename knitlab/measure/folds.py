@@ -1,6 +1,5 @@
 """Folds: the angles of the hinges of a configuration, and those that have folded too far."""
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
@@ -20,7 +19,7 @@ def fold_angles(
 
     def angles(q: Float[Array, " unknown"]) -> Float[Array, " hinge"]:
         vectors = element_vectors(net.hinges, q)
-        from_rest = jax.vmap(fold_from_rest, in_axes=(-1, 0))(vectors, fabric.rest_fold)
+        from_rest = fold_from_rest(vectors, fabric.rest_fold)
         return fabric.rest_fold + from_rest
 
     return jnp.vectorize(angles, signature="(n)->(h)")(configuration)

@@ -55,7 +55,7 @@ class Desk:
         if free is None:
             raise RuntimeError("nothing is assembled")
         if free not in self._factorisers:
-            self._factorisers[free] = factoriser(free, self._method)
+            self._factorisers[free] = factoriser(free, self._method, convexified=True)
         self._factors = self._factorisers[free](free.shifted(self._entries, shift))
         return self._factors is not None
 

@@ -75,8 +75,9 @@ def find_equilibrium(
     """Move the free unknowns downhill to a state where no force is left on them.
 
     Every step goes downhill, so that the fabric is followed through snaps towards a minimum
-    nearby. μ is raised until K + μ I is positive definite and falls while steps succeed; where
-    it vanishes and the forces are small, convergence is Newton's. The state that is returned is
+    nearby. Where K + μ I is not positive definite, a matrix nearby that is takes its place; where
+    none can be had, μ is raised. It falls while steps succeed, and where it vanishes and the
+    forces are small, convergence is Newton's. The state that is returned is
     tested for its force alone: a path that runs straight into a saddle would end there.
 
     Args:

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from threadpoolctl import ThreadpoolController
 
-from knitlab.mechanics.nested_dissection import nested_dissection
+from knitlab.mechanics.nested_dissection import NestedDissection, nested_dissection
 from knitlab.mechanics.stiffness import FreeStiffness
 
 
@@ -32,7 +32,9 @@ Factoriser = Callable[[Entries], Factors | None]
 The factors hold until the next call."""
 
 
-def factoriser(free: FreeStiffness, method: str | None = None) -> Factoriser:
+def factoriser(
+    free: FreeStiffness, method: str | None = None, convexified: bool = False
+) -> Factoriser:
     """Factoriser of the stiffness of a mesh shape's free unknowns.
 
     Its plan is made here; nested dissection keeps it, so that it is made once a mesh shape.
@@ -40,19 +42,24 @@ def factoriser(free: FreeStiffness, method: str | None = None) -> Factoriser:
     Args:
         free: the sparsity.
         method: a key of :data:`METHODS`; nested dissection by default.
+        convexified: whether to factor, where the matrix is not positive definite, one nearby that
+            is. Only nested dissection can.
     """
-    return METHODS[method or DEFAULT_METHOD](free)
+    return METHODS[method or DEFAULT_METHOD](free, convexified)
 
 
 @lru_cache(maxsize=8)
-def _nested_dissection(free: FreeStiffness) -> Factoriser:
-    plan = nested_dissection(free.indptr, free.indices, *free.grid)
-    threads = ThreadpoolController()
+def _plan(free: FreeStiffness) -> NestedDissection:
+    return nested_dissection(free.indptr, free.indices, *free.grid)
+
+
+def _nested_dissection(free: FreeStiffness, convexified: bool) -> Factoriser:
+    plan, threads = _plan(free), ThreadpoolController()
 
     def factorise(entries: Entries) -> Factors | None:
         # On small fronts a second thread costs more than it brings.
         with threads.limit(limits=1, user_api="blas"):
-            return plan.factorise(entries)
+            return plan.factorise(entries, convexified)
 
     return factorise
 
@@ -68,7 +75,7 @@ class _CholmodFactors:
         return np.array(solution).ravel()
 
 
-def _cholmod(free: FreeStiffness) -> Factoriser:
+def _cholmod(free: FreeStiffness, _: bool) -> Factoriser:
     from cvxopt import cholmod, matrix, spmatrix
 
     size = len(free.unknowns)
@@ -92,7 +99,7 @@ def _cholmod(free: FreeStiffness) -> Factoriser:
     return factorise
 
 
-METHODS: dict[str, Callable[[FreeStiffness], Factoriser]] = {
+METHODS: dict[str, Callable[[FreeStiffness, bool], Factoriser]] = {
     "nested_dissection": _nested_dissection,
     "cholmod": _cholmod,
 }

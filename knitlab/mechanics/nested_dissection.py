@@ -5,6 +5,10 @@ cuts are eliminated after what lies beside them. The unknowns of one cut, or of 
 the cuts, are eliminated together in a dense front. The grid decides the order alone: what a
 front is coupled to is read off the sparsity, so that any symmetric matrix is factored rightly,
 and one that is no grid only slowly.
+
+A matrix that is not positive definite can be convexified as it is factored: where a front is not,
+its pivots are replaced by the matrix with the same eigenvectors and the absolute eigenvalues.
+That adds to the matrix just where it curves down, and nothing elsewhere.
 """
 
 from collections.abc import Sequence
@@ -14,6 +18,7 @@ from math import isfinite
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.linalg import eigh
 from scipy.linalg.blas import dgemm, dsyrk, dtrmm, dtrsm, dtrsv
 from scipy.linalg.lapack import dpotrf, dtrtri
 
@@ -22,6 +27,8 @@ from knitlab.mechanics.dissection import axis, places_in_order
 INVERTED_SIZE = 48
 """Size up to which a triangle is inverted rather than solved with: OpenBLAS multiplies small
 matrices several times faster than it solves with them."""
+LEAST_CURVATURE = 1e-6
+"""Floor of the absolute eigenvalues of a convexified front."""
 
 
 Columns = tuple[Float[np.ndarray, "pivot pivot"], Float[np.ndarray, "boundary pivot"]]
@@ -128,11 +135,15 @@ class NestedDissection:
     stored: int
     stack: int
 
-    def factorise(self, entries: Float[np.ndarray, " nonzero"]) -> Factors | None:
+    def factorise(
+        self, entries: Float[np.ndarray, " nonzero"], convexified: bool = False
+    ) -> Factors | None:
         """Factor a matrix, or say by ``None`` that it is not positive definite.
 
         Args:
             entries: of its lower triangle, in the order of the sparsity that was dissected.
+            convexified: whether to factor, if it is not, a matrix nearby that is; ``None`` then
+                says that it is not finite.
         """
         stored = np.zeros(self.stored)
         stored[self.places] = entries
@@ -147,14 +158,31 @@ class NestedDissection:
                 for transfer in transfers:
                     target = targets[transfer.target][transfer.into]
                     np.add(target, child_update[transfer.block], out=target)
-            _, failed = dpotrf(pivots, lower=1, clean=0, overwrite_a=1)
-            # LAPACK may pass over what is no number, which spoils all pivots after it.
-            if failed or not isfinite(pivots[-1, -1]):
+            before = pivots.copy(order="F") if convexified else None
+            if not _factored(pivots) and (before is None or not _convexified(before, pivots)):
                 return None
             if len(front.boundary):
                 _eliminate(pivots, coupling)
                 dsyrk(-1.0, coupling, beta=1.0, c=update, lower=1, overwrite_c=1)
         return Factors(self.order, self.fronts, columns)
+
+
+def _factored(pivots: Float[np.ndarray, "pivot pivot"]) -> bool:
+    """Factor pivots in place; whether they are positive definite."""
+    _, failed = dpotrf(pivots, lower=1, clean=0, overwrite_a=1)
+    # LAPACK may pass over what is no number, which spoils all pivots after it.
+    return not failed and isfinite(pivots[-1, -1])
+
+
+def _convexified(
+    before: Float[np.ndarray, "pivot pivot"], pivots: Float[np.ndarray, "pivot pivot"]
+) -> bool:
+    """Replace pivots by the factor of what they were, made positive definite; unless not finite."""
+    if not np.isfinite(before).all():
+        return False
+    values, vectors = eigh(before, lower=True)
+    pivots[:] = (vectors * np.maximum(np.abs(values), LEAST_CURVATURE)) @ vectors.T
+    return _factored(pivots)
 
 
 def _eliminate(

@@ -43,9 +43,7 @@ def relax(
     free = free_stiffness(shape, all_free(shape))
     longest = settings.step_limit * float(fabric.cell.min())
     flat = np.asarray(flat_sheet(net, fabric))
-    moments = np.asarray(fabric.fold_stiffness * abs(fabric.rest_fold))
-    near = settings.waypoint_force * float(moments.max() / fabric.cell.min())
-    waypoint = replace(settings, tolerance=max(settings.tolerance, near))
+    waypoint = on_the_way(settings, fabric)
     configuration = flat if start is None else start
     passed: list[State] = []
     for stage in _stages(settings):
@@ -59,6 +57,13 @@ def relax(
         square = Evaluate(np.asarray(squared_up(shape, flat, state.configuration)))
         state = yield from find_equilibrium(square, free, longest, settings)
     return state.after(*passed)
+
+
+def on_the_way(settings: SolverSettings, fabric: Fabric) -> SolverSettings:
+    """Settings for a state that is only passed: near equilibrium is enough."""
+    moments = np.asarray(fabric.fold_stiffness * abs(fabric.rest_fold))
+    near = settings.waypoint_force * float(moments.max() / fabric.cell.min())
+    return replace(settings, tolerance=max(settings.tolerance, near))
 
 
 def _stages(settings: SolverSettings) -> Iterator[Stage]:

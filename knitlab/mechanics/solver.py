@@ -37,7 +37,10 @@ class Assemble:
 
 @dataclass(frozen=True)
 class Factorise:
-    """Ask for the assembled stiffness plus a shift to be factored: is it positive definite?"""
+    """Ask for the assembled stiffness plus a shift to be factored: is it positive definite?
+
+    Who can, factors a matrix nearby that is, and says yes.
+    """
 
     shift: float
 

@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.mechanics.equilibrium import find_equilibrium
+from knitlab.mechanics.evaluation import Stage
 from knitlab.mechanics.loading import Loading, tensile
-from knitlab.mechanics.relaxation import relax
+from knitlab.mechanics.relaxation import on_the_way, relax
 from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
 from knitlab.mechanics.state import State, TensileTest
 from knitlab.mechanics.stiffness import free_stiffness
@@ -17,6 +18,10 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
 
 ROUND_OFF = 1e-9
+ROUGH = 50
+"""Iterations of a strain step above which the path is rough there."""
+ROUGH_WALL = 1e-2
+"""Part of the walls' stiffness that the next step then begins with."""
 LEAST_WORK = 1e-6
 """Work of a strain step below which its energy is compared with the stored energy instead."""
 
@@ -32,7 +37,9 @@ def stretch(
     """Solver that relaxes a fabric and takes it through a tensile test.
 
     The path to a strain is followed in steps of at most ``settings.path_step``, each starting
-    from the line through the two states before it, the first from an affine stretch. Along one
+    from the line through the two states before it. Where the path is rough, as the step before
+    took many iterations, that line misses, and walls stop every step towards what it missed;
+    there a step starts from an affine stretch, between walls that are soft at first. Along one
     branch of equilibria the energy grows by the work of the reaction force; where a step gains
     or loses more than ``settings.branch_limit`` of that work, the fabric has left its branch. A
     step that does so, or fails, is tried again over half the strain, down to
@@ -54,11 +61,10 @@ def stretch(
     if not relaxed.converged:
         return TensileTest(None, [relaxed])
     loading = tensile(net.shape, relaxed.configuration)
-    longest = settings.step_limit * float(fabric.cell.min())
-    path = _Path(loading, [(applied_strain[0], relaxed)], settings)
+    path = _Path(loading, [(applied_strain[0], relaxed)], fabric, settings)
     states = [relaxed]
     for target in applied_strain[1:]:
-        state = yield from path.to(target, longest)
+        state = yield from path.to(target)
         states.append(state)
         progress(len(states))
         if not state.converged:
@@ -72,11 +78,11 @@ class _Path:
 
     loading: Loading
     last: list[tuple[float, State]]
+    fabric: Fabric
     settings: SolverSettings
 
-    def to(self, target: float, longest: float) -> Solver[State]:
+    def to(self, target: float) -> Solver[State]:
         """Follow the path to a strain."""
-        free = free_stiffness(self.loading.shape, self.loading.unknowns)
         distance = target - self.last[-1][0]
         full = distance / math.ceil(distance / self.settings.path_step - ROUND_OFF)
         smallest = self.settings.smallest_step * full * (1 + ROUND_OFF)
@@ -84,11 +90,8 @@ class _Path:
         while True:
             strain = self.last[-1][0] + step
             strain = target if target - strain <= ROUND_OFF else strain
-            start = self.loading.holding(self._ahead(strain), strain)
             floor = -math.inf if step <= smallest else self._least_energy(strain)
-            state = yield from find_equilibrium(
-                Evaluate(start), free, longest, self.settings, floor
-            )
+            state = yield from self._sought(strain, floor)
             followed = state.converged and self._on_branch(strain, state)
             if state.converged and (followed or step <= smallest):
                 snapped |= not followed
@@ -101,6 +104,24 @@ class _Path:
             else:
                 step /= 2
             spent.append(state)
+
+    def _sought(self, strain: float, floor: float) -> Solver[State]:
+        """Search for the state at a strain, from where the path so far leads."""
+        free = free_stiffness(self.loading.shape, self.loading.unknowns)
+        longest = self.settings.step_limit * float(self.fabric.cell.min())
+        rough = self.last[-1][1].iterations > ROUGH
+        start = Evaluate(self.loading.holding(self._ahead(strain), strain))
+        if not rough:
+            return (yield from find_equilibrium(start, free, longest, self.settings, floor))
+        soft = yield from find_equilibrium(
+            replace(start, stage=Stage(wall=ROUGH_WALL)),
+            free,
+            longest,
+            on_the_way(self.settings, self.fabric),
+        )
+        start = Evaluate(soft.configuration)
+        state = yield from find_equilibrium(start, free, longest, self.settings, floor)
+        return state.after(soft)
 
     def _least_energy(self, strain: float) -> float:
         """Energy below which a state at a strain cannot be on the branch, by what is expected."""
@@ -131,7 +152,12 @@ class _Path:
         """The path's continuation to a strain, by a straight line."""
         last_strain, last = self.last[-1]
         if len(self.last) == 1:
-            return last.configuration + (strain - last_strain) * self.loading.drive
+            return self._stretched(strain)
         before_strain, before = self.last[-2]
         part = (strain - last_strain) / (last_strain - before_strain)
         return last.configuration + (last.configuration - before.configuration) * part
+
+    def _stretched(self, strain: float) -> Float[np.ndarray, " unknown"]:
+        """The last state, stretched affinely to a strain."""
+        last_strain, last = self.last[-1]
+        return last.configuration + (strain - last_strain) * self.loading.drive

@@ -16,7 +16,6 @@ from knitlab.model.energy import (
     element_vectors,
     energy,
     hinge_energy,
-    over_elements,
     spring_energy,
 )
 from knitlab.model.fabric import Fabric, flat_sheet
@@ -37,13 +36,13 @@ def test_element_hessians_are_those_of_automatic_differentiation():
     at = shaken(flat_sheet(net, fabric), 0.1)
     springs = element_vectors(net.springs, at)
     numbers = fabric.rest_length, fabric.stretch_stiffness
-    exact = over_elements(jax.hessian(spring_energy))(springs, *numbers)[:, 0, :, 0]
+    exact = jax.vmap(jax.hessian(spring_energy), (-1, 0, 0))(springs, *numbers)[:, 0, :, 0]
     assert np.allclose(
         spring_stiffness(springs[0], *numbers), exact[:, *SPRING_ENTRIES].T, atol=1e-13
     )
     hinges = element_vectors(net.hinges, at)
     turned = fabric.rest_fold, fabric.fold_stiffness
-    by_vectors = over_elements(jax.hessian(hinge_energy))(hinges, *turned)
+    by_vectors = jax.vmap(jax.hessian(hinge_energy), (-1, 0, 0))(hinges, *turned)
     by_nodes = np.einsum("vn,evrwc,wm->enrmc", HINGE_VECTORS, by_vectors, HINGE_VECTORS)
     exact = by_nodes.reshape(-1, 18, 18)[:, *HINGE_ENTRIES]
     laned = np.asarray(hinge_stiffness(hinges, *turned)).transpose(0, 2, 1).reshape(-1, 171)
