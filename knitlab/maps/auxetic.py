@@ -5,7 +5,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from knitlab.maps.cells import MARKS, cell, ink_on, marks_legend
+from knitlab.maps.cells import MARKS, cell, frame, ink_on, marks_legend
 from knitlab.maps.style import STRAIN_COLOURS, TWO_COLUMNS
 from knitlab.sweep.registry import Status
 
@@ -54,13 +54,7 @@ def auxetic_map(cube: xr.Dataset) -> Figure:
         xlabel="n_subunit: stitches along a garter stripe",
         ylabel="n_stripe: stitches\nacross a rib stripe",
     )
-    axes.tick_params(length=0)
-    axes.spines[:].set_visible(False)
-    figure.colorbar(
-        mpl.cm.ScalarMappable(norm, colours),
-        ax=axes,
-        pad=0.01,
-        label="lowest Poisson's ratio\n(negative: auxetic)",
-    )
+    label = "lowest Poisson's ratio\n(negative: auxetic)"
+    frame(figure, axes, mpl.cm.ScalarMappable(norm, colours), label=label)
     marks_legend(figure, marked)
     return figure

@@ -4,6 +4,7 @@ from collections.abc import Collection
 from typing import Any
 
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
@@ -28,6 +29,20 @@ NAMES = {
 def cell(axes: Axes, row: int, column: float, **style: Any) -> None:
     """Draw one cell, a unit wide and high."""
     axes.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, **{"linewidth": 1.5, **style}))
+
+
+def frame(figure: Figure, axes: Axes, scale: ScalarMappable, **colorbar: Any) -> None:
+    """Take the frame and the ticks off a map of cells, and put the scale of its colours beside it.
+
+    Args:
+        figure: the map's.
+        axes: its axes.
+        scale: norm and colours.
+        colorbar: what else the scale's bar is to have, its label first of all.
+    """
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+    figure.colorbar(scale, ax=axes, pad=0.01, **colorbar)
 
 
 def ink_on(colour: tuple[float, ...]) -> str:

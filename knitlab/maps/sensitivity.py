@@ -6,7 +6,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.maps.cells import MARKS, cell, ink_on, marks_legend
+from knitlab.maps.cells import MARKS, cell, frame, ink_on, marks_legend
 from knitlab.maps.style import STRAIN_COLOURS, TWO_COLUMNS
 from knitlab.sweep.faults import fault
 from knitlab.sweep.registry import DESIGN_DIMS, Status
@@ -78,12 +78,10 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
             textcoords="offset points",
             ha="center",
         )
-    axes.tick_params(length=0)
-    axes.spines[:].set_visible(False)
-    figure.colorbar(
+    frame(
+        figure,
+        axes,
         mpl.cm.ScalarMappable(norm, colours),
-        ax=axes,
-        pad=0.01,
         extend="both" if np.nanmax(np.abs(values), initial=0) > norm.vmax else "neither",
         label="$p\\,\\partial\\nu/\\partial p$ [1]",
     )

@@ -43,20 +43,20 @@ class Desk:
                 hessians = hessian_evaluator(self._shape)(self._fabric, stage, configuration)
                 self._free, self._entries = free, free.entries(jax.tree.map(np.asarray, hessians))
                 return None
-            case Factorise(shift):
-                return self._factorise(shift)
+            case Factorise(shift, convexified):
+                return self._factorise(shift, convexified)
             case Solve(right):
                 if self._factors is None:
                     raise RuntimeError("nothing is factorised")
                 return self._factors.solve(right)
 
-    def _factorise(self, shift: float) -> bool:
+    def _factorise(self, shift: float, convexified: bool) -> bool:
         free = self._free
         if free is None:
             raise RuntimeError("nothing is assembled")
         if free not in self._factorisers:
-            self._factorisers[free] = factoriser(free, self._method, convexified=True)
-        self._factors = self._factorisers[free](free.shifted(self._entries, shift))
+            self._factorisers[free] = factoriser(free, self._method)
+        self._factors = self._factorisers[free](free.shifted(self._entries, shift), convexified)
         return self._factors is not None
 
 

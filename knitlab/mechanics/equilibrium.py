@@ -1,8 +1,8 @@
 """Equilibrium: downhill by quasi-Newton steps, with a fresh factorisation when it pays.
 
 A fold moves far while its yarn hardly stretches, so that the energy is a narrow curved valley
-and a Newton step, straight as it is, soon climbs its side. A factorisation costs some ten to
-twenty gradients and solves. So one factorisation of K + μ I serves as the first guess of many
+and a Newton step, straight as it is, soon climbs its side. A factorisation costs some ten
+gradients and solves. So one factorisation of K + μ I serves as the first guess of many
 L-BFGS steps (Nocedal and Wright, Numerical Optimization, Alg. 7.4), which learn how the valley
 bends, and is made anew as soon as a step gains less than the steps since then have on average,
 its cost included.
@@ -71,13 +71,15 @@ def find_equilibrium(
     step_length: float,
     settings: SolverSettings,
     floor: float = -np.inf,
+    convexified: bool = True,
 ) -> Solver[State]:
     """Move the free unknowns downhill to a state where no force is left on them.
 
     Every step goes downhill, so that the fabric is followed through snaps towards a minimum
-    nearby. Where K + μ I is not positive definite, a matrix nearby that is takes its place; where
-    none can be had, μ is raised. It falls while steps succeed, and where it vanishes and the
-    forces are small, convergence is Newton's. The state that is returned is
+    nearby. Where K + μ I is not positive definite, either it is convexified, which is quick and
+    goes far, or μ is raised until it is, which keeps to the valley that the start lies in as a
+    slow motion would. μ falls while steps succeed; where it vanishes and the forces are small,
+    convergence is Newton's. The state that is returned is
     tested for its force alone: a path that runs straight into a saddle would end there.
 
     Args:
@@ -87,6 +89,7 @@ def find_equilibrium(
         settings: tolerance and limits.
         floor: energy below which the search is broken off, as what it was to find lies higher
             [N mm].
+        convexified: whether to convexify the stiffness rather than to raise μ.
     """
     search = _Search(start, (yield start), free.unknowns)
     while True:
@@ -102,9 +105,9 @@ def find_equilibrium(
         raised = False
         while True:
             search.factorisations += 1
-            if (yield Factorise(search.shift)):
+            if (yield Factorise(search.shift, convexified)):
                 break
-            search.shift, raised = max(4 * search.shift, LEAST_RAISED_SHIFT), True
+            search.shift, raised = max(10 * search.shift, LEAST_RAISED_SHIFT), True
             if search.shift > LARGEST_SHIFT:
                 return search.state(Outcome.stalled)
         descent = yield from _descend(search, free.shape, step_length, settings, floor)

@@ -27,14 +27,23 @@ class Factors(Protocol):
 
 DEFAULT_METHOD = "nested_dissection"
 Entries = Float[np.ndarray, " nonzero"]
-Factoriser = Callable[[Entries], Factors | None]
-"""Factors the matrix with these non-zeros, or says by ``None`` that it is not positive definite.
-The factors hold until the next call."""
 
 
-def factoriser(
-    free: FreeStiffness, method: str | None = None, convexified: bool = False
-) -> Factoriser:
+class Factoriser(Protocol):
+    """A way to factor the matrices of one sparsity."""
+
+    def __call__(self, entries: Entries, convexified: bool = False) -> Factors | None:
+        """Factor a matrix, or say by ``None`` that it is not positive definite.
+
+        Args:
+            entries: its non-zeros. The factors hold until the next call.
+            convexified: whether to factor, if it is not, a matrix nearby that is. Only nested
+                dissection can.
+        """
+        ...
+
+
+def factoriser(free: FreeStiffness, method: str | None = None) -> Factoriser:
     """Factoriser of the stiffness of a mesh shape's free unknowns.
 
     Its plan is made here; nested dissection keeps it, so that it is made once a mesh shape.
@@ -42,10 +51,8 @@ def factoriser(
     Args:
         free: the sparsity.
         method: a key of :data:`METHODS`; nested dissection by default.
-        convexified: whether to factor, where the matrix is not positive definite, one nearby that
-            is. Only nested dissection can.
     """
-    return METHODS[method or DEFAULT_METHOD](free, convexified)
+    return METHODS[method or DEFAULT_METHOD](free)
 
 
 @lru_cache(maxsize=8)
@@ -53,10 +60,10 @@ def _plan(free: FreeStiffness) -> NestedDissection:
     return nested_dissection(free.indptr, free.indices, *free.grid)
 
 
-def _nested_dissection(free: FreeStiffness, convexified: bool) -> Factoriser:
+def _nested_dissection(free: FreeStiffness) -> Factoriser:
     plan, threads = _plan(free), ThreadpoolController()
 
-    def factorise(entries: Entries) -> Factors | None:
+    def factorise(entries: Entries, convexified: bool = False) -> Factors | None:
         # On small fronts a second thread costs more than it brings.
         with threads.limit(limits=1, user_api="blas"):
             return plan.factorise(entries, convexified)
@@ -75,7 +82,7 @@ class _CholmodFactors:
         return np.array(solution).ravel()
 
 
-def _cholmod(free: FreeStiffness, _: bool) -> Factoriser:
+def _cholmod(free: FreeStiffness) -> Factoriser:
     from cvxopt import cholmod, matrix, spmatrix
 
     size = len(free.unknowns)
@@ -85,7 +92,7 @@ def _cholmod(free: FreeStiffness, _: bool) -> Factoriser:
     factor = cholmod.symbolic(lower)
     threads = ThreadpoolController()
 
-    def factorise(entries: Entries) -> Factors | None:
+    def factorise(entries: Entries, convexified: bool = False) -> Factors | None:
         if not np.isfinite(entries).all():
             return None
         lower.V = matrix(entries)
@@ -99,7 +106,7 @@ def _cholmod(free: FreeStiffness, _: bool) -> Factoriser:
     return factorise
 
 
-METHODS: dict[str, Callable[[FreeStiffness, bool], Factoriser]] = {
+METHODS: dict[str, Callable[[FreeStiffness], Factoriser]] = {
     "nested_dissection": _nested_dissection,
     "cholmod": _cholmod,
 }

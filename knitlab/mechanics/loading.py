@@ -1,5 +1,6 @@
 """Loadings: which unknowns are free, and how the held ones move with the applied strain."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 
@@ -43,6 +44,25 @@ class Loading:
         held, moved = self.held, configuration.copy()
         moved[held] = self.reference[held] + applied_strain * self.drive[held]
         return moved
+
+    def ahead(
+        self,
+        passed: Sequence[tuple[float, Float[np.ndarray, " unknown"]]],
+        applied_strain: float,
+    ) -> Float[np.ndarray, " unknown"]:
+        """Where a path goes on to at an applied strain, held unknowns in their places [mm].
+
+        Args:
+            passed: strains and configurations that it came through. It goes on along the line
+                through the last two, or, if there is but one, by an affine stretch.
+            applied_strain: where to.
+        """
+        strain, last = passed[-1]
+        if len(passed) == 1:
+            return self.holding(last + (applied_strain - strain) * self.drive, applied_strain)
+        before_strain, before = passed[-2]
+        part = (applied_strain - strain) / (strain - before_strain)
+        return self.holding(last + part * (last - before), applied_strain)
 
     def reaction_force(self, gradient: Float[np.ndarray, " unknown"]) -> float:
         """Force that drives the test, conjugate to the displacement of its driven end [N].

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -42,20 +43,22 @@ def relax(
     shape = net.shape
     free = free_stiffness(shape, all_free(shape))
     longest = settings.step_limit * float(fabric.cell.min())
+    # Convexified, the stiffness of a sample with free edges would turn it a little at every step.
+    find = partial(find_equilibrium, free=free, step_length=longest, convexified=shape.periodic)
     flat = np.asarray(flat_sheet(net, fabric))
     waypoint = on_the_way(settings, fabric)
     configuration = flat if start is None else start
     passed: list[State] = []
     for stage in _stages(settings):
         request = Evaluate(configuration, stage)
-        state = yield from find_equilibrium(request, free, longest, waypoint)
+        state = yield from find(request, settings=waypoint)
         configuration = state.configuration
         passed.append(state)
-    state = yield from find_equilibrium(Evaluate(configuration), free, longest, settings)
+    state = yield from find(Evaluate(configuration), settings=settings)
     if state.converged and not shape.periodic:
         passed.append(state)
         square = Evaluate(np.asarray(squared_up(shape, flat, state.configuration)))
-        state = yield from find_equilibrium(square, free, longest, settings)
+        state = yield from find(square, settings=settings)
     return state.after(*passed)
 
 

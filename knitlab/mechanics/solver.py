@@ -39,10 +39,13 @@ class Assemble:
 class Factorise:
     """Ask for the assembled stiffness plus a shift to be factored: is it positive definite?
 
-    Who can, factors a matrix nearby that is, and says yes.
+    Attributes:
+        shift: added to the diagonal [N/mm].
+        convexified: whether, if it is not, a matrix nearby that is may be factored instead.
     """
 
     shift: float
+    convexified: bool
 
 
 @dataclass(frozen=True)
@@ -90,6 +93,6 @@ class SolverSettings:
     ramp_steps: int = 1
     soft_wall: float = 1e-3
     waypoint_force: float = 1e-3
-    path_step: float = 0.01
-    smallest_step: float = 1 / 8
+    path_step: float = 0.03
+    smallest_step: float = 1 / 16
     branch_limit: float = 0.05

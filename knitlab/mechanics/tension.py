@@ -38,15 +38,14 @@ def stretch(
 
     The path to a strain is followed in steps of at most ``settings.path_step``, each starting
     from the line through the two states before it. Where the path is rough, as the step before
-    took many iterations, that line misses, and walls stop every step towards what it missed;
-    there a step starts from an affine stretch, between walls that are soft at first. Along one
-    branch of equilibria the energy grows by the work of the reaction force; where a step gains
-    or loses more than ``settings.branch_limit`` of that work, the fabric has left its branch. A
-    step that does so, or fails, is tried again over half the strain, down to
-    ``settings.smallest_step`` of a full one. If it leaves the branch even then, the branch has
-    ended there: the fabric has snapped, and the state it snapped to is kept and marked. What
-    all that costs is counted in the state it leads to. The test ends at the first strain that
-    cannot be reached.
+    took many iterations, that line misses, and walls stop every step back; there they are soft at
+    first, and the stiffness is convexified. Along one branch of equilibria the energy grows by
+    the work of the reaction force; where a step gains or loses more than
+    ``settings.branch_limit`` of that work, the fabric has left its branch. A step that does so,
+    or fails, is tried again over half the strain, down to ``settings.smallest_step`` of a full
+    one. If it leaves the branch even then, the branch has ended there: the fabric has snapped,
+    and the state it snapped to is kept and marked. What all that costs is counted in the state it
+    leads to. The test ends at the first strain that cannot be reached.
 
     Args:
         net: network of the fabric's mesh shape.
@@ -90,8 +89,7 @@ class _Path:
         while True:
             strain = self.last[-1][0] + step
             strain = target if target - strain <= ROUND_OFF else strain
-            floor = -math.inf if step <= smallest else self._least_energy(strain)
-            state = yield from self._sought(strain, floor)
+            state = yield from self._sought(strain, snapping=step <= smallest)
             followed = state.converged and self._on_branch(strain, state)
             if state.converged and (followed or step <= smallest):
                 snapped |= not followed
@@ -105,14 +103,24 @@ class _Path:
                 step /= 2
             spent.append(state)
 
-    def _sought(self, strain: float, floor: float) -> Solver[State]:
-        """Search for the state at a strain, from where the path so far leads."""
+    def _sought(self, strain: float, snapping: bool) -> Solver[State]:
+        """Search for the state at a strain, from where the path so far leads.
+
+        A fabric that may be snapping is followed down as slowly as it would move by itself, as
+        the state that it comes to is kept; else a search that leaves the branch is broken off.
+        """
         free = free_stiffness(self.loading.shape, self.loading.unknowns)
         longest = self.settings.step_limit * float(self.fabric.cell.min())
         rough = self.last[-1][1].iterations > ROUGH
-        start = Evaluate(self.loading.holding(self._ahead(strain), strain))
-        if not rough:
-            return (yield from find_equilibrium(start, free, longest, self.settings, floor))
+        passed = [(at, state.configuration) for at, state in self.last]
+        start = Evaluate(self.loading.ahead(passed, strain))
+        floor = -math.inf if snapping else self._least_energy(strain)
+        if snapping or not rough:
+            return (
+                yield from find_equilibrium(
+                    start, free, longest, self.settings, floor, convexified=False
+                )
+            )
         soft = yield from find_equilibrium(
             replace(start, stage=Stage(wall=ROUGH_WALL)),
             free,
@@ -147,17 +155,3 @@ class _Path:
         work = sum(forces) / 2 * distance
         gained = float(state.energy.total) - float(before.energy.total)
         return abs(gained - work) <= self._allowed(work, before)
-
-    def _ahead(self, strain: float) -> Float[np.ndarray, " unknown"]:
-        """The path's continuation to a strain, by a straight line."""
-        last_strain, last = self.last[-1]
-        if len(self.last) == 1:
-            return self._stretched(strain)
-        before_strain, before = self.last[-2]
-        part = (strain - last_strain) / (last_strain - before_strain)
-        return last.configuration + (last.configuration - before.configuration) * part
-
-    def _stretched(self, strain: float) -> Float[np.ndarray, " unknown"]:
-        """The last state, stretched affinely to a strain."""
-        last_strain, last = self.last[-1]
-        return last.configuration + (strain - last_strain) * self.loading.drive

@@ -62,7 +62,8 @@ class Pulled:
 
         def found(start: np.ndarray, unknowns: np.ndarray) -> np.ndarray:
             free = free_stiffness(net.shape, unknowns)
-            state = run(net.shape, fabric, find_equilibrium(Evaluate(start), free, longest, FINE))
+            solver = find_equilibrium(Evaluate(start), free, longest, FINE, convexified=False)
+            state = run(net.shape, fabric, solver)
             assert state.converged
             return state.configuration
 

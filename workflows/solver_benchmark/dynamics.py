@@ -11,6 +11,7 @@ from dataclasses import replace
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Bool
 
 from knitlab.mechanics.batch import stacked
 from knitlab.mechanics.dynamics import Drive, DynamicsSettings, Motion, batch_integrator
@@ -41,7 +42,7 @@ def dynamics(settings: DynamicsSettings, damping: float) -> Search:
             problem.shape, replace(settings, steady_force=problem.tolerance)
         )
         zero = jnp.zeros(1)
-        at, drive = jnp.asarray(start), _held(start, free)
+        at, drive = jnp.asarray(start), _held(start, problem.which(free))
         motion = Motion(at[None], jnp.zeros_like(at)[None], zero, zero)
         numbers = stacked([problem.fabric]), stacked([inertia]), stacked([drive])
         kept = jnp.array([[0.0, PIECE]]), jnp.array([[0.0]])
@@ -64,11 +65,11 @@ def prepare(settings: DynamicsSettings, problem: Problem) -> None:
     dynamics(settings, 1.0)(once, problem.flat, all_free(problem.shape), Watch(np.inf))
 
 
-def _held(start: Configuration, free: Free) -> Drive:
+def _held(start: Configuration, free: Bool[np.ndarray, " unknown"]) -> Drive:
     """What is not free stays where it is."""
     zero, at = jnp.asarray(0.0), jnp.asarray(start)
     return Drive(
-        free=jnp.asarray(np.isin(np.arange(len(start)), free)),
+        free=jnp.asarray(free),
         reference=at,
         direction=jnp.zeros_like(at),
         before=zero,

@@ -104,7 +104,7 @@ def fire(first_step: float) -> Search:
 
     def search(problem: Problem, start: Configuration, free: Free, watch: Watch) -> Configuration:
         motion, before = _at_rest(start, first_step), 0
-        is_free = jnp.asarray(np.isin(np.arange(len(start)), free))
+        is_free = jnp.asarray(problem.which(free))
         numbers = jnp.asarray(first_step), jnp.asarray(problem.tolerance)
         while True:
             motion, residual = _compiled(problem.shape)(problem.fabric, is_free, *numbers, motion)
@@ -122,7 +122,7 @@ def fire(first_step: float) -> Search:
 def prepare(problem: Problem) -> None:
     """Compile its program."""
     search_nothing = _at_rest(problem.flat, 1.0)
-    is_free = jnp.asarray(np.isin(np.arange(len(problem.flat)), all_free(problem.shape)))
+    is_free = jnp.asarray(problem.which(all_free(problem.shape)))
     numbers = jnp.asarray(1.0), jnp.asarray(np.inf)
     _compiled(problem.shape)(problem.fabric, is_free, *numbers, search_nothing)
 

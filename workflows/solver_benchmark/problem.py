@@ -6,7 +6,7 @@ from functools import cached_property, partial
 
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from knitlab.mechanics.evaluation import WHOLE, Evaluation, evaluator
 from knitlab.mechanics.loading import all_free, squared_up, tensile
@@ -54,6 +54,10 @@ class Problem:
     def flat(self) -> Configuration:
         """The flat sheet, from which everyone starts [mm]."""
         return np.asarray(flat_sheet(self.net, self.fabric))
+
+    def which(self, free: Free) -> Bool[np.ndarray, " unknown"]:
+        """Of every unknown, whether it is free."""
+        return np.isin(np.arange(self.shape.unknowns), free)
 
     def evaluate(self, configuration: Configuration) -> Evaluation:
         """Energy and gradient."""
@@ -113,11 +117,8 @@ def pull_by(
     loading = tensile(problem.shape, states[0])
     strains = problem.applied_strain
     for place in range(1, len(strains)):
-        ahead = states[-1] + (strains[place] - strains[place - 1]) * loading.drive
-        if place > 1:
-            part = (strains[place] - strains[place - 1]) / (strains[place - 1] - strains[place - 2])
-            ahead = states[-1] + part * (states[-1] - states[-2])
-        start = loading.holding(ahead, strains[place])
+        passed = list(zip(strains[:place], states, strict=True))
+        start = loading.ahead(passed, strains[place])
         states.append(search(problem, start, loading.unknowns, watch))
         watch.states = len(states)
     return states
