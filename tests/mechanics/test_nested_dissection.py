@@ -148,6 +148,53 @@ def test_one_bad_pivot_anywhere_is_told() -> None:
             assert plan.factorise(entries) is None
 
 
+def test_convexifying_adds_only_where_the_matrix_curves_down(case: Case) -> None:
+    plan, lower = case.plan, case.lower
+    np.testing.assert_array_equal(
+        triangle(plan.factorise(lower.data, convexified=True)), triangle(case.factors())
+    )
+    down = len(case.rows) // 2
+    entries = lower.data.copy()
+    entries[lower.indptr[down]] *= -1
+    assert plan.factorise(entries) is None
+    factors = plan.factorise(entries, convexified=True)
+    matrix = sp.csc_array((entries, lower.indices, lower.indptr), shape=lower.shape).toarray()
+    matrix += np.tril(matrix, -1).T
+    added = triangle(factors) @ triangle(factors).T - matrix[np.ix_(factors.order, factors.order)]
+    assert np.linalg.eigvalsh(added)[0] > -1e-9
+    (place,) = np.flatnonzero(factors.order == down)
+    (front,) = (f.pivots for f in factors.fronts if f.pivots.start <= place < f.pivots.stop)
+    assert added[place, place] > 1
+    added[front, front] = 0
+    np.testing.assert_allclose(added, 0, atol=1e-9)
+
+
+def test_a_single_front_is_convexified_to_its_absolute_eigenvalues() -> None:
+    case = sheet(3, 3)
+    values, vectors = np.linalg.eigh(case.matrix.toarray())
+    values -= values.mean()
+    matrix = (vectors * values) @ vectors.T
+    lower = case.lower
+    columns = np.repeat(np.arange(len(values)), np.diff(lower.indptr))
+    factors = case.plan.factorise(matrix[lower.indices, columns], convexified=True)
+    assert len(factors.fronts) == 1
+    convex = (vectors * np.abs(values)) @ vectors.T
+    np.testing.assert_allclose(
+        triangle(factors) @ triangle(factors).T,
+        convex[np.ix_(factors.order, factors.order)],
+        atol=1e-12,
+    )
+
+
+def test_what_is_not_finite_cannot_be_convexified() -> None:
+    case = sheet(12, 17, endless=True)
+    plan, lower = case.plan, case.lower
+    for column in range(0, len(case.rows), 31):
+        entries = lower.data.copy()
+        entries[lower.indptr[column]] = np.nan
+        assert plan.factorise(entries, convexified=True) is None
+
+
 def test_a_plan_serves_many_matrices() -> None:
     case = sheet(15, 20, held=1)
     plan, lower = case.plan, case.lower
