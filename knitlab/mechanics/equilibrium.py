@@ -23,12 +23,26 @@ from knitlab.model.network import MeshShape
 FIRST_SHIFT = 1e-4
 LEAST_RAISED_SHIFT = 1e-6
 LARGEST_SHIFT = 1e6
-FACTORISATION_COST = 16
-"""Quasi-Newton steps that a fresh factorisation is held to be worth."""
-MOST_STEPS = 60
-"""Quasi-Newton steps on one factorisation, and how many of them are remembered."""
-PATIENCE = 3
-"""Poor steps in a row after which the stiffness is factored anew."""
+
+
+@dataclass(frozen=True)
+class Thrift:
+    """How sparing a search is with factorisations.
+
+    Attributes:
+        cost: quasi-Newton steps that a fresh one is held to be worth.
+        most_steps: quasi-Newton steps on one, and how many of them are remembered.
+        patience: poor steps in a row after which the stiffness is factored anew.
+    """
+
+    cost: int
+    most_steps: int
+    patience: int
+
+
+CONVEXIFIED = Thrift(cost=8, most_steps=30, patience=2)
+RAISED = Thrift(cost=16, most_steps=60, patience=3)
+"""Where μ is raised, a factorisation is as good as two: often some fail before one does not."""
 BACKTRACKS = 5
 SUFFICIENT_DECREASE = 1e-4
 LEAST_CURVATURE = 1e-8
@@ -92,6 +106,7 @@ def find_equilibrium(
         convexified: whether to convexify the stiffness rather than to raise μ.
     """
     search = _Search(start, (yield start), free.unknowns)
+    thrift = CONVEXIFIED if convexified else RAISED
     while True:
         if search.force <= settings.tolerance:
             return search.state(Outcome.converged)
@@ -110,7 +125,7 @@ def find_equilibrium(
             search.shift, raised = max(10 * search.shift, LEAST_RAISED_SHIFT), True
             if search.shift > LARGEST_SHIFT:
                 return search.state(Outcome.stalled)
-        descent = yield from _descend(search, free.shape, step_length, settings, floor)
+        descent = yield from _descend(search, free.shape, step_length, settings, floor, thrift)
         if descent.blurred and not descent.steps and search.shift <= settings.smallest_shift:
             return search.state(Outcome.stalled)
         if descent.blurred or not (descent.blocked or raised):
@@ -145,11 +160,12 @@ def _descend(
     step_length: float,
     settings: SolverSettings,
     floor: float,
+    thrift: Thrift,
 ) -> Solver[_Descent]:
     """Quasi-Newton steps on one factorisation."""
-    memory: deque[tuple[Vector, Vector, float]] = deque(maxlen=MOST_STEPS)
+    memory: deque[tuple[Vector, Vector, float]] = deque(maxlen=thrift.most_steps)
     highest, steps, poor = search.energy, 0, 0
-    while steps < MOST_STEPS and search.iterations < settings.max_iterations:
+    while steps < thrift.most_steps and search.iterations < settings.max_iterations:
         direction = yield from _direction(search.gradient, memory)
         slope = float(search.gradient @ direction)
         if not slope < 0:
@@ -170,11 +186,11 @@ def _descend(
             memory.append((step, change, curvature))
         total = highest - search.energy
         if total > PROGRESS_ROUND_OFF * abs(search.energy):
-            is_poor = before[0] - search.energy < total / (FACTORISATION_COST + steps)
+            is_poor = before[0] - search.energy < total / (thrift.cost + steps)
         else:
             is_poor = search.force > 0.5 * before[2]
         poor = poor + 1 if is_poor else 0
-        if poor == PATIENCE:
+        if poor == thrift.patience:
             break
     return _Descent(steps)
 

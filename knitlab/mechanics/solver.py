@@ -93,6 +93,6 @@ class SolverSettings:
     ramp_steps: int = 1
     soft_wall: float = 1e-3
     waypoint_force: float = 1e-3
-    path_step: float = 0.03
-    smallest_step: float = 1 / 16
+    path_step: float = 0.01
+    smallest_step: float = 1 / 8
     branch_limit: float = 0.05

@@ -27,7 +27,8 @@ def test_a_batch_on_the_device_gives_what_its_fabrics_give_alone(reading):
         alone = stretched(net, fabric, STRAINS)
         for state, other in zip(alone.states, together.states, strict=True):
             assert other.converged
-            assert float(state.energy.total) == pytest.approx(float(other.energy.total), rel=1e-6)
+            # One convexifies, the other raises its shift: the finest wrinkles may differ.
+            assert float(state.energy.total) == pytest.approx(float(other.energy.total), rel=1e-5)
             assert np.allclose(state.configuration[-2:], other.configuration[-2:], rtol=1e-6)
 
 
