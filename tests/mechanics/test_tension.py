@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from knitlab.mechanics import tension
 from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.state import Outcome
 from knitlab.model.fabric import flat_sheet
@@ -140,6 +141,21 @@ def test_a_step_that_fails_is_tried_in_halves():
     assert halved.states[1].converged
     given_up = stretched(net, fabric, [0.0, 0.4, 0.5], replace(tight, smallest_step=1.0))
     assert [state.converged for state in given_up.states] == [True, False]
+
+
+@pytest.mark.parametrize("reading", [ENDLESS, CLAMPED], ids=["endless", "clamped"])
+def test_a_rough_step_ends_where_a_smooth_one_does(reading, monkeypatch):
+    """Soft walls and a convexified stiffness are a way to a state; they are none of it."""
+    net, fabric = checkered(4, 1, reading)
+    ways = []
+    for iterations in (-1, np.inf):
+        monkeypatch.setattr(tension, "ROUGH", iterations)
+        ways.append(stretched(net, fabric, [0.0, 0.01, 0.02, 0.03]).states)
+    for rough, smooth in zip(*ways, strict=True):
+        assert rough.converged
+        assert not rough.snapped
+        assert float(rough.energy.total) == pytest.approx(float(smooth.energy.total), rel=1e-8)
+    assert [state.iterations for state in ways[0]] != [state.iterations for state in ways[1]]
 
 
 def test_relaxation_does_not_shift_a_sample():
