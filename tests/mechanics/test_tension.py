@@ -131,7 +131,8 @@ def test_what_does_not_relax_says_so():
     assert test.states[0].residual > 1e-8
 
 
-def test_a_step_that_fails_is_tried_in_halves():
+def test_a_step_that_fails_is_tried_in_halves(monkeypatch):
+    monkeypatch.setattr(tension, "ROUGH", np.inf)  # so that a step is one search
     net, fabric = checkered(4, 1, ENDLESS)
     whole = SolverSettings(path_step=1.0, ramp_steps=60, branch_limit=1e9)
     iterations = stretched(net, fabric, [0.0, 0.4], whole).states[1].iterations
@@ -139,6 +140,7 @@ def test_a_step_that_fails_is_tried_in_halves():
     tight = replace(whole, max_iterations=iterations - 1)
     halved = stretched(net, fabric, [0.0, 0.4], tight)
     assert halved.states[1].converged
+    assert halved.states[1].iterations > iterations
     given_up = stretched(net, fabric, [0.0, 0.4, 0.5], replace(tight, smallest_step=1.0))
     assert [state.converged for state in given_up.states] == [True, False]
 
@@ -164,5 +166,5 @@ def test_relaxation_does_not_shift_a_sample():
     nodes = relaxed(net, fabric).configuration[:-2].reshape(-1, 3)
     shift = np.abs(nodes.mean(axis=0) - flat.mean(axis=0))
     assert shift[:2].max() < 1e-6
-    # Nothing holds its height between walls that it does not touch.
-    assert np.abs(nodes[:, 2]).max() < float(fabric.z_max)
+    # Between walls that it does not touch nothing holds its height but the solver's own shift.
+    assert shift[2] < 1e-2
