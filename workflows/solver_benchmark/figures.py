@@ -15,6 +15,7 @@ from workflows.solver_benchmark.cube import NOT_MEASURED, NOT_REACHED
 # Okabe and Ito's colours, told apart by the colour-blind; the marker says it once more.
 LOOKS = {
     "knitlab": ("#0072B2", "o", "knitlab"),
+    "knitlab_as_swept": ("#CC79A7", "*", "knitlab, from endless fabric"),
     "knitlab_direct": ("#56B4E9", "s", "knitlab, 3 % steps"),
     "knitlab_cholmod": ("#009E73", "^", "knitlab, CHOLMOD"),
     "lbfgs": ("#E69F00", "D", "L-BFGS"),

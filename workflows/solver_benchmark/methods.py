@@ -24,6 +24,9 @@ UNTRIED = {"dynamics": 2e-4, "fire": 0.01, "lbfgs": 20}
 """What is taken while none has been tried."""
 PLAIN = "nested_dissection"
 SOLVERS = ("knitlab", "knitlab_direct", "knitlab_cholmod", "dynamics", "fire", "lbfgs")
+"""Methods that start from the flat sheet."""
+AS_SWEPT = "knitlab_as_swept"
+"""knitlab, starting as a sweep does from relaxed endless fabric."""
 RESIDUAL_LEVELS = 10.0 ** np.arange(0, -6.01, -0.25)
 """Residuals whose first times are kept [N]."""
 
@@ -45,6 +48,8 @@ def method(measurement: Measurement) -> Method:
     match solver:
         case "knitlab":
             return ours.knitlab(still, PLAIN)
+        case _ if solver == AS_SWEPT:
+            return ours.knitlab(still, PLAIN, endless=measurement.case().endless_cell)
         case "knitlab_direct":
             return ours.knitlab(still, PLAIN, direct=True)
         case "knitlab_cholmod":
@@ -56,11 +61,11 @@ def method(measurement: Measurement) -> Method:
             return by(fire.fire(setting), fire.prepare)
         case "lbfgs":
             return by(lbfgs.lbfgs(setting), lbfgs.prepare)
-    raise ValueError(f"{solver} is no solver; choose of {', '.join(SOLVERS)}")
+    raise ValueError(f"{solver} is no solver; choose of {', '.join((*SOLVERS, AS_SWEPT))}")
 
 
 def measure(measurement: Measurement) -> Record:
-    """Relax a sample from the flat sheet, and pull it where tension is asked for."""
+    """Relax a sample, and pull it where tension is asked for."""
     problem = Problem.of(measurement.case("method=dynamics"), TOLERANCE)
     chosen = method(measurement)
     began = time.perf_counter()

@@ -31,21 +31,31 @@ from workflows.solver_benchmark.watch import GivenUp, Watch
 Result = TypeVar("Result")
 
 
-def knitlab(settings: SolverSettings, factorisation: str, direct: bool = False) -> Method:
-    """The equilibrium solver as it is shipped, from the flat sheet.
+def knitlab(
+    settings: SolverSettings,
+    factorisation: str,
+    direct: bool = False,
+    endless: Case | None = None,
+) -> Method:
+    """The equilibrium solver as it is shipped, from the flat sheet or as a sweep starts it.
 
     Args:
         settings: of the solver; the tolerance is the problem's.
         factorisation: method of factorisation.
         direct: whether a load step is one search, as for the other methods, and not a path of
             small steps along which branches are watched.
+        endless: a cell of the fabric without end; if given it is relaxed first, and the sample
+            is laid out of it.
     """
 
     def its(problem: Problem) -> SolverSettings:
         return replace(settings, tolerance=problem.tolerance)
 
+    def start(problem: Problem, watch: Watch) -> Configuration | None:
+        return endless and _laid_out(problem, endless, its(problem), factorisation, watch)
+
     def relaxed(problem: Problem, watch: Watch) -> Configuration:
-        solver = relax(problem.net, problem.fabric, its(problem))
+        solver = relax(problem.net, problem.fabric, its(problem), start(problem, watch))
         return _reached(driven(problem, solver, factorisation, watch))
 
     def path(problem: Problem, watch: Watch) -> list[Configuration]:
@@ -53,7 +63,12 @@ def knitlab(settings: SolverSettings, factorisation: str, direct: bool = False) 
             watch.states = done
 
         solver = stretch(
-            problem.net, problem.fabric, problem.applied_strain, its(problem), progress
+            problem.net,
+            problem.fabric,
+            problem.applied_strain,
+            its(problem),
+            progress,
+            start(problem, watch),
         )
         test = driven(problem, solver, factorisation, watch)
         return [_reached(state) for state in test.states]
@@ -76,19 +91,24 @@ def _search(its: Callable[[Problem], SolverSettings], factorisation: str) -> Sea
 def shipped_relaxation(case: Case, factorisation: str, watch: Watch) -> State:
     """Relax a sample as a sweep does: between clamps it starts as relaxed endless fabric."""
     settings = case.equilibrium_solver
+    problem, start = Problem.of(case, settings.tolerance), None
+    if not (case.mesh_shape.periodic or settings.start == "flat"):
+        start = _laid_out(problem, case.endless_cell, settings, factorisation, watch)
+    solver = relax(problem.net, problem.fabric, settings, start)
+    with watch.paused():
+        prepare(problem)
+    return driven(problem, solver, factorisation, watch)
 
-    def its(case: Case, start: Configuration | None = None) -> State:
-        problem = Problem.of(case, settings.tolerance)
-        solver = relax(problem.net, problem.fabric, settings, start)
-        with watch.paused():
-            prepare(problem)
-        return driven(problem, solver, factorisation, watch)
 
-    if case.mesh_shape.periodic or settings.start == "flat":
-        return its(case)
-    cell = case.endless_cell
-    relaxed = its(cell).configuration
-    return its(case, tiled(*case.woven(), cell.woven()[0], relaxed))
+def _laid_out(
+    problem: Problem, endless: Case, settings: SolverSettings, factorisation: str, watch: Watch
+) -> Configuration:
+    cell = Problem.of(endless, settings.tolerance)
+    with watch.paused():
+        prepare(cell)
+    solver = relax(cell.net, cell.fabric, settings)
+    relaxed = _reached(driven(cell, solver, factorisation, watch))
+    return tiled(problem.net, problem.fabric, cell.net, relaxed)
 
 
 def driven(problem: Problem, solver: Solver[Result], factorisation: str, watch: Watch) -> Result:

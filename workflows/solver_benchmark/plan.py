@@ -9,7 +9,7 @@ from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.shipped import shipped
 from workflows.solver_benchmark.limit import FACTORISATIONS
 from workflows.solver_benchmark.measurement import Measurement
-from workflows.solver_benchmark.methods import SOLVERS, TRIALS, installed
+from workflows.solver_benchmark.methods import AS_SWEPT, SOLVERS, TRIALS, installed
 
 COMPARED = ("1x1", "3x2", "5x3", "7x5")
 """Samples of (4, 16) that every method relaxes and pulls, unit cells along (y, x)."""
@@ -62,9 +62,9 @@ def limit() -> Iterator[Measurement]:
 
 
 def scaling() -> Iterator[Measurement]:
-    """Relaxation and 15 load steps by knitlab, on ever larger samples."""
+    """Relaxation and 15 load steps by knitlab, as a sweep does them, on ever larger samples."""
     for size in GROWING:
-        yield Measurement("tension", "knitlab", size=size)
+        yield Measurement("tension", AS_SWEPT, size=size)
 
 
 def iterations() -> Iterator[Measurement]:
