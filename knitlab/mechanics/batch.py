@@ -105,7 +105,7 @@ class _Sum(eqx.Module):
             size=matrix.shape[0],
         )
 
-    def __call__(self, values: Float[Array, "..."]) -> Float[Array, " nonzero"]:
+    def __call__(self, values: Float[Array | np.ndarray, "..."]) -> Float[Array, " nonzero"]:
         terms = self.factors * values.ravel()[self.columns]
         return jax.ops.segment_sum(terms, self.rows, self.size, indices_are_sorted=True)
 

@@ -41,7 +41,7 @@ class Desk:
                 return jax.tree.map(np.asarray, evaluation)
             case Assemble(configuration, free, stage):
                 hessians = hessian_evaluator(self._shape)(self._fabric, stage, configuration)
-                self._free, self._entries = free, free.entries(jax.tree.map(np.asarray, hessians))
+                self._free, self._entries = free, free.entries(hessians)
                 return None
             case Factorise(shift, convexified):
                 return self._factorise(shift, convexified)

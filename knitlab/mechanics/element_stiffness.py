@@ -56,13 +56,35 @@ def hinge_stiffness(
         The entries of :data:`HINGE_ENTRIES`, for blocks of :data:`LANES` hinges; the last block
         is filled up with hinges of no stiffness.
     """
-    blocks = -(-len(rest) // LANES)
+    return laned_stiffness(laned(vectors, rest, stiffness, -(-len(rest) // LANES)))
+
+
+Laned = tuple[
+    Float[Array, "block 5 3 lane"], Float[Array, "block lane"], Float[Array, "block lane"]
+]
+"""Vectors, rest angles and stiffnesses of hinges, in blocks that are worked on one by one."""
+
+
+def laned(
+    vectors: Float[Array, "5 3 hinge"],
+    rest: Float[Array, " hinge"],
+    stiffness: Float[Array, " hinge"],
+    blocks: int,
+) -> Laned:
+    """Hinges laid out in blocks of lanes, filled up with hinges of no stiffness."""
     spare = (0, blocks * LANES - len(rest))
     # Any hinge that is not degenerate will do where there is none.
     filled = jnp.concatenate([vectors, jnp.broadcast_to(_UNFOLDED, (5, 3, spare[1]))], axis=-1)
-    laned = jnp.moveaxis(filled.reshape(5, 3, blocks, LANES), 2, 0)
-    numbers = (jnp.pad(of, spare).reshape(blocks, LANES) for of in (rest, stiffness))
-    return jax.lax.map(lambda block: _hinge_entries(*block), (laned, *numbers))
+    return (
+        jnp.moveaxis(filled.reshape(5, 3, blocks, LANES), 2, 0),
+        jnp.pad(rest, spare).reshape(blocks, LANES),
+        jnp.pad(stiffness, spare).reshape(blocks, LANES),
+    )
+
+
+def laned_stiffness(hinges: Laned) -> Float[Array, "block 171 lane"]:
+    """:func:`hinge_stiffness` of hinges that are laid out in blocks."""
+    return jax.lax.map(lambda block: _hinge_entries(*block), hinges)
 
 
 _UNFOLDED = np.array([[0, 1, 0], [1, 1, 0], [-1, 1, 0], [1, 1, 0], [-1, 1, 0]])[:, :, None] * 1.0

@@ -13,7 +13,15 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from knitlab.mechanics.element_stiffness import hinge_stiffness, spring_stiffness
+from knitlab.mechanics.element_stiffness import (
+    HINGE_ENTRIES,
+    LANES,
+    Laned,
+    hinge_stiffness,
+    laned,
+    laned_stiffness,
+    spring_stiffness,
+)
 from knitlab.model.energy import Energy, element_vectors, energy, positions, wall_energy
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, Network, network
@@ -67,9 +75,9 @@ class ElementHessians(eqx.Module):
         walls: of the wall penalty by every node's height [N/mm].
     """
 
-    springs: Float[Array, "*batch 6 spring"]
-    hinges: Float[Array, "*batch block 171 lane"]
-    walls: Float[Array, "*batch node"]
+    springs: Float[Array | np.ndarray, "*batch 6 spring"]
+    hinges: Float[Array | np.ndarray, "*batch block 171 lane"]
+    walls: Float[Array | np.ndarray, "*batch node"]
 
 
 def evaluate(
@@ -97,19 +105,35 @@ def element_hessians(
     net: Network, fabric: Fabric, stage: Stage, configuration: Float[Array, " unknown"]
 ) -> ElementHessians:
     """Element Hessians of one fabric in one configuration; arguments as for :func:`evaluate`."""
+    springs, walls = _spring_and_wall_hessians(net, fabric, stage, configuration)
+    hinges = hinge_stiffness(*_hinges(net, fabric, stage, configuration))
+    return ElementHessians(springs, hinges, walls)
+
+
+def _spring_and_wall_hessians(
+    net: Network, fabric: Fabric, stage: Stage, configuration: Float[Array, " unknown"]
+) -> tuple[Float[Array, "6 spring"], Float[Array, " node"]]:
     acting = staged(fabric, stage)
     springs = spring_stiffness(
         element_vectors(net.springs, configuration)[0],
         acting.rest_length,
         acting.stretch_stiffness,
     )
-    hinges = hinge_stiffness(
-        element_vectors(net.hinges, configuration), acting.rest_fold, acting.fold_stiffness
-    )
     curvature = jax.vmap(jax.grad(jax.grad(wall_energy)), (0, None, None))
-    walls = curvature(positions(configuration)[:, 2], acting.z_max, acting.k_wall)
-    return ElementHessians(springs, hinges, walls)
+    return springs, curvature(positions(configuration)[:, 2], acting.z_max, acting.k_wall)
 
+
+def _hinges(
+    net: Network, fabric: Fabric, stage: Stage, configuration: Float[Array, " unknown"]
+) -> tuple[Float[Array, "5 3 hinge"], Float[Array, " hinge"], Float[Array, " hinge"]]:
+    acting = staged(fabric, stage)
+    vectors = element_vectors(net.hinges, configuration)
+    return vectors, acting.rest_fold, acting.fold_stiffness
+
+
+PORTION = 16
+"""Blocks of hinges whose stiffness is worked out in one call."""
+_portion_stiffness = jax.jit(laned_stiffness)
 
 Program = Callable[[Fabric, Stage, Float[np.ndarray, "*batch unknown"]], Result]
 
@@ -122,5 +146,34 @@ def evaluator(shape: MeshShape) -> Program[Evaluation]:
 
 @lru_cache(maxsize=16)
 def hessian_evaluator(shape: MeshShape) -> Program[ElementHessians]:
-    """Compiled :func:`element_hessians` for fabrics of one mesh shape."""
-    return jax.jit(partial(element_hessians, network(shape)))
+    """Compiled :func:`element_hessians` for fabrics of one mesh shape.
+
+    The hinges' program takes four times as long to compile as all the others of a mesh shape. So
+    it works on portions of a fixed size, the same for all shapes, and is compiled once.
+    """
+    net = network(shape)
+    blocks = -(-len(net.hinges.nodes) // LANES)
+    portions = -(-blocks // PORTION)
+
+    @jax.jit
+    def but_hinges(
+        fabric: Fabric, stage: Stage, configuration: Float[Array, " unknown"]
+    ) -> tuple[Float[Array, "6 spring"], Float[Array, " node"], Laned]:
+        hinges = _hinges(net, fabric, stage, configuration)
+        return (
+            *_spring_and_wall_hessians(net, fabric, stage, configuration),
+            laned(*hinges, portions * PORTION),
+        )
+
+    def evaluated(
+        fabric: Fabric, stage: Stage, configuration: Float[np.ndarray, " unknown"]
+    ) -> ElementHessians:
+        springs, walls, laid = jax.tree.map(np.asarray, but_hinges(fabric, stage, configuration))
+        hinges = np.empty((blocks, len(HINGE_ENTRIES[0]), LANES))
+        for first in range(0, blocks, PORTION):
+            portion = tuple(of[first : first + PORTION] for of in laid)
+            part = hinges[first : first + PORTION]
+            part[:] = np.asarray(_portion_stiffness(portion))[: len(part)]
+        return ElementHessians(springs, hinges, walls)
+
+    return evaluated

@@ -6,7 +6,6 @@ rigid motions, and displacements are given without any.
 
 from dataclasses import dataclass
 
-import jax
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
@@ -68,7 +67,6 @@ class Responses:
             NoDerivative: if K is not positive definite but for rigid motions.
         """
         hessians = hessian_evaluator(self.free.shape)(fabric, WHOLE, configuration)
-        hessians = jax.tree.map(np.asarray, hessians)
         factors = self.factorise(self.free.shifted(self.free.entries(hessians), SHIFT))
         if factors is None:
             raise NoDerivative("the stiffness is not positive definite")

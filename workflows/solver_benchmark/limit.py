@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import jax
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float
@@ -104,7 +103,7 @@ def measure(measurement: Measurement) -> Record:
 
     def assembled() -> np.ndarray:
         hessians = hessian_evaluator(shape)(fabric, WHOLE, start)
-        return free.shifted(free.entries(jax.tree.map(np.asarray, hessians)), SHIFT)
+        return free.shifted(free.entries(hessians), SHIFT)
 
     def evaluated() -> Vector:
         return np.asarray(evaluator(shape)(fabric, WHOLE, start).gradient)[free.unknowns]

@@ -5,7 +5,6 @@ from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
-import jax
 import numpy as np
 
 from knitlab.mechanics.drive import Desk
@@ -140,7 +139,7 @@ def driven(problem: Problem, solver: Solver[Result], factorisation: str, watch: 
 def prepare(problem: Problem) -> None:
     """Compile its programs; plans of assembly and factorisation are made while it is timed."""
     problem.evaluate(problem.flat)
-    jax.block_until_ready(hessian_evaluator(problem.shape)(problem.fabric, WHOLE, problem.flat))
+    hessian_evaluator(problem.shape)(problem.fabric, WHOLE, problem.flat)
 
 
 def _reached(state: State) -> Configuration:
