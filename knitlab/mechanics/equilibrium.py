@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from scipy.linalg.blas import daxpy
 
 from knitlab.mechanics.evaluation import Evaluation
 from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Solve, Solver, SolverSettings
@@ -200,10 +201,10 @@ def _direction(gradient: Vector, memory: deque[tuple[Vector, Vector, float]]) ->
     direction, weights = -gradient, list[float]()
     for step, change, curvature in reversed(memory):
         weights.append(float(step @ direction) / curvature)
-        direction = direction - weights[-1] * change
+        direction = daxpy(change, direction, a=-weights[-1])
     direction = yield Solve(direction)
     for (step, change, curvature), weight in zip(memory, reversed(weights), strict=True):
-        direction = direction + (weight - float(change @ direction) / curvature) * step
+        direction = daxpy(step, direction, a=weight - float(change @ direction) / curvature)
     return direction
 
 

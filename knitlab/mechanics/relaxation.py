@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.mechanics.equilibrium import find_equilibrium
-from knitlab.mechanics.evaluation import Stage
+from knitlab.mechanics.evaluation import WHOLE, Stage
 from knitlab.mechanics.loading import all_free, squared_up
 from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
 from knitlab.mechanics.state import State
@@ -32,7 +32,8 @@ def relax(
     the last is only solved to near equilibrium, ``settings.waypoint_force`` of the largest
     force that a fold exerts on the flat sheet. A sample for clamping relaxes with all its edges
     free; no coordinate is pinned. It is then squared up, and solved again as the walls may
-    resist that.
+    resist that. Endless fabric goes the quick way, convexified; should that end in a cell that
+    is folded to nothing, where no hinge has an angle, it starts again the slow way.
 
     Args:
         net: network of the fabric's mesh shape.
@@ -43,23 +44,24 @@ def relax(
     shape = net.shape
     free = free_stiffness(shape, all_free(shape))
     longest = settings.step_limit * float(fabric.cell.min())
-    # Convexified, the stiffness of a sample with free edges would turn it a little at every step.
-    find = partial(find_equilibrium, free=free, step_length=longest, convexified=shape.periodic)
     flat = np.asarray(flat_sheet(net, fabric))
+    begin = flat if start is None else start
     waypoint = on_the_way(settings, fabric)
-    configuration = flat if start is None else start
+    stages = [(stage, waypoint) for stage in _stages(settings)] + [(WHOLE, settings)]
     passed: list[State] = []
-    for stage in _stages(settings):
-        request = Evaluate(configuration, stage)
-        state = yield from find(request, settings=waypoint)
-        configuration = state.configuration
-        passed.append(state)
-    state = yield from find(Evaluate(configuration), settings=settings)
-    if state.converged and not shape.periodic:
-        passed.append(state)
-        square = Evaluate(np.asarray(squared_up(shape, flat, state.configuration)))
-        state = yield from find(square, settings=settings)
-    return state.after(*passed)
+    # Convexified, the stiffness of a sample with free edges would turn it a little at every step.
+    for convexified in (True, False) if shape.periodic else (False,):
+        find = partial(find_equilibrium, free=free, step_length=longest, convexified=convexified)
+        configuration = begin
+        for stage, its in stages:
+            passed.append((yield from find(Evaluate(configuration, stage), settings=its)))
+            configuration = passed[-1].configuration
+        if passed[-1].converged:
+            break
+    if passed[-1].converged and not shape.periodic:
+        square = Evaluate(np.asarray(squared_up(shape, flat, passed[-1].configuration)))
+        passed.append((yield from find(square, settings=settings)))
+    return passed[-1].after(*passed[:-1])
 
 
 def on_the_way(settings: SolverSettings, fabric: Fabric) -> SolverSettings:

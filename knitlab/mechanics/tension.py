@@ -12,7 +12,7 @@ from knitlab.mechanics.evaluation import Stage
 from knitlab.mechanics.loading import Loading, tensile
 from knitlab.mechanics.relaxation import on_the_way, relax
 from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
-from knitlab.mechanics.state import State, TensileTest
+from knitlab.mechanics.state import Outcome, State, TensileTest
 from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
@@ -126,7 +126,10 @@ class _Path:
             free,
             longest,
             on_the_way(self.settings, self.fabric),
+            floor,
         )
+        if soft.outcome is Outcome.left_branch:
+            return soft
         start = Evaluate(soft.configuration)
         state = yield from find_equilibrium(start, free, longest, self.settings, floor)
         return state.after(soft)
