@@ -1,5 +1,8 @@
 """Folds: the angles of the hinges of a configuration, and those that have folded too far."""
 
+from functools import partial
+
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
@@ -8,6 +11,7 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
 
 
+@partial(jax.jit, static_argnums=0)
 def fold_angles(
     net: Network, fabric: Fabric, configuration: Float[Array, "*state unknown"]
 ) -> Float[Array, "*state hinge"]:

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
+from knitlab.measure.wavelength import POINTS
 from knitlab.sweep.case import Case, Label
 from knitlab.sweep.case_file import case_path
 from knitlab.sweep.common import ATTRIBUTE, parameters_of, shared
@@ -141,7 +142,7 @@ def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) 
     strains = sorted({strain for entry in entries.values() for strain in entry.strains})
     cells_y, cells_x = np.max([entry.unit_cells for entry in entries.values()], axis=0)
     sizes = {"applied_strain": len(strains), "cell_y": int(cells_y), "cell_x": int(cells_x)}
-    sizes["stripe_parameter"] = len(STRIPE_PARAMETERS)
+    sizes |= {"stripe_parameter": len(STRIPE_PARAMETERS), "boundary_point": POINTS}
     grid = tuple(map(len, labels))
     arrays: dict[str, np.ndarray] = {
         name: np.full((*grid, *(sizes[dim] for dim in VARIABLES[name].dims)), np.nan)
@@ -157,13 +158,11 @@ def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) 
         place = tuple(along[label] for along, label in zip(places, design, strict=True))
         rows = [rank[strain] for strain in entry.strains]
         for name, value in entry.values.items():
-            if VARIABLES[name].dims:
+            if "applied_strain" not in VARIABLES[name].dims:
+                arrays[name][place] = str(value) if name in WORDS else value
+            else:
                 within = tuple(slice(0, size) for size in np.shape(value)[1:])
                 arrays[name][place][(rows, *within)] = value
-            elif name in WORDS:
-                arrays[name][place] = str(value)
-            else:
-                arrays[name][place] = value
 
     variables: dict[str, Any] = {
         name: ((*plan.dims, *VARIABLES[name].dims), array) for name, array in arrays.items()
@@ -173,6 +172,7 @@ def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) 
         "applied_strain": strains,
         "cell_y": np.arange(sizes["cell_y"]),
         "cell_x": np.arange(sizes["cell_x"]),
+        "boundary_point": np.linspace(0, 1, POINTS),
     }
     if any("stripe_parameter" in VARIABLES[name].dims for name in names):
         coordinates["stripe_parameter"] = list(STRIPE_PARAMETERS)

@@ -7,8 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
+from knitlab.measure.boundaries import Direction, boundary_wave
 from knitlab.measure.corners import unit_cell_corners
 from knitlab.measure.folds import hinges_past_pi
+from knitlab.measure.patches import central_cell, widths_across_folds
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.measure.strain import (
     central_mean,
@@ -16,6 +18,7 @@ from knitlab.measure.strain import (
     local_strain,
     poisson_ratio,
 )
+from knitlab.measure.wavelength import POINTS
 from knitlab.mechanics.state import History, State, TensileTest
 from knitlab.mechanics.zigzag_tension import ChainState
 from knitlab.model.fabric import cell_length
@@ -27,11 +30,9 @@ from knitlab.sweep.sensitivity import sensitivities
 
 def variables_of(case: Case) -> dict[str, Variable]:
     """The registry's variables that a case has."""
-    kinds = ["all"]
+    kinds = ["all", "stripe" if case.pure else "patches"]
     if case.method == "dynamics":
         kinds.append("dynamics")
-    if case.pure:
-        kinds.append("stripe")
     if case.sensitivities:
         kinds.append("sensitivities")
     return {name: variable for name, variable in VARIABLES.items() if variable.of in kinds}
@@ -71,6 +72,8 @@ def measured(case: Case, test: TensileTest, chain: Sequence[ChainState] = ()) ->
         values |= {"reaction_force": reaction, "row_force": reaction / shape.cells_x}
         values |= _shapes(case, reached)
         values |= _strains(case, reached, complete)
+        if not case.pure:
+            values |= _boundaries(case, reached[0]) | _patches(case, reached[0])
         if case.sensitivities:
             values |= sensitivities(case, reached)
     if case.method == "dynamics":
@@ -103,12 +106,37 @@ def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
     return values | {"position": nodes.reshape(-1, shape.nodes_y, shape.nodes_x, 3)}
 
 
+def _boundaries(case: Case, relaxed: State) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    directions: tuple[Direction, ...] = ("x", "y")
+    for direction in directions:
+        wave = boundary_wave(case.mesh_shape, case.unit_cells, relaxed.configuration, direction)
+        if wave is not None:
+            values |= {
+                f"wavelength_{direction}": wave.wavelength,
+                f"wave_amplitude_{direction}": wave.amplitude,
+                f"boundary_{direction}": wave.across,
+                f"boundary_length_{direction}": wave.along[-1],
+            }
+    return values
+
+
+def _patches(case: Case, relaxed: State) -> dict[str, Any]:
+    cell = central_cell(case.mesh_shape, case.unit_cells, relaxed.configuration)
+    values: dict[str, Any] = {}
+    for kind, (centre, edge) in widths_across_folds(cell, case.pattern).items():
+        extent = "width" if kind == "rib" else "height"
+        values |= {f"{kind}_{extent}_centre": centre, f"{kind}_{extent}_edge": edge}
+    return values
+
+
 def _history(case: Case, history: History) -> dict[str, Any]:
     shape = case.mesh_shape
     nodes = history.snapshots[:, :-2].reshape(-1, shape.nodes_y, shape.nodes_x, 3)
     values: dict[str, Any] = {
         "time": history.time,
         "kinetic_energy": history.kinetic,
+        "kinetic_energy_left": float(history.kinetic[-1] / history.kinetic.max()),
         "potential_energy": history.potential,
         "dissipated_work": history.dissipated,
         "snapshot": history.snapshot_time,
@@ -156,6 +184,7 @@ def _dataset(case: Case, values: dict[str, Any]) -> xr.Dataset:
         "cell_y": case.unit_cells[0],
         "cell_x": case.unit_cells[1],
         "stripe_parameter": len(STRIPE_PARAMETERS),
+        "boundary_point": POINTS,
         "node_y": shape.nodes_y,
         "node_x": shape.nodes_x,
         "component": 3,
@@ -180,6 +209,7 @@ def _dataset(case: Case, values: dict[str, Any]) -> xr.Dataset:
         "cell_y": np.arange(sizes["cell_y"]),
         "cell_x": np.arange(sizes["cell_x"]),
     }
+    coordinates["boundary_point"] = np.linspace(0, 1, POINTS)
     coordinates |= {name: values[name] for name in ("time", "snapshot") if name in values}
     if case.sensitivities:
         coordinates["stripe_parameter"] = list(STRIPE_PARAMETERS)

@@ -28,8 +28,8 @@ class Variable:
         long_name: what a figure's axis says.
         description: what it is, where the name leaves a question.
         in_cube: whether the cube has it, or the case alone.
-        of: what cases have it: all, those reached by dynamics, those of a pure stripe, or those
-            of which sensitivities were asked for.
+        of: what cases have it: all, those reached by dynamics, those of a pure stripe, those of
+            rib and garter patches, or those of which sensitivities were asked for.
     """
 
     dims: tuple[str, ...]
@@ -37,7 +37,7 @@ class Variable:
     long_name: str
     description: str = ""
     in_cube: bool = True
-    of: Literal["all", "dynamics", "stripe", "sensitivities"] = "all"
+    of: Literal["all", "dynamics", "stripe", "patches", "sensitivities"] = "all"
 
     @property
     def attributes(self) -> dict[str, str]:
@@ -70,6 +70,9 @@ COORDINATES = {
         "parameter of the rib or of the garter stripe",
         "rib_period is the paper's w, garter_period its h; k_s stretches, k_t and theta_0 fold",
     ),
+    "boundary_point": Variable(
+        ("boundary_point",), "1", "place along a boundary, over its length from end to end"
+    ),
     "node_y": Variable(("node_y",), "1", "node row along the warp"),
     "node_x": Variable(("node_x",), "1", "node column along the weft"),
     "component": Variable(("component",), "1", "component of a position"),
@@ -85,6 +88,15 @@ _LOGARITHMIC = (
     " Missing at zero strain, and where the state is no stable equilibrium"
 )
 _CELLS = ("applied_strain", "cell_y", "cell_x")
+_POINTS = ("boundary_point",)
+_TRACED = "between unit cells, nearest the middle of the relaxed fabric"
+_WAVE = f"{_TRACED}; missing where it crosses a single unit cell"
+_ACROSS = "across its folds, relaxed, in the unit cell nearest the middle"
+
+
+def _of_patches(long_name: str, description: str, dims: tuple[str, ...] = ()) -> Variable:
+    return Variable(dims, "mm", long_name, description, of="patches")
+
 
 VARIABLES = {
     "status": Variable((), "1", "status of the design"),
@@ -143,6 +155,13 @@ VARIABLES = {
     "kinetic_energy_peak": Variable(
         _STATE, "N mm", "largest kinetic energy on the way to a strain", of="dynamics"
     ),
+    "kinetic_energy_left": Variable(
+        (),
+        "1",
+        "kinetic energy left when relaxed",
+        "over the largest while relaxing from the flat sheet",
+        of="dynamics",
+    ),
     "snapped": Variable(
         _STATE,
         "1",
@@ -170,6 +189,18 @@ VARIABLES = {
     "relaxed_cell_y": Variable((), "mm", "relaxed unit cell along the warp"),
     "flat_cell_x": Variable((), "mm", "flat unit cell along the weft"),
     "flat_cell_y": Variable((), "mm", "flat unit cell along the warp"),
+    "wavelength_x": _of_patches("wavelength of the boundary along the weft", _WAVE),
+    "wavelength_y": _of_patches("wavelength of the boundary along the warp", _WAVE),
+    "wave_amplitude_x": _of_patches("amplitude of the boundary along the weft", _WAVE),
+    "wave_amplitude_y": _of_patches("amplitude of the boundary along the warp", _WAVE),
+    "boundary_x": _of_patches("offset of the boundary along the weft", _TRACED, _POINTS),
+    "boundary_y": _of_patches("offset of the boundary along the warp", _TRACED, _POINTS),
+    "boundary_length_x": _of_patches("length of the boundary along the weft", _TRACED),
+    "boundary_length_y": _of_patches("length of the boundary along the warp", _TRACED),
+    "rib_width_centre": _of_patches("width of a rib patch at its centre", _ACROSS),
+    "rib_width_edge": _of_patches("width of a rib patch at its edges", _ACROSS),
+    "garter_height_centre": _of_patches("height of a garter patch at its centre", _ACROSS),
+    "garter_height_edge": _of_patches("height of a garter patch at its edges", _ACROSS),
     "position": Variable(
         ("applied_strain", "node_y", "node_x", "component"), "mm", "node position", in_cube=False
     ),

@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
+from knitlab.measure.wavelength import POINTS
 from knitlab.sweep.case_file import write_case_file
 from knitlab.sweep.fingerprint import code_fingerprint
 from knitlab.sweep.measurement import variables_of
@@ -38,7 +39,7 @@ def write(results, case, status=Status.ok):
     numbers = np.random.default_rng(seed)
     sizes = {"applied_strain": len(case.applied_strain)}
     sizes |= dict(zip(("cell_y", "cell_x"), case.unit_cells, strict=True))
-    sizes["stripe_parameter"] = len(STRIPE_PARAMETERS)
+    sizes |= {"stripe_parameter": len(STRIPE_PARAMETERS), "boundary_point": POINTS}
     values = {
         name: (variable.dims, numbers.normal(size=[sizes[dim] for dim in variable.dims]))
         for name, variable in variables_of(case).items()

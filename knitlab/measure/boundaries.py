@@ -1,0 +1,63 @@
+"""Boundaries between unit cells, traced on simulated fabric (paper, Fig. "wavelength analysis")."""
+
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.measure.wavelength import FEWEST_WAVES, Wave, wave_of
+from knitlab.model.network import MeshShape
+
+ENDLESS_CELLS = 8
+"""Unit cells of endless fabric that its boundary is followed across."""
+
+Direction = Literal["x", "y"]
+
+
+def boundary_line(
+    shape: MeshShape,
+    unit_cells: tuple[int, int],
+    configuration: Float[np.ndarray, " unknown"],
+    direction: Direction,
+) -> Float[np.ndarray, "point 2"]:
+    """The boundary between unit cells nearest the middle of the fabric, from edge to edge [mm].
+
+    Args:
+        shape: mesh of the configuration.
+        unit_cells: number of unit cells along (y, x).
+        configuration: node coordinates, then L_x and L_y. In endless fabric the boundary is
+            followed across :data:`ENDLESS_CELLS` cells.
+        direction: that it runs along, the weft x or the warp y.
+
+    Returns:
+        Its places along that direction and across it, seen from above.
+    """
+    nodes = configuration[:-2].reshape(shape.nodes_y, shape.nodes_x, 3)[..., :2]
+    if direction == "x":
+        line = nodes[shape.cells_y // unit_cells[0] * (unit_cells[0] // 2)]
+        length = configuration[-2]
+    else:
+        line = nodes[:, shape.cells_x // unit_cells[1] * (unit_cells[1] // 2), ::-1]
+        length = configuration[-1]
+    if not shape.periodic:
+        return line
+    turns = np.stack([length * np.arange(ENDLESS_CELLS), np.zeros(ENDLESS_CELLS)], axis=-1)
+    return (turns[:, None] + line).reshape(-1, 2)
+
+
+def boundary_wave(
+    shape: MeshShape,
+    unit_cells: tuple[int, int],
+    configuration: Float[np.ndarray, " unknown"],
+    direction: Direction,
+) -> Wave | None:
+    """The wave in that boundary; ``None`` where it crosses too few unit cells to have one.
+
+    Arguments as for :func:`boundary_line`.
+    """
+    cells = unit_cells[1] if direction == "x" else unit_cells[0]
+    if shape.periodic:
+        cells *= ENDLESS_CELLS
+    if cells < FEWEST_WAVES:
+        return None
+    return wave_of(boundary_line(shape, unit_cells, configuration, direction), cells)

@@ -1,0 +1,113 @@
+"""Wavelength and amplitude of a wavy line (paper, Sec. "Relaxation of a pattern", DFT analysis).
+
+The sample's own bending is taken off with a Savitzky–Golay filter, the rest is resampled evenly
+and its discrete Fourier transform searched for its peak; λ = 1/ν̃_peak.
+
+The grid of the transform of so few waves is coarse: with m waves its neighbours are 1/m apart.
+So the line is tapered and padded with zeros, which interpolates the spectrum, and the top of the
+peak is laid through three points of its logarithm, which for a tapered wave is nearly a parabola.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.signal import savgol_filter
+from scipy.signal.windows import hann
+
+POINTS = 512
+"""Points that a line is resampled to; a multiple of what any line of nodes or pixels resolves."""
+PADDING = 16
+"""Length of the padded line over its own."""
+TREND_ORDER = 2
+TREND_WINDOW = 1.7343
+"""Window of the filter in wavelengths: the lowest at which a quadratic Savitzky–Golay filter
+passes nothing of the wave, so that taking the trend off leaves the wave as it was."""
+ROUNDS = 3
+"""How often window and wavelength are fitted to each other."""
+FEWEST_WAVES = 2
+"""Waves along a line below which a trend cannot be told from a wave."""
+
+
+@dataclass(frozen=True)
+class Wave:
+    """The wave in a line.
+
+    Attributes:
+        wavelength: λ [mm].
+        amplitude: half the height from trough to crest of the sinusoid at the peak [mm].
+        along: places of the line, evenly spaced from its first point [mm].
+        across: the line's offset there, without the trend [mm].
+    """
+
+    wavelength: float
+    amplitude: float
+    along: Float[np.ndarray, " point"]
+    across: Float[np.ndarray, " point"]
+
+
+def wave_of(line: Float[np.ndarray, "point 2"], waves: float) -> Wave:
+    """The strongest wave in a line, traced on a simulated fabric or on a photograph.
+
+    Args:
+        line: points (along, across) in any order. Where the fabric folds over, a place has
+            several; they are averaged [mm].
+        waves: about how many waves there are along it, such as unit cells crossed. Only waves
+            within a factor of two of that many are looked for.
+
+    Raises:
+        ValueError: if there are fewer than two waves, the points are too few to resolve them, or
+            a point is not finite.
+    """
+    if waves < FEWEST_WAVES:
+        raise ValueError(f"{waves:g} waves are too few for a wavelength; trace 2 at least")
+    if not np.isfinite(line).all():
+        raise ValueError("a point of the line is not finite; leave it out")
+    places, which = np.unique(line[:, 0], return_inverse=True)
+    if len(places) < 4 * waves:
+        raise ValueError(f"{len(places)} points cannot resolve {waves:g} waves; give 4 for each")
+    offsets = np.bincount(which.ravel(), line[:, 1]) / np.bincount(which.ravel())
+    along = np.linspace(places[0], places[-1], POINTS)
+    raw = np.interp(along, places, offsets)
+    extent = float(along[-1] - along[0])
+    wavelength = expected = extent / waves
+    for _ in range(ROUNDS):
+        across = raw - _trend(raw, wavelength / extent)
+        wavenumber, amplitude = _peak(across, extent, (0.5 / expected, 2 / expected))
+        wavelength = 1 / wavenumber
+    return Wave(wavelength, amplitude, along - along[0], across)
+
+
+def spectrum(
+    across: Float[np.ndarray, " point"], extent: float
+) -> tuple[Float[np.ndarray, " wavenumber"], Float[np.ndarray, " wavenumber"]]:
+    """Wavenumbers ν̃ [1/mm] and the amplitude of a sinusoid at each [mm].
+
+    Args:
+        across: an evenly sampled line, first and last point included [mm].
+        extent: its length [mm].
+    """
+    taper = hann(len(across))
+    transform = np.fft.rfft((across - across.mean()) * taper, PADDING * len(across))
+    spacing = extent / (len(across) - 1)
+    return np.fft.rfftfreq(PADDING * len(across), spacing), 2 * abs(transform) / taper.sum()
+
+
+def _trend(raw: Float[np.ndarray, " point"], wavelength: float) -> Float[np.ndarray, " point"]:
+    """What varies more slowly than the wave, whose length is given over that of the line."""
+    window = min(round(TREND_WINDOW * wavelength * len(raw)), len(raw))
+    return savgol_filter(raw, window - (window % 2 == 0), TREND_ORDER)
+
+
+def _peak(
+    across: Float[np.ndarray, " point"], extent: float, within: tuple[float, float]
+) -> tuple[float, float]:
+    """Wavenumber and amplitude at the top of the highest peak between two wavenumbers."""
+    wavenumbers, amplitudes = spectrum(across, extent)
+    inside = np.flatnonzero((wavenumbers >= within[0]) & (wavenumbers <= within[1]))
+    top = inside[np.argmax(amplitudes[inside])]
+    before, at, after = np.log(np.maximum(amplitudes[top - 1 : top + 2], np.finfo(float).tiny))
+    bend = before - 2 * at + after
+    shift = 0.5 * (before - after) / bend if bend < 0 else 0.0
+    height = float(np.exp(at - 0.25 * (before - after) * shift))
+    return float(wavenumbers[top] + shift * wavenumbers[1]), height
