@@ -54,8 +54,21 @@ results_option = click.option(
 
 def workflow_options(command: Command) -> Command:
     """The argument and options that name a workflow and its results."""
+
+    @wraps(command)
+    def scaled(
+        *arguments: Any, overrides: tuple[str, ...], scale: float | None, **options: Any
+    ) -> None:
+        added = () if scale is None else (f"scale={scale:g}",)
+        command(*arguments, overrides=(*overrides, *added), **options)
+
     for option in (
         results_option,
+        click.option(
+            "--scale",
+            type=click.FloatRange(min=0, max=1, min_open=True),
+            help="Part of the needles that a sample is knitted on; short for --set scale=.",
+        ),
         click.option(
             "--set",
             "overrides",
@@ -65,8 +78,8 @@ def workflow_options(command: Command) -> Command:
         ),
         click.argument("workflow"),
     ):
-        command = option(command)
-    return command
+        scaled = option(scaled)
+    return scaled
 
 
 select_option = click.option(

@@ -21,6 +21,7 @@ from knitlab.sweep.case import Case, Label
 from knitlab.sweep.changes import changed_sheet, changed_stripe
 from knitlab.sweep.design_space import DesignSpace
 from knitlab.sweep.parameters import Parameters, Strict, read_stripe_file
+from knitlab.sweep.sample_size import sample_size
 from knitlab.sweep.workflow import ModelSection, Workflow
 from knitlab.sweep.workflow_text import WorkflowText
 
@@ -90,7 +91,7 @@ def _cases(
                 reading=Reading(**reading),
                 pattern=workflow.design.pattern,
                 periods=periods_per_patch(n, m),
-                unit_cells=workflow.design.unit_cells,
+                unit_cells=sample_size(workflow.design, m),
                 **common,
             )
     elif workflow.stripes is not None:

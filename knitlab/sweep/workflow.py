@@ -32,20 +32,32 @@ class DesignSection(Strict):
     """``[design]``: which designs, as a named set or as a grid, and the sample they make.
 
     With a set, ``n_stripe`` or ``n_subunit`` alone keep those members of it; both together
-    replace it by their grid.
+    replace it by their grid. The sample is so many ``unit_cells``, or as many as ``needles`` knit
+    of each design, of which ``scale`` takes a part; ``aspect`` is its length over its width.
     """
 
     set: str | None = None
     n_stripe: Whole | None = None
     n_subunit: Whole | None = None
     pattern: Annotated[tuple[str, ...], Field(strict=False)] = ("GR", "RG")
-    unit_cells: Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)] = (1, 1)
+    unit_cells: Annotated[tuple[PositiveInt, PositiveInt] | None, Field(strict=False)] = None
+    needles: PositiveInt | None = None
+    aspect: PositiveFloat = 2.0
+    scale: Fraction = 1.0
 
     @field_validator("pattern")
     @classmethod
     def _is_a_patch_map(cls, rows: tuple[str, ...]) -> tuple[str, ...]:
         patch_map(rows, periods=1)
         return rows
+
+    @model_validator(mode="after")
+    def _says_once_how_large_the_sample_is(self) -> "DesignSection":
+        if self.needles is not None and self.unit_cells is not None:
+            raise ValueError("has both unit_cells and needles; give one of them")
+        if self.needles is None and {"aspect", "scale"} & self.model_fields_set:
+            raise ValueError("has aspect or scale but no needles to knit on; give needles")
+        return self
 
 
 class StripesSection(Strict):
