@@ -20,8 +20,9 @@ from knitlab.sweep.axes import Axis, combinations
 from knitlab.sweep.case import Case, Label
 from knitlab.sweep.changes import changed_sheet, changed_stripe
 from knitlab.sweep.design_space import DesignSpace
-from knitlab.sweep.parameters import Parameters, Strict, read_stripe_file
+from knitlab.sweep.parameters import Parameters, read_stripe_file
 from knitlab.sweep.sample_size import sample_size
+from knitlab.sweep.strict import Strict
 from knitlab.sweep.workflow import ModelSection, Workflow
 from knitlab.sweep.workflow_text import WorkflowText
 

@@ -8,7 +8,7 @@ from pydantic import PositiveFloat
 
 from knitlab.model.stripe import Stripe
 from knitlab.sweep.faults import fault
-from knitlab.sweep.parameters import Strict
+from knitlab.sweep.strict import Strict
 
 STRIPE_QUANTITIES = ("period", "k_s", "k_t", "theta_0")
 SHEET_QUANTITIES = ("z_max", "k_wall", "surface_density", "damping")

@@ -7,7 +7,6 @@ from typing import Annotated, Any, Generic, Literal, TypeVar
 from pydantic import (
     AfterValidator,
     BaseModel,
-    ConfigDict,
     Field,
     PositiveFloat,
     PositiveInt,
@@ -32,6 +31,7 @@ from knitlab.model.stripe import (
     periods_per_patch,
 )
 from knitlab.sweep.faults import BadInput, Fault, Gathered, faults_of
+from knitlab.sweep.strict import Strict
 from knitlab.sweep.toml import read_toml
 
 Value = TypeVar("Value")
@@ -39,12 +39,6 @@ Unit = TypeVar("Unit")
 Fraction = Annotated[float, Field(gt=0, le=1)]
 Snapshots = Annotated[int, Field(ge=2, le=1000)]
 Angle = Annotated[float, Field(gt=0, lt=3.141592653589793)]
-
-
-class Strict(BaseModel):
-    """Base of every file's schema: no unknown keys, no infinities, no silent conversions."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
 class Quantity(Strict, Generic[Value, Unit]):

@@ -18,7 +18,8 @@ from knitlab.model.reading import (
 from knitlab.model.stripe import Knit
 from knitlab.sweep.case import Method
 from knitlab.sweep.changes import Changes
-from knitlab.sweep.parameters import Fraction, Snapshots, Strict
+from knitlab.sweep.parameters import Fraction, Snapshots
+from knitlab.sweep.strict import Strict
 
 Figure = Literal[
     "curves", "auxetic", "shape", "sensitivity", "relaxation", "folding", "stripes", "departure"

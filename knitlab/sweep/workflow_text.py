@@ -9,8 +9,8 @@ from pydantic import ValidationError
 
 from knitlab.sweep.axes import SAMPLE_SIZE, SWEPT_SECTIONS, Axis
 from knitlab.sweep.faults import BadInput, Fault, fault, faults_of
-from knitlab.sweep.parameters import Strict
 from knitlab.sweep.shipped import shipped
+from knitlab.sweep.strict import Strict
 from knitlab.sweep.toml import read_toml
 from knitlab.sweep.workflow import SECTION_OF, SECTIONS, Workflow
 
