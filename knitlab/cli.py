@@ -1,4 +1,4 @@
-"""The command line: ``knitlab plan | run | status | reproduce | query | map | calibrate``."""
+"""The command line: ``knitlab plan | run | status | reproduce | query | map | claims | …``."""
 
 import json
 import os
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 # Each command imports what it needs, so that `query` and `map` start without JAX.
 
 KINDS = (
-    *("auxetic", "curves", "shape", "sensitivity", "relaxation", "folding", "stripes", "departure"),
+    *("auxetic", "curves", "shape", "sensitivity", "wavelength", "tension", "relaxation"),
+    *("folding", "stripes", "departure"),
 )
 BAD_INPUT = 2
 SOME_CASE_NOT_OK = 1
@@ -331,6 +332,34 @@ def draw_map(kind: str, cube: Path, output: Path, selections: tuple[str, ...]) -
     from knitlab.maps.figures import draw_figure
 
     click.echo(f"figure  {draw_figure(kind, cube, output, selections)}")
+
+
+@main.command()
+@click.argument("cubes", type=click.Path(path_type=Path), nargs=-1, required=True)
+@select_option
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Page to write, .md or .html; its figures lie in a folder beside it.",
+)
+@explains_bad_input
+def claims(cubes: tuple[Path, ...], selections: tuple[str, ...], output: Path | None) -> None:
+    """Judge what the paper says by CUBES: each claim holds, fails, or is not measured.
+
+    Of several cubes the first that measures a claim decides it.
+    """
+    from knitlab.maps.claims import judged, read_claims
+    from knitlab.maps.claims_page import listed, write_page
+
+    judgements = judged(read_claims(), cubes, selections)
+    click.echo(listed(judgements))
+    if output is not None:
+        files, faults = write_page(judgements, output, selections)
+        for path in files:
+            click.echo(f"{'page' if path == output else 'figure':6}  {path}")
+        for fault in faults:
+            click.echo(f"knitlab: {fault}", err=True)
 
 
 MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)

@@ -18,6 +18,8 @@ from knitlab.maps.sensitivity import sensitivity_map
 from knitlab.maps.shape import relaxed_shape
 from knitlab.maps.stripes import stripe_departure, stripe_tension
 from knitlab.maps.style import print_style
+from knitlab.maps.tension import tension_maps
+from knitlab.maps.wavelength import wavelength_figure
 from knitlab.sweep.case_file import case_path, read_case
 from knitlab.sweep.cube_file import base_dims, open_cube, swept_dims
 from knitlab.sweep.faults import BadInput, Fault, fault
@@ -49,6 +51,8 @@ FIGURES = {
     "curves": Kind(tension_curves, coordinates=("applied_strain",)),
     "shape": Kind(relaxed_shape, needs="position"),
     "sensitivity": Kind(sensitivity_map),
+    "wavelength": Kind(wavelength_figure),
+    "tension": Kind(tension_maps),
     "relaxation": Kind(relaxation_figure, needs="snapshot_position"),
     "folding": Kind(folding_animation, needs="snapshot_position"),
     "stripes": Kind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),

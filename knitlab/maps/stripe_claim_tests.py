@@ -8,7 +8,6 @@ import xarray as xr
 from pydantic import Field, PositiveFloat, PositiveInt
 
 from knitlab.maps.claim_tests import Finding, Verdict
-from knitlab.model.reading import Boundary
 from knitlab.sweep.registry import STRIPE_DIMS, Status
 from knitlab.sweep.strict import Strict
 
@@ -25,7 +24,7 @@ class StripeTest(Strict):
         at_least: stripes that must be measured for it to hold.
     """
 
-    boundary: Boundary = "periodic"
+    boundary: Literal["periodic", "clamped"] = "periodic"
     at_least: PositiveInt = 1
 
     def finding(self, cube: xr.Dataset) -> Finding:

@@ -1,9 +1,10 @@
 """Local strain from the corners of unit cells (paper, Sec. "Kinematics under tension")."""
 
-import math
-
 import jax.numpy as jnp
 from jaxtyping import Array, Float
+
+import knitlab.model  # noqa: F401  # so that JAX is in float64 here too
+from knitlab.measure.central import central
 
 CornerGrid = Float[Array, "*state cell_y+1 cell_x+1 2"]
 CellTensor = Float[Array, "*state cell_y cell_x 2 2"]
@@ -47,17 +48,6 @@ def local_strain(
     """
     gradient = deformation_gradient(lattice_vectors(reference), lattice_vectors(current))
     return gradient[..., 0, 0] - 1, gradient[..., 1, 1] - 1
-
-
-def central(count: int) -> slice:
-    """The central ones of ``count`` unit cells along one direction.
-
-    They are the cells whose middle lies in the middle third, and if there is none the two
-    beside the middle: 1 of 1, 2 of 2, 1 of 3, 2 of 4, 1 of 5, 3 of 11, 8 of 22. The paper averages
-    over a central block that it shows but does not number.
-    """
-    first = min(math.ceil(count / 3 - 0.5), (count - 1) // 2)
-    return slice(first, count - first)
 
 
 def central_mean(

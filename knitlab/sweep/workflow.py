@@ -22,7 +22,16 @@ from knitlab.sweep.parameters import Fraction, Snapshots
 from knitlab.sweep.strict import Strict
 
 Figure = Literal[
-    "curves", "auxetic", "shape", "sensitivity", "relaxation", "folding", "stripes", "departure"
+    "curves",
+    "auxetic",
+    "shape",
+    "sensitivity",
+    "wavelength",
+    "tension",
+    "relaxation",
+    "folding",
+    "stripes",
+    "departure",
 ]
 Whole = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
 

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from knitlab.measure.central import central
 from knitlab.measure.corners import unit_cell_corners
 from knitlab.measure.strain import (
-    central,
     central_mean,
     deformation_gradient,
     lattice_vectors,
