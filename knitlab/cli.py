@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 # Each command imports what it needs, so that `query` and `map` start without JAX.
 
 KINDS = (
-    *("auxetic", "curves", "shape", "sensitivity", "wavelength", "tension", "relaxation"),
-    *("folding", "stripes", "departure"),
+    *("auxetic", "curves", "shape", "sensitivity", "wavelength", "tension", "readings"),
+    *("relaxation", "folding", "stripes", "departure"),
 )
 BAD_INPUT = 2
 SOME_CASE_NOT_OK = 1

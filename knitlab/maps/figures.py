@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from knitlab.maps.auxetic import auxetic_map
 from knitlab.maps.curves import tension_curves
+from knitlab.maps.readings import readings_figure
 from knitlab.maps.relaxation import FRAMES_PER_SECOND, folding_animation, relaxation_figure
 from knitlab.maps.selection import selected
 from knitlab.maps.sensitivity import sensitivity_map
@@ -38,12 +39,14 @@ class Kind:
         dims: the designs it shows lie along these.
         needs: variable that the case it shows must have.
         coordinates: further coordinates that it can be sliced along.
+        compares: whether it shows all values of swept settings side by side.
     """
 
     draw: Callable[[xr.Dataset], Drawing]
     dims: tuple[str, ...] = DESIGN_DIMS
     needs: str | None = None
     coordinates: tuple[str, ...] = ()
+    compares: bool = False
 
 
 FIGURES = {
@@ -53,6 +56,7 @@ FIGURES = {
     "sensitivity": Kind(sensitivity_map),
     "wavelength": Kind(wavelength_figure),
     "tension": Kind(tension_maps),
+    "readings": Kind(readings_figure, compares=True),
     "relaxation": Kind(relaxation_figure, needs="snapshot_position"),
     "folding": Kind(folding_animation, needs="snapshot_position"),
     "stripes": Kind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),
@@ -102,11 +106,15 @@ def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     """
     saved: list[Path] = []
     faults: list[Fault] = []
-    slices = _slices(open_cube(folder))
-    if len(slices) > MOST_SLICES:
+    cube = open_cube(folder)
+    slices = _slices(cube)
+    compared = [(kind, ()) for kind in kinds if FIGURES[kind].compares]
+    sliced = [kind for kind in kinds if not FIGURES[kind].compares]
+    if sliced and len(slices) > MOST_SLICES:
         problem = f"{len(slices)} slices are too many to draw unasked; draw one by knitlab map"
-        return [], [Fault("figures", problem)]
-    for kind, selections in itertools.product(kinds, slices):
+        faults.append(Fault("figures", problem))
+        sliced = []
+    for kind, selections in [*compared, *itertools.product(sliced, slices)]:
         stem = "_".join([kind, *(text.replace("=", "-") for text in selections)])
         outputs = [
             folder / "figures" / f"{stem}{suffix}" for suffix in suffixes(kind) if suffix != ".svg"
@@ -145,6 +153,8 @@ def _drawn(name: str, cube_path: Path, selections: Sequence[str] = ()) -> Drawin
     if faults:
         raise BadInput(faults)
     cube = selected(cube, selections)
+    if kind.compares:
+        return kind.draw(cube)
     if several := [dim for dim in swept if cube.sizes[dim] > 1]:
         choices = "; ".join(f"{dim} of {', '.join(map(str, cube[dim].values))}" for dim in several)
         raise fault(name, f"shows one value of each swept setting; --select {choices}")

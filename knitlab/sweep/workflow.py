@@ -28,6 +28,7 @@ Figure = Literal[
     "sensitivity",
     "wavelength",
     "tension",
+    "readings",
     "relaxation",
     "folding",
     "stripes",

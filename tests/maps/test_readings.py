@@ -1,0 +1,47 @@
+import xarray as xr
+
+from knitlab.maps.claim_tests import Verdict
+from knitlab.maps.figures import draw_figure, draw_figures
+from knitlab.maps.readings import verdicts_of
+from knitlab.sweep.cube_file import open_cube, write_cube
+from tests.maps.test_claims import good_checkerboards
+
+
+def two_readings(folder):
+    """A cube along fold_phase: as the paper says, and the same but for a (4, 16) that shrinks."""
+    good, bad = good_checkerboards(), good_checkerboards()
+    bad["poisson_ratio_min"].loc[{"n_stripe": 4, "n_subunit": 16}] = 0.1
+    cube = xr.concat([bad, good], dim="fold_phase").assign_coords(
+        fold_phase=["stripe_border", "stripe_centre"]
+    )
+    dims = ("n_stripe", "n_subunit", "fold_phase")
+    for name in cube.data_vars:
+        cube[name] = cube[name].transpose(*dims, ...)
+    write_cube(cube, folder / "cube.nc")
+    return folder
+
+
+def test_verdicts_are_those_of_each_reading(tmp_path):
+    cube = open_cube(two_readings(tmp_path))
+    readings = {(phase,): cube.sel(fold_phase=phase) for phase in cube["fold_phase"].values}
+    claims, verdicts = verdicts_of(readings)
+    by_name = {claim.name: list(line) for claim, line in zip(claims, verdicts, strict=True)}
+    assert by_name["design_4_16_is_the_lowest"] == [Verdict.fails, Verdict.holds]
+    assert by_name["three_samples_are_auxetic"] == [Verdict.fails, Verdict.holds]
+    assert by_name["rib_centre_contracts_more"] == [Verdict.holds, Verdict.holds]
+    assert "stripes_are_j_shaped" not in by_name
+
+
+def test_readings_are_drawn_side_by_side_without_a_selection(tmp_path):
+    folder = two_readings(tmp_path)
+    assert draw_figure("readings", folder, tmp_path / "readings.svg").stat().st_size > 0
+    text = (tmp_path / "readings.svg").read_text()
+    assert "25 hold" in text
+    assert "19 hold" in text
+    files, faults = draw_figures(["readings", "auxetic"], folder)
+    assert not faults
+    assert {path.stem for path in files} == {
+        "readings",
+        "auxetic_fold_phase-stripe_border",
+        "auxetic_fold_phase-stripe_centre",
+    }
