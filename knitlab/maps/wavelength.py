@@ -60,7 +60,8 @@ def _shown(cube: xr.Dataset, direction: str) -> xr.Dataset | None:
 def _draw_boundary(axes: Axes, shown: xr.Dataset, direction: str) -> None:
     along = shown["boundary_point"].values * float(shown[f"boundary_length_{direction}"])
     across = shown[f"boundary_{direction}"].values
-    within = along <= SHOWN_WAVES * float(shown[f"wavelength_{direction}"])
+    shown_length = SHOWN_WAVES * float(shown[f"wavelength_{direction}"])
+    within = abs(along - along[-1] / 2) <= shown_length / 2
     axes.plot(along[within], across[within], color="black", lw=0.9)
     axes.set(xlabel=f"along the {DIRECTIONS[direction]} [mm]", ylabel="boundary's offset [mm]")
     axes.set_title(f"boundary of {_name(shown)}")

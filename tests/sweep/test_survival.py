@@ -287,7 +287,7 @@ for path, contents in before.items():
 
 @pytest.mark.parametrize("workers", [0, WORKERS])
 def test_a_full_disk_is_one_sentence_and_harms_nothing(tmp_path, workers):
-    mounting = f"mount -t tmpfs -o size=1500k tmpfs {tmp_path}"
+    mounting = f"mount -t tmpfs -o size=3m tmpfs {tmp_path}"
     namespace = ["unshare", "--user", "--map-root-user", "--mount", "bash", "-c"]
     if not shutil.which("unshare") or subprocess.run([*namespace, mounting]).returncode:
         pytest.skip("this machine lets nobody mount a small disk of his own")
