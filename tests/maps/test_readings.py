@@ -1,10 +1,15 @@
+import itertools
+from pathlib import Path
+
 import xarray as xr
 
 from knitlab.maps.claim_tests import Verdict
 from knitlab.maps.figures import draw_figure, draw_figures
 from knitlab.maps.readings import verdicts_of
-from knitlab.sweep.cube_file import open_cube, write_cube
+from knitlab.sweep.cube_file import open_cube, swept_dims, write_cube
 from tests.maps.test_claims import good_checkerboards
+
+REFERENCE = Path(__file__).parents[2] / "results" / "reference" / "readings"
 
 
 def two_readings(folder):
@@ -45,3 +50,29 @@ def test_readings_are_drawn_side_by_side_without_a_selection(tmp_path):
         "auxetic_fold_phase-stripe_border",
         "auxetic_fold_phase-stripe_centre",
     }
+
+
+def test_the_kept_readings_say_what_the_readme_says(tmp_path):
+    cube = open_cube(REFERENCE)
+    dims = swept_dims(cube)
+    readings = {
+        labels: cube.sel(dict(zip(dims, labels, strict=True)))
+        for labels in itertools.product(*(cube[dim].values for dim in dims))
+    }
+    claims, verdicts = verdicts_of(readings)
+    assert (len(claims), len(readings)) == (18, 16)
+    assert set((verdicts == Verdict.holds).sum(axis=0)) == {5, 6}
+    never = {
+        claim.name
+        for claim, line in zip(claims, verdicts, strict=True)
+        if Verdict.holds not in line and Verdict.fails in line
+    }
+    assert {
+        "lowest_ratio_between_10_and_20_percent",
+        "transverse_strain_peaks",
+        "wide_stripes_reach_minus_02_to_minus_07",
+        "narrowest_is_slightly_positive",
+        "longer_cells_are_less_auxetic",
+        "n_stripe_4_n_subunit_48_is_not",
+    } <= never
+    assert draw_figure("readings", REFERENCE, tmp_path / "readings.png").is_file()
