@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 from pydantic import Field, PositiveFloat, PositiveInt
 
+from knitlab.measure.central import central
 from knitlab.measure.linear_fit import LinearFit, common_slope_probability, linear_fit
 from knitlab.sweep.registry import DESIGN_DIMS, VARIABLES, Status
 from knitlab.sweep.strict import Strict
@@ -279,10 +280,11 @@ class LargestAtCentre(DesignTest):
             along = field.dropna("cell_y", how="all").mean("cell_x").values
             if along.size < 3:
                 return None
-            thirds = np.array_split(along, 3)
-            centre, ends = thirds[1].max(), max(thirds[0].max(), thirds[2].max())
-            holds = bool(thirds[1].min() > 0 and centre >= ends)
-            return holds, f"{centre:.3f} in the middle third, {ends:.3f} beside it"
+            middle = central(along.size)
+            ends = np.delete(along, middle)
+            centre, beside = along[middle].max(), ends.max()
+            holds = bool(along[middle].min() > 0 and centre >= beside)
+            return holds, f"{centre:.3f} in the central cells, {beside:.3f} beside them"
 
         return self.over(cube, measure)
 

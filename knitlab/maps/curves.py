@@ -50,7 +50,14 @@ def tension_curves(cube: xr.Dataset) -> Figure:
         # Axial strain follows the diagonal and leaves this corner free.
         if run.any():
             grid[1, column].legend(
-                title="n_subunit", loc="lower right", frameon=False, handlelength=1, borderpad=0
+                title="n_subunit",
+                loc="lower right",
+                frameon=False,
+                handlelength=1,
+                borderpad=0,
+                fontsize=5.5,
+                title_fontsize=6,
+                labelspacing=0.15,
             )
         grid[-1, column].set_xlabel("applied strain [1]")
     for axes, label in zip(grid[:, 0], ROWS.values(), strict=True):

@@ -103,7 +103,11 @@ def _draw_family_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
     axes.set(xlabel="n_subunit [stitches]", ylabel=f"wavelength along {direction} [mm]")
     with mpl.rc_context({"legend.title_fontsize": 6}):
         axes.legend(
-            frameon=False, fontsize=6, title="slope ± 95 % [mm a stitch]", handletextpad=0.2
+            loc="lower right",
+            frameon=False,
+            fontsize=6,
+            title="slope ± 95 % [mm a stitch]",
+            handletextpad=0.2,
         )
     axes.set_ylim(bottom=0)
 

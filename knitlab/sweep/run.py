@@ -1,5 +1,6 @@
 """Running a plan: what is missing is simulated, then one writer builds the cube."""
 
+import itertools
 import json
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -28,6 +29,8 @@ from knitlab.sweep.workers import BatchError, Pool, Simulate, Task, connected, p
 MAY_DIFFER = ("applied_strain", "solver", "sensitivities")
 """What designs of one cube may differ in: how far they are pulled, how that is solved, and whether
 sensitivities are asked for."""
+ONE_BY_ONE = 2
+"""Attempts after which batches are run one by one."""
 Failed = dict[str, BatchError]
 """Why cases could not be computed, by identifier."""
 
@@ -245,14 +248,19 @@ def _in_rounds(
     progress: Progress,
     bar: ProgressBar,
 ) -> bool:
-    """Simulate batches, then those again that need it, until none does."""
+    """Simulate batches, then those again that need it, until none does.
+
+    A batch may be lost because it was handed to a worker that another had just killed. What was
+    lost twice is therefore run one by one: there nothing but itself can have killed its worker.
+    """
     attempts = 0
     while batches:
         again: list[Sequence[Case]] = []
-        for batch, error in pool(batches):
+        together = [[batch] for batch in batches] if attempts >= ONE_BY_ONE else [batches]
+        for batch, error in itertools.chain.from_iterable(map(pool, together)):
             if error and error.cannot_write:
                 raise error.cannot_write
-            if error and (attempts < options.retries or (error.lost and attempts == 0)):
+            if error and (attempts < options.retries or (error.lost and attempts < ONE_BY_ONE)):
                 again.append(batch)
             elif error and len(batch) > 1:
                 again += [[case] for case in batch]
