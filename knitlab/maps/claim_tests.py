@@ -4,18 +4,17 @@ A claim about many designs holds if it holds for each, fails if it fails for one
 and is not measured while some designs are missing and none of the others fails.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 import xarray as xr
 from pydantic import Field, PositiveFloat, PositiveInt
 
 from knitlab.measure.central import central
-from knitlab.measure.linear_fit import LinearFit, common_slope_probability, linear_fit
 from knitlab.sweep.registry import DESIGN_DIMS, VARIABLES, Status
 from knitlab.sweep.strict import Strict
 
@@ -92,44 +91,6 @@ class DesignTest(Strict):
         ]
         return {design: _complete(cube, design) for design in wanted}
 
-    def over(
-        self,
-        cube: xr.Dataset,
-        measure: Callable[[xr.Dataset], tuple[bool, str] | None],
-        lead: str = "",
-    ) -> Finding:
-        """Judge every design by itself.
-
-        Args:
-            cube: the cube.
-            measure: whether a design bears the claim out, and its figure; ``None`` if it has none.
-            lead: what the figures are.
-        """
-        found = {
-            design: None if cell is None else measure(cell)
-            for design, cell in self.cells(cube).items()
-        }
-        measured = {design: its for design, its in found.items() if its is not None}
-        failing = {design: figure for design, (holds, figure) in measured.items() if not holds}
-        needed = max(self.at_least, len(found) if self.designs else 0)
-        return _over_designs(lead, found, measured, failing, needed)
-
-
-def _over_designs(
-    lead: str,
-    found: Mapping[Design, Any],
-    measured: Mapping[Design, tuple[bool, str]],
-    failing: Mapping[Design, str],
-    needed: int,
-) -> Finding:
-    count = f"{len(measured)} of {max(needed, len(found))} designs"
-    if failing:
-        return Finding(Verdict.fails, f"{lead}not for {_listed(failing)} (of {count})")
-    if len(measured) < needed:
-        return Finding(Verdict.not_measured, f"only {count} measured")
-    figures = {design: figure for design, (_, figure) in measured.items()}
-    return Finding(Verdict.holds, f"{lead}{_listed(figures)}")
-
 
 MOST_LISTED = 6
 
@@ -148,7 +109,52 @@ def _complete(cube: xr.Dataset, design: Design) -> xr.Dataset | None:
     return cell if int(cell["status"]) == Status.ok else None
 
 
-class ValueWithin(DesignTest):
+class EachDesignTest(DesignTest):
+    """A test that every design bears out by itself."""
+
+    def judge(self, cube: xr.Dataset) -> Finding:
+        """What a cube says that has the variables."""
+        found = {
+            design: None if cell is None else self.measure(cell)
+            for design, cell in self.cells(cube).items()
+        }
+        measured = {design: its for design, its in found.items() if its is not None}
+        needed = max(self.at_least, len(found) if self.designs else 0)
+        count = f"{len(measured)} of {max(needed, len(found))} designs"
+        if failing := {design: figure for design, (holds, figure) in measured.items() if not holds}:
+            return Finding(Verdict.fails, f"not for {_listed(failing)} (of {count})")
+        if len(measured) < needed:
+            return Finding(Verdict.not_measured, f"only {count} measured")
+        figures = {design: figure for design, (_, figure) in measured.items()}
+        return Finding(Verdict.holds, _listed(figures))
+
+    def measure(self, cell: xr.Dataset) -> tuple[bool, str] | None:
+        """Whether a design bears the claim out, and its figure; ``None`` if it has none."""
+        raise NotImplementedError
+
+
+class CurveTest(EachDesignTest):
+    """A test of a curve over the applied strain.
+
+    Attributes:
+        of: the curve.
+        fewest: points that it must have.
+    """
+
+    of: str
+    fewest: ClassVar[int] = 3
+
+    def measure(self, cell: xr.Dataset) -> tuple[bool, str] | None:
+        """Whether a design bears the claim out, and its figure; ``None`` if it has none."""
+        curve = cell[self.of].dropna("applied_strain")
+        return None if curve.size < self.fewest else self.measure_curve(curve)
+
+    def measure_curve(self, curve: xr.DataArray) -> tuple[bool, str]:
+        """Whether a curve bears the claim out, and its figure."""
+        raise NotImplementedError
+
+
+class ValueWithin(EachDesignTest):
     """One value a design lies between two limits; at a limit of 0 it must differ from it."""
 
     test: Literal["value_within"]
@@ -156,38 +162,27 @@ class ValueWithin(DesignTest):
     lowest: float = -np.inf
     highest: float = np.inf
 
-    def judge(self, cube: xr.Dataset) -> Finding:
-        """What a cube says that has the variables."""
-
-        def measure(cell: xr.Dataset) -> tuple[bool, str] | None:
-            value = float(cell[self.of])
-            if not np.isfinite(value):
-                return None
-            return _within(value, self.lowest, self.highest), f"{value:.3g}"
-
-        return self.over(cube, measure)
+    def measure(self, cell: xr.Dataset) -> tuple[bool, str] | None:
+        """Whether a design bears the claim out, and its figure; ``None`` if it has none."""
+        value = float(cell[self.of])
+        if not np.isfinite(value):
+            return None
+        return _within(value, self.lowest, self.highest), f"{value:.3g}"
 
 
-class CurveWithin(DesignTest):
+class CurveWithin(CurveTest):
     """All values of a curve over the applied strain lie between two limits."""
 
+    fewest: ClassVar[int] = 1
     test: Literal["curve_within"]
-    of: str
     lowest: float = -np.inf
     highest: float = np.inf
 
-    def judge(self, cube: xr.Dataset) -> Finding:
-        """What a cube says that has the variables."""
-
-        def measure(cell: xr.Dataset) -> tuple[bool, str] | None:
-            curve = cell[self.of].dropna("applied_strain").values
-            if not curve.size:
-                return None
-            ends = float(curve.min()), float(curve.max())
-            holds = all(_within(end, self.lowest, self.highest) for end in ends)
-            return holds, f"{ends[0]:.2f} to {ends[1]:.2f}"
-
-        return self.over(cube, measure)
+    def measure_curve(self, curve: xr.DataArray) -> tuple[bool, str]:
+        """Whether a curve bears the claim out, and its figure."""
+        ends = float(curve.min()), float(curve.max())
+        holds = all(_within(end, self.lowest, self.highest) for end in ends)
+        return holds, f"{ends[0]:.2f} to {ends[1]:.2f}"
 
 
 def _within(value: float, lowest: float, highest: float) -> bool:
@@ -195,73 +190,53 @@ def _within(value: float, lowest: float, highest: float) -> bool:
     return above and (value < highest if highest == 0 else value <= highest)
 
 
-class LessThan(DesignTest):
+class LessThan(EachDesignTest):
     """One value of a design is less than another."""
 
     test: Literal["less_than"]
     of: str
     than: str
 
-    def judge(self, cube: xr.Dataset) -> Finding:
-        """What a cube says that has the variables."""
-
-        def measure(cell: xr.Dataset) -> tuple[bool, str] | None:
-            one, other = float(cell[self.of]), float(cell[self.than])
-            if not (np.isfinite(one) and np.isfinite(other)):
-                return None
-            return one < other, f"{one:.3g} to {other:.3g} {VARIABLES[self.of].units}"
-
-        return self.over(cube, measure)
+    def measure(self, cell: xr.Dataset) -> tuple[bool, str] | None:
+        """Whether a design bears the claim out, and its figure; ``None`` if it has none."""
+        one, other = float(cell[self.of]), float(cell[self.than])
+        if not (np.isfinite(one) and np.isfinite(other)):
+            return None
+        return one < other, f"{one:.3g} to {other:.3g} {VARIABLES[self.of].units}"
 
 
-class RisesAndFalls(DesignTest):
+class RisesAndFalls(CurveTest):
     """A curve rises to a peak within the test and falls behind it."""
 
     test: Literal["rises_and_falls"]
-    of: str
     fall: PositiveFloat
 
-    def judge(self, cube: xr.Dataset) -> Finding:
-        """What a cube says that has the variables."""
-
-        def measure(cell: xr.Dataset) -> tuple[bool, str] | None:
-            curve = cell[self.of].dropna("applied_strain")
-            if curve.size < 3:
-                return None
-            top = int(curve.values.argmax())
-            peak, last = float(curve[top]), float(curve[-1])
-            strain = float(curve["applied_strain"][top])
-            falls = (peak - last) / peak if peak > 0 else 0.0
-            holds = 0 < top < curve.size - 1 and peak > float(curve[0]) and falls >= self.fall
-            return holds, f"peak {peak:.3f} at {strain:.0%}, then {-falls:+.0%}"
-
-        return self.over(cube, measure)
+    def measure_curve(self, curve: xr.DataArray) -> tuple[bool, str]:
+        """Whether a curve bears the claim out, and its figure."""
+        top = int(curve.values.argmax())
+        peak, last = float(curve[top]), float(curve[-1])
+        strain = float(curve["applied_strain"][top])
+        falls = (peak - last) / peak if peak > 0 else 0.0
+        holds = 0 < top < curve.size - 1 and peak > float(curve[0]) and falls >= self.fall
+        return holds, f"peak {peak:.3f} at {strain:.0%}, then {-falls:+.0%}"
 
 
-class Follows(DesignTest):
+class Follows(CurveTest):
     """A strain rises with the applied strain and stays close to it."""
 
     test: Literal["follows"]
-    of: str
     tolerance: PositiveFloat
 
-    def judge(self, cube: xr.Dataset) -> Finding:
-        """What a cube says that has the variables."""
-
-        def measure(cell: xr.Dataset) -> tuple[bool, str] | None:
-            curve = cell[self.of].dropna("applied_strain")
-            if curve.size < 3:
-                return None
-            applied = curve["applied_strain"]
-            off = float(abs(curve - applied).max() / applied.max())
-            monotonic = bool((np.diff(curve) > 0).all())
-            falls = "" if monotonic else ", not monotonic"
-            return monotonic and off <= self.tolerance, f"off by {off:.1%}{falls}"
-
-        return self.over(cube, measure)
+    def measure_curve(self, curve: xr.DataArray) -> tuple[bool, str]:
+        """Whether a curve bears the claim out, and its figure."""
+        applied = curve["applied_strain"]
+        off = float(abs(curve - applied).max() / applied.max())
+        monotonic = bool((np.diff(curve) > 0).all())
+        falls = "" if monotonic else ", not monotonic"
+        return monotonic and off <= self.tolerance, f"off by {off:.1%}{falls}"
 
 
-class LargestAtCentre(DesignTest):
+class LargestAtCentre(EachDesignTest):
     """A local strain is positive at the centre, and larger there than anywhere along the sample."""
 
     test: Literal["largest_at_centre"]
@@ -274,19 +249,19 @@ class LargestAtCentre(DesignTest):
         if not np.isclose(strains, self.applied_strain, 0, 1e-9).any():
             said = f"no applied strain of {self.applied_strain:g} in this cube"
             return Finding(Verdict.not_measured, said)
+        return super().judge(cube)
 
-        def measure(cell: xr.Dataset) -> tuple[bool, str] | None:
-            field = cell[self.of].sel(applied_strain=self.applied_strain, method="nearest")
-            along = field.dropna("cell_y", how="all").mean("cell_x").values
-            if along.size < 3:
-                return None
-            middle = central(along.size)
-            ends = np.delete(along, middle)
-            centre, beside = along[middle].max(), ends.max()
-            holds = bool(along[middle].min() > 0 and centre >= beside)
-            return holds, f"{centre:.3f} in the central cells, {beside:.3f} beside them"
-
-        return self.over(cube, measure)
+    def measure(self, cell: xr.Dataset) -> tuple[bool, str] | None:
+        """Whether a design bears the claim out, and its figure; ``None`` if it has none."""
+        field = cell[self.of].sel(applied_strain=self.applied_strain, method="nearest")
+        along = field.dropna("cell_y", how="all").mean("cell_x").values
+        if along.size < 3:
+            return None
+        middle = central(along.size)
+        ends = np.delete(along, middle)
+        centre, beside = along[middle].max(), ends.max()
+        holds = bool(along[middle].min() > 0 and centre >= beside)
+        return holds, f"{centre:.3f} in the central cells, {beside:.3f} beside them"
 
 
 class LowestOfAll(DesignTest):
@@ -379,96 +354,6 @@ class Spread(DesignTest):
         figures = f"{min(values):.3g} to {max(values):.3g} {VARIABLES[self.of].units}"
         verdict = Verdict.holds if holds else Verdict.fails
         return Finding(verdict, f"{figures} over {len(values)} designs")
-
-
-FEWEST_ON_A_LINE = 3
-
-
-class LineTest(DesignTest):
-    """A test of straight lines: a value against n_subunit for every n_stripe."""
-
-    of: str
-
-    def lines(self, cube: xr.Dataset, families: tuple[int, ...]) -> dict[int, LinearFit]:
-        """The line of every n_stripe of which three designs are measured."""
-        found = {}
-        for n_stripe in families:
-            if n_stripe not in cube["n_stripe"]:
-                continue
-            of = cube.sel(n_stripe=n_stripe)
-            line = of[self.of].where(of["status"] == Status.ok).dropna("n_subunit")
-            if line.size >= FEWEST_ON_A_LINE:
-                found[n_stripe] = linear_fit(line["n_subunit"].values.astype(float), line.values)
-        return found
-
-
-def _slopes(lines: Mapping[int, LinearFit]) -> str:
-    return ", ".join(
-        f"n_stripe {n}: {line.slope:.3f} ± {line.slope_halfwidth:.3f} mm a stitch"
-        for n, line in lines.items()
-    )
-
-
-def _needs_lines(missing: list[int]) -> Finding:
-    said = f"fewer than {FEWEST_ON_A_LINE} designs measured for n_stripe"
-    return Finding(Verdict.not_measured, f"{said} {', '.join(map(str, missing))}")
-
-
-class Linear(LineTest):
-    """A value lies on a straight line against n_subunit, for every n_stripe."""
-
-    test: Literal["linear"]
-    r_squared: PositiveFloat
-
-    def judge(self, cube: xr.Dataset) -> Finding:
-        """What a cube says that has the variables."""
-        families = self.n_stripe or ()
-        lines = self.lines(cube, families)
-        bent = {n: line for n, line in lines.items() if line.r_squared < self.r_squared}
-        figures = ", ".join(f"n_stripe {n}: R² {line.r_squared:.4f}" for n, line in lines.items())
-        if bent:
-            return Finding(Verdict.fails, figures)
-        if missing := [n for n in families if n not in lines]:
-            return _needs_lines(missing)
-        return Finding(Verdict.holds, figures)
-
-
-class CommonSlope(LineTest):
-    """The slopes of several n_stripe agree."""
-
-    test: Literal["common_slope"]
-    spread: PositiveFloat
-
-    def judge(self, cube: xr.Dataset) -> Finding:
-        """What a cube says that has the variables."""
-        families = self.n_stripe or ()
-        lines = self.lines(cube, families)
-        if missing := [n for n in families if n not in lines]:
-            return _needs_lines(missing)
-        slopes = np.array([line.slope for line in lines.values()])
-        spread = float(np.ptp(slopes) / slopes.mean())
-        probability = common_slope_probability(list(lines.values()))
-        figures = f"{_slopes(lines)}; apart by {spread:.0%}, p of one slope {probability:.2g}"
-        return Finding(Verdict.holds if spread <= self.spread else Verdict.fails, figures)
-
-
-class DepartsMost(LineTest):
-    """The slope of one n_stripe is farther from the others' mean than each of theirs."""
-
-    test: Literal["departs_most"]
-    departing: PositiveInt
-
-    def judge(self, cube: xr.Dataset) -> Finding:
-        """What a cube says that has the variables."""
-        families = (self.departing, *(self.n_stripe or ()))
-        lines = self.lines(cube, families)
-        if missing := [n for n in families if n not in lines]:
-            return _needs_lines(missing)
-        slopes = {n: line.slope for n, line in lines.items()}
-        mean = np.mean([slope for n, slope in slopes.items() if n != self.departing])
-        most = max(slopes, key=lambda n: abs(slopes[n] - mean))
-        verdict = Verdict.holds if most == self.departing else Verdict.fails
-        return Finding(verdict, f"{_slopes(lines)}; mean of the others {mean:.3f}")
 
 
 class Laboratory(Strict):

@@ -9,15 +9,12 @@ import xarray as xr
 from pydantic import Field, TypeAdapter, ValidationError
 
 from knitlab.maps.claim_tests import (
-    CommonSlope,
     CurveWithin,
-    DepartsMost,
     Finding,
     Follows,
     Laboratory,
     LargestAtCentre,
     LessThan,
-    Linear,
     LowestOfAll,
     Monotonic,
     RisesAndFalls,
@@ -25,7 +22,8 @@ from knitlab.maps.claim_tests import (
     ValueWithin,
     Verdict,
 )
-from knitlab.maps.selection import selected
+from knitlab.maps.line_claim_tests import CommonSlope, DepartsMost, Linear
+from knitlab.maps.selection import choices, selected
 from knitlab.maps.stripe_claim_tests import SameCurves, StripeOrder, StripeToe
 from knitlab.sweep.cube_file import open_cube, swept_dims
 from knitlab.sweep.faults import BadInput, Fault, fault, faults_of
@@ -151,8 +149,7 @@ def _one_slice(path: Path, selections: Sequence[str]) -> xr.Dataset:
     of_this = [text for text in selections if text.partition("=")[0].strip() in swept]
     cube = selected(cube, of_this)
     if several := [dim for dim in swept if cube.sizes[dim] > 1]:
-        choices = "; ".join(f"{dim} of {', '.join(map(str, cube[dim].values))}" for dim in several)
-        raise fault(str(path), f"lies along swept settings; --select {choices}")
+        raise fault(str(path), f"lies along swept settings; --select {choices(cube, several)}")
     return cube.isel(dict.fromkeys(swept, 0), drop=True)
 
 

@@ -14,7 +14,7 @@ from knitlab.maps.auxetic import auxetic_map
 from knitlab.maps.curves import tension_curves
 from knitlab.maps.readings import readings_figure
 from knitlab.maps.relaxation import FRAMES_PER_SECOND, folding_animation, relaxation_figure
-from knitlab.maps.selection import selected
+from knitlab.maps.selection import choices, selected
 from knitlab.maps.sensitivity import sensitivity_map
 from knitlab.maps.shape import relaxed_shape
 from knitlab.maps.stripes import stripe_departure, stripe_tension
@@ -156,8 +156,9 @@ def _drawn(name: str, cube_path: Path, selections: Sequence[str] = ()) -> Drawin
     if kind.compares:
         return kind.draw(cube)
     if several := [dim for dim in swept if cube.sizes[dim] > 1]:
-        choices = "; ".join(f"{dim} of {', '.join(map(str, cube[dim].values))}" for dim in several)
-        raise fault(name, f"shows one value of each swept setting; --select {choices}")
+        raise fault(
+            name, f"shows one value of each swept setting; --select {choices(cube, several)}"
+        )
     slice_shown = ", ".join(f"{dim} = {cube[dim].item()}" for dim in swept)
     cube = cube.isel(dict.fromkeys(swept, 0), drop=True)
     if kind.needs is None:

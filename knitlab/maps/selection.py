@@ -37,6 +37,11 @@ def selected(cube: "xr.Dataset", selections: Sequence[str]) -> "xr.Dataset":
     return cube.isel(chosen_places(PlainCube.of(cube).coordinates, selections))
 
 
+def choices(cube: "xr.Dataset", dims: Iterable[str]) -> str:
+    """The values that dimensions of a cube have, in words."""
+    return "; ".join(f"{dim} of {', '.join(map(str, cube[dim].values))}" for dim in dims)
+
+
 def chosen_places(
     coordinates: Mapping[str, np.ndarray], selections: Sequence[str]
 ) -> dict[str, list[int]]:
