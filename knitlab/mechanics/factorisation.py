@@ -62,11 +62,12 @@ def _plan(free: FreeStiffness) -> NestedDissection:
 
 def _nested_dissection(free: FreeStiffness) -> Factoriser:
     plan, threads = _plan(free), ThreadpoolController()
+    workspace = plan.workspace()
 
     def factorise(entries: Entries, convexified: bool = False) -> Factors | None:
         # On small fronts a second thread costs more than it brings.
         with threads.limit(limits=1, user_api="blas"):
-            return plan.factorise(entries, convexified)
+            return plan.factorise(entries, convexified, workspace)
 
     return factorise
 

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -117,6 +118,18 @@ class Factors:
         return solution
 
 
+class Workspace(NamedTuple):
+    """Memory of a factorisation.
+
+    Attributes:
+        stored: for the columns of the factor.
+        stack: for updates that wait for their parents.
+    """
+
+    stored: Float[np.ndarray, " entry"]
+    stack: Float[np.ndarray, " place"]
+
+
 @dataclass(frozen=True, eq=False)
 class NestedDissection:
     """How matrices of one sparsity are factored.
@@ -135,8 +148,15 @@ class NestedDissection:
     stored: int
     stack: int
 
+    def workspace(self) -> Workspace:
+        """Memory that a factorisation takes, to be used again and again."""
+        return Workspace(np.empty(self.stored), np.empty(self.stack))
+
     def factorise(
-        self, entries: Float[np.ndarray, " nonzero"], convexified: bool = False
+        self,
+        entries: Float[np.ndarray, " nonzero"],
+        convexified: bool = False,
+        workspace: Workspace | None = None,
     ) -> Factors | None:
         """Factor a matrix, or say by ``None`` that it is not positive definite.
 
@@ -144,10 +164,12 @@ class NestedDissection:
             entries: of its lower triangle, in the order of the sparsity that was dissected.
             convexified: whether to factor, if it is not, a matrix nearby that is; ``None`` then
                 says that it is not finite.
+            workspace: where to; its last factors are lost. New memory by default, which for a
+                large matrix takes the system as long to provide as the factorisation itself.
         """
-        stored = np.zeros(self.stored)
+        stored, stack = workspace or self.workspace()
+        stored[:] = 0
         stored[self.places] = entries
-        stack = np.empty(self.stack)
         columns = tuple(front.columns(stored) for front in self.fronts)
         for front, (pivots, coupling) in zip(self.fronts, columns, strict=True):
             update = front.updated(stack)

@@ -89,8 +89,12 @@ class _Path:
         while True:
             strain = self.last[-1][0] + step
             strain = target if target - strain <= ROUND_OFF else strain
-            state = yield from self._sought(strain, snapping=step <= smallest)
-            followed = state.converged and self._on_branch(strain, state)
+            state = yield from self._sought(strain, snapping=False)
+            followed = self._on_branch(strain, state)
+            if not followed and step <= smallest:
+                spent.append(state)
+                state = yield from self._sought(strain, snapping=True)
+                followed = self._on_branch(strain, state)
             if state.converged and (followed or step <= smallest):
                 snapped |= not followed
                 self.last = [self.last[-1], (strain, state)] if followed else [(strain, state)]
@@ -106,8 +110,9 @@ class _Path:
     def _sought(self, strain: float, snapping: bool) -> Solver[State]:
         """Search for the state at a strain, from where the path so far leads.
 
-        A fabric that may be snapping is followed down as slowly as it would move by itself, as
-        the state that it comes to is kept; else a search that leaves the branch is broken off.
+        A search that leaves the branch is broken off. Only a fabric that is known to snap is
+        followed down, as slowly as it would move by itself, for the state that it comes to is
+        kept.
         """
         free = free_stiffness(self.loading.shape, self.loading.unknowns)
         longest = self.settings.step_limit * float(self.fabric.cell.min())
@@ -151,7 +156,9 @@ class _Path:
         return self.settings.branch_limit * max(abs(work), LEAST_WORK * float(before.energy.total))
 
     def _on_branch(self, strain: float, state: State) -> bool:
-        """Whether the energy grew by the work done."""
+        """Whether a state was reached, and its energy grew by the work done."""
+        if not state.converged:
+            return False
         before_strain, before = self.last[-1]
         distance = (strain - before_strain) * self.loading.length
         forces = [self.loading.reaction_force(of.gradient) for of in (before, state)]

@@ -72,7 +72,7 @@ class Measurement:
         """
         settings = (
             "path_step=0.03",
-            "smallest_step=0.0625",
+            "smallest_step=1",
             f"n_stripe={self.n_stripe}",
             f"n_subunit={self.n_subunit}",
             f"boundary={self.boundary}",
