@@ -1,6 +1,5 @@
 """Corners of unit cells, picked out of a simulated configuration."""
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -10,8 +9,8 @@ from knitlab.model.network import MeshShape
 def unit_cell_corners(
     shape: MeshShape,
     unit_cells: tuple[int, int],
-    configuration: Float[Array, "*state unknown"],
-) -> Float[Array, "*state cell_y+1 cell_x+1 2"]:
+    configuration: Float[Array | np.ndarray, "*state unknown"],
+) -> Float[Array | np.ndarray, "*state cell_y+1 cell_x+1 2"]:
     """Positions (x, y) of the corners of the unit cells [mm].
 
     Args:
@@ -27,5 +26,5 @@ def unit_cell_corners(
     turns_x, columns = np.divmod(columns, shape.nodes_x)
     nodes = configuration[..., :-2].reshape(*configuration.shape[:-1], shape.nodes, 3)
     corners = nodes[..., shape.nodes_x * rows[:, None] + columns[None, :], :2]
-    images = jnp.stack(jnp.broadcast_arrays(turns_x[None, :], turns_y[:, None]), axis=-1)
+    images = np.stack(np.broadcast_arrays(turns_x[None, :], turns_y[:, None]), axis=-1)
     return corners + images * configuration[..., None, None, -2:]

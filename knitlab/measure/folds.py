@@ -4,6 +4,7 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 from knitlab.model.energy import element_vectors, fold_from_rest
@@ -13,7 +14,7 @@ from knitlab.model.network import Network
 
 @partial(jax.jit, static_argnums=0)
 def fold_angles(
-    net: Network, fabric: Fabric, configuration: Float[Array, "*state unknown"]
+    net: Network, fabric: Fabric, configuration: Float[Array | np.ndarray, "*state unknown"]
 ) -> Float[Array, "*state hinge"]:
     """Signed fold angle of every hinge, on the branch nearest its rest angle [rad].
 
@@ -30,12 +31,12 @@ def fold_angles(
 
 
 def hinges_past_pi(
-    net: Network, fabric: Fabric, configuration: Float[Array, "*state unknown"]
-) -> Int[Array, "*state"]:
+    net: Network, fabric: Fabric, configuration: Float[Array | np.ndarray, "*state unknown"]
+) -> Int[np.ndarray, "*state"]:
     """How many hinges have folded past ±π, where the fabric passes through itself [1].
 
     Hinges without stiffness are left out. Contact between layers is not in the paper's model, so
     that nothing keeps a fold from it.
     """
-    past = jnp.abs(fold_angles(net, fabric, configuration)) > jnp.pi
-    return (past & (fabric.fold_stiffness > 0)).sum(axis=-1)
+    past = np.abs(fold_angles(net, fabric, configuration)) > np.pi
+    return (past & (np.asarray(fabric.fold_stiffness) > 0)).sum(axis=-1)

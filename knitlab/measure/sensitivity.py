@@ -26,10 +26,11 @@ def quantities(shape: MeshShape, unit_cells: tuple[int, int]) -> dict[str, Quant
     """
 
     def corners(configuration: Configuration) -> Float[Array, "cell_y+1 cell_x+1 2"]:
-        return unit_cell_corners(shape, unit_cells, configuration)
+        return jnp.asarray(unit_cell_corners(shape, unit_cells, configuration))
 
     def strains(relaxed: Configuration, strained: Configuration) -> list[Array]:
-        return [central_mean(of) for of in local_strain(corners(relaxed), corners(strained))]
+        local = local_strain(corners(relaxed), corners(strained))
+        return [jnp.asarray(central_mean(of)) for of in local]
 
     def cell(relaxed: Configuration) -> Float[Array, "2"]:
         edges = jnp.linalg.norm(lattice_vectors(corners(relaxed)), axis=-2)
@@ -38,7 +39,7 @@ def quantities(shape: MeshShape, unit_cells: tuple[int, int]) -> dict[str, Quant
     return {
         "mean_strain_xx": lambda q0, q, fabric: strains(q0, q)[0],
         "mean_strain_yy": lambda q0, q, fabric: strains(q0, q)[1],
-        "poisson_ratio": lambda q0, q, fabric: poisson_ratio(*strains(q0, q)),
+        "poisson_ratio": lambda q0, q, fabric: jnp.asarray(poisson_ratio(*strains(q0, q))),
         "relaxed_cell_x": lambda q0, q, fabric: cell(q0)[0],
         "relaxed_cell_y": lambda q0, q, fabric: cell(q0)[1],
     }

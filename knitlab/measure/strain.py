@@ -1,13 +1,24 @@
-"""Local strain from the corners of unit cells (paper, Sec. "Kinematics under tension")."""
+"""Local strain from the corners of unit cells (paper, Sec. "Kinematics under tension").
 
-import jax.numpy as jnp
+What is measured in JAX can be differentiated; what is measured in NumPy compiles nothing.
+"""
+
+from typing import Any
+
+import numpy as np
 from jaxtyping import Array, Float
 
-import knitlab.model  # noqa: F401  # so that JAX is in float64 here too
 from knitlab.measure.central import central
 
-CornerGrid = Float[Array, "*state cell_y+1 cell_x+1 2"]
-CellTensor = Float[Array, "*state cell_y cell_x 2 2"]
+CornerGrid = Float[Array | np.ndarray, "*state cell_y+1 cell_x+1 2"]
+CellTensor = Float[Array | np.ndarray, "*state cell_y cell_x 2 2"]
+CellField = Float[Array | np.ndarray, "*state cell_y cell_x"]
+Series = Float[Array | np.ndarray, "*state"]
+
+
+def _library(array: Array | np.ndarray) -> Any:
+    """NumPy or JAX's NumPy, whichever an array is of."""
+    return array.__array_namespace__()
 
 
 def lattice_vectors(corners: CornerGrid) -> CellTensor:
@@ -19,11 +30,12 @@ def lattice_vectors(corners: CornerGrid) -> CellTensor:
     Args:
         corners: positions (x, y) of the corners of the unit cells.
     """
-    along_x = jnp.diff(corners, axis=-2)
-    along_y = jnp.diff(corners, axis=-3)
+    xp = _library(corners)
+    along_x = xp.diff(corners, axis=-2)
+    along_y = xp.diff(corners, axis=-3)
     v1 = (along_x[..., :-1, :, :] + along_x[..., 1:, :, :]) / 2
     v2 = (along_y[..., :, :-1, :] + along_y[..., :, 1:, :]) / 2
-    return jnp.stack([v1, v2], axis=-1)
+    return xp.stack([v1, v2], axis=-1)
 
 
 def deformation_gradient(reference: CellTensor, current: CellTensor) -> CellTensor:
@@ -33,13 +45,12 @@ def deformation_gradient(reference: CellTensor, current: CellTensor) -> CellTens
         reference: lattice vectors of the relaxed shape, v.
         current: lattice vectors of the deformed shape, w.
     """
-    transposed = jnp.linalg.solve(jnp.matrix_transpose(reference), jnp.matrix_transpose(current))
-    return jnp.matrix_transpose(transposed)
+    xp = _library(current)
+    transposed = xp.linalg.solve(xp.matrix_transpose(reference), xp.matrix_transpose(current))
+    return xp.matrix_transpose(transposed)
 
 
-def local_strain(
-    reference: CornerGrid, current: CornerGrid
-) -> tuple[Float[Array, "*state cell_y cell_x"], Float[Array, "*state cell_y cell_x"]]:
+def local_strain(reference: CornerGrid, current: CornerGrid) -> tuple[CellField, CellField]:
     """Local normal strains ε_xx = ∂u_x/∂X and ε_yy = ∂u_y/∂Y of every unit cell [1].
 
     Args:
@@ -50,17 +61,14 @@ def local_strain(
     return gradient[..., 0, 0] - 1, gradient[..., 1, 1] - 1
 
 
-def central_mean(
-    strain: Float[Array, "*state cell_y cell_x"],
-) -> Float[Array, "*state"]:
+def central_mean(strain: CellField) -> Series:
     """Mean over the central unit cells (paper, ε̄) [1]."""
     rows, columns = central(strain.shape[-2]), central(strain.shape[-1])
     return strain[..., rows, columns].mean(axis=(-2, -1))
 
 
-def poisson_ratio(
-    mean_strain_xx: Float[Array, "*state"], mean_strain_yy: Float[Array, "*state"]
-) -> Float[Array, "*state"]:
+def poisson_ratio(mean_strain_xx: Series, mean_strain_yy: Series) -> Series:
     """ν = −ε̄_xx / ε̄_yy [1]; NaN where there is no axial strain."""
     stretched = mean_strain_yy != 0
-    return jnp.where(stretched, -mean_strain_xx / jnp.where(stretched, mean_strain_yy, 1), jnp.nan)
+    xp = _library(mean_strain_yy)
+    return xp.where(stretched, -mean_strain_xx / xp.where(stretched, mean_strain_yy, 1), xp.nan)

@@ -7,8 +7,9 @@ import jax
 import numpy as np
 
 from knitlab.mechanics.batch import run_in_step
-from knitlab.mechanics.evaluation import Evaluation, evaluator, hessian_evaluator
+from knitlab.mechanics.evaluation import Evaluation
 from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser
+from knitlab.mechanics.portions import PortionedFabric
 from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Request, Solve, Solver
 from knitlab.mechanics.stiffness import FreeStiffness
 from knitlab.model.fabric import Fabric
@@ -27,7 +28,7 @@ class Desk:
     """
 
     def __init__(self, shape: MeshShape, fabric: Fabric, method: str | None = None) -> None:
-        self._shape, self._fabric, self._method = shape, fabric, method
+        self._fabric, self._method = PortionedFabric.of(shape, fabric), method
         self._factorisers: dict[FreeStiffness, Factoriser] = {}
         self._free: FreeStiffness | None = None
         self._entries = np.zeros(0)
@@ -37,10 +38,9 @@ class Desk:
         """What a request asks for."""
         match request:
             case Evaluate(configuration, stage):
-                evaluation = evaluator(self._shape)(self._fabric, stage, configuration)
-                return jax.tree.map(np.asarray, evaluation)
+                return self._fabric.evaluate(stage, configuration)
             case Assemble(configuration, free, stage):
-                hessians = hessian_evaluator(self._shape)(self._fabric, stage, configuration)
+                hessians = self._fabric.element_hessians(stage, configuration)
                 self._free, self._entries = free, free.entries(hessians)
                 return None
             case Factorise(shift, convexified):

@@ -1,4 +1,4 @@
-"""Second derivatives of one spring's and one hinge's energy, in closed form.
+"""Second derivatives of the energies of elements: of springs and hinges in closed form.
 
 Automatic differentiation gives the same numbers (the tests compare them) at five times the cost,
 and this is the part of a Newton step that hangs on nothing but elements.
@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from knitlab.model.energy import wall_energy
 from knitlab.model.network import HINGE_VECTORS
 
 Vector = Float[Array, "3 element"]
@@ -56,35 +57,23 @@ def hinge_stiffness(
         The entries of :data:`HINGE_ENTRIES`, for blocks of :data:`LANES` hinges; the last block
         is filled up with hinges of no stiffness.
     """
-    return laned_stiffness(laned(vectors, rest, stiffness, -(-len(rest) // LANES)))
-
-
-Laned = tuple[
-    Float[Array, "block 5 3 lane"], Float[Array, "block lane"], Float[Array, "block lane"]
-]
-"""Vectors, rest angles and stiffnesses of hinges, in blocks that are worked on one by one."""
-
-
-def laned(
-    vectors: Float[Array, "5 3 hinge"],
-    rest: Float[Array, " hinge"],
-    stiffness: Float[Array, " hinge"],
-    blocks: int,
-) -> Laned:
-    """Hinges laid out in blocks of lanes, filled up with hinges of no stiffness."""
+    blocks = -(-len(rest) // LANES)
     spare = (0, blocks * LANES - len(rest))
     # Any hinge that is not degenerate will do where there is none.
     filled = jnp.concatenate([vectors, jnp.broadcast_to(_UNFOLDED, (5, 3, spare[1]))], axis=-1)
-    return (
+    hinges = (
         jnp.moveaxis(filled.reshape(5, 3, blocks, LANES), 2, 0),
         jnp.pad(rest, spare).reshape(blocks, LANES),
         jnp.pad(stiffness, spare).reshape(blocks, LANES),
     )
-
-
-def laned_stiffness(hinges: Laned) -> Float[Array, "block 171 lane"]:
-    """:func:`hinge_stiffness` of hinges that are laid out in blocks."""
     return jax.lax.map(lambda block: _hinge_entries(*block), hinges)
+
+
+def wall_stiffness(
+    heights: Float[Array, " node"], z_max: Float[Array, ""], k_wall: Float[Array, ""]
+) -> Float[Array, " node"]:
+    """Second derivative of the wall penalty by the height of every node [N/mm]."""
+    return jax.vmap(jax.grad(jax.grad(wall_energy)), (0, None, None))(heights, z_max, k_wall)
 
 
 _UNFOLDED = np.array([[0, 1, 0], [1, 1, 0], [-1, 1, 0], [1, 1, 0], [-1, 1, 0]])[:, :, None] * 1.0

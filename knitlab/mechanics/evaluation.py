@@ -1,32 +1,20 @@
-"""Evaluation: energy, forces and element Hessians of a fabric, each one JAX program.
+"""Evaluation: energy, forces and element Hessians of a fabric at a stage of its way to the whole.
 
-A program is compiled once for a mesh shape. How far a fabric is folded and how hard its walls are
-enter as numbers, so that a path on which they rise compiles nothing anew.
+How far a fabric is folded and how hard its walls are enter as numbers, so that a path on which
+they rise compiles nothing anew.
 """
 
-from collections.abc import Callable
-from functools import lru_cache, partial
-from typing import TypeVar
+from dataclasses import dataclass
 
 import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from knitlab.mechanics.element_stiffness import (
-    HINGE_ENTRIES,
-    LANES,
-    Laned,
-    hinge_stiffness,
-    laned,
-    laned_stiffness,
-    spring_stiffness,
-)
-from knitlab.model.energy import Energy, element_vectors, energy, positions, wall_energy
+from knitlab.mechanics.element_stiffness import hinge_stiffness, spring_stiffness, wall_stiffness
+from knitlab.model.energy import Energy, element_vectors, energy, positions
 from knitlab.model.fabric import Fabric
-from knitlab.model.network import MeshShape, Network, network
-
-Result = TypeVar("Result")
+from knitlab.model.network import Network
 
 
 class Stage(eqx.Module):
@@ -53,7 +41,9 @@ def staged(fabric: Fabric, stage: Stage) -> Fabric:
     )
 
 
-class Evaluation(eqx.Module):
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Evaluation:
     """What a configuration costs, and how that changes.
 
     Attributes:
@@ -105,75 +95,12 @@ def element_hessians(
     net: Network, fabric: Fabric, stage: Stage, configuration: Float[Array, " unknown"]
 ) -> ElementHessians:
     """Element Hessians of one fabric in one configuration; arguments as for :func:`evaluate`."""
-    springs, walls = _spring_and_wall_hessians(net, fabric, stage, configuration)
-    hinges = hinge_stiffness(*_hinges(net, fabric, stage, configuration))
-    return ElementHessians(springs, hinges, walls)
-
-
-def _spring_and_wall_hessians(
-    net: Network, fabric: Fabric, stage: Stage, configuration: Float[Array, " unknown"]
-) -> tuple[Float[Array, "6 spring"], Float[Array, " node"]]:
     acting = staged(fabric, stage)
-    springs = spring_stiffness(
-        element_vectors(net.springs, configuration)[0],
-        acting.rest_length,
-        acting.stretch_stiffness,
+    springs = element_vectors(net.springs, configuration)[0]
+    hinges = element_vectors(net.hinges, configuration)
+    heights = positions(configuration)[:, 2]
+    return ElementHessians(
+        spring_stiffness(springs, acting.rest_length, acting.stretch_stiffness),
+        hinge_stiffness(hinges, acting.rest_fold, acting.fold_stiffness),
+        wall_stiffness(heights, acting.z_max, acting.k_wall),
     )
-    curvature = jax.vmap(jax.grad(jax.grad(wall_energy)), (0, None, None))
-    return springs, curvature(positions(configuration)[:, 2], acting.z_max, acting.k_wall)
-
-
-def _hinges(
-    net: Network, fabric: Fabric, stage: Stage, configuration: Float[Array, " unknown"]
-) -> tuple[Float[Array, "5 3 hinge"], Float[Array, " hinge"], Float[Array, " hinge"]]:
-    acting = staged(fabric, stage)
-    vectors = element_vectors(net.hinges, configuration)
-    return vectors, acting.rest_fold, acting.fold_stiffness
-
-
-PORTION = 16
-"""Blocks of hinges whose stiffness is worked out in one call."""
-_portion_stiffness = jax.jit(laned_stiffness)
-
-Program = Callable[[Fabric, Stage, Float[np.ndarray, "*batch unknown"]], Result]
-
-
-@lru_cache(maxsize=16)
-def evaluator(shape: MeshShape) -> Program[Evaluation]:
-    """Compiled :func:`evaluate` for fabrics of one mesh shape."""
-    return jax.jit(partial(evaluate, network(shape)))
-
-
-@lru_cache(maxsize=16)
-def hessian_evaluator(shape: MeshShape) -> Program[ElementHessians]:
-    """Compiled :func:`element_hessians` for fabrics of one mesh shape.
-
-    The hinges' program takes four times as long to compile as all the others of a mesh shape. So
-    it works on portions of a fixed size, the same for all shapes, and is compiled once.
-    """
-    net = network(shape)
-    blocks = -(-len(net.hinges.nodes) // LANES)
-    portions = -(-blocks // PORTION)
-
-    @jax.jit
-    def but_hinges(
-        fabric: Fabric, stage: Stage, configuration: Float[Array, " unknown"]
-    ) -> tuple[Float[Array, "6 spring"], Float[Array, " node"], Laned]:
-        hinges = _hinges(net, fabric, stage, configuration)
-        return (
-            *_spring_and_wall_hessians(net, fabric, stage, configuration),
-            laned(*hinges, portions * PORTION),
-        )
-
-    def evaluated(
-        fabric: Fabric, stage: Stage, configuration: Float[np.ndarray, " unknown"]
-    ) -> ElementHessians:
-        springs, walls, laid = jax.tree.map(np.asarray, but_hinges(fabric, stage, configuration))
-        hinges = np.empty((blocks, len(HINGE_ENTRIES[0]), LANES))
-        for first in range(0, blocks, PORTION):
-            portion = tuple(of[first : first + PORTION] for of in laid)
-            part = hinges[first : first + PORTION]
-            part[:] = np.asarray(_portion_stiffness(portion))[: len(part)]
-        return ElementHessians(springs, hinges, walls)
-
-    return evaluated

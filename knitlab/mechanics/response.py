@@ -10,9 +10,10 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from knitlab.mechanics.evaluation import WHOLE, hessian_evaluator
+from knitlab.mechanics.evaluation import WHOLE
 from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser
 from knitlab.mechanics.loading import all_free
+from knitlab.mechanics.portions import PortionedFabric
 from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
@@ -66,7 +67,8 @@ class Responses:
         Raises:
             NoDerivative: if K is not positive definite but for rigid motions.
         """
-        hessians = hessian_evaluator(self.free.shape)(fabric, WHOLE, configuration)
+        whole = PortionedFabric.of(self.free.shape, fabric)
+        hessians = whole.element_hessians(WHOLE, configuration)
         factors = self.factorise(self.free.shifted(self.free.entries(hessians), SHIFT))
         if factors is None:
             raise NoDerivative("the stiffness is not positive definite")

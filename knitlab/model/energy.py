@@ -4,9 +4,9 @@ A configuration is one vector: the coordinates of every node, then L_x and L_y, 
 endless fabric (they have no influence on a sheet with open edges). Units are mm, N and rad.
 """
 
+from dataclasses import dataclass
 from functools import partial
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -15,7 +15,9 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.network import Elements, Network
 
 
-class Energy(eqx.Module):
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Energy:
     """Elastic energy in its three parts [N mm] (paper, Eqs. 1, 2 and the wall penalty)."""
 
     stretch: Float[Array, ""]
@@ -126,9 +128,9 @@ def hinge_energy(
 
 
 def wall_energy(
-    z: Float[Array, ""], z_max: Float[Array, ""], k_wall: Float[Array, ""]
-) -> Float[Array, ""]:
-    """½ k_wall (δ⁺² + δ⁻²) of one node at height z [N mm] (paper, wall penalty)."""
+    z: Float[Array, "*node"], z_max: Float[Array, ""], k_wall: Float[Array, ""]
+) -> Float[Array, "*node"]:
+    """½ k_wall (δ⁺² + δ⁻²) of nodes at heights z [N mm] (paper, wall penalty)."""
     return 0.5 * k_wall * jnp.maximum(jnp.abs(z) - z_max, 0.0) ** 2
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
@@ -99,10 +98,8 @@ def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
     }
     if shape.periodic:
         values |= {"length_x": lengths[:, 0], "length_y": lengths[:, 1]}
-    configurations = jnp.array([state.configuration for state in reached])
-    values["hinges_past_pi"] = np.asarray(
-        hinges_past_pi(*case.woven(), configurations), dtype=float
-    )
+    configurations = np.array([state.configuration for state in reached])
+    values["hinges_past_pi"] = hinges_past_pi(*case.woven(), configurations).astype(float)
     return values | {"position": nodes.reshape(-1, shape.nodes_y, shape.nodes_x, 3)}
 
 
@@ -149,12 +146,12 @@ def _history(case: Case, history: History) -> dict[str, Any]:
 
 
 def _strains(case: Case, reached: list[State], complete: bool) -> dict[str, Any]:
-    configurations = jnp.array([state.configuration for state in reached])
+    configurations = np.array([state.configuration for state in reached])
     corners = unit_cell_corners(case.mesh_shape, case.unit_cells, configurations)
     strain_xx, strain_yy = local_strain(corners[0], corners)
     mean_xx, mean_yy = central_mean(strain_xx), central_mean(strain_yy)
-    edges = jnp.linalg.norm(lattice_vectors(corners[0]), axis=-2)
-    ratio = np.asarray(poisson_ratio(mean_xx, mean_yy)).copy()
+    edges = np.linalg.norm(lattice_vectors(corners[0]), axis=-2)
+    ratio = poisson_ratio(mean_xx, mean_yy)
     ratio[0] = np.nan  # 0/0, whatever round-off makes of it
     if case.all_corners_held:
         # What its strain across reads is round-off.

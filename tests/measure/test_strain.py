@@ -1,6 +1,4 @@
-import subprocess
-import sys
-
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -88,12 +86,13 @@ def test_corners_of_the_flat_sheet_are_its_lattice(reading):
     assert np.allclose(corners, np.stack([x, y], axis=-1) * 8 * np.asarray(fabric.cell))
 
 
-def test_measures_alone_are_in_double_precision():
-    program = (
-        "import numpy as np; from knitlab.measure.strain import lattice_vectors;"
-        " print(lattice_vectors(np.zeros((2, 2, 2))).dtype)"
-    )
-    told = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
-    assert told.stdout.strip() == "float64"
+def test_it_is_measured_alike_in_numpy_and_in_jax():
+    corners = np.random.default_rng(0).normal(size=(3, 4, 5, 2)) + np.mgrid[:4, :5].T.swapaxes(0, 1)
+    for found, library in ((corners, np), (jnp.asarray(corners), jnp)):
+        strains = local_strain(found[0], found)
+        ratio = poisson_ratio(*(central_mean(strain) for strain in strains))
+        assert isinstance(ratio, library.ndarray)
+        assert np.asarray(ratio).dtype == np.float64
+        if library is np:
+            expected = ratio
+    assert np.allclose(ratio, expected, rtol=1e-12, equal_nan=True)

@@ -5,17 +5,14 @@ import pytest
 
 from knitlab.mechanics.element_stiffness import (
     HINGE_ENTRIES,
-    LANES,
     SPRING_ENTRIES,
     hinge_stiffness,
     spring_stiffness,
 )
 from knitlab.mechanics.evaluation import (
-    PORTION,
     WHOLE,
     Stage,
     element_hessians,
-    hessian_evaluator,
     staged,
 )
 from knitlab.mechanics.loading import all_free, tensile
@@ -85,17 +82,3 @@ def test_walls_and_held_unknowns_enter_the_stiffness():
     assert np.allclose(matrix, exact[np.ix_(free.unknowns, free.unknowns)], atol=1e-12)
     beyond = np.asarray(at[2:-2:3]) > 6.0
     assert 0 < beyond.sum() < len(beyond)
-
-
-def test_portions_of_hinges_make_up_the_same_hessians():
-    """More hinges than a portion holds, and no whole number of portions."""
-    net, fabric = checkered(4, 4, Reading(boundary="clamped", hinges="all"))
-    portion = PORTION * LANES
-    assert len(net.hinges.nodes) > portion
-    assert len(net.hinges.nodes) % portion
-    at = shaken(flat_sheet(net, fabric), 0.1)
-    stage = Stage(fold=0.7, wall=0.3)
-    whole = element_hessians(net, fabric, stage, at)
-    in_portions = hessian_evaluator(net.shape)(fabric, stage, np.asarray(at))
-    for name in ("springs", "hinges", "walls"):
-        assert np.allclose(getattr(in_portions, name), getattr(whole, name), rtol=1e-12, atol=1e-14)

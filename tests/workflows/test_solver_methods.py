@@ -44,7 +44,7 @@ def test_methods_pull_a_sample_to_the_same_state(solver):
     assert watch.states == len(pulled) == len(expected) == 3
     energies = [float(problem.evaluate(states[-1]).energy.total) for states in (pulled, expected)]
     # Each pulls from its own relaxed shape, whose length the force left on it blurs.
-    assert energies[0] == pytest.approx(energies[1], rel=1e-5)
+    assert energies[0] == pytest.approx(energies[1], rel=5e-5)
 
 
 def test_a_method_that_is_given_up_leaves_no_time_but_its_residual():

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from jaxtyping import Float
 from scipy.sparse.linalg import splu
 
-from knitlab.mechanics.evaluation import WHOLE, evaluator, hessian_evaluator
+from knitlab.mechanics.evaluation import WHOLE
 from knitlab.mechanics.factorisation import factoriser
 from knitlab.mechanics.loading import tensile
 from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
@@ -98,15 +98,14 @@ def measure(measurement: Measurement) -> Record:
     (start,) = starts([case], [(net, fabric)])
     if start is None:
         raise RuntimeError("endless fabric did not relax")
-    shape = net.shape
+    shape, sample = net.shape, PortionedFabric.of(net.shape, fabric)
     free = free_stiffness(shape, tensile(shape, start).unknowns)
 
     def assembled() -> np.ndarray:
-        hessians = hessian_evaluator(shape)(fabric, WHOLE, start)
-        return free.shifted(free.entries(hessians), SHIFT)
+        return free.shifted(free.entries(sample.element_hessians(WHOLE, start)), SHIFT)
 
     def evaluated() -> Vector:
-        return np.asarray(evaluator(shape)(fabric, WHOLE, start).gradient)[free.unknowns]
+        return np.asarray(sample.evaluate(WHOLE, start).gradient)[free.unknowns]
 
     hessian_seconds, entries = _timed(assembled)
     evaluation_seconds, gradient = _timed(evaluated)

@@ -9,7 +9,7 @@ import numpy as np
 
 from knitlab.mechanics.drive import Desk
 from knitlab.mechanics.equilibrium import find_equilibrium
-from knitlab.mechanics.evaluation import WHOLE, hessian_evaluator
+from knitlab.mechanics.evaluation import WHOLE
 from knitlab.mechanics.loading import all_free
 from knitlab.mechanics.relaxation import relax, tiled
 from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Solver, SolverSettings
@@ -139,7 +139,7 @@ def driven(problem: Problem, solver: Solver[Result], factorisation: str, watch: 
 def prepare(problem: Problem) -> None:
     """Compile its programs; plans of assembly and factorisation are made while it is timed."""
     problem.evaluate(problem.flat)
-    hessian_evaluator(problem.shape)(problem.fabric, WHOLE, problem.flat)
+    problem.portioned.element_hessians(WHOLE, problem.flat)
 
 
 def _reached(state: State) -> Configuration:

@@ -4,12 +4,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from knitlab.mechanics.evaluation import WHOLE, Evaluation, evaluator
+from knitlab.mechanics.evaluation import WHOLE, Evaluation
 from knitlab.mechanics.loading import all_free, squared_up, tensile
+from knitlab.mechanics.portions import PortionedFabric
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.inertia import Inertia, inertia
 from knitlab.model.network import MeshShape, Network
@@ -55,14 +55,18 @@ class Problem:
         """The flat sheet, from which everyone starts [mm]."""
         return np.asarray(flat_sheet(self.net, self.fabric))
 
+    @cached_property
+    def portioned(self) -> PortionedFabric:
+        """Its fabric in portions."""
+        return PortionedFabric.of(self.shape, self.fabric)
+
     def which(self, free: Free) -> Bool[np.ndarray, " unknown"]:
         """Of every unknown, whether it is free."""
         return np.isin(np.arange(self.shape.unknowns), free)
 
     def evaluate(self, configuration: Configuration) -> Evaluation:
         """Energy and gradient."""
-        evaluation = evaluator(self.shape)(self.fabric, WHOLE, configuration)
-        return jax.tree.map(np.asarray, evaluation)
+        return self.portioned.evaluate(WHOLE, configuration)
 
 
 Search = Callable[[Problem, Configuration, Free, Watch], Configuration]
