@@ -6,21 +6,19 @@ import sys
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import click
 
 from knitlab.sweep.faults import BadInput
+from knitlab.sweep.figure_names import FigureName
 
 if TYPE_CHECKING:
     from knitlab.sweep.plan import Plan
 
 # Each command imports what it needs, so that `query` and `map` start without JAX.
 
-KINDS = (
-    *("auxetic", "curves", "shape", "sensitivity", "wavelength", "tension", "readings"),
-    *("relaxation", "folding", "stripes", "departure"),
-)
+KINDS = get_args(FigureName)
 BAD_INPUT = 2
 SOME_CASE_NOT_OK = 1
 MOST_LINES = 20

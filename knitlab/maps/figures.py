@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import xarray as xr
 from matplotlib.animation import FuncAnimation, PillowWriter
@@ -12,14 +13,17 @@ from matplotlib.figure import Figure
 
 from knitlab.maps.auxetic import auxetic_map
 from knitlab.maps.curves import tension_curves
+from knitlab.maps.network import spring_network
 from knitlab.maps.readings import readings_figure
 from knitlab.maps.relaxation import FRAMES_PER_SECOND, folding_animation, relaxation_figure
+from knitlab.maps.samples import stretched_samples
 from knitlab.maps.selection import choices, selected
 from knitlab.maps.sensitivity import sensitivity_map
 from knitlab.maps.shape import relaxed_shape
+from knitlab.maps.shapes import PAPER_SHAPES, relaxed_shapes
 from knitlab.maps.stripes import stripe_departure, stripe_tension
 from knitlab.maps.style import print_style
-from knitlab.maps.tension import tension_maps
+from knitlab.maps.tension import PAPER_DESIGNS, tension_maps
 from knitlab.maps.wavelength import wavelength_figure
 from knitlab.sweep.case_file import case_path, read_case
 from knitlab.sweep.cube_file import base_dims, open_cube, swept_dims
@@ -35,16 +39,20 @@ class Kind:
     """One kind of figure.
 
     Attributes:
-        draw: what draws it, from a cube, or from a case if ``needs`` names a variable.
+        draw: what draws it: from a cube, or from a case if ``needs`` names a variable, or from
+            several if ``designs`` says which.
         dims: the designs it shows lie along these.
         needs: variable that the case it shows must have.
         coordinates: further coordinates that it can be sliced along.
+        designs: designs (n_stripe, n_subunit) whose cases it shows side by side, as far as they
+            are there.
         compares: whether it shows all values of swept settings side by side.
     """
 
-    draw: Callable[[xr.Dataset], Drawing]
+    draw: Callable[[Any], Drawing]
     dims: tuple[str, ...] = DESIGN_DIMS
     needs: str | None = None
+    designs: tuple[tuple[int, int], ...] = ()
     coordinates: tuple[str, ...] = ()
     compares: bool = False
 
@@ -56,6 +64,9 @@ FIGURES = {
     "sensitivity": Kind(sensitivity_map),
     "wavelength": Kind(wavelength_figure),
     "tension": Kind(tension_maps),
+    "samples": Kind(stretched_samples, needs="position", designs=PAPER_DESIGNS),
+    "shapes": Kind(relaxed_shapes, needs="position", designs=PAPER_SHAPES),
+    "network": Kind(spring_network, needs="position"),
     "readings": Kind(readings_figure, compares=True),
     "relaxation": Kind(relaxation_figure, needs="snapshot_position"),
     "folding": Kind(folding_animation, needs="snapshot_position"),
@@ -161,10 +172,12 @@ def _drawn(name: str, cube_path: Path, selections: Sequence[str] = ()) -> Drawin
         )
     slice_shown = ", ".join(f"{dim} = {cube[dim].item()}" for dim in swept)
     cube = cube.isel(dict.fromkeys(swept, 0), drop=True)
+    folder = cube_path if cube_path.is_dir() else cube_path.parent
     if kind.needs is None:
         drawing = kind.draw(cube)
+    elif kind.designs:
+        drawing = kind.draw(_cases(name, cube, folder))
     else:
-        folder = cube_path if cube_path.is_dir() else cube_path.parent
         drawing = kind.draw(_most_auxetic_case(cube, folder, kind.needs))
     if slice_shown and isinstance(drawing, Figure):
         title = drawing.get_suptitle()
@@ -180,6 +193,20 @@ def save(drawing: Drawing, output: Path) -> None:
         else:
             FigureCanvasAgg(drawing)
             drawing.savefig(temporary)
+
+
+def _cases(name: str, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]:
+    """Cases of the designs that a figure shows, of those that have a case file."""
+    designs = cube["case_id"].stack(design=DESIGN_DIMS)
+    there = {
+        design: case_id
+        for design, case_id in zip(designs["design"].values, designs.values, strict=True)
+        if case_id and case_path(folder, case_id).is_file()
+    }
+    if found := [there[design] for design in FIGURES[name].designs if design in there]:
+        return [read_case(folder, case_id) for case_id in found]
+    wanted = ", ".join(map(str, FIGURES[name].designs))
+    raise fault(str(folder / "cases"), f"holds none of the designs {wanted}, which {name} shows")
 
 
 def _most_auxetic_case(cube: xr.Dataset, folder: Path, needs: str) -> xr.Dataset:

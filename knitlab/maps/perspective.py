@@ -9,8 +9,8 @@ from knitlab.maps.style import SEQUENCE_COLOURS
 
 VIEW = {"elev": 38.0, "azim": -58.0}
 MARGIN = 0.02
-ZOOM = 1.0
-"""As large as the flat sheet still fits."""
+FLAT_SHEET_FITS, FOLDED_SHEET_FITS = 1.0, 1.25
+"""Zooms at which a sheet fills its frame."""
 
 
 def snapshot_nodes(case: xr.Dataset) -> np.ndarray:
@@ -25,17 +25,19 @@ def snapshot_nodes(case: xr.Dataset) -> np.ndarray:
     return np.concatenate([nodes, nodes[:, :1] + along], axis=1)
 
 
-def draw_sheet(axes: Axes3D, nodes: np.ndarray, around: np.ndarray) -> None:
-    """Draw one sheet, at the same scale along x, y and z.
+def by_height(nodes: np.ndarray) -> mpl.colors.Normalize:
+    """What colours sheets by their heights."""
+    return mpl.colors.Normalize(nodes[..., 2].min(), nodes[..., 2].max())
+
+
+def draw_sheet(axes: Axes3D, nodes: np.ndarray, norm: mpl.colors.Normalize) -> None:
+    """Draw one sheet, coloured by height.
 
     Args:
         axes: three-dimensional axes.
         nodes: positions (y, x, component).
-        around: positions whose extent sets the limits and whose heights set the colours, so that
-            several sheets can be compared.
+        norm: of the heights.
     """
-    heights = around[..., 2]
-    norm = mpl.colors.Normalize(heights.min(), heights.max())
     faces = (nodes[:-1, :-1, 2] + nodes[1:, :-1, 2] + nodes[:-1, 1:, 2] + nodes[1:, 1:, 2]) / 4
     axes.plot_surface(
         *np.moveaxis(nodes, -1, 0),
@@ -46,6 +48,10 @@ def draw_sheet(axes: Axes3D, nodes: np.ndarray, around: np.ndarray) -> None:
         antialiased=False,
         shade=True,
     )
+
+
+def frame_sheet(axes: Axes3D, around: np.ndarray, zoom: float = FLAT_SHEET_FITS) -> None:
+    """Show what lies around some positions (…, component), at one scale along x, y and z."""
     low, high = around.reshape(-1, 3).min(axis=0), around.reshape(-1, 3).max(axis=0)
     middle, half = (low + high) / 2, (high - low) / 2 * (1 + MARGIN)
     half = np.maximum(half, 0.05 * half.max())
@@ -55,6 +61,6 @@ def draw_sheet(axes: Axes3D, nodes: np.ndarray, around: np.ndarray) -> None:
         zlim=(middle[2] - half[2], middle[2] + half[2]),
     )
     axes.set_proj_type("ortho")
-    axes.set_box_aspect(half, zoom=ZOOM)
+    axes.set_box_aspect(half, zoom=zoom)
     axes.view_init(**VIEW)
     axes.set_axis_off()

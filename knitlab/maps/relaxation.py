@@ -8,7 +8,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.maps.perspective import draw_sheet, snapshot_nodes
+from knitlab.maps.perspective import by_height, draw_sheet, frame_sheet, snapshot_nodes
 from knitlab.maps.style import ONE_COLUMN, SEQUENCE_COLOURS, TWO_COLUMNS
 
 CONTRACTED = (0.0, 0.15, 0.5)
@@ -44,15 +44,14 @@ def relaxation_figure(case: xr.Dataset) -> Figure:
             textcoords="offset points",
             va="top",
         )
-    width = 0.9 / len(chosen)
+    width, norm = 0.9 / len(chosen), by_height(nodes)
     for column, (place, letter) in enumerate(zip(chosen, LETTERS, strict=False)):
         scene = figure.add_axes((column * width, 0.0, width, 0.36), projection="3d")
-        draw_sheet(scene, nodes[place], nodes)
+        draw_sheet(scene, nodes[place], norm)
+        frame_sheet(scene, nodes)
         middle = (column + 0.5) * width
         figure.text(middle, 0.37, f"({letter}) {_time_text(times[column])}", ha="center")
     figure.text(0.5, 0.97, _design_text(case), ha="center")
-    heights = nodes[..., 2]
-    norm = mpl.colors.Normalize(heights.min(), heights.max())
     bar = figure.add_axes((0.92, 0.06, 0.012, 0.28))
     figure.colorbar(mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS), cax=bar)
     bar.set_title("z [mm]")
@@ -83,12 +82,13 @@ def folding_animation(case: xr.Dataset) -> FuncAnimation:
     nodes = snapshot_nodes(case)
     figure = Figure(figsize=(ONE_COLUMN * 1.3, ONE_COLUMN), dpi=120)
     scene = figure.add_axes((0, 0, 1, 0.92), projection="3d")
-    last = len(nodes) - 1
+    last, norm = len(nodes) - 1, by_height(nodes)
 
     def frame(number: int) -> list[Artist]:
         place = min(number, last)
         scene.clear()
-        draw_sheet(scene, nodes[place], nodes)
+        draw_sheet(scene, nodes[place], norm)
+        frame_sheet(scene, nodes)
         when = _time_text(float(case["snapshot"][place]))
         figure.suptitle(f"{_design_text(case)}, {when}", fontsize=8)
         return []

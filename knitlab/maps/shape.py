@@ -6,15 +6,14 @@ import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
+from knitlab.maps.relief import draw_relief, faces_of
 from knitlab.maps.style import ONE_COLUMN, SEQUENCE_COLOURS
 
 ENDLESS_REPEATS = 2
 """Unit cells of endless fabric that are drawn each way."""
-LIGHT = np.array([-0.5, 0.5, 0.7])
 
 
 def relaxed_shape(case: xr.Dataset) -> Figure:
@@ -24,44 +23,24 @@ def relaxed_shape(case: xr.Dataset) -> Figure:
         case: a case file, with its node positions.
     """
     parameters = json.loads(case.attrs["parameters"])
-    nodes = _whole_sheet(case)
+    nodes = whole_sheet(case)
     endless = parameters["reading"]["boundary"] == "periodic"
     cells_y = case.sizes["node_y"] - (not endless)
     spans = cells_y // (parameters["unit_cells"][0] * len(parameters["pattern"]))
 
-    corners = np.stack([nodes[:-1, :-1], nodes[:-1, 1:], nodes[1:, 1:], nodes[1:, :-1]], axis=2)
-    faces = corners.reshape(-1, 4, 3)
-    normals = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    light = np.abs(normals @ (LIGHT / np.linalg.norm(LIGHT)))
+    faces = faces_of(nodes)
     heights = faces[:, :, 2].mean(axis=1)
     norm = mpl.colors.Normalize(heights.min(), heights.max())
     colours = mpl.colormaps[SEQUENCE_COLOURS](norm(heights))
-    colours[:, :3] *= (0.45 + 0.55 * light)[:, None]
     borders = np.concatenate(
         [_segments(line) for line in (*nodes[::spans], *nodes.swapaxes(0, 1)[::spans])]
     )
-
-    # Painted from below, so that a fold hides what lies under it; a border rides on its faces.
-    polygons = [*faces[:, :, :2], *borders[:, :, :2]]
-    lift = 0.02 * np.ptp(heights)
-    from_below = np.argsort(np.concatenate([heights, borders[:, :, 2].mean(axis=1) + lift]))
-    white = np.ones((len(borders), 4))
-    shades = np.concatenate([colours, white])[from_below]
-    widths = np.repeat([0.2, 1.2], [len(faces), len(borders)])[from_below]
-
     extent = np.ptp(nodes[..., :2], axis=(0, 1))
     height = ONE_COLUMN * min(1.6, 0.8 * extent[1] / extent[0]) + 0.7
     figure = Figure(figsize=(ONE_COLUMN * 1.2, height), layout="constrained")
     axes = figure.add_subplot()
-    axes.add_collection(
-        PolyCollection(
-            [polygons[k] for k in from_below], facecolors=shades, edgecolors=shades, lw=widths
-        )
-    )
+    draw_relief(axes, faces, colours, borders)
     _name_patches(axes, nodes, parameters["pattern"], spans)
-    axes.set(xlabel="x, weft [mm]", ylabel="y, warp [mm]", aspect="equal")
-    axes.autoscale_view()
     design = f"n_stripe = {int(case['n_stripe'])}, n_subunit = {int(case['n_subunit'])}"
     axes.set_title(f"{design}, endless" if endless else design)
     figure.colorbar(
@@ -75,7 +54,7 @@ def _segments(line: np.ndarray) -> np.ndarray:
     return np.stack([line[:-1], line[1:]], axis=1)
 
 
-def _whole_sheet(case: xr.Dataset) -> np.ndarray:
+def whole_sheet(case: xr.Dataset) -> np.ndarray:
     """Nodes (y, x, component) of the relaxed sheet; endless fabric is repeated and closed."""
     nodes = case["position"].isel(applied_strain=0).values
     if "length_x" not in case:

@@ -1,6 +1,6 @@
 """Workflows: what the one short TOML file of an experiment may hold."""
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_validator
 
@@ -18,22 +18,10 @@ from knitlab.model.reading import (
 from knitlab.model.stripe import Knit
 from knitlab.sweep.case import Method
 from knitlab.sweep.changes import Changes
+from knitlab.sweep.figure_names import FigureName
 from knitlab.sweep.parameters import Fraction, Snapshots
 from knitlab.sweep.strict import Strict
 
-Figure = Literal[
-    "curves",
-    "auxetic",
-    "shape",
-    "sensitivity",
-    "wavelength",
-    "tension",
-    "readings",
-    "relaxation",
-    "folding",
-    "stripes",
-    "departure",
-]
 Whole = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
 
 MOST_STEPS = 1000
@@ -174,7 +162,7 @@ class Workflow(Strict):
     """A workflow file, with what ``--set`` changed."""
 
     title: str = Field(min_length=1)
-    figures: Annotated[tuple[Figure, ...], Field(strict=False)] = ()
+    figures: Annotated[tuple[FigureName, ...], Field(strict=False)] = ()
     design: DesignSection | None = None
     stripes: StripesSection | None = None
     protocol: ProtocolSection = ProtocolSection()

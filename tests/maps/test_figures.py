@@ -1,14 +1,19 @@
+import json
 import subprocess
 import sys
 
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from knitlab.maps.auxetic import auxetic_map
 from knitlab.maps.curves import tension_curves
 from knitlab.maps.figures import draw_figure
+from knitlab.maps.network import spring_network
+from knitlab.maps.samples import stretched_samples
 from knitlab.maps.sensitivity import sensitivity_map
+from knitlab.maps.shapes import relaxed_shapes
 from knitlab.sweep.faults import BadInput
 from tests.maps.made_up import made_up_cube
 
@@ -93,6 +98,7 @@ def test_a_figure_is_written_whole_in_the_format_of_its_suffix(cube_file, tmp_pa
         ("curves", "curves.png", ("n_stripe=2", "n_subunit=64"), "no design of this selection"),
         ("auxetic", "map.pdf", ("applied_strain=0.1",), "says nothing to auxetic"),
         ("sensitivity", "map.pdf", (), "run with --set sensitivities=true"),
+        ("shapes", "map.pdf", (), r"none of the designs \(4, 16\), .*which shapes shows"),
     ],
 )
 def test_a_figure_that_cannot_be_drawn_writes_nothing(
@@ -101,6 +107,72 @@ def test_a_figure_that_cannot_be_drawn_writes_nothing(
     with pytest.raises(BadInput, match=message):
         draw_figure(kind, cube_file, tmp_path / output, selections)
     assert list(tmp_path.iterdir()) == [cube_file]
+
+
+def made_up_case(endless: bool) -> xr.Dataset:
+    """A case of 2 × 1 unit cells of (4, 16), flat, and stretched with a cell of its own strain."""
+    rows, columns = (16, 16) if endless else (33, 17)
+    y, x = np.mgrid[:rows, :columns]
+    flat = np.stack([x, y, 0.1 * (x % 2)], axis=-1)
+    cells = (1, 1) if endless else (2, 1)
+    lengths = {name: ("applied_strain", [16.0, 16.0]) for name in ("length_x", "length_y")}
+    parameters = {
+        "unit_cells": cells,
+        "pattern": ["GR", "RG"],
+        "periods": 2,
+        "sheet": {"z_max": 6.0, "k_wall": 100.0},
+        "reading": {"boundary": "periodic" if endless else "clamped"},
+    }
+    return xr.Dataset(
+        {
+            "position": (("applied_strain", "node_y", "node_x", "component"), [flat, 1.2 * flat]),
+            "strain_xx": (
+                ("applied_strain", "cell_y", "cell_x"),
+                [np.zeros(cells), np.reshape([0.2, -0.1][: cells[0]], cells)],
+            ),
+            **(lengths if endless else {}),
+        },
+        {"applied_strain": [0.0, 0.2], "n_stripe": 4, "n_subunit": 16},
+        {"parameters": json.dumps(parameters)},
+    )
+
+
+@pytest.mark.parametrize("endless", [True, False])
+def test_the_network_shows_every_spring_and_fold_of_a_unit_cell(endless):
+    flat, scene = spring_network(made_up_case(endless)).axes
+    # A patch is 8 cells wide: mountains at its lines 2 and 6, a valley at 4, in four patches.
+    folds = {"mountain": 4 * 2 * 8, "valley": 4 * 8}
+    drawn = [2 * 16 * 16, 16 * 16, 16 * 16, *folds.values()]
+    assert [len(lines.get_segments()) for lines in flat.collections] == drawn
+    assert len(scene.collections) == len(drawn)
+    mountains = np.array(flat.collections[3].get_segments())
+    assert (np.abs(np.diff(mountains, axis=1)).sum(-1) == 1).all()
+    along_y = mountains[np.ptp(mountains[..., 0], axis=1) == 0]
+    assert sorted(set(along_y[:, 0, 0].tolist())) == [2, 6, 10, 14]
+
+
+def test_stretched_samples_have_the_colour_of_each_unit_cell():
+    relaxed, stretched, _ = stretched_samples([made_up_case(endless=False)]).axes
+    assert "0%" in relaxed.get_title()
+    assert "20%" in stretched.get_title()
+    faces = stretched.collections[0]
+    colours = faces.get_facecolors()
+    redder = colours[:, 0] > colours[:, 2]
+    middle = np.array([path.vertices[:4, 1].mean() for path in faces.get_paths()])
+    assert redder[middle < 16 * 1.2].all()
+    assert not redder[middle > 16 * 1.2].any()
+
+
+def test_stretched_samples_are_between_clamps():
+    with pytest.raises(BadInput, match="not endless fabric"):
+        stretched_samples([made_up_case(endless=True)])
+
+
+def test_relaxed_shapes_stand_side_by_side_with_their_sizes():
+    figure = relaxed_shapes([made_up_case(endless=True), made_up_case(endless=False)])
+    assert [axes.name for axes in figure.axes] == ["3d", "3d", "rectilinear"]
+    texts = [text.get_text() for text in figure.texts]
+    assert texts == ["(4, 16)\n32 × 32 mm", "(4, 16)\n16 × 32 mm"]
 
 
 @pytest.mark.parametrize("content", [None, b"not netCDF"])

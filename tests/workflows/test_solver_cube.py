@@ -121,6 +121,13 @@ def test_of_two_records_that_differ_in_their_setting_the_later_counts():
     assert cube["setting"].item() == 0.2
 
 
+def test_sweeps_alone_make_a_cube():
+    measurement = Measurement("sweep", "knitlab", size="paper", workers=2)
+    cost = {"reached": True, "seconds": 180.0, "designs": 20, "date": DAY, "git_commit": "0"}
+    cube = cube_of([asdict(measurement) | cost])
+    assert cube["seconds_median"].squeeze().item() == 180.0
+
+
 def test_figures_are_drawn_from_the_file_of_the_cube_alone(cube, tmp_path):
     write_cube(cube, tmp_path / "solvers.nc")
     read = read_cube(tmp_path / "solvers.nc")

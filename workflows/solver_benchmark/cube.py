@@ -134,7 +134,7 @@ def _trials(trials: pd.DataFrame) -> xr.Dataset:
 
 def _costs(frame: pd.DataFrame) -> xr.Dataset:
     """What every measurement cost, its median, spread and ratios."""
-    for name in COST:
+    for name in (*COST, "nodes"):
         if name not in frame:
             frame[name] = np.nan
     indexed = frame.set_index([*DIMS])

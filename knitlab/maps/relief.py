@@ -1,0 +1,54 @@
+"""A sheet in plan, shaded as a relief."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+
+LIGHT = np.array([-0.5, 0.5, 0.7])
+LIFT = 0.02
+"""How far lines ride above their faces, as a part of the relief's height."""
+
+
+def faces_of(nodes: np.ndarray) -> np.ndarray:
+    """Corners (face, corner, component) of the grid cells of a sheet of nodes (y, x, component)."""
+    corners = np.stack([nodes[:-1, :-1], nodes[:-1, 1:], nodes[1:, 1:], nodes[1:, :-1]], axis=2)
+    return corners.reshape(-1, 4, 3)
+
+
+def draw_relief(
+    axes: Axes, faces: np.ndarray, colours: np.ndarray, lines: np.ndarray, rasterised: bool = False
+) -> None:
+    """Draw faces shaded by their slope, and white lines on them.
+
+    They are painted from below, so that a fold hides what lies under it.
+
+    Args:
+        axes: where.
+        faces: corners (face, corner, component).
+        colours: of every face, RGBA.
+        lines: segments (segment, end, component).
+        rasterised: whether they are pixels in a vector file, as large samples should be.
+    """
+    normals = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    light = np.abs(normals @ (LIGHT / np.linalg.norm(LIGHT)))
+    shaded = colours.copy()
+    shaded[:, :3] *= (0.45 + 0.55 * light)[:, None]
+
+    heights = faces[:, :, 2].mean(axis=1)
+    riding = lines[:, :, 2].mean(axis=1) + LIFT * np.ptp(heights)
+    from_below = np.argsort(np.concatenate([heights, riding]))
+    polygons = [*faces[:, :, :2], *lines[:, :, :2]]
+    shades = np.concatenate([shaded, np.ones((len(lines), 4))])[from_below]
+    widths = np.repeat([0.2, 1.2], [len(faces), len(lines)])[from_below]
+    axes.add_collection(
+        PolyCollection(
+            [polygons[k] for k in from_below],
+            facecolors=shades,
+            edgecolors=shades,
+            lw=widths,
+            rasterized=rasterised,
+        )
+    )
+    axes.set(xlabel="x, weft [mm]", ylabel="y, warp [mm]", aspect="equal")
+    axes.autoscale_view()
