@@ -10,13 +10,11 @@ import netCDF4
 import numpy as np
 import xarray as xr
 
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS
-from knitlab.measure.wavelength import POINTS
 from knitlab.sweep.case import Case, Label
 from knitlab.sweep.case_file import case_path
 from knitlab.sweep.common import ATTRIBUTE, parameters_of, shared
 from knitlab.sweep.design_space import Design
-from knitlab.sweep.measurement import variables_of
+from knitlab.sweep.measurement import FIXED_COORDINATES, fixed_coordinates, variables_of
 from knitlab.sweep.plain_cube import PlainCube, unmasked
 from knitlab.sweep.plan import Plan
 from knitlab.sweep.provenance import provenance
@@ -142,7 +140,7 @@ def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) 
     strains = sorted({strain for entry in entries.values() for strain in entry.strains})
     cells_y, cells_x = np.max([entry.unit_cells for entry in entries.values()], axis=0)
     sizes = {"applied_strain": len(strains), "cell_y": int(cells_y), "cell_x": int(cells_x)}
-    sizes |= {"stripe_parameter": len(STRIPE_PARAMETERS), "boundary_point": POINTS}
+    sizes |= {name: len(labels) for name, labels in FIXED_COORDINATES.items()}
     grid = tuple(map(len, labels))
     arrays: dict[str, np.ndarray] = {
         name: np.full((*grid, *(sizes[dim] for dim in VARIABLES[name].dims)), np.nan)
@@ -172,10 +170,8 @@ def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) 
         "applied_strain": strains,
         "cell_y": np.arange(sizes["cell_y"]),
         "cell_x": np.arange(sizes["cell_x"]),
-        "boundary_point": np.linspace(0, 1, POINTS),
+        **fixed_coordinates({dim for name in names for dim in VARIABLES[name].dims}),
     }
-    if any("stripe_parameter" in VARIABLES[name].dims for name in names):
-        coordinates["stripe_parameter"] = list(STRIPE_PARAMETERS)
     cube = described(xr.Dataset(variables, coordinates))
     for name, coordinate in plan.coordinates.items():
         cube[name].attrs |= coordinate.attributes

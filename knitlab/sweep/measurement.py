@@ -1,6 +1,6 @@
 """Measurement of a finished test: all that a case holds, as a labelled dataset."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,17 @@ from knitlab.sweep.case import Case
 from knitlab.sweep.fingerprint import code_fingerprint
 from knitlab.sweep.registry import VARIABLES, Status, Variable, described
 from knitlab.sweep.sensitivity import sensitivities
+
+FIXED_COORDINATES: dict[str, list[Any]] = {
+    "stripe_parameter": list(STRIPE_PARAMETERS),
+    "boundary_point": np.linspace(0, 1, POINTS).tolist(),
+}
+"""Labels along the dimensions that are the same for every case."""
+
+
+def fixed_coordinates(dims: Iterable[str]) -> dict[str, list[Any]]:
+    """Those of :data:`FIXED_COORDINATES` that lie along some dimensions."""
+    return {name: labels for name, labels in FIXED_COORDINATES.items() if name in dims}
 
 
 def variables_of(case: Case) -> dict[str, Variable]:
@@ -180,8 +191,7 @@ def _dataset(case: Case, values: dict[str, Any]) -> xr.Dataset:
         "applied_strain": len(case.applied_strain),
         "cell_y": case.unit_cells[0],
         "cell_x": case.unit_cells[1],
-        "stripe_parameter": len(STRIPE_PARAMETERS),
-        "boundary_point": POINTS,
+        **{name: len(labels) for name, labels in FIXED_COORDINATES.items()},
         "node_y": shape.nodes_y,
         "node_x": shape.nodes_x,
         "component": 3,
@@ -206,10 +216,8 @@ def _dataset(case: Case, values: dict[str, Any]) -> xr.Dataset:
         "cell_y": np.arange(sizes["cell_y"]),
         "cell_x": np.arange(sizes["cell_x"]),
     }
-    coordinates["boundary_point"] = np.linspace(0, 1, POINTS)
     coordinates |= {name: values[name] for name in ("time", "snapshot") if name in values}
-    if case.sensitivities:
-        coordinates["stripe_parameter"] = list(STRIPE_PARAMETERS)
+    coordinates |= fixed_coordinates({dim for dims, _ in variables.values() for dim in dims})
     if "position" in variables:
         coordinates["component"] = ["x", "y", "z"]
     return xr.Dataset(variables, coordinates)
