@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Array, Float
 
+from knitlab.measure.places import nodes_at
 from knitlab.model.network import MeshShape
 
 
@@ -22,9 +23,4 @@ def unit_cell_corners(
     steps = shape.cells_y // unit_cells[0], shape.cells_x // unit_cells[1]
     rows = steps[0] * np.arange(unit_cells[0] + 1)
     columns = steps[1] * np.arange(unit_cells[1] + 1)
-    turns_y, rows = np.divmod(rows, shape.nodes_y)
-    turns_x, columns = np.divmod(columns, shape.nodes_x)
-    nodes = configuration[..., :-2].reshape(*configuration.shape[:-1], shape.nodes, 3)
-    corners = nodes[..., shape.nodes_x * rows[:, None] + columns[None, :], :2]
-    images = np.stack(np.broadcast_arrays(turns_x[None, :], turns_y[:, None]), axis=-1)
-    return corners + images * configuration[..., None, None, -2:]
+    return nodes_at(shape, configuration, rows, columns)[..., :2]

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from knitlab.measure.places import nodes_at
 from knitlab.model.network import MeshShape
 
 
@@ -25,13 +26,7 @@ def central_cell(
     for cells, count in zip((shape.cells_y, shape.cells_x), unit_cells, strict=True):
         span = cells // count
         ranges.append(span * ((count - 1) // 2) + np.arange(span + 1))
-    rows, columns = np.meshgrid(*ranges, indexing="ij")
-    turns_y, rows = np.divmod(rows, shape.nodes_y)
-    turns_x, columns = np.divmod(columns, shape.nodes_x)
-    nodes = configuration[:-2].reshape(shape.nodes_y, shape.nodes_x, 3)[rows, columns].copy()
-    nodes[..., 0] += turns_x * configuration[-2]
-    nodes[..., 1] += turns_y * configuration[-1]
-    return nodes
+    return np.asarray(nodes_at(shape, configuration, *ranges))
 
 
 def widths_across_folds(
