@@ -11,6 +11,7 @@ from knitlab.maps.figures import draw_figure
 REFERENCE = Path(__file__).parents[2] / "results" / "reference"
 DRAWN = {
     "paper": ("auxetic", "curves", "tension", "wavelength"),
+    "lengths": ("readings",),
     "preview": ("auxetic", "curves", "shape", "shapes", "network"),
     "readings": ("readings",),
     "stripes": ("stripes", "departure"),
