@@ -348,8 +348,10 @@ def claims(cubes: tuple[Path, ...], selections: tuple[str, ...], output: Path | 
     Of several cubes the first that measures a claim decides it.
     """
     from knitlab.maps.claims import judged, read_claims
-    from knitlab.maps.claims_page import listed, write_page
+    from knitlab.maps.claims_page import check_suffix, listed, write_page
 
+    if output is not None:
+        check_suffix(output)
     judgements = judged(read_claims(), cubes, selections)
     click.echo(listed(judgements))
     if output is not None:

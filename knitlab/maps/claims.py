@@ -127,8 +127,10 @@ def judged(
         selections: texts ``NAME=VALUE`` that choose of swept settings.
 
     Raises:
-        BadInput: if a cube cannot be read, or lies along a setting of which none is selected.
+        BadInput: if a cube cannot be read or lies along a setting of which none is selected, or
+            if a selection is of nothing that a cube was swept along.
     """
+    _check(selections, cubes)
     opened = [(path, _one_slice(path, selections)) for path in cubes]
     judgements = []
     for claim in claims:
@@ -141,6 +143,19 @@ def judged(
 def _distance(finding: Finding) -> int:
     """How little a finding has to do with its claim: a cube of other designs says the least."""
     return int(finding.measured.endswith("in this cube"))
+
+
+def _check(selections: Sequence[str], cubes: Sequence[Path]) -> None:
+    """Refuse selections that would leave every claim as it is."""
+    swept = sorted({dim for path in cubes for dim in swept_dims(open_cube(path))})
+    remedy = f"select of {', '.join(swept)}" if swept else "leave it out: there are none"
+    faults = [
+        Fault(f"--select {text}", f"is of no swept setting of these cubes; {remedy}")
+        for text in selections
+        if text.partition("=")[0].strip() not in swept
+    ]
+    if faults:
+        raise BadInput(faults)
 
 
 def _one_slice(path: Path, selections: Sequence[str]) -> xr.Dataset:

@@ -33,6 +33,16 @@ def summary(judgements: Sequence[Judgement]) -> str:
     return ", ".join(f"{count} {verdict}" for verdict, count in counted(judgements).items())
 
 
+def check_suffix(page: Path) -> None:
+    """Refuse a page that is of no known format.
+
+    Raises:
+        BadInput: if its suffix is of none.
+    """
+    if page.suffix.lower() not in SUFFIXES:
+        raise fault(f"-o {page}", f"has no suffix of {', '.join(SUFFIXES)}; give one")
+
+
 def write_page(
     judgements: Sequence[Judgement], page: Path, selections: Sequence[str] = ()
 ) -> tuple[list[Path], list[Fault]]:
@@ -49,8 +59,7 @@ def write_page(
     Raises:
         BadInput: if the suffix is of neither.
     """
-    if page.suffix.lower() not in SUFFIXES:
-        raise fault(f"-o {page}", f"has no suffix of {', '.join(SUFFIXES)}; give one")
+    check_suffix(page)
     folder = page.with_suffix("")
     files: list[Path] = []
     faults: list[Fault] = []

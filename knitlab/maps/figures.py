@@ -73,6 +73,7 @@ FIGURES = {
     "stripes": Kind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),
     "departure": Kind(stripe_departure, STRIPE_DIMS, coordinates=("applied_strain",)),
 }
+RUN_THERE = "shapes are in case files, not in the cube: run the designs into this folder"
 MOST_SLICES = 8
 """Values of swept settings that a run draws by itself."""
 STILL = (".pdf", ".svg", ".png")
@@ -206,7 +207,8 @@ def _cases(name: str, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]:
     if found := [there[design] for design in FIGURES[name].designs if design in there]:
         return [read_case(folder, case_id) for case_id in found]
     wanted = ", ".join(map(str, FIGURES[name].designs))
-    raise fault(str(folder / "cases"), f"holds none of the designs {wanted}, which {name} shows")
+    problem = f"holds none of the designs {wanted}, which {name} shows; {RUN_THERE}"
+    raise fault(str(folder / "cases"), problem)
 
 
 def _most_auxetic_case(cube: xr.Dataset, folder: Path, needs: str) -> xr.Dataset:
@@ -216,6 +218,8 @@ def _most_auxetic_case(cube: xr.Dataset, folder: Path, needs: str) -> xr.Dataset
             case = read_case(folder, case_id)
             if needs in case:
                 return case
+    if not any(designs["case_id"].values):
+        raise fault("--select", "no design of this selection was ever to be run; choose others")
     what = VARIABLES[needs].long_name
-    how = "; run them with method=dynamics" if VARIABLES[needs].of == "dynamics" else ""
-    raise fault(str(folder / "cases"), f"holds no {what} of these designs{how}")
+    how = "run them with method=dynamics" if VARIABLES[needs].of == "dynamics" else RUN_THERE
+    raise fault(str(folder / "cases"), f"holds no {what} of these designs; {how}")

@@ -58,7 +58,7 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
         faces = faces_of(nodes - [0, nodes[..., 1].min(), 0])
         colours = mpl.colormaps[STRAIN_COLOURS](norm(_by_face(case, field)))
         draw_relief(axes, faces, colours, np.empty((0, 2, 3)), rasterised=True)
-        axes.set_title(f"{_name(case)}\n{strain:.0%}")
+        axes.set_title(f"{_name(case)}\n{f'pulled {strain:.0%}' if strain else 'relaxed'}")
         axes.set(xlabel="x [mm]", ylabel="")
     grid[0].set_ylabel("y, warp [mm]")
     figure.colorbar(

@@ -296,3 +296,17 @@ def test_slopes_of_one_line_are_told_from_those_of_several():
     same_slopes = [probability(1, 1, 1) for _ in range(200)]
     assert np.mean(np.array(same_slopes) < 0.1) == pytest.approx(0.1, abs=0.06)
     assert probability(1, 1, 2) < 1e-3
+
+
+def test_a_selection_that_would_change_nothing_is_refused(tmp_path):
+    write_cube(good_checkerboards(), tmp_path / "cube.nc")
+    with pytest.raises(BadInput, match=r"--select n_stripe=4: is of no swept setting"):
+        judged(read_claims(), [tmp_path], ["n_stripe=4"])
+
+
+def test_a_page_of_no_known_format_is_refused_before_anything_is_said(tmp_path):
+    write_cube(good_checkerboards(), tmp_path / "cube.nc")
+    told = CliRunner().invoke(main, ["claims", str(tmp_path), "-o", str(tmp_path / "page.txt")])
+    assert told.exit_code == 2
+    assert not told.stdout
+    assert "has no suffix of .md, .html" in told.stderr
