@@ -46,6 +46,12 @@ Numbers = Annotated[tuple[PositiveInt, ...], Field(strict=False)]
 Design = tuple[int, int]
 
 
+def _unit(name: str) -> str:
+    """A variable's unit as it follows a number; nothing for a plain number."""
+    unit = VARIABLES[name].units
+    return "" if unit == "1" else f" {unit}"
+
+
 class DesignTest(Strict):
     """A test over designs (n_stripe, n_subunit) of a checkerboard.
 
@@ -202,7 +208,7 @@ class LessThan(EachDesignTest):
         one, other = float(cell[self.of]), float(cell[self.than])
         if not (np.isfinite(one) and np.isfinite(other)):
             return None
-        return one < other, f"{one:.3g} to {other:.3g} {VARIABLES[self.of].units}"
+        return one < other, f"{one:.3g} to {other:.3g}{_unit(self.of)}"
 
 
 class RisesAndFalls(CurveTest):
@@ -351,7 +357,7 @@ class Spread(DesignTest):
             said = f"only {len(values)} of {self.at_least} designs measured"
             return Finding(Verdict.not_measured, said)
         holds = max(values) >= (1 + self.least) * min(values)
-        figures = f"{min(values):.3g} to {max(values):.3g} {VARIABLES[self.of].units}"
+        figures = f"{min(values):.3g} to {max(values):.3g}{_unit(self.of)}"
         verdict = Verdict.holds if holds else Verdict.fails
         return Finding(verdict, f"{figures} over {len(values)} designs")
 

@@ -9,7 +9,7 @@ from knitlab.maps.style import SEQUENCE_COLOURS
 
 VIEW = {"elev": 38.0, "azim": -58.0}
 MARGIN = 0.02
-FLAT_SHEET_FITS, FOLDED_SHEET_FITS = 1.0, 1.25
+FLAT_SHEET_FITS, FOLDED_SHEET_FITS = 1.0, 1.1
 """Zooms at which a sheet fills its frame."""
 
 

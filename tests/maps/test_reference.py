@@ -12,6 +12,7 @@ REFERENCE = Path(__file__).parents[2] / "results" / "reference"
 DRAWN = {
     "paper": ("auxetic", "curves", "tension", "wavelength"),
     "lengths": ("readings",),
+    "paper_quarter": ("auxetic", "curves", "tension", "wavelength"),
     "preview": ("auxetic", "curves", "shape", "shapes", "network"),
     "readings": ("readings",),
     "stripes": ("stripes", "departure"),
@@ -26,7 +27,7 @@ def test_figures_are_drawn_from_the_committed_cube_alone(results, tmp_path):
 
 
 def test_the_committed_page_of_claims_is_that_of_the_committed_cubes(tmp_path):
-    cubes = [REFERENCE / name for name in ("paper", "stripes")]
+    cubes = [REFERENCE / name for name in ("paper", "stripes", "paper_quarter", "relaxation")]
     judgements = judged(read_claims(), cubes)
     write_page(judgements, tmp_path / "claims.md")
     committed = (REFERENCE / "claims.md").read_text(encoding="utf-8")
