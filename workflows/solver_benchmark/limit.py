@@ -16,6 +16,7 @@ from scipy.sparse.linalg import splu
 from knitlab.mechanics.evaluation import WHOLE
 from knitlab.mechanics.factorisation import factoriser
 from knitlab.mechanics.loading import tensile
+from knitlab.mechanics.portions import PortionedFabric
 from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
 from knitlab.sweep.simulation import starts
 from workflows.solver_benchmark.measurement import Measurement, Record

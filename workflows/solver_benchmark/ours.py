@@ -51,7 +51,9 @@ def knitlab(
         return replace(settings, tolerance=problem.tolerance)
 
     def start(problem: Problem, watch: Watch) -> Configuration | None:
-        return endless and _laid_out(problem, endless, its(problem), factorisation, watch)
+        if endless is None:
+            return None
+        return _laid_out(problem, endless, its(problem), factorisation, watch)
 
     def relaxed(problem: Problem, watch: Watch) -> Configuration:
         solver = relax(problem.net, problem.fabric, its(problem), start(problem, watch))
