@@ -23,7 +23,7 @@ from knitlab.maps.claim_tests import (
     Verdict,
 )
 from knitlab.maps.line_claim_tests import CommonSlope, DepartsMost, Linear
-from knitlab.maps.selection import choices, selected
+from knitlab.maps.selection import choices, coordinate_of, refuse_others, selected
 from knitlab.maps.stripe_claim_tests import SameCurves, StripeOrder, StripeToe
 from knitlab.sweep.cube_file import open_cube, swept_dims
 from knitlab.sweep.faults import BadInput, Fault, fault, faults_of
@@ -130,8 +130,11 @@ def judged(
         BadInput: if a cube cannot be read or lies along a setting of which none is selected, or
             if a selection is of nothing that a cube was swept along.
     """
-    _check(selections, cubes)
-    opened = [(path, _one_slice(path, selections)) for path in cubes]
+    whole = [(path, open_cube(path)) for path in cubes]
+    swept = sorted({dim for _, cube in whole for dim in swept_dims(cube)})
+    remedy = f"select of {', '.join(swept)}" if swept else "leave it out: there are none"
+    refuse_others(selections, swept, f"is of no swept setting of these cubes; {remedy}")
+    opened = [(path, _one_slice(path, cube, selections)) for path, cube in whole]
     judgements = []
     for claim in claims:
         found = [Judgement(claim, claim.test.finding(cube), path) for path, cube in opened]
@@ -145,23 +148,9 @@ def _distance(finding: Finding) -> int:
     return int(finding.measured.endswith("in this cube"))
 
 
-def _check(selections: Sequence[str], cubes: Sequence[Path]) -> None:
-    """Refuse selections that would leave every claim as it is."""
-    swept = sorted({dim for path in cubes for dim in swept_dims(open_cube(path))})
-    remedy = f"select of {', '.join(swept)}" if swept else "leave it out: there are none"
-    faults = [
-        Fault(f"--select {text}", f"is of no swept setting of these cubes; {remedy}")
-        for text in selections
-        if text.partition("=")[0].strip() not in swept
-    ]
-    if faults:
-        raise BadInput(faults)
-
-
-def _one_slice(path: Path, selections: Sequence[str]) -> xr.Dataset:
-    cube = open_cube(path)
+def _one_slice(path: Path, cube: xr.Dataset, selections: Sequence[str]) -> xr.Dataset:
     swept = swept_dims(cube)
-    of_this = [text for text in selections if text.partition("=")[0].strip() in swept]
+    of_this = [text for text in selections if coordinate_of(text) in swept]
     cube = selected(cube, of_this)
     if several := [dim for dim in swept if cube.sizes[dim] > 1]:
         raise fault(str(path), f"lies along swept settings; --select {choices(cube, several)}")

@@ -17,7 +17,7 @@ from knitlab.maps.network import spring_network
 from knitlab.maps.readings import readings_figure
 from knitlab.maps.relaxation import FRAMES_PER_SECOND, folding_animation, relaxation_figure
 from knitlab.maps.samples import stretched_samples
-from knitlab.maps.selection import choices, selected
+from knitlab.maps.selection import choices, refuse_others, selected
 from knitlab.maps.sensitivity import sensitivity_map
 from knitlab.maps.shape import relaxed_shape
 from knitlab.maps.shapes import PAPER_SHAPES, relaxed_shapes
@@ -157,13 +157,7 @@ def _drawn(name: str, cube_path: Path, selections: Sequence[str] = ()) -> Drawin
         raise fault(name, f"is not of such designs as this cube's; draw {', '.join(able)}")
     swept = swept_dims(cube)
     known = (*kind.dims, *swept, *kind.coordinates)
-    faults = [
-        Fault(f"--select {text}", f"says nothing to {name}; select of {', '.join(known)}")
-        for text in selections
-        if text.partition("=")[0].strip() not in known
-    ]
-    if faults:
-        raise BadInput(faults)
+    refuse_others(selections, known, f"says nothing to {name}; select of {', '.join(known)}")
     cube = selected(cube, selections)
     if kind.compares:
         return kind.draw(cube)

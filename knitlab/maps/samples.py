@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from knitlab.maps.relief import draw_relief, faces_of
 from knitlab.maps.style import STRAIN_COLOURS, TWO_COLUMNS
-from knitlab.maps.tension import SHOWN_STRAIN
+from knitlab.maps.tension import shown_strain
 from knitlab.sweep.faults import fault
 
 MARGIN = 1.1
@@ -34,8 +34,7 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     if any("length_x" in case for case in cases):
         problem = "shows samples between clamps, not endless fabric; draw shape or shapes"
         raise fault("samples", problem)
-    strains = cases[0]["applied_strain"].values
-    at = float(strains[np.abs(strains - SHOWN_STRAIN).argmin()])
+    at = shown_strain(cases[0])
     shown = [case.sel(applied_strain=[0.0, at]) for case in cases]
     largest = max(float(np.nanmax(np.abs(case["strain_xx"]))) for case in shown)
     norm = mpl.colors.Normalize(-largest, largest)

@@ -37,6 +37,32 @@ def selected(cube: "xr.Dataset", selections: Sequence[str]) -> "xr.Dataset":
     return cube.isel(chosen_places(PlainCube.of(cube).coordinates, selections))
 
 
+def coordinate_of(text: str) -> str:
+    """What a selection selects along."""
+    return text.partition("=")[0].strip()
+
+
+def refuse_others(selections: Sequence[str], known: Iterable[str], problem: str) -> None:
+    """Refuse selections along anything but what is known.
+
+    Args:
+        selections: texts ``NAME=VALUE``.
+        known: names that may be selected along.
+        problem: what is wrong with the others.
+
+    Raises:
+        BadInput: with every selection that is along something else.
+    """
+    names = set(known)
+    faults = [
+        Fault(f"--select {text}", problem)
+        for text in selections
+        if coordinate_of(text) not in names
+    ]
+    if faults:
+        raise BadInput(faults)
+
+
 def choices(cube: "xr.Dataset", dims: Iterable[str]) -> str:
     """The values that dimensions of a cube have, in words."""
     return "; ".join(f"{dim} of {', '.join(map(str, cube[dim].values))}" for dim in dims)

@@ -33,8 +33,7 @@ def tension_maps(cube: xr.Dataset) -> Figure:
     if not shown:
         names = ", ".join(map(str, PAPER_DESIGNS))
         raise fault("tension", f"none of {names} is in this cube with more than one unit cell")
-    strains = cube["applied_strain"].values
-    at = float(strains[np.abs(strains - SHOWN_STRAIN).argmin()])
+    at = shown_strain(cube)
     fields = {
         name: [design[name].sel(applied_strain=at) for design in shown] for name in COMPONENTS
     }
@@ -51,6 +50,12 @@ def tension_maps(cube: xr.Dataset) -> Figure:
         figure.colorbar(scale, ax=list(row), label=f"{label} [1]", shrink=0.9)
     figure.suptitle(f"applied strain {at:.0%}", fontsize="medium")
     return figure
+
+
+def shown_strain(cube: xr.Dataset) -> float:
+    """The applied strain nearest the one shown of those that were recorded [1]."""
+    strains = cube["applied_strain"].values
+    return float(strains[np.abs(strains - SHOWN_STRAIN).argmin()])
 
 
 def _is_there(cube: xr.Dataset, n_stripe: int, n_subunit: int) -> bool:
