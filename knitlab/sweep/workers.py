@@ -251,6 +251,9 @@ def _client(workers: int, scheduler: str | None, dashboard: bool) -> Iterator[Cl
         # A case that kills its worker would kill others; run_plan tries again, and alone.
         "distributed.scheduler.allowed-failures": 0,
         "distributed.scheduler.worker-saturation": 1.0,
+        # A worker that died is started anew, however long that takes: dask would else give it up
+        # after 15 s, and with the last of them the run would wait for ever.
+        "distributed.deploy.lost-worker-timeout": "1 day",
         "distributed.worker.preload": ["knitlab.sweep.quiet_worker"],
     }
     for name in ("distributed", "tornado"):
