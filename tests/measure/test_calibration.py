@@ -11,7 +11,6 @@ from knitlab.model.zigzag import tension, zigzag
 from tests.fabrics import ALL_STRIPES, stripe
 
 POINTS, NOISE, SEEDS = 41, 0.01, 40
-pytestmark = pytest.mark.xdist_group("calibration")  # its fits are made once
 
 
 def curve(of, largest=2.0, noise=NOISE, seed=0):

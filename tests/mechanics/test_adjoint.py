@@ -27,8 +27,6 @@ from knitlab.model.reading import Reading
 from knitlab.sweep.sensitivity import measured_by
 from tests.fabrics import CLAMPED, ENDLESS, FINE, stripe
 
-pytestmark = pytest.mark.xdist_group("adjoint")  # so that each program is compiled once
-
 NAMES = (
     "poisson_ratio",
     "mean_strain_xx",

@@ -17,8 +17,6 @@ SMALL = ("n_stripe=4", "n_subunit=8", "strain_max=0.06")
 ASKED = ("sensitivities=true",)
 NAMES = {name for name, its in VARIABLES.items() if its.of == "sensitivities"}
 
-pytestmark = pytest.mark.xdist_group("sensitivity")
-
 
 @pytest.fixture(scope="module")
 def cube(tmp_path_factory):
