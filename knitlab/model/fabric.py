@@ -141,6 +141,22 @@ class Weave:
         )
 
 
+def patch_senses(
+    pattern: Pattern, reading: Reading
+) -> tuple[Float[np.ndarray, "row column"], Float[np.ndarray, "row column"]]:
+    """Senses of the folds of rib and of garter patches, 1 for a mountain and −1 for a valley.
+
+    Of rib at the edge to the left of every grid cell, of garter at the edge below it; 0 where the
+    fabric rests flat.
+    """
+    rib, periodic = pattern.rib_cells, reading.boundary == "periodic"
+    garter_sign = 1 if reading.garter_start == "mountain" else -1
+    return (
+        fold_senses(rib, reading.fold_phase, periodic),
+        garter_sign * fold_senses(~rib.T, reading.fold_phase, periodic).T,
+    )
+
+
 def laid_out(pattern: Pattern, sheet: Sheet, reading: Reading) -> Weave:
     """Where a patterned fabric has which spring, hinge and fold (paper, Sec. "3D model").
 
@@ -160,9 +176,7 @@ def laid_out(pattern: Pattern, sheet: Sheet, reading: Reading) -> Weave:
     net = network(shape)
     rib = pattern.rib_cells
     at = tuple(net.hinge_cells.T)
-    rib_senses = fold_senses(rib, reading.fold_phase, shape.periodic)
-    garter_senses = fold_senses(~rib.T, reading.fold_phase, shape.periodic).T
-    garter_sign = 1 if reading.garter_start == "mountain" else -1
+    rib_senses, garter_senses = patch_senses(pattern, reading)
     hinged = np.ones(len(net.wale), dtype=bool)
     if reading.hinges == "fold_lines":
         in_rib = inside_runs(rib, shape.periodic)
@@ -174,7 +188,7 @@ def laid_out(pattern: Pattern, sheet: Sheet, reading: Reading) -> Weave:
         reading=reading,
         spring_kind=np.select([net.weft, net.warp], [0, 1], 2),
         hinge_kind=np.where(net.wale, 0, 1),
-        fold_sense=np.where(net.wale, rib_senses[at], garter_sign * garter_senses[at]),
+        fold_sense=np.where(net.wale, rib_senses[at], garter_senses[at]),
         hinged=hinged,
     )
 

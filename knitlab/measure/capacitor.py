@@ -1,0 +1,183 @@
+"""A knitted capacitor along a test: its capacitance in every state, or why there is none."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from knitlab.measure.capacitance import (
+    STATES_AT_ONCE,
+    images_along,
+    maxwell_matrices,
+    near_pairs,
+    two_terminal,
+)
+from knitlab.measure.folds import fold_angles
+from knitlab.measure.gap import crosses_itself, gap_between
+from knitlab.measure.panels import PanelChart, panel_chart, panels_on
+from knitlab.model.electrodes import Electrodes
+from knitlab.model.fabric import Fabric
+from knitlab.model.network import MeshShape, Network
+
+ORDER = 2
+"""Order at which the capacitance converges with the size of panels that are graded."""
+LEVELS = (1, 2, 3, 4)
+MOST_PANELS = 2400
+"""Panels that a finer level may have."""
+
+
+class CapacitorStatus(IntEnum):
+    """What a meter would make of a state."""
+
+    measured = 0
+    no_state = 1
+    touching = 2
+    folded_through = 3
+    unresolved = 4
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What a capacitance hangs on beside the shape.
+
+    Attributes:
+        permittivity: of what is around the electrodes, over that of vacuum [1].
+        clearance: distance at which electrodes count as touching [mm].
+        accuracy: largest estimated error of a capacitance, over itself [1].
+    """
+
+    permittivity: float
+    clearance: float
+    accuracy: float
+
+
+@dataclass(frozen=True, eq=False)
+class Capacitances:
+    """A capacitor in every state of a test.
+
+    Attributes:
+        status: what there is of it in each state.
+        capacitance: two-terminal, NaN where it is not measured; of one period if endless [pF].
+        mutual: the mutual capacitance −C₁₂ of Maxwell's matrix, of open samples alone [pF].
+        error: estimated error of the capacitance, over itself; there too where it is too large.
+        gap: shortest distance between the electrodes, looked for up to :attr:`reach` [mm].
+    """
+
+    status: Int[np.ndarray, " state"]
+    capacitance: Float[np.ndarray, " state"]
+    mutual: Float[np.ndarray, " state"]
+    error: Float[np.ndarray, " state"]
+    gap: Float[np.ndarray, " state"]
+
+
+def capacitances(
+    electrodes: Electrodes,
+    net: Network,
+    fabric: Fabric,
+    configurations: Float[np.ndarray, "state unknown"],
+    conditions: Conditions,
+) -> Capacitances:
+    """Capacitance in every state, by the boundary-element method at two or more panel sizes.
+
+    A value is extrapolated from the last two sizes; how far from the last is its estimated error.
+    Panels are refined where that is larger than ``conditions.accuracy``. There is no value where
+    the electrodes touch or a fold at them has passed through itself: the model has no contact, and
+    what it goes on to there no fabric does.
+
+    Args:
+        electrodes: what is plated.
+        net: network of the fabric.
+        fabric: its numbers.
+        configurations: of every state.
+        conditions: what else it hangs on.
+    """
+    shape, states = net.shape, len(configurations)
+    status = np.full(states, CapacitorStatus.measured)
+    gap, through = _obstacles(electrodes, net, fabric, configurations)
+    status[through] = CapacitorStatus.folded_through
+    status[~through & (gap < conditions.clearance)] = CapacitorStatus.touching
+    value, mutual, error = (np.full(states, np.nan) for _ in range(3))
+    coarse, coarse_level = np.full((states, 2), np.nan), 0
+    left = np.flatnonzero(status == CapacitorStatus.measured)
+    for level in LEVELS:
+        chart = panel_chart(electrodes, shape, level)
+        if not left.size or (level > LEVELS[1] and len(chart.cell) > MOST_PANELS):
+            break
+        fine = np.full((states, 2), np.nan)
+        fine[left] = _pair(electrodes, chart, shape, configurations[left])
+        if coarse_level:
+            gain = 1 / ((level / coarse_level) ** ORDER - 1)
+            limit = fine + gain * (fine - coarse)
+            value[left], mutual[left] = limit[left].T
+            error[left] = np.abs(limit - fine)[left, 0] / np.abs(limit[left, 0])
+            left = left[~(error[left] <= conditions.accuracy)]
+        coarse, coarse_level = fine, level
+    status[left] = CapacitorStatus.unresolved
+    unmeasured = status != CapacitorStatus.measured
+    value[unmeasured] = mutual[unmeasured] = np.nan
+    if shape.periodic:
+        mutual[:] = np.nan
+    scale = conditions.permittivity
+    return Capacitances(status, scale * value, scale * mutual, error, gap)
+
+
+def _pair(
+    electrodes: Electrodes,
+    chart: PanelChart,
+    shape: MeshShape,
+    configurations: Float[np.ndarray, "state unknown"],
+) -> Float[np.ndarray, "state 2"]:
+    """Two-terminal and mutual capacitance in vacuum [pF]."""
+    panels = np.asarray(panels_on(chart, shape, configurations))
+    period = configurations[:, -2 + electrodes.axis]
+    images = images_along(electrodes.axis, panels, period) if shape.periodic else None
+    near = near_pairs(panels, images, period)
+    found = []
+    for first in range(0, len(panels), STATES_AT_ONCE):
+        # The last batch is filled up, or it would be compiled anew.
+        batch = np.minimum(np.arange(first, first + STATES_AT_ONCE), len(panels) - 1)
+        matrices = maxwell_matrices(
+            jnp.asarray(panels[batch]),
+            jnp.asarray(chart.membership),
+            jnp.asarray(near),
+            images,
+            jnp.asarray(period[batch]),
+        )
+        found.append(np.stack([two_terminal(matrices), -matrices[:, 0, 1]], axis=-1))
+    return np.concatenate(found)[: len(panels)]
+
+
+def _obstacles(
+    electrodes: Electrodes,
+    net: Network,
+    fabric: Fabric,
+    configurations: Float[np.ndarray, "state unknown"],
+) -> tuple[Float[np.ndarray, " state"], Bool[np.ndarray, " state"]]:
+    """How near the electrodes come in every state, and whether a fold at them is passed through."""
+    shape = net.shape
+    chart = panel_chart(electrodes, shape, LEVELS[0])
+    panels = np.asarray(panels_on(chart, shape, configurations))
+    reach = float(np.asarray(fabric.cell).max())
+    gap = np.array([gap_between(state, chart.electrode, reach) for state in panels])
+    folds = np.asarray(fold_angles(net, fabric, configurations))[:, _hinges_at(electrodes, net)]
+    through = (np.abs(folds) > np.pi).any(axis=-1)
+    for number in (0, 1):
+        own = panels[:, chart.electrode == number]
+        through |= np.array([crosses_itself(state) for state in own])
+    return gap, through
+
+
+def _hinges_at(electrodes: Electrodes, net: Network) -> Bool[np.ndarray, " hinge"]:
+    """Hinges that lie on the electrodes or between them."""
+    strips = [strip for strips in electrodes.strips for strip in strips]
+    left, right = min(strip.left for strip in strips), max(strip.right for strip in strips)
+    bottom, top = min(strip.bottom for strip in strips), max(strip.top for strip in strips)
+    row, column = net.hinge_cells.T
+    beside = (column >= np.floor(left)) & (column < np.ceil(right))
+    above = (row >= np.floor(bottom)) & (row < np.ceil(top))
+    # On endless fabric electrodes may lie beyond the seam.
+    beside |= (column + net.shape.cells_x < np.ceil(right)) & net.shape.periodic
+    above |= (row + net.shape.cells_y < np.ceil(top)) & net.shape.periodic
+    return beside & above

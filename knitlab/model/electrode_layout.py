@@ -1,0 +1,182 @@
+"""Layouts: which fold lines of a fabric carry conductor, and what that makes of its chart."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Bool
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from knitlab.model.electrodes import NAMES, Along, Electrodes, Strip
+from knitlab.model.fabric import patch_senses
+from knitlab.model.network import MeshShape, mesh_shape
+from knitlab.model.pattern import Pattern
+from knitlab.model.reading import Reading
+
+Face = Literal["front", "back", "both"]
+Within = Literal["patch", "fabric"]
+Width = float | Literal["stripe"]
+
+SENSES: dict[Face, tuple[int, ...]] = {"front": (1,), "back": (-1,), "both": (1, -1)}
+CELLS_PER_STRIPE = 2
+BARE = "."
+
+
+class BadLayout(ValueError):
+    """A layout that a fabric cannot carry.
+
+    Attributes:
+        problems: a sentence for each.
+    """
+
+    def __init__(self, problems: list[str]) -> None:
+        super().__init__("; ".join(problems))
+        self.problems = problems
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the two electrodes of a fabric run: along two of its ridges, or as drawn.
+
+    Attributes:
+        along: what they run along. Ridges along a wale are folds of rib, and go straight on
+            through garter patches; those along a course are folds of garter.
+        ridges: numbers of the two ridges, from 1, the leftmost or lowest.
+        face: on which face ridges are counted.
+        within: whether they are counted in the middle patch, or in the whole fabric.
+        width: of each electrode, about its ridge; ``"stripe"`` is a whole stripe [stitches].
+        span: from where to where they run, as parts of the fabric's length; endless fabric is
+            plated from 0 to 1.
+        mask: instead of ridges, a drawing of the chart: a letter for each grid cell, A or B where
+            it is plated and ``.`` where not, top course first.
+    """
+
+    along: Along = "wale"
+    ridges: tuple[int, int] = (1, 2)
+    face: Face = "front"
+    within: Within = "patch"
+    width: Width = "stripe"
+    span: tuple[float, float] = (0.0, 1.0)
+    mask: tuple[str, ...] = ()
+
+
+def laid_electrodes(
+    layout: Layout, pattern: Pattern, reading: Reading, stitches: tuple[float, float]
+) -> Electrodes:
+    """The electrodes of a layout on a fabric.
+
+    Args:
+        layout: the layout.
+        pattern: which patch is rib and which garter.
+        reading: it says where folds lie and whether the fabric is endless.
+        stitches: wales and courses that a grid cell stands for.
+
+    Raises:
+        BadLayout: with every fault, each with its place.
+    """
+    shape = mesh_shape(pattern, reading.boundary)
+    if shape.periodic and layout.span != (0.0, 1.0):
+        raise BadLayout(["endless fabric has no ends; leave span, or take boundary = clamped"])
+    if layout.mask:
+        electrodes = _drawn(layout, shape)
+    else:
+        electrodes = _along_ridges(layout, pattern, reading, shape, stitches)
+    if faults := electrodes.faults(shape):
+        raise BadLayout(faults)
+    return electrodes
+
+
+def ridge_lines(layout: Layout, pattern: Pattern, reading: Reading) -> list[int]:
+    """Grid lines of the ridges that a layout counts."""
+    rib_senses, garter_senses = patch_senses(pattern, reading)
+    senses = rib_senses if layout.along == "wale" else garter_senses.T
+    folded = np.asarray(np.isin(senses, SENSES[layout.face]).any(axis=0))
+    if layout.within == "patch":
+        patches = len(folded) // pattern.cells_per_patch
+        first = (patches - 1) // 2 * pattern.cells_per_patch
+        folded[:first], folded[first + pattern.cells_per_patch :] = False, False
+    return np.flatnonzero(folded).tolist()
+
+
+def _along_ridges(
+    layout: Layout,
+    pattern: Pattern,
+    reading: Reading,
+    shape: MeshShape,
+    stitches: tuple[float, float],
+) -> Electrodes:
+    lines = ridge_lines(layout, pattern, reading)
+    if missing := sorted({number for number in layout.ridges if number > len(lines)}):
+        where = "its middle patch" if layout.within == "patch" else "the fabric"
+        raise BadLayout(
+            [
+                f"there is no ridge {number}: {where} has {len(lines)} on face {layout.face}; give"
+                " other ridges, or count them within the fabric"
+                for number in missing
+            ]
+        )
+    across = stitches[0 if layout.along == "wale" else 1]
+    width = CELLS_PER_STRIPE if layout.width == "stripe" else layout.width / across
+    length = shape.cells_y if layout.along == "wale" else shape.cells_x
+    start, end = (part * length for part in layout.span)
+    strips = []
+    for number in layout.ridges:
+        low, high = lines[number - 1] - width / 2, lines[number - 1] + width / 2
+        on = (low, high, start, end) if layout.along == "wale" else (start, end, low, high)
+        strips.append((Strip(*on),))
+    return Electrodes((strips[0], strips[1]), layout.along)
+
+
+def _drawn(layout: Layout, shape: MeshShape) -> Electrodes:
+    drawing = np.array([list(row.upper()) for row in layout.mask[::-1]])
+    if drawing.shape != (shape.cells_y, shape.cells_x):
+        columns = len(layout.mask[0])
+        raise BadLayout(
+            [
+                f"the mask has {len(layout.mask)} rows of {columns} letters, the fabric"
+                f" {shape.cells_y} rows of {shape.cells_x} grid cells; draw one letter a cell"
+            ]
+        )
+    problems, strips = [], []
+    for name in NAMES:
+        plated = drawing == name
+        problems += _broken(name, plated, layout.along, shape)
+        strips.append(
+            tuple(
+                Strip(column, column + 1.0, row, row + 1.0)
+                for row, column in np.argwhere(plated).astype(float).tolist()
+            )
+        )
+    if problems:
+        raise BadLayout(problems)
+    return Electrodes((strips[0], strips[1]), layout.along)
+
+
+def _broken(
+    name: str, plated: Bool[np.ndarray, "row column"], along: Along, shape: MeshShape
+) -> list[str]:
+    """Why a drawn electrode is not one piece that, on endless fabric, runs on."""
+    if not plated.any():
+        return [f"the mask has no letter {name}; draw both electrodes"]
+    axis = 0 if along == "wale" else 1
+    number = np.full(plated.shape, -1)
+    number[plated] = np.arange(plated.sum())
+    joined = []
+    for direction in (0, 1):
+        ahead = np.roll(number, -1, axis=direction)
+        seam = np.zeros_like(plated)
+        seam[(slice(None),) * direction + (-1,)] = True
+        meets = (number >= 0) & (ahead >= 0)
+        if shape.periodic and direction == axis and not (meets & seam).any():
+            return [f"electrode {name} does not run on over the seam of endless fabric"]
+        if not (shape.periodic and direction == axis):
+            meets &= ~seam
+        joined.append(np.stack([number[meets], ahead[meets]]))
+    start, end = np.concatenate(joined, axis=1)
+    graph = coo_array((np.ones(len(start)), (start, end)), shape=(plated.sum(),) * 2)
+    count, part = connected_components(graph, directed=False)
+    if count == 1:
+        return []
+    row, column = np.argwhere(plated)[np.argmin(np.bincount(part)[part])]
+    return [f"electrode {name} is in {count} pieces, one of them at column {column}, row {row}"]

@@ -1,0 +1,122 @@
+"""Electrodes: conductors plated on a fabric, as rectangles of its flat chart.
+
+The chart counts grid cells: x along the weft from the left edge, y along the warp from the bottom.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+from typing import Literal
+
+import numpy as np
+
+from knitlab.model.network import MeshShape
+
+Along = Literal["wale", "course"]
+"""What electrodes run along: a wale, up the warp, or a course, along the weft."""
+NAMES = ("A", "B")
+
+
+@dataclass(frozen=True)
+class Strip:
+    """A plated rectangle of the chart [grid cells].
+
+    Attributes:
+        left, right: its extent along the weft.
+        bottom, top: its extent along the warp.
+    """
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+
+    def __str__(self) -> str:
+        """Its place in words."""
+        return (
+            f"columns {self.left:g} to {self.right:g}, rows {self.bottom:g} to {self.top:g}"
+            " (grid cells)"
+        )
+
+    @property
+    def extents(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """From where to where it reaches along x, and along y."""
+        return (self.left, self.right), (self.bottom, self.top)
+
+    def shared(self, other: "Strip") -> "Strip | None":
+        """What it has in common with another, be it an edge or a corner; ``None`` if nothing."""
+        common = Strip(
+            max(self.left, other.left),
+            min(self.right, other.right),
+            max(self.bottom, other.bottom),
+            min(self.top, other.top),
+        )
+        return common if common.left <= common.right and common.bottom <= common.top else None
+
+    @property
+    def area(self) -> float:
+        """Its area [grid cells]."""
+        return (self.right - self.left) * (self.top - self.bottom)
+
+
+@dataclass(frozen=True)
+class Electrodes:
+    """The two conductors of a capacitor.
+
+    Attributes:
+        strips: what is plated for each; strips of one electrode meet at whole edges, if at all.
+        along: what they run along. On endless fabric they go on without end in that direction,
+            and are alone in the other.
+    """
+
+    strips: tuple[tuple[Strip, ...], tuple[Strip, ...]]
+    along: Along
+
+    @property
+    def axis(self) -> int:
+        """The axis that they run along, 0 for x and 1 for y."""
+        return 0 if self.along == "course" else 1
+
+    def faults(self, shape: MeshShape) -> list[str]:
+        """What is wrong with them on a mesh, each fault with its place."""
+        found = []
+        for name, strips in zip(NAMES, self.strips, strict=True):
+            found += [
+                f"electrode {name} leaves the fabric: {strip} of {shape.cells_x} × {shape.cells_y}"
+                for strip in strips
+                if self._leaves(strip, shape)
+            ]
+            found += [
+                f"electrode {name} overlaps itself: {common}"
+                for one, other in combinations(strips, 2)
+                if (common := one.shared(other)) and common.area > 0
+            ]
+        found += [
+            f"the electrodes touch, a short circuit: {common}"
+            for one in self.strips[0]
+            for other in self.strips[1]
+            if (common := one.shared(other))
+        ]
+        return found
+
+    def _leaves(self, strip: Strip, shape: MeshShape) -> bool:
+        for axis, (extent, cells) in enumerate(
+            zip(strip.extents, (shape.cells_x, shape.cells_y), strict=True)
+        ):
+            within = extent[0] >= 0 and extent[1] <= cells
+            around = extent[1] - extent[0] < cells
+            if not (within or (shape.periodic and axis != self.axis and around)):
+                return True
+        return False
+
+
+def pieces(strip: Strip) -> list[Strip]:
+    """A strip, cut along the borders of the grid cells."""
+    x, y = (
+        [low, *np.arange(np.floor(low) + 1, np.ceil(high)).tolist(), high]
+        for low, high in strip.extents
+    )
+    return [
+        Strip(left, right, bottom, top)
+        for left, right in pairwise(x)
+        for bottom, top in pairwise(y)
+    ]
