@@ -1,7 +1,6 @@
 """A knitted capacitor along a test: its capacitance in every state, or why there is none."""
 
 from dataclasses import dataclass
-from enum import IntEnum
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,9 +13,11 @@ from knitlab.measure.capacitance import (
     near_pairs,
     two_terminal,
 )
+from knitlab.measure.capacitor_status import CapacitorStatus
 from knitlab.measure.folds import fold_angles
 from knitlab.measure.gap import crosses_itself, gap_between
 from knitlab.measure.panels import PanelChart, panel_chart, panels_on
+from knitlab.model.electrode_layout import Layout
 from knitlab.model.electrodes import Electrodes
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, Network
@@ -28,29 +29,27 @@ MOST_PANELS = 2400
 """Panels that a finer level may have."""
 
 
-class CapacitorStatus(IntEnum):
-    """What a meter would make of a state."""
-
-    measured = 0
-    no_state = 1
-    touching = 2
-    folded_through = 3
-    unresolved = 4
-
-
 @dataclass(frozen=True)
-class Conditions:
-    """What a capacitance hangs on beside the shape.
+class Capacitor:
+    """Electrodes on a fabric, and what their capacitance hangs on beside its shape.
 
     Attributes:
+        layout: where the electrodes run.
+        electrode_length: relaxed length of the electrodes on endless fabric [mm].
         permittivity: of what is around the electrodes, over that of vacuum [1].
         clearance: distance at which electrodes count as touching [mm].
         accuracy: largest estimated error of a capacitance, over itself [1].
+        linearity: R² that the working range must have [1].
+        unfolded: part of the relaxed fold angle that is left where unfolding is complete [1].
     """
 
+    layout: Layout
+    electrode_length: float
     permittivity: float
     clearance: float
     accuracy: float
+    linearity: float
+    unfolded: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,12 +76,12 @@ def capacitances(
     net: Network,
     fabric: Fabric,
     configurations: Float[np.ndarray, "state unknown"],
-    conditions: Conditions,
+    capacitor: Capacitor,
 ) -> Capacitances:
     """Capacitance in every state, by the boundary-element method at two or more panel sizes.
 
     A value is extrapolated from the last two sizes; how far from the last is its estimated error.
-    Panels are refined where that is larger than ``conditions.accuracy``. There is no value where
+    Panels are refined where that is larger than ``capacitor.accuracy``. There is no value where
     the electrodes touch or a fold at them has passed through itself: the model has no contact, and
     what it goes on to there no fabric does.
 
@@ -91,13 +90,13 @@ def capacitances(
         net: network of the fabric.
         fabric: its numbers.
         configurations: of every state.
-        conditions: what else it hangs on.
+        capacitor: what else it hangs on.
     """
     shape, states = net.shape, len(configurations)
     status = np.full(states, CapacitorStatus.measured)
     gap, through = _obstacles(electrodes, net, fabric, configurations)
     status[through] = CapacitorStatus.folded_through
-    status[~through & (gap < conditions.clearance)] = CapacitorStatus.touching
+    status[~through & (gap < capacitor.clearance)] = CapacitorStatus.touching
     value, mutual, error = (np.full(states, np.nan) for _ in range(3))
     coarse, coarse_level = np.full((states, 2), np.nan), 0
     left = np.flatnonzero(status == CapacitorStatus.measured)
@@ -112,14 +111,14 @@ def capacitances(
             limit = fine + gain * (fine - coarse)
             value[left], mutual[left] = limit[left].T
             error[left] = np.abs(limit - fine)[left, 0] / np.abs(limit[left, 0])
-            left = left[~(error[left] <= conditions.accuracy)]
+            left = left[~(error[left] <= capacitor.accuracy)]
         coarse, coarse_level = fine, level
     status[left] = CapacitorStatus.unresolved
     unmeasured = status != CapacitorStatus.measured
     value[unmeasured] = mutual[unmeasured] = np.nan
     if shape.periodic:
         mutual[:] = np.nan
-    scale = conditions.permittivity
+    scale = capacitor.permittivity
     return Capacitances(status, scale * value, scale * mutual, error, gap)
 
 
@@ -161,7 +160,7 @@ def _obstacles(
     panels = np.asarray(panels_on(chart, shape, configurations))
     reach = float(np.asarray(fabric.cell).max())
     gap = np.array([gap_between(state, chart.electrode, reach) for state in panels])
-    folds = np.asarray(fold_angles(net, fabric, configurations))[:, _hinges_at(electrodes, net)]
+    folds = np.asarray(fold_angles(net, fabric, configurations))[:, hinges_at(electrodes, net)]
     through = (np.abs(folds) > np.pi).any(axis=-1)
     for number in (0, 1):
         own = panels[:, chart.electrode == number]
@@ -169,7 +168,7 @@ def _obstacles(
     return gap, through
 
 
-def _hinges_at(electrodes: Electrodes, net: Network) -> Bool[np.ndarray, " hinge"]:
+def hinges_at(electrodes: Electrodes, net: Network) -> Bool[np.ndarray, " hinge"]:
     """Hinges that lie on the electrodes or between them."""
     strips = [strip for strips in electrodes.strips for strip in strips]
     left, right = min(strip.left for strip in strips), max(strip.right for strip in strips)

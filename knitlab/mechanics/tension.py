@@ -33,6 +33,7 @@ def stretch(
     settings: SolverSettings,
     progress: Callable[[int], None] = lambda done: None,
     start: Float[np.ndarray, " unknown"] | None = None,
+    unload: bool = False,
 ) -> Solver[TensileTest]:
     """Solver that relaxes a fabric and takes it through a tensile test.
 
@@ -54,6 +55,7 @@ def stretch(
         settings: of the equilibrium solver.
         progress: told how many of the states are done.
         start: where the relaxation starts from; the flat sheet by default.
+        unload: whether to let a fabric that reached the last strain go back through all of them.
     """
     relaxed = yield from relax(net, fabric, settings, start)
     progress(1)
@@ -68,7 +70,13 @@ def stretch(
         progress(len(states))
         if not state.converged:
             break
-    return TensileTest(loading, states)
+    unloaded: list[State] = []
+    while unload and states[-1].converged and len(unloaded) < len(states) - 1:
+        state = yield from path.to(applied_strain[-2 - len(unloaded)])
+        if not state.converged:
+            break
+        unloaded.append(state)
+    return TensileTest(loading, states, unloaded=tuple(unloaded))
 
 
 @dataclass
@@ -81,14 +89,15 @@ class _Path:
     settings: SolverSettings
 
     def to(self, target: float) -> Solver[State]:
-        """Follow the path to a strain."""
-        distance = target - self.last[-1][0]
+        """Follow the path to a strain, up or down."""
+        distance = abs(target - self.last[-1][0])
+        towards = math.copysign(1.0, target - self.last[-1][0])
         full = distance / math.ceil(distance / self.settings.path_step - ROUND_OFF)
         smallest = self.settings.smallest_step * full * (1 + ROUND_OFF)
         step, spent, snapped = full, list[State](), False
         while True:
-            strain = self.last[-1][0] + step
-            strain = target if target - strain <= ROUND_OFF else strain
+            strain = self.last[-1][0] + towards * step
+            strain = target if towards * (target - strain) <= ROUND_OFF else strain
             state = yield from self._sought(strain, snapping=False)
             followed = self._on_branch(strain, state)
             if not followed and step <= smallest:
@@ -100,7 +109,7 @@ class _Path:
                 self.last = [self.last[-1], (strain, state)] if followed else [(strain, state)]
                 if strain == target:
                     return replace(state, snapped=snapped).after(*spent)
-                step = min(2 * step if followed else full, full, target - strain)
+                step = min(2 * step if followed else full, full, abs(target - strain))
             elif step <= smallest:
                 return replace(state, snapped=snapped).after(*spent)
             else:

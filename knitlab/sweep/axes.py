@@ -11,7 +11,7 @@ from knitlab.sweep.parameters import Parameters
 from knitlab.sweep.registry import Variable
 from knitlab.sweep.workflow import Workflow
 
-SWEPT_SECTIONS = ("model", "solver", "dynamics")
+SWEPT_SECTIONS = ("model", "solver", "dynamics", "electrodes")
 """Sections of which any setting may be a list."""
 SAMPLE_SIZE = "unit_cells"
 """The setting of ``[design]`` that may be a list too, of pairs."""
@@ -54,8 +54,10 @@ class Axis:
             units = getattr(parameters.sheet, base).unit
         elif self.section == "model":
             units = getattr(parameters.reading, base).unit
-        else:
+        elif base in type(getattr(parameters, self.section)).model_fields:
             units = getattr(getattr(parameters, self.section), base).unit
+        else:
+            words = f"{base} of the electrodes"
         return Variable((name,), units, words)
 
 

@@ -9,8 +9,11 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import TypeAdapter
 
+from knitlab.measure.capacitor import Capacitor
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.solver import SolverSettings
+from knitlab.model.electrode_layout import CELLS_PER_STRIPE, laid_electrodes
+from knitlab.model.electrodes import Electrodes
 from knitlab.model.fabric import Fabric, Sheet, weave
 from knitlab.model.inertia import MassAndDrag
 from knitlab.model.network import MeshShape, Network, mesh_shape
@@ -39,6 +42,8 @@ class Case:
         method: how its states are reached.
         solver: settings of that method.
         sensitivities: whether it is told how its results hang on the stripe parameters.
+        unloading: whether the fabric is let go again, through the same strains.
+        capacitor: the electrodes on it, if any.
     """
 
     design: dict[str, Label]
@@ -54,6 +59,8 @@ class Case:
     method: Method
     solver: SolverSettings | DynamicsSettings
     sensitivities: bool = False
+    unloading: bool = False
+    capacitor: Capacitor | None = None
 
     @cached_property
     def record(self) -> dict[str, Any]:
@@ -100,6 +107,19 @@ class Case:
         """One unit cell of the same fabric without end, of which a clamped sample is laid out."""
         endless = replace(self.reading, boundary="periodic")
         return replace(self, unit_cells=(1, 1), reading=endless)
+
+    @property
+    def electrodes(self) -> Electrodes:
+        """What is plated on it.
+
+        Raises:
+            BadLayout: if its layout is none that it can carry.
+            TypeError: if it has no capacitor.
+        """
+        if self.capacitor is None:
+            raise TypeError(f"case {self.case_id} has no capacitor")
+        cells_per_stitch = self.weft.n / CELLS_PER_STRIPE, self.warp.n / CELLS_PER_STRIPE
+        return laid_electrodes(self.capacitor.layout, self.sample, self.reading, cells_per_stitch)
 
     @property
     def equilibrium_solver(self) -> SolverSettings:

@@ -1,12 +1,14 @@
 """The cases of a design space: what a workflow and the parameters make of each design."""
 
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+from knitlab.measure.capacitor import Capacitor
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.solver import SolverSettings
+from knitlab.model.electrode_layout import Layout
 from knitlab.model.fabric import Sheet
 from knitlab.model.inertia import MassAndDrag
 from knitlab.model.reading import Reading
@@ -20,10 +22,11 @@ from knitlab.sweep.axes import Axis, combinations
 from knitlab.sweep.case import Case, Label
 from knitlab.sweep.changes import changed_sheet, changed_stripe
 from knitlab.sweep.design_space import DesignSpace
-from knitlab.sweep.parameters import Parameters, read_stripe_file
+from knitlab.sweep.faults import fault
+from knitlab.sweep.parameters import ElectrodeParameters, Parameters, read_stripe_file
 from knitlab.sweep.sample_size import sample_size
 from knitlab.sweep.strict import Strict
-from knitlab.sweep.workflow import ModelSection, Workflow
+from knitlab.sweep.workflow import ElectrodesSection, ModelSection, Workflow
 from knitlab.sweep.workflow_text import WorkflowText
 
 # A pure stripe lies with its ridges along x, whatever its knit, and is pulled across them along y.
@@ -74,6 +77,8 @@ def _cases(
         "method": protocol.method,
         "solver": SolverSettings(**_merged(parameters.solver, workflow.solver)),
         "sensitivities": protocol.sensitivities,
+        "unloading": protocol.unloading,
+        "capacitor": _capacitor(workflow.electrodes, parameters.electrodes),
     }
     if protocol.method == "dynamics":
         common["mass_and_drag"] = MassAndDrag(**_of(MassAndDrag, sheet))
@@ -108,6 +113,29 @@ def _cases(
                 unit_cells=(1, 1),
                 **common,
             )
+
+
+def _capacitor(
+    section: ElectrodesSection | None, parameters: ElectrodeParameters
+) -> Capacitor | None:
+    if section is None:
+        return None
+    given = section.model_dump(exclude_none=True)
+    if section.layout is not None and section.layout not in parameters.layouts:
+        known = ", ".join(parameters.layouts)
+        problem = f"there is no layout {section.layout!r}; choose of {known}, or give a mask"
+        raise fault("electrodes.layout", problem)
+    layout = Layout()
+    if section.layout is not None:
+        named = parameters.layouts[section.layout].model_dump(exclude={"source"})
+        layout = Layout(**named)
+    layout = replace(layout, **{key: its for key, its in given.items() if hasattr(layout, key)})
+    numbers = {
+        name: given.get(name, getattr(parameters, name).value)
+        for name in type(parameters).model_fields
+        if name != "layouts"
+    }
+    return Capacitor(layout=layout, **numbers)
 
 
 def _merged(parameters: Strict, section: Strict) -> dict[str, Any]:

@@ -19,6 +19,8 @@ BYTES_OF_UNKNOWN = 25e3
 def work(case: Case, states: int) -> float:
     """Work in the first ``states`` states of a case, in steps of a test of 1000 unknowns."""
     steps = states + RELAXATION_STEPS - 1 if states else 0
+    if case.unloading:
+        steps += max(states - 1, 0)
     return steps * (case.mesh_shape.unknowns / 1000) ** COST_POWER
 
 

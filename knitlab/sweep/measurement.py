@@ -21,6 +21,7 @@ from knitlab.measure.wavelength import POINTS
 from knitlab.mechanics.state import History, State, TensileTest
 from knitlab.mechanics.zigzag_tension import ChainState
 from knitlab.model.fabric import cell_length
+from knitlab.sweep.capacitor import capacitor_values
 from knitlab.sweep.case import Case
 from knitlab.sweep.fingerprint import code_fingerprint
 from knitlab.sweep.registry import VARIABLES, Status, Variable, described
@@ -45,6 +46,8 @@ def variables_of(case: Case) -> dict[str, Variable]:
         kinds.append("dynamics")
     if case.sensitivities:
         kinds.append("sensitivities")
+    if case.capacitor is not None:
+        kinds += ["capacitor", "unloading"] if case.unloading else ["capacitor"]
     return {name: variable for name, variable in VARIABLES.items() if variable.of in kinds}
 
 
@@ -86,6 +89,8 @@ def measured(case: Case, test: TensileTest, chain: Sequence[ChainState] = ()) ->
             values |= _boundaries(case, reached[0]) | _patches(case, reached[0])
         if case.sensitivities:
             values |= sensitivities(case, reached)
+        if case.capacitor is not None:
+            values |= capacitor_values(case, reached, test.unloaded)
     if case.method == "dynamics":
         values["kinetic_energy_peak"] = [state.kinetic_peak for state in test.states]
     if test.history is not None:

@@ -16,6 +16,8 @@ from pydantic import (
 
 from knitlab.mechanics.dynamics import Ending
 from knitlab.mechanics.solver import Start
+from knitlab.model.electrode_layout import Face, Within
+from knitlab.model.electrodes import Along
 from knitlab.model.reading import (
     Boundary,
     CellSize,
@@ -38,6 +40,8 @@ Value = TypeVar("Value")
 Unit = TypeVar("Unit")
 Fraction = Annotated[float, Field(gt=0, le=1)]
 Snapshots = Annotated[int, Field(ge=2, le=1000)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Relative = Annotated[float, Field(ge=1)]
 Angle = Annotated[float, Field(gt=0, lt=3.141592653589793)]
 
 
@@ -71,6 +75,14 @@ def _stitches(text: str) -> str:
     if not (text.isascii() and text.isdigit() and int(text) > 0):
         raise ValueError(f"a stripe is named by its number of stitches, but is {text!r}")
     return text
+
+
+def _drawing(rows: tuple[str, ...]) -> tuple[str, ...]:
+    if len({len(row) for row in rows}) > 1 or "" in rows:
+        raise ValueError("a mask is a rectangle of letters; give rows of equal length")
+    if strangers := sorted(set("".join(rows).upper()) - set("AB.")):
+        raise ValueError(f"a mask holds A, B and '.', not {', '.join(strangers)}")
+    return rows
 
 
 class StripeTable(Strict):
@@ -166,6 +178,35 @@ class DynamicsParameters(Strict):
     snapshots: Quantity[Snapshots, Literal["1"]]
 
 
+Mask = Annotated[tuple[str, ...], Field(strict=False), AfterValidator(_drawing)]
+"""A drawing of the chart, one letter a grid cell."""
+
+
+class LayoutRow(Strict):
+    """A layout of electrodes, see :class:`~knitlab.model.electrode_layout.Layout`."""
+
+    source: str = Field(min_length=1)
+    along: Along = "wale"
+    ridges: Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)] = (1, 2)
+    face: Face = "front"
+    within: Within = "patch"
+    width: PositiveFloat | Literal["stripe"] = "stripe"
+    span: Annotated[tuple[Share, Share], Field(strict=False)] = (0.0, 1.0)
+    mask: Mask = ()
+
+
+class ElectrodeParameters(Strict):
+    """``electrodes.toml``: layouts of electrodes, and what their capacitance hangs on."""
+
+    permittivity: Quantity[Relative, Literal["1"]]
+    electrode_length: Quantity[PositiveFloat, Literal["mm"]]
+    clearance: Quantity[PositiveFloat, Literal["mm"]]
+    accuracy: Quantity[Fraction, Literal["1"]]
+    linearity: Quantity[Fraction, Literal["1"]]
+    unfolded: Quantity[Fraction, Literal["1"]]
+    layouts: dict[str, LayoutRow]
+
+
 class DesignGrid(Strict):
     """Every combination of the listed values."""
 
@@ -199,6 +240,7 @@ class Parameters:
     reading: ReadingParameters
     solver: SolverParameters
     dynamics: DynamicsParameters
+    electrodes: ElectrodeParameters
     designs: DesignSets
 
     def having(self, stripes: Stripes) -> "Parameters":
@@ -249,6 +291,7 @@ def read_parameters(folder: Path) -> Parameters:
         "reading": ReadingParameters,
         "solver": SolverParameters,
         "dynamics": DynamicsParameters,
+        "electrodes": ElectrodeParameters,
         "designs": DesignSets,
     }
     faults = Gathered()

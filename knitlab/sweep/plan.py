@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from knitlab.model.electrode_layout import BadLayout
 from knitlab.model.network import MeshShape
 from knitlab.sweep.axes import Axis
 from knitlab.sweep.case import Case
@@ -15,14 +16,14 @@ from knitlab.sweep.changes import Changes
 from knitlab.sweep.common import common_parameters
 from knitlab.sweep.design_space import Design, DesignSpace, design_space, stripe_space
 from knitlab.sweep.estimate import bytes_needed, seconds
-from knitlab.sweep.faults import BadInput, Gathered
+from knitlab.sweep.faults import BadInput, Fault, Gathered
 from knitlab.sweep.files import written_whole
 from knitlab.sweep.fingerprint import code_fingerprint, digests, text_fingerprint
 from knitlab.sweep.parameters import Parameters, read_parameters
 from knitlab.sweep.registry import Variable
 from knitlab.sweep.shipped import shipped
 from knitlab.sweep.workflow import Workflow
-from knitlab.sweep.workflow_text import read_workflow, workflow_file
+from knitlab.sweep.workflow_text import WorkflowText, read_workflow, workflow_file
 
 # Unknowns that one vmapped batch may hold: about 1 GiB of element Hessians.
 BATCH_UNKNOWNS = 8_000
@@ -162,6 +163,7 @@ def make_plan(
     with faults:
         if parameters and read and not faults.all:
             made = {case.case_id: case for case in cases(read, axes, space, parameters)}
+            faults.all += _misplaced_electrodes(made, text)
     if parameters is None or read is None or faults.all:
         raise BadInput(faults.all)
     return Plan(
@@ -176,6 +178,23 @@ def make_plan(
         inputs=digests(inputs),
         stripes=_stripes_fingerprint(parameters, read, axes),
     )
+
+
+def _misplaced_electrodes(made: dict[str, Case], text: WorkflowText) -> list[Fault]:
+    """What is wrong with the electrodes of cases, a fault once for all the designs that have it."""
+    designs: dict[str, list[str]] = defaultdict(list)
+    for case in made.values():
+        if case.capacitor is not None:
+            try:
+                case.electrodes  # noqa: B018  (it raises)
+            except BadLayout as error:
+                for problem in error.problems:
+                    designs[problem].append(case.label)
+    source = text.source("electrodes.layout")
+    return [
+        Fault(source, f"{problem} (in {found[0]}{' and others' if len(found) > 1 else ''})")
+        for problem, found in designs.items()
+    ]
 
 
 def _stripes_fingerprint(parameters: Parameters, read: Workflow, axes: tuple[Axis, ...]) -> str:

@@ -54,7 +54,15 @@ def tests_in_equilibrium(cases: Sequence[Case], progress: Progress) -> list[Tens
     """Tensile tests by the equilibrium solver."""
     woven = [case.woven() for case in cases]
     tests = [
-        stretch(net, fabric, case.applied_strain, case.equilibrium_solver, done, start)
+        stretch(
+            net,
+            fabric,
+            case.applied_strain,
+            case.equilibrium_solver,
+            done,
+            start,
+            unload=case.unloading,
+        )
         for case, (net, fabric), start, done in zip(
             cases,
             woven,

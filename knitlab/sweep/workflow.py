@@ -1,11 +1,19 @@
 """Workflows: what the one short TOML file of an experiment may hold."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
-from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_validator
+from pydantic import (
+    Field,
+    PositiveFloat,
+    PositiveInt,
+    field_validator,
+    model_validator,
+)
 
 from knitlab.mechanics.dynamics import Ending
 from knitlab.mechanics.solver import Start
+from knitlab.model.electrode_layout import Face, Within
+from knitlab.model.electrodes import Along
 from knitlab.model.pattern import patch_map
 from knitlab.model.reading import (
     Boundary,
@@ -19,7 +27,7 @@ from knitlab.model.stripe import Knit
 from knitlab.sweep.case import Method
 from knitlab.sweep.changes import Changes
 from knitlab.sweep.figure_names import FigureName
-from knitlab.sweep.parameters import Fraction, Snapshots
+from knitlab.sweep.parameters import Fraction, Mask, Relative, Share, Snapshots
 from knitlab.sweep.strict import Strict
 
 Whole = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
@@ -74,20 +82,23 @@ class StripesSection(Strict):
 class ProtocolSection(Strict):
     """``[protocol]``: the strains of the tensile test, and how its states are reached.
 
-    With ``sensitivities``, also how Poisson's ratio and force hang on the stripe parameters.
+    With ``sensitivities``, also how Poisson's ratio and force hang on the stripe parameters; with
+    ``unloading``, also the way back through the same strains.
     """
 
     method: Method = "equilibrium"
     strain_max: Annotated[float, Field(ge=0)] = 0.45
     strain_step: PositiveFloat = 0.03
     sensitivities: bool = False
+    unloading: bool = False
 
     @model_validator(mode="after")
-    def _has_sensitivities_in_equilibrium(self) -> "ProtocolSection":
-        if self.sensitivities and self.method != "equilibrium":
-            raise ValueError(
-                f"has no sensitivities by method = {self.method}; take method = equilibrium"
-            )
+    def _has_these_in_equilibrium(self) -> "ProtocolSection":
+        for name in ("sensitivities", "unloading"):
+            if getattr(self, name) and self.method != "equilibrium":
+                raise ValueError(
+                    f"has no {name} by method = {self.method}; take method = equilibrium"
+                )
         return self
 
     @model_validator(mode="after")
@@ -158,6 +169,29 @@ class DynamicsSection(Strict):
     snapshots: Snapshots | None = None
 
 
+class ElectrodesSection(Strict):
+    """``[electrodes]``: the layout of a capacitor, and what replaces ``electrodes.toml``.
+
+    What it says of along, ridges, face, within, width, span and mask changes the layout that it
+    names, or is the layout. A list of layouts, or of another single setting, is a dimension.
+    """
+
+    layout: str | None = None
+    along: Along | None = None
+    ridges: Annotated[tuple[PositiveInt, PositiveInt] | None, Field(strict=False)] = None
+    face: Face | None = None
+    within: Within | None = None
+    width: PositiveFloat | Literal["stripe"] | None = None
+    span: Annotated[tuple[Share, Share] | None, Field(strict=False)] = None
+    mask: Mask | None = None
+    permittivity: Relative | None = None
+    electrode_length: PositiveFloat | None = None
+    clearance: PositiveFloat | None = None
+    accuracy: Fraction | None = None
+    linearity: Fraction | None = None
+    unfolded: Fraction | None = None
+
+
 class Workflow(Strict):
     """A workflow file, with what ``--set`` changed."""
 
@@ -169,6 +203,7 @@ class Workflow(Strict):
     model: ModelSection = ModelSection()
     solver: SolverSection = SolverSection()
     dynamics: DynamicsSection = DynamicsSection()
+    electrodes: ElectrodesSection | None = None
 
     @model_validator(mode="after")
     def _is_of_one_kind(self) -> "Workflow":
@@ -186,5 +221,6 @@ SECTIONS: dict[str, type[Strict]] = {
     "model": ModelSection,
     "solver": SolverSection,
     "dynamics": DynamicsSection,
+    "electrodes": ElectrodesSection,
 }
 SECTION_OF = {key: name for name, section in SECTIONS.items() for key in section.model_fields}

@@ -1,0 +1,164 @@
+"""What a capacitor is worth as a strain sensor: slope, linearity, range (paper, "Knit capacitors").
+
+All of it is read off a curve C(ε), simulated or measured, of at least three points.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import PchipInterpolator
+
+CENTRAL_PART = 0.2
+"""Part of the strain range, in its middle, over which the paper averages the slope."""
+RESOLUTION = 200
+"""Parts that a strain range is cut into to look for a window in it."""
+FEWEST_POINTS = 3
+
+Curve = Float[np.ndarray, " point"]
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A strain sensor by its curve.
+
+    Attributes:
+        sensitivity: mean |dC/dε| over the central 20 % of the strain range [pF].
+        gauge_factor: (C_end − C_0)/C_0 over the strain between [1].
+        linearity: R² of a straight line over the whole range [1].
+        working_range: width of the widest strain window in which a straight line has the R² that
+            was asked for [1].
+        working_start: strain at which that window begins [1].
+        working_slope: slope of that line [pF].
+    """
+
+    sensitivity: float
+    gauge_factor: float
+    linearity: float
+    working_range: float
+    working_start: float
+    working_slope: float
+
+
+def sensor_of(strain: Curve, capacitance: Curve, least_linearity: float) -> Sensor | None:
+    """The figures of a sensor from its curve; ``None`` if it has too few points.
+
+    Between points the curve is interpolated by monotone cubics.
+
+    Args:
+        strain: ascending [1].
+        capacitance: at these strains [pF].
+        least_linearity: R² that the working range must have.
+    """
+    if len(strain) < FEWEST_POINTS:
+        return None
+    curve = PchipInterpolator(strain, capacitance)
+    start, end = float(strain[0]), float(strain[-1])
+    fine = np.linspace(start, end, RESOLUTION + 1)
+    low, high, slope = widest_linear(fine, curve(fine), least_linearity)
+    change = float(capacitance[-1] / capacitance[0]) - 1
+    return Sensor(
+        sensitivity=mean_slope(strain, capacitance),
+        gauge_factor=change / (end - start),
+        linearity=float(linearity(fine, curve(fine))),
+        working_range=high - low,
+        working_start=low,
+        working_slope=slope,
+    )
+
+
+def mean_slope(strain: Curve, capacitance: Curve) -> float:
+    """Mean |dC/dε| over the central 20 % of a strain range (paper, Fig. "capacitor testing" D).
+
+    Args:
+        strain: ascending [1].
+        capacitance: at these strains; straight in between [pF].
+    """
+    middle, half = (strain[0] + strain[-1]) / 2, CENTRAL_PART / 2 * (strain[-1] - strain[0])
+    inner = strain[(strain > middle - half) & (strain < middle + half)]
+    at = np.concatenate([[middle - half], inner, [middle + half]])
+    return float(np.abs(np.diff(np.interp(at, strain, capacitance))).sum() / (2 * half))
+
+
+def linearity(strain: Curve, capacitance: Curve) -> Float[np.ndarray, ""]:
+    """R² of a straight line; 0 for a constant, which says nothing of the strain [1]."""
+    return _fits(strain, capacitance)[0][0, -1]
+
+
+def widest_linear(
+    strain: Curve, capacitance: Curve, least_linearity: float
+) -> tuple[float, float, float]:
+    """The widest strain window in which a straight line has an R², and the slope of the line there.
+
+    Args:
+        strain: evenly spaced, ascending [1].
+        capacitance: at these strains [pF].
+        least_linearity: the R².
+
+    Returns:
+        Where it begins and ends [1], and the slope [pF]. Of windows of one width the steepest.
+    """
+    squared, slope = _fits(strain, capacitance)
+    width = strain[None, :] - strain[:, None]
+    # Two points are always on a line.
+    able = (squared >= least_linearity) & (width > 1.5 * (strain[1] - strain[0]))
+    if not able.any():
+        return float(strain[0]), float(strain[0]), 0.0
+    widest = width[able].max()
+    candidates = able & np.isclose(width, widest)
+    place = np.argmax(np.where(candidates, np.abs(slope), -1.0))
+    first, last = np.unravel_index(place, width.shape)
+    return float(strain[first]), float(strain[last]), float(slope[first, last])
+
+
+def _fits(
+    strain: Curve, capacitance: Curve
+) -> tuple[Float[np.ndarray, "first last"], Float[np.ndarray, "first last"]]:
+    """R² and slope of the straight line through every window of points, from first to last."""
+    x, y = strain - strain.mean(), capacitance - capacitance.mean()
+    sums = np.cumsum([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
+    before = np.concatenate([np.zeros((6, 1)), sums[:, :-1]], axis=1)
+    count, sx, sy, sxx, sxy, syy = sums[:, None, :] - before[:, :, None]
+    count = np.maximum(count, 1)
+    xx, xy, yy = sxx - sx * sx / count, sxy - sx * sy / count, syy - sy * sy / count
+    ahead = np.arange(len(x))[None, :] > np.arange(len(x))[:, None]
+    varies = ahead & (yy > np.finfo(float).eps * np.abs(y).max() ** 2)
+    safe_xx, safe_yy = np.where(ahead, xx, 1.0), np.where(varies, yy, 1.0)
+    squared = np.where(varies, np.minimum(xy**2 / (safe_xx * safe_yy), 1.0), 0.0)
+    return squared, np.where(ahead, xy / safe_xx, 0.0)
+
+
+def hysteresis(loading: Curve, unloading: Curve) -> float:
+    """Largest difference between loading and unloading, over the range of the curve [1].
+
+    Args:
+        loading: capacitance while pulled [pF].
+        unloading: at the same strains while let go; missing ones are left out.
+    """
+    both = np.isfinite(loading) & np.isfinite(unloading)
+    if not both.any():
+        return float("nan")
+    span = np.ptp(np.concatenate([loading[both], unloading[both]]))
+    return float(np.abs(loading - unloading)[both].max() / span) if span else 0.0
+
+
+def strain_unfolded(strain: Curve, fold: Curve, left: float) -> float:
+    """Applied strain at which unfolding is complete, NaN if it is not within the test [1].
+
+    It is where the folds that keep the electrodes together are open: where their mean angle has
+    fallen to a part of what it is relaxed, or is least, if from there on they close again. A
+    checkerboard comes to that at its largest transverse strain, as the paper says of unfolding
+    (Sec. "Kinematics under tension"): what is pulled further narrows, and its folds with it.
+
+    Args:
+        strain: ascending from 0 [1].
+        fold: mean fold angle of those folds at these strains [rad].
+        left: the part of the relaxed angle.
+    """
+    least = int(np.argmin(fold))
+    open_enough = np.flatnonzero(fold <= left * fold[0])
+    if open_enough.size and 0 < open_enough[0] <= least:
+        last = open_enough[0]
+        around = slice(last - 1, last + 1)
+        return float(np.interp(-left * fold[0], -fold[around], strain[around]))
+    return float(strain[least]) if 0 < least < len(strain) - 1 else float("nan")
