@@ -315,7 +315,7 @@ def query(
 
 @main.command(name="map")
 @click.argument("kind", type=click.Choice(KINDS))
-@click.argument("cube", type=click.Path(path_type=Path))
+@click.argument("cubes", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option(
     "-o",
     "--output",
@@ -325,11 +325,11 @@ def query(
 )
 @select_option
 @explains_bad_input
-def draw_map(kind: str, cube: Path, output: Path, selections: tuple[str, ...]) -> None:
-    """Draw a figure of KIND from CUBE."""
+def draw_map(kind: str, cubes: tuple[Path, ...], output: Path, selections: tuple[str, ...]) -> None:
+    """Draw a figure of KIND from CUBES, of which most kinds take one."""
     from knitlab.maps.figures import draw_figure
 
-    click.echo(f"figure  {draw_figure(kind, cube, output, selections)}")
+    click.echo(f"figure  {draw_figure(kind, cubes, output, selections)}")
 
 
 @main.command()

@@ -23,6 +23,7 @@ from knitlab.maps.claim_tests import (
     Verdict,
 )
 from knitlab.maps.line_claim_tests import CommonSlope, DepartsMost, Linear
+from knitlab.maps.sample_claim_tests import SampleOrder, TradesOff
 from knitlab.maps.selection import choices, coordinate_of, refuse_others, selected
 from knitlab.maps.stripe_claim_tests import SameCurves, StripeOrder, StripeToe
 from knitlab.sweep.cube_file import open_cube, swept_dims
@@ -45,9 +46,11 @@ Test = Annotated[
     | Monotonic
     | RisesAndFalls
     | SameCurves
+    | SampleOrder
     | Spread
     | StripeOrder
     | StripeToe
+    | TradesOff
     | ValueWithin,
     Field(discriminator="test"),
 ]
@@ -84,12 +87,12 @@ class Judgement:
     Attributes:
         claim: the claim.
         finding: what decides it.
-        cube: path of the cube that it was found in.
+        cubes: paths of the cubes that it was found in.
     """
 
     claim: Claim
     finding: Finding
-    cube: Path
+    cubes: tuple[Path, ...]
 
 
 def read_claims(path: Path | None = None) -> list[Claim]:
@@ -137,7 +140,11 @@ def judged(
     opened = [(path, _one_slice(path, cube, selections)) for path, cube in whole]
     judgements = []
     for claim in claims:
-        found = [Judgement(claim, claim.test.finding(cube), path) for path, cube in opened]
+        if isinstance(claim.test, SampleOrder):
+            among = claim.test.finding_among([cube for _, cube in opened])
+            judgements.append(Judgement(claim, among, tuple(path for path, _ in opened)))
+            continue
+        found = [Judgement(claim, claim.test.finding(cube), (path,)) for path, cube in opened]
         decided = [its for its in found if its.finding.verdict is not Verdict.not_measured]
         judgements.append(min(decided or found, key=lambda its: _distance(its.finding)))
     return judgements
@@ -175,7 +182,7 @@ def records(judgements: Sequence[Judgement]) -> list[dict[str, Any]]:
             "text": its.claim.words.text,
             "place": its.claim.words.place,
             "figure": its.claim.words.figure or "",
-            "cube": str(its.cube),
+            "cube": ", ".join(map(str, its.cubes)),
         }
         for its in judgements
     ]

@@ -4,6 +4,7 @@ import html
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from knitlab.maps.claim_tests import Verdict
 from knitlab.maps.claims import Judgement, counted, records
 from knitlab.maps.figures import draw_figure
 from knitlab.sweep.faults import BadInput, Fault, fault
@@ -63,21 +64,22 @@ def write_page(
     folder = page.with_suffix("")
     files: list[Path] = []
     faults: list[Fault] = []
-    links: dict[tuple[str, str], str] = {}
-    for its in records(judgements):
-        key = its["figure"], its["cube"]
-        if not its["figure"] or its["verdict"] == "not measured" or key in links:
+    links: dict[tuple[str | None, tuple[Path, ...]], str] = {}
+    for its in judgements:
+        kind, key = its.claim.words.figure, (its.claim.words.figure, its.cubes)
+        if not kind or its.finding.verdict is Verdict.not_measured or key in links:
             continue
-        label = "-".join(Path(its["cube"]).parts[-2:]).removesuffix(".nc")
-        output = folder / f"{label}-{its['figure']}.png"
+        label = "-".join(its.cubes[0].parts[-2:]).removesuffix(".nc")
+        output = folder / f"{label}-{kind}.png"
         try:
-            files.append(draw_figure(its["figure"], Path(its["cube"]), output, selections))
+            files.append(draw_figure(kind, its.cubes, output, selections))
         except BadInput as error:
-            faults += [Fault(f"figure {its['figure']}", entry.problem) for entry in error.faults]
+            faults += [Fault(f"figure {kind}", entry.problem) for entry in error.faults]
         else:
             links[key] = f"{folder.name}/{output.name}"
     rows = [
-        its | {"link": links.get((its["figure"], its["cube"]), "")} for its in records(judgements)
+        row | {"link": links.get((its.claim.words.figure, its.cubes), "")}
+        for its, row in zip(judgements, records(judgements), strict=True)
     ]
     write = _markdown if page.suffix.lower() == ".md" else _html
     with written_whole(page) as temporary:

@@ -12,13 +12,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from knitlab.maps.auxetic import auxetic_map
+from knitlab.maps.capacitors import capacitors_figure
 from knitlab.maps.curves import tension_curves
+from knitlab.maps.electrodes import electrodes_figure
 from knitlab.maps.network import spring_network
 from knitlab.maps.readings import readings_figure
 from knitlab.maps.relaxation import FRAMES_PER_SECOND, folding_animation, relaxation_figure
 from knitlab.maps.samples import stretched_samples
-from knitlab.maps.selection import choices, refuse_others, selected
+from knitlab.maps.selection import choices, coordinate_of, refuse_others, selected
 from knitlab.maps.sensitivity import sensitivity_map
+from knitlab.maps.sensor import sensor_map
 from knitlab.maps.shape import relaxed_shape
 from knitlab.maps.shapes import PAPER_SHAPES, relaxed_shapes
 from knitlab.maps.stripes import stripe_departure, stripe_tension
@@ -26,7 +29,7 @@ from knitlab.maps.style import print_style
 from knitlab.maps.tension import PAPER_DESIGNS, tension_maps
 from knitlab.maps.wavelength import wavelength_figure
 from knitlab.sweep.case_file import case_path, read_case
-from knitlab.sweep.cube_file import base_dims, open_cube, swept_dims
+from knitlab.sweep.cube_file import base_dims, design_dims, open_cube, swept_dims
 from knitlab.sweep.faults import BadInput, Fault, fault
 from knitlab.sweep.files import written_whole
 from knitlab.sweep.registry import DESIGN_DIMS, STRIPE_DIMS, VARIABLES
@@ -41,20 +44,22 @@ class Kind:
     Attributes:
         draw: what draws it: from a cube, or from a case if ``needs`` names a variable, or from
             several if ``designs`` says which.
-        dims: the designs it shows lie along these.
+        dims: the designs it shows lie along these, or along any if it says none.
         needs: variable that the case it shows must have.
         coordinates: further coordinates that it can be sliced along.
         designs: designs (n_stripe, n_subunit) whose cases it shows side by side, as far as they
             are there.
         compares: whether it shows all values of swept settings side by side.
+        several: whether it takes several cubes, which are drawn as a list.
     """
 
     draw: Callable[[Any], Drawing]
-    dims: tuple[str, ...] = DESIGN_DIMS
+    dims: tuple[str, ...] | None = DESIGN_DIMS
     needs: str | None = None
     designs: tuple[tuple[int, int], ...] = ()
     coordinates: tuple[str, ...] = ()
     compares: bool = False
+    several: bool = False
 
 
 FIGURES = {
@@ -72,6 +77,9 @@ FIGURES = {
     "folding": Kind(folding_animation, needs="snapshot_position"),
     "stripes": Kind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),
     "departure": Kind(stripe_departure, STRIPE_DIMS, coordinates=("applied_strain",)),
+    "sensor": Kind(sensor_map),
+    "capacitors": Kind(capacitors_figure, dims=None, several=True),
+    "electrodes": Kind(electrodes_figure, dims=None, needs="position"),
 }
 RUN_THERE = "shapes are in case files, not in the cube: run the designs into this folder"
 MOST_SLICES = 8
@@ -85,13 +93,16 @@ def suffixes(kind: str) -> tuple[str, ...]:
     return MOVING if kind == "folding" else STILL
 
 
-def draw_figure(kind: str, cube_path: Path, output: Path, selections: Sequence[str] = ()) -> Path:
+def draw_figure(
+    kind: str, cube_paths: Sequence[Path], output: Path, selections: Sequence[str] = ()
+) -> Path:
     """Draw one figure into a file.
 
     Args:
         kind: a name of :data:`FIGURES`; one that shows a single case shows the most auxetic
             design of the selection that has its case file beside the cube.
-        cube_path: a cube, or the results folder that holds one.
+        cube_paths: a cube, or the results folder that holds one; several for a kind that takes
+            several.
         output: the file; its suffix sets the format.
         selections: texts ``NAME=VALUE`` that slice the cube first.
 
@@ -103,8 +114,10 @@ def draw_figure(kind: str, cube_path: Path, output: Path, selections: Sequence[s
     """
     if output.suffix.lower() not in suffixes(kind):
         raise fault(f"-o {output}", f"has no suffix of {', '.join(suffixes(kind))}; give one")
+    if len(cube_paths) > 1 and not FIGURES[kind].several:
+        raise fault(kind, f"shows one cube, not {len(cube_paths)}; give one")
     with print_style():
-        save(_drawn(kind, cube_path, selections), output)
+        save(_drawn(kind, cube_paths, selections), output)
     return output
 
 
@@ -133,7 +146,7 @@ def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[F
         ]
         try:
             with print_style():
-                figure = _drawn(kind, folder, selections)
+                figure = _drawn(kind, [folder], selections)
                 for output in outputs:
                     save(figure, output)
         except BadInput as error:
@@ -149,26 +162,26 @@ def _slices(cube: xr.Dataset) -> list[tuple[str, ...]]:
     return list(itertools.product(*along))
 
 
-def _drawn(name: str, cube_path: Path, selections: Sequence[str] = ()) -> Drawing:
-    kind = FIGURES[name]
-    cube = open_cube(cube_path)
-    if base_dims(cube) != kind.dims:
-        able = [other for other, its in FIGURES.items() if its.dims == base_dims(cube)]
-        raise fault(name, f"is not of such designs as this cube's; draw {', '.join(able)}")
-    swept = swept_dims(cube)
-    known = (*kind.dims, *swept, *kind.coordinates)
+def _drawn(name: str, cube_paths: Sequence[Path], selections: Sequence[str] = ()) -> Drawing:
+    kind, cubes = FIGURES[name], [open_cube(path) for path in cube_paths]
+    for cube in cubes:
+        if kind.dims not in (None, base_dims(cube)):
+            able = [other for other, its in FIGURES.items() if its.dims in (None, base_dims(cube))]
+            raise fault(name, f"is not of such designs as this cube's; draw {', '.join(able)}")
+    along = {dim: None for cube in cubes for dim in design_dims(cube)}
+    known = (*along, *kind.coordinates)
     refuse_others(selections, known, f"says nothing to {name}; select of {', '.join(known)}")
-    cube = selected(cube, selections)
+    cubes = [
+        selected(cube, [text for text in selections if coordinate_of(text) in cube.coords])
+        for cube in cubes
+    ]
     if kind.compares:
-        return kind.draw(cube)
-    if several := [dim for dim in swept if cube.sizes[dim] > 1]:
-        raise fault(
-            name, f"shows one value of each swept setting; --select {choices(cube, several)}"
-        )
-    slice_shown = ", ".join(f"{dim} = {cube[dim].item()}" for dim in swept)
-    cube = cube.isel(dict.fromkeys(swept, 0), drop=True)
-    folder = cube_path if cube_path.is_dir() else cube_path.parent
-    if kind.needs is None:
+        return kind.draw(cubes[0])
+    sliced = [_one_slice(name, cube) for cube in cubes]
+    (cube, slice_shown), folder = sliced[0], _folder(cube_paths[0])
+    if kind.several:
+        drawing = kind.draw([cube for cube, _ in sliced])
+    elif kind.needs is None:
         drawing = kind.draw(cube)
     elif kind.designs:
         drawing = kind.draw(_cases(name, cube, folder))
@@ -178,6 +191,21 @@ def _drawn(name: str, cube_path: Path, selections: Sequence[str] = ()) -> Drawin
         title = drawing.get_suptitle()
         drawing.suptitle(f"{title}\n{slice_shown}" if title else slice_shown, fontsize="small")
     return drawing
+
+
+def _one_slice(name: str, cube: xr.Dataset) -> tuple[xr.Dataset, str]:
+    """A cube without the dimensions of swept settings, and the value of each in words."""
+    swept = swept_dims(cube)
+    if several := [dim for dim in swept if cube.sizes[dim] > 1]:
+        raise fault(
+            name, f"shows one value of each swept setting; --select {choices(cube, several)}"
+        )
+    shown = ", ".join(f"{dim} = {cube[dim].item()}" for dim in swept)
+    return cube.isel(dict.fromkeys(swept, 0), drop=True), shown
+
+
+def _folder(cube_path: Path) -> Path:
+    return cube_path if cube_path.is_dir() else cube_path.parent
 
 
 def save(drawing: Drawing, output: Path) -> None:
@@ -206,7 +234,7 @@ def _cases(name: str, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]:
 
 
 def _most_auxetic_case(cube: xr.Dataset, folder: Path, needs: str) -> xr.Dataset:
-    designs = cube[["case_id", "poisson_ratio_min"]].stack(design=DESIGN_DIMS)
+    designs = cube[["case_id", "poisson_ratio_min"]].stack(design=base_dims(cube))
     for case_id in designs.sortby("poisson_ratio_min")["case_id"].values:
         if case_path(folder, case_id).is_file():
             case = read_case(folder, case_id)

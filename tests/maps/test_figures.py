@@ -83,7 +83,7 @@ def test_curves_have_a_line_for_every_run_and_a_cross_where_one_ended():
 @pytest.mark.parametrize("suffix", [".pdf", ".svg", ".png"])
 def test_a_figure_is_written_whole_in_the_format_of_its_suffix(cube_file, tmp_path, suffix):
     output = tmp_path / "figures" / f"map{suffix}"
-    assert draw_figure("auxetic", cube_file, output) == output
+    assert draw_figure("auxetic", [cube_file], output) == output
     assert [path.name for path in output.parent.iterdir()] == [output.name]
     start = output.read_bytes()[:300]
     assert {".pdf": b"%PDF", ".svg": b"<svg", ".png": b"\x89PNG"}[suffix] in start
@@ -105,7 +105,7 @@ def test_a_figure_that_cannot_be_drawn_writes_nothing(
     cube_file, tmp_path, kind, output, selections, message
 ):
     with pytest.raises(BadInput, match=message):
-        draw_figure(kind, cube_file, tmp_path / output, selections)
+        draw_figure(kind, [cube_file], tmp_path / output, selections)
     assert list(tmp_path.iterdir()) == [cube_file]
 
 
@@ -181,7 +181,7 @@ def test_a_cube_that_is_none_is_named(tmp_path, content):
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(BadInput, match=r"does not exist|is not a netCDF file"):
-        draw_figure("auxetic", path, tmp_path / "map.png")
+        draw_figure("auxetic", [path], tmp_path / "map.png")
 
 
 def test_maps_and_queries_never_import_jax():

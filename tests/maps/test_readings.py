@@ -39,7 +39,7 @@ def test_verdicts_are_those_of_each_reading(tmp_path):
 
 def test_readings_are_drawn_side_by_side_without_a_selection(tmp_path):
     folder = two_readings(tmp_path)
-    assert draw_figure("readings", folder, tmp_path / "readings.svg").stat().st_size > 0
+    assert draw_figure("readings", [folder], tmp_path / "readings.svg").stat().st_size > 0
     text = (tmp_path / "readings.svg").read_text()
     assert "25 hold" in text
     assert "19 hold" in text
@@ -75,4 +75,4 @@ def test_the_kept_readings_say_what_the_readme_says(tmp_path):
         "longer_cells_are_less_auxetic",
         "n_stripe_4_n_subunit_48_is_not",
     } <= never
-    assert draw_figure("readings", REFERENCE, tmp_path / "readings.png").is_file()
+    assert draw_figure("readings", [REFERENCE], tmp_path / "readings.png").is_file()

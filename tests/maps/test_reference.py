@@ -22,7 +22,7 @@ DRAWN = {
 @pytest.mark.parametrize("results", DRAWN)
 def test_figures_are_drawn_from_the_committed_cube_alone(results, tmp_path):
     for kind in DRAWN[results]:
-        drawn = draw_figure(kind, REFERENCE / results, tmp_path / f"{kind}.svg")
+        drawn = draw_figure(kind, [REFERENCE / results], tmp_path / f"{kind}.svg")
         assert b"</svg>" in drawn.read_bytes()[-20:]
 
 
