@@ -10,7 +10,6 @@ from pydantic import Field, PositiveInt
 from scipy.stats import spearmanr
 
 from knitlab.maps.claim_tests import Finding, Pair, Verdict
-from knitlab.model.stripe import Knit
 from knitlab.sweep.cube_file import base_dims
 from knitlab.sweep.registry import DESIGN_DIMS, VARIABLES, Status
 from knitlab.sweep.strict import Strict
@@ -19,7 +18,7 @@ from knitlab.sweep.strict import Strict
 class StripeSample(Strict):
     """A pure stripe of n stitches."""
 
-    knit: Knit
+    knit: Literal["rib", "garter"]
     n: PositiveInt
 
     def __str__(self) -> str:

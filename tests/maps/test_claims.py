@@ -36,6 +36,8 @@ def good_checkerboards() -> xr.Dataset:
     scalars = ("wavelength_x", "wavelength_y", "wave_amplitude_x", "wave_amplitude_y")
     scalars += ("rib_width_centre", "rib_width_edge", "garter_height_centre", "garter_height_edge")
     scalars += ("poisson_ratio_min", "applied_strain_at_min", "kinetic_energy_left")
+    scalars += ("sensitivity", "working_range", "applied_strain_opened", "applied_strain_unfolded")
+    scalars += ("gauge_factor",)
     curves = ("mean_strain_xx", "mean_strain_yy", "poisson_ratio")
     dims = ("n_stripe", "n_subunit")
     cube = xr.Dataset(
@@ -75,6 +77,11 @@ def good_checkerboards() -> xr.Dataset:
             "mean_strain_yy": STRAINS,
             "poisson_ratio": ratio,
             "strain_xx": transverse[:, None, None] * profile,
+            "sensitivity": 2 + 0.01 * m,
+            "working_range": 0.5 - 0.003 * m,
+            "applied_strain_opened": 0.1,
+            "applied_strain_unfolded": 0.3,
+            "gauge_factor": -2.0,
             "status": np.int8(Status.ok),
             "case_id": f"{n}-{m}",
         }
@@ -94,6 +101,8 @@ def good_stripes() -> xr.Dataset:
         {
             "row_force": ((*dims, "applied_strain"), np.full((*grid, 41), np.nan)),
             "zigzag_force": ((*dims, "applied_strain"), np.full((*grid, 41), np.nan)),
+            "sensitivity": (dims, np.full(grid, np.nan)),
+            "working_range": (dims, np.full(grid, np.nan)),
             "status": (dims, np.full(grid, Status.excluded, np.int8)),
             "case_id": (dims, np.full(grid, "", dtype=object)),
         },
@@ -113,6 +122,8 @@ def good_stripes() -> xr.Dataset:
             for name, value in {
                 "row_force": force,
                 "zigzag_force": 1.01 * force,
+                "sensitivity": 0.2 if knit == "rib" else 0.4,
+                "working_range": 1.5,
                 "status": np.int8(Status.ok),
                 "case_id": f"{knit}-{n}",
             }.items():
@@ -203,6 +214,13 @@ SPOILT = {
     "wider_stripes_are_more_auxetic": put("poisson_ratio_min", -0.3, n=8, m=48),
     "design_4_16_is_the_lowest": put("poisson_ratio_min", -0.71, n=8, m=32),
     "strain_of_the_lowest_ratio_varies": same("applied_strain_at_min", 0.15),
+    "rib_capacitor_is_the_least_sensitive": force(2.2, name="sensitivity"),
+    "capacitor_4_32_is_the_steepest": put("sensitivity", 2.1, m=32),
+    "auxetic_capacitors_are_narrower": put("working_range", 1.5, m=32),
+    "capacitor_4_32_begins_at_a_tenth": put("applied_strain_opened", 0.2, m=32),
+    "capacitor_4_32_is_unfolded_at_three_tenths": put("applied_strain_unfolded", 0.5, m=32),
+    "capacitance_falls_with_strain": put("gauge_factor", 0.1, m=32),
+    "steeper_capacitors_are_narrower": scaled("working_range", -1),
 }
 
 
@@ -242,7 +260,7 @@ def test_command_writes_a_page_with_its_figures(tmp_path, suffix):
     page = tmp_path / f"page{suffix}"
     ran = CliRunner().invoke(main, ["claims", str(tmp_path / "stripes.nc"), "-o", str(page)])
     assert ran.exit_code == 0
-    assert "5 holds, 0 fails, 27 not measured" in ran.output
+    assert "5 holds, 0 fails, 34 not measured" in ran.output
     text = page.read_text()
     assert "2×2 rib" in text
     figures = list((tmp_path / "page").glob("*.png"))
