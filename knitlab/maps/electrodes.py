@@ -14,7 +14,7 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from scipy.interpolate import interp1d
 
-from knitlab.maps.perspective import FOLDED_SHEET_FITS, frame_sheet
+from knitlab.maps.perspective import frame_sheet
 from knitlab.maps.relief import faces_of
 from knitlab.maps.style import TWO_COLUMNS
 from knitlab.sweep.faults import fault
@@ -26,6 +26,7 @@ COLOURS = ("#D55E00", "#0072B2")
 RIB, GARTER, FABRIC = "0.82", "0.94", "0.85"
 HEIGHT = 3.6
 """Of the figure [in]."""
+ZOOM = 1.4
 CELLS_PER_TICK = 4
 FINE_PARTS, COARSE_PARTS, FEW_CELLS = 4, 2, 24
 """Parts that a grid cell is drawn in each way, finely where there are few cells."""
@@ -120,7 +121,7 @@ def _draw_relaxed(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
     scene.add_collection3d(
         Poly3DCollection(faces, facecolors=colours, edgecolors=colours, lw=0.1, shade=True)
     )
-    frame_sheet(scene, sheet, FOLDED_SHEET_FITS)
+    frame_sheet(scene, sheet, ZOOM)
 
 
 def _inside(at: np.ndarray, low: float, high: float) -> np.ndarray:

@@ -28,6 +28,7 @@ from knitlab.maps.stripes import stripe_departure, stripe_tension
 from knitlab.maps.style import print_style
 from knitlab.maps.tension import PAPER_DESIGNS, tension_maps
 from knitlab.maps.wavelength import wavelength_figure
+from knitlab.maps.wedge import wedge_figure
 from knitlab.sweep.case_file import case_path, read_case
 from knitlab.sweep.cube_file import base_dims, design_dims, open_cube, swept_dims
 from knitlab.sweep.faults import BadInput, Fault, fault
@@ -79,6 +80,7 @@ FIGURES = {
     "departure": Kind(stripe_departure, STRIPE_DIMS, coordinates=("applied_strain",)),
     "sensor": Kind(sensor_map),
     "capacitors": Kind(capacitors_figure, dims=None, several=True),
+    "wedge": Kind(wedge_figure, dims=None, several=True),
     "electrodes": Kind(electrodes_figure, dims=None, needs="position"),
 }
 RUN_THERE = "shapes are in case files, not in the cube: run the designs into this folder"

@@ -14,6 +14,8 @@ from knitlab.sweep.registry import Status
 
 STEEPNESS, RANGE = "sensitivity", "working_range"
 MARKERS = "osD^vP*X"
+MAP_ROW, MAP_MARGIN, TRADE_OFF = 0.32, 0.5, 2.8
+"""Heights of a row of a map, of what is around it, and of the trade-off [in]."""
 NO_VALUE = "apart at too few strains to be read"
 NEEDED = "needs electrodes on the fabric; run knitlab run sensor, or a workflow with [electrodes]"
 
@@ -30,14 +32,14 @@ def sensor_map(cube: xr.Dataset) -> Figure:
     if STEEPNESS not in cube:
         raise fault("sensor", NEEDED)
     rows = cube.sizes["n_stripe"]
-    figure = Figure(figsize=(TWO_COLUMNS, 4.1 + 0.56 * rows), layout="constrained")
-    grid = figure.add_gridspec(2, 2, height_ratios=(0.9 + 0.56 * rows, 3.2))
-    left, right = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
-    marked = _map(figure, left, cube, STEEPNESS, "sensitivity\n|dC/dε| [pF]", "{:.2f}")
-    marked |= _map(figure, right, cube, RANGE, "working range\nof applied strain", "{:.0%}")
-    left.set_ylabel("n_stripe: stitches\nacross a rib stripe")
+    height = MAP_MARGIN + MAP_ROW * rows
+    figure = Figure(figsize=(TWO_COLUMNS, 2 * height + TRADE_OFF), layout="constrained")
+    first, second, below = figure.subplots(3, 1, height_ratios=(height, height, TRADE_OFF))
+    marked = _map(figure, first, cube, STEEPNESS, "sensitivity\n|dC/dε| [pF]", "{:.2f}")
+    marked |= _map(figure, second, cube, RANGE, "working range\nof applied strain", "{:.0%}")
+    second.set_xlabel("n_subunit: stitches along a garter stripe")
     marks_legend(figure, marked, NO_VALUE)
-    _trade_off(figure.add_subplot(grid[1, :]), cube)
+    _trade_off(below, cube)
     return figure
 
 
@@ -56,9 +58,7 @@ def _map(
             colour = colours(norm(value))
             cell(axes, row, column, facecolor=colour, edgecolor="white")
             text = number.format(value)
-            axes.text(
-                column, row, text, ha="center", va="center", color=ink_on(colour), fontsize=5.5
-            )
+            axes.text(column, row, text, ha="center", va="center", color=ink_on(colour))
         else:
             cell(axes, row, column, **MARKS[code])
             marked.add(code)
@@ -68,11 +68,12 @@ def _map(
         ylim=(-0.5, rows - 0.5),
         yticks=range(rows),
         yticklabels=cube["n_stripe"].values,
-        xlabel="n_subunit: stitches along a garter stripe",
+        xticks=range(columns),
+        xticklabels=cube["n_subunit"].values,
+        ylabel="n_stripe: stitches\nacross a rib stripe",
     )
-    axes.set_xticks(range(columns), cube["n_subunit"].values, fontsize=5.5)
     bar = mpl.cm.ScalarMappable(norm, colours)
-    frame(figure, axes, bar, label=label, location="top", shrink=0.7)
+    frame(figure, axes, bar, label=label)
     return marked
 
 

@@ -14,6 +14,9 @@ from knitlab.measure.wedge import side_by_side, wedge_capacitance
 from knitlab.mechanics.state import State
 from knitlab.sweep.case import Case
 
+SAME = 1e-5
+"""Part of a grid cell by which two states may differ and yet be one."""
+
 
 def capacitor_values(
     case: Case, reached: Sequence[State], unloaded: Sequence[State]
@@ -51,7 +54,9 @@ def capacitor_values(
         back[-1:] = capacitance[-1:]
         if unloaded:
             ways = np.array([state.configuration for state in unloaded])
-            back[-2 : -2 - len(ways) : -1] = factor * _measured(case, ways).capacitance
+            back[-2 : -2 - len(ways) : -1] = factor * _on_the_way_back(
+                case, ways, configurations[-2 : -2 - len(ways) : -1], found.capacitance[-2::-1]
+            )
         values["capacitance_unloading"] = back
         values["hysteresis"] = hysteresis(capacitance, back)
     kept = sensing(np.isfinite(capacitance) & ~(strain > unfolded))
@@ -82,6 +87,23 @@ def sensing(able: Bool[np.ndarray, " state"]) -> Bool[np.ndarray, " state"]:
         start, end = runs[np.argmax(runs[:, 1] - runs[:, 0])]
         kept[start:end] = True
     return kept
+
+
+def _on_the_way_back(
+    case: Case,
+    ways: Float[np.ndarray, "state unknown"],
+    up: Float[np.ndarray, "state unknown"],
+    capacitance: Float[np.ndarray, " any"],
+) -> Float[np.ndarray, " state"]:
+    """Capacitance on the way back, of one period if endless [pF].
+
+    Where the fabric comes back to what it was at the same strain, its capacitance is what it was.
+    """
+    values = capacitance[: len(ways)].copy()
+    apart = np.abs(ways - up).max(axis=1) > SAME * case.woven()[1].cell.min()
+    if apart.any():
+        values[apart] = _measured(case, ways[apart]).capacitance
+    return values
 
 
 def _mean_fold(

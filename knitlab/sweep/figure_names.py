@@ -15,6 +15,7 @@ FigureName = Literal[
     "sensor",
     "capacitors",
     "electrodes",
+    "wedge",
     "readings",
     "relaxation",
     "folding",
