@@ -107,8 +107,7 @@ def _trade_off(axes: Axes, cube: xr.Dataset) -> None:
         axes.legend(
             title=_listed(front, figures),
             title_fontsize=6.5,
-            loc="center left",
-            bbox_to_anchor=(1.01, 0.5),
+            loc="upper right",
             frameon=False,
             alignment="left",
         )

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from knitlab.mechanics import tension
+from knitlab.mechanics.drive import run
 from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.state import Outcome
+from knitlab.mechanics.tension import stretch
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.pattern import Pattern, patch_map
 from knitlab.model.reading import Reading
@@ -168,3 +170,21 @@ def test_relaxation_does_not_shift_a_sample():
     assert shift[:2].max() < 1e-6
     # Between walls that it does not touch nothing holds its height but the solver's own shift.
     assert shift[2] < 1e-2
+
+
+def test_a_fabric_that_is_let_go_comes_back_through_the_states_it_went():
+    strains = 0.0, 0.02, 0.04, 0.06
+    net, fabric = checkered(4, 1, ENDLESS)
+    test = run(net.shape, fabric, stretch(net, fabric, strains, FINE, unload=True))
+    assert len(test.unloaded) == len(strains) - 1
+    for up, back in zip(test.states[-2::-1], test.unloaded, strict=True):
+        assert back.converged
+        assert not back.snapped
+        np.testing.assert_allclose(back.configuration, up.configuration, atol=1e-6)
+
+
+def test_only_a_test_that_reached_its_end_goes_back():
+    net, fabric = checkered(4, 1, ENDLESS)
+    hasty = SolverSettings(max_iterations=3)
+    test = run(net.shape, fabric, stretch(net, fabric, (0.0, 0.02), hasty, unload=True))
+    assert test.unloaded == ()
