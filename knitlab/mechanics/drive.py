@@ -7,10 +7,12 @@ import jax
 import numpy as np
 
 from knitlab.mechanics.batch import run_in_step
+from knitlab.mechanics.blocks import Block, blocks
+from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.evaluation import Evaluation
 from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser
 from knitlab.mechanics.portions import PortionedFabric
-from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Request, Solve, Solver
+from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Request, Settle, Solve, Solver
 from knitlab.mechanics.stiffness import FreeStiffness
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
@@ -25,11 +27,20 @@ class Desk:
         shape: mesh shape of the fabric.
         fabric: its numbers.
         method: of factorisation; nested dissection by default.
+        factorisers: those that there are, to be added to.
     """
 
-    def __init__(self, shape: MeshShape, fabric: Fabric, method: str | None = None) -> None:
+    def __init__(
+        self,
+        shape: MeshShape,
+        fabric: Fabric,
+        method: str | None = None,
+        factorisers: dict[FreeStiffness, Factoriser] | None = None,
+    ) -> None:
+        self._whole = fabric
         self._fabric, self._method = PortionedFabric.of(shape, fabric), method
-        self._factorisers: dict[FreeStiffness, Factoriser] = {}
+        self._factorisers = {} if factorisers is None else factorisers
+        self._blocks: dict[FreeStiffness, list[tuple[Block, Desk]]] = {}
         self._free: FreeStiffness | None = None
         self._entries = np.zeros(0)
         self._factors: Factors | None = None
@@ -49,6 +60,8 @@ class Desk:
                 if self._factors is None:
                     raise RuntimeError("nothing is factorised")
                 return self._factors.solve(right)
+            case Settle():
+                return self._settled(request)
 
     def _factorise(self, shift: float, convexified: bool) -> bool:
         free = self._free
@@ -59,12 +72,48 @@ class Desk:
         self._factors = self._factorisers[free](free.shifted(self._entries, shift), convexified)
         return self._factors is not None
 
+    def _settled(self, request: Settle) -> tuple[Evaluate, float]:
+        free = request.free
+        if free not in self._blocks:
+            self._blocks[free] = [
+                (
+                    block,
+                    Desk(
+                        block.free.shape,
+                        block.fabric(self._whole),
+                        self._method,
+                        self._factorisers,
+                    ),
+                )
+                for block in blocks(free)
+            ]
+        at, share = request.at.configuration.copy(), 0.0
+        gradient = np.asarray(self._fabric.evaluate(request.at.stage, at).gradient)
+        forces = [block.force(gradient) for block, _ in self._blocks[free]]
+        # What is furthest from rest is what the others have to settle about.
+        for place in np.argsort(forces)[::-1]:
+            block, desk = self._blocks[free][place]
+            start = Evaluate(at[block.places], request.at.stage)
+            state = attended(
+                desk,
+                find_equilibrium(
+                    start, block.free, request.step_length, request.settings, convexified=False
+                ),
+            )
+            at[block.places] = state.configuration
+            share += state.iterations * len(block.free.unknowns) / len(free.unknowns)
+        return Evaluate(at, request.at.stage), share
+
 
 def run(
     shape: MeshShape, fabric: Fabric, solver: Solver[Result], method: str | None = None
 ) -> Result:
     """Run the solver of one fabric to its end and return what it returns."""
-    desk = Desk(shape, fabric, method)
+    return attended(Desk(shape, fabric, method), solver)
+
+
+def attended(desk: Desk, solver: Solver[Result]) -> Result:
+    """Run a solver to its end at a desk and return what it returns."""
     answer: Evaluation | Any = None
     while True:
         try:

@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.evaluation import WHOLE, Stage
 from knitlab.mechanics.loading import all_free, squared_up
+from knitlab.mechanics.settling import find_settled
 from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
 from knitlab.mechanics.state import State
 from knitlab.mechanics.stiffness import free_stiffness
@@ -51,7 +51,7 @@ def relax(
     passed: list[State] = []
     # Convexified, the stiffness of a sample with free edges would turn it a little at every step.
     for convexified in (True, False) if shape.periodic else (False,):
-        find = partial(find_equilibrium, free=free, step_length=longest, convexified=convexified)
+        find = partial(find_settled, free=free, step_length=longest, convexified=convexified)
         configuration = begin
         for stage, its in stages:
             passed.append((yield from find(Evaluate(configuration, stage), settings=its)))

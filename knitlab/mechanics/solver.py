@@ -55,8 +55,28 @@ class Solve:
     right: Float[np.ndarray, " free"]
 
 
+@dataclass(frozen=True)
+class Settle:
+    """Ask for the blocks of a sample to come near to rest, one after the other.
+
+    It is answered by where they came to, and by the iterations that took, each as the part of one
+    of the whole sample that a block has of its unknowns.
+
+    Attributes:
+        at: where to start from, and the stage.
+        free: the free unknowns of the sample.
+        step_length: longest change of the vector between neighbouring nodes in a step [mm].
+        settings: for each block.
+    """
+
+    at: Evaluate
+    free: FreeStiffness
+    step_length: float
+    settings: "SolverSettings"
+
+
 Start = Literal["endless", "flat"]
-Request = Evaluate | Assemble | Factorise | Solve
+Request = Evaluate | Assemble | Factorise | Solve | Settle
 Solver = Generator[Request, Any, Result]
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.evaluation import Stage
 from knitlab.mechanics.loading import Loading, tensile
 from knitlab.mechanics.relaxation import on_the_way, relax
+from knitlab.mechanics.settling import find_settled
 from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
 from knitlab.mechanics.state import Outcome, State, TensileTest
 from knitlab.mechanics.stiffness import free_stiffness
@@ -131,11 +131,11 @@ class _Path:
         floor = -math.inf if snapping else self._least_energy(strain)
         if snapping or not rough:
             return (
-                yield from find_equilibrium(
+                yield from find_settled(
                     start, free, longest, self.settings, floor, convexified=False
                 )
             )
-        soft = yield from find_equilibrium(
+        soft = yield from find_settled(
             replace(start, stage=Stage(wall=ROUGH_WALL)),
             free,
             longest,
@@ -145,7 +145,7 @@ class _Path:
         if soft.outcome is Outcome.left_branch:
             return soft
         start = Evaluate(soft.configuration)
-        state = yield from find_equilibrium(start, free, longest, self.settings, floor)
+        state = yield from find_settled(start, free, longest, self.settings, floor)
         return state.after(soft)
 
     def _least_energy(self, strain: float) -> float:

@@ -1,0 +1,102 @@
+"""Blocks: a large sample in overlapping pieces, each a sheet of its own with its border held."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float, Int
+
+from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
+from knitlab.model.fabric import Fabric
+from knitlab.model.network import MeshShape, network
+
+CELLS = 16
+"""Grid cells along each side of a block, as many as in a unit cell of two periods a patch."""
+OVERLAP = 4
+"""Grid cells by which neighbouring blocks reach into each other."""
+REACH = 2
+"""Grid cells that an element reaches over, and with it the border that is held."""
+FEWEST = 12
+"""Blocks that a sample must have for it to pay."""
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A piece of a sample.
+
+    Attributes:
+        places: of its coordinates, and of L_x and L_y, among the unknowns of the sample.
+        free: the unknowns of the block that may move, and their stiffness.
+        springs, hinges: which of the sample's lie in it, in the order of its own network.
+    """
+
+    places: Int[np.ndarray, " unknown"]
+    free: FreeStiffness
+    springs: Int[np.ndarray, " spring"]
+    hinges: Int[np.ndarray, " hinge"]
+
+    def fabric(self, whole: Fabric) -> Fabric:
+        """Its part of the sample's fabric."""
+        return eqx.tree_at(
+            lambda f: (f.rest_length, f.stretch_stiffness, f.rest_fold, f.fold_stiffness),
+            whole,
+            (
+                whole.rest_length[self.springs],
+                whole.stretch_stiffness[self.springs],
+                whole.rest_fold[self.hinges],
+                whole.fold_stiffness[self.hinges],
+            ),
+        )
+
+    def force(self, gradient: Float[np.ndarray, " whole"]) -> float:
+        """Largest force on what may move [N]."""
+        return float(np.abs(gradient[self.places[self.free.unknowns]]).max(initial=0.0))
+
+
+def are_many(shape: MeshShape) -> bool:
+    """Whether a sheet has so many blocks that they are worth while; endless fabric has none."""
+    return not shape.periodic and len(_spans(shape.cells_y)) * len(_spans(shape.cells_x)) >= FEWEST
+
+
+def blocks(free: FreeStiffness) -> Iterator[Block]:
+    """The blocks of a sample, of which some unknowns are free."""
+    shape, net = free.shape, network(free.shape)
+    movable = np.zeros(shape.unknowns, dtype=bool)
+    movable[free.unknowns] = True
+    for rows in _spans(shape.cells_y):
+        for columns in _spans(shape.cells_x):
+            (bottom, top), (left, right) = (
+                (max(low - REACH, 0), min(high + REACH, cells))
+                for (low, high), cells in ((rows, shape.cells_y), (columns, shape.cells_x))
+            )
+            row, column = np.mgrid[bottom : top + 1, left : right + 1].reshape(2, -1)
+            nodes = row * shape.nodes_x + column
+            own = MeshShape(top - bottom, right - left, periodic=False)
+            places = np.append(
+                (3 * nodes[:, None] + np.arange(3)).ravel(), shape.unknowns - np.array([2, 1])
+            )
+            inner = (row >= rows[0]) & (row <= rows[1])
+            inner &= (column >= columns[0]) & (column <= columns[1])
+            able = np.append(np.repeat(inner, 3), [False, False]) & movable[places]
+            within = np.zeros(shape.nodes, dtype=bool)
+            within[nodes] = True
+            yield Block(
+                places,
+                free_stiffness(own, np.flatnonzero(able)),
+                *(
+                    np.flatnonzero(within[elements.nodes].all(axis=1))
+                    for elements in (net.springs, net.hinges)
+                ),
+            )
+
+
+def _spans(cells: int) -> list[tuple[int, int]]:
+    """Node rows, or columns, from which to which the blocks along a side may move."""
+    count = max(1, round(cells / CELLS))
+    lines = np.linspace(0, cells, count + 1).round().astype(int)
+    return [
+        (max(low - OVERLAP, 0), min(high + OVERLAP, cells))
+        for low, high in pairwise(lines.tolist())
+    ]
