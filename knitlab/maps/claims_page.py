@@ -70,7 +70,7 @@ def write_page(
         if not kind or its.finding.verdict is Verdict.not_measured or key in links:
             continue
         label = "-".join(its.cubes[0].parts[-2:]).removesuffix(".nc")
-        output = folder / f"{label}-{kind}.png"
+        output = folder / (f"{label}-{kind}.png" if len(its.cubes) == 1 else f"{kind}.png")
         try:
             files.append(draw_figure(kind, its.cubes, output, selections))
         except BadInput as error:

@@ -9,6 +9,7 @@ from knitlab.maps.claims_page import write_page
 from knitlab.maps.figures import draw_figure
 
 REFERENCE = Path(__file__).parents[2] / "results" / "reference"
+JUDGED = ("paper", "stripes", "paper_quarter", "relaxation", "sensor_stripes", "sensor")
 DRAWN = {
     "paper": ("auxetic", "curves", "tension", "wavelength"),
     "lengths": ("readings",),
@@ -16,6 +17,8 @@ DRAWN = {
     "preview": ("auxetic", "curves", "shape", "shapes", "network"),
     "readings": ("readings",),
     "stripes": ("stripes", "departure"),
+    "sensor": ("sensor", "capacitors", "wedge", "electrodes"),
+    "sensor_stripes": ("capacitors", "wedge"),
 }
 
 
@@ -27,7 +30,7 @@ def test_figures_are_drawn_from_the_committed_cube_alone(results, tmp_path):
 
 
 def test_the_committed_page_of_claims_is_that_of_the_committed_cubes(tmp_path):
-    cubes = [REFERENCE / name for name in ("paper", "stripes", "paper_quarter", "relaxation")]
+    cubes = [REFERENCE / name for name in JUDGED]
     judgements = judged(read_claims(), cubes)
     write_page(judgements, tmp_path / "claims.md")
     committed = (REFERENCE / "claims.md").read_text(encoding="utf-8")
