@@ -1,0 +1,130 @@
+"""Blocks of a large sample: that each is a true piece of it, and that the whole comes to rest."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from knitlab.mechanics import blocks as blocks_module
+from knitlab.mechanics import settling
+from knitlab.mechanics.blocks import are_many, blocks
+from knitlab.mechanics.drive import Desk, run
+from knitlab.mechanics.evaluation import WHOLE
+from knitlab.mechanics.loading import all_free, free_under_tension, tensile
+from knitlab.mechanics.portions import PortionedFabric
+from knitlab.mechanics.settling import block_settings, find_settled
+from knitlab.mechanics.solver import Evaluate, Settle
+from knitlab.mechanics.state import Outcome
+from knitlab.mechanics.stiffness import free_stiffness
+from tests.fabrics import CLAMPED, DEFAULT, ENDLESS, checkered, relaxed
+
+
+@pytest.fixture
+def small_blocks(monkeypatch):
+    monkeypatch.setattr(blocks_module, "CELLS", 8)
+    monkeypatch.setattr(blocks_module, "OVERLAP", 2)
+    monkeypatch.setattr(blocks_module, "FEWEST", 2)
+
+
+@pytest.fixture(scope="module")
+def sample():
+    """A relaxed sample of 2 × 2 unit cells, and its test."""
+    net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 2))
+    state = relaxed(net, fabric)
+    return net, fabric, tensile(net.shape, state.configuration)
+
+
+@pytest.mark.parametrize("places", [all_free, free_under_tension])
+def test_a_block_feels_the_forces_of_the_whole(small_blocks, sample, places):
+    net, fabric, loading = sample
+    random = np.random.default_rng(0)
+    at = loading.reference + 0.1 * random.normal(size=net.shape.unknowns)
+    whole = PortionedFabric.of(net.shape, fabric).evaluate(WHOLE, at)
+    free = free_stiffness(net.shape, places(net.shape))
+    found = list(blocks(free))
+    assert len(found) == 4
+    for block in found:
+        own = PortionedFabric.of(block.free.shape, block.fabric(fabric))
+        gradient = np.asarray(own.evaluate(WHOLE, at[block.places]).gradient)
+        movable = block.free.unknowns
+        np.testing.assert_allclose(
+            gradient[movable], np.asarray(whole.gradient)[block.places[movable]], atol=1e-10
+        )
+
+
+def test_a_move_within_a_block_costs_it_what_it_costs_the_whole(small_blocks, sample):
+    net, fabric, loading = sample
+    block = list(blocks(free_stiffness(net.shape, loading.unknowns)))[1]
+    whole = PortionedFabric.of(net.shape, fabric)
+    own = PortionedFabric.of(block.free.shape, block.fabric(fabric))
+    before = loading.reference
+    after = before.copy()
+    movable = block.places[block.free.unknowns]
+    after[movable] += 0.05 * np.random.default_rng(1).normal(size=movable.size)
+    costs = [
+        float(of.evaluate(WHOLE, after[where]).energy.total)
+        - float(of.evaluate(WHOLE, before[where]).energy.total)
+        for of, where in ((whole, slice(None)), (own, block.places))
+    ]
+    assert costs[0] == pytest.approx(costs[1], rel=1e-9)
+    assert costs[0] > 0
+
+
+def test_blocks_leave_no_free_unknown_out_and_move_no_held_one(small_blocks, sample):
+    net, _, loading = sample
+    free = free_stiffness(net.shape, loading.unknowns)
+    moved = np.unique(np.concatenate([b.places[b.free.unknowns] for b in blocks(free)]))
+    np.testing.assert_array_equal(moved, loading.unknowns)
+
+
+def test_settling_lowers_the_energy_and_counts_what_it_cost(small_blocks, sample):
+    net, fabric, loading = sample
+    free = free_stiffness(net.shape, loading.unknowns)
+    desk = Desk(net.shape, fabric)
+    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
+    settings = block_settings(DEFAULT)
+    longest = DEFAULT.step_limit * float(fabric.cell.min())
+    settled, share = desk.answer(Settle(start, free, longest, settings))
+    energies = [float(desk.answer(at).energy.total) for at in (start, settled)]
+    assert energies[1] < energies[0]
+    assert share > 0
+    held = loading.held
+    np.testing.assert_array_equal(settled.configuration[held], start.configuration[held])
+
+
+def test_a_sample_comes_to_the_same_rest_by_blocks_and_as_a_whole(
+    small_blocks, sample, monkeypatch
+):
+    net, fabric, loading = sample
+    free = free_stiffness(net.shape, loading.unknowns)
+    longest = DEFAULT.step_limit * float(fabric.cell.min())
+    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
+
+    def found():
+        return run(
+            net.shape, fabric, find_settled(start, free, longest, DEFAULT, convexified=False)
+        )
+
+    by_blocks = found()
+    assert by_blocks.outcome is Outcome.converged
+    assert by_blocks.residual <= DEFAULT.tolerance
+    monkeypatch.setattr(blocks_module, "FEWEST", 10**9)
+    as_a_whole = found()
+    np.testing.assert_allclose(by_blocks.configuration, as_a_whole.configuration, atol=1e-5)
+
+
+def test_the_limit_of_iterations_holds_for_blocks_too(small_blocks, sample, monkeypatch):
+    net, fabric, loading = sample
+    monkeypatch.setattr(settling, "PATIENCE", 2)
+    free = free_stiffness(net.shape, loading.unknowns)
+    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.2))
+    hasty = replace(DEFAULT, max_iterations=5)
+    state = run(net.shape, fabric, find_settled(start, free, 0.1, hasty, convexified=False))
+    assert state.outcome is Outcome.iteration_limit
+    assert state.iterations >= 5
+
+
+def test_endless_fabric_and_small_samples_have_no_blocks():
+    assert not are_many(checkered(4, 6, ENDLESS)[0].shape)
+    assert not are_many(checkered(4, 2, CLAMPED, unit_cells=(3, 3))[0].shape)
+    assert are_many(checkered(4, 2, CLAMPED, unit_cells=(5, 3))[0].shape)
