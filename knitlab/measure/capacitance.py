@@ -84,17 +84,16 @@ def near_pairs(
         period: of the repetition [mm].
 
     Returns:
-        The pairs, the larger panel second, and the last of them again and again.
+        The pairs, and the last of them again and again.
     """
     states, count = panels.shape[:2]
     turns = np.zeros((states, 1, 3))
     if images is not None and period is not None:
         turns[:, 0, images.axis] = period
-    near, extent = np.eye(count, dtype=bool), np.zeros(count)
+    near = np.eye(count, dtype=bool)
     for corners, turn in zip(panels, turns, strict=True):
         centre = corners.mean(axis=1)
         size = np.linalg.norm(corners - np.roll(corners, 2, axis=1), axis=-1).max(axis=1)
-        extent = np.maximum(extent, size)
         tree = cKDTree(centre)
         for image in (-1, 0, 1) if turn.any() else (0,):
             found = tree.sparse_distance_matrix(
@@ -103,8 +102,6 @@ def near_pairs(
             close = found.data <= NEAR * np.maximum(size[found.row], size[found.col])
             near[found.row[close], found.col[close]] = True
     pairs = np.argwhere(np.triu(near | near.T))
-    larger = extent[pairs]
-    pairs = np.where((larger[:, :1] > larger[:, 1:]), pairs[:, ::-1], pairs)
     # So that few programs serve many shapes, their number is one of few.
     steps = math.ceil(math.log(max(len(pairs) / PAIRS_AT_ONCE, 1), PAIRS_RATIO))
     filled = PAIRS_AT_ONCE * math.ceil(PAIRS_RATIO**steps)

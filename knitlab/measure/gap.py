@@ -14,7 +14,10 @@ FLAT = 1e-12
 
 
 def gap_between(
-    panels: Float[np.ndarray, "panel 4 3"], electrode: Int[np.ndarray, " panel"], reach: float
+    panels: Float[np.ndarray, "panel 4 3"],
+    electrode: Int[np.ndarray, " panel"],
+    reach: float,
+    period: Float[np.ndarray, "3"] | None = None,
 ) -> float:
     """Shortest distance between two electrodes, 0 where they pass through each other [mm].
 
@@ -22,10 +25,12 @@ def gap_between(
         panels: corners of the panels, each of which is taken as two triangles.
         electrode: 0 or 1, which one each panel is a part of.
         reach: how far to look; the answer is no larger [mm].
+        period: of endless electrodes, from one image to the next [mm].
     """
     triangles = panels[:, HALVES].reshape(-1, 3, 3)
     owner = np.repeat(electrode, len(HALVES))
-    one, other = _near(triangles[owner == 0], triangles[owner == 1], reach)
+    others = _with_images(triangles[owner == 1], period)
+    one, other = _near(triangles[owner == 0], others, reach)
     if not len(one):
         return reach
     if passes_through(one, other).any():
@@ -33,18 +38,27 @@ def gap_between(
     return min(reach, float(triangle_distance(one, other).min()))
 
 
-def crosses_itself(panels: Float[np.ndarray, "panel 4 3"]) -> bool:
+def crosses_itself(
+    panels: Float[np.ndarray, "panel 4 3"], period: Float[np.ndarray, "3"] | None = None
+) -> bool:
     """Whether a surface of panels passes through itself, where they are not neighbours.
 
     Args:
         panels: corners of the panels; neighbours have a corner in common.
+        period: of an endless surface, from one image to the next [mm].
     """
     triangles = panels[:, HALVES].reshape(-1, 3, 3)
-    one, other = _near(triangles, triangles, 0.0)
+    one, other = _near(triangles, _with_images(triangles, period), 0.0)
     size = np.ptp(triangles, axis=1).max()
     corners = np.linalg.norm(one[:, :, None] - other[:, None], axis=-1)
     apart = corners.min(axis=(1, 2)) > 1e-9 * size
     return bool(passes_through(one[apart], other[apart]).any())
+
+
+def _with_images(triangles: Triangles, period: Float[np.ndarray, "3"] | None) -> Triangles:
+    if period is None:
+        return triangles
+    return np.concatenate([triangles + turn * period for turn in (-1, 0, 1)])
 
 
 def _near(one: Triangles, other: Triangles, reach: float) -> tuple[Triangles, Triangles]:

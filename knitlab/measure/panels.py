@@ -63,14 +63,14 @@ def panel_chart(electrodes: Electrodes, shape: MeshShape, level: int) -> PanelCh
 
 
 def graded(level: int, low_free: bool, high_free: bool) -> Float[np.ndarray, " line"]:
-    """Lines from 0 to 1 that cut a cell into panels, crowded where the electrode ends."""
-    if low_free and high_free:
-        return (1 - np.cos(np.pi * np.linspace(0, 1, 4 * level + 1))) / 2
-    if low_free:
-        return 1 - np.cos(np.pi / 2 * np.linspace(0, 1, 2 * level + 1))
-    if high_free:
-        return np.sin(np.pi / 2 * np.linspace(0, 1, 2 * level + 1))
-    return np.linspace(0, 1, level + 1)
+    """Lines from 0 to 1 that cut a cell into panels, crowded where charge gathers.
+
+    Where the electrode ends at one side of a cell, the other mostly is its ridge: an outer edge,
+    and as crowded.
+    """
+    count = level * 2 ** (low_free + high_free)
+    lines = np.linspace(0, 1, count + 1)
+    return (1 - np.cos(np.pi * lines)) / 2 if low_free or high_free else lines
 
 
 def panels_on(

@@ -26,8 +26,10 @@ from knitlab.model.network import MeshShape
 
 POINTS_A_CELL = 3
 """Gauss points along each part of a grid cell, each way."""
-MEAN_STEPS = 10
-"""Steps of the arithmetic-geometric mean: enough for k down to 1e-100."""
+MEAN_STEPS = 8
+"""Steps of the arithmetic-geometric mean."""
+SMALLEST, TIGHT = 1e-12, 12.0
+"""Wedges so open that nothing is left of them, and so tight that G + ln 4/π is exact."""
 
 
 def side_by_side(electrodes: Electrodes) -> bool:
@@ -80,16 +82,19 @@ def wedge_capacitance(
     length = sum(jnp.linalg.norm(plate[2], axis=-1) for plate in plates) / 2
     total = jnp.zeros(chord.shape[:-2])
     for wedge in (angle, 2 * jnp.pi - angle):
-        gap = chord * (wedge / 2) / jnp.sin(angle / 2)
-        ratio = (reach_weight * (area / length) / gap).sum(axis=-1)
+        # An arc is chord × (θ/2)/sin(θ/2) long, and endless about the back of parallel plates.
+        across_gap = jnp.sinc(wedge / (2 * jnp.pi)) / chord
+        ratio = (reach_weight * (area / length) * across_gap).sum(axis=-1)
         total += (run_weight * length.mean(axis=-1) * with_ends(ratio)).sum(axis=-1)
     return VACUUM_PERMITTIVITY * total
 
 
 def with_ends(ratio: Float[Array, "*wedge"]) -> Float[Array, "*wedge"]:
     """K(k')/2K(k) for k = exp(−π G): a wedge of G = ``ratio``, and the field beyond its ends."""
-    small = jnp.exp(-jnp.pi * ratio)
-    return _mean(jnp.sqrt(-jnp.expm1(-2 * jnp.pi * ratio))) / _mean(small) / 2
+    bounded = jnp.clip(ratio, SMALLEST, TIGHT)
+    small = jnp.exp(-jnp.pi * bounded)
+    exact = _mean(jnp.sqrt(-jnp.expm1(-2 * jnp.pi * bounded))) / _mean(small) / 2
+    return jnp.where(ratio > TIGHT, ratio + jnp.log(4.0) / jnp.pi, exact)
 
 
 def _mean(other: Float[Array, "*number"]) -> Float[Array, "*number"]:

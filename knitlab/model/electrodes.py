@@ -88,15 +88,32 @@ class Electrodes:
             found += [
                 f"electrode {name} overlaps itself: {common}"
                 for one, other in combinations(strips, 2)
-                if (common := one.shared(other)) and common.area > 0
+                for image in self._images(other, shape)
+                if (common := one.shared(image)) and common.area > 0
             ]
         found += [
             f"the electrodes touch, a short circuit: {common}"
             for one in self.strips[0]
             for other in self.strips[1]
-            if (common := one.shared(other))
+            for image in self._images(other, shape)
+            if (common := one.shared(image))
         ]
         return found
+
+    def _images(self, strip: Strip, shape: MeshShape) -> list[Strip]:
+        """A strip, and on endless fabric those before and after it along the electrodes."""
+        if not shape.periodic:
+            return [strip]
+        x, y = (shape.cells_x, 0) if self.axis == 0 else (0, shape.cells_y)
+        return [
+            Strip(
+                strip.left + turn * x,
+                strip.right + turn * x,
+                strip.bottom + turn * y,
+                strip.top + turn * y,
+            )
+            for turn in (-1, 0, 1)
+        ]
 
     def _leaves(self, strip: Strip, shape: MeshShape) -> bool:
         for axis, (extent, cells) in enumerate(
