@@ -83,7 +83,7 @@ def capacitances(
 ) -> Capacitances:
     """Capacitance in every state, by the boundary-element method at two or more panel sizes.
 
-    A value is extrapolated from the last two sizes; how far from the last gives its estimated error.
+    A value is extrapolated from the last two sizes; most of what that adds is its estimated error.
     Panels are refined where that is larger than ``capacitor.accuracy``. There is no value where
     the electrodes touch or a fold at them has passed through itself: the model has no contact, and
     what it goes on to there no fabric does.

@@ -25,7 +25,7 @@ from knitlab.mechanics.block_tridiagonal import (
     narrower,
 )
 from knitlab.mechanics.evaluation import Stage, element_hessians, evaluate
-from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Request, Solver
+from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Request, Settle, Solver
 from knitlab.mechanics.stiffness import FreeStiffness
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
@@ -130,14 +130,18 @@ class _Batch:
     def answers(self, requests: dict[int, Request]) -> dict[int, Any]:
         """What the requests of these cases ask for."""
         groups: dict[Any, dict[int, Request]] = {}
+        results: dict[int, Any] = {}
         for case, request in requests.items():
+            if isinstance(request, Settle):
+                # Blocks, one after the other, would leave an accelerator idle: they stay.
+                self._at[case], results[case] = request.at, (request.at, 0.0)
+                continue
             if isinstance(request, Evaluate | Assemble):
                 self._at[case] = request
             if isinstance(request, Assemble):
                 self._free[case] = request.free
             free = None if isinstance(request, Evaluate) else self._free[case]
             groups.setdefault((type(request), free), {})[case] = request
-        results: dict[int, Any] = {}
         for (kind, free), group in groups.items():
             worked_out = self._worked_out(kind, free, group)
             results |= {case: worked_out[case] for case in group}
@@ -179,7 +183,7 @@ def run_in_step(
     Args:
         shape: mesh shape of all the fabrics.
         fabrics: their numbers.
-        solvers: one for each, which begins by asking for an evaluation.
+        solvers: one for each, which begins by asking for an evaluation, or for blocks to settle.
     """
     batch = _Batch(shape, fabrics)
     results: dict[int, Result] = {}

@@ -7,6 +7,7 @@ import pytest
 
 from knitlab.mechanics import blocks as blocks_module
 from knitlab.mechanics import settling
+from knitlab.mechanics.batch import run_in_step
 from knitlab.mechanics.blocks import are_many, blocks
 from knitlab.mechanics.drive import Desk, run
 from knitlab.mechanics.evaluation import WHOLE
@@ -111,6 +112,16 @@ def test_a_sample_comes_to_the_same_rest_by_blocks_and_as_a_whole(
     monkeypatch.setattr(blocks_module, "FEWEST", 10**9)
     as_a_whole = found()
     np.testing.assert_allclose(by_blocks.configuration, as_a_whole.configuration, atol=1e-5)
+
+
+def test_in_a_batch_on_the_device_blocks_stay_and_the_whole_comes_to_rest(small_blocks, sample):
+    net, fabric, loading = sample
+    free = free_stiffness(net.shape, loading.unknowns)
+    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
+    (state,) = run_in_step(
+        net.shape, [fabric], [find_settled(start, free, 0.3, DEFAULT, convexified=False)]
+    )
+    assert state.outcome is Outcome.converged
 
 
 def test_the_limit_of_iterations_holds_for_blocks_too(small_blocks, sample, monkeypatch):
