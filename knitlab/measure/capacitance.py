@@ -32,6 +32,8 @@ PAIRS_RATIO = 1.25
 """Ratio of the numbers of pairs, of which each has its own program."""
 STATES_AT_ONCE = 4
 """States that are worked on together."""
+TIE = 1e-9
+"""Part by which sizes of panels must differ for one to be the larger."""
 FEWEST_IMAGES = 2
 IMAGES_AN_EXTENT = 3
 """Multipoles begin where images are so many times as far away as the conductors are wide."""
@@ -84,16 +86,17 @@ def near_pairs(
         period: of the repetition [mm].
 
     Returns:
-        The pairs, and the last of them again and again.
+        The pairs, the larger panel second, and the last of them again and again.
     """
     states, count = panels.shape[:2]
     turns = np.zeros((states, 1, 3))
     if images is not None and period is not None:
         turns[:, 0, images.axis] = period
-    near = np.eye(count, dtype=bool)
+    near, extent = np.eye(count, dtype=bool), np.zeros(count)
     for corners, turn in zip(panels, turns, strict=True):
         centre = corners.mean(axis=1)
         size = np.linalg.norm(corners - np.roll(corners, 2, axis=1), axis=-1).max(axis=1)
+        extent = np.maximum(extent, size)
         tree = cKDTree(centre)
         for image in (-1, 0, 1) if turn.any() else (0,):
             found = tree.sparse_distance_matrix(
@@ -102,6 +105,9 @@ def near_pairs(
             close = found.data <= NEAR * np.maximum(size[found.row], size[found.col])
             near[found.row[close], found.col[close]] = True
     pairs = np.argwhere(np.triu(near | near.T))
+    first, second = extent[pairs].T
+    # Gauss's points of a large panel would miss what a small one does near by.
+    pairs[first > second * (1 + TIE)] = pairs[first > second * (1 + TIE)][:, ::-1]
     # So that few programs serve many shapes, their number is one of few.
     steps = math.ceil(math.log(max(len(pairs) / PAIRS_AT_ONCE, 1), PAIRS_RATIO))
     filled = PAIRS_AT_ONCE * math.ceil(PAIRS_RATIO**steps)

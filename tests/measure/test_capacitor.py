@@ -67,7 +67,7 @@ def test_flat_it_is_that_of_coplanar_strips():
     modulus = 2 / (2 + 2 * 2)
     exact = ellipk(1 - modulus**2) / ellipk(modulus**2)
     length = float(fabric.cell[0]) * net.shape.cells_x
-    assert found.capacitance[0] == pytest.approx(VACUUM_PERMITTIVITY * length * exact, rel=2e-3)
+    assert found.capacitance[0] == pytest.approx(VACUUM_PERMITTIVITY * length * exact, rel=4e-3)
 
 
 def test_the_stated_error_is_no_less_than_the_true_one():
