@@ -26,7 +26,7 @@ COLOURS = ("#D55E00", "#0072B2")
 RIB, GARTER, FABRIC = "0.82", "0.94", "0.85"
 HEIGHT = 3.6
 """Of the figure [in]."""
-ZOOM = 1.4
+ZOOM = 1.25
 CELLS_PER_TICK = 4
 FINE_PARTS, COARSE_PARTS, FEW_CELLS = 4, 2, 24
 """Parts that a grid cell is drawn in each way, finely where there are few cells."""

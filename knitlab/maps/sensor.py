@@ -1,5 +1,7 @@
 """The sensor design map: how steep and over what range every design senses, and the trade-off."""
 
+from textwrap import fill
+
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
@@ -14,7 +16,8 @@ from knitlab.sweep.registry import Status
 
 STEEPNESS, RANGE = "sensitivity", "working_range"
 MARKERS = "osD^vP*X"
-MAP_ROW, MAP_MARGIN, TRADE_OFF = 0.32, 0.5, 2.8
+LETTERS_A_LINE = 110
+MAP_ROW, MAP_MARGIN, TRADE_OFF = 0.32, 0.5, 3.1
 """Heights of a row of a map, of what is around it, and of the trade-off [in]."""
 NO_VALUE = "apart at too few strains to be read"
 NEEDED = "needs electrodes on the fabric; run knitlab run sensor, or a workflow with [electrodes]"
@@ -103,17 +106,12 @@ def _trade_off(axes: Axes, cube: xr.Dataset) -> None:
     axes.margins(0.12)
     axes.set_ylim(bottom=0)
     axes.set_xlim(left=0)
+    axes.set_title(_listed(front, figures), loc="left", fontsize=7, pad=20)
     if figures:
-        axes.legend(
-            title=_listed(front, figures),
-            title_fontsize=6.5,
-            loc="upper right",
-            frameon=False,
-            alignment="left",
-        )
+        axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=len(stripes), frameon=False)
 
 
 def _listed(front: list[Design], figures: dict[Design, tuple[float, ...]]) -> str:
     """The front in words, the steepest first."""
-    lines = [f"{design}: {figures[design][0]:.2f} pF, {figures[design][1]:.0%}" for design in front]
-    return "\n".join(["front: steepest for its range", *lines, ""])
+    each = [f"{design} {figures[design][0]:.2f} pF, {figures[design][1]:.0%}" for design in front]
+    return fill(f"Front, the steepest for its range: {'; '.join(each)}", LETTERS_A_LINE)
