@@ -28,7 +28,9 @@ def written_whole(path: Path) -> Iterator[Path]:
         yield temporary
         temporary.replace(path)
     except OSError as error:
-        raise _cannot_write(path, error) from error
+        # Of a full disk netCDF may say that it is not permitted; a plain file says why.
+        reason = _refusal(folder) if folder is not None else None
+        raise _cannot_write(path, reason or error) from error
     except RuntimeError as error:
         # HDF5 does not say why it could not write; a plain file does.
         if folder is not None and (reason := _refusal(folder)):

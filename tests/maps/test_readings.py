@@ -41,8 +41,8 @@ def test_readings_are_drawn_side_by_side_without_a_selection(tmp_path):
     folder = two_readings(tmp_path)
     assert draw_figure("readings", [folder], tmp_path / "readings.svg").stat().st_size > 0
     text = (tmp_path / "readings.svg").read_text()
-    assert "25 hold" in text
-    assert "19 hold" in text
+    assert "29 hold" in text
+    assert "23 hold" in text
     files, faults = draw_figures(["readings", "auxetic"], folder)
     assert not faults
     assert {path.stem for path in files} == {
