@@ -14,7 +14,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from knitlab.sweep.case_file import read_case
+from knitlab.sweep.case_file import configurations, read_case
 from knitlab.sweep.workers import WORKER_ENVIRONMENT
 
 
@@ -51,15 +51,11 @@ def capacitances_of(results: Path, case_id: str, steps: int) -> tuple[int, int, 
     case = case_of(json.loads(dataset.attrs["parameters"]))
     if case.capacitor is None:
         raise click.UsageError(f"case {case_id} has no electrodes")
-    position = dataset["position"].values
-    lengths = np.zeros((len(position), 2))
-    if case.mesh_shape.periodic:
-        lengths = np.stack([dataset["length_x"].values, dataset["length_y"].values], axis=1)
-    configurations = np.concatenate([position.reshape(len(position), -1), lengths], axis=1)
-    there = np.flatnonzero(np.isfinite(configurations).all(axis=1))
+    states = configurations(dataset)
+    there = np.flatnonzero(np.isfinite(states).all(axis=1))
     chosen = there[np.linspace(0, len(there) - 1, min(steps, len(there))).round().astype(int)]
     began = time.perf_counter()
-    found = capacitances(case.electrodes, *case.woven(), configurations[chosen], case.capacitor)
+    found = capacitances(case.electrodes, *case.woven(), states[chosen], case.capacitor)
     seconds = time.perf_counter() - began
     measured = found.status == CapacitorStatus.measured
     largest = float(np.max(found.error, where=measured, initial=0.0))

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from knitlab.maps.style import TWO_COLUMNS
 from knitlab.measure.capacitor_status import CapacitorStatus
+from knitlab.measure.sensor import CENTRAL_PART
 from knitlab.sweep.cube_file import base_dims
 from knitlab.sweep.faults import fault
 from knitlab.sweep.registry import DESIGN_DIMS, Status
@@ -21,8 +22,6 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "bl
 LINES = ("-", "--", "-.", (0, (1, 1)))
 PAPER_STRIPES = (("rib", 4), ("garter", 4))
 PAPER_CHECKERBOARDS = ((4, 16), (4, 32))
-CENTRAL = 0.1
-"""Half the central part of the strain range that slopes are averaged over."""
 HEIGHT = 2.9
 """Of the figure [in]."""
 
@@ -83,7 +82,7 @@ def _curve(axes: Axes, sample: Sample, name: str, colour: str, line: object) -> 
     start, end = float(cell["applied_strain_opened"]), float(cell["sensing_end"])
     able = np.isfinite(values)
     if np.isfinite(start) and able.any():
-        middle, half = (start + end) / 2, CENTRAL * (end - start)
+        middle, half = (start + end) / 2, CENTRAL_PART / 2 * (end - start)
         within = np.linspace(middle - half, middle + half, 20)
         axes.plot(
             within,

@@ -17,6 +17,7 @@ from scipy.interpolate import interp1d
 from knitlab.maps.perspective import frame_sheet
 from knitlab.maps.relief import faces_of
 from knitlab.maps.style import TWO_COLUMNS
+from knitlab.sweep.case_file import configurations
 from knitlab.sweep.faults import fault
 
 if TYPE_CHECKING:
@@ -100,11 +101,8 @@ def _draw_relaxed(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
     from knitlab.measure.places import nodes_at
 
     shape = case.mesh_shape
-    relaxed = case_file.isel(applied_strain=0)
-    lengths = [float(relaxed[f"length_{axis}"]) if shape.periodic else 0.0 for axis in "xy"]
-    configuration = np.append(relaxed["position"].values.ravel(), lengths)
     rows, columns = np.arange(shape.cells_y + 1), np.arange(shape.cells_x + 1)
-    sheet = np.asarray(nodes_at(shape, configuration, rows, columns))
+    sheet = np.asarray(nodes_at(shape, configurations(case_file)[0], rows, columns))
     # One collection, so that all faces hide each other by their depth.
     parts = FINE_PARTS if max(shape.cells_y, shape.cells_x) <= FEW_CELLS else COARSE_PARTS
     x, y = ((np.arange(cells * parts) + 0.5) / parts for cells in (shape.cells_x, shape.cells_y))

@@ -15,6 +15,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from knitlab.maps.perspective import FOLDED_SHEET_FITS, frame_sheet
 from knitlab.maps.style import TWO_COLUMNS
+from knitlab.sweep.case_file import configurations
 
 if TYPE_CHECKING:
     from knitlab.model.fabric import Weave
@@ -55,13 +56,9 @@ def spring_network(case: xr.Dataset) -> Figure:
     lines = _by_role(laid_out(pattern, Sheet(**parameters["sheet"]), reading))
 
     endless = "length_x" in case
-    relaxed = case.isel(applied_strain=0)
-    nodes = relaxed["position"].values
-    lengths = [float(relaxed[f"length_{axis}"]) if endless else 0.0 for axis in "xy"]
-    cells_y, cells_x = (size - (not endless) for size in nodes.shape[:2])
+    cells_y, cells_x = (case.sizes[dim] - (not endless) for dim in ("node_y", "node_x"))
     shape = MeshShape(cells_y, cells_x, endless)
-    configuration = np.append(nodes.ravel(), lengths)
-    cell = central_cell(shape, tuple(parameters["unit_cells"]), configuration)
+    cell = central_cell(shape, tuple(parameters["unit_cells"]), configurations(case)[0])
 
     figure = Figure(figsize=(TWO_COLUMNS, HEIGHT))
     flat = figure.add_axes((0.06, 0.2, 0.36, 0.72))

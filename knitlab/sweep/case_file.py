@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import netCDF4
+import numpy as np
+from jaxtyping import Float
 
 from knitlab.sweep.files import written_whole
 from knitlab.sweep.fingerprint import file_digest
@@ -67,6 +69,18 @@ def read_code(results: Path, case_id: str) -> str | None:
             return str(dataset["code"][...])
     except (OSError, IndexError):
         return None
+
+
+def configurations(case: "xr.Dataset") -> Float[np.ndarray, "state unknown"]:
+    """Configurations of a case at every strain: node coordinates, then L_x and L_y [mm].
+
+    The lengths, which open samples do not have, are 0 there.
+    """
+    nodes = case["position"].values.reshape(case.sizes["applied_strain"], -1)
+    names = ("length_x", "length_y")
+    none = np.zeros(len(nodes))
+    lengths = [case[name].values if name in case else none for name in names]
+    return np.column_stack([nodes, *lengths])
 
 
 def read_case(results: Path, case_id: str) -> "xr.Dataset":

@@ -321,16 +321,13 @@ def described(dataset: "xr.Dataset") -> "xr.Dataset":
     for name, variable in (COORDINATES | VARIABLES).items():
         if name in dataset.variables:
             dataset[name].attrs |= variable.attributes
-    if "status" in dataset:
-        dataset["status"].attrs |= {
-            "flag_values": [status.value for status in Status],
-            "flag_meanings": " ".join(status.name for status in Status),
-        }
-    if "capacitor_status" in dataset:
-        dataset["capacitor_status"].attrs |= {
-            "flag_values": [status.value for status in CapacitorStatus],
-            "flag_meanings": " ".join(status.name for status in CapacitorStatus),
-        }
+    flags: dict[str, type[IntEnum]] = {"status": Status, "capacitor_status": CapacitorStatus}
+    for name, meanings in flags.items():
+        if name in dataset:
+            dataset[name].attrs |= {
+                "flag_values": [flag.value for flag in meanings],
+                "flag_meanings": " ".join(flag.name for flag in meanings),
+            }
     return dataset
 
 
