@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
+from knitlab.mechanics.stiffness import FreeStiffness, sparsity
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
 
@@ -84,12 +85,18 @@ def blocks(free: FreeStiffness) -> Iterator[Block]:
             within[nodes] = True
             yield Block(
                 places,
-                free_stiffness(own, np.flatnonzero(able)),
+                _stiffness(own, np.flatnonzero(able).tobytes()),
                 *(
                     np.flatnonzero(within[elements.nodes].all(axis=1))
                     for elements in (net.springs, net.hinges)
                 ),
             )
+
+
+@lru_cache(maxsize=64)
+def _stiffness(shape: MeshShape, unknowns: bytes) -> FreeStiffness:
+    """Kept apart from the stiffness of whole samples, which that of many blocks would drive out."""
+    return sparsity(shape, np.frombuffer(unknowns, dtype=np.int64))
 
 
 def _spans(cells: int) -> list[tuple[int, int]]:

@@ -75,13 +75,18 @@ class FreeStiffness:
 
 
 def free_stiffness(shape: MeshShape, unknowns: Int[np.ndarray, " free"]) -> FreeStiffness:
-    """Sparsity of the stiffness of a mesh shape's network, restricted to free unknowns."""
+    """As :func:`sparsity`, made once while it is one of the last that were asked for."""
     return _free_stiffness(shape, unknowns.astype(np.int64).tobytes())
 
 
 @lru_cache(maxsize=8)
 def _free_stiffness(shape: MeshShape, unknown_bytes: bytes) -> FreeStiffness:
-    net, unknowns = network(shape), np.frombuffer(unknown_bytes, dtype=np.int64)
+    return sparsity(shape, np.frombuffer(unknown_bytes, dtype=np.int64))
+
+
+def sparsity(shape: MeshShape, unknowns: Int[np.ndarray, " free"]) -> FreeStiffness:
+    """Sparsity of the stiffness of a mesh shape's network, restricted to free unknowns."""
+    net = network(shape)
     size = len(unknowns)
     number = np.full(shape.unknowns, -1)
     number[unknowns] = np.arange(size)
