@@ -62,9 +62,17 @@ def local_strain(reference: CornerGrid, current: CornerGrid) -> tuple[CellField,
 
 
 def central_mean(strain: CellField) -> Series:
-    """Mean over the central unit cells (paper, ε̄) [1]."""
+    """Mean over the central unit cells (paper, ε̄) [1].
+
+    A cell that lost a marker, NaN, is left out; where all of them did, so is the mean.
+    """
     rows, columns = central(strain.shape[-2]), central(strain.shape[-1])
-    return strain[..., rows, columns].mean(axis=(-2, -1))
+    middle = strain[..., rows, columns]
+    xp = _library(strain)
+    there = xp.isfinite(middle)
+    count = there.sum(axis=(-2, -1))
+    total = xp.where(there, middle, 0.0).sum(axis=(-2, -1))
+    return xp.where(count > 0, total / xp.where(count > 0, count, 1), xp.nan)
 
 
 def poisson_ratio(mean_strain_xx: Series, mean_strain_yy: Series) -> Series:

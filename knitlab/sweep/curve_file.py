@@ -2,15 +2,13 @@
 
 import re
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
-import pint
 from jaxtyping import Float
 
-from knitlab.sweep.faults import BadInput, Fault, fault
+from knitlab.sweep.faults import BadInput, Fault
+from knitlab.sweep.table_file import factor_of, numbers_of, read_table
 
 COLUMN = re.compile(r"\s*(?P<name>[^\[\]]+?)\s*\[(?P<unit>[^\[\]]*)\]\s*")
 EXAMPLE = "write it as in 'strain [1],force [N]'"
@@ -47,7 +45,7 @@ def read_tension_curve(
     Raises:
         BadInput: with every fault of the file.
     """
-    headers, table = _read_csv(path)
+    headers, table = read_table(path, EXAMPLE)
     columns: dict[str, int] = {}
     units: dict[str, str] = {}
     faults = []
@@ -74,51 +72,17 @@ def read_tension_curve(
     (load,) = loads
     numbers = {}
     for name in ("strain", load):
-        numbers[name], found = _numbers(path, name, table[columns[name]])
+        numbers[name], found = numbers_of(path, name, table[columns[name]])
         faults += found
     per_row, found = _newton_per_row(path, load, units[load], width, thickness)
     faults += found
-    of_one, found = _factor(path, "strain", units["strain"], "1", "such as [1] or [%]")
+    of_one, found = factor_of(f"{path}: column strain", units["strain"], "1", "such as [1] or [%]")
     faults += found
     if not faults:
         faults += _strain_faults(path, numbers["strain"])
     if faults:
         raise BadInput(faults)
     return TensionCurve(numbers["strain"] * of_one, numbers[load] * per_row)
-
-
-def _read_csv(path: Path) -> tuple[list[str], pd.DataFrame]:
-    """Headers, which may repeat, and the rows below them, as text."""
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-        table = pd.read_csv(
-            StringIO("\n".join(line for line in lines if not line.lstrip().startswith("#"))),
-            dtype=str,
-            header=None,
-            skipinitialspace=True,
-            keep_default_na=False,
-        ).fillna("")
-    except OSError as error:
-        raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        problem = " ".join(str(error).split())
-        raise fault(str(path), f"is not a CSV table ({problem}); {EXAMPLE}") from error
-    return table.iloc[0].tolist(), table.iloc[1:]
-
-
-def _numbers(
-    path: Path, name: str, column: pd.Series
-) -> tuple[Float[np.ndarray, " point"], list[Fault]]:
-    numbers = pd.to_numeric(column, errors="coerce").to_numpy(float)
-    bad = np.flatnonzero(~np.isfinite(numbers))
-    faults = []
-    if len(bad):
-        first = column.iloc[bad[0]]
-        more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
-        value = repr(first) if first else "empty"
-        problem = f"point {bad[0] + 1} is {value}{more}, not a finite number; mend or remove it"
-        faults.append(Fault(f"{path}: column {name}", problem))
-    return numbers, faults
 
 
 def _strain_faults(path: Path, strain: Float[np.ndarray, " point"]) -> list[Fault]:
@@ -140,50 +104,24 @@ def _strain_faults(path: Path, strain: Float[np.ndarray, " point"]) -> list[Faul
     return []
 
 
-def _factor(
-    path: Path, name: str, unit: str, target: str, remedy: str
-) -> tuple[float, list[Fault]]:
-    """What a column is multiplied by to be in a unit."""
-    place = f"{path}: column {name}"
-    try:
-        once, twice = (_in_unit(value, unit, target) for value in (1.0, 2.0))
-        if not np.isclose(twice, 2 * once):  # a logarithmic unit
-            raise pint.DimensionalityError(unit, target)
-        return once, []
-    except pint.DimensionalityError:
-        return np.nan, [Fault(place, f"is in {unit}; give it in a unit {remedy}")]
-    except Exception:  # pint raises many kinds on a text that is no unit
-        return np.nan, [Fault(place, f"has the unknown unit {unit!r}; give one {remedy}")]
-
-
-def _in_unit(value: float, unit: str, target: str) -> float:
-    quantity = _registry().Quantity(value, "dimensionless" if unit == "1" else unit)
-    if target == "1" and not quantity.to_root_units().unitless:  # an angle
-        raise pint.DimensionalityError(unit, target)
-    return float(quantity.to("dimensionless" if target == "1" else target).magnitude)
-
-
 def _newton_per_row(
     path: Path, load: str, unit: str, width: float | None, thickness: float | None
 ) -> tuple[float, list[Fault]]:
+    place = f"{path}: column {load}"
     if load == "force":
         faults = [
             Fault(f"--{option} {value:g}", "is for stress, but the curve holds force; leave it out")
             for option, value in (("width", width), ("thickness", thickness))
             if value is not None
         ]
-        factor, found = _factor(path, load, unit, "N", "of force, such as [N]")
+        factor, found = factor_of(place, unit, "N", "of force, such as [N]")
         return factor, faults + found
     if width is None:
         problem = "needs the width of one row of the network; give --width MM"
-        return np.nan, [Fault(f"{path}: column stress", problem)]
+        return np.nan, [Fault(place, problem)]
     if thickness is None:
         remedy = "of force over width, such as [N/mm], or give --thickness MM for [MPa]"
-        factor, faults = _factor(path, load, unit, "N/mm", remedy)
+        factor, faults = factor_of(place, unit, "N/mm", remedy)
         return factor * width, faults
-    factor, faults = _factor(path, load, unit, "N/mm^2", "of force over area, such as [MPa]")
+    factor, faults = factor_of(place, unit, "N/mm^2", "of force over area, such as [MPa]")
     return factor * width * thickness, faults
-
-
-def _registry() -> pint.UnitRegistry:
-    return pint.get_application_registry()
