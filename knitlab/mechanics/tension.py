@@ -98,11 +98,13 @@ class _Path:
         while True:
             strain = self.last[-1][0] + towards * step
             strain = target if towards * (target - strain) <= ROUND_OFF else strain
-            state = yield from self._sought(strain, snapping=False)
+            rough, last = self.last[-1][1].iterations > ROUGH, step <= smallest
+            find = self._sought_fast(strain) if rough else self._sought_slowly(strain, last)
+            state = yield from find
             followed = self._on_branch(strain, state)
-            if not followed and step <= smallest:
+            if rough and last and not followed:
                 spent.append(state)
-                state = yield from self._sought(strain, snapping=True)
+                state = yield from self._sought_slowly(strain, to_the_end=True)
                 followed = self._on_branch(strain, state)
             if state.converged and (followed or step <= smallest):
                 snapped |= not followed
@@ -116,37 +118,41 @@ class _Path:
                 step /= 2
             spent.append(state)
 
-    def _sought(self, strain: float, snapping: bool) -> Solver[State]:
-        """Search for the state at a strain, from where the path so far leads.
+    def _sought_slowly(self, strain: float, to_the_end: bool) -> Solver[State]:
+        """Search for the state at a strain as slowly as the fabric would move there by itself.
 
-        A search that leaves the branch is broken off. Only a fabric that is known to snap is
-        followed down, as slowly as it would move by itself, for the state that it comes to is
-        kept.
+        A search that leaves the branch is broken off, unless it is to go on to the end: the state
+        that a fabric snaps to is kept.
         """
-        free = free_stiffness(self.loading.shape, self.loading.unknowns)
-        longest = self.settings.step_limit * float(self.fabric.cell.min())
-        rough = self.last[-1][1].iterations > ROUGH
-        passed = [(at, state.configuration) for at, state in self.last]
-        start = Evaluate(self.loading.ahead(passed, strain))
-        floor = -math.inf if snapping else self._least_energy(strain)
-        if snapping or not rough:
-            return (
-                yield from find_settled(
-                    start, free, longest, self.settings, floor, convexified=False
-                )
-            )
-        soft = yield from find_settled(
-            replace(start, stage=Stage(wall=ROUGH_WALL)),
-            free,
-            longest,
+        floor = -math.inf if to_the_end else self._least_energy(strain)
+        return self._found(self._ahead(strain), self.settings, floor, convexified=False)
+
+    def _sought_fast(self, strain: float) -> Solver[State]:
+        """Search for the state at a strain where the path is rough."""
+        floor = self._least_energy(strain)
+        soft = yield from self._found(
+            replace(self._ahead(strain), stage=Stage(wall=ROUGH_WALL)),
             on_the_way(self.settings, self.fabric),
             floor,
+            convexified=True,
         )
         if soft.outcome is Outcome.left_branch:
             return soft
         start = Evaluate(soft.configuration)
-        state = yield from find_settled(start, free, longest, self.settings, floor)
+        state = yield from self._found(start, self.settings, floor, convexified=True)
         return state.after(soft)
+
+    def _ahead(self, strain: float) -> Evaluate:
+        """Where the path so far leads at a strain."""
+        passed = [(at, state.configuration) for at, state in self.last]
+        return Evaluate(self.loading.ahead(passed, strain))
+
+    def _found(
+        self, start: Evaluate, settings: SolverSettings, floor: float, convexified: bool
+    ) -> Solver[State]:
+        free = free_stiffness(self.loading.shape, self.loading.unknowns)
+        longest = self.settings.step_limit * float(self.fabric.cell.min())
+        return find_settled(start, free, longest, settings, floor, convexified)
 
     def _least_energy(self, strain: float) -> float:
         """Energy below which a state at a strain cannot be on the branch, by what is expected."""

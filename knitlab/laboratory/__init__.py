@@ -1,0 +1,1 @@
+"""What a laboratory has: markers, machine curves and capacitances, brought into cubes."""

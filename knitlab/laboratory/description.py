@@ -1,0 +1,198 @@
+"""Descriptions: the short TOML beside a laboratory's files that says what they are."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, PositiveInt, ValidationError, model_validator
+
+from knitlab.laboratory.quantities import (
+    CapacitanceColumn,
+    ForceColumn,
+    Frequency,
+    Length,
+    LengthColumn,
+    PlainColumn,
+    Time,
+    TimeColumn,
+)
+from knitlab.model.stripe import periods_per_patch
+from knitlab.sweep.faults import BadInput, Fault, faults_of
+from knitlab.sweep.strict import Strict
+from knitlab.sweep.toml import read_toml
+from knitlab.sweep.workflow import MOST_STEPS
+
+Towards = Literal["right", "left", "up", "down"]
+Kind = Literal["markers", "tensile", "capacitance"]
+UPRIGHT = ("up", "down")
+
+
+class SampleTable(Strict):
+    """``[sample]``: the fabric between the clamps, relaxed.
+
+    Its ``unit_cells`` are those along (y, x); ``length`` is that between the clamps, over which
+    the extension is the applied strain.
+    """
+
+    n_stripe: PositiveInt
+    n_subunit: PositiveInt
+    unit_cells: Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]
+    length: Length
+    width: Length
+
+    @model_validator(mode="after")
+    def _is_a_design(self) -> "SampleTable":
+        periods_per_patch(self.n_stripe, self.n_subunit)
+        return self
+
+
+class ProtocolTable(Strict):
+    """``[protocol]``: the applied strains at which results are asked for, from 0 up.
+
+    A turn of the machine by less than ``least_turn`` of the whole extension is no cycle.
+    """
+
+    strain_max: Annotated[float, Field(gt=0)]
+    strain_step: Annotated[float, Field(gt=0)]
+    least_turn: Annotated[float, Field(gt=0, lt=1)] = 0.1
+
+    @model_validator(mode="after")
+    def _is_a_whole_number_of_steps(self) -> "ProtocolTable":
+        steps = self.strain_max / self.strain_step
+        if abs(steps - round(steps)) > 1e-6 or steps > MOST_STEPS:
+            raise ValueError(
+                f"strain_max = {self.strain_max:g} over strain_step = {self.strain_step:g} is no"
+                f" whole number up to {MOST_STEPS}; change one"
+            )
+        return self
+
+    @property
+    def applied_strain(self) -> tuple[float, ...]:
+        """The strains."""
+        steps = round(self.strain_max / self.strain_step)
+        return tuple(round(step * self.strain_step, 12) for step in range(steps + 1))
+
+
+class Recorded(Strict):
+    """A record with a clock of its own, brought to the machine's.
+
+    Either ``starts`` says at which time of the machine its clock was at 0, or both records have a
+    ``trigger``, a column that rises at one and the same moment.
+    """
+
+    file: str = Field(min_length=1)
+    starts: Time | None = None
+
+
+class TensileTable(Strict):
+    """``[tensile]``: the machine's log, whose clock all other records are brought to."""
+
+    file: str = Field(min_length=1)
+    time: TimeColumn
+    extension: LengthColumn
+    force: ForceColumn
+    trigger: PlainColumn | None = None
+
+
+class CapacitanceTable(Recorded):
+    """``[capacitance]``: the log of an LCR meter."""
+
+    time: TimeColumn
+    capacitance: CapacitanceColumn
+    trigger: PlainColumn | None = None
+
+    @model_validator(mode="after")
+    def _is_synchronised(self) -> "CapacitanceTable":
+        if (self.starts is None) == (self.trigger is None):
+            raise ValueError("needs starts, the machine's time at its own 0, or trigger: one")
+        return self
+
+
+class MarkersTable(Recorded):
+    """``[markers]``: tracked points, in pixels.
+
+    ``file`` is an array (frame, marker, 2) with x to the right and y down, as tracking-markers
+    writes it, or a CSV table with the columns frame, marker, x and y. ``weft`` and ``warp`` say
+    which way in the picture the fabric's x and y run, to within 45° or, turned anticlockwise by
+    ``turned`` degrees, to within 45° of that. The grid of unit-cell corners is found, or read from
+    the table ``places`` with the columns marker, row and column; every ``markers_per_cell`` along
+    (y, x) there is a corner. The relaxed shape is the mean of the first ``relaxed_frames``. A
+    frame's applied strain is the machine's at its time, by ``frame_rate`` and ``starts``, or else
+    ``strain_per_frame`` after frame 0.
+    """
+
+    pixel: Length
+    weft: Towards = "right"
+    warp: Towards = "up"
+    turned: Annotated[float, Field(ge=-180, le=180)] = 0.0
+    places: str | None = None
+    markers_per_cell: Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)] = (1, 1)
+    relaxed_frames: PositiveInt = 1
+    frame_rate: Frequency | None = None
+    strain_per_frame: Annotated[float, Field(gt=0)] | None = None
+
+    @model_validator(mode="after")
+    def _has_two_axes(self) -> "MarkersTable":
+        if (self.weft in UPRIGHT) == (self.warp in UPRIGHT):
+            raise ValueError(
+                f"weft = {self.weft} and warp = {self.warp} are one line; give them across"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _has_strains(self) -> "MarkersTable":
+        if (self.frame_rate is None) == (self.strain_per_frame is None):
+            raise ValueError(
+                "needs frame_rate, with starts, or strain_per_frame: one, to know its strains"
+            )
+        if self.frame_rate is not None and self.starts is None:
+            raise ValueError("needs starts, the machine's time at frame 0, beside frame_rate")
+        return self
+
+
+class Description(Strict):
+    """A description: a sample, what is asked for, and the records there are.
+
+    ``source`` is what the sample is called beside simulations; ``synthetic`` says that it was
+    made up.
+    """
+
+    title: str = Field(min_length=1)
+    source: str = Field(default="experiment", min_length=1)
+    synthetic: bool = False
+    sample: SampleTable
+    protocol: ProtocolTable
+    tensile: TensileTable | None = None
+    markers: MarkersTable | None = None
+    capacitance: CapacitanceTable | None = None
+
+    @model_validator(mode="after")
+    def _has_what_it_hangs_on(self) -> "Description":
+        if self.source == SIMULATION:
+            raise ValueError(f"source = {SIMULATION} is a simulation's; give another name")
+        if self.tensile is None and self.capacitance is not None:
+            raise ValueError("[capacitance] needs [tensile], for its strains; add it")
+        if self.markers and self.markers.frame_rate is not None and self.tensile is None:
+            raise ValueError("[markers] with frame_rate needs [tensile], for its strains; add it")
+        triggered = self.capacitance is not None and self.capacitance.trigger is not None
+        if triggered and self.tensile is not None and self.tensile.trigger is None:
+            raise ValueError("[capacitance] has a trigger, so [tensile] needs one; add it")
+        return self
+
+
+SIMULATION = "simulation"
+"""What the source of a simulated cube is called."""
+
+
+def read_description(path: Path, kind: Kind) -> Description:
+    """Read a description that says what there is of a kind.
+
+    Raises:
+        BadInput: with every fault of the file.
+    """
+    try:
+        description = Description.model_validate(read_toml(path))
+    except ValidationError as error:
+        raise BadInput(faults_of(error, str(path))) from error
+    if getattr(description, kind) is None:
+        raise BadInput([Fault(f"{path}: {kind}", "is missing; add a table that says where it is")])
+    return description

@@ -1,0 +1,87 @@
+"""Quantities as a description states them: a number with its unit, or a column with its unit."""
+
+from collections.abc import Callable
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from knitlab.sweep.strict import Strict
+from knitlab.sweep.table_file import factor_of
+
+REMEDIES = {
+    "mm": "of length, such as mm",
+    "s": "of time, such as s",
+    "Hz": "of frequency, such as Hz",
+    "N": "of force, such as N",
+    "pF": "of capacitance, such as pF",
+}
+"""Units that knitlab counts in, and what may be given in their stead."""
+
+
+class _WithUnit(Strict):
+    """What has a unit."""
+
+    unit: str = Field(min_length=1)
+
+
+class Quantity(_WithUnit):
+    """A number and its unit."""
+
+    value: float
+
+
+class Column(_WithUnit):
+    """A column of a table by its header, and its unit."""
+
+    column: str = Field(min_length=1)
+
+
+class PlainColumn(BaseModel):
+    """A column of a table that needs no unit."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    column: str = Field(min_length=1)
+
+
+def conversion(unit: str, target: str) -> float:
+    """What numbers in a unit are multiplied by to be in one of :data:`REMEDIES`.
+
+    Raises:
+        ValueError: if the unit is none of that kind.
+    """
+    factor, faults = factor_of("", unit, target, REMEDIES[target])
+    if faults:
+        raise ValueError(faults[0].problem)
+    return factor
+
+
+def _positive(target: str) -> Callable[[Quantity], Quantity]:
+    def checked(quantity: Quantity) -> Quantity:
+        conversion(quantity.unit, target)
+        if not quantity.value > 0:
+            raise ValueError(f"is {quantity.value:g}; give one above 0")
+        return quantity
+
+    return checked
+
+
+def _in(target: str) -> Callable[[Any], Any]:
+    def checked(stated: Any) -> Any:
+        conversion(stated.unit, target)
+        return stated
+
+    return checked
+
+
+Length = Annotated[Quantity, AfterValidator(_positive("mm"))]
+Frequency = Annotated[Quantity, AfterValidator(_positive("Hz"))]
+Time = Annotated[Quantity, AfterValidator(_in("s"))]
+TimeColumn = Annotated[Column, AfterValidator(_in("s"))]
+LengthColumn = Annotated[Column, AfterValidator(_in("mm"))]
+ForceColumn = Annotated[Column, AfterValidator(_in("N"))]
+CapacitanceColumn = Annotated[Column, AfterValidator(_in("pF"))]
+
+
+def number(quantity: Quantity, target: str) -> float:
+    """A quantity as a number in one of the units of :data:`REMEDIES`."""
+    return quantity.value * conversion(quantity.unit, target)
