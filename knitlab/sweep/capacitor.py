@@ -1,6 +1,7 @@
 """A finished test as a sensor: the capacitance of its electrodes, and what its curve is worth."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import jax.numpy as jnp
@@ -67,14 +68,7 @@ def capacitor_values(
         values["sensing_end"] = strain[kept][-1]
     sensor = sensor_of(strain[kept], capacitance[kept], capacitor.linearity)
     if sensor is not None:
-        values |= {
-            "sensitivity": sensor.sensitivity,
-            "gauge_factor": sensor.gauge_factor,
-            "linearity": sensor.linearity,
-            "working_range": sensor.working_range,
-            "working_start": sensor.working_start,
-            "working_slope": sensor.working_slope,
-        }
+        values |= asdict(sensor)
     return values
 
 

@@ -32,7 +32,7 @@ class Variable:
         in_cube: whether the cube has it, or the case alone.
         of: what cases have it: all, those reached by dynamics, those of a pure stripe, those of
             rib and garter patches, those of which sensitivities were asked for, those with
-            electrodes, or those with electrodes that are let go again.
+            electrodes, those with electrodes that are let go again, or measured ones.
     """
 
     dims: tuple[str, ...]
@@ -41,7 +41,14 @@ class Variable:
     description: str = ""
     in_cube: bool = True
     of: Literal[
-        "all", "dynamics", "stripe", "patches", "sensitivities", "capacitor", "unloading"
+        "all",
+        "dynamics",
+        "stripe",
+        "patches",
+        "sensitivities",
+        "capacitor",
+        "unloading",
+        "laboratory",
     ] = "all"
 
     @property
@@ -61,6 +68,8 @@ COORDINATES = {
     "knit": Variable(("knit",), "1", "knit of a pure stripe"),
     "n": Variable(("n",), "1", "stitches across a stripe"),
     "boundary": Variable(("boundary",), "1", "clamped sample or periodic, endless fabric"),
+    "source": Variable((), "1", "simulation, or what an experiment is called"),
+    "cycle": Variable(("cycle",), "1", "cycle of a tensile test"),
     "applied_strain": Variable(
         ("applied_strain",),
         "1",
@@ -109,6 +118,13 @@ def _of_capacitor(
     return Variable(dims, units, long_name, description, of="capacitor")
 
 
+def _of_laboratory(
+    units: str, long_name: str, description: str = "", dims: tuple[str, ...] = _STATE
+) -> Variable:
+    return Variable(dims, units, long_name, description, of="laboratory")
+
+
+_SCATTER = "of the line through what was recorded near a strain"
 _ONCE: tuple[str, ...] = ()
 _RANGE = (
     "over the strains from applied_strain_opened to sensing_end: measured without a gap, and"
@@ -219,7 +235,9 @@ VARIABLES = {
         "minus C12 of Maxwell's matrix; on endless fabric it is the capacitance, and missing here",
     ),
     "capacitance_error": _of_capacitor(
-        "1", "estimated error of the capacitance over itself", "from two sizes of panels"
+        "1",
+        "estimated error of the capacitance over itself",
+        "from two sizes of panels; of a measured one, its standard error",
     ),
     "capacitance_wedge": _of_capacitor(
         "pF", "capacitance by the wedge integral", "a fast estimate, where folds are shut too"
@@ -273,6 +291,21 @@ VARIABLES = {
         "hysteresis of the capacitance",
         "largest difference between pulling and letting go, over the range of the capacitance",
         of="unloading",
+    ),
+    "mean_strain_xx_error": _of_laboratory(
+        "1", "standard error of the mean transverse strain", _SCATTER
+    ),
+    "mean_strain_yy_error": _of_laboratory(
+        "1", "standard error of the mean axial strain", _SCATTER
+    ),
+    "poisson_ratio_error": _of_laboratory("1", "standard error of Poisson's ratio", _SCATTER),
+    "reaction_force_error": _of_laboratory("N", "standard error of the reaction force", _SCATTER),
+    "force_per_width": _of_laboratory(
+        "N/mm", "reaction force per width", "of the relaxed sample between the clamps"
+    ),
+    "markers_lost": _of_laboratory("1", "markers lost", "corners of unit cells that are not seen"),
+    "cells_lost": _of_laboratory(
+        "1", "unit cells lost", "a corner of them is not seen; they are in no mean"
     ),
     "relaxed_cell_x": Variable((), "mm", "relaxed unit cell along the weft"),
     "relaxed_cell_y": Variable((), "mm", "relaxed unit cell along the warp"),
@@ -331,7 +364,15 @@ def described(dataset: "xr.Dataset") -> "xr.Dataset":
     return dataset
 
 
-WHOLE = ("iterations", "factorisations", "hinges_past_pi", "periods", "capacitor_status")
+WHOLE = (
+    "iterations",
+    "factorisations",
+    "hinges_past_pi",
+    "periods",
+    "capacitor_status",
+    "markers_lost",
+    "cells_lost",
+)
 """Variables that are stored as whole numbers."""
 MISSING = -1
 """What stands for none in these."""

@@ -1,0 +1,1 @@
+"""The commands of ``knitlab``. Each imports what it needs as it runs, so that all start fast."""

@@ -1,0 +1,94 @@
+"""Commands on cubes: ``query``, ``map``, ``claims``."""
+
+from pathlib import Path
+from typing import get_args
+
+import click
+
+from knitlab.commands.common import explains_bad_input, select_option
+from knitlab.sweep.figure_names import FigureName
+
+KINDS = get_args(FigureName)
+
+
+@click.command()
+@click.argument("cube", type=click.Path(path_type=Path))
+@select_option
+@click.option("--where", metavar="EXPRESSION", help="Keep the designs for which this holds.")
+@click.option("--sort", metavar="NAME", help="Sort by a variable, ascending; -NAME descends.")
+@click.option("--columns", metavar="NAMES", help="Columns to show, separated by commas.")
+@click.option(
+    "--format",
+    "style",
+    type=click.Choice(["table", "csv", "json"]),
+    default="table",
+    show_default=True,
+)
+@explains_bad_input
+def query(
+    cube: Path,
+    selections: tuple[str, ...],
+    where: str | None,
+    sort: str | None,
+    columns: str | None,
+    style: str,
+) -> None:
+    """List the designs of CUBE.
+
+    Variables along the applied strain appear once it is selected: --select applied_strain=0.15
+    """
+    from knitlab.maps.query import designs_table, formatted, queried
+    from knitlab.sweep.plain_cube import open_plain_cube
+
+    table = designs_table(open_plain_cube(cube), selections)
+    names = tuple(name.strip() for name in columns.split(",")) if columns else None
+    click.echo(formatted(queried(table, where, sort, names), style))
+
+
+@click.command(name="map")
+@click.argument("kind", type=click.Choice(KINDS))
+@click.argument("cubes", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    required=True,
+    help="File to draw; its suffix (.pdf, .svg, .png; .gif for folding) sets the format.",
+)
+@select_option
+@explains_bad_input
+def draw_map(kind: str, cubes: tuple[Path, ...], output: Path, selections: tuple[str, ...]) -> None:
+    """Draw a figure of KIND from CUBES, of which most kinds take one."""
+    from knitlab.maps.figures import draw_figure
+
+    click.echo(f"figure  {draw_figure(kind, cubes, output, selections)}")
+
+
+@click.command()
+@click.argument("cubes", type=click.Path(path_type=Path), nargs=-1, required=True)
+@select_option
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Page to write, .md or .html; its figures lie in a folder beside it.",
+)
+@explains_bad_input
+def claims(cubes: tuple[Path, ...], selections: tuple[str, ...], output: Path | None) -> None:
+    """Judge what the paper says by CUBES: each claim holds, fails, or is not measured.
+
+    Of several cubes the first that measures a claim decides it.
+    """
+    from knitlab.maps.claims import judged, read_claims
+    from knitlab.maps.claims_page import check_suffix, listed, write_page
+
+    if output is not None:
+        check_suffix(output)
+    judgements = judged(read_claims(), cubes, selections)
+    click.echo(listed(judgements))
+    if output is not None:
+        files, faults = write_page(judgements, output, selections)
+        for path in files:
+            click.echo(f"{'page' if path == output else 'figure':6}  {path}")
+        for fault in faults:
+            click.echo(f"knitlab: {fault}", err=True)

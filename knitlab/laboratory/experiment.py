@@ -1,0 +1,242 @@
+"""Experiments as cubes: a laboratory's records under the names, dims and units of simulations."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from knitlab.laboratory.description import Description, Kind, read_description
+from knitlab.laboratory.machine import (
+    Pulls,
+    Values,
+    capacitance_values,
+    force_values,
+    read_capacitance,
+    read_pulls,
+)
+from knitlab.laboratory.markers import marker_values, read_marked
+from knitlab.laboratory.quantities import number
+from knitlab.measure.cycles import Cycle
+from knitlab.model.stripe import periods_per_patch
+from knitlab.sweep.common import ATTRIBUTE
+from knitlab.sweep.cube_file import design_dims, open_cube, write_cube
+from knitlab.sweep.faults import fault
+from knitlab.sweep.fingerprint import code_fingerprint, file_digest, text_fingerprint
+from knitlab.sweep.parameters import read_parameters
+from knitlab.sweep.plain_cube import CUBE
+from knitlab.sweep.provenance import provenance
+from knitlab.sweep.registry import DESIGN_DIMS, VARIABLES, Status, described
+from knitlab.sweep.shipped import shipped
+
+CYCLE = "cycle"
+SOURCE = "source"
+IMPORTS = "imports"
+WORDS = ("status", "case_id", "code", "periods")
+"""Variables that every import has."""
+
+
+@dataclass(frozen=True)
+class Imported:
+    """An import.
+
+    Attributes:
+        cube: of the experiment.
+        path: where it lies.
+        summary: what was found, line by line.
+    """
+
+    cube: xr.Dataset
+    path: Path
+    summary: tuple[str, ...]
+
+
+def import_records(kind: Kind, path: Path, results: Path) -> Imported:
+    """Import what a description says of one kind of records into the experiment's cube.
+
+    The cube lies in a folder of the description's name. What it has of other kinds is kept, if it
+    is of the same sample at the same strains.
+
+    Args:
+        kind: of the records.
+        path: the description, a TOML file beside the records.
+        results: folder of results.
+
+    Raises:
+        BadInput: with every fault that was found; then nothing is written.
+    """
+    description = read_description(path, kind)
+    cycles, summary = _READERS[kind](path.parent, description)
+    cube_file = results / path.stem / CUBE
+    cube = _experiment(description, cycles)
+    files = {name: file_digest(path.parent / name) for name in _files(description, kind)}
+    names = [str(name) for name in cube.data_vars if name not in WORDS]
+    imports = {kind: {"description": file_digest(path), "files": files, "variables": names}}
+    if cube_file.exists():
+        old = open_cube(cube_file)
+        imports = json.loads(old.attrs.get(IMPORTS, "{}")) | imports
+        others = [
+            name for other in imports if other != kind for name in imports[other]["variables"]
+        ]
+        cube = _beside(old[others], cube, kind, cube_file)
+    cube.attrs |= _attributes(description) | {IMPORTS: json.dumps(imports)}
+    write_cube(cube, cube_file)
+    return Imported(cube, cube_file, tuple(summary))
+
+
+Read = tuple[list[Values], list[str]]
+
+
+def _read_markers(folder: Path, description: Description) -> Read:
+    table, tensile = description.markers, description.tensile
+    if table is None:
+        raise TypeError("the description has no markers")
+    marked = read_marked(folder, table, description.sample)
+    frames = np.arange(len(marked.corners))
+    asked, path = description.protocol.applied_strain, folder / table.file
+    summary = [marked.summary]
+    if table.strain_per_frame is not None:
+        strain = frames * table.strain_per_frame
+        if strain[-1] < asked[-1] * (1 - 1e-9):
+            raise fault(
+                str(path),
+                f"ends at an applied strain of {strain[-1]:.3g}, but strain_max is"
+                f" {asked[-1]:g}; ask for less",
+            )
+        return [marker_values(marked, asked, strain, frames)], summary
+    if table.frame_rate is None or table.starts is None or tensile is None:
+        raise TypeError("the description does not say when its frames are")
+    pulls = read_pulls(folder, description, tensile)
+    time = number(table.starts, "s") + frames / number(table.frame_rate, "Hz")
+    strain = pulls.strain(time)
+    values = []
+    for cycle in pulls.cycles:
+        pulled = np.flatnonzero(cycle.pulled(time) & np.isfinite(strain))
+        values.append(marker_values(marked, asked, strain[pulled], pulled))
+    if not np.isfinite(values[0]["mean_strain_yy"]).any():
+        raise fault(
+            str(path),
+            f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, and shows nothing"
+            f" of the first pull, from {pulls.cycles[0].start:g} s to {pulls.cycles[0].turn:g} s;"
+            " correct starts or frame_rate",
+        )
+    return values, [*summary, _counted(pulls)]
+
+
+def _read_tensile(folder: Path, description: Description) -> Read:
+    if description.tensile is None:
+        raise TypeError("the description has no tensile test")
+    pulls = read_pulls(folder, description, description.tensile)
+    return [force_values(pulls, its, description) for its in pulls.cycles], [_counted(pulls)]
+
+
+def _read_capacitance(folder: Path, description: Description) -> Read:
+    table, tensile = description.capacitance, description.tensile
+    if table is None or tensile is None:
+        raise TypeError("the description has no capacitance along a tensile test")
+    pulls = read_pulls(folder, description, tensile)
+    log, time = read_capacitance(folder, table, pulls)
+    strains = np.array(description.protocol.applied_strain)
+    least = read_parameters(shipped("params")).electrodes.linearity.value
+
+    def of(cycle: Cycle) -> Values:
+        return capacitance_values(log, time, pulls, cycle, strains, least)
+
+    shift = f"the meter's clock is {time[0] - log.time[0]:+.3g} s from the machine's"
+    return [of(cycle) for cycle in pulls.cycles], [_counted(pulls), shift]
+
+
+_READERS = {
+    "markers": _read_markers,
+    "tensile": _read_tensile,
+    "capacitance": _read_capacitance,
+}
+
+
+def _counted(pulls: Pulls) -> str:
+    count = len(pulls.cycles)
+    return f"{count} cycle{'s' if count > 1 else ''} of the machine"
+
+
+def _files(description: Description, kind: Kind) -> list[str]:
+    """Files that an import of a kind reads."""
+    markers, capacitance, tensile = (
+        description.markers,
+        description.capacitance,
+        description.tensile,
+    )
+    files = [tensile.file] if tensile is not None else []
+    if kind == "markers" and markers is not None:
+        timed = markers.frame_rate is not None
+        return [markers.file, *([markers.places] if markers.places else []), *(files * timed)]
+    if kind == "capacitance" and capacitance is not None:
+        return [capacitance.file, *files]
+    return files
+
+
+def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
+    """Cube of one design, along the cycles if there are several."""
+    sample, strains = description.sample, description.protocol.applied_strain
+    labels = {"n_stripe": [sample.n_stripe], "n_subunit": [sample.n_subunit]}
+    coordinates: dict[str, Any] = {**labels, "applied_strain": list(strains)}
+    if len(cycles) > 1:
+        coordinates[CYCLE] = np.arange(1, len(cycles) + 1)
+    stated = [description.source, *map(str, (sample.n_stripe, sample.n_subunit))]
+    identifier = text_fingerprint(description.model_dump_json())
+    common: Values = {
+        "status": np.int8(Status.ok),
+        "case_id": "-".join([*stated, identifier]),
+        "code": code_fingerprint(),
+        "periods": periods_per_patch(sample.n_stripe, sample.n_subunit),
+    }
+    variables: dict[str, Any] = {}
+    dims = (*DESIGN_DIMS, CYCLE) if len(cycles) > 1 else DESIGN_DIMS
+    for name in dict.fromkeys([*common, *(name for values in cycles for name in values)]):
+        its = VARIABLES[name].dims
+        known = [(common | values).get(name) for values in cycles]
+        shape = next(np.shape(value) for value in known if value is not None)
+        filled = [np.full(shape, np.nan) if value is None else value for value in known]
+        array = np.array(filled, dtype=object if isinstance(filled[0], str) else None)
+        if len(cycles) == 1:
+            array = array[0]
+        variables[name] = ((*dims, *its), np.asarray(array)[None, None])
+        for dim, size in zip(its, shape, strict=True):
+            if dim != "applied_strain":
+                coordinates[dim] = np.arange(size)
+    coordinates[SOURCE] = description.source
+    return described(xr.Dataset(variables, coordinates))
+
+
+def _beside(old: xr.Dataset, new: xr.Dataset, kind: Kind, path: Path) -> xr.Dataset:
+    """A new import with what the cube has of other kinds.
+
+    Raises:
+        BadInput: if the cube is of another sample, or at other strains.
+    """
+    if not old.data_vars:
+        return new
+    places = (*design_dims(new), "applied_strain", SOURCE)
+    same = set(places) <= set(old.coords) and all(
+        np.array_equal(old[name], new[name]) for name in places
+    )
+    if not same:
+        raise fault(
+            str(path),
+            f"is of another sample, source, cycles or strains than this {kind}; remove it, and"
+            " import all records of it anew",
+        )
+    return xr.merge([new, old], combine_attrs="drop", join="exact")
+
+
+def _attributes(description: Description) -> dict[str, str]:
+    sample = description.sample
+    parameters = {"unit_cells": sample.unit_cells, "reading": {"boundary": "clamped"}}
+    attributes = {
+        "title": description.title,
+        "workflow": description.source,
+        "synthetic": "yes: made up by a simulation" if description.synthetic else "no",
+        ATTRIBUTE: json.dumps(parameters),
+    }
+    return provenance() | {"source": description.source} | attributes

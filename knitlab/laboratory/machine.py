@@ -1,0 +1,162 @@
+"""Machine curves: cycle by cycle, on one clock, at the applied strains that are asked for."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.laboratory.description import (
+    CapacitanceTable,
+    Description,
+    TensileTable,
+)
+from knitlab.laboratory.quantities import number
+from knitlab.laboratory.records import (
+    CapacitanceLog,
+    TensileLog,
+    read_capacitance_log,
+    read_tensile_log,
+)
+from knitlab.measure.capacitor_status import CapacitorStatus
+from knitlab.measure.cycles import Cycle, cycles
+from knitlab.measure.resampling import resampled
+from knitlab.measure.sensor import hysteresis, sensor_of
+from knitlab.sweep.faults import fault
+
+Times = Float[np.ndarray, " record"]
+Values = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Pulls:
+    """How a machine pulled a sample.
+
+    Attributes:
+        log: what it wrote.
+        length: relaxed, between the clamps [mm].
+        cycles: of the test.
+    """
+
+    log: TensileLog
+    length: float
+    cycles: list[Cycle]
+
+    def strain(self, time: Times) -> Times:
+        """Applied strain at times of the machine's clock; NaN before and after its log."""
+        extension = np.interp(time, self.log.time, self.log.extension, left=np.nan, right=np.nan)
+        return extension / self.length
+
+
+def read_pulls(folder: Path, description: Description, table: TensileTable) -> Pulls:
+    """Read a tensile test, and see that its first cycle has the strains that are asked for.
+
+    Raises:
+        BadInput: if the file is at fault, or does not.
+    """
+    path, length = folder / table.file, number(description.sample.length, "mm")
+    log = read_tensile_log(path, table)
+    found = cycles(log.time, log.extension, description.protocol.least_turn)
+    place = f"{path}: column {table.extension.column}"
+    if not found:
+        raise fault(place, "never rises; give a test in which the sample is pulled")
+    strain = log.extension[found[0].pulled(log.time)] / length
+    asked = description.protocol.applied_strain
+    if strain.min() > asked[1] / 2:
+        raise fault(
+            place,
+            f"begins at an applied strain of {strain.min():.3g}; give the extension from the"
+            " relaxed length, which is 0 there",
+        )
+    if strain.max() < asked[-1] * (1 - 1e-9):
+        raise fault(
+            place,
+            f"ends at an applied strain of {strain.max():.3g}, but strain_max is {asked[-1]:g};"
+            " ask for less",
+        )
+    return Pulls(log, length, found)
+
+
+def force_values(pulls: Pulls, cycle: Cycle, description: Description) -> Values:
+    """Reaction force in one cycle, under the registry's names."""
+    strains = np.array(description.protocol.applied_strain)
+    pulled = cycle.pulled(pulls.log.time)
+    force, error = resampled(
+        strains, pulls.log.extension[pulled] / pulls.length, pulls.log.force[pulled]
+    )
+    return {
+        "reaction_force": force,
+        "reaction_force_error": error,
+        "force_per_width": force / number(description.sample.width, "mm"),
+    }
+
+
+def read_capacitance(
+    folder: Path, table: CapacitanceTable, pulls: Pulls
+) -> tuple[CapacitanceLog, Times]:
+    """Read an LCR meter's log, and the machine's times of its records.
+
+    Raises:
+        BadInput: if the file is at fault, or tells of another time than the machine's.
+    """
+    path = folder / table.file
+    log = read_capacitance_log(path, table)
+    if table.starts is not None:
+        time = log.time + number(table.starts, "s")
+    elif log.triggered is not None and pulls.log.triggered is not None:
+        time = log.time + (pulls.log.triggered - log.triggered)
+    else:
+        raise TypeError("a description without starts has triggers")
+    first, last = pulls.log.time[[0, -1]]
+    if not ((time >= first) & (time <= last)).any():
+        raise fault(
+            f"{path}: column {table.time.column}",
+            f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, which ran from"
+            f" {first:g} s to {last:g} s; correct starts or the trigger",
+        )
+    return log, time
+
+
+def capacitance_values(
+    log: CapacitanceLog,
+    time: Times,
+    pulls: Pulls,
+    cycle: Cycle,
+    strains: Float[np.ndarray, " strain"],
+    least_linearity: float,
+) -> Values:
+    """What an LCR meter says of one cycle, under the registry's names.
+
+    Args:
+        log: of the meter.
+        time: of its records, by the machine's clock [s].
+        pulls: the test.
+        cycle: the cycle.
+        strains: applied strains that are asked for [1].
+        least_linearity: R² that the working range must have.
+    """
+    strain = pulls.strain(time)
+    seen = np.isfinite(strain)
+    up, down = (seen & while_(time) for while_ in (cycle.pulled, cycle.let_go))
+    capacitance, error = resampled(strains, strain[up], log.capacitance[up])
+    able = np.isfinite(capacitance)
+    values: Values = {
+        "capacitance": capacitance,
+        "capacitance_error": error / capacitance,
+        "capacitor_status": np.where(able, CapacitorStatus.measured, np.nan),
+    }
+    if cycle.end > cycle.turn:
+        back, _ = resampled(strains, strain[down], log.capacitance[down])
+        values["capacitance_unloading"] = back
+        values["hysteresis"] = hysteresis(capacitance, back)
+    if able.any():
+        values |= {
+            "capacitance_ratio": capacitance / capacitance[able][0],
+            "applied_strain_opened": strains[able][0],
+            "sensing_end": strains[able][-1],
+        }
+    sensor = sensor_of(strains[able], capacitance[able], least_linearity)
+    if sensor is not None:
+        values |= asdict(sensor)
+    return values

@@ -1,0 +1,142 @@
+"""Markers read as simulations are: local strains, their central means, Poisson's ratio."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.laboratory.description import MarkersTable, SampleTable
+from knitlab.laboratory.trajectories import grid_of, in_fabric_axes, read_trajectories
+from knitlab.measure.marker_grid import MarkerGrid
+from knitlab.measure.resampling import resampled
+from knitlab.measure.strain import central_mean, lattice_vectors, local_strain, poisson_ratio
+from knitlab.sweep.faults import fault
+
+
+@dataclass(frozen=True)
+class Marked:
+    """The corners of a sample's unit cells in every frame, along the fabric's axes.
+
+    Attributes:
+        relaxed: before the test [mm].
+        corners: in every frame; NaN where the marker is lost [mm].
+        grid: which marker is which corner, or between two of them.
+        turn: by how much the camera was turned, anticlockwise [rad].
+    """
+
+    relaxed: Float[np.ndarray, "cell_y+1 cell_x+1 2"]
+    corners: Float[np.ndarray, "frame cell_y+1 cell_x+1 2"]
+    grid: MarkerGrid
+    turn: float
+
+    @property
+    def summary(self) -> str:
+        """What was found, in a sentence."""
+        rows, columns = (count - 1 for count in self.relaxed.shape[:2])
+        missing = int((self.grid.marker < 0).sum())
+        parts = [f"{rows} × {columns} unit cells", f"camera turned by {np.degrees(self.turn):.1f}°"]
+        if missing:
+            parts.append(f"{missing} markers missing from the grid")
+        if self.grid.strays:
+            named = ", ".join(map(str, self.grid.strays))
+            parts.append(f"markers {named} stand on no grid and are left out")
+        return "; ".join(parts)
+
+
+def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marked:
+    """Read the markers of a description.
+
+    Args:
+        folder: of the description.
+        table: its markers.
+        sample: its sample.
+
+    Raises:
+        BadInput: if the files are at fault, or do not fit the sample.
+    """
+    path = folder / table.file
+    tracks = in_fabric_axes(read_trajectories(path), table)
+    if table.relaxed_frames > len(tracks):
+        raise fault(
+            f"{path}: relaxed_frames {table.relaxed_frames}",
+            f"is more than the {len(tracks)} frames there are; give fewer",
+        )
+    before = tracks[: table.relaxed_frames]
+    there = np.isfinite(before).all(axis=2)
+    known = np.where(there[..., None], before, 0.0).sum(axis=0)
+    first = np.where(there.any(axis=0)[:, None], known / there.sum(axis=0).clip(1)[:, None], np.nan)
+    grid = grid_of(path, first, folder / table.places if table.places else None)
+    every_y, every_x = table.markers_per_cell
+    places = slice(None, None, every_y), slice(None, None, every_x)
+    relaxed = grid.corners(first[None])[(0, *places)]
+    corners = grid.corners(tracks)[(slice(None), *places)]
+    found = tuple(count - 1 for count in relaxed.shape[:2])
+    if min(found) < 1 or any(
+        many > most for many, most in zip(found, sample.unit_cells, strict=True)
+    ):
+        rows, columns = sample.unit_cells
+        raise fault(
+            str(path),
+            f"shows {found[0]} × {found[1]} unit cells of a sample of {rows} × {columns};"
+            " give markers_per_cell, or a table of places",
+        )
+    turn = _camera_turn(relaxed)
+    back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    return Marked(relaxed @ back.T, corners @ back.T, grid, turn)
+
+
+def _camera_turn(relaxed: Float[np.ndarray, "cell_y+1 cell_x+1 2"]) -> float:
+    """How far the relaxed unit cells are turned: the rotation in the polar decomposition [rad]."""
+    edges = np.nanmean(lattice_vectors(relaxed).reshape(-1, 2, 2), axis=0)
+    (xx, xy), (yx, yy) = edges / np.linalg.norm(edges, axis=0)
+    return float(np.arctan2(yx - xy, xx + yy))
+
+
+def marker_values(
+    marked: Marked, at: Sequence[float], strain: Float[np.ndarray, " frame"], frames: np.ndarray
+) -> dict[str, Any]:
+    """What markers say of a pull, under the registry's names.
+
+    Args:
+        marked: the markers.
+        at: applied strains that are asked for.
+        strain: applied strain of the frames of this pull.
+        frames: which frames these are.
+
+    Raises:
+        BadInput: if every unit cell lost a marker.
+    """
+    strains = np.asarray(at)
+    values: dict[str, Any] = {}
+    errors = {}
+    for name, field in zip(
+        ("xx", "yy"), local_strain(marked.relaxed, marked.corners[frames]), strict=True
+    ):
+        field_at, _ = resampled(strains, strain, np.asarray(field))
+        mean_at, error = resampled(strains, strain, np.asarray(central_mean(field)))
+        values[f"strain_{name}"] = field_at
+        values[f"mean_strain_{name}"] = mean_at
+        values[f"mean_strain_{name}_error"] = errors[name] = error
+    across, along = values["mean_strain_xx"], values["mean_strain_yy"]
+    ratio = poisson_ratio(across, along)
+    ratio[0] = np.nan  # 0/0, whatever noise makes of it
+    edges = np.linalg.norm(lattice_vectors(marked.relaxed), axis=-2)
+    lost = np.isnan(marked.corners[frames]).any(axis=-1).sum(axis=(1, 2)).astype(float)
+    values |= {
+        "poisson_ratio": ratio,
+        "poisson_ratio_error": np.where(
+            np.isnan(ratio), np.nan, np.hypot(errors["xx"], ratio * errors["yy"]) / np.abs(along)
+        ),
+        "relaxed_cell_x": float(central_mean(edges[..., 0])),
+        "relaxed_cell_y": float(central_mean(edges[..., 1])),
+        "markers_lost": np.round(resampled(strains, strain, lost)[0]),
+        "cells_lost": np.isnan(values["strain_xx"]).sum(axis=(1, 2)).astype(float),
+    }
+    if np.isfinite(ratio).any():
+        lowest = int(np.nanargmin(ratio))
+        values["poisson_ratio_min"] = ratio[lowest]
+        values["applied_strain_at_min"] = strains[lowest]
+    return values
