@@ -17,6 +17,7 @@ from knitlab.laboratory.quantities import (
 )
 from knitlab.model.stripe import periods_per_patch
 from knitlab.sweep.faults import BadInput, Fault, faults_of
+from knitlab.sweep.registry import SIMULATION
 from knitlab.sweep.strict import Strict
 from knitlab.sweep.toml import read_toml
 from knitlab.sweep.workflow import MOST_STEPS
@@ -177,10 +178,6 @@ class Description(Strict):
         if triggered and self.tensile is not None and self.tensile.trigger is None:
             raise ValueError("[capacitance] has a trigger, so [tensile] needs one; add it")
         return self
-
-
-SIMULATION = "simulation"
-"""What the source of a simulated cube is called."""
 
 
 def read_description(path: Path, kind: Kind) -> Description:

@@ -1,60 +1,37 @@
 """The auxetic design map: lowest Poisson's ratio over (n_stripe, n_subunit)."""
 
+from collections.abc import Sequence
+
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from knitlab.maps.cells import MARKS, cell, frame, ink_on, marks_legend
+from knitlab.maps.cells import Look, draw_cells, frame, marks_legend, measured_note, values_of
 from knitlab.maps.style import STRAIN_COLOURS, TWO_COLUMNS
-from knitlab.sweep.registry import Status
 
 
-def auxetic_map(cube: xr.Dataset) -> Figure:
+def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
     """Lowest ν of every design as colour and number, with the applied strain it occurs at.
 
-    Designs without a value are hatched by status, so that a failure never looks like a value.
+    Designs without a value are hatched by status, so that a failure never looks like a value;
+    measured ones have a dashed frame.
     """
-    lowest = cube["poisson_ratio_min"].transpose("n_stripe", "n_subunit")
-    at = cube["applied_strain_at_min"].transpose("n_stripe", "n_subunit")
-    status = cube["status"].transpose("n_stripe", "n_subunit")
-    rows, columns = lowest.shape
     # The same colour means the same value in every map, unless one goes beyond ±1.
-    largest = float(np.nanmax(np.abs([*lowest.values.ravel(), 1.0])))
+    largest = float(np.max(np.abs([*values_of(cubes, "poisson_ratio_min"), 1.0])))
     norm = mpl.colors.Normalize(-largest, largest)
     colours = mpl.colormaps[STRAIN_COLOURS]
 
-    marked: set[Status] = set()
+    def words(value: float, its: xr.Dataset) -> str:
+        return f"{value:.2f}\nat {float(its['applied_strain_at_min']):.0%}"
+
+    look = Look("poisson_ratio_min", lambda value: colours(norm(value)), words)
+    rows = len({n for cube in cubes for n in cube["n_stripe"].values.tolist()})
     figure = Figure(figsize=(TWO_COLUMNS, max(2.4, 1.1 + 0.5 * rows)), layout="constrained")
     axes = figure.add_subplot()
-    for row in range(rows):
-        for column in range(columns):
-            code = Status(int(status[row, column]))
-            value = float(lowest[row, column])
-            if code is Status.ok and np.isfinite(value):
-                colour = colours(norm(value))
-                cell(axes, row, column, facecolor=colour, edgecolor="white")
-                ink = ink_on(colour)
-                axes.text(column, row + 0.14, f"{value:.2f}", ha="center", va="center", color=ink)
-                strain = f"at {float(at[row, column]):.0%}"
-                axes.text(
-                    column, row - 0.2, strain, ha="center", va="center", color=ink, fontsize=6
-                )
-            else:
-                cell(axes, row, column, **MARKS[code])
-                marked.add(code)
-
-    axes.set(
-        xlim=(-0.5, columns - 0.5),
-        ylim=(-0.5, rows - 0.5),
-        xticks=range(columns),
-        yticks=range(rows),
-        xticklabels=cube["n_subunit"].values,
-        yticklabels=cube["n_stripe"].values,
-        xlabel="n_subunit: stitches along a garter stripe",
-        ylabel="n_stripe: stitches\nacross a rib stripe",
-    )
+    marked = draw_cells(axes, cubes, look)
+    axes.set_xlabel("n_subunit: stitches along a garter stripe")
     label = "lowest Poisson's ratio\n(negative: auxetic)"
     frame(figure, axes, mpl.cm.ScalarMappable(norm, colours), label=label)
-    marks_legend(figure, marked)
+    marks_legend(figure, marked, notes=measured_note(cubes))
     return figure

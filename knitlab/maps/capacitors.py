@@ -11,6 +11,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from knitlab.maps.sources import is_measured, lines_of, source_of
 from knitlab.maps.style import TWO_COLUMNS
 from knitlab.measure.capacitor_status import CapacitorStatus
 from knitlab.measure.sensor import CENTRAL_PART
@@ -57,13 +58,20 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
         )
     figure = Figure(figsize=(TWO_COLUMNS, HEIGHT), layout="constrained")
     curves, absolute, slopes = figure.subplots(1, 3, width_ratios=(1.3, 1.3, 0.9))
+    any_measured = any(is_measured(sample.cell) for sample in samples)
     looks = list(zip(samples, COLOURS, strict=False))
-    for (sample, colour), line in zip(looks, LINES * 2, strict=False):
+    dashes = iter(LINES * 2)
+    for sample, colour in looks:
+        # Dashes are for what is measured, where anything is.
+        line = lines_of(sample.cell) if any_measured else next(dashes)
         _curve(curves, sample, "capacitance_ratio", colour, line)
         _curve(absolute, sample, "capacitance", colour, line)
     curves.set(xlabel="applied strain [1]", ylabel="$C/C_0$ [1]")
-    length = max(float(sample.cell["electrode_length"]) for sample in samples)
-    absolute.set(xlabel="applied strain [1]", ylabel=f"$C$ [pF], electrodes of {length:.0f} mm")
+    lengths = [
+        float(its.cell["electrode_length"]) for its in samples if "electrode_length" in its.cell
+    ]
+    said = f", electrodes of {max(lengths):.0f} mm" if lengths else ""
+    absolute.set(xlabel="applied strain [1]", ylabel=f"$C$ [pF]{said}")
     places = np.arange(len(samples))
     values = [float(sample.cell["sensitivity"]) for sample in samples]
     bars = slopes.bar(places, np.nan_to_num(values), color=[colour for _, colour in looks])
@@ -115,6 +123,12 @@ def _samples(cube: xr.Dataset) -> list[Sample]:
             for boundary in cube["boundary"].values[:1]
         ]
     found = []
+    if is_measured(cube):
+        wanted = [
+            (f"({n}, {m}) {source_of(cube)}", {"n_stripe": n, "n_subunit": m})
+            for n in cube["n_stripe"].values.tolist()
+            for m in cube["n_subunit"].values.tolist()
+        ]
     for name, labels in wanted:
         if all(value in cube[dim].values for dim, value in labels.items()):
             cell = cube.sel(labels)

@@ -1,14 +1,21 @@
 """Tension curves: ε_xx, ε_yy and ν against applied strain, a column for each n_stripe."""
 
+from collections.abc import Iterable, Sequence
+from typing import Any
+
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from knitlab.maps.cells import values_of
+from knitlab.maps.sources import is_measured, lines_of, on_one_grid, source_of
 from knitlab.maps.style import SEQUENCE_COLOURS, TWO_COLUMNS
 from knitlab.sweep.faults import fault
 from knitlab.sweep.registry import Status
 
+RUN = (Status.ok, Status.not_converged)
 ROWS = {
     "mean_strain_xx": "transverse strain\nmean $\\varepsilon_{xx}$ [1]",
     "mean_strain_yy": "axial strain\nmean $\\varepsilon_{yy}$ [1]",
@@ -16,44 +23,40 @@ ROWS = {
 }
 
 
-def tension_curves(cube: xr.Dataset) -> Figure:
-    """The paper's tension figure from a cube (Fig. "tension plots").
+def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
+    """The paper's tension figure from cubes (Fig. "tension plots").
 
-    Colour goes with P, the periods in a patch, the same in every column. A test that did not
-    reach its last strain ends in a cross.
+    Colour goes with P, the periods in a patch, the same in every column; measured curves are
+    dashed, in a band of twice their standard error. A test that did not reach its last strain ends
+    in a cross.
 
     Raises:
-        BadInput: if no design has been simulated.
+        BadInput: if no design has been simulated or measured.
     """
-    if not cube["status"].isin([Status.ok, Status.not_converged]).any():
+    if not any(cube["status"].isin(RUN).any() for cube in cubes):
         raise fault("curves", "no design of this selection has been simulated; run it first")
-    stripes = cube["n_stripe"].values
+    gridded = on_one_grid(cubes)
+    stripes = gridded[0]["n_stripe"].values
     figure = Figure(figsize=(TWO_COLUMNS, 4.6), layout="constrained")
     grid = figure.subplots(len(ROWS), len(stripes), sharex=True, sharey="row", squeeze=False)
-    periods = np.unique(cube["periods"].values[np.isfinite(cube["periods"].values)])
+    periods = np.unique(values_of(cubes, "periods"))
     shades = mpl.colormaps[SEQUENCE_COLOURS](np.linspace(0, 0.8, len(periods)))
     colours = dict(zip(periods, shades, strict=True))
 
     for column, n_stripe in enumerate(stripes):
-        family = cube.sel(n_stripe=n_stripe)
-        run = family["status"].isin([Status.ok, Status.not_converged])
-        for n_subunit in family["n_subunit"].values[run.values]:
-            design = family.sel(n_subunit=n_subunit)
-            colour = colours[float(design["periods"])]
-            label = f"{n_subunit} (P = {int(design['periods'])})"
-            for axes, name in zip(grid[:, column], ROWS, strict=True):
-                curve = design[name].dropna("applied_strain")
-                axes.plot(curve["applied_strain"], curve, ".-", ms=3, color=colour, label=label)
-                if int(design["status"]) == Status.not_converged and curve.size:
-                    axes.plot(curve["applied_strain"][-1], curve[-1], "x", ms=6, color=colour)
+        for cube in gridded:
+            family = cube.sel(n_stripe=n_stripe)
+            for n_subunit in family["n_subunit"].values[family["status"].isin(RUN).values]:
+                design = family.sel(n_subunit=n_subunit)
+                _draw_design(grid[:, column], design, colours[float(design["periods"])])
         grid[0, column].set_title(f"n_stripe = {n_stripe}")
         # Axial strain follows the diagonal and leaves this corner free.
-        if run.any():
+        if grid[1, column].lines:
             grid[1, column].legend(
                 title="n_subunit",
                 loc="lower right",
                 frameon=False,
-                handlelength=1,
+                handlelength=1.5 if any(map(is_measured, cubes)) else 1,
                 borderpad=0,
                 fontsize=5.5,
                 title_fontsize=6,
@@ -66,3 +69,30 @@ def tension_curves(cube: xr.Dataset) -> Figure:
         axes.axhline(0, color="0.7", lw=0.6, zorder=0)
     figure.align_ylabels(list(grid[:, 0]))
     return figure
+
+
+def _draw_design(
+    rows: Iterable[Axes], design: xr.Dataset, colour: tuple[float, float, float, float]
+) -> None:
+    measured = is_measured(design)
+    label = f"{int(design['n_subunit'])} (P = {int(design['periods'])})"
+    if measured:
+        label += f", {source_of(design)}"
+    look: dict[str, Any] = {"color": colour, "ls": lines_of(design), "label": label}
+    for axes, name in zip(rows, ROWS, strict=True):
+        if name not in design:
+            continue
+        curve = design[name].dropna("applied_strain")
+        axes.plot(curve["applied_strain"], curve, marker="" if measured else ".", ms=3, **look)
+        if f"{name}_error" in design:
+            error = 2 * design[f"{name}_error"].sel(applied_strain=curve["applied_strain"])
+            axes.fill_between(
+                curve["applied_strain"],
+                curve - error,
+                curve + error,
+                color=colour,
+                alpha=0.25,
+                lw=0,
+            )
+        if int(design["status"]) == Status.not_converged and curve.size:
+            axes.plot(curve["applied_strain"][-1], curve[-1], "x", ms=6, color=colour)

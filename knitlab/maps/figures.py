@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import xarray as xr
 from matplotlib.animation import FuncAnimation, PillowWriter
@@ -24,6 +24,7 @@ from knitlab.maps.sensitivity import sensitivity_map
 from knitlab.maps.sensor import sensor_map
 from knitlab.maps.shape import relaxed_shape
 from knitlab.maps.shapes import PAPER_SHAPES, relaxed_shapes
+from knitlab.maps.sources import is_measured, source_of
 from knitlab.maps.stripes import stripe_departure, stripe_tension
 from knitlab.maps.style import print_style
 from knitlab.maps.tension import PAPER_DESIGNS, tension_maps
@@ -51,7 +52,7 @@ class Kind:
         designs: designs (n_stripe, n_subunit) whose cases it shows side by side, as far as they
             are there.
         compares: whether it shows all values of swept settings side by side.
-        several: whether it takes several cubes, which are drawn as a list.
+        several: whether it takes a list of cubes: any, or experiments beside one simulation.
     """
 
     draw: Callable[[Any], Drawing]
@@ -60,16 +61,16 @@ class Kind:
     designs: tuple[tuple[int, int], ...] = ()
     coordinates: tuple[str, ...] = ()
     compares: bool = False
-    several: bool = False
+    several: Literal["any", "experiments"] | None = None
 
 
 FIGURES = {
-    "auxetic": Kind(auxetic_map),
-    "curves": Kind(tension_curves, coordinates=("applied_strain",)),
+    "auxetic": Kind(auxetic_map, several="experiments"),
+    "curves": Kind(tension_curves, coordinates=("applied_strain",), several="experiments"),
     "shape": Kind(relaxed_shape, needs="position"),
     "sensitivity": Kind(sensitivity_map),
     "wavelength": Kind(wavelength_figure),
-    "tension": Kind(tension_maps),
+    "tension": Kind(tension_maps, several="experiments"),
     "samples": Kind(stretched_samples, needs="position", designs=PAPER_DESIGNS),
     "shapes": Kind(relaxed_shapes, needs="position", designs=PAPER_SHAPES),
     "network": Kind(spring_network, needs="position"),
@@ -78,9 +79,9 @@ FIGURES = {
     "folding": Kind(folding_animation, needs="snapshot_position"),
     "stripes": Kind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),
     "departure": Kind(stripe_departure, STRIPE_DIMS, coordinates=("applied_strain",)),
-    "sensor": Kind(sensor_map),
-    "capacitors": Kind(capacitors_figure, dims=None, several=True),
-    "wedge": Kind(wedge_figure, dims=None, several=True),
+    "sensor": Kind(sensor_map, several="experiments"),
+    "capacitors": Kind(capacitors_figure, dims=None, several="any"),
+    "wedge": Kind(wedge_figure, dims=None, several="any"),
     "electrodes": Kind(electrodes_figure, dims=None, needs="position"),
 }
 RUN_THERE = "shapes are in case files, not in the cube: run the designs into this folder"
@@ -170,6 +171,7 @@ def _drawn(name: str, cube_paths: Sequence[Path], selections: Sequence[str] = ()
         if kind.dims not in (None, base_dims(cube)):
             able = [other for other, its in FIGURES.items() if its.dims in (None, base_dims(cube))]
             raise fault(name, f"is not of such designs as this cube's; draw {', '.join(able)}")
+    _check_sources(name, kind, cubes)
     along = {dim: None for cube in cubes for dim in design_dims(cube)}
     known = (*along, *kind.coordinates)
     refuse_others(selections, known, f"says nothing to {name}; select of {', '.join(known)}")
@@ -193,6 +195,23 @@ def _drawn(name: str, cube_paths: Sequence[Path], selections: Sequence[str] = ()
         title = drawing.get_suptitle()
         drawing.suptitle(f"{title}\n{slice_shown}" if title else slice_shown, fontsize="small")
     return drawing
+
+
+def _check_sources(name: str, kind: Kind, cubes: Sequence[xr.Dataset]) -> None:
+    """Refuse experiments that a kind cannot show, and simulations that it would mix up.
+
+    Raises:
+        BadInput: if there are such.
+    """
+    measured = [source_of(cube) for cube in cubes if is_measured(cube)]
+    if measured and kind.several is None:
+        able = ", ".join(other for other, its in FIGURES.items() if its.several)
+        raise fault(
+            name,
+            f"shows what a simulation alone knows, and {measured[0]} was measured; draw {able}",
+        )
+    if kind.several == "experiments" and len(cubes) - len(measured) > 1:
+        raise fault(name, "shows one simulation, and experiments beside it; give one simulation")
 
 
 def _one_slice(name: str, cube: xr.Dataset) -> tuple[xr.Dataset, str]:

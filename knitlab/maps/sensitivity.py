@@ -124,8 +124,7 @@ def _row(
         weight = "bold" if place == leading else "normal"
         text = (f"{value:+.2f}" if abs(value) < 9.995 else f"{value:+.0f}").replace("-", "−")
         axes.text(column, row, text, ha="center", va="center", color=ink_on(colour), weight=weight)
-    frame = {"facecolor": "none", "edgecolor": "black", "zorder": 3}
-    cell(axes, row, columns[leading], **frame)
+    cell(axes, row, columns[leading], facecolor="none", edgecolor="black", zorder=3)
 
 
 def _symbol(parameter: str) -> str:

@@ -1,5 +1,6 @@
 """The sensor design map: how steep and over what range every design senses, and the trade-off."""
 
+from collections.abc import Sequence
 from textwrap import fill
 
 import matplotlib as mpl
@@ -8,7 +9,8 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.maps.cells import MARKS, cell, frame, ink_on, marks_legend
+from knitlab.maps.cells import Look, draw_cells, frame, marks_legend, measured_note, values_of
+from knitlab.maps.sources import is_measured
 from knitlab.maps.style import SEQUENCE_COLOURS, TWO_COLUMNS
 from knitlab.maps.trade_off import Design, figures_of, trade_off_front
 from knitlab.sweep.faults import fault
@@ -23,65 +25,56 @@ NO_VALUE = "apart at too few strains to be read"
 NEEDED = "needs electrodes on the fabric; run knitlab run sensor, or a workflow with [electrodes]"
 
 
-def sensor_map(cube: xr.Dataset) -> Figure:
+def sensor_map(cubes: Sequence[xr.Dataset]) -> Figure:
     """Sensitivity and working range of every design, and one against the other.
 
     Designs that no other beats in both are joined and listed. Designs without a value are marked
-    by status, so that a failure never looks like one.
+    by status, so that a failure never looks like one; measured ones have a dashed frame.
 
     Raises:
-        BadInput: if the cube is of fabrics without electrodes.
+        BadInput: if a cube is of fabrics without electrodes.
     """
-    if STEEPNESS not in cube:
+    if any(STEEPNESS not in cube for cube in cubes):
         raise fault("sensor", NEEDED)
-    rows = cube.sizes["n_stripe"]
+    rows = len({n for cube in cubes for n in cube["n_stripe"].values.tolist()})
     height = MAP_MARGIN + MAP_ROW * rows
     figure = Figure(figsize=(TWO_COLUMNS, 2 * height + TRADE_OFF), layout="constrained")
     first, second, below = figure.subplots(3, 1, height_ratios=(height, height, TRADE_OFF))
-    marked = _map(figure, first, cube, STEEPNESS, "sensitivity\n|dC/dε| [pF]", "{:.2f}")
-    marked |= _map(figure, second, cube, RANGE, "working range\nof applied strain", "{:.0%}")
+    marked = _map(figure, first, cubes, STEEPNESS, "sensitivity\n|dC/dε| [pF]", "{:.2f}")
+    marked |= _map(figure, second, cubes, RANGE, "working range\nof applied strain", "{:.0%}")
     second.set_xlabel("n_subunit: stitches along a garter stripe")
-    marks_legend(figure, marked, NO_VALUE)
-    _trade_off(below, cube)
+    marks_legend(figure, marked, NO_VALUE, measured_note(cubes))
+    _trade_off(below, cubes)
     return figure
 
 
 def _map(
-    figure: Figure, axes: Axes, cube: xr.Dataset, name: str, label: str, number: str
+    figure: Figure,
+    axes: Axes,
+    cubes: Sequence[xr.Dataset],
+    name: str,
+    label: str,
+    number: str,
 ) -> set[Status]:
-    values = cube[name].transpose("n_stripe", "n_subunit").values
-    status = cube["status"].transpose("n_stripe", "n_subunit").values
-    finite = values[np.isfinite(values)]
-    norm = mpl.colors.Normalize(0, float(finite.max()) if finite.size else 1.0)
+    norm = mpl.colors.Normalize(0, float(max(values_of(cubes, name), default=1.0)))
     colours = mpl.colormaps[SEQUENCE_COLOURS]
-    marked: set[Status] = set()
-    for row, column in np.ndindex(values.shape):
-        code, value = Status(int(status[row, column])), float(values[row, column])
-        if code is Status.ok and np.isfinite(value):
-            colour = colours(norm(value))
-            cell(axes, row, column, facecolor=colour, edgecolor="white")
-            text = number.format(value)
-            axes.text(column, row, text, ha="center", va="center", color=ink_on(colour))
-        else:
-            cell(axes, row, column, **MARKS[code])
-            marked.add(code)
-    rows, columns = values.shape
-    axes.set(
-        xlim=(-0.5, columns - 0.5),
-        ylim=(-0.5, rows - 0.5),
-        yticks=range(rows),
-        yticklabels=cube["n_stripe"].values,
-        xticks=range(columns),
-        xticklabels=cube["n_subunit"].values,
-        ylabel="n_stripe: stitches\nacross a rib stripe",
-    )
-    bar = mpl.cm.ScalarMappable(norm, colours)
-    frame(figure, axes, bar, label=label)
+    look = Look(name, lambda value: colours(norm(value)), lambda value, its: number.format(value))
+    marked = draw_cells(axes, cubes, look)
+    frame(figure, axes, mpl.cm.ScalarMappable(norm, colours), label=label)
     return marked
 
 
-def _trade_off(axes: Axes, cube: xr.Dataset) -> None:
-    figures = figures_of(cube, STEEPNESS, RANGE)
+def _trade_off(axes: Axes, cubes: Sequence[xr.Dataset]) -> None:
+    simulated, measured = (
+        {
+            design: its
+            for cube in cubes
+            if is_measured(cube) is kind
+            for design, its in figures_of(cube, STEEPNESS, RANGE).items()
+        }
+        for kind in (False, True)
+    )
+    figures = simulated or measured
     stripes = sorted({n_stripe for n_stripe, _ in figures})
     shades = mpl.colormaps[SEQUENCE_COLOURS](np.linspace(0, 0.85, max(len(stripes), 1)))
     for n_stripe, shade, marker in zip(stripes, shades, MARKERS, strict=False):
@@ -102,6 +95,16 @@ def _trade_off(axes: Axes, cube: xr.Dataset) -> None:
             fontsize=6.5 if on_front else 4.5,
             color="black" if on_front else "0.5",
         )
+    if simulated:
+        for design, (steepness, width) in measured.items():
+            axes.plot(width, steepness, "o", ms=8, mfc="none", mec="black", ls="")
+            axes.annotate(
+                f"{design} measured",
+                (width, steepness),
+                xytext=(7, -7),
+                textcoords="offset points",
+                fontsize=6.5,
+            )
     axes.set(xlabel="working range of applied strain [1]", ylabel="sensitivity |dC/dε| [pF]")
     axes.margins(0.12)
     axes.set_ylim(bottom=0)

@@ -1,5 +1,7 @@
 """Local strain over samples between clamps (paper, Fig. "tension images")."""
 
+from collections.abc import Sequence
+
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
@@ -7,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from knitlab.maps.sources import is_measured, source_of
 from knitlab.maps.style import STRAIN_COLOURS, TWO_COLUMNS
 from knitlab.measure.central import central
 from knitlab.sweep.faults import fault
@@ -20,8 +23,10 @@ COMPONENTS = {
 }
 
 
-def tension_maps(cube: xr.Dataset) -> Figure:
+def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
     """Local strain of every unit cell of the paper's three samples, at 0.23 applied strain.
+
+    Measured ones stand beside the simulated; cells that lost a marker are left white.
 
     Cells are drawn as large as the relaxed unit cell; the central ones, over which strains are
     averaged, have a dark frame. Of another strain the nearest that was recorded is shown.
@@ -29,13 +34,21 @@ def tension_maps(cube: xr.Dataset) -> Figure:
     Raises:
         BadInput: if none of the three has been simulated, or as a single cell only.
     """
-    shown = [cube.sel(n_stripe=n, n_subunit=m) for n, m in PAPER_DESIGNS if _is_there(cube, n, m)]
+    shown = [
+        cube.sel(n_stripe=n, n_subunit=m)
+        for n, m in PAPER_DESIGNS
+        for cube in cubes
+        if _is_there(cube, n, m)
+    ]
     if not shown:
         names = ", ".join(map(str, PAPER_DESIGNS))
-        raise fault("tension", f"none of {names} is in this cube with more than one unit cell")
-    at = shown_strain(cube)
+        raise fault("tension", f"none of {names} is there with more than one unit cell")
+    strains = [shown_strain(design) for design in shown]
     fields = {
-        name: [design[name].sel(applied_strain=at) for design in shown] for name in COMPONENTS
+        name: [
+            design[name].sel(applied_strain=at) for design, at in zip(shown, strains, strict=True)
+        ]
+        for name in COMPONENTS
     }
     figure = Figure(figsize=(TWO_COLUMNS, 5.2), layout="constrained")
     grid = figure.subplots(len(COMPONENTS), len(shown), squeeze=False)
@@ -45,10 +58,13 @@ def tension_maps(cube: xr.Dataset) -> Figure:
         for axes, design, field in zip(row, shown, fields[name], strict=True):
             _draw_cells(axes, design, field, norm)
             title = f"({int(design['n_stripe'])}, {int(design['n_subunit'])})"
+            if is_measured(design):
+                title += f" {source_of(design)}"
             axes.set(xlabel="x, weft [mm]", ylabel="y, warp [mm]", aspect="equal", title=title)
         scale = mpl.cm.ScalarMappable(norm, STRAIN_COLOURS)
         figure.colorbar(scale, ax=list(row), label=f"{label} [1]", shrink=0.9)
-    figure.suptitle(f"applied strain {at:.0%}", fontsize="medium")
+    said = " and ".join(f"{at:.0%}" for at in dict.fromkeys(strains))
+    figure.suptitle(f"applied strain {said}", fontsize="medium")
     return figure
 
 
@@ -59,6 +75,8 @@ def shown_strain(cube: xr.Dataset) -> float:
 
 
 def _is_there(cube: xr.Dataset, n_stripe: int, n_subunit: int) -> bool:
+    if "strain_xx" not in cube:
+        return False
     if n_stripe not in cube["n_stripe"] or n_subunit not in cube["n_subunit"]:
         return False
     design = cube.sel(n_stripe=n_stripe, n_subunit=n_subunit)

@@ -61,6 +61,8 @@ class Variable:
 DESIGN_DIMS = ("n_stripe", "n_subunit")
 """Dimensions of a cube of checkerboards; one of pure stripes has :data:`STRIPE_DIMS`."""
 STRIPE_DIMS = ("knit", "n", "boundary")
+SIMULATION = "simulation"
+"""The source of a simulated cube; an experiment has a name of its own."""
 
 COORDINATES = {
     "n_stripe": Variable(("n_stripe",), "1", "stitches across a rib stripe"),

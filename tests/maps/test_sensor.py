@@ -64,7 +64,7 @@ def test_no_design_beats_one_of_the_front_and_one_of_it_beats_every_other(points
 
 
 def test_the_map_writes_both_figures_and_lists_the_front():
-    steep, wide, trade_off = sensor_map(with_electrodes()).axes[:3]
+    steep, wide, trade_off = sensor_map([with_electrodes()]).axes[:3]
     assert [text.get_text() for text in steep.texts] == ["0.50", "2.00", "1.00"]
     assert [text.get_text() for text in wide.texts] == ["30%", "10%", "5%"]
     hatched = [patch for patch in steep.patches if patch.get_hatch()]
@@ -97,9 +97,14 @@ def test_a_cube_without_electrodes_is_told_so(draw):
 def test_a_map_of_one_cube_refuses_two(tmp_path):
     with_electrodes().to_netcdf(tmp_path / "cube.nc")
     cube = str(tmp_path / "cube.nc")
-    told = CliRunner().invoke(main, ["map", "sensor", cube, cube, "-o", str(tmp_path / "map.png")])
-    assert told.exit_code == 2
-    assert "shows one cube, not 2" in told.output
+    output = str(tmp_path / "map.png")
+    for kind, problem in (
+        ("sensor", "shows one simulation, and experiments beside it"),
+        ("wavelength", "shows one cube, not 2"),
+    ):
+        told = CliRunner().invoke(main, ["map", kind, cube, cube, "-o", output])
+        assert told.exit_code == 2
+        assert problem in told.output
     drawn = CliRunner().invoke(
         main, ["map", "capacitors", cube, cube, "-o", str(tmp_path / "map.png")]
     )
