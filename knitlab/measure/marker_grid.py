@@ -28,6 +28,8 @@ NEAR = 0.35
 STEPS: tuple[Step, ...] = ((0, 1), (1, 0), (0, -1), (-1, 0))
 HOPS: tuple[Step, ...] = ((0, 2), (2, 0), (0, -2), (-2, 0), (1, 1), (-1, 1), (-1, -1), (1, -1))
 """Steps over a marker that is missing."""
+MOST_STRAYS = 0.25
+"""Part of the markers that may stand on no grid."""
 UNEVEN = 0.65
 """How far a step may be from the typical one, as a part of it."""
 ONE_LINE = "the markers stand in one line, and unit cells have corners in two"
@@ -103,9 +105,10 @@ def find_grid(points: Points) -> MarkerGrid:
         )
     steps = _steps_of_grid(points[seen])
     places = _followed(points[seen], steps)
-    if len(places) < FEWEST:
+    if len(places) < max(FEWEST, (1 - MOST_STRAYS) * len(seen)):
         raise NoGrid(
-            "the markers stand on no grid that can be followed; give a table of their places"
+            f"{len(seen) - len(places)} of {len(seen)} markers stand on no grid that can be"
+            " followed; give a table of their places"
         )
     rows, columns = (np.full(len(points), NONE) for _ in range(2))
     found = np.array(list(places))

@@ -1,0 +1,121 @@
+"""Virtual tests for a fit: simulated again and again with other stripes, with derivatives."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
+from knitlab.mechanics.adjoint import Adjoint
+from knitlab.mechanics.drive import run
+from knitlab.mechanics.loading import tensile
+from knitlab.mechanics.relaxation import relax
+from knitlab.mechanics.settling import find_settled
+from knitlab.mechanics.solver import Evaluate, Solver
+from knitlab.mechanics.state import State, TensileTest
+from knitlab.mechanics.stiffness import free_stiffness
+from knitlab.mechanics.tension import stretch
+from knitlab.model.fabric import StripePair, laid_out
+from knitlab.sweep.case import Case
+from knitlab.sweep.sensitivity import measured_by
+from knitlab.sweep.simulation import starts
+
+QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")
+"""What is read off a test, in this order."""
+
+
+@dataclass(frozen=True)
+class VirtualTest:
+    """A test of a case whose every state converged.
+
+    Attributes:
+        case: the case.
+        test: its states.
+        values: of :data:`QUANTITIES` at every strain but the first, which is relaxed.
+    """
+
+    case: Case
+    test: TensileTest
+    values: Float[np.ndarray, "quantity strain"]
+
+    def slopes(self) -> Float[np.ndarray, "quantity strain parameter"]:
+        """Logarithmic derivatives of the values by :data:`STRIPE_PARAMETERS`.
+
+        Raises:
+            NoDerivative: if a state is no stable equilibrium.
+        """
+        case, (relaxed, *strained) = self.case, self.test.states
+        stripes = StripePair.of(case.weft, case.warp)
+        weave = laid_out(case.sample, case.sheet, case.reading)
+        adjoint = Adjoint(weave, stripes, relaxed.configuration)
+        measure = measured_by(case.mesh_shape, case.unit_cells, QUANTITIES)
+        found = [
+            logarithmic(adjoint.of_strained(strain, state.configuration, measure), stripes)
+            for strain, state in zip(case.applied_strain[1:], strained, strict=True)
+        ]
+        return np.stack(found, axis=1)
+
+
+def with_factors(case: Case, factors: Mapping[str, float]) -> Case:
+    """A case whose stripes' parameters are so many times what they were.
+
+    Args:
+        case: the case.
+        factors: by the names of :data:`STRIPE_PARAMETERS`.
+    """
+    stripes = {"weft": case.weft, "warp": case.warp}
+    for label, factor in factors.items():
+        side, name = STRIPE_PARAMETERS[label]
+        changed = {name: getattr(stripes[side], name) * factor}
+        stripes[side] = replace(stripes[side], **changed)
+    return replace(case, weft=stripes["weft"], warp=stripes["warp"])
+
+
+def virtual_test(case: Case, near: VirtualTest | None = None) -> VirtualTest | None:
+    """Test a case; ``None`` if a state does not converge.
+
+    Args:
+        case: the case.
+        near: a test with almost the same stripes, each of whose states is then where the search
+            for the same strain starts; without it the test is run from the start, as a sweep
+            does.
+    """
+    net, fabric = case.woven()
+    if near is None:
+        (start,) = starts([case], [(net, fabric)])
+        solver = stretch(net, fabric, case.applied_strain, case.equilibrium_solver, start=start)
+    else:
+        solver = _retested(case, near)
+    test = run(case.mesh_shape, fabric, solver)
+    if test.loading is None or not all(state.converged for state in test.states):
+        return None
+    measure = measured_by(case.mesh_shape, case.unit_cells, QUANTITIES)
+    relaxed, *strained = test.states
+    if len(strained) < len(case.applied_strain) - 1:
+        return None
+    first = jnp.asarray(relaxed.configuration)
+    values = [measure(first, jnp.asarray(its.configuration), fabric) for its in strained]
+    return VirtualTest(case, test, np.array(values).T)
+
+
+def _retested(case: Case, near: VirtualTest) -> Solver[TensileTest]:
+    net, fabric = case.woven()
+    settings = case.equilibrium_solver
+    first, *others = near.test.states
+    relaxed = yield from relax(net, fabric, replace(settings, soft_wall=1.0), first.configuration)
+    if not relaxed.converged:
+        return TensileTest(None, [relaxed])
+    loading = tensile(net.shape, relaxed.configuration)
+    free = free_stiffness(net.shape, loading.unknowns)
+    longest = settings.step_limit * float(fabric.cell.min())
+    states: list[State] = [relaxed]
+    for strain, other in zip(case.applied_strain[1:], others, strict=True):
+        # The sample as a whole may have grown: what is new of the relaxed shape comes along.
+        moved = other.configuration + relaxed.configuration - first.configuration
+        start = Evaluate(loading.holding(moved, strain))
+        states.append((yield from find_settled(start, free, longest, settings, convexified=False)))
+        if not states[-1].converged:
+            break
+    return TensileTest(loading, states)

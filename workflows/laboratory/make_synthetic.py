@@ -1,0 +1,93 @@
+"""Make the synthetic experiment of the tutorial from a simulated case.
+
+``python workflows/laboratory/make_synthetic.py RESULTS/laboratory``: the results of the workflow
+``laboratory``, run with the stripes of :data:`STRIPES`. They are not those of the tables, so that
+there is something to fit.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from knitlab.laboratory.synthetic import Camera, Protocol, along_test, tracked, with_losses
+from knitlab.measure.corners import unit_cell_corners
+from knitlab.model.network import MeshShape
+from knitlab.sweep.case_file import configurations, read_case
+from knitlab.sweep.cube_file import open_cube
+
+STRIPES = {
+    "rib_k_s_factor": 0.85,
+    "rib_k_t_factor": 1.2,
+    "rib_theta_0_factor": 1.1,
+    "garter_k_s_factor": 1.15,
+    "garter_k_t_factor": 0.85,
+    "garter_theta_0_factor": 0.92,
+}
+SEED = 20261122
+UNIT_CELLS = (5, 3)
+CAMERA = Camera(pixel=0.05, turn=np.radians(6.0), centre=(700.0, 900.0), noise=0.25)
+TEST = Protocol(strain_rate=0.004, cycles=2, rest=5.0)
+FRAME_RATE = 1.0
+MACHINE_RATE = 4.0
+METER_RATE = 5.0
+METER_STARTS = -2.3
+"""The machine's time at which the meter's clock was 0 [s]."""
+FORCE_NOISE = 0.004
+CAPACITANCE_NOISE = 0.002
+STRAY = 0.35
+"""Capacitance of the leads [pF]."""
+NO_MARKER = (3, 17)
+"""Corners, row after row, that bear no marker."""
+NAME = "synthetic_4_16"
+HEADING = "# Synthetic: made by workflows/laboratory/make_synthetic.py, not measured.\n"
+
+
+def main(results: Path, folder: Path) -> None:
+    """Write markers and both logs into a folder."""
+    random = np.random.default_rng(SEED)
+    cube = open_cube(results).sel(n_stripe=4, n_subunit=16)
+    case = read_case(results, str(cube["case_id"].item()))
+    shape = MeshShape(case.sizes["node_y"] - 1, case.sizes["node_x"] - 1, periodic=False)
+    corners = unit_cell_corners(shape, UNIT_CELLS, configurations(case))
+    strains = case["applied_strain"].values
+    end, length = strains[-1], float(np.ptp(corners[0, [0, -1], :, 1].mean(axis=1)))
+    width = float(np.ptp(corners[0, :, [0, -1], 0].mean(axis=1)))
+    duration = TEST.duration(end)
+
+    strain = TEST.strain(np.arange(0, duration, 1 / FRAME_RATE), end)
+    order = random.permutation(np.setdiff1d(np.arange(corners[0, ..., 0].size), NO_MARKER))
+    tracks = tracked(along_test(strain, strains, np.asarray(corners)), CAMERA, order, random)
+    tracks = with_losses(tracks, losses=1.0, longest=12, random=random)
+    np.save(folder / f"{NAME}_markers.npy", tracks.astype(np.float32))
+
+    time = np.arange(0, duration, 1 / MACHINE_RATE)
+    strain = TEST.strain(time, end)
+    force = along_test(strain, strains, case["reaction_force"].values)
+    machine = {
+        "Time (s)": time.round(3),
+        "Extension (mm)": (strain * length).round(4),
+        "Load (N)": (force + random.normal(0, FORCE_NOISE, len(time))).round(5),
+        "Trigger (V)": np.where(time < TEST.rest, 0, 5),
+    }
+    _write(folder / f"{NAME}_tensile.csv", machine)
+
+    time = np.arange(0, duration, 1 / METER_RATE)
+    strain = TEST.strain(time + METER_STARTS, end)
+    between = along_test(strain, strains, case["capacitance_wedge"].values)
+    meter = {
+        "t (s)": time.round(3),
+        "Cp (pF)": (between + STRAY + random.normal(0, CAPACITANCE_NOISE, len(time))).round(5),
+        "TRIG": np.where(time + METER_STARTS < TEST.rest, 0, 1),
+    }
+    _write(folder / f"{NAME}_capacitance.csv", meter)
+    print(f"relaxed length {length:.2f} mm, width {width:.2f} mm")
+
+
+def _write(path: Path, columns: dict[str, np.ndarray]) -> None:
+    path.write_text(HEADING + pd.DataFrame(columns).to_csv(index=False))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(__file__).parent)
