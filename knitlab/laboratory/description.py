@@ -113,18 +113,20 @@ class MarkersTable(Recorded):
 
     ``file`` is an array (frame, marker, 2) with x to the right and y down, as tracking-markers
     writes it, or a CSV table with the columns frame, marker, x and y. ``weft`` and ``warp`` say
-    which way in the picture the fabric's x and y run, to within 45° or, turned anticlockwise by
-    ``turned`` degrees, to within 45° of that. The grid of unit-cell corners is found, or read from
-    the table ``places`` with the columns marker, row and column; every ``markers_per_cell`` along
-    (y, x) there is a corner. The relaxed shape is the mean of the first ``relaxed_frames``. A
-    frame's applied strain is the machine's at its time, by ``frame_rate`` and ``starts``, or else
-    ``strain_per_frame`` after frame 0.
+    which way in the picture the fabric's x and y run, to within 30° or, turned anticlockwise by
+    ``turned`` degrees, to within 30° of that; with ``align`` = pull they are then turned so that
+    the pull is along y, else they stay as they are. The grid of unit-cell corners is found, or
+    read from the table ``places`` with the columns marker, row and column; every
+    ``markers_per_cell`` along (y, x) there is a corner. The relaxed shape is the mean of the first
+    ``relaxed_frames``. A frame's applied strain is the machine's at its time, by ``frame_rate``
+    and ``starts``, or else ``strain_per_frame`` after frame 0.
     """
 
     pixel: Length
     weft: Towards = "right"
     warp: Towards = "up"
     turned: Annotated[float, Field(ge=-180, le=180)] = 0.0
+    align: Literal["pull", "picture"] = "pull"
     places: str | None = None
     markers_per_cell: Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)] = (1, 1)
     relaxed_frames: PositiveInt = 1

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from jaxtyping import Float
 
 from knitlab.laboratory.description import Description, Kind, read_description
 from knitlab.laboratory.machine import (
@@ -17,13 +18,13 @@ from knitlab.laboratory.machine import (
     read_capacitance,
     read_pulls,
 )
-from knitlab.laboratory.markers import marker_values, read_marked
+from knitlab.laboratory.markers import along_pull, marker_values, read_marked
 from knitlab.laboratory.quantities import number
 from knitlab.measure.cycles import Cycle
 from knitlab.model.stripe import periods_per_patch
 from knitlab.sweep.common import ATTRIBUTE
 from knitlab.sweep.cube_file import design_dims, open_cube, write_cube
-from knitlab.sweep.faults import fault
+from knitlab.sweep.faults import BadInput, fault
 from knitlab.sweep.fingerprint import code_fingerprint, file_digest, text_fingerprint
 from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.plain_cube import CUBE
@@ -96,7 +97,6 @@ def _read_markers(folder: Path, description: Description) -> Read:
     marked = read_marked(folder, table, description.sample)
     frames = np.arange(len(marked.corners))
     asked, path = description.protocol.applied_strain, folder / table.file
-    summary = [marked.summary]
     if table.strain_per_frame is not None:
         strain = frames * table.strain_per_frame
         if strain[-1] < asked[-1] * (1 - 1e-9):
@@ -105,24 +105,33 @@ def _read_markers(folder: Path, description: Description) -> Read:
                 f"ends at an applied strain of {strain[-1]:.3g}, but strain_max is"
                 f" {asked[-1]:g}; ask for less",
             )
-        return [marker_values(marked, asked, strain, frames)], summary
+        marked = along_pull(marked, strain) if table.align == "pull" else marked
+        return [marker_values(marked, asked, strain, frames)], [marked.summary]
     if table.frame_rate is None or table.starts is None or tensile is None:
         raise TypeError("the description does not say when its frames are")
     pulls = read_pulls(folder, description, tensile)
     time = number(table.starts, "s") + frames / number(table.frame_rate, "Hz")
     strain = pulls.strain(time)
+    if not np.isfinite(strain).any():
+        raise _another_time(path, time, pulls)
+    marked = along_pull(marked, strain) if table.align == "pull" else marked
     values = []
     for cycle in pulls.cycles:
         pulled = np.flatnonzero(cycle.pulled(time) & np.isfinite(strain))
         values.append(marker_values(marked, asked, strain[pulled], pulled))
     if not np.isfinite(values[0]["mean_strain_yy"]).any():
-        raise fault(
-            str(path),
-            f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, and shows nothing"
-            f" of the first pull, from {pulls.cycles[0].start:g} s to {pulls.cycles[0].turn:g} s;"
-            " correct starts or frame_rate",
-        )
-    return values, [*summary, _counted(pulls)]
+        raise _another_time(path, time, pulls)
+    return values, [marked.summary, _counted(pulls)]
+
+
+def _another_time(path: Path, time: Float[np.ndarray, " frame"], pulls: Pulls) -> BadInput:
+    first = pulls.cycles[0]
+    return fault(
+        str(path),
+        f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, and shows nothing of"
+        f" the first pull, from {first.start:g} s to {first.turn:g} s; correct starts or"
+        " frame_rate",
+    )
 
 
 def _read_tensile(folder: Path, description: Description) -> Read:
@@ -227,7 +236,7 @@ def _beside(old: xr.Dataset, new: xr.Dataset, kind: Kind, path: Path) -> xr.Data
             f"is of another sample, source, cycles or strains than this {kind}; remove it, and"
             " import all records of it anew",
         )
-    return xr.merge([new, old], combine_attrs="drop", join="exact")
+    return xr.merge([new, old], compat="no_conflicts", combine_attrs="drop", join="exact")
 
 
 def _attributes(description: Description) -> dict[str, str]:

@@ -82,7 +82,7 @@ def force_values(pulls: Pulls, cycle: Cycle, description: Description) -> Values
     """Reaction force in one cycle, under the registry's names."""
     strains = np.array(description.protocol.applied_strain)
     pulled = cycle.pulled(pulls.log.time)
-    force, error = resampled(
+    force, error, _ = resampled(
         strains, pulls.log.extension[pulled] / pulls.length, pulls.log.force[pulled]
     )
     return {
@@ -139,7 +139,7 @@ def capacitance_values(
     strain = pulls.strain(time)
     seen = np.isfinite(strain)
     up, down = (seen & while_(time) for while_ in (cycle.pulled, cycle.let_go))
-    capacitance, error = resampled(strains, strain[up], log.capacitance[up])
+    capacitance, error, _ = resampled(strains, strain[up], log.capacitance[up])
     able = np.isfinite(capacitance)
     values: Values = {
         "capacitance": capacitance,
@@ -147,7 +147,7 @@ def capacitance_values(
         "capacitor_status": np.where(able, CapacitorStatus.measured, np.nan),
     }
     if cycle.end > cycle.turn:
-        back, _ = resampled(strains, strain[down], log.capacitance[down])
+        back = resampled(strains, strain[down], log.capacitance[down]).values
         values["capacitance_unloading"] = back
         values["hysteresis"] = hysteresis(capacitance, back)
     if able.any():

@@ -1,7 +1,7 @@
 """Markers read as simulations are: local strains, their central means, Poisson's ratio."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,9 @@ from knitlab.measure.resampling import resampled
 from knitlab.measure.strain import central_mean, lattice_vectors, local_strain, poisson_ratio
 from knitlab.sweep.faults import fault
 
+MOST_PULLED = 0.1
+"""Part of the largest strain within which a frame shows the whole pull."""
+
 
 @dataclass(frozen=True)
 class Marked:
@@ -24,20 +27,23 @@ class Marked:
         relaxed: before the test [mm].
         corners: in every frame; NaN where the marker is lost [mm].
         grid: which marker is which corner, or between two of them.
-        turn: by how much the camera was turned, anticlockwise [rad].
+        relaxed_frames: that the relaxed shape is the mean of.
+        turn: by how much the fabric was turned in the picture, anticlockwise, beside what the
+            description says [rad].
     """
 
     relaxed: Float[np.ndarray, "cell_y+1 cell_x+1 2"]
     corners: Float[np.ndarray, "frame cell_y+1 cell_x+1 2"]
     grid: MarkerGrid
-    turn: float
+    relaxed_frames: int
+    turn: float = 0.0
 
     @property
     def summary(self) -> str:
         """What was found, in a sentence."""
         rows, columns = (count - 1 for count in self.relaxed.shape[:2])
         missing = int((self.grid.marker < 0).sum())
-        parts = [f"{rows} × {columns} unit cells", f"camera turned by {np.degrees(self.turn):.1f}°"]
+        parts = [f"{rows} × {columns} unit cells", f"turned by {np.degrees(self.turn):.1f}°"]
         if missing:
             parts.append(f"{missing} markers missing from the grid")
         if self.grid.strays:
@@ -83,16 +89,31 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
             f"shows {found[0]} × {found[1]} unit cells of a sample of {rows} × {columns};"
             " give markers_per_cell, or a table of places",
         )
-    turn = _camera_turn(relaxed)
+    return Marked(relaxed, corners, grid, table.relaxed_frames)
+
+
+def along_pull(marked: Marked, strain: Float[np.ndarray, " frame"]) -> Marked:
+    """The same markers, turned so that the pull is along y.
+
+    What a sample does is the same when it is turned by half a turn, and so the mean displacement
+    of its markers is along the pull, whatever their unit cells are like; those whose partner
+    across the middle is missing are left out.
+
+    Args:
+        marked: the markers.
+        strain: applied strain in every frame; NaN where it is not known.
+    """
+    pulled = np.flatnonzero(strain >= (1 - MOST_PULLED) * np.nanmax(strain))
+    moved = marked.corners[pulled] - marked.relaxed
+    paired = np.isfinite(moved + moved[:, ::-1, ::-1]).all(axis=-1)
+    if not paired.any():
+        return marked
+    across, along = moved[paired].mean(axis=0)
+    turn = float(np.arctan2(-across, along))
     back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    return Marked(relaxed @ back.T, corners @ back.T, grid, turn)
-
-
-def _camera_turn(relaxed: Float[np.ndarray, "cell_y+1 cell_x+1 2"]) -> float:
-    """How far the relaxed unit cells are turned: the rotation in the polar decomposition [rad]."""
-    edges = np.nanmean(lattice_vectors(relaxed).reshape(-1, 2, 2), axis=0)
-    (xx, xy), (yx, yy) = edges / np.linalg.norm(edges, axis=0)
-    return float(np.arctan2(yx - xy, xx + yy))
+    return replace(
+        marked, relaxed=marked.relaxed @ back.T, corners=marked.corners @ back.T, turn=turn
+    )
 
 
 def marker_values(
@@ -115,11 +136,15 @@ def marker_values(
     for name, field in zip(
         ("xx", "yy"), local_strain(marked.relaxed, marked.corners[frames]), strict=True
     ):
-        field_at, _ = resampled(strains, strain, np.asarray(field))
-        mean_at, error = resampled(strains, strain, np.asarray(central_mean(field)))
-        values[f"strain_{name}"] = field_at
-        values[f"mean_strain_{name}"] = mean_at
-        values[f"mean_strain_{name}_error"] = errors[name] = error
+        mean = resampled(strains, strain, np.asarray(central_mean(field)))
+        # The relaxed shape is a mean of a few frames, as noisy as any.
+        of_relaxed = np.nanmedian(mean.noise) / np.sqrt(marked.relaxed_frames)
+        errors[name] = np.hypot(mean.errors, of_relaxed)
+        values |= {
+            f"strain_{name}": resampled(strains, strain, np.asarray(field)).values,
+            f"mean_strain_{name}": mean.values,
+            f"mean_strain_{name}_error": errors[name],
+        }
     across, along = values["mean_strain_xx"], values["mean_strain_yy"]
     ratio = poisson_ratio(across, along)
     ratio[0] = np.nan  # 0/0, whatever noise makes of it
@@ -132,7 +157,7 @@ def marker_values(
         ),
         "relaxed_cell_x": float(central_mean(edges[..., 0])),
         "relaxed_cell_y": float(central_mean(edges[..., 1])),
-        "markers_lost": np.round(resampled(strains, strain, lost)[0]),
+        "markers_lost": np.round(resampled(strains, strain, lost).values),
         "cells_lost": np.isnan(values["strain_xx"]).sum(axis=(1, 2)).astype(float),
     }
     if np.isfinite(ratio).any():

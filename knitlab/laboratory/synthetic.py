@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.interpolate import PchipInterpolator
 
 Corners = Float[np.ndarray, "state row column 2"]
 
@@ -75,17 +76,14 @@ def along_test(
     strains: Float[np.ndarray, " state"],
     states: Float[np.ndarray, "state *any"],
 ) -> Float[np.ndarray, "record *any"]:
-    """States of a simulation at the strains of a record, on straight lines between them.
+    """States of a simulation at the strains of a record, on monotone cubics between them.
 
     Args:
         strain: of the record.
         strains: of the states, ascending.
         states: anything that has a value in each state.
     """
-    above = np.clip(np.searchsorted(strains, strain), 1, len(strains) - 1)
-    part = (strain - strains[above - 1]) / (strains[above] - strains[above - 1])
-    part = part.reshape(-1, *[1] * (states.ndim - 1))
-    return (1 - part) * states[above - 1] + part * states[above]
+    return np.asarray(PchipInterpolator(strains, states)(strain))
 
 
 def tracked(

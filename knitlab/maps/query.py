@@ -32,7 +32,8 @@ def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFra
     places = {name: chosen.get(name, range(len(cube.coordinates[name]))) for name in along}
 
     def sliced(name: str) -> np.ndarray:
-        return cube.read(name)[np.ix_(*(places[dim] for dim in cube.dims[name]))]
+        values = np.asarray(cube.read(name))
+        return values[np.ix_(*(places[dim] for dim in cube.dims[name]))] if values.ndim else values
 
     # A row for each design that is there, at each of the other values.
     present = sliced("status") != Status.excluded

@@ -23,14 +23,14 @@ NEIGHBOURS = 8
 """Nearest markers among which the steps of the grid are looked for."""
 SECTOR = np.radians(25)
 """How far from a direction of the grid a step along it may point."""
-NEAR = 0.35
+NEAR = 0.5
 """How far from where it is expected a marker may be, as a part of the shorter step."""
 STEPS: tuple[Step, ...] = ((0, 1), (1, 0), (0, -1), (-1, 0))
 HOPS: tuple[Step, ...] = ((0, 2), (2, 0), (0, -2), (-2, 0), (1, 1), (-1, 1), (-1, -1), (1, -1))
 """Steps over a marker that is missing."""
 MOST_STRAYS = 0.25
 """Part of the markers that may stand on no grid."""
-UNEVEN = 0.65
+UNEVEN = 0.85
 """How far a step may be from the typical one, as a part of it."""
 ONE_LINE = "the markers stand in one line, and unit cells have corners in two"
 

@@ -1,54 +1,65 @@
 """Resampling: what a laboratory recorded, at the strains at which it is asked for.
 
-At every strain a straight line is fitted to what was recorded nearby, which makes the most of
-noisy records and says how noisy they are.
+At every strain a parabola is fitted to what was recorded nearby, which makes the most of noisy
+records and says how noisy they are.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-FEWEST_POINTS = 3
-"""Points of a line with an error."""
+FEWEST_POINTS = {2: 8, 1: 4, 0: 3}
+"""Points that a polynomial of a degree is fitted to, the first of these with enough."""
+LEAST_CURVATURE = 1e-6
+"""Of the normal equations over their largest; below it the points are too few places apart."""
 DRAWN_OUT = 0.1
-"""How far beyond its last point a line may be drawn, as a part of its length."""
-LEAST_SPREAD = 1e-12
-"""Variance of the strains in a window, over its squared width, below which there is no slope."""
+"""How far beyond its last point a polynomial may be drawn, as a part of its length."""
 
 Strains = Float[np.ndarray, " strain"]
 Records = Float[np.ndarray, "record *series"]
 
 
-def resampled(
-    at: Strains, strain: Float[np.ndarray, " record"], values: Records
-) -> tuple[Float[np.ndarray, "strain *series"], Float[np.ndarray, "strain *series"]]:
-    """Records at given strains, and the standard errors of that.
+class Resampled(NamedTuple):
+    """Records at given strains.
 
-    A line is fitted to the records within half the distance to the next of the strains, every
-    series by itself, as records may be missing in one only. Where there are fewer than three, or
-    all on one side of the strain though the record goes on, the value lies on the line between
-    the nearest records on both sides, and has no error.
+    Attributes:
+        values: at the strains; NaN where no record is near.
+        errors: their standard errors; NaN where the records are too few to tell.
+        noise: standard deviation of a single record there.
+    """
+
+    values: Float[np.ndarray, "strain *series"]
+    errors: Float[np.ndarray, "strain *series"]
+    noise: Float[np.ndarray, "strain *series"]
+
+
+def resampled(at: Strains, strain: Float[np.ndarray, " record"], values: Records) -> Resampled:
+    """Records at given strains, with the standard errors of that.
+
+    A parabola is fitted to the records within half the distance to the next of the strains, every
+    series by itself, as records may be missing in one only; a line or a mean where they are few.
+    Where even that cannot be, the value lies on the line between the nearest records on both
+    sides, and has no error.
 
     Args:
         at: strains that are asked for, ascending [1].
         strain: of every record [1].
         values: the records; NaN where one is missing.
-
-    Returns:
-        Values and errors; NaN where no record is near.
     """
     low, high = _windows(at)
     series = np.reshape(values, (len(strain), -1))
-    found, errors = (np.full((len(at), series.shape[1]), np.nan) for _ in range(2))
+    found = np.full((3, len(at), series.shape[1]), np.nan)
     for place, centre in enumerate(at):
         window = (strain >= low[place]) & (strain <= high[place])
-        found[place], errors[place] = _line_at_zero(strain[window] - centre, series[window])
-        for missing in np.flatnonzero(np.isnan(found[place])):
+        width = high[place] - low[place]
+        found[:, place] = _at_zero((strain[window] - centre) / width, series[window])
+        for missing in np.flatnonzero(np.isnan(found[0, place])):
             there = np.isfinite(series[:, missing])
-            found[place, missing] = _between(
-                centre, strain[there], series[there, missing], high[place] - low[place]
+            found[0, place, missing] = _between(
+                centre, strain[there], series[there, missing], width
             )
-    shape = (len(at), *np.shape(values)[1:])
-    return found.reshape(shape), errors.reshape(shape)
+    return Resampled(*found.reshape(3, len(at), *np.shape(values)[1:]))
 
 
 def _windows(at: Strains) -> tuple[Strains, Strains]:
@@ -57,34 +68,34 @@ def _windows(at: Strains) -> tuple[Strains, Strains]:
     return np.concatenate([first, middles]), np.concatenate([middles, last])
 
 
-def _line_at_zero(
+def _at_zero(
     offset: Float[np.ndarray, " record"], series: Float[np.ndarray, "record series"]
-) -> tuple[Float[np.ndarray, " series"], Float[np.ndarray, " series"]]:
-    """Where the lines through series cross zero, and the standard errors of that."""
+) -> Float[np.ndarray, "3 series"]:
+    """What polynomials through series have at zero, the standard errors of that, and the noise."""
     there = np.isfinite(series)
-    weight = there.astype(float)
     value = np.where(there, series, 0.0)
-    count = weight.sum(axis=0)
-    able = count >= FEWEST_POINTS
-    safe = np.maximum(count, 1)
-    middle, mean = (offset @ weight) / safe, value.sum(axis=0) / safe
-    across = (offset[:, None] - middle) * weight
-    spread, tilt = (across**2).sum(axis=0), (across * value).sum(axis=0)
-    width = np.ptp(offset) if len(offset) else 0.0
-    ends = (
-        np.where(there, offset[:, None], np.inf).min(axis=0, initial=np.inf),
-        -np.where(there, offset[:, None], -np.inf).max(axis=0, initial=-np.inf),
-    )
-    sloped = spread > LEAST_SPREAD * max(width, np.finfo(float).tiny) ** 2
-    slope = np.where(sloped, tilt / np.where(sloped, spread, 1.0), 0.0)
-    # A line must not be drawn out to where no record is.
-    able &= np.maximum(*ends) <= DRAWN_OUT * width
-    left = ((value - mean - slope * across) * weight) ** 2
-    freedom = np.maximum(count - 1 - sloped, 1)
-    noise = left.sum(axis=0) / freedom
-    leverage = 1 / safe + np.where(sloped, middle**2 / np.where(sloped, spread, 1.0), 0.0)
-    at_zero, error = mean - slope * middle, np.sqrt(noise * leverage)
-    return np.where(able, at_zero, np.nan), np.where(able, error, np.nan)
+    found = np.full((3, series.shape[1]), np.nan)
+    if not len(offset):
+        return found
+    first = np.where(there, offset[:, None], np.inf).min(axis=0)
+    last = np.where(there, offset[:, None], -np.inf).max(axis=0)
+    covered = np.maximum(first, -last) <= DRAWN_OUT * np.ptp(offset)
+    for degree, fewest in FEWEST_POINTS.items():
+        powers = offset[:, None] ** np.arange(degree + 1)
+        normal = np.einsum("np,nq,ns->spq", powers, powers, there)
+        curvatures, vectors = np.linalg.eigh(normal)
+        able = covered & np.isnan(found[0]) & (there.sum(axis=0) >= fewest)
+        able &= curvatures[:, 0] > LEAST_CURVATURE * curvatures[:, -1]
+        vectors, curvatures = vectors[able], curvatures[able]
+        right = np.einsum("np,ns->sp", powers, value[:, able])
+        along = np.einsum("spk,sp->sk", vectors, right) / curvatures
+        coefficients = np.einsum("spk,sk->sp", vectors, along)
+        left = np.where(there[:, able], value[:, able] - powers @ coefficients.T, 0.0)
+        freedom = there[:, able].sum(axis=0) - degree - 1
+        noise = np.sqrt((left**2).sum(axis=0) / freedom)
+        leverage = (vectors[:, 0] ** 2 / curvatures).sum(axis=1)
+        found[:, able] = coefficients[:, 0], noise * np.sqrt(leverage), noise
+    return found
 
 
 def _between(

@@ -9,30 +9,31 @@ RESTS = np.array([[1, 1, 5], [5, 1, 1], [1, 1, 1]])
 AT = np.linspace(0, 0.4, 11)
 
 
-def test_straight_lines_come_back_exactly():
+def test_parabolas_come_back_exactly():
     strain = np.sort(np.random.default_rng(0).uniform(0, 0.4, 400))
     strain[[0, -1]] = 0, 0.4
-    values = np.stack([2 + 3 * strain, -strain], axis=1)
-    found, error = resampled(AT, strain, values)
-    np.testing.assert_allclose(found, np.stack([2 + 3 * AT, -AT], axis=1), atol=1e-12)
+    values = np.stack([2 + 3 * strain**2, -strain], axis=1)
+    found, error, _ = resampled(AT, strain, values)
+    np.testing.assert_allclose(found, np.stack([2 + 3 * AT**2, -AT], axis=1), atol=1e-12)
     np.testing.assert_allclose(error, 0, atol=1e-12)
 
 
 def test_errors_are_those_that_noise_makes():
     strain = np.linspace(0, 0.4, 401)
     noise = np.random.default_rng(1).normal(0, 0.05, (401, 3000))
-    found, error = resampled(AT, strain, (1 + strain)[:, None] + noise)
+    found, error, sigma = resampled(AT, strain, (1 + strain)[:, None] + noise)
     astray = (found - (1 + AT)[:, None]) / error
-    freedom = np.array([19, *[39] * 9, 19])
+    freedom = np.array([18, *[38] * 9, 18])
     np.testing.assert_allclose(astray.std(axis=1), np.sqrt(freedom / (freedom - 2)), atol=0.05)
     np.testing.assert_allclose(astray.mean(axis=1), 0, atol=0.1)
+    np.testing.assert_allclose((sigma**2).mean(axis=1), 0.05**2, rtol=0.05)
 
 
 def test_what_is_missing_is_missing_by_itself():
     strain = np.linspace(0, 0.4, 201)
     values = np.stack([strain, strain], axis=1)
     values[60:120, 1] = np.nan
-    found, _ = resampled(AT, strain, values)
+    found = resampled(AT, strain, values).values
     np.testing.assert_allclose(found[:, 0], AT, atol=1e-12)
     lost = np.isnan(found[:, 1])
     assert lost.any()
@@ -43,14 +44,14 @@ def test_what_is_missing_is_missing_by_itself():
 
 def test_a_few_frames_are_joined_by_straight_lines_without_an_error():
     strain = np.linspace(0, 0.4, 11) + 0.01
-    found, error = resampled(AT[1:-1], strain, strain**2)
+    found, error, _ = resampled(AT[1:-1], strain, strain**2)
     np.testing.assert_allclose(found, np.interp(AT[1:-1], strain, strain**2))
     assert np.isnan(error).all()
 
 
 def test_nothing_is_drawn_out_beyond_the_records():
     strain = np.linspace(0.1, 0.3, 101)
-    found, _ = resampled(AT, strain, strain)
+    found = resampled(AT, strain, strain).values
     there = (AT >= 0.1 - 1e-9) & (AT <= 0.3 + 1e-9)
     np.testing.assert_array_equal(np.isfinite(found), there)
 

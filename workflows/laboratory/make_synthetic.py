@@ -29,7 +29,7 @@ SEED = 20261122
 UNIT_CELLS = (5, 3)
 CAMERA = Camera(pixel=0.05, turn=np.radians(6.0), centre=(700.0, 900.0), noise=0.25)
 TEST = Protocol(strain_rate=0.004, cycles=2, rest=5.0)
-FRAME_RATE = 1.0
+FRAME_RATE = 2.0
 MACHINE_RATE = 4.0
 METER_RATE = 5.0
 METER_STARTS = -2.3
