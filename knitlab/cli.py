@@ -3,11 +3,23 @@
 import click
 
 from knitlab.commands.calibration import calibrate
-from knitlab.commands.cubes import claims, draw_map, query
-from knitlab.commands.laboratory import import_group
+from knitlab.commands.cubes import claims, compare, draw_map, query
+from knitlab.commands.laboratory import fit, import_group
 from knitlab.commands.sweeps import plan, reproduce, run, status
 
-COMMANDS = (plan, run, status, reproduce, query, draw_map, claims, calibrate, import_group)
+COMMANDS = (
+    plan,
+    run,
+    status,
+    reproduce,
+    query,
+    draw_map,
+    claims,
+    compare,
+    calibrate,
+    import_group,
+    fit,
+)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})

@@ -42,6 +42,14 @@ results_option = click.option(
 )
 
 
+set_option = click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Override a setting of the workflow; a comma makes a list. Repeatable.",
+)
+
 select_option = click.option(
     "--select",
     "selections",

@@ -11,38 +11,71 @@ from knitlab.sweep.figure_names import FigureName
 KINDS = get_args(FigureName)
 
 
-@click.command()
-@click.argument("cube", type=click.Path(path_type=Path))
-@select_option
-@click.option("--where", metavar="EXPRESSION", help="Keep the designs for which this holds.")
-@click.option("--sort", metavar="NAME", help="Sort by a variable, ascending; -NAME descends.")
-@click.option("--columns", metavar="NAMES", help="Columns to show, separated by commas.")
-@click.option(
+format_option = click.option(
     "--format",
     "style",
     type=click.Choice(["table", "csv", "json"]),
     default="table",
     show_default=True,
 )
+
+
+@click.command()
+@click.argument("cubes", type=click.Path(path_type=Path), nargs=-1, required=True)
+@select_option
+@click.option("--where", metavar="EXPRESSION", help="Keep the designs for which this holds.")
+@click.option("--sort", metavar="NAME", help="Sort by a variable, ascending; -NAME descends.")
+@click.option("--columns", metavar="NAMES", help="Columns to show, separated by commas.")
+@format_option
 @explains_bad_input
 def query(
-    cube: Path,
+    cubes: tuple[Path, ...],
     selections: tuple[str, ...],
     where: str | None,
     sort: str | None,
     columns: str | None,
     style: str,
 ) -> None:
-    """List the designs of CUBE.
+    """List the designs of CUBES, simulated and measured.
 
     Variables along the applied strain appear once it is selected: --select applied_strain=0.15
     """
-    from knitlab.maps.query import designs_table, formatted, queried
+    from knitlab.maps.query import designs_of_all, formatted, queried
     from knitlab.sweep.plain_cube import open_plain_cube
 
-    table = designs_table(open_plain_cube(cube), selections)
+    table = designs_of_all([open_plain_cube(cube) for cube in cubes], selections)
     names = tuple(name.strip() for name in columns.split(",")) if columns else None
     click.echo(formatted(queried(table, where, sort, names), style))
+
+
+@click.command()
+@click.argument("simulation", type=click.Path(path_type=Path))
+@click.argument("experiments", type=click.Path(path_type=Path), nargs=-1, required=True)
+@select_option
+@format_option
+@explains_bad_input
+def compare(
+    simulation: Path, experiments: tuple[Path, ...], selections: tuple[str, ...], style: str
+) -> None:
+    """Say how far SIMULATION is from EXPERIMENTS, curve by curve.
+
+    The uncertainty is that of the RMS difference, by the scatter of the records; of two curves
+    that are one, the RMS difference would be the noise.
+    """
+    from knitlab.maps.comparison import compared
+    from knitlab.maps.query import formatted
+    from knitlab.maps.selection import coordinate_of, refuse_others, selected
+    from knitlab.sweep.cube_file import open_cube
+
+    opened = [open_cube(path) for path in (simulation, *experiments)]
+    known = {str(name) for cube in opened for name in cube.dims if name in cube.coords}
+    remedy = f"select of {', '.join(sorted(known))}"
+    refuse_others(selections, known, f"is of none of these cubes; {remedy}")
+    cubes = [
+        selected(cube, [text for text in selections if coordinate_of(text) in cube.dims])
+        for cube in opened
+    ]
+    click.echo(formatted(compared(cubes[0], cubes[1:]), style))
 
 
 @click.command(name="map")

@@ -15,6 +15,7 @@ from knitlab.commands.common import (
     Command,
     explains_bad_input,
     results_option,
+    set_option,
 )
 
 if TYPE_CHECKING:
@@ -38,13 +39,7 @@ def workflow_options(command: Command) -> Command:
             type=click.FloatRange(min=0, max=1, min_open=True),
             help="Part of the needles that a sample is knitted on; short for --set scale=.",
         ),
-        click.option(
-            "--set",
-            "overrides",
-            multiple=True,
-            metavar="KEY=VALUE",
-            help="Override a setting of the workflow; a comma makes a list. Repeatable.",
-        ),
+        set_option,
         click.argument("workflow"),
     ):
         scaled = option(scaled)

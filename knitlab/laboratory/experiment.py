@@ -29,11 +29,9 @@ from knitlab.sweep.fingerprint import code_fingerprint, file_digest, text_finger
 from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.plain_cube import CUBE
 from knitlab.sweep.provenance import provenance
-from knitlab.sweep.registry import DESIGN_DIMS, VARIABLES, Status, described
+from knitlab.sweep.registry import CYCLE, DESIGN_DIMS, SOURCE, VARIABLES, Status, described
 from knitlab.sweep.shipped import shipped
 
-CYCLE = "cycle"
-SOURCE = "source"
 IMPORTS = "imports"
 WORDS = ("status", "case_id", "code", "periods")
 """Variables that every import has."""

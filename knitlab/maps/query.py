@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 
 from knitlab.maps.expression import holds, no_column
-from knitlab.maps.selection import chosen_places
+from knitlab.maps.selection import chosen_places, coordinate_of, refuse_others
 from knitlab.sweep.faults import BadInput, Fault
 from knitlab.sweep.plain_cube import PlainCube
-from knitlab.sweep.registry import Status
+from knitlab.sweep.registry import SIMULATION, SOURCE, Status
 
 
 def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFrame:
@@ -51,6 +51,34 @@ def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFra
         if name in table:
             table[name] = table[name].astype("Int64")
     return table
+
+
+def designs_of_all(cubes: Sequence[PlainCube], selections: Sequence[str] = ()) -> pd.DataFrame:
+    """The tables of several cubes below one another, with the source of each row.
+
+    A cube that does not lie along what is selected, as a simulation along cycles, is taken whole.
+
+    Args:
+        cubes: of designs along the same dimensions.
+        selections: see :func:`designs_table`.
+
+    Raises:
+        BadInput: if a selection is at fault.
+    """
+    if len(cubes) == 1:
+        return designs_table(cubes[0], selections)
+    known = {name for cube in cubes for name in cube.coordinates}
+    refuse_others(selections, known, f"is of none of these cubes; select of {', '.join(known)}")
+    tables = []
+    for cube in cubes:
+        own = [text for text in selections if coordinate_of(text) in cube.coordinates]
+        table = designs_table(cube, own)
+        source = table.pop(SOURCE) if SOURCE in table else SIMULATION
+        table.insert(len(cube.design_dims), SOURCE, source)
+        tables.append(table)
+    together = pd.concat(tables, ignore_index=True)
+    together.attrs["dims"] = {name: dims for cube in cubes for name, dims in cube.dims.items()}
+    return together
 
 
 def queried(

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from knitlab.sweep.registry import DESIGN_DIMS, SIMULATION, Status
+from knitlab.sweep.registry import DESIGN_DIMS, SIMULATION, SOURCE, Status
 
 
 def source_of(cube: xr.Dataset) -> str:
     """What a cube is of: a simulation, or an experiment by its name."""
-    return str(cube["source"].item()) if "source" in cube.coords else SIMULATION
+    return str(cube[SOURCE].item()) if SOURCE in cube.coords else SIMULATION
 
 
 def is_measured(cube: xr.Dataset) -> bool:

@@ -13,6 +13,7 @@ from knitlab.mechanics.evaluation import Evaluation
 from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser
 from knitlab.mechanics.portions import PortionedFabric
 from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Request, Settle, Solve, Solver
+from knitlab.mechanics.state import Outcome
 from knitlab.mechanics.stiffness import FreeStiffness
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
@@ -100,7 +101,9 @@ class Desk:
                     start, block.free, request.step_length, request.settings, convexified=False
                 ),
             )
-            at[block.places] = state.configuration
+            # A block that stalls may have folded a cell to nothing, where no hinge has an angle.
+            if state.outcome is not Outcome.stalled:
+                at[block.places] = state.configuration
             share += state.iterations * len(block.free.unknowns) / len(free.unknowns)
         return Evaluate(at, request.at.stage), share
 

@@ -40,6 +40,7 @@ def find_settled(
         return (yield from find_equilibrium(start, free, step_length, settings, floor, convexified))
     at, spent = start, 0.0
     while True:
+        before = at
         at, share = yield Settle(at, free, step_length, block_settings(settings))
         spent += share
         left = settings.max_iterations - round(spent)
@@ -52,6 +53,11 @@ def find_settled(
             convexified,
         )
         spent += state.iterations
+        if state.outcome is Outcome.stalled and not state.iterations:
+            # What its blocks came to is no place to start from.
+            rest = replace(settings, max_iterations=max(left, 1))
+            whole = yield from find_equilibrium(before, free, step_length, rest, floor, convexified)
+            return replace(whole, iterations=round(spent) + whole.iterations)
         if state.outcome is not Outcome.iteration_limit or spent >= settings.max_iterations:
             return replace(state, iterations=round(spent))
         at = replace(at, configuration=state.configuration)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from knitlab.mechanics.blocks import are_many
 from knitlab.mechanics.evaluation import Stage
 from knitlab.mechanics.loading import Loading, tensile
 from knitlab.mechanics.relaxation import on_the_way, relax
@@ -98,7 +99,9 @@ class _Path:
         while True:
             strain = self.last[-1][0] + towards * step
             strain = target if towards * (target - strain) <= ROUND_OFF else strain
-            rough, last = self.last[-1][1].iterations > ROUGH, step <= smallest
+            last = step <= smallest
+            # Where many blocks come to rest by themselves, the whole meets few walls.
+            rough = self.last[-1][1].iterations > ROUGH and not are_many(self.loading.shape)
             find = self._sought_fast(strain) if rough else self._sought_slowly(strain, last)
             state = yield from find
             followed = self._on_branch(strain, state)

@@ -61,6 +61,10 @@ class Variable:
 DESIGN_DIMS = ("n_stripe", "n_subunit")
 """Dimensions of a cube of checkerboards; one of pure stripes has :data:`STRIPE_DIMS`."""
 STRIPE_DIMS = ("knit", "n", "boundary")
+CYCLE = "cycle"
+"""Dimension of an experiment that was pulled several times."""
+SOURCE = "source"
+"""Coordinate that says what a cube is of."""
 SIMULATION = "simulation"
 """The source of a simulated cube; an experiment has a name of its own."""
 

@@ -1,0 +1,89 @@
+"""What a fit is to meet: an imported test, on the sample of a workflow."""
+
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+
+from knitlab.laboratory.fit import Target
+from knitlab.laboratory.virtual_test import QUANTITIES
+from knitlab.sweep.case import Case
+from knitlab.sweep.common import parameters_of
+from knitlab.sweep.faults import fault
+from knitlab.sweep.plan import Plan
+from knitlab.sweep.registry import CYCLE, DESIGN_DIMS, SIMULATION, SOURCE, Status
+
+FEWEST_STRAINS = 3
+NO_ERROR = 1.0
+"""Stands for the error of a value that is not there."""
+
+
+def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Target:
+    """The measured curves of an experiment, as a case is to meet them.
+
+    Args:
+        experiment: its cube.
+        case: the simulated sample; the force is that over as many unit cells as it is wide.
+        model_error: part of the largest value of a curve that is added to its standard errors, in
+            quadrature, as no model is better than that.
+
+    Raises:
+        BadInput: if it is no single test with markers or force.
+    """
+    cell = experiment.squeeze(drop=False)
+    if CYCLE in cell.dims:
+        raise fault("fit", f"takes one cycle; --select {CYCLE}=1")
+    strains = cell["applied_strain"].values
+    across = case.unit_cells[1] / parameters_of(experiment)["unit_cells"][1]
+    values, errors = (np.full((len(QUANTITIES), len(strains)), np.nan) for _ in range(2))
+    for place, name in enumerate(QUANTITIES):
+        if name not in cell:
+            continue
+        scale = across if name == "reaction_force" else 1.0
+        values[place] = scale * cell[name].values
+        known = np.nan_to_num(scale * cell[f"{name}_error"].values)
+        errors[place] = np.hypot(known, model_error * np.nanmax(np.abs(values[place])))
+    pulled = (strains > 0) & np.isfinite(values).any(axis=0)
+    if pulled.sum() < FEWEST_STRAINS:
+        raise fault(
+            "fit", f"needs at least {FEWEST_STRAINS} strains; import markers or the tensile test"
+        )
+    if not (errors[:, pulled][np.isfinite(values[:, pulled])] > 0).all():
+        raise fault("--model-error 0", "leaves values without an error; give one above 0")
+    return Target(
+        tuple(strains[pulled].tolist()),
+        values[:, pulled],
+        np.nan_to_num(errors[:, pulled], nan=NO_ERROR),
+    )
+
+
+def case_for(plan: Plan, experiment: xr.Dataset) -> Case:
+    """The one case of a plan that is of an experiment's design, at its strains.
+
+    Raises:
+        BadInput: if there is none, or several, or it cannot be fitted.
+    """
+    if SOURCE not in experiment.coords or experiment[SOURCE].item() == SIMULATION:
+        raise fault("fit", "is to an experiment, and this cube was simulated; import one")
+    wanted = {dim: int(experiment[dim].values[0]) for dim in DESIGN_DIMS}
+    cases = [
+        case
+        for case in plan.cases.values()
+        if all(case.design.get(dim) == label for dim, label in wanted.items())
+    ]
+    named = f"({wanted['n_stripe']}, {wanted['n_subunit']})"
+    if len(cases) != 1:
+        remedy = "one value of each setting" if cases else "n_stripe= and n_subunit="
+        problem = f"is to have one case of {named}, and has {len(cases)}; --set {remedy}"
+        raise fault(plan.workflow, problem)
+    (case,) = cases
+    if case.method != "equilibrium":
+        raise fault(plan.workflow, "is run by dynamics; --set method=equilibrium")
+    if int(experiment["status"].values.flat[0]) != Status.ok:
+        raise fault("fit", "is to an experiment that is ok, and this one is not; import it anew")
+    return replace(case, capacitor=None, sensitivities=False, unloading=False)
+
+
+def at_strains_of(case: Case, target: Target) -> Case:
+    """The case, at the strains of a target."""
+    return replace(case, applied_strain=(0.0, *target.applied_strain))
