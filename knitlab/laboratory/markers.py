@@ -17,6 +17,8 @@ from knitlab.sweep.faults import fault
 
 MOST_PULLED = 0.1
 """Part of the largest strain within which a frame shows the whole pull."""
+LEAST_DRIFT = 0.25
+"""Mean displacement, over that of the last row from the first, that tells of one moving clamp."""
 
 
 @dataclass(frozen=True)
@@ -95,9 +97,10 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
 def along_pull(marked: Marked, strain: Float[np.ndarray, " frame"]) -> Marked:
     """The same markers, turned so that the pull is along y.
 
-    What a sample does is the same when it is turned by half a turn, and so the mean displacement
-    of its markers is along the pull, whatever their unit cells are like; those whose partner
-    across the middle is missing are left out.
+    Where one clamp moves, so does the middle of the sample, and along the pull: what a sample does
+    is the same when it is turned by half a turn, so that its mean displacement is, whatever its
+    unit cells are like. Markers whose partner across the middle is missing are left out of it.
+    Where both clamps move apart, it is along the pull that rows of markers part.
 
     Args:
         marked: the markers.
@@ -108,12 +111,17 @@ def along_pull(marked: Marked, strain: Float[np.ndarray, " frame"]) -> Marked:
     paired = np.isfinite(moved + moved[:, ::-1, ::-1]).all(axis=-1)
     if not paired.any():
         return marked
-    across, along = moved[paired].mean(axis=0)
+    rows, columns = (
+        np.broadcast_to(each, paired.shape)[paired] for each in np.indices(paired.shape[1:])
+    )
+    affine = np.stack([np.ones(len(rows)), rows - rows.mean(), columns - columns.mean()], axis=1)
+    mean, parting, _ = np.linalg.lstsq(affine, moved[paired])[0]
+    spread = np.linalg.norm(parting) * np.ptp(rows)
+    across, along = mean if np.linalg.norm(mean) > LEAST_DRIFT * spread else parting
     turn = float(np.arctan2(-across, along))
     back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    return replace(
-        marked, relaxed=marked.relaxed @ back.T, corners=marked.corners @ back.T, turn=turn
-    )
+    relaxed, corners = marked.relaxed @ back.T, marked.corners @ back.T
+    return replace(marked, relaxed=relaxed, corners=corners, turn=turn)
 
 
 def marker_values(

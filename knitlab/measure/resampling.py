@@ -13,6 +13,8 @@ FEWEST_POINTS = {2: 8, 1: 4, 0: 3}
 """Points that a polynomial of a degree is fitted to, the first of these with enough."""
 LEAST_CURVATURE = 1e-6
 """Of the normal equations over their largest; below it the points are too few places apart."""
+AT_REST = 1e-9
+"""Spread of the strains of records at rest, over the width of a window."""
 DRAWN_OUT = 0.1
 """How far beyond its last point a polynomial may be drawn, as a part of its length."""
 
@@ -86,6 +88,8 @@ def _at_zero(
         curvatures, vectors = np.linalg.eigh(normal)
         able = covered & np.isnan(found[0]) & (there.sum(axis=0) >= fewest)
         able &= curvatures[:, 0] > LEAST_CURVATURE * curvatures[:, -1]
+        # A mean is for records at rest, all of them at one strain.
+        able &= degree > 0 or np.ptp(offset) <= AT_REST
         vectors, curvatures = vectors[able], curvatures[able]
         right = np.einsum("np,ns->sp", powers, value[:, able])
         along = np.einsum("spk,sp->sk", vectors, right) / curvatures
