@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
+from numpy.lib.format import MAGIC_PREFIX
 
 from knitlab.laboratory.description import MarkersTable, Towards
 from knitlab.laboratory.quantities import number
@@ -65,14 +66,17 @@ def read_trajectories(path: Path) -> Trajectories:
 
 def _read_array(path: Path) -> Trajectories:
     try:
+        with path.open("rb") as file:
+            if file.read(len(MAGIC_PREFIX)) != MAGIC_PREFIX:
+                raise fault(str(path), "is not an .npy array; save it by numpy.save")
         tracks = np.load(path, allow_pickle=False)
     except OSError as error:
         raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
     except (ValueError, EOFError) as error:
         problem = (
             "holds pickled objects, which may run any code; save a plain array of floats"
-            if "pickle" in str(error)
-            else f"is not an .npy array ({error}); save it by numpy.save"
+            if "allow_pickle" in str(error)
+            else f"is not a whole .npy array ({error}); save it by numpy.save"
         )
         raise fault(str(path), problem) from error
     if not isinstance(tracks, np.ndarray) or tracks.dtype.kind not in "fiu":

@@ -4,6 +4,7 @@ At every strain a parabola is fitted to what was recorded nearby, which makes th
 records and says how noisy they are.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -50,7 +51,7 @@ def resampled(at: Strains, strain: Float[np.ndarray, " record"], values: Records
         values: the records; NaN where one is missing.
     """
     low, high = _windows(at)
-    series = np.reshape(values, (len(strain), -1))
+    series = np.reshape(values, (len(strain), math.prod(np.shape(values)[1:])))
     found = np.full((3, len(at), series.shape[1]), np.nan)
     for place, centre in enumerate(at):
         window = (strain >= low[place]) & (strain <= high[place])

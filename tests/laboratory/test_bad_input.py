@@ -1,0 +1,281 @@
+import pickle
+
+import numpy as np
+import pytest
+import tomli_w
+from click.testing import CliRunner
+
+from knitlab.cli import main
+from tests.laboratory.recorded import Laboratory
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory):
+    laboratory = Laboratory(tmp_path_factory.mktemp("good"))
+    laboratory.write()
+    return laboratory
+
+
+def imported(tmp_path, good, kind, changes=(), files=()):
+    """What importing says and leaves, with parts of the description and of files changed."""
+    description = good.description()
+    for path, value in changes:
+        *tables, key = path.split(".")
+        table = description
+        for name in tables:
+            table = table[name]
+        if value is None:
+            del table[key]
+        else:
+            table[key] = value
+    for name in ("markers.npy", "tensile.csv", "meter.csv"):
+        (tmp_path / name).write_bytes((good.folder / name).read_bytes())
+    for name, change in files:
+        change(tmp_path / name)
+    path = tmp_path / "sheet.toml"
+    path.write_text(tomli_w.dumps(description))
+    results = tmp_path / "results"
+    told = CliRunner().invoke(main, ["import", kind, str(path), "--results", str(results)])
+    return told, results
+
+
+def refused(tmp_path, good, kind, *problems, changes=(), files=()):
+    told, results = imported(tmp_path, good, kind, changes, files)
+    assert told.exit_code == 2, told.output
+    for problem in problems:
+        assert problem in told.output
+    assert "Traceback" not in told.output
+    assert not results.exists() or not list(results.rglob("*"))
+    return told
+
+
+def lines(change):
+    def rewrite(path):
+        path.write_text("\n".join(change(path.read_text().splitlines())) + "\n")
+
+    return rewrite
+
+
+def cell(row, column, value):
+    def change(text):
+        fields = text[row].split(",")
+        fields[column] = value
+        return [*text[:row], ",".join(fields), *text[row + 1 :]]
+
+    return lines(change)
+
+
+def array(change):
+    def rewrite(path):
+        np.save(path, change(np.load(path)))
+
+    return rewrite
+
+
+def with_value(value, *place):
+    def change(tracks):
+        tracks = tracks.copy()
+        tracks[place] = value
+        return tracks
+
+    return array(change)
+
+
+TENSILE = [
+    ("empty", lambda path: path.write_text(""), "is not a CSV table"),
+    ("header only", lines(lambda text: text[:1]), "has 0 rows"),
+    ("ragged", lines(lambda text: [*text[:5], text[5] + ",1,2,3", *text[6:]]), "not a CSV table"),
+    ("short row", lines(lambda text: [*text[:5], "0.01", *text[6:]]), "point 5 is empty"),
+    ("words", cell(7, 1, "slack"), "point 7 is 'slack'"),
+    ("a NaN", cell(7, 3, "nan"), "column force: point 7 is 'nan'"),
+    ("a run of NaN", lambda path: [cell(row, 3, "NaN")(path) for row in range(9, 20)], "10 more"),
+    ("infinite", cell(7, 3, "inf"), "not a finite number"),
+    ("time back", cell(9, 0, "0.001"), "does not rise"),
+    ("time again", lines(lambda text: [*text[:9], text[8], *text[9:]]), "does not rise"),
+    ("no column", lines(lambda text: [text[0].replace("force", "Last"), *text[1:]]), "is missing"),
+    (
+        "twice",
+        lines(lambda text: [text[0].replace("trigger", "force"), *text[1:]]),
+        "is there twice",
+    ),
+    ("never pulled", lines(lambda text: text[:30]), "never rises"),
+    ("pulled less", lines(lambda text: text[:200]), "but strain_max is 0.3"),
+    ("binary", lambda path: path.write_bytes(bytes(range(128, 255))), "is not a CSV table"),
+    ("gone", lambda path: path.unlink(), "cannot be read"),
+]
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"), [row[1:] for row in TENSILE], ids=[r[0] for r in TENSILE]
+)
+def test_a_bad_tensile_log_is_refused(tmp_path, good, change, problem):
+    refused(tmp_path, good, "tensile", "tensile.csv", problem, files=[("tensile.csv", change)])
+
+
+MARKERS = [
+    ("pickled", lambda path: np.save(path, np.array([{}, 1], object)), "pickled objects"),
+    ("plain pickle", lambda path: path.write_bytes(pickle.dumps([1])), "is not an .npy array"),
+    ("text", lambda path: path.write_text("frame,marker"), "numpy.save"),
+    ("empty file", lambda path: path.write_bytes(b""), "is not an .npy array"),
+    (
+        "cut off",
+        lambda path: path.write_bytes(path.read_bytes()[:2000]),
+        "is not a whole .npy array",
+    ),
+    ("flat", array(np.ravel), "(frames, markers, 2)"),
+    ("three dimensions", array(lambda tracks: np.repeat(tracks, 2, 2)), "(frames, markers, 2)"),
+    ("no frames", array(lambda tracks: tracks[:0]), "is empty"),
+    ("words", array(lambda tracks: tracks.astype(str)), "no array of numbers"),
+    ("infinite", with_value(np.inf, 4, 3, 1), "is infinite for marker 3 in frame 4"),
+    ("half a marker", with_value(np.nan, 4, 3, 1), "only one coordinate of marker 3 in frame 4"),
+    ("blind frames", with_value(np.nan, slice(40, 60)), "shows no marker in 20 frames (40, 41"),
+    ("one marker", array(lambda tracks: tracks[:, :1]), "1 markers are seen"),
+    ("a line", array(lambda tracks: tracks[:, :4]), "in one line"),
+    ("no grid", array(lambda tracks: tracks**3), "a table of their places"),
+    ("all frames late", array(lambda tracks: tracks[:3]), "shows nothing of the first pull"),
+]
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"), [row[1:] for row in MARKERS], ids=[r[0] for r in MARKERS]
+)
+def test_bad_markers_are_refused(tmp_path, good, change, problem):
+    refused(tmp_path, good, "markers", "markers.npy", problem, files=[("markers.npy", change)])
+
+
+ROWS = "frame,marker,x,y\n" + "".join(
+    f"{frame},{marker},{10 * (marker % 3)},{10 * (marker // 3) + frame}\n"
+    for frame in range(3)
+    for marker in range(9)
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "is not a CSV table"),
+        ("frame,marker,x,y\n", "has no rows"),
+        (ROWS.replace("marker,", "point,", 1), "column marker: is missing"),
+        (ROWS.replace("\n0,4,", "\n0,4.5,"), "has 4.5 at point 5"),
+        (ROWS.replace("\n1,", "\n7,"), "jumps over 1"),
+        (ROWS + "2,8,1,1\n", "a marker twice in one frame"),
+        (ROWS.replace("\n0,4,10,10", "\n0,4,ten,10"), "point 5 is 'ten'"),
+    ],
+)
+def test_a_bad_table_of_markers_is_refused(tmp_path, good, text, problem):
+    def write(path):
+        path.with_suffix(".csv").write_text(text)
+
+    changes = [("markers.file", "markers.csv")]
+    refused(tmp_path, good, "markers", problem, changes=changes, files=[("markers.npy", write)])
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("marker,row,column\n0,0,0\n99,0,1\n", "names marker 99, but there are 20"),
+        ("marker,row,column\n0,0,0\n1,0,0\n", "markers 0 and 1 both stand in row 0, column 0"),
+        ("marker,row\n0,0\n", "column column: is missing"),
+        ("marker,row,column\n0,0,0\n", "shows 0 × 0 unit cells"),
+    ],
+)
+def test_a_bad_table_of_places_is_refused(tmp_path, good, text, problem):
+    def write(path):
+        path.with_name("places.csv").write_text(text)
+
+    changes = [("markers.places", "places.csv")]
+    refused(tmp_path, good, "markers", problem, changes=changes, files=[("markers.npy", write)])
+
+
+DESCRIPTIONS = [
+    ("tensile", "tensile.force.unit", None, "tensile.force.unit: is missing"),
+    ("tensile", "tensile.force.unit", "mm", "is in mm; give it in a unit of force"),
+    ("tensile", "tensile.time.unit", "wurble", "unknown unit 'wurble'"),
+    ("tensile", "tensile.extension.column", "stretch", "the file has time, extension"),
+    ("tensile", "sample.length.unit", "s", "sample.length: is in s"),
+    ("tensile", "sample.length.value", -3.0, "is -3; give one above 0"),
+    ("tensile", "sample.n_subunit", 15, "not a positive multiple"),
+    ("tensile", "protocol.strain_step", 0.07, "no whole number"),
+    ("tensile", "protocol.strain_max", 0.4, "but strain_max is 0.4"),
+    ("tensile", "tensile.colour", "red", "not a known key"),
+    ("tensile", "tensile", None, "tensile"),
+    ("tensile", "source", "simulation", "is a simulation's"),
+    ("markers", "markers.pixel", None, "markers.pixel: is missing"),
+    ("markers", "markers.pixel.unit", "N", "is in N"),
+    ("markers", "markers.weft", "sideways", "markers.weft"),
+    ("markers", "markers.weft", "up", "are one line"),
+    ("markers", "markers.frame_rate", None, "frame_rate"),
+    ("markers", "markers.starts", None, "needs starts"),
+    ("markers", "markers.relaxed_frames", 10**6, "is more than the"),
+    ("markers", "markers.file", "markers.avi", "no suffix .npy or .csv"),
+    ("markers", "markers.file", "none.npy", "cannot be read"),
+    ("markers", "sample.unit_cells", [2, 2], "shows 4 × 3 unit cells of a sample of 2 × 2"),
+    ("capacitance", "capacitance.starts", None, "or trigger"),
+    ("capacitance", "capacitance.trigger", {"column": "TRIG"}, "or trigger: one"),
+    ("capacitance", "capacitance.starts.value", 1e6, "by the machine's clock"),
+    ("capacitance", "capacitance.capacitance.unit", "pH", "is in pH"),
+]
+
+
+@pytest.mark.parametrize(("kind", "path", "value", "problem"), DESCRIPTIONS)
+def test_a_bad_description_is_refused(tmp_path, good, kind, path, value, problem):
+    refused(tmp_path, good, kind, problem, changes=[(path, value)])
+
+
+def test_all_faults_come_in_one_message(tmp_path, good):
+    changes = [
+        ("tensile.force.unit", "mm"),
+        ("sample.width", None),
+        ("markers.pixel.value", 0.0),
+        ("title", None),
+    ]
+    told = refused(tmp_path, good, "markers", changes=changes)
+    for place in ("tensile.force", "sample.width", "markers.pixel", "title"):
+        assert f"{place}: " in told.output
+
+
+def test_a_log_lists_the_faults_of_all_its_columns(tmp_path, good):
+    files = [("tensile.csv", cell(7, 3, "x")), ("tensile.csv", cell(8, 1, "y"))]
+    refused(tmp_path, good, "tensile", "point 7 is 'x'", "point 8 is 'y'", files=files)
+
+
+def test_a_trigger_that_never_rises_is_told(tmp_path, good):
+    changes = [
+        ("capacitance.starts", None),
+        ("capacitance.trigger", {"column": "TRIG"}),
+        ("tensile.trigger", {"column": "trigger"}),
+    ]
+    flat = lines(lambda text: [text[0], *(row.rsplit(",", 1)[0] + ",0" for row in text[1:])])
+    refused(
+        tmp_path,
+        good,
+        "capacitance",
+        "column TRIG: never rises",
+        changes=changes,
+        files=[("meter.csv", flat)],
+    )
+
+
+def test_a_capacitance_below_zero_is_told(tmp_path, good):
+    files = [("meter.csv", cell(5, 1, "-3"))]
+    refused(tmp_path, good, "capacitance", "a capacitance is above 0", files=files)
+
+
+def test_what_was_imported_before_is_unharmed_by_what_is_refused(tmp_path, good):
+    told, results = imported(tmp_path, good, "tensile")
+    assert told.exit_code == 0, told.output
+    before = (results / "sheet" / "cube.nc").read_bytes()
+    (tmp_path / "tensile.csv").write_text("")
+    told = CliRunner().invoke(
+        main, ["import", "tensile", str(tmp_path / "sheet.toml"), "--results", str(results)]
+    )
+    assert told.exit_code == 2
+    assert (results / "sheet" / "cube.nc").read_bytes() == before
+
+
+def test_records_of_another_sample_are_not_mixed_in(tmp_path, good):
+    told, _ = imported(tmp_path, good, "tensile")
+    assert told.exit_code == 0
+    told, _ = imported(tmp_path, good, "markers", [("protocol.strain_step", 0.1)])
+    assert told.exit_code == 2
+    assert "is of another sample, source, cycles or strains" in told.output
