@@ -217,7 +217,7 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
 
 
 def _beside(old: xr.Dataset, new: xr.Dataset, kind: Kind, path: Path) -> xr.Dataset:
-    """A new import with what the cube has of other kinds.
+    """A new import with what there was of other kinds.
 
     Raises:
         BadInput: if the cube is of another sample, or at other strains.
@@ -234,7 +234,7 @@ def _beside(old: xr.Dataset, new: xr.Dataset, kind: Kind, path: Path) -> xr.Data
             f"is of another sample, source, cycles or strains than this {kind}; remove it, and"
             " import all records of it anew",
         )
-    return xr.merge([new, old], compat="no_conflicts", combine_attrs="drop", join="exact")
+    return new.assign(dict(old.data_vars))
 
 
 def _attributes(description: Description) -> dict[str, str]:

@@ -1,0 +1,162 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+from knitlab.cli import main
+from knitlab.laboratory.experiment import import_records
+from knitlab.measure.sensor import mean_slope
+from knitlab.sweep.cube_file import open_cube
+from knitlab.sweep.registry import COORDINATES, VARIABLES
+from tests.laboratory.recorded import LENGTH, NU, PEAK, STIFFNESS, TEST, WIDTH, Laboratory
+from tests.maps.test_sensor import with_electrodes
+
+KINDS = ("markers", "tensile", "capacitance")
+
+
+@pytest.fixture(scope="module")
+def cube(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sheet")
+    path = Laboratory(folder).write()
+    for kind in KINDS:
+        imported = import_records(kind, path, folder)
+    return open_cube(imported.path)
+
+
+def test_an_experiment_has_the_names_dims_and_units_of_a_simulation(cube):
+    assert cube["source"].item() == "experiment"
+    for name in cube.data_vars:
+        assert cube[name].dims == ("n_stripe", "n_subunit", *VARIABLES[name].dims)
+        assert cube[name].attrs["units"] == VARIABLES[name].units
+    for name in cube.coords:
+        assert cube[name].attrs["units"] == COORDINATES[name].units
+    np.testing.assert_allclose(cube["applied_strain"], np.arange(7) * 0.05)
+
+
+def test_it_says_what_was_measured_in_the_units_of_the_cube(cube):
+    only = cube.squeeze()
+    strain = only["applied_strain"].values
+    np.testing.assert_allclose(only["mean_strain_yy"], strain, atol=1e-9)
+    np.testing.assert_allclose(only["mean_strain_xx"], -NU * strain, atol=1e-9)
+    np.testing.assert_allclose(only["poisson_ratio"][1:], NU, atol=1e-8)
+    np.testing.assert_allclose(only["reaction_force"], STIFFNESS * strain, atol=1e-9)
+    np.testing.assert_allclose(only["force_per_width"], STIFFNESS * strain / WIDTH, atol=1e-9)
+    np.testing.assert_allclose(only["capacitance"], 5 - 4 * strain, atol=1e-9)
+    np.testing.assert_allclose(only["capacitance_ratio"], 1 - 0.8 * strain, atol=1e-9)
+    np.testing.assert_allclose(only["capacitance_unloading"], 5 - 4 * strain, atol=1e-9)
+    assert only["sensitivity"] == pytest.approx(4.0)
+    assert only["sensitivity"] == pytest.approx(mean_slope(strain, 5 - 4 * strain))
+    assert only["linearity"] == pytest.approx(1.0)
+    assert only["gauge_factor"] == pytest.approx(-0.8)
+    assert only["hysteresis"] == pytest.approx(0.0, abs=1e-9)
+    assert only["relaxed_cell_y"] == pytest.approx(LENGTH / 4)
+
+
+def test_imports_in_any_order_and_twice_make_one_cube(tmp_path, cube):
+    path = Laboratory(tmp_path).write()
+    for kind in (*reversed(KINDS), "tensile"):
+        last = import_records(kind, path, tmp_path)
+    other = open_cube(last.path)
+    xr.testing.assert_allclose(other[list(cube.data_vars)], cube)
+    imports = json.loads(other.attrs["imports"])
+    assert set(imports) == set(KINDS)
+    assert set(imports["markers"]["files"]) == {"markers.npy", "tensile.csv"}
+
+
+def test_a_trigger_synchronises_as_well_as_a_given_offset(tmp_path, cube):
+    laboratory = Laboratory(tmp_path, delay=-7.25)
+    description = laboratory.description()
+    description["tensile"]["trigger"] = {"column": "trigger"}
+    del description["capacitance"]["starts"]
+    description["capacitance"]["trigger"] = {"column": "TRIG"}
+    found = import_records("capacitance", laboratory.write(description), tmp_path)
+    assert "-7.25 s" in found.summary[1]
+    # To within one record of either clock, 0.1 s at 1 % strain a second.
+    np.testing.assert_allclose(found.cube["capacitance"], cube["capacitance"], atol=4 * 0.0015)
+
+
+def test_cycles_are_told_apart_and_laid_along_a_dimension(tmp_path):
+    laboratory = Laboratory(tmp_path, test=replace(TEST, cycles=3))
+    path = laboratory.write()
+    for kind in KINDS:
+        found = import_records(kind, path, tmp_path)
+    assert "3 cycles of the machine" in found.summary
+    cube = open_cube(found.path)
+    assert cube["status"].dims == ("n_stripe", "n_subunit", "cycle")
+    np.testing.assert_array_equal(cube["cycle"], [1, 2, 3])
+    strain = cube["applied_strain"].values
+    for name, values in (("mean_strain_yy", strain), ("capacitance", 5 - 4 * strain)):
+        np.testing.assert_allclose(cube[name].squeeze(), np.tile(values, (3, 1)), atol=1e-8)
+    said = CliRunner().invoke(
+        main, ["query", str(found.path), "--columns", "cycle,source,sensitivity"]
+    )
+    assert [line.split() for line in said.output.splitlines()[1:]] == [
+        [str(cycle), "experiment", "4"] for cycle in (1, 2, 3)
+    ]
+
+
+def test_markers_alone_need_no_machine(tmp_path):
+    laboratory = Laboratory(tmp_path, test=replace(TEST, rest=0.0))
+    description = laboratory.description()
+    del description["tensile"], description["capacitance"]
+    table = description["markers"]
+    del table["frame_rate"], table["starts"]
+    table["strain_per_frame"] = TEST.strain_rate / laboratory.frame_rate
+    path = laboratory.write(description)
+    tracks = np.load(tmp_path / "markers.npy")
+    pulled = round(PEAK / table["strain_per_frame"]) + 1
+    np.save(tmp_path / "markers.npy", tracks[:pulled])
+    found = import_records("markers", path, tmp_path).cube.squeeze()
+    np.testing.assert_allclose(found["mean_strain_yy"], found["applied_strain"], atol=1e-9)
+
+
+def test_synthetic_records_say_so_in_the_cube(tmp_path):
+    laboratory = Laboratory(tmp_path)
+    path = laboratory.write(laboratory.description() | {"synthetic": True})
+    assert import_records("tensile", path, tmp_path).cube.attrs["synthetic"].startswith("yes")
+
+
+def drawn(kind, cubes, output, *selections):
+    chosen = [word for text in selections for word in ("--select", text)]
+    words = ["map", kind, *map(str, cubes), "-o", str(output), *chosen]
+    return CliRunner().invoke(main, words)
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory, cube):
+    folder = tmp_path_factory.mktemp("both")
+    with_electrodes().to_netcdf(folder / "simulated.nc")
+    cube.to_netcdf(folder / "measured.nc")
+    return folder / "simulated.nc", folder / "measured.nc"
+
+
+@pytest.mark.parametrize("kind", ["curves", "auxetic", "tension", "sensor", "capacitors"])
+def test_figures_take_an_experiment_with_a_simulation_and_without(tmp_path, both, kind):
+    simulated, measured = both
+    for cubes in ([measured], [simulated, measured], [measured, simulated]):
+        told = drawn(kind, cubes, tmp_path / "map.png")
+        assert told.exit_code == 0, told.output
+
+
+@pytest.mark.parametrize("kind", ["shape", "wavelength", "sensitivity"])
+def test_figures_of_what_no_laboratory_measures_say_so(tmp_path, both, kind):
+    told = drawn(kind, both[1:], tmp_path / "map.png")
+    assert told.exit_code == 2
+    assert "experiment was measured; draw auxetic" in told.output
+
+
+def test_two_sources_are_queried_together(both):
+    words = ["query", *map(str, both), "--select", "applied_strain=0.1", "--format", "json"]
+    rows = json.loads(CliRunner().invoke(main, words).output)
+    assert {row["source"] for row in rows} == {"simulation", "experiment"}
+    (measured,) = [row for row in rows if row["source"] == "experiment"]
+    assert measured["poisson_ratio"] == pytest.approx(NU)
+
+
+def test_claims_are_judged_by_experiments_too(both):
+    said = CliRunner().invoke(main, ["claims", str(both[1])])
+    assert said.exit_code == 0, said.output
+    assert "(4, 16)" in said.output
