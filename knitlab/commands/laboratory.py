@@ -68,6 +68,13 @@ for _kind, _summary in _SUMMARIES.items():
     help="Part of a curve's largest value that the model is trusted to.",
 )
 @click.option(
+    "--starts",
+    type=click.IntRange(min=1, max=64),
+    default=4,
+    show_default=True,
+    help="Most starts to try until the test is met.",
+)
+@click.option(
     "-o",
     "--output",
     type=click.Path(path_type=Path, dir_okay=False),
@@ -83,6 +90,7 @@ def fit(
     selections: tuple[str, ...],
     looseness: float,
     model_error: float,
+    starts: int,
     output: Path,
 ) -> None:
     """Fit k_s, k_t and theta_0 of both stripes to an imported EXPERIMENT on a whole fabric.
@@ -113,7 +121,9 @@ def fit(
         click.echo(f"test {tests}: chi² {chi_squared:.4g}", err=True)
 
     try:
-        found = fit_stripes(at_strains_of(case, target), target, looseness, step=tell)
+        found = fit_stripes(
+            at_strains_of(case, target), target, looseness, starts=starts, step=tell
+        )
     except NoFit as problem:
         raise fault(workflow, f"{problem}; --set strain_max or another sample") from problem
     for line in report(found):

@@ -7,7 +7,9 @@ are exact, by one adjoint solve a quantity and strain.
 
 A fabric has many states. Every test of a search starts from the states of the one before, so that
 it stays on one branch and its curves change smoothly; where a test of the result from the start, as
-a sweep runs it, comes to other states, the search goes on from those.
+a sweep runs it, comes to other states, the search goes on from those. Where no branch that it
+comes to meets the test, it begins anew with stripes that are off the tables by as much as these
+are trusted to.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -16,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import OptimizeResult, least_squares
+from scipy.stats import norm, qmc
 
 from knitlab.laboratory.virtual_test import QUANTITIES, VirtualTest, virtual_test, with_factors
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
@@ -31,11 +34,16 @@ LARGEST_REST_ANGLE = 3.0
 MOST_TESTS = 25
 """Of a search on one branch."""
 MOST_SEARCHES = 4
+"""On one branch after the other, from one start."""
+WELL_MET = 1.5
+"""χ² a value at which a test is met, and no other start is tried."""
 SAME = 0.5
 """Difference of two tests, in standard errors, up to which they are of the same states."""
-ENOUGH = 1e-4
+ENOUGH = 1e-3
 """Relative change of the misfit, and of a factor, that ends the search."""
 AT_BOUND = 1e-3
+INSIDE = 0.9
+"""How far towards the ends of where it is looked for a start may be."""
 
 Curves = Float[np.ndarray, "quantity strain"]
 Factors = dict[str, float]
@@ -108,6 +116,7 @@ def fit_stripes(
     target: Target,
     looseness: float,
     names: Sequence[str] = FITTED,
+    starts: int = 4,
     step: Step = lambda tests, chi_squared: None,
 ) -> Fit:
     """Fit stripe parameters to a measured test.
@@ -117,34 +126,31 @@ def fit_stripes(
         target: the measured test.
         looseness: standard deviation that the tables are trusted to, relative: 0.2 for 20 %.
         names: of the parameters, of :data:`STRIPE_PARAMETERS`.
+        starts: most starts that are tried until the test is met, the first from the tables.
         step: told after every test how many there were, and χ² of the last.
 
     Raises:
         NoFit: if the sample with the stripes of the tables cannot be tested.
     """
     search = _Search(case, target, looseness, tuple(names), step)
-    if not search.begin(np.zeros(len(names))):
+    first = search.begin(np.zeros(len(names)))
+    if first is None:
         raise NoFit("the sample with the stripes of the tables does not come to rest everywhere")
-    first = search.near
     lower, upper = _bounds(case, names)
-    at = np.zeros(len(names))
-    for _ in range(MOST_SEARCHES):
-        found = least_squares(
-            search.residuals,
-            at,
-            jac=search.jacobian,
-            bounds=(lower, upper),
-            method="trf",
-            x_scale=looseness,
-            ftol=ENOUGH,
-            xtol=ENOUGH,
-            gtol=None,
-            max_nfev=MOST_TESTS,
-        )
-        at, fitted = found.x, search.test(found.x)
-        if not search.begin(at) or search.same(fitted, search.near):
+    quantiles = qmc.Halton(len(names), rng=0).random(starts)
+    others = np.clip(looseness * norm.ppf(quantiles[1:]), lower * INSIDE, upper * INSIDE)
+    best: _Found | None = None
+    for at in (np.zeros(len(names)), *others):
+        if at.any() and search.begin(at) is None:
+            continue
+        found = search.found(at, lower, upper)
+        if best is None or found.cost < best.cost:
+            best = found
+        if found.chi_squared <= WELL_MET * target.there.sum():
             break
-    return search.concluded(found, first, fitted, np.minimum(at - lower, upper - at))
+    if best is None:
+        raise NoFit("no test from a start converged")
+    return search.concluded(first, best)
 
 
 def _bounds(case: Case, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
@@ -155,6 +161,31 @@ def _bounds(case: Case, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         if of == "theta_0":
             upper[place] = np.log(LARGEST_REST_ANGLE / getattr(getattr(case, side), of))
     return np.full(len(names), -np.log(LARGEST_FACTOR)), upper
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a search from one start came to.
+
+    Attributes:
+        result: of the last search on a branch.
+        fitted: the test that it ended with.
+        confirmed: the same from the start; ``None`` if that did not converge.
+        room: between every parameter and the end of where it was looked for.
+        chi_squared: of the confirmed test, or infinite.
+    """
+
+    result: OptimizeResult
+    fitted: VirtualTest
+    confirmed: VirtualTest | None
+    room: Float[np.ndarray, " name"]
+    chi_squared: float
+
+    @property
+    def cost(self) -> float:
+        """χ², what the tables say included."""
+        prior = self.result.fun[-len(self.result.x) :]
+        return self.chi_squared + float(prior @ prior)
 
 
 class _Search:
@@ -170,17 +201,53 @@ class _Search:
         self.near: VirtualTest | None = None
         self.at = b""
 
-    def begin(self, logarithms: Float[np.ndarray, " name"]) -> bool:
-        """Test from the start; whether that converged."""
+    def begin(self, logarithms: Float[np.ndarray, " name"]) -> VirtualTest | None:
+        """Test from the start; the search goes on from there."""
         self.near = virtual_test(with_factors(self.case, self.factors(logarithms)))
         self.at = logarithms.tobytes()
         self.tests += 1
-        return self.near is not None
+        return self.near
 
-    def same(self, one: VirtualTest | None, other: VirtualTest | None) -> bool:
+    def found(
+        self,
+        at: Float[np.ndarray, " name"],
+        lower: Float[np.ndarray, " name"],
+        upper: Float[np.ndarray, " name"],
+    ) -> _Found:
+        """What the search from a start that was begun comes to."""
+        confirmed: VirtualTest | None = None
+        for _ in range(MOST_SEARCHES):
+            result = self._on_branch(at, lower, upper)
+            at, fitted = result.x, self.converged(result.x)
+            confirmed = self.begin(at)
+            if confirmed is None or self.same(fitted, confirmed):
+                break
+        misfit = None if confirmed is None else self.misfit(confirmed.values)
+        chi_squared = np.inf if misfit is None else float(misfit @ misfit)
+        room = np.minimum(at - lower, upper - at)
+        return _Found(result, fitted, confirmed, room, chi_squared)
+
+    def _on_branch(
+        self,
+        at: Float[np.ndarray, " name"],
+        lower: Float[np.ndarray, " name"],
+        upper: Float[np.ndarray, " name"],
+    ) -> OptimizeResult:
+        return least_squares(
+            self.residuals,
+            at,
+            jac=self.jacobian,
+            bounds=(lower, upper),
+            method="trf",
+            x_scale=self.looseness,
+            ftol=ENOUGH,
+            xtol=ENOUGH,
+            gtol=None,
+            max_nfev=MOST_TESTS,
+        )
+
+    def same(self, one: VirtualTest, other: VirtualTest) -> bool:
         """Whether two tests are of the same states."""
-        if one is None or other is None:
-            return False
         apart = self.misfit(one.values) - self.misfit(other.values)
         return bool(np.abs(apart).max() < SAME)
 
@@ -195,6 +262,13 @@ class _Search:
         self.tests += 1
         if found is not None:
             self.near, self.at = found, logarithms.tobytes()
+        return found
+
+    def converged(self, logarithms: Float[np.ndarray, " name"]) -> VirtualTest:
+        """The test at some logarithms where one has converged before."""
+        found = self.test(logarithms)
+        if found is None:
+            raise TypeError("a search went to where no test converged")
         return found
 
     def residuals(self, logarithms: Float[np.ndarray, " name"]) -> Float[np.ndarray, " row"]:
@@ -212,9 +286,7 @@ class _Search:
         return ((values - self.target.values) / self.target.errors)[there]
 
     def jacobian(self, logarithms: Float[np.ndarray, " name"]) -> Float[np.ndarray, "row name"]:
-        found = self.test(logarithms)
-        if found is None:
-            raise TypeError("a derivative is asked for where no test converged")
+        found = self.converged(logarithms)
         try:
             slopes = found.slopes()[..., self.places]
         except NoDerivative:
@@ -224,28 +296,19 @@ class _Search:
         rows = (slopes / self.target.errors[..., None])[self.target.there]
         return np.concatenate([rows, np.eye(len(self.names)) / self.looseness])
 
-    def concluded(
-        self,
-        found: OptimizeResult,
-        first: VirtualTest | None,
-        fitted: VirtualTest | None,
-        room: Float[np.ndarray, " name"],
-    ) -> Fit:
-        """The fit that a search came to.
+    def concluded(self, first: VirtualTest, best: _Found) -> Fit:
+        """The fit that the best of the searches came to.
 
         Args:
-            found: what the last search found.
             first: the test with the stripes of the tables.
-            fitted: the test that it ended with; ``near`` is the same from the start.
-            room: between every parameter and the end of where it was looked for.
+            best: what was found.
         """
-        if first is None or fitted is None:
-            raise TypeError("the best of the tests did not converge")
-        covariance = np.linalg.inv(found.jac.T @ found.jac)
+        slopes = best.result.jac
+        covariance = np.linalg.inv(slopes.T @ slopes)
         errors = np.sqrt(np.diag(covariance))
-        confirmed = self.near
-        misfits = [self.misfit(its.values) for its in (first, confirmed or fitted)]
-        factors = self.factors(found.x)
+        after = best.confirmed or best.fitted
+        misfits = [self.misfit(its.values) for its in (first, after)]
+        factors = self.factors(best.result.x)
         learned = 1 - (errors / self.looseness) ** 2
         return Fit(
             names=self.names,
@@ -256,30 +319,24 @@ class _Search:
             learned=dict(zip(self.names, learned.tolist(), strict=True)),
             correlations=covariance / np.outer(errors, errors),
             target=self.target,
-            curves=(first.values, (confirmed or fitted).values),
+            curves=(first.values, after.values),
             chi_squared=(float(misfits[0] @ misfits[0]), float(misfits[1] @ misfits[1])),
             tests=self.tests,
-            converged=bool(found.success and confirmed is not None),
-            warnings=tuple(self._warnings(found, fitted, misfits[1], room)),
+            converged=bool(best.result.success and best.confirmed is not None),
+            warnings=tuple(self._warnings(best, misfits[1])),
         )
 
-    def _warnings(
-        self,
-        found: OptimizeResult,
-        fitted: VirtualTest,
-        misfit: Float[np.ndarray, " row"],
-        room: Float[np.ndarray, " name"],
-    ) -> Iterator[str]:
-        if not found.success:
+    def _warnings(self, best: _Found, misfit: Float[np.ndarray, " row"]) -> Iterator[str]:
+        if not best.result.success:
             yield f"the search was given up after {self.tests} tests; do not use it"
-        for name, left in zip(self.names, room, strict=True):
+        for name, left in zip(self.names, best.room, strict=True):
             if left < AT_BOUND:
                 yield f"{name} is at the end of where it was looked for"
         if self.underivable:
             yield f"{self.underivable} tests had a state without derivatives, at a snap"
-        if self.near is None:
+        if best.confirmed is None:
             yield "the fitted fabric, tested from the start, does not converge; do not use it"
-        elif not self.same(fitted, self.near):
+        elif not self.same(best.fitted, best.confirmed):
             yield (
                 f"the fabric has several states, and {MOST_SEARCHES} searches came to others than"
                 " a test of their result; the match is that of the test, the standard errors are"

@@ -1,0 +1,202 @@
+"""Fits to whole fabrics: parameters that were perturbed come back within their errors."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from knitlab.laboratory.fit import FITTED, NoFit, Target, fit_stripes, root_mean_square
+from knitlab.laboratory.fit_report import report, write_stripes
+from knitlab.laboratory.target import at_strains_of, case_for, target_of
+from knitlab.laboratory.virtual_test import QUANTITIES, virtual_test, with_factors
+from knitlab.measure.sensitivity import STRIPE_PARAMETERS
+from knitlab.mechanics.drive import run
+from knitlab.mechanics.tension import stretch
+from knitlab.sweep.faults import BadInput
+from knitlab.sweep.parameters import read_parameters
+from knitlab.sweep.plan import make_plan
+from knitlab.sweep.registry import Status
+from knitlab.sweep.shipped import shipped
+from knitlab.sweep.toml import read_toml
+
+STRAINS = (0.0, 0.03, 0.06, 0.12, 0.15, 0.18, 0.21)
+TRUTH = {
+    "rib_k_s": 0.8,
+    "rib_k_t": 1.2,
+    "rib_theta_0": 1.08,
+    "garter_k_s": 1.2,
+    "garter_k_t": 0.8,
+    "garter_theta_0": 0.94,
+}
+ENDLESS = ("boundary=periodic", "unit_cells=1,1")
+
+
+def one_case(*overrides):
+    (case,) = make_plan("laboratory", overrides).cases.values()
+    return replace(case, capacitor=None, applied_strain=STRAINS)
+
+
+@pytest.fixture(scope="module")
+def case():
+    return one_case(*ENDLESS)
+
+
+@pytest.fixture(scope="module")
+def truth(case):
+    return virtual_test(with_factors(case, TRUTH))
+
+
+def noisy(truth, relative, seed):
+    errors = np.abs(truth.values).max(axis=1, keepdims=True) * relative * np.ones(len(STRAINS) - 1)
+    noise = np.random.default_rng(seed).normal(0, 1, errors.shape) * errors
+    return Target(STRAINS[1:], truth.values + noise, errors)
+
+
+@pytest.fixture(scope="module")
+def fit(case, truth):
+    return fit_stripes(case, noisy(truth, 0.005, seed=1), looseness=0.2)
+
+
+def test_parameters_perturbed_by_20_percent_come_back_within_their_errors(fit):
+    astray = [
+        np.log(fit.factors[name] / TRUTH[name]) / fit.standard_errors[name] for name in FITTED
+    ]
+    assert np.abs(astray).max() < 3
+    assert np.sqrt(np.mean(np.square(astray))) < 1.8
+    # What a test tells hardly anything of would come back within its errors from any start.
+    for name in ("rib_k_t", "rib_theta_0", "garter_k_t", "garter_theta_0"):
+        assert fit.standard_errors[name] < 0.15
+        assert fit.learned[name] > 0.5
+
+
+def test_the_match_is_as_good_as_the_noise(fit):
+    before, after = fit.chi_squared
+    values = int(fit.target.there.sum())
+    assert before > 100 * values
+    assert after < 2 * values
+    apart = [root_mean_square(curves, fit.target) for curves in fit.curves]
+    for name in ("mean_strain_xx", "reaction_force"):
+        assert apart[1][name] < 0.2 * apart[0][name]
+    assert fit.converged
+
+
+def test_the_fitted_curves_are_those_of_a_test_from_the_start(fit):
+    again = virtual_test(fit.after)
+    np.testing.assert_allclose(again.values, fit.curves[1], rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["rib_k_t", "garter_theta_0", "garter_k_s"])
+def test_derivatives_are_those_of_finite_differences(case, name):
+    # Short of the snap, where the fabric has one state alone.
+    fine = replace(case.equilibrium_solver, tolerance=1e-11)
+    short = replace(case, applied_strain=STRAINS[:3], solver=fine)
+    truth, step = virtual_test(with_factors(short, TRUTH)), 1e-4
+    up, down = (
+        virtual_test(with_factors(short, {**TRUTH, name: TRUTH[name] * np.exp(by)}), truth)
+        for by in (step, -step)
+    )
+    expected = (up.values - down.values) / (2 * step)
+    slopes = truth.slopes()[..., list(STRIPE_PARAMETERS).index(name)]
+    scale = np.abs(expected).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(slopes / scale.clip(1e-6), expected / scale.clip(1e-6), atol=1e-4)
+
+
+def test_a_test_near_another_comes_to_what_a_test_from_the_start_does(case):
+    short = replace(case, applied_strain=STRAINS[:3])
+    near = virtual_test(short, virtual_test(with_factors(short, {"rib_k_t": 1.03})))
+    np.testing.assert_allclose(near.values, virtual_test(short).values, rtol=1e-5, atol=1e-8)
+
+
+def test_without_data_the_tables_stay(case, truth):
+    target = noisy(truth, 0.005, seed=1)
+    vague = replace(target, errors=target.errors * 1e6)
+    fit = fit_stripes(case, vague, looseness=0.1)
+    for name in FITTED:
+        assert fit.factors[name] == pytest.approx(1.0, abs=1e-3)
+        assert fit.standard_errors[name] == pytest.approx(0.1, rel=1e-3)
+        assert fit.learned[name] < 0.01
+
+
+def test_a_model_that_does_not_meet_the_test_says_so(case, truth):
+    target = noisy(truth, 0.005, seed=1)
+    bent = Target(STRAINS[1:4], target.values[:, :3] * [[1.6], [1.0], [0.5]], target.errors[:, :3])
+    short = replace(case, applied_strain=STRAINS[:4])
+    said = " ".join(fit_stripes(short, bent, looseness=0.05, starts=1).warnings)
+    assert "times as far from the test as its errors say" in said
+
+
+def test_a_sample_that_does_not_come_to_rest_is_refused(case, truth):
+    hopeless = replace(case, solver=replace(case.equilibrium_solver, max_iterations=3))
+    with pytest.raises(NoFit, match="does not come to rest"):
+        fit_stripes(hopeless, noisy(truth, 0.005, 1), looseness=0.2)
+
+
+def test_a_test_that_fails_midway_is_passed_over(case, truth):
+    # So far from it that no state converges: the search has to turn back, not to break off.
+    assert virtual_test(with_factors(case, {"rib_k_s": 1e-9}), truth) is None
+
+
+def test_the_report_and_the_stripes_say_what_changed(tmp_path, fit):
+    text = "\n".join(report(fit))
+    for name in FITTED:
+        assert name in text
+    assert "RMS difference" in text
+    path = tmp_path / "fitted.toml"
+    write_stripes(path, fit, tmp_path / "cube.nc")
+    table = read_toml(path)
+    assert table["rib"]["n"]["4"]["k_t"] == pytest.approx(fit.after.weft.k_t, rel=1e-5)
+    # They can be used as they are.
+    read_parameters(shipped("params"))
+    (used,) = make_plan("laboratory", (*ENDLESS, f"stripe_files={path}")).cases.values()
+    assert used.warp.theta_0 == pytest.approx(fit.after.warp.theta_0, rel=1e-5)
+
+
+def experiment(case, truth, **changes):
+    import xarray as xr
+
+    design = {dim: [label] for dim, label in case.design.items()}
+    dims = (*case.design, "applied_strain")
+    values = np.insert(truth.values, 0, 0.0, axis=1)
+    cube = xr.Dataset(
+        {name: (dims, row[None, None]) for name, row in zip(QUANTITIES, values, strict=True)}
+        | {"status": (tuple(case.design), np.full((1, 1), Status.ok, np.int8))},
+        {**design, "applied_strain": list(STRAINS), "source": "bench"},
+        {"parameters": '{"unit_cells": [2, 2]}'},
+    )
+    for name in QUANTITIES:
+        cube[f"{name}_error"] = 0 * cube[name]
+    return cube.assign_coords(**changes)
+
+
+def test_a_target_is_of_the_same_sample_with_the_errors_that_are_asked_for(case, truth):
+    cube = experiment(case, truth)
+    target = target_of(cube, case, model_error=0.01)
+    assert at_strains_of(case, target).applied_strain == STRAINS
+    # The experiment is two unit cells wide, the case one.
+    np.testing.assert_allclose(target.values[:2], truth.values[:2])
+    np.testing.assert_allclose(target.values[2], truth.values[2] / 2)
+    largest = np.abs(target.values).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(target.errors, 0.01 * largest * np.ones(len(STRAINS) - 1))
+
+
+def test_what_cannot_be_fitted_is_told(case, truth):
+    plan = make_plan("laboratory", ENDLESS)
+    cube = experiment(case, truth)
+    assert case_for(plan, cube).design == case.design
+    with pytest.raises(BadInput, match="this cube was simulated"):
+        case_for(plan, experiment(case, truth, source="simulation"))
+    with pytest.raises(BadInput, match="one case of \\(6, 24\\), and has 0"):
+        case_for(plan, experiment(case, truth, n_stripe=[6], n_subunit=[24]))
+    with pytest.raises(BadInput, match="and has 2; --set one value of each"):
+        case_for(make_plan("laboratory", (*ENDLESS, "k_wall=50,100")), cube)
+    with pytest.raises(BadInput, match="give one above 0"):
+        target_of(cube, case, model_error=0.0)
+    with pytest.raises(BadInput, match="at least 3 strains"):
+        target_of(cube.isel(applied_strain=[0, 1, 2]), case, model_error=0.01)
+
+
+def test_a_virtual_test_reads_what_a_sweep_does(case):
+    net, fabric = case.woven()
+    test = run(net.shape, fabric, stretch(net, fabric, STRAINS, case.equilibrium_solver))
+    force = [test.loading.reaction_force(state.gradient) for state in test.states[1:]]
+    np.testing.assert_allclose(virtual_test(case).values[2], force, rtol=1e-9)
