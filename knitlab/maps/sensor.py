@@ -21,6 +21,8 @@ MARKERS = "osD^vP*X"
 LETTERS_A_LINE = 110
 MAP_ROW, MAP_MARGIN, TRADE_OFF = 0.32, 0.5, 3.1
 """Heights of a row of a map, of what is around it, and of the trade-off [in]."""
+FEWEST_ROWS = 2
+"""Rows that a map is made high enough for, as its labels need that."""
 NO_VALUE = "apart at too few strains to be read"
 NEEDED = "needs electrodes on the fabric; run knitlab run sensor, or a workflow with [electrodes]"
 
@@ -37,7 +39,7 @@ def sensor_map(cubes: Sequence[xr.Dataset]) -> Figure:
     if any(STEEPNESS not in cube for cube in cubes):
         raise fault("sensor", NEEDED)
     rows = len({n for cube in cubes for n in cube["n_stripe"].values.tolist()})
-    height = MAP_MARGIN + MAP_ROW * rows
+    height = MAP_MARGIN + MAP_ROW * max(rows, FEWEST_ROWS)
     figure = Figure(figsize=(TWO_COLUMNS, 2 * height + TRADE_OFF), layout="constrained")
     first, second, below = figure.subplots(3, 1, height_ratios=(height, height, TRADE_OFF))
     marked = _map(figure, first, cubes, STEEPNESS, "sensitivity\n|dC/dε| [pF]", "{:.2f}")

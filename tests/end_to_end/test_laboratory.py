@@ -1,0 +1,64 @@
+"""The tutorial of the laboratory, command by command."""
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from knitlab.cli import main
+from knitlab.sweep.cube_file import open_cube
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "workflows" / "laboratory" / "README.md"
+REFERENCE = ROOT / "results" / "reference" / "laboratory"
+COMMAND = re.compile(r"^    \$ knitlab (.*)$")
+
+
+def shown() -> list[tuple[list[str], list[str]]]:
+    """Commands of the page whose output it shows, and that output."""
+    found: list[tuple[list[str], list[str]]] = []
+    for line in PAGE.read_text().splitlines():
+        if command := COMMAND.match(line):
+            found.append((command[1].split(), []))
+        elif line.startswith("    ") and found and not line.startswith("    knitlab"):
+            found[-1][1].append(line[4:].rstrip())
+        elif line and found:
+            found.append(([], []))
+    return [(command, output) for command, output in found if command]
+
+
+@pytest.fixture
+def beside(tmp_path, monkeypatch):
+    """A folder like the repository, with the simulation that the tutorial runs already there."""
+    (tmp_path / "workflows").symlink_to(ROOT / "workflows")
+    shutil.copytree(REFERENCE, tmp_path / "results" / "laboratory")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_tutorial_shows_what_its_commands_say(beside):
+    commands = shown()
+    assert [command[0] for command, _ in commands] == [*["import"] * 3, "query", "compare"]
+    for command, output in commands:
+        told = CliRunner().invoke(main, command)
+        assert told.exit_code == 0, told.output
+        assert [line.rstrip() for line in told.output.splitlines()] == output
+
+
+def test_the_overlay_is_drawn_of_both(beside):
+    for kind in ("markers", "tensile", "capacitance"):
+        words = ["import", kind, "workflows/laboratory/synthetic_4_16.toml"]
+        assert CliRunner().invoke(main, words).exit_code == 0
+    cube = open_cube("results/synthetic_4_16")
+    assert cube.attrs["synthetic"].startswith("yes")
+    assert "synthetic" in str(cube["source"].item())
+    # Two corners bear no marker: their five unit cells are missing throughout.
+    assert (cube["cells_lost"] >= 5).all()
+    assert np.isfinite(cube["mean_strain_xx"]).all()
+    for kind in ("curves", "auxetic", "tension", "sensor", "capacitors"):
+        words = ["map", kind, "results/laboratory", "results/synthetic_4_16"]
+        told = CliRunner().invoke(main, [*words, "--select", "cycle=1", "-o", f"{kind}.png"])
+        assert told.exit_code == 0, told.output
