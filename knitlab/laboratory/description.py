@@ -49,12 +49,14 @@ class SampleTable(Strict):
 class ProtocolTable(Strict):
     """``[protocol]``: the applied strains at which results are asked for, from 0 up.
 
-    A turn of the machine by less than ``least_turn`` of the whole extension is no cycle.
+    A turn of the machine by less than ``least_turn`` of the whole extension is no cycle, and the
+    first ``skip_cycles``, of a sample that is still settling in, are left out.
     """
 
     strain_max: Annotated[float, Field(gt=0)]
     strain_step: Annotated[float, Field(gt=0)]
     least_turn: Annotated[float, Field(gt=0, lt=1)] = 0.1
+    skip_cycles: Annotated[int, Field(ge=0)] = 0
 
     @model_validator(mode="after")
     def _is_a_whole_number_of_steps(self) -> "ProtocolTable":
@@ -77,7 +79,7 @@ class Recorded(Strict):
     """A record with a clock of its own, brought to the machine's.
 
     Either ``starts`` says at which time of the machine its clock was at 0, or both records have a
-    ``trigger``, a column that rises at one and the same moment.
+    ``trigger``, a column that rises past the middle of its range at one and the same moment.
     """
 
     file: str = Field(min_length=1)
@@ -119,7 +121,7 @@ class MarkersTable(Recorded):
     read from the table ``places`` with the columns marker, row and column; every
     ``markers_per_cell`` along (y, x) there is a corner. The relaxed shape is the mean of the first
     ``relaxed_frames``. A frame's applied strain is the machine's at its time, by ``frame_rate``
-    and ``starts``, or else ``strain_per_frame`` after frame 0.
+    and ``starts``, or else ``strain_per_frame`` after the first, with which the pull begins.
     """
 
     pixel: Length
@@ -147,6 +149,8 @@ class MarkersTable(Recorded):
             raise ValueError(
                 "needs frame_rate, with starts, or strain_per_frame: one, to know its strains"
             )
+        if self.frame_rate is None and self.starts is not None:
+            raise ValueError("has starts, but strain_per_frame knows no time; leave it out")
         if self.frame_rate is not None and self.starts is None:
             raise ValueError("needs starts, the machine's time at frame 0, beside frame_rate")
         return self

@@ -1,6 +1,7 @@
 """Experiments as cubes: a laboratory's records under the names, dims and units of simulations."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from knitlab.laboratory.markers import along_pull, marker_values, read_marked
 from knitlab.laboratory.quantities import number
 from knitlab.measure.cycles import Cycle
 from knitlab.model.stripe import periods_per_patch
-from knitlab.sweep.common import ATTRIBUTE
+from knitlab.sweep.common import ATTRIBUTE, parameters_of
 from knitlab.sweep.cube_file import design_dims, open_cube, write_cube
 from knitlab.sweep.faults import BadInput, fault
 from knitlab.sweep.fingerprint import code_fingerprint, file_digest, text_fingerprint
@@ -33,6 +34,10 @@ from knitlab.sweep.registry import CYCLE, DESIGN_DIMS, SOURCE, VARIABLES, Status
 from knitlab.sweep.shipped import shipped
 
 IMPORTS = "imports"
+LARGEST_AT_REST = 0.25
+"""Strain of a relaxed shape, over the first strain that is asked for."""
+LEAST_FOLLOWED = 0.02
+"""Axial strain of the middle of a sample, over that applied, below which it is not pulled."""
 WORDS = ("status", "case_id", "code", "periods")
 """Variables that every import has."""
 
@@ -75,11 +80,17 @@ def import_records(kind: Kind, path: Path, results: Path) -> Imported:
     imports = {kind: {"description": file_digest(path), "files": files, "variables": names}}
     if cube_file.exists():
         old = open_cube(cube_file)
+        if SOURCE not in old.coords:
+            raise fault(
+                str(cube_file),
+                "holds simulations; give the description another name, or another --results",
+            )
         imports = json.loads(old.attrs.get(IMPORTS, "{}")) | imports
         others = [
             name for other in imports if other != kind for name in imports[other]["variables"]
         ]
-        cube = _beside(old[others], cube, kind, cube_file)
+        _check_same(old, cube, others, description, cube_file)
+        cube = cube.assign({name: old[name] for name in others})
     cube.attrs |= _attributes(description) | {IMPORTS: json.dumps(imports)}
     write_cube(cube, cube_file)
     return Imported(cube, cube_file, tuple(summary))
@@ -103,23 +114,59 @@ def _read_markers(folder: Path, description: Description) -> Read:
                 f"ends at an applied strain of {strain[-1]:.3g}, but strain_max is"
                 f" {asked[-1]:g}; ask for less",
             )
-        marked = along_pull(marked, strain) if table.align == "pull" else marked
-        return [marker_values(marked, asked, strain, frames)], [marked.summary]
-    if table.frame_rate is None or table.starts is None or tensile is None:
+        pulls, spans = None, [frames]
+    elif table.frame_rate is not None and table.starts is not None and tensile is not None:
+        pulls = read_pulls(folder, description, tensile)
+        time = number(table.starts, "s") + frames / number(table.frame_rate, "Hz")
+        strain = pulls.strain(time)
+        seen = np.isfinite(strain)
+        spans = [np.flatnonzero(cycle.pulled(time) & seen) for cycle in pulls.cycles]
+        if not len(spans[0]):
+            raise _another_time(path, time, pulls)
+    else:
         raise TypeError("the description does not say when its frames are")
-    pulls = read_pulls(folder, description, tensile)
-    time = number(table.starts, "s") + frames / number(table.frame_rate, "Hz")
-    strain = pulls.strain(time)
-    if not np.isfinite(strain).any():
-        raise _another_time(path, time, pulls)
-    marked = along_pull(marked, strain) if table.align == "pull" else marked
-    values = []
-    for cycle in pulls.cycles:
-        pulled = np.flatnonzero(cycle.pulled(time) & np.isfinite(strain))
-        values.append(marker_values(marked, asked, strain[pulled], pulled))
+    _check_at_rest(path, strain[: table.relaxed_frames], asked[1])
+    if table.align == "pull":
+        marked = along_pull(path, marked, strain)
+    values = [marker_values(marked, asked, strain[span], span) for span in spans]
+    _check_from_rest(path, values[0], asked)
+    summary = [marked.summary, *([_counted(pulls)] if pulls else [])]
     if not np.isfinite(values[0]["mean_strain_yy"]).any():
-        raise _another_time(path, time, pulls)
-    return values, [marked.summary, _counted(pulls)]
+        summary.append("no central unit cell keeps its markers: there are no mean strains")
+    return values, summary
+
+
+def _check_at_rest(path: Path, strain: Float[np.ndarray, " frame"], step: float) -> None:
+    """See that the frames of the relaxed shape are from before the pull.
+
+    Raises:
+        BadInput: if they are not.
+    """
+    pulled = np.nanmax(np.abs(strain), initial=0.0)
+    if pulled > LARGEST_AT_REST * step:
+        raise fault(
+            f"{path}: relaxed_frames {len(strain)}",
+            f"are pulled to {pulled:.3g} already; give fewer, or correct starts or"
+            " strain_per_frame",
+        )
+
+
+def _check_from_rest(path: Path, values: Values, asked: Sequence[float]) -> None:
+    """See that the fabric is not strained where the machine does not pull it, and is where it does.
+
+    Raises:
+        BadInput: if it is otherwise.
+    """
+    mean = values["mean_strain_yy"]
+    if abs(mean[0]) > max(asked[1] / 2, 5 * np.nan_to_num(values["mean_strain_yy_error"][0])):
+        raise fault(
+            str(path),
+            f"shows an axial strain of {mean[0]:.3g} where the applied strain is 0; correct starts"
+            " or relaxed_frames",
+        )
+    if np.isfinite(mean).any() and np.nanmax(np.abs(mean)) < LEAST_FOLLOWED * asked[-1]:
+        problem = "shows markers that do not move while the sample is pulled; correct starts"
+        raise fault(str(path), problem)
 
 
 def _another_time(path: Path, time: Float[np.ndarray, " frame"], pulls: Pulls) -> BadInput:
@@ -216,34 +263,42 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
     return described(xr.Dataset(variables, coordinates))
 
 
-def _beside(old: xr.Dataset, new: xr.Dataset, kind: Kind, path: Path) -> xr.Dataset:
-    """A new import with what there was of other kinds.
+def _check_same(
+    old: xr.Dataset, new: xr.Dataset, kept: list[str], description: Description, path: Path
+) -> None:
+    """See that what is kept of a cube is of the same sample, at the same strains.
 
     Raises:
-        BadInput: if the cube is of another sample, or at other strains.
+        BadInput: if it is not.
     """
-    if not old.data_vars:
-        return new
     places = (*design_dims(new), "applied_strain", SOURCE)
     same = set(places) <= set(old.coords) and all(
         np.array_equal(old[name], new[name]) for name in places
     )
-    if not same:
+    if kept and not (same and parameters_of(old) == _parameters(description)):
         raise fault(
             str(path),
-            f"is of another sample, source, cycles or strains than this {kind}; remove it, and"
-            " import all records of it anew",
+            "is of another sample, length, width, source, cycles or strains than the description"
+            " says now; remove it, and import all records anew",
         )
-    return new.assign(dict(old.data_vars))
+
+
+def _parameters(description: Description) -> dict[str, Any]:
+    """What a cube states of its sample."""
+    sample = description.sample
+    return {
+        "unit_cells": list(sample.unit_cells),
+        "length": number(sample.length, "mm"),
+        "width": number(sample.width, "mm"),
+        "reading": {"boundary": "clamped"},
+    }
 
 
 def _attributes(description: Description) -> dict[str, str]:
-    sample = description.sample
-    parameters = {"unit_cells": sample.unit_cells, "reading": {"boundary": "clamped"}}
     attributes = {
         "title": description.title,
         "workflow": description.source,
         "synthetic": "yes: made up by a simulation" if description.synthetic else "no",
-        ATTRIBUTE: json.dumps(parameters),
+        ATTRIBUTE: json.dumps(_parameters(description)),
     }
     return provenance() | {"source": description.source} | attributes

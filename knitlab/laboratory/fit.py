@@ -146,7 +146,7 @@ def fit_stripes(
         found = search.found(at, lower, upper)
         if best is None or found.cost < best.cost:
             best = found
-        if found.chi_squared <= WELL_MET * target.there.sum():
+        if search.met(found.chi_squared):
             break
     if best is None:
         raise NoFit("no test from a start converged")
@@ -220,10 +220,9 @@ class _Search:
             result = self._on_branch(at, lower, upper)
             at, fitted = result.x, self.converged(result.x)
             confirmed = self.begin(at)
-            if confirmed is None or self.same(fitted, confirmed):
+            chi_squared = np.inf if confirmed is None else self.chi_squared(confirmed)
+            if confirmed is None or self.same(fitted, confirmed) or self.met(chi_squared):
                 break
-        misfit = None if confirmed is None else self.misfit(confirmed.values)
-        chi_squared = np.inf if misfit is None else float(misfit @ misfit)
         room = np.minimum(at - lower, upper - at)
         return _Found(result, fitted, confirmed, room, chi_squared)
 
@@ -281,6 +280,13 @@ class _Search:
         self.step(self.tests, float(misfit @ misfit))
         return np.append(misfit, logarithms / self.looseness)
 
+    def chi_squared(self, test: VirtualTest) -> float:
+        misfit = self.misfit(test.values)
+        return float(misfit @ misfit)
+
+    def met(self, chi_squared: float) -> bool:
+        return chi_squared <= WELL_MET * int(self.target.there.sum())
+
     def misfit(self, values: Curves) -> Float[np.ndarray, " row"]:
         there = self.target.there
         return ((values - self.target.values) / self.target.errors)[there]
@@ -336,7 +342,7 @@ class _Search:
             yield f"{self.underivable} tests had a state without derivatives, at a snap"
         if best.confirmed is None:
             yield "the fitted fabric, tested from the start, does not converge; do not use it"
-        elif not self.same(best.fitted, best.confirmed):
+        elif not (self.same(best.fitted, best.confirmed) or self.met(best.chi_squared)):
             yield (
                 f"the fabric has several states, and {MOST_SEARCHES} searches came to others than"
                 " a test of their result; the match is that of the test, the standard errors are"

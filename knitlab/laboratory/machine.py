@@ -57,12 +57,20 @@ def read_pulls(folder: Path, description: Description, table: TensileTable) -> P
     """
     path, length = folder / table.file, number(description.sample.length, "mm")
     log = read_tensile_log(path, table)
-    found = cycles(log.time, log.extension, description.protocol.least_turn)
+    protocol = description.protocol
+    found = cycles(log.time, log.extension, protocol.least_turn)[protocol.skip_cycles :]
     place = f"{path}: column {table.extension.column}"
     if not found:
-        raise fault(place, "never rises; give a test in which the sample is pulled")
+        after = f" after {protocol.skip_cycles} cycles" if protocol.skip_cycles else ""
+        raise fault(place, f"never rises{after}; give a test in which the sample is pulled")
     strain = log.extension[found[0].pulled(log.time)] / length
-    asked = description.protocol.applied_strain
+    asked = protocol.applied_strain
+    if strain.max() < asked[1]:
+        raise fault(
+            place,
+            f"goes to an applied strain of {strain.max():.3g} alone in its first cycle; check its"
+            " unit and sign and the sample's length, or skip_cycles",
+        )
     if strain.min() > asked[1] / 2:
         raise fault(
             place,
@@ -72,8 +80,14 @@ def read_pulls(folder: Path, description: Description, table: TensileTable) -> P
     if strain.max() < asked[-1] * (1 - 1e-9):
         raise fault(
             place,
-            f"ends at an applied strain of {strain.max():.3g}, but strain_max is {asked[-1]:g};"
-            " ask for less",
+            f"ends at an applied strain of {strain.max():.3g} in its first cycle, but strain_max is"
+            f" {asked[-1]:g}; ask for less, or skip_cycles",
+        )
+    pulled = found[0].pulled(log.time)
+    if np.ptp(log.force[pulled]) > 0 and np.corrcoef(strain, log.force[pulled])[0, 1] < 0:
+        raise fault(
+            f"{path}: column {table.force.column}",
+            "falls as the sample is pulled; give tension as positive",
         )
     return Pulls(log, length, found)
 

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.laboratory.description import MarkersTable, SampleTable
+from knitlab.laboratory.quantities import number
 from knitlab.laboratory.trajectories import grid_of, in_fabric_axes, read_trajectories
 from knitlab.measure.marker_grid import MarkerGrid
 from knitlab.measure.resampling import resampled
@@ -17,8 +18,15 @@ from knitlab.sweep.faults import fault
 
 MOST_PULLED = 0.1
 """Part of the largest strain within which a frame shows the whole pull."""
-LEAST_DRIFT = 0.25
-"""Mean displacement, over that of the last row from the first, that tells of one moving clamp."""
+AGREEING = np.radians(6)
+"""Angle between drift and parting up to which the first is the pull's direction."""
+LEAST_DRIFT = 0.1
+"""Displacement of the middle, over that by which the last row parts from the first, that tells of
+one moving clamp."""
+MOST_ASKEW = 35.0
+"""Angle of a fabric from where it is said to lie, above which that is wrong [°]."""
+MOST_UNLIKE = 1.6
+"""Ratio of a size by the markers to that which is stated, above which one of them is wrong."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +38,7 @@ class Marked:
         corners: in every frame; NaN where the marker is lost [mm].
         grid: which marker is which corner, or between two of them.
         relaxed_frames: that the relaxed shape is the mean of.
+        unit_cells: of the sample along (y, x), whether they bear markers or not.
         turn: by how much the fabric was turned in the picture, anticlockwise, beside what the
             description says [rad].
     """
@@ -38,16 +47,19 @@ class Marked:
     corners: Float[np.ndarray, "frame cell_y+1 cell_x+1 2"]
     grid: MarkerGrid
     relaxed_frames: int
+    unit_cells: tuple[int, int]
     turn: float = 0.0
 
     @property
     def summary(self) -> str:
         """What was found, in a sentence."""
-        rows, columns = (count - 1 for count in self.relaxed.shape[:2])
+        found = " × ".join(str(count - 1) for count in self.relaxed.shape[:2])
+        of = " × ".join(map(str, self.unit_cells))
         missing = int((self.grid.marker < 0).sum())
-        parts = [f"{rows} × {columns} unit cells", f"turned by {np.degrees(self.turn):.1f}°"]
+        turn = round(np.degrees(self.turn), 1) + 0.0
+        parts = [f"{found} unit cells of {of}", f"turned by {turn:.1f}°"]
         if missing:
-            parts.append(f"{missing} markers missing from the grid")
+            parts.append(f"{missing} place{'s' * (missing > 1)} of the grid without a marker")
         if self.grid.strays:
             named = ", ".join(map(str, self.grid.strays))
             parts.append(f"markers {named} stand on no grid and are left out")
@@ -81,47 +93,95 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
     places = slice(None, None, every_y), slice(None, None, every_x)
     relaxed = grid.corners(first[None])[(0, *places)]
     corners = grid.corners(tracks)[(slice(None), *places)]
-    found = tuple(count - 1 for count in relaxed.shape[:2])
-    if min(found) < 1 or any(
-        many > most for many, most in zip(found, sample.unit_cells, strict=True)
-    ):
-        rows, columns = sample.unit_cells
+    marked = Marked(relaxed, corners, grid, table.relaxed_frames, sample.unit_cells)
+    _check_fits(path, marked, sample)
+    return marked
+
+
+def _check_fits(path: Path, marked: Marked, sample: SampleTable) -> None:
+    """See that unit cells lie as the description says, and are as many and as large.
+
+    Raises:
+        BadInput: if they do not.
+    """
+    found = tuple(count - 1 for count in marked.relaxed.shape[:2])
+    rows, columns = sample.unit_cells
+    if min(found) < 1 or found[0] > rows or found[1] > columns:
         raise fault(
             str(path),
             f"shows {found[0]} × {found[1]} unit cells of a sample of {rows} × {columns};"
             " give markers_per_cell, or a table of places",
         )
-    return Marked(relaxed, corners, grid, table.relaxed_frames)
+    cells = lattice_vectors(marked.relaxed).reshape(-1, 2, 2)
+    edges = cells[np.isfinite(cells).all(axis=(1, 2))]
+    if not len(edges):
+        raise fault(str(path), "shows no unit cell with all of its corners; mark more of them")
+    mean = edges.mean(axis=0)
+    sizes = np.linalg.norm(mean, axis=0)
+    (xx, xy), (yx, yy) = mean / sizes
+    askew = np.degrees(np.arctan2(yx - xy, xx + yy))
+    if abs(askew) > MOST_ASKEW:
+        raise fault(
+            f"{path}: weft and warp",
+            f"are {askew:.0f}° from the rows and columns of markers; correct them, or give turned",
+        )
+    for size, whole, count, side in (
+        (sizes[0], number(sample.width, "mm"), columns, "width"),
+        (sizes[1], number(sample.length, "mm"), rows, "length"),
+    ):
+        if not 1 / MOST_UNLIKE < size * count / whole < MOST_UNLIKE:
+            raise fault(
+                f"{path}: sample.{side}",
+                f"is {whole:.4g} mm for {count} unit cells, but theirs by the markers is"
+                f" {size:.4g} mm each; correct it, unit_cells, pixel or markers_per_cell",
+            )
 
 
-def along_pull(marked: Marked, strain: Float[np.ndarray, " frame"]) -> Marked:
+def along_pull(path: Path, marked: Marked, strain: Float[np.ndarray, " frame"]) -> Marked:
     """The same markers, turned so that the pull is along y.
 
     Where one clamp moves, so does the middle of the sample, and along the pull: what a sample does
-    is the same when it is turned by half a turn, so that its mean displacement is, whatever its
-    unit cells are like. Markers whose partner across the middle is missing are left out of it.
-    Where both clamps move apart, it is along the pull that rows of markers part.
+    is the same when it is turned by half a turn, so that the mean of a marker and its partner
+    across the middle moves so, whatever the unit cells are like. But the camera may move too, and
+    both clamps: it is along the pull that rows of markers part, if not as exactly. So the first
+    decides unless the second is otherwise.
 
     Args:
+        path: of the markers, for the message.
         marked: the markers.
         strain: applied strain in every frame; NaN where it is not known.
+
+    Raises:
+        BadInput: if the pull is across the warp.
     """
     pulled = np.flatnonzero(strain >= (1 - MOST_PULLED) * np.nanmax(strain))
     moved = marked.corners[pulled] - marked.relaxed
-    paired = np.isfinite(moved + moved[:, ::-1, ::-1]).all(axis=-1)
-    if not paired.any():
+    drifts = (moved + moved[:, ::-1, ::-1]) / 2
+    one, other = np.triu_indices(moved.shape[1], 1)
+    partings = (moved[:, other] - moved[:, one]) / (other - one)[:, None, None]
+    if np.isnan(drifts).all() or np.isnan(partings).all():
         return marked
-    rows, columns = (
-        np.broadcast_to(each, paired.shape)[paired] for each in np.indices(paired.shape[1:])
-    )
-    affine = np.stack([np.ones(len(rows)), rows - rows.mean(), columns - columns.mean()], axis=1)
-    mean, parting, _ = np.linalg.lstsq(affine, moved[paired])[0]
-    spread = np.linalg.norm(parting) * np.ptp(rows)
-    across, along = mean if np.linalg.norm(mean) > LEAST_DRIFT * spread else parting
-    turn = float(np.arctan2(-across, along))
+    drift, parting = (np.nanmedian(of.reshape(-1, 2), axis=0) for of in (drifts, partings))
+    by_drift, turn = _direction(drift), _direction(parting)
+    apart = (by_drift - turn + np.pi / 2) % np.pi - np.pi / 2
+    whole = np.linalg.norm(parting) * (moved.shape[1] - 1)
+    if abs(apart) <= AGREEING and np.linalg.norm(drift) > LEAST_DRIFT * whole:
+        turn = by_drift
+    if abs(turn) > np.radians(MOST_ASKEW):
+        raise fault(
+            str(path),
+            f"shows a pull that is {np.degrees(turn):.0f}° from the warp; correct weft, warp or"
+            " turned, or give align = picture",
+        )
     back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     relaxed, corners = marked.relaxed @ back.T, marked.corners @ back.T
     return replace(marked, relaxed=relaxed, corners=corners, turn=turn)
+
+
+def _direction(moved: Float[np.ndarray, "2"]) -> float:
+    """Angle of a line from y, anticlockwise, whichever way it is gone along [rad]."""
+    across, along = moved
+    return float(np.arctan(-across / along)) if along else np.pi / 2
 
 
 def marker_values(
@@ -146,7 +206,8 @@ def marker_values(
     ):
         mean = resampled(strains, strain, np.asarray(central_mean(field)))
         # The relaxed shape is a mean of a few frames, as noisy as any.
-        of_relaxed = np.nanmedian(mean.noise) / np.sqrt(marked.relaxed_frames)
+        noise = mean.noise[np.isfinite(mean.noise)]
+        of_relaxed = np.median(noise) / np.sqrt(marked.relaxed_frames) if len(noise) else 0.0
         errors[name] = np.hypot(mean.errors, of_relaxed)
         values |= {
             f"strain_{name}": resampled(strains, strain, np.asarray(field)).values,

@@ -102,11 +102,12 @@ def _read_log(
         faults += _time_faults(path, columns["time"].column, values["time"])
     triggered = None
     if trigger is not None and not faults:
-        risen = values["trigger"] > values["trigger"].min()
+        levels = values["trigger"]
+        risen = levels > (levels.min() + levels.max()) / 2
         if risen.any() and not risen[0]:
             triggered = float(values["time"][risen.argmax()])
         else:
-            problem = "never rises from its lowest value; give starts instead"
+            problem = "does not begin low and rise; give starts instead"
             faults.append(Fault(f"{path}: column {trigger.column}", problem))
     if faults:
         raise BadInput(faults)

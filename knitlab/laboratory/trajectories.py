@@ -96,6 +96,9 @@ def _read_rows(path: Path) -> Trajectories:
     frame, marker = _whole(path, "frame", table["frame"]), _whole(path, "marker", table["marker"])
     names, place = np.unique(marker, return_inverse=True)
     frames, when = np.unique(frame, return_inverse=True)
+    if frames[0] > 1:
+        problem = f"begins with frame {frames[0]}; number the frames from 0 or 1, the first in time"
+        raise fault(f"{path}: column frame", problem)
     if len(gap := np.setdiff1d(np.arange(frames[0], frames[-1] + 1), frames)):
         raise fault(f"{path}: column frame", f"jumps over {gap[0]}; number the frames one by one")
     tracks = np.full((len(frames), len(names), 2), np.nan)

@@ -17,6 +17,8 @@ Points = Float[np.ndarray, "marker 2"]
 Step = tuple[int, int]
 
 NONE = -1
+MOST_LINES = 10_000
+"""Rows or columns of a grid."""
 FEWEST = 4
 """Markers that make a unit cell."""
 NEIGHBOURS = 8
@@ -76,6 +78,8 @@ def grid_of_places(
     )
     if not len(placed):
         raise NoGrid("no marker has a place; give each its row and column")
+    if (last := max(rows.max(), columns.max())) >= MOST_LINES:
+        raise NoGrid(f"a marker stands in row or column {last}; count them from 0")
     grid = np.full((rows.max() + 1, columns.max() + 1), NONE)
     for marker, row, column in zip(placed, rows, columns, strict=True):
         if grid[row, column] != NONE:
@@ -134,6 +138,8 @@ def _steps_of_grid(points: Points) -> Float[np.ndarray, "direction 2"]:
     length = np.linalg.norm(between, axis=-1)
     if not length.all():
         raise NoGrid("two markers stand in one point; remove one of them")
+    if not np.isfinite(length).all():
+        raise NoGrid("the markers are too far apart to be on a fabric; correct the pixel size")
     # Four equal directions are one in the fourfold angle, whichever way the camera is turned.
     nearest = between[:, :2].reshape(-1, 2)
     fourfold = np.exp(4j * np.arctan2(nearest[:, 1], nearest[:, 0])).mean()

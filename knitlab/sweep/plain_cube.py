@@ -85,7 +85,9 @@ def read_as_cube(path: Path) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError as error:
-        raise fault(str(path), "does not exist; run a workflow first") from error
+        raise fault(
+            str(path), "does not exist; run a workflow or import an experiment first"
+        ) from error
     except (OSError, ValueError) as error:
         raise fault(str(path), f"is not a netCDF file ({error}); give a cube.nc") from error
 

@@ -35,7 +35,11 @@ def read_table(path: Path, example: str) -> tuple[list[str], pd.DataFrame]:
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
         problem = " ".join(str(error).split())
         raise fault(str(path), f"is not a CSV table ({problem}); {example}") from error
-    return table.iloc[0].tolist(), table.iloc[1:]
+    headers = table.iloc[0].tolist()
+    if len(headers) == 1 and (mark := next((mark for mark in ";\t" if mark in headers[0]), None)):
+        named = "semicolons" if mark == ";" else "tabs"
+        raise fault(str(path), f"is separated by {named}; separate its columns by commas")
+    return headers, table.iloc[1:]
 
 
 def numbers_of(

@@ -250,7 +250,7 @@ def test_a_trigger_that_never_rises_is_told(tmp_path, good):
         tmp_path,
         good,
         "capacitance",
-        "column TRIG: never rises",
+        "column TRIG: does not begin low and rise",
         changes=changes,
         files=[("meter.csv", flat)],
     )
@@ -278,4 +278,4 @@ def test_records_of_another_sample_are_not_mixed_in(tmp_path, good):
     assert told.exit_code == 0
     told, _ = imported(tmp_path, good, "markers", [("protocol.strain_step", 0.1)])
     assert told.exit_code == 2
-    assert "is of another sample, source, cycles or strains" in told.output
+    assert "is of another sample, length, width, source, cycles or strains" in told.output

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from knitlab.measure.marker_grid import find_grid
 from knitlab.measure.strain import deformation_gradient, lattice_vectors
 from tests.laboratory.recorded import CAMERA, CELLS, NU, Laboratory, positions
 
+PATH = Path("markers.npy")
 LENGTH = {"value": 0.1, "unit": "mm"}
 SAMPLE = SampleTable.model_validate(
     {
@@ -53,7 +55,9 @@ def test_rotated_scaled_shuffled_and_missing_markers_give_the_same_strains(
     tracks = camera.sees(corners.reshape(31, -1, 2), random)[:, order]
     fabric = in_fabric_axes(tracks, table(pixel={"value": pixel, "unit": "mm"}))
     grid = find_grid(fabric[0])
-    marked = along_pull(Marked(grid.corners(fabric[:1])[0], grid.corners(fabric), grid, 1), strain)
+    marked = along_pull(
+        PATH, Marked(grid.corners(fabric[:1])[0], grid.corners(fabric), grid, 1, CELLS), strain
+    )
     assert np.degrees(marked.turn) == pytest.approx(turn, abs=1e-6)
     values = marker_values(marked, strain[::5], strain, np.arange(31))
     lost = np.isnan(values["strain_xx"])
@@ -89,7 +93,7 @@ def test_a_lost_marker_takes_only_its_own_quadrilaterals_and_is_counted():
     lost[20:41, 2, 1] = np.nan
     grid = find_grid(corners[0].reshape(-1, 2))
     at = np.linspace(0, 0.3, 13)
-    values = marker_values(Marked(corners[0], lost, grid, 1), at, strain, np.arange(61))
+    values = marker_values(Marked(corners[0], lost, grid, 1, CELLS), at, strain, np.arange(61))
     gone = (at > 0.12) & (at < 0.18)
     np.testing.assert_array_equal(values["cells_lost"][gone], 4)
     np.testing.assert_array_equal(values["markers_lost"][gone], 1)
@@ -108,7 +112,9 @@ def test_the_mean_is_over_the_central_cells_that_are_left():
     corners = positions(strain)
     corners[20:, 1, 1] = np.nan
     grid = find_grid(corners[0].reshape(-1, 2))
-    values = marker_values(Marked(corners[0], corners, grid, 1), strain[::5], strain, np.arange(61))
+    values = marker_values(
+        Marked(corners[0], corners, grid, 1, CELLS), strain[::5], strain, np.arange(61)
+    )
     np.testing.assert_allclose(values["mean_strain_yy"], strain[::5], atol=1e-9)
     assert values["cells_lost"][-1] == 4
 
