@@ -152,20 +152,27 @@ def along_pull(path: Path, marked: Marked, strain: Float[np.ndarray, " frame"]) 
         strain: applied strain in every frame; NaN where it is not known.
 
     Raises:
-        BadInput: if the pull is across the warp.
+        BadInput: if the pull is across the warp, or cannot be told.
     """
     pulled = np.flatnonzero(strain >= (1 - MOST_PULLED) * np.nanmax(strain))
     moved = marked.corners[pulled] - marked.relaxed
     drifts = (moved + moved[:, ::-1, ::-1]) / 2
     one, other = np.triu_indices(moved.shape[1], 1)
     partings = (moved[:, other] - moved[:, one]) / (other - one)[:, None, None]
-    if np.isnan(drifts).all() or np.isnan(partings).all():
+    if not (np.nan_to_num(drifts).any() and np.nan_to_num(partings).any()):
         return marked
     drift, parting = (np.nanmedian(of.reshape(-1, 2), axis=0) for of in (drifts, partings))
     by_drift, turn = _direction(drift), _direction(parting)
     apart = (by_drift - turn + np.pi / 2) % np.pi - np.pi / 2
     whole = np.linalg.norm(parting) * (moved.shape[1] - 1)
-    if abs(apart) <= AGREEING and np.linalg.norm(drift) > LEAST_DRIFT * whole:
+    drifting = np.linalg.norm(drift) > LEAST_DRIFT * whole
+    if drifting and abs(apart) > np.radians(MOST_ASKEW):
+        raise fault(
+            str(path),
+            f"shows a sample that moves {abs(np.degrees(apart)):.0f}° from where its rows part;"
+            " correct weft and warp, or if the camera moved give align = picture",
+        )
+    if drifting and abs(apart) <= AGREEING:
         turn = by_drift
     if abs(turn) > np.radians(MOST_ASKEW):
         raise fault(

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from knitlab.maps.cells import Look, draw_cells, frame, marks_legend, measured_note, values_of
 from knitlab.maps.style import STRAIN_COLOURS, TWO_COLUMNS
+from knitlab.sweep.faults import fault
 
 
 def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
@@ -16,7 +17,12 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
 
     Designs without a value are hatched by status, so that a failure never looks like a value;
     measured ones have a dashed frame.
+
+    Raises:
+        BadInput: if no cube has Poisson's ratio.
     """
+    if not any("poisson_ratio_min" in cube for cube in cubes):
+        raise fault("auxetic", "shows Poisson's ratio, and there is none; import markers")
     # The same colour means the same value in every map, unless one goes beyond ±1.
     largest = float(np.max(np.abs([*values_of(cubes, "poisson_ratio_min"), 1.0])))
     norm = mpl.colors.Normalize(-largest, largest)

@@ -70,7 +70,8 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     lengths = [
         float(its.cell["electrode_length"]) for its in samples if "electrode_length" in its.cell
     ]
-    said = f", electrodes of {max(lengths):.0f} mm" if lengths else ""
+    simulated = " simulated" if any_measured else ""
+    said = f"\n{simulated} electrodes of {max(lengths):.0f} mm" if lengths else ""
     absolute.set(xlabel="applied strain [1]", ylabel=f"$C$ [pF]{said}")
     places = np.arange(len(samples))
     values = [float(sample.cell["sensitivity"]) for sample in samples]
@@ -79,7 +80,7 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     slopes.set_xticks(places, [sample.name for sample in samples], rotation=40, ha="right")
     slopes.set_ylabel("mean slope |d$C$/dε| [pF]")
     handles = curves.get_legend_handles_labels()
-    figure.legend(*handles, loc="outside upper center", ncols=4, frameon=False)
+    figure.legend(*handles, loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 

@@ -20,7 +20,6 @@ COMPARED = (
     "mean_strain_yy",
     "poisson_ratio",
     "reaction_force",
-    "capacitance",
     "capacitance_ratio",
 )
 """Curves along the applied strain that both may have."""
@@ -77,7 +76,8 @@ def compared(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> pd.Da
     """Differences of every curve of every design that a simulation and an experiment both have.
 
     The simulation is taken at the measured strains on straight lines between its own, and its
-    force for as many unit cells across as the measured sample has.
+    force for as many unit cells across as the measured sample has. Capacitances, which hang on the
+    length of the electrodes, are compared over that at the first strain that both have.
 
     Returns:
         A row for each: where it is from, strains, RMS difference, its uncertainty, the noise, and
@@ -152,7 +152,12 @@ def _row(
         left=np.nan,
         right=np.nan,
     )
-    found = difference(at, values, _errors(name, measured))
+    errors = _errors(name, measured)
+    both = np.flatnonzero(np.isfinite(at) & np.isfinite(values))
+    if name == "capacitance_ratio" and len(both):
+        first = both[0]
+        at, values, errors = at / at[first], values / values[first], errors / values[first]
+    found = difference(at, values, errors)
     if found is None:
         return []
     labels = {dim: int(measured[dim]) for dim in (*DESIGN_DIMS, CYCLE) if dim in measured.coords}
@@ -174,7 +179,7 @@ def _row(
 def _errors(name: str, cell: xr.Dataset) -> Curve:
     """Standard errors of a measured curve; NaN where they are not known."""
     values = cell[name].values
-    if name.startswith("capacitance") and "capacitance_error" in cell:
+    if name == "capacitance_ratio" and "capacitance_error" in cell:
         return np.asarray(cell["capacitance_error"].values * values)
     known = f"{name}_error" in cell
     return np.asarray(cell[f"{name}_error"].values) if known else np.full(values.shape, np.nan)

@@ -35,6 +35,8 @@ def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
     """
     if not any(cube["status"].isin(RUN).any() for cube in cubes):
         raise fault("curves", "no design of this selection has been simulated; run it first")
+    if not any(name in cube for cube in cubes for name in ROWS):
+        raise fault("curves", "shows strains, and there are none; import markers")
     gridded = on_one_grid(cubes)
     stripes = gridded[0]["n_stripe"].values
     figure = Figure(figsize=(TWO_COLUMNS, 4.6), layout="constrained")

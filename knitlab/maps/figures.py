@@ -52,7 +52,8 @@ class Kind:
         designs: designs (n_stripe, n_subunit) whose cases it shows side by side, as far as they
             are there.
         compares: whether it shows all values of swept settings side by side.
-        several: whether it takes a list of cubes: any, or experiments beside one simulation.
+        several: whether it takes a list of cubes: any, or experiments beside one simulation, or of
+            these only one a design.
     """
 
     draw: Callable[[Any], Drawing]
@@ -61,11 +62,11 @@ class Kind:
     designs: tuple[tuple[int, int], ...] = ()
     coordinates: tuple[str, ...] = ()
     compares: bool = False
-    several: Literal["any", "experiments"] | None = None
+    several: Literal["any", "experiments", "designs"] | None = None
 
 
 FIGURES = {
-    "auxetic": Kind(auxetic_map, several="experiments"),
+    "auxetic": Kind(auxetic_map, several="designs"),
     "curves": Kind(tension_curves, coordinates=("applied_strain",), several="experiments"),
     "shape": Kind(relaxed_shape, needs="position"),
     "sensitivity": Kind(sensitivity_map),
@@ -79,7 +80,7 @@ FIGURES = {
     "folding": Kind(folding_animation, needs="snapshot_position"),
     "stripes": Kind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),
     "departure": Kind(stripe_departure, STRIPE_DIMS, coordinates=("applied_strain",)),
-    "sensor": Kind(sensor_map, several="experiments"),
+    "sensor": Kind(sensor_map, several="designs"),
     "capacitors": Kind(capacitors_figure, dims=None, several="any"),
     "wedge": Kind(wedge_figure, dims=None, several="any"),
     "electrodes": Kind(electrodes_figure, dims=None, needs="position"),
@@ -182,7 +183,8 @@ def _drawn(name: str, cube_paths: Sequence[Path], selections: Sequence[str] = ()
     if kind.compares:
         return kind.draw(cubes[0])
     sliced = [_one_slice(name, cube) for cube in cubes]
-    (cube, slice_shown), folder = sliced[0], _folder(cube_paths[0])
+    (cube, _), folder = sliced[0], _folder(cube_paths[0])
+    slice_shown = ", ".join(dict.fromkeys(shown for _, shown in sliced if shown))
     if kind.several:
         drawing = kind.draw([cube for cube, _ in sliced])
     elif kind.needs is None:
@@ -210,8 +212,18 @@ def _check_sources(name: str, kind: Kind, cubes: Sequence[xr.Dataset]) -> None:
             name,
             f"shows what a simulation alone knows, and {measured[0]} was measured; draw {able}",
         )
-    if kind.several == "experiments" and len(cubes) - len(measured) > 1:
+    if kind.several in ("experiments", "designs") and len(cubes) - len(measured) > 1:
         raise fault(name, "shows one simulation, and experiments beside it; give one simulation")
+    apart = kind.several != "designs"
+    shown = [
+        (source_of(cube) if apart else "", *design)
+        for cube in cubes
+        if is_measured(cube)
+        for design in itertools.product(*(cube[dim].values.tolist() for dim in DESIGN_DIMS))
+    ]
+    if len(set(shown)) < len(shown):
+        remedy = "give each a source of its own" if apart else "show one of them"
+        raise fault(name, f"has several experiments on one design; {remedy}")
 
 
 def _one_slice(name: str, cube: xr.Dataset) -> tuple[xr.Dataset, str]:

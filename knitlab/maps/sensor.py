@@ -21,7 +21,7 @@ MARKERS = "osD^vP*X"
 LETTERS_A_LINE = 110
 MAP_ROW, MAP_MARGIN, TRADE_OFF = 0.32, 0.5, 3.1
 """Heights of a row of a map, of what is around it, and of the trade-off [in]."""
-FEWEST_ROWS = 2
+FEWEST_ROWS = 3
 """Rows that a map is made high enough for, as its labels need that."""
 NO_VALUE = "apart at too few strains to be read"
 NEEDED = "needs electrodes on the fabric; run knitlab run sensor, or a workflow with [electrodes]"

@@ -26,7 +26,7 @@ COMPONENTS = {
 def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
     """Local strain of every unit cell of the paper's three samples, at 0.23 applied strain.
 
-    Measured ones stand beside the simulated; cells that lost a marker are left white.
+    Measured ones of any design stand beside the simulated; cells that lost a marker are left white.
 
     Cells are drawn as large as the relaxed unit cell; the central ones, over which strains are
     averaged, have a dark frame. Of another strain the nearest that was recorded is shown.
@@ -36,7 +36,7 @@ def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
     """
     shown = [
         cube.sel(n_stripe=n, n_subunit=m)
-        for n, m in PAPER_DESIGNS
+        for n, m in _designs(cubes)
         for cube in cubes
         if _is_there(cube, n, m)
     ]
@@ -66,6 +66,18 @@ def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
     said = " and ".join(f"{at:.0%}" for at in dict.fromkeys(strains))
     figure.suptitle(f"applied strain {said}", fontsize="medium")
     return figure
+
+
+def _designs(cubes: Sequence[xr.Dataset]) -> list[tuple[int, int]]:
+    """The paper's three, and those that are measured."""
+    measured = [
+        (n, m)
+        for cube in cubes
+        if is_measured(cube)
+        for n in cube["n_stripe"].values.tolist()
+        for m in cube["n_subunit"].values.tolist()
+    ]
+    return list(dict.fromkeys([*PAPER_DESIGNS, *measured]))
 
 
 def shown_strain(cube: xr.Dataset) -> float:

@@ -7,6 +7,7 @@ from click.testing import CliRunner
 
 from knitlab.cli import main
 from tests.laboratory.recorded import Laboratory
+from tests.maps.made_up import made_up_cube
 
 
 @pytest.fixture(scope="module")
@@ -158,6 +159,10 @@ ROWS = "frame,marker,x,y\n" + "".join(
         (ROWS.replace("marker,", "point,", 1), "column marker: is missing"),
         (ROWS.replace("\n0,4,", "\n0,4.5,"), "has 4.5 at point 5"),
         (ROWS.replace("\n1,", "\n7,"), "jumps over 1"),
+        (
+            ROWS.replace("\n0,", "\n40,").replace("\n1,", "\n41,").replace("\n2,", "\n42,"),
+            "frame 40",
+        ),
         (ROWS + "2,8,1,1\n", "a marker twice in one frame"),
         (ROWS.replace("\n0,4,10,10", "\n0,4,ten,10"), "point 5 is 'ten'"),
     ],
@@ -259,6 +264,86 @@ def test_a_trigger_that_never_rises_is_told(tmp_path, good):
 def test_a_capacitance_below_zero_is_told(tmp_path, good):
     files = [("meter.csv", cell(5, 1, "-3"))]
     refused(tmp_path, good, "capacitance", "a capacitance is above 0", files=files)
+
+
+SIDEWAYS = [
+    ("markers.weft", "down"),
+    ("markers.warp", "right"),
+    ("sample.unit_cells", [4, 4]),
+    ("sample.width.value", 80.0),
+    ("sample.length.value", 6.0),
+]
+CHANGES = [
+    # The clock is 30 s off: the fabric is strained where the machine does not pull.
+    ("markers", [("markers.starts.value", -20.0)], "correct starts"),
+    ("markers", [("markers.relaxed_frames", 60)], "are pulled to"),
+    ("markers", [("markers.pixel.value", 1000.0)], "sample.width: is 45 mm for 3 unit cells"),
+    ("markers", [("sample.length.value", 30.0)], "sample.length: is 300 mm for 4 unit cells"),
+    ("markers", [("markers.markers_per_cell", [2, 1])], "sample.length: is 80 mm"),
+    ("markers", SIDEWAYS, "moves 90° from where its rows part"),
+    ("markers", [("markers.turned", 40.0)], "correct them, or give turned"),
+    ("markers", [("markers.frame_rate", None), ("markers.strain_per_frame", 0.01)], "has starts"),
+    ("tensile", [("protocol.skip_cycles", 1)], "never rises after 1 cycles"),
+    ("tensile", [("tensile.extension.unit", "um")], "check its unit and sign"),
+]
+
+
+@pytest.mark.parametrize(("kind", "changes", "problem"), CHANGES)
+def test_a_description_that_the_records_contradict_is_refused(
+    tmp_path, good, kind, changes, problem
+):
+    refused(tmp_path, good, kind, problem, changes=changes)
+
+
+FALSE = [
+    ("negative force", 3, lambda value: -value, "give tension as positive"),
+    ("negative extension", 1, lambda value: -value, "goes to an applied strain of"),
+]
+
+
+@pytest.mark.parametrize(("what", "column", "change", "problem"), FALSE)
+def test_a_log_with_its_sign_turned_is_refused(tmp_path, good, what, column, change, problem):
+    def turned(text):
+        rows = [line.split(",") for line in text[1:]]
+        for row in rows:
+            row[column] = str(change(float(row[column])))
+        return [text[0], *(",".join(row) for row in rows)]
+
+    files = [("tensile.csv", lines(turned))]
+    told = refused(tmp_path, good, "tensile", files=files)
+    assert problem in told.output or "never rises" in told.output
+
+
+def test_still_markers_are_refused(tmp_path, good):
+    still = array(lambda tracks: np.repeat(tracks[:1], len(tracks), axis=0))
+    problem = "do not move while the sample is pulled"
+    refused(tmp_path, good, "markers", problem, files=[("markers.npy", still)])
+
+
+def test_semicolons_are_named(tmp_path, good):
+    other = lines(lambda text: [line.replace(",", ";") for line in text])
+    refused(tmp_path, good, "tensile", "by semicolons", files=[("tensile.csv", other)])
+
+
+def test_a_cube_of_simulations_is_not_written_over(tmp_path, good):
+    (tmp_path / "results" / "sheet").mkdir(parents=True)
+    path = tmp_path / "results" / "sheet" / "cube.nc"
+    made_up_cube().to_netcdf(path)
+    before = path.read_bytes()
+    told, _ = imported(tmp_path, good, "tensile")
+    assert told.exit_code == 2
+    assert "holds simulations" in told.output
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("path", "value"), [("sample.length.value", 8.5), ("sample.unit_cells", [4, 4])]
+)
+def test_records_of_a_corrected_sample_are_not_mixed_with_old_ones(tmp_path, good, path, value):
+    assert imported(tmp_path, good, "tensile")[0].exit_code == 0
+    told, _ = imported(tmp_path, good, "markers", [(path, value), ("protocol.strain_max", 0.25)])
+    assert told.exit_code == 2
+    assert "remove it, and import all records anew" in told.output
 
 
 def test_what_was_imported_before_is_unharmed_by_what_is_refused(tmp_path, good):

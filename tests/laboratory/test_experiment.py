@@ -8,10 +8,20 @@ from click.testing import CliRunner
 
 from knitlab.cli import main
 from knitlab.laboratory.experiment import import_records
+from knitlab.laboratory.synthetic import tracked
 from knitlab.measure.sensor import mean_slope
 from knitlab.sweep.cube_file import open_cube
 from knitlab.sweep.registry import COORDINATES, VARIABLES
-from tests.laboratory.recorded import LENGTH, NU, PEAK, STIFFNESS, TEST, WIDTH, Laboratory
+from tests.laboratory.recorded import (
+    LENGTH,
+    NU,
+    PEAK,
+    STIFFNESS,
+    TEST,
+    WIDTH,
+    Laboratory,
+    positions,
+)
 from tests.maps.test_sensor import with_electrodes
 
 KINDS = ("markers", "tensile", "capacitance")
@@ -76,6 +86,43 @@ def test_a_trigger_synchronises_as_well_as_a_given_offset(tmp_path, cube):
     assert "-7.25 s" in found.summary[1]
     # To within one record of either clock, 0.1 s at 1 % strain a second.
     np.testing.assert_allclose(found.cube["capacitance"], cube["capacitance"], atol=4 * 0.0015)
+
+
+def test_a_noisy_trigger_is_told_by_its_middle(tmp_path, cube):
+    laboratory = Laboratory(tmp_path)
+    description = laboratory.description()
+    description["tensile"]["trigger"] = {"column": "trigger"}
+    del description["capacitance"]["starts"]
+    description["capacitance"]["trigger"] = {"column": "TRIG"}
+    path = laboratory.write(description)
+    log = laboratory.meter()
+    log["TRIG"] += np.random.default_rng(0).uniform(-0.1, 0.1, len(log))
+    log.to_csv(tmp_path / "meter.csv", index=False)
+    found = import_records("capacitance", path, tmp_path).cube
+    np.testing.assert_allclose(found["capacitance"], cube["capacitance"], atol=4 * 0.0015)
+
+
+def test_the_first_cycles_may_be_left_out(tmp_path):
+    laboratory = Laboratory(tmp_path, test=replace(TEST, cycles=3))
+    description = laboratory.description()
+    description["protocol"]["skip_cycles"] = 2
+    cube = import_records("tensile", laboratory.write(description), tmp_path).cube
+    assert "cycle" not in cube.dims
+
+
+@pytest.mark.parametrize(("drift", "still"), [((5.0, 2.0), 0.0), ((0.4, 0.5), 0.5)])
+def test_a_camera_that_drifts_turns_nothing(tmp_path, drift, still):
+    laboratory = Laboratory(tmp_path)
+    path = laboratory.write()
+    strain = TEST.strain(np.arange(len(laboratory.tracks())) / laboratory.frame_rate, PEAK)
+    corners = positions(strain, still) + (strain / PEAK)[:, None, None, None] * np.array(drift)
+    tracks = tracked(corners, laboratory.camera, np.arange(20), laboratory.random)
+    # A marker that was lost and is written as the corner of the picture.
+    tracks[50:55, 3] = 0.0
+    np.save(tmp_path / "markers.npy", tracks)
+    found = import_records("markers", path, tmp_path)
+    assert "turned by 0.0°" in found.summary[0]
+    np.testing.assert_allclose(found.cube["poisson_ratio"].squeeze()[1:], NU, atol=1e-3)
 
 
 def test_cycles_are_told_apart_and_laid_along_a_dimension(tmp_path):
