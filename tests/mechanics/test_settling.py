@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 
 from knitlab.mechanics import blocks as blocks_module
-from knitlab.mechanics import settling
+from knitlab.mechanics import drive, settling
 from knitlab.mechanics.batch import run_in_step
 from knitlab.mechanics.blocks import are_many, blocks
-from knitlab.mechanics.drive import Desk, run
+from knitlab.mechanics.drive import Desk, attended, run
+from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.evaluation import WHOLE
 from knitlab.mechanics.loading import all_free, free_under_tension, tensile
 from knitlab.mechanics.portions import PortionedFabric
 from knitlab.mechanics.settling import block_settings, find_settled
 from knitlab.mechanics.solver import Evaluate, Settle
-from knitlab.mechanics.state import Outcome
+from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import free_stiffness
 from tests.fabrics import CLAMPED, DEFAULT, ENDLESS, checkered, relaxed
 
@@ -139,3 +140,41 @@ def test_endless_fabric_and_small_samples_have_no_blocks():
     assert not are_many(checkered(4, 6, ENDLESS)[0].shape)
     assert not are_many(checkered(4, 2, CLAMPED, unit_cells=(3, 3))[0].shape)
     assert are_many(checkered(4, 2, CLAMPED, unit_cells=(5, 3))[0].shape)
+
+
+class FoldedToNothing(Desk):
+    """A desk whose blocks come to a sheet in one point, where no hinge has an angle."""
+
+    def answer(self, request):
+        if isinstance(request, Settle):
+            nowhere = np.zeros_like(request.at.configuration)
+            return replace(request.at, configuration=nowhere), 1.0
+        return super().answer(request)
+
+
+def test_where_blocks_fold_a_cell_to_nothing_the_whole_goes_on_without_them(small_blocks, sample):
+    net, fabric, loading = sample
+    free = free_stiffness(net.shape, loading.unknowns)
+    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
+    solver = find_settled(start, free, 0.3, DEFAULT, convexified=False)
+    state = attended(FoldedToNothing(net.shape, fabric), solver)
+    assert state.outcome is Outcome.converged
+    whole = run(net.shape, fabric, find_equilibrium(start, free, 0.3, DEFAULT, convexified=False))
+    np.testing.assert_allclose(state.configuration, whole.configuration, atol=1e-7)
+
+
+def test_a_block_that_stalls_stays_where_it_was(small_blocks, sample, monkeypatch):
+    net, fabric, loading = sample
+    free = free_stiffness(net.shape, loading.unknowns)
+    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
+
+    def stalling(at, *_, **__):
+        evaluation = yield at
+        nowhere = np.zeros_like(at.configuration)
+        return State(nowhere, evaluation.energy, evaluation.gradient, Outcome.stalled, 1.0, 7)
+
+    monkeypatch.setattr(drive, "find_equilibrium", stalling)
+    request = Settle(start, free, 0.3, block_settings(DEFAULT))
+    settled, share = Desk(net.shape, fabric).answer(request)
+    np.testing.assert_array_equal(settled.configuration, start.configuration)
+    assert share > 0
