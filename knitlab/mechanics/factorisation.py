@@ -6,7 +6,6 @@ compared with.
 """
 
 from collections.abc import Callable
-from contextlib import nullcontext
 from functools import lru_cache
 from typing import Any, Protocol
 
@@ -26,8 +25,6 @@ class Factors(Protocol):
         ...
 
 
-LARGE = 100_000
-"""Unknowns from which on most of the work is in fronts that are worth a second thread."""
 DEFAULT_METHOD = "nested_dissection"
 Entries = Float[np.ndarray, " nonzero"]
 
@@ -67,11 +64,9 @@ def _nested_dissection(free: FreeStiffness) -> Factoriser:
     plan, threads = _plan(free), ThreadpoolController()
     workspace = plan.workspace()
 
-    large = len(free.unknowns) >= LARGE
-
     def factorise(entries: Entries, convexified: bool = False) -> Factors | None:
         # On small fronts a second thread costs more than it brings.
-        with nullcontext() if large else threads.limit(limits=1, user_api="blas"):
+        with threads.limit(limits=1, user_api="blas"):
             return plan.factorise(entries, convexified, workspace)
 
     return factorise

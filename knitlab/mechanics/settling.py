@@ -16,7 +16,7 @@ from knitlab.mechanics.solver import Evaluate, Settle, Solver, SolverSettings
 from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import FreeStiffness
 
-PATIENCE = 40
+PATIENCE = 10
 """Iterations of the whole after which its blocks settle again."""
 FORCE_LEFT = 1e-4
 """Force that a block may keep [N]."""
