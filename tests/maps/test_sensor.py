@@ -75,7 +75,7 @@ def test_the_map_writes_both_figures_and_lists_the_front():
 
 def test_the_papers_checkerboards_are_drawn_with_their_slopes():
     curves, absolute, slopes = capacitors_figure([with_electrodes()]).axes
-    assert absolute.get_ylabel() == "$C$ [pF], electrodes of 100 mm"
+    assert absolute.get_ylabel() == "$C$ [pF]\nelectrodes of 100 mm"
     names = [line.get_label() for line in curves.lines if line.get_label().startswith("(")]
     assert names == ["(4, 16)", "(4, 32)"]
     assert [patch.get_height() for patch in slopes.patches] == [2.0, 1.0]
