@@ -64,17 +64,14 @@ def compare(
     """
     from knitlab.maps.comparison import compared
     from knitlab.maps.query import formatted
-    from knitlab.maps.selection import coordinate_of, refuse_others, selected
+    from knitlab.maps.selection import refuse_others, selected, selections_along
     from knitlab.sweep.cube_file import open_cube
 
     opened = [open_cube(path) for path in (simulation, *experiments)]
     known = {str(name) for cube in opened for name in cube.dims if name in cube.coords}
     remedy = f"select of {', '.join(sorted(known))}"
     refuse_others(selections, known, f"is of none of these cubes; {remedy}")
-    cubes = [
-        selected(cube, [text for text in selections if coordinate_of(text) in cube.dims])
-        for cube in opened
-    ]
+    cubes = [selected(cube, selections_along(selections, cube.dims)) for cube in opened]
     click.echo(formatted(compared(cubes[0], cubes[1:]), style))
 
 

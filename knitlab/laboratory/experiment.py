@@ -24,7 +24,7 @@ from knitlab.laboratory.quantities import number
 from knitlab.measure.cycles import Cycle
 from knitlab.model.stripe import periods_per_patch
 from knitlab.sweep.common import ATTRIBUTE, parameters_of
-from knitlab.sweep.cube_file import design_dims, open_cube, write_cube
+from knitlab.sweep.cube_file import design_dims, is_measured, open_cube, write_cube
 from knitlab.sweep.faults import BadInput, fault
 from knitlab.sweep.fingerprint import code_fingerprint, file_digest, text_fingerprint
 from knitlab.sweep.parameters import read_parameters
@@ -80,7 +80,7 @@ def import_records(kind: Kind, path: Path, results: Path) -> Imported:
     imports = {kind: {"description": file_digest(path), "files": files, "variables": names}}
     if cube_file.exists():
         old = open_cube(cube_file)
-        if SOURCE not in old.coords:
+        if not is_measured(old):
             raise fault(
                 str(cube_file),
                 "holds simulations; give the description another name, or another --results",

@@ -41,6 +41,8 @@ SAME = 0.5
 """Difference of two tests, in standard errors, up to which they are of the same states."""
 ENOUGH = 1e-3
 """Relative change of the misfit, and of a factor, that ends the search."""
+MUCH_TOO_FAR = 4.0
+"""χ² a degree of freedom above which the model does not meet the test."""
 AT_BOUND = 1e-3
 INSIDE = 0.9
 """How far towards the ends of where it is looked for a start may be."""
@@ -136,14 +138,14 @@ def fit_stripes(
     first = search.begin(np.zeros(len(names)))
     if first is None:
         raise NoFit("the sample with the stripes of the tables does not come to rest everywhere")
-    lower, upper = _bounds(case, names)
+    lower, upper = search.bounds
     quantiles = qmc.Halton(len(names), rng=0).random(starts)
     others = np.clip(looseness * norm.ppf(quantiles[1:]), lower * INSIDE, upper * INSIDE)
     best: _Found | None = None
     for at in (np.zeros(len(names)), *others):
         if at.any() and search.begin(at) is None:
             continue
-        found = search.found(at, lower, upper)
+        found = search.found(at)
         if best is None or found.cost < best.cost:
             best = found
         if search.met(found.chi_squared):
@@ -197,6 +199,7 @@ class _Search:
         self.case = case
         self.target, self.looseness, self.names, self.step = target, looseness, names, step
         self.places = [list(STRIPE_PARAMETERS).index(name) for name in names]
+        self.bounds = _bounds(case, names)
         self.tests = self.underivable = 0
         self.near: VirtualTest | None = None
         self.at = b""
@@ -208,35 +211,26 @@ class _Search:
         self.tests += 1
         return self.near
 
-    def found(
-        self,
-        at: Float[np.ndarray, " name"],
-        lower: Float[np.ndarray, " name"],
-        upper: Float[np.ndarray, " name"],
-    ) -> _Found:
+    def found(self, at: Float[np.ndarray, " name"]) -> _Found:
         """What the search from a start that was begun comes to."""
         confirmed: VirtualTest | None = None
         for _ in range(MOST_SEARCHES):
-            result = self._on_branch(at, lower, upper)
+            result = self._on_branch(at)
             at, fitted = result.x, self.converged(result.x)
             confirmed = self.begin(at)
             chi_squared = np.inf if confirmed is None else self.chi_squared(confirmed)
             if confirmed is None or self.same(fitted, confirmed) or self.met(chi_squared):
                 break
+        lower, upper = self.bounds
         room = np.minimum(at - lower, upper - at)
         return _Found(result, fitted, confirmed, room, chi_squared)
 
-    def _on_branch(
-        self,
-        at: Float[np.ndarray, " name"],
-        lower: Float[np.ndarray, " name"],
-        upper: Float[np.ndarray, " name"],
-    ) -> OptimizeResult:
+    def _on_branch(self, at: Float[np.ndarray, " name"]) -> OptimizeResult:
         return least_squares(
             self.residuals,
             at,
             jac=self.jacobian,
-            bounds=(lower, upper),
+            bounds=self.bounds,
             method="trf",
             x_scale=self.looseness,
             ftol=ENOUGH,
@@ -313,7 +307,6 @@ class _Search:
         covariance = np.linalg.inv(slopes.T @ slopes)
         errors = np.sqrt(np.diag(covariance))
         after = best.confirmed or best.fitted
-        misfits = [self.misfit(its.values) for its in (first, after)]
         factors = self.factors(best.result.x)
         learned = 1 - (errors / self.looseness) ** 2
         return Fit(
@@ -326,13 +319,13 @@ class _Search:
             correlations=covariance / np.outer(errors, errors),
             target=self.target,
             curves=(first.values, after.values),
-            chi_squared=(float(misfits[0] @ misfits[0]), float(misfits[1] @ misfits[1])),
+            chi_squared=(self.chi_squared(first), self.chi_squared(after)),
             tests=self.tests,
             converged=bool(best.result.success and best.confirmed is not None),
-            warnings=tuple(self._warnings(best, misfits[1])),
+            warnings=tuple(self._warnings(best, self.chi_squared(after))),
         )
 
-    def _warnings(self, best: _Found, misfit: Float[np.ndarray, " row"]) -> Iterator[str]:
+    def _warnings(self, best: _Found, chi_squared: float) -> Iterator[str]:
         if not best.result.success:
             yield f"the search was given up after {self.tests} tests; do not use it"
         for name, left in zip(self.names, best.room, strict=True):
@@ -348,16 +341,12 @@ class _Search:
                 " a test of their result; the match is that of the test, the standard errors are"
                 " not to be trusted"
             )
-        freedom = max(len(misfit) - len(self.names), 1)
-        if (spread := float(misfit @ misfit) / freedom) > MUCH_TOO_FAR:
+        freedom = max(int(self.target.there.sum()) - len(self.names), 1)
+        if (spread := chi_squared / freedom) > MUCH_TOO_FAR:
             yield (
                 f"the fit is {np.sqrt(spread):.1f} times as far from the test as its errors say;"
                 " the standard errors do not cover that"
             )
-
-
-MUCH_TOO_FAR = 4.0
-"""χ² a degree of freedom above which the model does not meet the test."""
 
 
 def root_mean_square(curves: Curves, target: Target) -> dict[str, float]:

@@ -63,7 +63,8 @@ def read_pulls(folder: Path, description: Description, table: TensileTable) -> P
     if not found:
         after = f" after {protocol.skip_cycles} cycles" if protocol.skip_cycles else ""
         raise fault(place, f"never rises{after}; give a test in which the sample is pulled")
-    strain = log.extension[found[0].pulled(log.time)] / length
+    pulled = found[0].pulled(log.time)
+    strain = log.extension[pulled] / length
     asked = protocol.applied_strain
     if strain.max() < asked[1]:
         raise fault(
@@ -83,7 +84,6 @@ def read_pulls(folder: Path, description: Description, table: TensileTable) -> P
             f"ends at an applied strain of {strain.max():.3g} in its first cycle, but strain_max is"
             f" {asked[-1]:g}; ask for less, or skip_cycles",
         )
-    pulled = found[0].pulled(log.time)
     if np.ptp(log.force[pulled]) > 0 and np.corrcoef(strain, log.force[pulled])[0, 1] < 0:
         raise fault(
             f"{path}: column {table.force.column}",

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, Field
 
 from knitlab.sweep.strict import Strict
 from knitlab.sweep.table_file import factor_of
@@ -36,10 +36,9 @@ class Column(_WithUnit):
     column: str = Field(min_length=1)
 
 
-class PlainColumn(BaseModel):
+class PlainColumn(Strict):
     """A column of a table that needs no unit."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
     column: str = Field(min_length=1)
 
 

@@ -9,9 +9,10 @@ from knitlab.laboratory.fit import Target
 from knitlab.laboratory.virtual_test import QUANTITIES
 from knitlab.sweep.case import Case
 from knitlab.sweep.common import parameters_of
+from knitlab.sweep.cube_file import is_measured
 from knitlab.sweep.faults import fault
 from knitlab.sweep.plan import Plan
-from knitlab.sweep.registry import CYCLE, DESIGN_DIMS, SIMULATION, SOURCE, Status
+from knitlab.sweep.registry import CYCLE, DESIGN_DIMS, Status
 
 FEWEST_STRAINS = 3
 NO_ERROR = 1.0
@@ -63,7 +64,7 @@ def case_for(plan: Plan, experiment: xr.Dataset) -> Case:
     Raises:
         BadInput: if there is none, or several, or it cannot be fitted.
     """
-    if SOURCE not in experiment.coords or experiment[SOURCE].item() == SIMULATION:
+    if not is_measured(experiment):
         raise fault("fit", "is to an experiment, and this cube was simulated; import one")
     wanted = {dim: int(experiment[dim].values[0]) for dim in DESIGN_DIMS}
     cases = [

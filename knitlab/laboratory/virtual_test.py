@@ -17,7 +17,8 @@ from knitlab.mechanics.solver import Evaluate, Solver
 from knitlab.mechanics.state import State, TensileTest
 from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.mechanics.tension import stretch
-from knitlab.model.fabric import StripePair, laid_out
+from knitlab.model.fabric import Fabric, StripePair, laid_out
+from knitlab.model.network import Network
 from knitlab.sweep.case import Case
 from knitlab.sweep.sensitivity import measured_by
 from knitlab.sweep.simulation import starts
@@ -87,7 +88,7 @@ def virtual_test(case: Case, near: VirtualTest | None = None) -> VirtualTest | N
         (start,) = starts([case], [(net, fabric)])
         solver = stretch(net, fabric, case.applied_strain, case.equilibrium_solver, start=start)
     else:
-        solver = _retested(case, near)
+        solver = _retested(case, net, fabric, near)
     test = run(case.mesh_shape, fabric, solver)
     if test.loading is None or not all(state.converged for state in test.states):
         return None
@@ -100,8 +101,7 @@ def virtual_test(case: Case, near: VirtualTest | None = None) -> VirtualTest | N
     return VirtualTest(case, test, np.array(values).T)
 
 
-def _retested(case: Case, near: VirtualTest) -> Solver[TensileTest]:
-    net, fabric = case.woven()
+def _retested(case: Case, net: Network, fabric: Fabric, near: VirtualTest) -> Solver[TensileTest]:
     settings = case.equilibrium_solver
     first, *others = near.test.states
     relaxed = yield from relax(net, fabric, replace(settings, soft_wall=1.0), first.configuration)

@@ -7,7 +7,15 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from knitlab.maps.cells import Look, draw_cells, frame, marks_legend, measured_note, values_of
+from knitlab.maps.cells import (
+    Look,
+    draw_cells,
+    frame,
+    marks_legend,
+    measured_note,
+    row_count,
+    values_of,
+)
 from knitlab.maps.style import STRAIN_COLOURS, TWO_COLUMNS
 from knitlab.sweep.faults import fault
 
@@ -32,7 +40,7 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
         return f"{value:.2f}\nat {float(its['applied_strain_at_min']):.0%}"
 
     look = Look("poisson_ratio_min", lambda value: colours(norm(value)), words)
-    rows = len({n for cube in cubes for n in cube["n_stripe"].values.tolist()})
+    rows = row_count(cubes)
     figure = Figure(figsize=(TWO_COLUMNS, max(2.4, 1.1 + 0.5 * rows)), layout="constrained")
     axes = figure.add_subplot()
     marked = draw_cells(axes, cubes, look)

@@ -11,13 +11,13 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.maps.sources import is_measured, lines_of, source_of
+from knitlab.maps.sources import lines_of
 from knitlab.maps.style import TWO_COLUMNS
 from knitlab.measure.capacitor_status import CapacitorStatus
 from knitlab.measure.sensor import CENTRAL_PART
-from knitlab.sweep.cube_file import base_dims
+from knitlab.sweep.cube_file import base_dims, is_measured, source_of
 from knitlab.sweep.faults import fault
-from knitlab.sweep.registry import DESIGN_DIMS, Status
+from knitlab.sweep.registry import DESIGN_DIMS, RUN
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "black", "0.5")
 LINES = ("-", "--", "-.", (0, (1, 1)))
@@ -134,6 +134,6 @@ def _samples(cube: xr.Dataset) -> list[Sample]:
         if all(value in cube[dim].values for dim, value in labels.items()):
             cell = cube.sel(labels)
             measured = (cell["capacitor_status"] == CapacitorStatus.measured).any()
-            if int(cell["status"]) in (Status.ok, Status.not_converged) and measured:
+            if int(cell["status"]) in RUN and measured:
                 found.append(Sample(name, cell))
     return found

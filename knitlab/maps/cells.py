@@ -11,7 +11,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from knitlab.maps.sources import is_measured, on_one_grid, source_of
+from knitlab.maps.sources import on_one_grid
+from knitlab.sweep.cube_file import is_measured, source_of
 from knitlab.sweep.registry import DESIGN_DIMS, Status
 
 MARKS: dict[Status, dict[str, Any]] = {
@@ -109,6 +110,11 @@ def draw_cells(axes: Axes, cubes: Sequence[xr.Dataset], look: Look) -> set[Statu
         ylabel="n_stripe: stitches\nacross a rib stripe",
     )
     return marked
+
+
+def row_count(cubes: Sequence[xr.Dataset]) -> int:
+    """Rows of a map of cubes: every n_stripe that one of them has."""
+    return len({n for cube in cubes for n in cube["n_stripe"].values.tolist()})
 
 
 def values_of(cubes: Sequence[xr.Dataset], name: str) -> np.ndarray:

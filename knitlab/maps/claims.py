@@ -24,7 +24,7 @@ from knitlab.maps.claim_tests import (
 )
 from knitlab.maps.line_claim_tests import CommonSlope, DepartsMost, Linear
 from knitlab.maps.sample_claim_tests import SampleOrder, TradesOff
-from knitlab.maps.selection import choices, coordinate_of, refuse_others, selected
+from knitlab.maps.selection import choices, refuse_others, selected, selections_along
 from knitlab.maps.stripe_claim_tests import SameCurves, StripeOrder, StripeToe
 from knitlab.sweep.cube_file import open_cube, swept_dims
 from knitlab.sweep.faults import BadInput, Fault, fault, faults_of
@@ -157,8 +157,7 @@ def _distance(finding: Finding) -> int:
 
 def _one_slice(path: Path, cube: xr.Dataset, selections: Sequence[str]) -> xr.Dataset:
     swept = swept_dims(cube)
-    of_this = [text for text in selections if coordinate_of(text) in swept]
-    cube = selected(cube, of_this)
+    cube = selected(cube, selections_along(selections, swept))
     if several := [dim for dim in swept if cube.sizes[dim] > 1]:
         raise fault(str(path), f"lies along swept settings; --select {choices(cube, several)}")
     return cube.isel(dict.fromkeys(swept, 0), drop=True)

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 import xarray as xr
-from jaxtyping import Float
 
 from knitlab.maps.selection import choices
-from knitlab.maps.sources import is_measured, source_of
 from knitlab.sweep.common import parameters_of
-from knitlab.sweep.cube_file import swept_dims
+from knitlab.sweep.cube_file import is_measured, source_of, swept_dims
 from knitlab.sweep.faults import fault
-from knitlab.sweep.registry import CYCLE, DESIGN_DIMS, VARIABLES, Status
+from knitlab.sweep.registry import CYCLE, DESIGN_DIMS, RUN, VARIABLES, Status
 
 COMPARED = (
     "mean_strain_xx",
@@ -23,7 +21,6 @@ COMPARED = (
     "capacitance_ratio",
 )
 """Curves along the applied strain that both may have."""
-RUN = (Status.ok, Status.not_converged)
 
 
 @dataclass(frozen=True)
@@ -43,10 +40,9 @@ class Difference:
     noise: float
 
 
-Curve = Float[np.ndarray, " strain"]
-
-
-def difference(simulated: Curve, measured: Curve, errors: Curve) -> Difference | None:
+def difference(
+    simulated: np.ndarray, measured: np.ndarray, errors: np.ndarray
+) -> Difference | None:
     """The difference of two curves at the same strains; ``None`` if there is none that both have.
 
     Errors are taken for independent from strain to strain, and count as none where unknown; the
@@ -176,7 +172,7 @@ def _row(
     ]
 
 
-def _errors(name: str, cell: xr.Dataset) -> Curve:
+def _errors(name: str, cell: xr.Dataset) -> np.ndarray:
     """Standard errors of a measured curve; NaN where they are not known."""
     values = cell[name].values
     if name == "capacitance_ratio" and "capacitance_error" in cell:

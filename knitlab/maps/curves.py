@@ -10,12 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from knitlab.maps.cells import values_of
-from knitlab.maps.sources import is_measured, lines_of, on_one_grid, source_of
+from knitlab.maps.sources import lines_of, on_one_grid
 from knitlab.maps.style import SEQUENCE_COLOURS, TWO_COLUMNS
+from knitlab.sweep.cube_file import is_measured, source_of
 from knitlab.sweep.faults import fault
-from knitlab.sweep.registry import Status
+from knitlab.sweep.registry import RUN, Status
 
-RUN = (Status.ok, Status.not_converged)
 ROWS = {
     "mean_strain_xx": "transverse strain\nmean $\\varepsilon_{xx}$ [1]",
     "mean_strain_yy": "axial strain\nmean $\\varepsilon_{yy}$ [1]",

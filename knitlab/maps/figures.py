@@ -19,19 +19,25 @@ from knitlab.maps.network import spring_network
 from knitlab.maps.readings import readings_figure
 from knitlab.maps.relaxation import FRAMES_PER_SECOND, folding_animation, relaxation_figure
 from knitlab.maps.samples import stretched_samples
-from knitlab.maps.selection import choices, coordinate_of, refuse_others, selected
+from knitlab.maps.selection import choices, refuse_others, selected, selections_along
 from knitlab.maps.sensitivity import sensitivity_map
 from knitlab.maps.sensor import sensor_map
 from knitlab.maps.shape import relaxed_shape
 from knitlab.maps.shapes import PAPER_SHAPES, relaxed_shapes
-from knitlab.maps.sources import is_measured, source_of
 from knitlab.maps.stripes import stripe_departure, stripe_tension
 from knitlab.maps.style import print_style
 from knitlab.maps.tension import PAPER_DESIGNS, tension_maps
 from knitlab.maps.wavelength import wavelength_figure
 from knitlab.maps.wedge import wedge_figure
 from knitlab.sweep.case_file import case_path, read_case
-from knitlab.sweep.cube_file import base_dims, design_dims, open_cube, swept_dims
+from knitlab.sweep.cube_file import (
+    base_dims,
+    design_dims,
+    is_measured,
+    open_cube,
+    source_of,
+    swept_dims,
+)
 from knitlab.sweep.faults import BadInput, Fault, fault
 from knitlab.sweep.files import written_whole
 from knitlab.sweep.registry import DESIGN_DIMS, STRIPE_DIMS, VARIABLES
@@ -173,13 +179,10 @@ def _drawn(name: str, cube_paths: Sequence[Path], selections: Sequence[str] = ()
             able = [other for other, its in FIGURES.items() if its.dims in (None, base_dims(cube))]
             raise fault(name, f"is not of such designs as this cube's; draw {', '.join(able)}")
     _check_sources(name, kind, cubes)
-    along = {dim: None for cube in cubes for dim in design_dims(cube)}
-    known = (*along, *kind.coordinates)
+    dims = {dim: None for cube in cubes for dim in design_dims(cube)}
+    known = (*dims, *kind.coordinates)
     refuse_others(selections, known, f"says nothing to {name}; select of {', '.join(known)}")
-    cubes = [
-        selected(cube, [text for text in selections if coordinate_of(text) in cube.coords])
-        for cube in cubes
-    ]
+    cubes = [selected(cube, selections_along(selections, cube.coords)) for cube in cubes]
     if kind.compares:
         return kind.draw(cubes[0])
     sliced = [_one_slice(name, cube) for cube in cubes]

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from knitlab.maps.style import TWO_COLUMNS
@@ -16,16 +15,14 @@ LABELS = (
 )
 BEFORE, AFTER = "0.55", "#0072B2"
 
-Curves = Float[np.ndarray, "quantity strain"]
-
 
 class Fitted(NamedTuple):
     """What a fit is shown by.
 
     Attributes:
         applied_strain: above 0 [1].
-        measured: mean transverse and axial strain, and reaction force.
-        errors: of these.
+        measured: mean transverse and axial strain, and reaction force, (quantity, strain).
+        errors: of these, likewise.
         before: with the stripes of the tables.
         after: with the fitted stripes.
         factors: fitted over tabulated, by parameter.
@@ -33,10 +30,10 @@ class Fitted(NamedTuple):
     """
 
     applied_strain: Sequence[float]
-    measured: Curves
-    errors: Curves
-    before: Curves
-    after: Curves
+    measured: np.ndarray
+    errors: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
     factors: dict[str, float]
     standard_errors: dict[str, float]
 
@@ -73,7 +70,7 @@ def fit_figure(shown: Fitted, title: str) -> Figure:
 
 
 def _draw_factors(figure: Figure, column: np.ndarray, shown: Fitted) -> None:
-    """Factors with two standard errors, on a logarithmic axis."""
+    """Factors with two standard errors."""
     spec = column[0].get_gridspec()
     for axes in column:
         axes.remove()

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from knitlab.maps.expression import holds, no_column
-from knitlab.maps.selection import chosen_places, coordinate_of, refuse_others
+from knitlab.maps.selection import chosen_places, refuse_others, selections_along
 from knitlab.sweep.faults import BadInput, Fault
 from knitlab.sweep.plain_cube import PlainCube
 from knitlab.sweep.registry import SIMULATION, SOURCE, Status
@@ -71,8 +71,7 @@ def designs_of_all(cubes: Sequence[PlainCube], selections: Sequence[str] = ()) -
     refuse_others(selections, known, f"is of none of these cubes; select of {', '.join(known)}")
     tables = []
     for cube in cubes:
-        own = [text for text in selections if coordinate_of(text) in cube.coordinates]
-        table = designs_table(cube, own)
+        table = designs_table(cube, selections_along(selections, cube.coordinates))
         source = table.pop(SOURCE) if SOURCE in table else SIMULATION
         table.insert(len(cube.design_dims), SOURCE, source)
         tables.append(table)

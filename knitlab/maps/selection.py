@@ -1,7 +1,7 @@
 """Selections: ``NAME=VALUE`` texts that slice a cube along its coordinates."""
 
 import difflib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,6 +40,12 @@ def selected(cube: "xr.Dataset", selections: Sequence[str]) -> "xr.Dataset":
 def coordinate_of(text: str) -> str:
     """What a selection selects along."""
     return text.partition("=")[0].strip()
+
+
+def selections_along(selections: Sequence[str], names: Iterable[Hashable]) -> list[str]:
+    """The selections that are along some names; a cube is told of no others."""
+    known = set(names)
+    return [text for text in selections if coordinate_of(text) in known]
 
 
 def refuse_others(selections: Sequence[str], known: Iterable[str], problem: str) -> None:

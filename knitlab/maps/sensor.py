@@ -9,10 +9,18 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.maps.cells import Look, draw_cells, frame, marks_legend, measured_note, values_of
-from knitlab.maps.sources import is_measured
+from knitlab.maps.cells import (
+    Look,
+    draw_cells,
+    frame,
+    marks_legend,
+    measured_note,
+    row_count,
+    values_of,
+)
 from knitlab.maps.style import SEQUENCE_COLOURS, TWO_COLUMNS
 from knitlab.maps.trade_off import Design, figures_of, trade_off_front
+from knitlab.sweep.cube_file import is_measured
 from knitlab.sweep.faults import fault
 from knitlab.sweep.registry import Status
 
@@ -38,7 +46,7 @@ def sensor_map(cubes: Sequence[xr.Dataset]) -> Figure:
     """
     if any(STEEPNESS not in cube for cube in cubes):
         raise fault("sensor", NEEDED)
-    rows = len({n for cube in cubes for n in cube["n_stripe"].values.tolist()})
+    rows = row_count(cubes)
     height = MAP_MARGIN + MAP_ROW * max(rows, FEWEST_ROWS)
     figure = Figure(figsize=(TWO_COLUMNS, 2 * height + TRADE_OFF), layout="constrained")
     first, second, below = figure.subplots(3, 1, height_ratios=(height, height, TRADE_OFF))

@@ -5,17 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from knitlab.sweep.registry import DESIGN_DIMS, SIMULATION, SOURCE, Status
-
-
-def source_of(cube: xr.Dataset) -> str:
-    """What a cube is of: a simulation, or an experiment by its name."""
-    return str(cube[SOURCE].item()) if SOURCE in cube.coords else SIMULATION
-
-
-def is_measured(cube: xr.Dataset) -> bool:
-    """Whether a cube is of an experiment."""
-    return source_of(cube) != SIMULATION
+from knitlab.sweep.cube_file import is_measured
+from knitlab.sweep.registry import DESIGN_DIMS, Status
 
 
 def lines_of(cube: xr.Dataset) -> str:

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from knitlab.maps.sources import is_measured, source_of
 from knitlab.maps.style import STRAIN_COLOURS, TWO_COLUMNS
 from knitlab.measure.central import central
+from knitlab.sweep.cube_file import is_measured, source_of
 from knitlab.sweep.faults import fault
 from knitlab.sweep.registry import Status
 

@@ -6,7 +6,7 @@ import xarray as xr
 
 from knitlab.sweep.files import written_whole
 from knitlab.sweep.plain_cube import base_of, check_is_cube, cube_path, read_as_cube
-from knitlab.sweep.registry import encoding
+from knitlab.sweep.registry import SIMULATION, SOURCE, encoding
 
 
 def open_cube(path: str | Path) -> xr.Dataset:
@@ -48,3 +48,13 @@ def base_dims(cube: xr.Dataset) -> tuple[str, ...]:
 def swept_dims(cube: xr.Dataset) -> tuple[str, ...]:
     """Those of settings that the workflow gave as lists."""
     return design_dims(cube)[len(base_dims(cube)) :]
+
+
+def source_of(cube: xr.Dataset) -> str:
+    """What a cube is of: a simulation, or an experiment by its name."""
+    return str(cube[SOURCE].item()) if SOURCE in cube.coords else SIMULATION
+
+
+def is_measured(cube: xr.Dataset) -> bool:
+    """Whether a cube is of an experiment."""
+    return source_of(cube) != SIMULATION

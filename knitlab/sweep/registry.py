@@ -20,6 +20,10 @@ class Status(IntEnum):
     excluded = 4
 
 
+RUN = (Status.ok, Status.not_converged)
+"""Statuses of designs that have results."""
+
+
 @dataclass(frozen=True)
 class Variable:
     """One variable, as it stands in a case; a cube adds the dimensions of its designs.
@@ -130,7 +134,7 @@ def _of_laboratory(
     return Variable(dims, units, long_name, description, of="laboratory")
 
 
-_SCATTER = "of the line through what was recorded near a strain"
+_SCATTER = "of the curve through what was recorded near a strain"
 _ONCE: tuple[str, ...] = ()
 _RANGE = (
     "over the strains from applied_strain_opened to sensing_end: measured without a gap, and"
