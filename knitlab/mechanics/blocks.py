@@ -1,13 +1,14 @@
 """Blocks: a large sample in overlapping pieces, each a sheet of its own with its border held."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float, Int
+import scipy.sparse as sp
+from jaxtyping import Bool, Float, Int
 
 from knitlab.mechanics.stiffness import FreeStiffness, sparsity
 from knitlab.model.fabric import Fabric
@@ -91,6 +92,47 @@ def blocks(free: FreeStiffness) -> Iterator[Block]:
                     for elements in (net.springs, net.hinges)
                 ),
             )
+
+
+def meet(found: Sequence[Block], unknowns: int) -> Bool[np.ndarray, "block block"]:
+    """Whether of two blocks one moves what the other feels; every block meets itself.
+
+    Args:
+        found: the blocks of a sample.
+        unknowns: of the sample.
+    """
+    places = [block.places for block in found], [b.places[b.free.unknowns] for b in found]
+    feels, moves = (_membership(of, unknowns) for of in places)
+    meeting = (feels @ moves.T).toarray() > 0
+    return meeting | meeting.T | np.eye(len(found), dtype=bool)
+
+
+def _membership(places: Sequence[Int[np.ndarray, " place"]], unknowns: int) -> sp.csr_array:
+    ends = np.cumsum([0, *map(len, places)])
+    return sp.csr_array(
+        (np.ones(ends[-1]), np.concatenate(places), ends), shape=(len(places), unknowns)
+    )
+
+
+def rounds(
+    forces: Float[np.ndarray, " block"], meeting: Bool[np.ndarray, "block block"]
+) -> Iterator[list[int]]:
+    """Blocks that can settle at the same time, as none of them meets another.
+
+    What is furthest from rest is what the others have to settle about, and comes first.
+
+    Args:
+        forces: on each.
+        meeting: which of them meet.
+    """
+    waiting = np.argsort(-forces).tolist()
+    while waiting:
+        together: list[int] = []
+        for block in waiting:
+            if not meeting[block, together].any():
+                together.append(block)
+        waiting = [block for block in waiting if block not in together]
+        yield together
 
 
 @lru_cache(maxsize=64)

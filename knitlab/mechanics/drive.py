@@ -1,20 +1,23 @@
 """Driving solvers: what they ask for is worked out here."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import jax
 import numpy as np
+from jaxtyping import Bool
 
 from knitlab.mechanics.batch import run_in_step
-from knitlab.mechanics.blocks import Block, blocks
+from knitlab.mechanics.blocks import Block, blocks, meet, rounds
 from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.evaluation import Evaluation
-from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser
+from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser, one_thread_of_blas
 from knitlab.mechanics.portions import PortionedFabric
 from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Request, Settle, Solve, Solver
-from knitlab.mechanics.state import Outcome
+from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import FreeStiffness
+from knitlab.mechanics.threads import ALONE, Threads, allowed_threads
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
 
@@ -29,6 +32,7 @@ class Desk:
         fabric: its numbers.
         method: of factorisation; nested dissection by default.
         factorisers: those that there are, to be added to.
+        threads: that share the work.
     """
 
     def __init__(
@@ -37,11 +41,12 @@ class Desk:
         fabric: Fabric,
         method: str | None = None,
         factorisers: dict[FreeStiffness, Factoriser] | None = None,
+        threads: Threads = ALONE,
     ) -> None:
-        self._whole = fabric
-        self._fabric, self._method = PortionedFabric.of(shape, fabric), method
+        self._whole, self._method, self._threads = fabric, method, threads
+        self._fabric = PortionedFabric.of(shape, fabric, threads)
         self._factorisers = {} if factorisers is None else factorisers
-        self._blocks: dict[FreeStiffness, list[tuple[Block, Desk]]] = {}
+        self._pieces: dict[FreeStiffness, _Pieces] = {}
         self._free: FreeStiffness | None = None
         self._entries = np.zeros(0)
         self._factors: Factors | None = None
@@ -69,50 +74,63 @@ class Desk:
         if free is None:
             raise RuntimeError("nothing is assembled")
         if free not in self._factorisers:
-            self._factorisers[free] = factoriser(free, self._method)
+            self._factorisers[free] = factoriser(free, self._method, self._threads)
         self._factors = self._factorisers[free](free.shifted(self._entries, shift), convexified)
         return self._factors is not None
 
     def _settled(self, request: Settle) -> tuple[Evaluate, float]:
-        free = request.free
-        if free not in self._blocks:
-            self._blocks[free] = [
-                (
-                    block,
-                    Desk(
-                        block.free.shape,
-                        block.fabric(self._whole),
-                        self._method,
-                        self._factorisers,
-                    ),
-                )
-                for block in blocks(free)
-            ]
+        pieces = self._in_pieces(request.free)
         at, share = request.at.configuration.copy(), 0.0
         gradient = np.asarray(self._fabric.evaluate(request.at.stage, at).gradient)
-        forces = [block.force(gradient) for block, _ in self._blocks[free]]
-        # What is furthest from rest is what the others have to settle about.
-        for place in np.argsort(forces)[::-1]:
-            block, desk = self._blocks[free][place]
+        forces = np.array([block.force(gradient) for block, _ in pieces.blocks])
+
+        def settled(place: int) -> State:
+            block, desk = pieces.blocks[place]
             start = Evaluate(at[block.places], request.at.stage)
-            state = attended(
-                desk,
-                find_equilibrium(
-                    start, block.free, request.step_length, request.settings, convexified=False
-                ),
+            length, settings = request.step_length, request.settings
+            return attended(
+                desk, find_equilibrium(start, block.free, length, settings, convexified=False)
             )
-            # A block that stalls may have folded a cell to nothing, where no hinge has an angle.
-            if state.outcome is not Outcome.stalled:
-                at[block.places] = state.configuration
-            share += state.iterations * len(block.free.unknowns) / len(free.unknowns)
+
+        for together in rounds(forces, pieces.meeting):
+            for place, state in zip(together, self._threads.each(settled, together), strict=True):
+                block, _ = pieces.blocks[place]
+                # A block that stalls may have folded a cell to nothing, where no hinge has an
+                # angle.
+                if state.outcome is not Outcome.stalled:
+                    at[block.places] = state.configuration
+                share += state.iterations * len(block.free.unknowns) / len(request.free.unknowns)
         return Evaluate(at, request.at.stage), share
+
+    def _in_pieces(self, free: FreeStiffness) -> "_Pieces":
+        if free not in self._pieces:
+            found = list(blocks(free))
+            desks = [
+                Desk(block.free.shape, block.fabric(self._whole), self._method, self._factorisers)
+                for block in found
+            ]
+            meeting = meet(found, free.shape.unknowns)
+            self._pieces[free] = _Pieces(list(zip(found, desks, strict=True)), meeting)
+        return self._pieces[free]
+
+
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """A sample in blocks, a desk for each, and which of them meet."""
+
+    blocks: list[tuple[Block, Desk]]
+    meeting: Bool[np.ndarray, "block block"]
 
 
 def run(
     shape: MeshShape, fabric: Fabric, solver: Solver[Result], method: str | None = None
 ) -> Result:
-    """Run the solver of one fabric to its end and return what it returns."""
-    return attended(Desk(shape, fabric, method), solver)
+    """Run the solver of one fabric to its end and return what it returns.
+
+    As many threads as this process may use share the work; they change no bit of the result.
+    """
+    with one_thread_of_blas():
+        return attended(Desk(shape, fabric, method, threads=Threads(allowed_threads())), solver)
 
 
 def attended(desk: Desk, solver: Solver[Result]) -> Result:

@@ -5,7 +5,9 @@ that was measured in knitlab; CHOLMOD, of the optional ``cvxopt`` under the GPL,
 compared with.
 """
 
+import threading
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from functools import lru_cache
 from typing import Any, Protocol
 
@@ -13,8 +15,10 @@ import numpy as np
 from jaxtyping import Float
 from threadpoolctl import ThreadpoolController
 
+from knitlab.mechanics.multifrontal import Multifrontal
 from knitlab.mechanics.nested_dissection import NestedDissection, nested_dissection
 from knitlab.mechanics.stiffness import FreeStiffness
+from knitlab.mechanics.threads import ALONE, Threads
 
 
 class Factors(Protocol):
@@ -36,14 +40,16 @@ class Factoriser(Protocol):
         """Factor a matrix, or say by ``None`` that it is not positive definite.
 
         Args:
-            entries: its non-zeros. The factors hold until the next call.
+            entries: its non-zeros. The factors hold until the next call by the same thread.
             convexified: whether to factor, if it is not, a matrix nearby that is. Only nested
                 dissection can.
         """
         ...
 
 
-def factoriser(free: FreeStiffness, method: str | None = None) -> Factoriser:
+def factoriser(
+    free: FreeStiffness, method: str | None = None, threads: Threads = ALONE
+) -> Factoriser:
     """Factoriser of the stiffness of a mesh shape's free unknowns.
 
     Its plan is made here; nested dissection keeps it, so that it is made once a mesh shape.
@@ -51,8 +57,14 @@ def factoriser(free: FreeStiffness, method: str | None = None) -> Factoriser:
     Args:
         free: the sparsity.
         method: a key of :data:`METHODS`; nested dissection by default.
+        threads: that may share a factorisation; only nested dissection uses them.
     """
-    return METHODS[method or DEFAULT_METHOD](free)
+    return METHODS[method or DEFAULT_METHOD](free, threads)
+
+
+def one_thread_of_blas() -> AbstractContextManager[object]:
+    """Within it BLAS uses one thread: on small fronts a second costs more than it brings."""
+    return ThreadpoolController().limit(limits=1, user_api="blas")
 
 
 @lru_cache(maxsize=8)
@@ -60,14 +72,15 @@ def _plan(free: FreeStiffness) -> NestedDissection:
     return nested_dissection(free.indptr, free.indices, *free.grid)
 
 
-def _nested_dissection(free: FreeStiffness) -> Factoriser:
-    plan, threads = _plan(free), ThreadpoolController()
-    workspace = plan.workspace()
+def _nested_dissection(free: FreeStiffness, threads: Threads) -> Factoriser:
+    plan, own = _plan(free), threading.local()
 
     def factorise(entries: Entries, convexified: bool = False) -> Factors | None:
-        # On small fronts a second thread costs more than it brings.
-        with threads.limit(limits=1, user_api="blas"):
-            return plan.factorise(entries, convexified, workspace)
+        # What factors for several threads at the same time has memory for each.
+        if not hasattr(own, "factors"):
+            own.factors = Multifrontal(plan, threads)
+        factors: Multifrontal = own.factors
+        return factors if factors.factorise(entries, convexified) else None
 
     return factorise
 
@@ -83,7 +96,7 @@ class _CholmodFactors:
         return np.array(solution).ravel()
 
 
-def _cholmod(free: FreeStiffness) -> Factoriser:
+def _cholmod(free: FreeStiffness, threads: Threads) -> Factoriser:
     from cvxopt import cholmod, matrix, spmatrix
 
     size = len(free.unknowns)
@@ -91,15 +104,13 @@ def _cholmod(free: FreeStiffness) -> Factoriser:
     lower = spmatrix(1.0, free.indices.tolist(), columns.tolist(), (size, size))
     cholmod.options["supernodal"] = 2
     factor = cholmod.symbolic(lower)
-    threads = ThreadpoolController()
 
     def factorise(entries: Entries, convexified: bool = False) -> Factors | None:
         if not np.isfinite(entries).all():
             return None
         lower.V = matrix(entries)
         try:
-            with threads.limit(limits=1, user_api="blas"):
-                cholmod.numeric(lower, factor)
+            cholmod.numeric(lower, factor)
         except ArithmeticError:
             return None
         return _CholmodFactors(cholmod, factor, matrix)
@@ -107,7 +118,7 @@ def _cholmod(free: FreeStiffness) -> Factoriser:
     return factorise
 
 
-METHODS: dict[str, Callable[[FreeStiffness], Factoriser]] = {
+METHODS: dict[str, Callable[[FreeStiffness, Threads], Factoriser]] = {
     "nested_dissection": _nested_dissection,
     "cholmod": _cholmod,
 }

@@ -10,7 +10,8 @@ elements of no stiffness.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
+from itertools import chain, pairwise
 
 import jax
 import jax.numpy as jnp
@@ -25,6 +26,7 @@ from knitlab.mechanics.element_stiffness import (
     wall_stiffness,
 )
 from knitlab.mechanics.evaluation import ElementHessians, Evaluation, Stage
+from knitlab.mechanics.threads import ALONE, Threads
 from knitlab.model.energy import Energy, hinge_energy, spring_energy, wall_energy
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Elements, MeshShape, network
@@ -35,6 +37,8 @@ fabric, where they are most."""
 SPRINGS, HINGES = 4 * HEIGHTS, 2 * HEIGHTS
 VECTORS = 3 * SPRINGS + 15 * HINGES + HEIGHTS
 """Numbers that the energy of a portion hangs on."""
+WORTH_SHARING = 8
+"""Portions from which on a second thread brings more than it costs."""
 
 Places = Int[np.ndarray, " place"]
 Vectors = tuple[Float[Array, "1 3 spring"], Float[Array, "5 3 hinge"], Float[Array, " node"]]
@@ -50,20 +54,46 @@ Acting = Float[np.ndarray, "3"]
 
 
 @dataclass(frozen=True, eq=False)
+class Share:
+    """Portions that one thread works on.
+
+    Attributes:
+        first: the first of them.
+        count: how many they are.
+        incidence: constant matrix from configurations to their vectors.
+        transposed: the same, from gradients by the vectors to those by the configuration.
+    """
+
+    first: int
+    count: int
+    incidence: sp.csr_array
+    transposed: sp.csr_array
+
+    @property
+    def portions(self) -> range:
+        """Which they are."""
+        return range(self.first, self.first + self.count)
+
+    def vectors(
+        self, configuration: Float[np.ndarray, " unknown"]
+    ) -> Float[np.ndarray, "portion vector"]:
+        """Their vectors in a configuration [mm]."""
+        return (self.incidence @ configuration).reshape(self.count, VECTORS)
+
+
+@dataclass(frozen=True, eq=False)
 class Portions:
     """A mesh shape in portions.
 
     Attributes:
         shape: the mesh shape.
         count: number of portions.
-        incidence: constant matrix from configurations to the vectors of all portions.
-        transposed: the same, from gradients by the vectors to those by the configuration.
+        shares: the portions, in one part or, where they are many, in two.
     """
 
     shape: MeshShape
     count: int
-    incidence: sp.csr_array
-    transposed: sp.csr_array
+    shares: tuple[Share, ...]
 
 
 @lru_cache(maxsize=16)
@@ -81,7 +111,13 @@ def portions(shape: MeshShape) -> Portions:
     rows, columns, values = (np.concatenate(of) for of in zip(*terms, strict=True))
     incidence = sp.csr_array((values, (rows, columns)), shape=(count * VECTORS, shape.unknowns))
     incidence.eliminate_zeros()
-    return Portions(shape, count, incidence, incidence.T.tocsr())
+    ends = [0, count] if count < WORTH_SHARING else [0, count // 2, count]
+    return Portions(shape, count, tuple(_share(incidence, *ends) for ends in pairwise(ends)))
+
+
+def _share(incidence: sp.csr_array, first: int, end: int) -> Share:
+    own = incidence[first * VECTORS : end * VECTORS]
+    return Share(first, end - first, own, own.T.tocsr())
 
 
 def _first_row(place: Places, per_portion: int, offset: int) -> Places:
@@ -116,15 +152,17 @@ class PortionedFabric:
         portions: those of its mesh shape.
         stiffnesses: of each.
         walls: z_max [mm] and stiffness [N/mm].
+        threads: that look at it.
     """
 
     portions: Portions
     stiffnesses: tuple[Stiffnesses, ...]
     walls: tuple[float, float]
+    threads: Threads = ALONE
 
     @classmethod
-    def of(cls, shape: MeshShape, fabric: Fabric) -> "PortionedFabric":
-        """Lay out a fabric."""
+    def of(cls, shape: MeshShape, fabric: Fabric, threads: Threads = ALONE) -> "PortionedFabric":
+        """Lay out a fabric, for some threads to look at."""
         its = portions(shape)
         numbers = [
             (fabric.rest_length, SPRINGS),
@@ -138,28 +176,33 @@ class PortionedFabric:
             padded = np.pad(np.asarray(number), (0, spare)).reshape(its.count, per_portion)
             columns.append([jnp.asarray(row) for row in padded])
         walls = float(fabric.z_max), float(fabric.k_wall)
-        return cls(its, tuple(zip(*columns, strict=True)), walls)
+        return cls(its, tuple(zip(*columns, strict=True)), walls, threads)
 
     def evaluate(self, stage: Stage, configuration: Float[np.ndarray, " unknown"]) -> Evaluation:
         """What :func:`~knitlab.mechanics.evaluation.evaluate` gives, as NumPy arrays."""
-        acting, vectors = self._acting(stage), self._vectors(configuration)
+        look = partial(self._evaluated, self._acting(stage), configuration)
+        energies, gradients = zip(*self.threads.each(look, self.portions.shares), strict=True)
+        return Evaluation(Energy(*np.sum(energies, axis=0)), np.sum(gradients, axis=0))
+
+    def _evaluated(
+        self, acting: Acting, configuration: Float[np.ndarray, " unknown"], share: Share
+    ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, " unknown"]]:
+        """Energies of a share of the portions, and the gradient of their sum."""
+        vectors = share.vectors(configuration)
         energies, gradient = np.zeros(3), np.empty_like(vectors)
-        for own, here, by_here in zip(self.stiffnesses, vectors, gradient, strict=True):
-            parts, by_vectors = _evaluate(acting, own, _split(here))
+        for portion, here, by_here in zip(share.portions, vectors, gradient, strict=True):
+            parts, by_vectors = _evaluate(acting, self.stiffnesses[portion], _split(here))
             energies += np.asarray(parts)
             for view, part in zip(_split(by_here), by_vectors, strict=True):
                 view[:] = part
-        return Evaluation(Energy(*energies), self.portions.transposed @ gradient.ravel())
+        return energies, share.transposed @ gradient.ravel()
 
     def element_hessians(
         self, stage: Stage, configuration: Float[np.ndarray, " unknown"]
     ) -> ElementHessians:
         """What :func:`~knitlab.mechanics.evaluation.element_hessians` gives, as NumPy arrays."""
-        acting = self._acting(stage)
-        parts = [
-            _element_hessians(acting, own, _split(here))
-            for own, here in zip(self.stiffnesses, self._vectors(configuration), strict=True)
-        ]
+        look = partial(self._hessians, self._acting(stage), configuration)
+        parts = list(chain.from_iterable(self.threads.each(look, self.portions.shares)))
         net = network(self.portions.shape)
         blocks = -(-len(net.hinges.nodes) // LANES)
         return ElementHessians(
@@ -168,14 +211,19 @@ class PortionedFabric:
             np.concatenate([part.walls for part in parts])[: net.shape.nodes],
         )
 
+    def _hessians(
+        self, acting: Acting, configuration: Float[np.ndarray, " unknown"], share: Share
+    ) -> list[ElementHessians]:
+        """Element Hessians of a share of the portions."""
+        vectors = share.vectors(configuration)
+        return [
+            _element_hessians(acting, self.stiffnesses[portion], _split(here))
+            for portion, here in zip(share.portions, vectors, strict=True)
+        ]
+
     def _acting(self, stage: Stage) -> Acting:
         z_max, k_wall = self.walls
         return np.array([float(stage.fold), z_max, float(stage.wall) * k_wall])
-
-    def _vectors(
-        self, configuration: Float[np.ndarray, " unknown"]
-    ) -> Float[np.ndarray, "portion vector"]:
-        return (self.portions.incidence @ configuration).reshape(self.portions.count, VECTORS)
 
 
 def _split(

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from knitlab.mechanics.evaluation import WHOLE
-from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser
+from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser, one_thread_of_blas
 from knitlab.mechanics.loading import all_free
 from knitlab.mechanics.portions import PortionedFabric
 from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
@@ -69,7 +69,8 @@ class Responses:
         """
         whole = PortionedFabric.of(self.free.shape, fabric)
         hessians = whole.element_hessians(WHOLE, configuration)
-        factors = self.factorise(self.free.shifted(self.free.entries(hessians), SHIFT))
+        with one_thread_of_blas():
+            factors = self.factorise(self.free.shifted(self.free.entries(hessians), SHIFT))
         if factors is None:
             raise NoDerivative("the stiffness is not positive definite")
         lower = self.movable.lower(self.movable.entries(hessians))

@@ -4,8 +4,10 @@ import jax
 import numpy as np
 import pytest
 
+from knitlab.mechanics import portions as portions_module
 from knitlab.mechanics.evaluation import Stage, element_hessians, evaluate
 from knitlab.mechanics.portions import HEIGHTS, PortionedFabric, portions
+from knitlab.mechanics.threads import ALONE, Threads
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.reading import Reading
 from tests.fabrics import checkered, shaken
@@ -13,6 +15,15 @@ from tests.fabrics import checkered, shaken
 PART = Stage(fold=0.7, wall=0.3)
 SHEETS = [("clamped", 1), ("clamped", 4), ("periodic", 1), ("periodic", 4)]
 """Of less than one portion, and of some that are not all full."""
+
+
+@pytest.fixture
+def shared(monkeypatch):
+    """Small samples are worth sharing."""
+    monkeypatch.setattr(portions_module, "WORTH_SHARING", 2)
+    portions.cache_clear()
+    yield
+    portions.cache_clear()
 
 
 @pytest.mark.parametrize(("boundary", "periods"), SHEETS)
@@ -41,7 +52,25 @@ def test_the_incidence_of_any_motion_of_the_whole_is_none():
     for axis in (0, 1):
         moved = np.zeros(its.shape.unknowns)
         moved[axis:-2:3] = 1.0
-        assert not (its.incidence @ moved).any()
+        assert not any(share.vectors(moved).any() for share in its.shares)
     moved = np.zeros(its.shape.unknowns)
     moved[2:-2:3] = 1.0
-    assert (its.incidence @ moved).sum() == its.shape.nodes
+    assert sum(share.vectors(moved).sum() for share in its.shares) == its.shape.nodes
+
+
+def test_shares_make_up_all_portions_and_threads_change_no_bit(shared):
+    net, fabric = checkered(4, 4, Reading(boundary="clamped", hinges="all"))
+    its = portions(net.shape)
+    assert [portion for share in its.shares for portion in share.portions] == [*range(its.count)]
+    assert len(its.shares) == 2
+    at = np.array(shaken(flat_sheet(net, fabric), 0.1))
+    alone, threads = (
+        PortionedFabric.of(net.shape, fabric, threads) for threads in (ALONE, Threads(2))
+    )
+    for look in (PortionedFabric.evaluate, PortionedFabric.element_hessians):
+        pairs = (jax.tree.leaves(look(of, PART, at)) for of in (alone, threads))
+        for one, other in zip(*pairs, strict=True):
+            assert np.array_equal(one, other)
+    whole = jax.tree.leaves(evaluate(net, fabric, PART, at))
+    for one, other in zip(jax.tree.leaves(alone.evaluate(PART, at)), whole, strict=True):
+        assert np.allclose(one, other, rtol=1e-12, atol=1e-12)

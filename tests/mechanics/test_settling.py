@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from knitlab.mechanics import blocks as blocks_module
 from knitlab.mechanics import drive, settling
 from knitlab.mechanics.batch import run_in_step
-from knitlab.mechanics.blocks import are_many, blocks
+from knitlab.mechanics.blocks import are_many, blocks, meet, rounds
 from knitlab.mechanics.drive import Desk, attended, run
 from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.evaluation import WHOLE
@@ -18,6 +20,7 @@ from knitlab.mechanics.settling import block_settings, find_settled
 from knitlab.mechanics.solver import Evaluate, Settle
 from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import free_stiffness
+from knitlab.mechanics.threads import ALONE, Threads
 from tests.fabrics import CLAMPED, DEFAULT, ENDLESS, checkered, relaxed
 
 
@@ -77,6 +80,49 @@ def test_blocks_leave_no_free_unknown_out_and_move_no_held_one(small_blocks, sam
     free = free_stiffness(net.shape, loading.unknowns)
     moved = np.unique(np.concatenate([b.places[b.free.unknowns] for b in blocks(free)]))
     np.testing.assert_array_equal(moved, loading.unknowns)
+
+
+def test_blocks_meet_where_one_moves_what_the_other_feels(small_blocks, sample):
+    net, _, loading = sample
+    found = list(blocks(free_stiffness(net.shape, loading.unknowns)))
+    moves = [set(block.places[block.free.unknowns].tolist()) for block in found]
+    feels = [set(block.places.tolist()) for block in found]
+    expected = [
+        [bool(moves[i] & feels[j] or moves[j] & feels[i]) for j in range(len(found))]
+        for i in range(len(found))
+    ]
+    np.testing.assert_array_equal(meet(found, net.shape.unknowns), expected)
+
+
+@given(st.integers(1, 12), st.integers(0, 2**32 - 1), st.floats(0, 1))
+def test_rounds_hold_every_block_once_and_none_that_meet(count, seed, density):
+    random = np.random.default_rng(seed)
+    meeting = random.random((count, count)) < density
+    meeting = meeting | meeting.T | np.eye(count, dtype=bool)
+    forces = random.random(count)
+    found = list(rounds(forces, meeting))
+    assert sorted(block for together in found for block in together) == [*range(count)]
+    for place, together in enumerate(found):
+        assert meeting[np.ix_(together, together)].sum() == len(together)
+        waiting = [block for later in found[place:] for block in later]
+        assert forces[together[0]] == forces[waiting].max()
+
+
+def test_two_threads_settle_blocks_as_one_does(small_blocks, sample, monkeypatch):
+    net, fabric, loading = sample
+    # Smaller blocks yet, of which some do not meet.
+    monkeypatch.setattr(blocks_module, "CELLS", 4)
+    monkeypatch.setattr(blocks_module, "OVERLAP", 1)
+    free = free_stiffness(net.shape, loading.unknowns)
+    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
+    request = Settle(start, free, 0.3, block_settings(DEFAULT))
+    found = list(blocks(free))
+    assert not meet(found, net.shape.unknowns).all()
+    alone, shared = (
+        Desk(net.shape, fabric, threads=threads).answer(request) for threads in (ALONE, Threads(2))
+    )
+    np.testing.assert_array_equal(shared[0].configuration, alone[0].configuration)
+    assert shared[1] == alone[1] > 0
 
 
 def test_settling_lowers_the_energy_and_counts_what_it_cost(small_blocks, sample):

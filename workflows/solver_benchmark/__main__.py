@@ -10,9 +10,11 @@ from pathlib import Path
 
 import click
 
+from knitlab.sweep.workers import WORKER_ENVIRONMENT
 from workflows.solver_benchmark.cube import gathered, read_cube, report, write_cube
 from workflows.solver_benchmark.figures import draw_all
 from workflows.solver_benchmark.measurement import Measurement
+from workflows.solver_benchmark.methods import AS_SWEPT
 from workflows.solver_benchmark.plan import GROUPS, Budget, planned
 
 CUBE = "solvers.nc"
@@ -86,11 +88,14 @@ def _measured(measurement: Measurement, results: Path) -> bool:
     """Make a measurement in a process of its own; whether it left a record."""
     threads = "1" if measurement.task == "sweep" else str(measurement.workers)
     names = ("PJRT_NPROC", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+    environment = dict.fromkeys(names, threads)
+    if measurement.solver == AS_SWEPT:
+        environment = WORKER_ENVIRONMENT | {"OMP_NUM_THREADS": threads}
     module = "workflows.solver_benchmark.one"
     text = json.dumps(asdict(measurement))
     ran = subprocess.run(
         [sys.executable, "-m", module, text, str(results)],
-        env=os.environ | dict.fromkeys(names, threads) | {"JAX_PLATFORMS": "cpu"},
+        env=os.environ | environment | {"JAX_PLATFORMS": "cpu"},
         stderr=subprocess.PIPE,
         text=True,
     )

@@ -30,8 +30,8 @@ TRIAL_DIMS = ("solver", "size", "setting")
 COST = {
     "seconds": (
         "s",
-        "processor time of a search, which runs on one thread, compilation apart; wall time of a"
-        " sweep and of one iteration; missing where the tolerance was not reached",
+        "processor time of a search on one thread, compilation apart; wall time of one on two"
+        " threads, of a sweep and of one iteration; missing where the tolerance was not reached",
     ),
     "compile_seconds": ("s", "time to compile, before the watch started"),
     "residual": ("N", "largest force left on a free unknown; of one iteration, of its solution"),

@@ -14,10 +14,11 @@ from jaxtyping import Float
 from scipy.sparse.linalg import splu
 
 from knitlab.mechanics.evaluation import WHOLE
-from knitlab.mechanics.factorisation import factoriser
+from knitlab.mechanics.factorisation import factoriser, one_thread_of_blas
 from knitlab.mechanics.loading import tensile
 from knitlab.mechanics.portions import PortionedFabric
 from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
+from knitlab.mechanics.threads import Threads, allowed_threads
 from knitlab.sweep.simulation import starts
 from workflows.solver_benchmark.measurement import Measurement, Record
 
@@ -35,9 +36,14 @@ its symbolic one: it has no way to keep it."""
 
 
 def _nested_dissection(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:
-    # As knitlab uses it: one thread of BLAS, whatever the number is else.
-    factorise = factoriser(free, "nested_dissection")
-    return lambda: factorise(entries), lambda factors: factors.solve(right)
+    # As knitlab uses it: threads of its own, and of BLAS one.
+    factorise = factoriser(free, "nested_dissection", Threads(allowed_threads()))
+
+    def factored() -> Any:
+        with one_thread_of_blas():
+            return factorise(entries)
+
+    return factored, lambda factors: factors.solve(right)
 
 
 def _cholmod(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:
@@ -99,7 +105,8 @@ def measure(measurement: Measurement) -> Record:
     (start,) = starts([case], [(net, fabric)])
     if start is None:
         raise RuntimeError("endless fabric did not relax")
-    shape, sample = net.shape, PortionedFabric.of(net.shape, fabric)
+    shape = net.shape
+    sample = PortionedFabric.of(shape, fabric, Threads(allowed_threads()))
     free = free_stiffness(shape, tensile(shape, start).unknowns)
 
     def assembled() -> np.ndarray:

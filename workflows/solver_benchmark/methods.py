@@ -71,7 +71,7 @@ def measure(measurement: Measurement) -> Record:
     began = time.perf_counter()
     chosen.prepare(problem)
     compiled = time.perf_counter() - began
-    watch, reason = Watch(measurement.time_limit), ""
+    watch, reason = Watch(measurement.time_limit, measurement.workers), ""
     values: Record = {}
     try:
         if measurement.task == "tension":
@@ -99,7 +99,8 @@ def measure(measurement: Measurement) -> Record:
 
 def measure_shipped(measurement: Measurement) -> Record:
     """Relax a sample as a sweep does; factorisations are those of the sample itself."""
-    case, watch, reason = measurement.case(), Watch(measurement.time_limit), ""
+    case, reason = measurement.case(), ""
+    watch = Watch(measurement.time_limit, measurement.workers)
     values: Record = {"nodes": case.mesh_shape.nodes, "unknowns": 3 * case.mesh_shape.nodes}
     try:
         state = ours.shipped_relaxation(case, PLAIN, watch)

@@ -10,12 +10,14 @@ import numpy as np
 from knitlab.mechanics.drive import Desk
 from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.evaluation import WHOLE
+from knitlab.mechanics.factorisation import one_thread_of_blas
 from knitlab.mechanics.loading import all_free
 from knitlab.mechanics.relaxation import relax, tiled
 from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Solver, SolverSettings
 from knitlab.mechanics.state import State
 from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.mechanics.tension import stretch
+from knitlab.mechanics.threads import Threads, allowed_threads
 from knitlab.sweep.case import Case
 from workflows.solver_benchmark.problem import (
     Configuration,
@@ -117,7 +119,13 @@ def driven(problem: Problem, solver: Solver[Result], factorisation: str, watch: 
 
     While the solver looks at a fabric that is not yet whole, the watch is paused to see the whole.
     """
-    desk = Desk(problem.shape, problem.fabric, factorisation)
+    with one_thread_of_blas():
+        return _driven(problem, solver, factorisation, watch)
+
+
+def _driven(problem: Problem, solver: Solver[Result], factorisation: str, watch: Watch) -> Result:
+    threads = Threads(allowed_threads())
+    desk = Desk(problem.shape, problem.fabric, factorisation, threads=threads)
     free, answer = all_free(problem.shape), None
     while True:
         try:

@@ -62,9 +62,12 @@ def limit() -> Iterator[Measurement]:
 
 
 def scaling() -> Iterator[Measurement]:
-    """Relaxation and 15 load steps by knitlab, as a sweep does them, on ever larger samples."""
+    """Relaxation and 15 load steps by knitlab, as a sweep does them, on ever larger samples.
+
+    Two threads share each, as they do where a sweep has one case for two processors.
+    """
     for size in GROWING:
-        yield Measurement("tension", AS_SWEPT, size=size)
+        yield Measurement("tension", AS_SWEPT, size=size, workers=2)
 
 
 def iterations() -> Iterator[Measurement]:

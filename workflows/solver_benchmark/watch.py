@@ -21,11 +21,12 @@ class OutOfTime(GivenUp):
 class Watch:
     """Time, work and residual of one search as it goes.
 
-    The time is the processor time of this process: a search runs on one thread, and
-    the time that it waits for a processor is not its own.
+    The time is the processor time of this process where a search runs on one thread, as the time
+    that it waits for a processor is not its own; where two share the work it is that of the clock.
 
     Attributes:
-        limit: processor time after which the search is given up [s].
+        limit: time after which the search is given up [s].
+        threads: that the search runs on.
         evaluations: of energy and gradient.
         factorisations: of the stiffness.
         states: reached so far.
@@ -34,24 +35,30 @@ class Watch:
     """
 
     limit: float
+    threads: int = 1
     evaluations: int = 0
     factorisations: int = 0
     states: int = 0
     residual: float = np.inf
     trace: list[tuple[float, float]] = field(default_factory=list)
-    _began: float = field(default_factory=time.process_time)
+
+    def __post_init__(self) -> None:
+        self._began = self._now()
+
+    def _now(self) -> float:
+        return time.process_time() if self.threads == 1 else time.perf_counter()
 
     @property
     def seconds(self) -> float:
-        """Processor time since the start, pauses not counted [s]."""
-        return time.process_time() - self._began
+        """Time since the start, pauses not counted [s]."""
+        return self._now() - self._began
 
     @contextmanager
     def paused(self) -> Iterator[None]:
         """Do what the search would not have done."""
-        stopped = time.process_time()
+        stopped = self._now()
         yield
-        self._began += time.process_time() - stopped
+        self._began += self._now() - stopped
 
     def sees(self, residual: float, evaluations: int = 1) -> None:
         """Note a residual, and the evaluations since the last.

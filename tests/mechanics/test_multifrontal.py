@@ -3,11 +3,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from jaxtyping import Int
+from jaxtyping import Float, Int
 from scipy.sparse.linalg import spsolve
 
-from knitlab.mechanics import dissection
-from knitlab.mechanics.nested_dissection import Factors, NestedDissection, nested_dissection
+from knitlab.mechanics import dissection, multifrontal
+from knitlab.mechanics.multifrontal import Multifrontal
+from knitlab.mechanics.nested_dissection import Front, NestedDissection, nested_dissection
+from knitlab.mechanics.threads import Threads
 
 OFFSETS = [
     (down, across)
@@ -36,8 +38,20 @@ class Case:
         lower = self.lower
         return nested_dissection(lower.indptr, lower.indices, self.rows, self.columns)
 
-    def factors(self) -> Factors | None:
-        return self.plan.factorise(self.lower.data)
+    def factors(self) -> Multifrontal:
+        return factored(self.plan, self.lower.data)
+
+
+def factored(
+    plan: NestedDissection, entries: Float[np.ndarray, " nonzero"], convexified: bool = False
+) -> Multifrontal:
+    factors = Multifrontal(plan)
+    assert factors.factorise(entries, convexified)
+    return factors
+
+
+def fronts(plan: NestedDissection) -> list[Front]:
+    return [front for part in plan.parts for front in part]
 
 
 def sheet(height: int, width: int, endless: bool = False, held: int = 0) -> Case:
@@ -97,10 +111,10 @@ def case(request: pytest.FixtureRequest) -> Case:
     return request.param
 
 
-def triangle(factors: Factors) -> np.ndarray:
+def triangle(factors: Multifrontal) -> np.ndarray:
     """L as a dense matrix, in the order of elimination."""
-    dense = np.zeros((len(factors.order),) * 2)
-    for front, (pivots, coupling) in zip(factors.fronts, factors.columns, strict=True):
+    dense = np.zeros((len(factors.plan.order),) * 2)
+    for front, (pivots, coupling) in zip(fronts(factors.plan), factors.columns(), strict=True):
         dense[front.pivots, front.pivots] = np.tril(pivots)
         dense[front.boundary, front.pivots] = coupling
     return dense
@@ -124,7 +138,7 @@ def test_it_solves_for_many_columns(case: Case, columns: int) -> None:
 
 def test_the_factor_is_that_of_the_reordered_matrix(case: Case) -> None:
     factors = case.factors()
-    dense = case.matrix.toarray()[np.ix_(factors.order, factors.order)]
+    dense = case.matrix.toarray()[np.ix_(factors.plan.order, factors.plan.order)]
     np.testing.assert_allclose(triangle(factors), np.linalg.cholesky(dense), rtol=0, atol=1e-12)
 
 
@@ -135,35 +149,38 @@ def test_indefinite_matrices_are_told(case: Case) -> None:
     for shift, definite in ((0.999, True), (1.001, False)):
         entries = lower.data.copy()
         entries[diagonal] -= shift * smallest
-        assert (plan.factorise(entries) is not None) == definite
+        assert Multifrontal(plan).factorise(entries) == definite
 
 
 def test_one_bad_pivot_anywhere_is_told() -> None:
     case = sheet(12, 17, endless=True)
-    plan, lower = case.plan, case.lower
+    factors, lower = case.factors(), case.lower
     for column in range(0, len(case.rows), 7):
         for bad in (0.0, -1.0, np.nan):
             entries = lower.data.copy()
             entries[lower.indptr[column]] = bad
-            assert plan.factorise(entries) is None
+            assert not factors.factorise(entries)
 
 
 def test_convexifying_adds_only_where_the_matrix_curves_down(case: Case) -> None:
     plan, lower = case.plan, case.lower
     np.testing.assert_array_equal(
-        triangle(plan.factorise(lower.data, convexified=True)), triangle(case.factors())
+        triangle(factored(plan, lower.data, convexified=True)), triangle(case.factors())
     )
     down = len(case.rows) // 2
     entries = lower.data.copy()
     entries[lower.indptr[down]] *= -1
-    assert plan.factorise(entries) is None
-    factors = plan.factorise(entries, convexified=True)
+    assert not Multifrontal(plan).factorise(entries)
+    factors = factored(plan, entries, convexified=True)
     matrix = sp.csc_array((entries, lower.indices, lower.indptr), shape=lower.shape).toarray()
     matrix += np.tril(matrix, -1).T
-    added = triangle(factors) @ triangle(factors).T - matrix[np.ix_(factors.order, factors.order)]
+    added = (
+        triangle(factors) @ triangle(factors).T
+        - matrix[np.ix_(factors.plan.order, factors.plan.order)]
+    )
     assert np.linalg.eigvalsh(added)[0] > -1e-9
-    (place,) = np.flatnonzero(factors.order == down)
-    (front,) = (f.pivots for f in factors.fronts if f.pivots.start <= place < f.pivots.stop)
+    (place,) = np.flatnonzero(factors.plan.order == down)
+    (front,) = (f.pivots for f in fronts(plan) if f.pivots.start <= place < f.pivots.stop)
     assert added[place, place] > 1
     added[front, front] = 0
     np.testing.assert_allclose(added, 0, atol=1e-9)
@@ -176,32 +193,80 @@ def test_a_single_front_is_convexified_to_its_absolute_eigenvalues() -> None:
     matrix = (vectors * values) @ vectors.T
     lower = case.lower
     columns = np.repeat(np.arange(len(values)), np.diff(lower.indptr))
-    factors = case.plan.factorise(matrix[lower.indices, columns], convexified=True)
-    assert len(factors.fronts) == 1
+    factors = factored(case.plan, matrix[lower.indices, columns], convexified=True)
+    assert len(fronts(factors.plan)) == 1
     convex = (vectors * np.abs(values)) @ vectors.T
     np.testing.assert_allclose(
         triangle(factors) @ triangle(factors).T,
-        convex[np.ix_(factors.order, factors.order)],
+        convex[np.ix_(factors.plan.order, factors.plan.order)],
         atol=1e-12,
     )
 
 
 def test_what_is_not_finite_cannot_be_convexified() -> None:
     case = sheet(12, 17, endless=True)
-    plan, lower = case.plan, case.lower
+    factors, lower = case.factors(), case.lower
     for column in range(0, len(case.rows), 31):
         entries = lower.data.copy()
         entries[lower.indptr[column]] = np.nan
-        assert plan.factorise(entries, convexified=True) is None
+        assert not factors.factorise(entries, convexified=True)
 
 
 def test_a_plan_serves_many_matrices() -> None:
     case = sheet(15, 20, held=1)
     plan, lower = case.plan, case.lower
     rhs = np.ones(len(case.rows))
-    first = plan.factorise(lower.data)
-    second = plan.factorise(2 * lower.data)
+    first, second = factored(plan, lower.data), factored(plan, 2 * lower.data)
     np.testing.assert_allclose(first.solve(rhs), 2 * second.solve(rhs), rtol=1e-12)
+
+
+def test_memory_serves_one_matrix_after_the_other() -> None:
+    case = sheet(15, 20, held=1)
+    lower, rhs = case.lower, np.ones(len(case.rows))
+    factors = case.factors()
+    solution = factors.solve(rhs)
+    entries = lower.data.copy()
+    entries[lower.indptr[len(case.rows) // 3]] = -1.0
+    assert not factors.factorise(entries)
+    assert factors.factorise(2 * lower.data)
+    np.testing.assert_allclose(factors.solve(rhs), solution / 2, rtol=1e-12)
+
+
+def test_the_halves_hand_nothing_to_each_other(case: Case) -> None:
+    first, second, top = case.plan.parts
+    for half in (first, second):
+        own = {id(front) for front in half}
+        assert all(id(child) in own for front in half for child, _ in front.children)
+    assert len(top) == 1
+    places = [
+        np.concatenate([[], *(f.update + np.arange(len(f.boundary) ** 2) for f in half)])
+        for half in (first, second)
+    ]
+    assert not np.intersect1d(*places).size
+
+
+@pytest.mark.parametrize("endless", [False, True])
+def test_the_halves_of_a_sheet_have_as_much_to_do(endless: bool) -> None:
+    first, second, _ = sheet(41, 60, endless=endless).plan.parts
+    work = [
+        sum(front.size * len(front.boundary) ** 2 for front in half) for half in (first, second)
+    ]
+    assert min(work) > 0.8 * max(work)
+
+
+def test_two_threads_change_no_bit(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(multifrontal, "WORTH_SHARING", 0)
+    lower, plan = case.lower, case.plan
+    rhs = np.random.default_rng(1).normal(size=len(case.rows))
+    indefinite = lower.data.copy()
+    indefinite[lower.indptr[:-1][::9]] *= -1
+    alone, shared = Multifrontal(plan), Multifrontal(plan, Threads(2))
+    for entries, convexified in ((lower.data, False), (indefinite, True), (lower.data, False)):
+        for factors in (alone, shared):
+            assert not factors.factorise(indefinite)
+            assert factors.factorise(entries, convexified)
+        np.testing.assert_array_equal(triangle(shared), triangle(alone))
+        np.testing.assert_array_equal(shared.solve(rhs), alone.solve(rhs))
 
 
 @pytest.mark.parametrize("leaf", [1, 4, 10_000])
@@ -230,7 +295,7 @@ def test_ill_conditioned_matrices_are_solved_as_well_as_by_dense_cholesky() -> N
     entries[lower.indptr[:-1]] -= shift
     matrix = case.matrix - shift * sp.eye_array(len(case.rows), format="csc")
     rhs = np.ones(len(case.rows))
-    solution = plan.factorise(entries).solve(rhs)
+    solution = factored(plan, entries).solve(rhs)
     backward = abs(matrix @ solution - rhs).max() / abs(solution).max()
     assert backward < 1e-14 * abs(matrix).max()
 

@@ -1,0 +1,35 @@
+"""Threads of this process that share a task, where its parts are done without the interpreter."""
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+Part = TypeVar("Part")
+Result = TypeVar("Result")
+
+
+class Threads:
+    """A number of threads.
+
+    What is done by them must not ask the same threads again, or it waits for itself.
+
+    Args:
+        count: how many; 1 is this thread alone.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._pool = ThreadPoolExecutor(count) if count > 1 else None
+
+    def each(self, work: Callable[[Part], Result], parts: Iterable[Part]) -> list[Result]:
+        """What ``work`` makes of every part, in order."""
+        return list(self._pool.map(work, parts) if self._pool else map(work, parts))
+
+
+ALONE = Threads(1)
+
+
+def allowed_threads() -> int:
+    """How many threads this process may use: ``OMP_NUM_THREADS``, or all processors it has."""
+    text = os.environ.get("OMP_NUM_THREADS", "")
+    return max(int(text), 1) if text.isdecimal() else len(os.sched_getaffinity(0))
