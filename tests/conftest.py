@@ -1,4 +1,10 @@
-from hypothesis import settings
+import os
+
+# As many processes as there are processors run the tests, so each has one thread.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("PJRT_NPROC", "1")
+
+from hypothesis import settings  # noqa: E402
 
 # A first example may compile a JAX program; speed is the benchmark's business.
 settings.register_profile("knitlab", deadline=None)

@@ -106,7 +106,8 @@ def _echo_excluded(made: "Plan") -> None:
     type=click.IntRange(min=0),
     default=os.cpu_count() or 1,
     show_default="all cores",
-    help="Worker processes on this machine; 0 runs in this process.",
+    help="Worker processes on this machine; 0 runs in this process. Where batches are fewer,"
+    " each has the more threads for a large sample.",
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Use this dask scheduler instead.")
 @click.option(

@@ -226,8 +226,10 @@ def _simulate_all(
     ]
     if not batches:
         return False
-    task = Task(options.simulate, results.resolve(), options.case_timeout)
     workers = min(options.workers, len(batches))
+    # Processors that no batch is left for help those that have one; others' are not known.
+    threads = 1 if options.scheduler else options.workers // max(workers, 1)
+    task = Task(options.simulate, results.resolve(), options.case_timeout, threads)
     with ProgressBar(missing, shown=options.show_progress) as bar:
         try:
             with pool_of(task, workers, options.scheduler, options.dashboard, bar.reached) as pool:

@@ -18,7 +18,8 @@ from knitlab.sweep.case import Case
 from knitlab.sweep.faults import CannotWrite, fault
 from knitlab.sweep.simulation import Progress
 
-# One thread a worker, and a solve cached on disk must not hold host callbacks.
+# One thread a worker, but for what Task.threads says; and a solve cached on disk must not hold host
+# callbacks.
 WORKER_ENVIRONMENT = {
     "PJRT_NPROC": "1",
     "OMP_NUM_THREADS": "1",
@@ -84,11 +85,13 @@ class Task:
         simulate: what simulates a batch.
         results: results folder of the workflow, as the workers see it.
         case_timeout: longest time for each case of a batch, if any [s].
+        threads: that a worker on this machine may use for one large sample.
     """
 
     simulate: Simulate
     results: Path
     case_timeout: float | None = None
+    threads: int = 1
 
     def limit(self, batch: Batch) -> float | None:
         """Longest time for a batch [s]."""
@@ -177,6 +180,9 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
     When its time is up the process ends, for nothing else ends a compiled program.
     """
     worker = get_worker()
+    if task.threads > 1:
+        # Not of the cluster's settings: dask would let this process's own variables go before.
+        os.environ["OMP_NUM_THREADS"] = str(task.threads)
 
     def progress(case_id: str, states: int) -> None:
         worker.log_event(PROGRESS_TOPIC, (case_id, states))
@@ -207,7 +213,7 @@ def pool_of(
 
     Args:
         task: what is done with every batch.
-        workers: processes on this machine, spawned, one thread each; 0 for this process.
+        workers: processes on this machine, spawned; 0 for this process.
         scheduler: address of an existing dask scheduler; it overrides ``workers``.
         dashboard: whether to open dask's dashboard, on this machine alone.
         progress: told, for a case, how many of its states are done.

@@ -15,6 +15,7 @@ import xarray as xr
 
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.measure.wavelength import POINTS
+from knitlab.mechanics.threads import allowed_threads
 from knitlab.sweep.case_file import write_case_file
 from knitlab.sweep.fingerprint import code_fingerprint
 from knitlab.sweep.measurement import variables_of
@@ -22,6 +23,7 @@ from knitlab.sweep.plan import make_plan
 from knitlab.sweep.registry import Status, described
 from knitlab.sweep.run import RunOptions, run_plan
 
+ONE_OF_XLA = os.environ.get("PJRT_NPROC")
 POISONED = 8
 """n_stripe of the designs that the bad stand-ins fail on."""
 FACTORS = 40
@@ -98,6 +100,11 @@ def simulate_once_lost(results, cases, progress):
         mark.touch()
         os.kill(os.getpid(), signal.SIGKILL)
     simulate(results, cases, progress)
+
+
+def simulate_and_tell_threads(results, cases, progress):
+    simulate(results, cases, progress)
+    (results / f"threads-{cases[0].case_id}").write_text(f"{allowed_threads()} {ONE_OF_XLA}")
 
 
 def simulate_unconverged(results, cases, progress):

@@ -21,6 +21,7 @@ from workflows.solver_benchmark.plan import GROUPS, Budget, best_setting, planne
 NODES = {"1x1": 289, "3x2": 1617, "5x3": 3969}
 SLOPE = {"knitlab": 1.2, "dynamics": 2.0}
 DAY = "2026-01-01T00:00:00+00:00"
+MACHINE = {"cpu_model": "Abacus 1"}
 
 
 def made_up_records():
@@ -41,18 +42,25 @@ def made_up_records():
                         "residual": 1e-7 if reached else 1e-3,
                         "date": DAY,
                         "git_commit": "0",
+                        **MACHINE,
                         "first_times": times if reached else times[:9] + [None] * len(times[9:]),
                     }
                     records.append(asdict(measurement) | cost)
                     records[-1]["seconds" if reached else "given_up_after"] = seconds
-    iteration = {"nodes": 289, "reached": True, "date": DAY, "git_commit": "0"}
+    iteration = {"nodes": 289, "reached": True, "date": DAY, "git_commit": "0"} | MACHINE
     for solver, factorise in (("nested_dissection", 2.0), ("pardiso", 1.0)):
         records.append(
             asdict(Measurement("iteration", solver))
             | iteration
             | {"seconds": factorise + 1.0, "factorise_seconds": factorise}
         )
-    trial = {"reached": True, "seconds": 1.0, "evaluations": 9, "date": DAY, "git_commit": "0"}
+    trial = {
+        "reached": True,
+        "seconds": 1.0,
+        "evaluations": 9,
+        "date": DAY,
+        "git_commit": "0",
+    } | MACHINE
     return [*records, asdict(Measurement("tuning", "fire", setting=0.02)) | trial]
 
 
@@ -91,6 +99,28 @@ def test_median_spread_slope_and_ratio_come_of_the_repeats(cube):
     assert float(of.sel(solver="dynamics")["times_slower"]) == pytest.approx(ratio)
 
 
+def test_times_of_two_machines_are_not_compared():
+    records = made_up_records()
+    for record in records:
+        if record["solver"] == "dynamics" and record["size"] == "1x1":
+            record["cpu_model"] = "Abacus 2"
+    cube = cube_of(records)
+    assert cube["measured_on"].attrs["flag_meanings"] == "none Abacus_1 Abacus_2"
+    of = cube.sel(
+        task="tension",
+        boundary="clamped",
+        n_stripe=4,
+        n_subunit=16,
+        workers=1,
+        solver="dynamics",
+    )
+    assert np.isnan(of["times_slower"].sel(size="1x1"))
+    assert of["times_slower"].sel(size="3x2") > 1
+    machines = of["measured_on"].isel(repeat=0)
+    assert int(machines.sel(size="1x1")) == 1
+    assert int(machines.sel(size="3x2")) == 0
+
+
 def test_an_iteration_is_compared_with_the_fastest_factorisation_alone(cube):
     ratio = cube["iteration_over_factorisation"].sel(
         task="iteration", boundary="clamped", n_stripe=4, n_subunit=16, workers=1, size="1x1"
@@ -114,7 +144,13 @@ def test_what_was_not_reached_has_no_time(cube):
 
 def test_of_two_records_that_differ_in_their_setting_the_later_counts():
     early = asdict(Measurement("relaxation", "fire", setting=0.1))
-    early |= {"seconds": 1.0, "nodes": 1, "reached": True, "date": "2026-01-01", "git_commit": "0"}
+    early |= {
+        "seconds": 1.0,
+        "nodes": 1,
+        "reached": True,
+        "date": "2026-01-01",
+        "git_commit": "0",
+    } | MACHINE
     late = early | {"setting": 0.2, "seconds": 2.0, "date": "2026-01-02"}
     cube = cube_of([late, early])
     assert cube["seconds"].item() == 2.0
@@ -123,7 +159,13 @@ def test_of_two_records_that_differ_in_their_setting_the_later_counts():
 
 def test_sweeps_alone_make_a_cube():
     measurement = Measurement("sweep", "knitlab", size="paper", workers=2)
-    cost = {"reached": True, "seconds": 180.0, "designs": 20, "date": DAY, "git_commit": "0"}
+    cost = {
+        "reached": True,
+        "seconds": 180.0,
+        "designs": 20,
+        "date": DAY,
+        "git_commit": "0",
+    } | MACHINE
     cube = cube_of([asdict(measurement) | cost])
     assert cube["seconds_median"].squeeze().item() == 180.0
 

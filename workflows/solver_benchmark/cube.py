@@ -81,6 +81,7 @@ def gathered(results: Path) -> xr.Dataset:
         | {
             "git_commit": " ".join(sorted({record["git_commit"] for record in records})),
             "date": max(record["date"] for record in records),
+            "cpu_model": "; ".join(sorted({record["cpu_model"] for record in records})),
         }
     )
 
@@ -152,6 +153,15 @@ def _costs(frame: pd.DataFrame) -> xr.Dataset:
     nodes = samples.set_index([*SAMPLE_DIMS])["nodes"].astype(float).to_xarray()
     cube["nodes"] = nodes.assign_attrs(units="1", long_name="nodes of the sample")
 
+    models = sorted(set(indexed["cpu_model"]))
+    measured_on = indexed["cpu_model"].map({model: code for code, model in enumerate(models)})
+    cube["measured_on"] = measured_on.to_xarray().fillna(NOT_MEASURED).astype(np.int8)
+    cube["measured_on"].attrs = {
+        "long_name": "processor that it was measured on",
+        "flag_values": np.arange(NOT_MEASURED, len(models), dtype=np.int8),
+        "flag_meanings": " ".join(["none", *(model.replace(" ", "_") for model in models)]),
+    }
+
     seconds = cube["seconds"]
     for name, value, words in (
         ("seconds_median", seconds.median("repeat"), "median time over repeats"),
@@ -161,11 +171,14 @@ def _costs(frame: pd.DataFrame) -> xr.Dataset:
         cube[name] = value.assign_attrs(units="s", long_name=words)
     middle = cube["seconds_median"]
     if COMPARED_TO in middle["solver"]:
-        ratio = middle / middle.sel(solver=COMPARED_TO, drop=True)
-        words = f"median time over that of {COMPARED_TO} for the same"
+        machine_of = cube["measured_on"].max("repeat")
+        same_machine = machine_of == machine_of.sel(solver=COMPARED_TO, drop=True)
+        ours = middle.sel(solver=COMPARED_TO, drop=True).where(same_machine)
+        ratio = middle / ours
+        words = f"median time over that of {COMPARED_TO} for the same on the same machine"
         cube["times_slower"] = ratio.assign_attrs(units="1", long_name=words)
-        least = cube["given_up_after"].max("repeat") / middle.sel(solver=COMPARED_TO, drop=True)
-        words = f"time after which it was given up over the median time of {COMPARED_TO}"
+        least = cube["given_up_after"].max("repeat") / ours
+        words = f"time after which it was given up over the median time of {COMPARED_TO} there"
         cube["times_slower_at_least"] = least.assign_attrs(units="1", long_name=words)
     best = cube["factorise_seconds"].median("repeat").min("solver")
     words = "one iteration over the fastest numeric factorisation alone of the same matrix"
@@ -211,13 +224,18 @@ def _with_first_times(cube: xr.Dataset, frame: pd.DataFrame) -> xr.Dataset:
     return cube
 
 
-def machine() -> dict[str, str | int]:
-    """The machine and the libraries, as attributes."""
+def cpu_model() -> str:
+    """Name of this machine's processor."""
     info = Path("/proc/cpuinfo")
     lines = info.read_text().splitlines() if info.exists() else []
     models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return models[0] if models else platform.processor()
+
+
+def machine() -> dict[str, str | int]:
+    """The machine and the libraries, as attributes."""
     return {
-        "cpu_model": models[0] if models else platform.processor(),
+        "cpu_model": cpu_model(),
         "cpu_cores": os.cpu_count() or 0,
         "memory_bytes": os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"),
         "operating_system": platform.platform(),

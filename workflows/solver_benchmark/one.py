@@ -8,6 +8,7 @@ from pathlib import Path
 
 from knitlab.sweep.provenance import git_commit
 from workflows.solver_benchmark import limit, many, methods
+from workflows.solver_benchmark.cube import cpu_model
 from workflows.solver_benchmark.measurement import Measurement
 
 MEASURES = {
@@ -29,6 +30,7 @@ def main(text: str, results: str) -> None:
         "peak_memory": resource.getrusage(who).ru_maxrss * 1024,
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "git_commit": git_commit(),
+        "cpu_model": cpu_model(),
     }
     measurement.write(Path(results), values)
 
