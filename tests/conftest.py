@@ -4,7 +4,7 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("PJRT_NPROC", "1")
 
-from hypothesis import settings  # noqa: E402
+from hypothesis import settings
 
 # A first example may compile a JAX program; speed is the benchmark's business.
 settings.register_profile("knitlab", deadline=None)
