@@ -95,9 +95,9 @@ class Desk:
         for together in rounds(forces, pieces.meeting):
             for place, state in zip(together, self._threads.each(settled, together), strict=True):
                 block, _ = pieces.blocks[place]
-                # A block that stalls may have folded a cell to nothing, where no hinge has an
-                # angle.
-                if state.outcome is not Outcome.stalled:
+                # A block that stalls, or ends further from rest than any was, may have folded a
+                # cell to nothing, where no hinge has an angle.
+                if state.outcome is not Outcome.stalled and state.residual <= forces.max():
                     at[block.places] = state.configuration
                 share += state.iterations * len(block.free.unknowns) / len(request.free.unknowns)
         return Evaluate(at, request.at.stage), share

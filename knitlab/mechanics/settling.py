@@ -53,7 +53,7 @@ def find_settled(
             convexified,
         )
         spent += state.iterations
-        if state.outcome is Outcome.stalled and not state.iterations:
+        if state.outcome is Outcome.stalled:
             # What its blocks came to is no place to start from.
             rest = replace(settings, max_iterations=max(left, 1))
             whole = yield from find_equilibrium(before, free, step_length, rest, floor, convexified)

@@ -188,6 +188,28 @@ def test_endless_fabric_and_small_samples_have_no_blocks():
     assert are_many(checkered(4, 2, CLAMPED, unit_cells=(5, 3))[0].shape)
 
 
+def test_where_a_search_stalls_after_its_blocks_the_whole_goes_on_without_them(
+    small_blocks, sample, monkeypatch
+):
+    net, fabric, loading = sample
+    free = free_stiffness(net.shape, loading.unknowns)
+    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
+    starts = []
+
+    def stalling_at_first(at, *rest):
+        starts.append(at)
+        state = yield from find_equilibrium(at, *rest)
+        return replace(state, outcome=Outcome.stalled) if len(starts) == 1 else state
+
+    monkeypatch.setattr(settling, "find_equilibrium", stalling_at_first)
+    solver = find_settled(start, free, 0.3, DEFAULT, convexified=False)
+    state = run(net.shape, fabric, solver)
+    assert state.outcome is Outcome.converged
+    assert len(starts) == 2
+    assert starts[0] is not start
+    assert starts[1] is start
+
+
 class FoldedToNothing(Desk):
     """A desk whose blocks come to a sheet in one point, where no hinge has an angle."""
 
@@ -209,7 +231,12 @@ def test_where_blocks_fold_a_cell_to_nothing_the_whole_goes_on_without_them(smal
     np.testing.assert_allclose(state.configuration, whole.configuration, atol=1e-7)
 
 
-def test_a_block_that_stalls_stays_where_it_was(small_blocks, sample, monkeypatch):
+@pytest.mark.parametrize(
+    ("outcome", "residual"), [(Outcome.stalled, 1e-3), (Outcome.iteration_limit, 1e5)]
+)
+def test_a_block_that_comes_to_no_rest_stays_where_it_was(
+    small_blocks, sample, monkeypatch, outcome, residual
+):
     net, fabric, loading = sample
     free = free_stiffness(net.shape, loading.unknowns)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
@@ -217,7 +244,7 @@ def test_a_block_that_stalls_stays_where_it_was(small_blocks, sample, monkeypatc
     def stalling(at, *_, **__):
         evaluation = yield at
         nowhere = np.zeros_like(at.configuration)
-        return State(nowhere, evaluation.energy, evaluation.gradient, Outcome.stalled, 1.0, 7)
+        return State(nowhere, evaluation.energy, evaluation.gradient, outcome, residual, 7)
 
     monkeypatch.setattr(drive, "find_equilibrium", stalling)
     request = Settle(start, free, 0.3, block_settings(DEFAULT))

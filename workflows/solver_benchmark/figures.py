@@ -45,6 +45,8 @@ def time_against_size(cube: xr.Dataset) -> Figure | None:
     if "tension" not in cube.get("task", ()):
         return None
     of = _one_design(cube).sel(task="tension", boundary="clamped")
+    if not of["seconds_median"].notnull().any():
+        return None
     figure = Figure(figsize=(ONE_COLUMN, HEIGHT_WITH_LEGEND), layout="constrained")
     axes = figure.subplots()
     for solver in _shown(of):
