@@ -191,6 +191,28 @@ def test_figures_say_who_was_given_up(cube):
         assert all(("given up" in label) == ("dynamics" in label) for label in labels)
 
 
+def test_where_nothing_was_reached_no_times_are_drawn():
+    (record,) = (
+        record
+        for record in made_up_records()
+        if record["solver"] == "dynamics"
+        and (record["task"], record["size"], record["repeat"]) == ("tension", "5x3", 0)
+    )
+    assert FIGURES["time_against_size"](cube_of([record])) is None
+
+
+def test_what_a_sweep_does_on_two_threads_is_drawn(cube):
+    swept = [
+        asdict(Measurement("tension", "knitlab_as_swept", size=size, workers=2))
+        | {"seconds": 1e-4 * nodes, "nodes": nodes, "reached": True, "date": DAY}
+        | {"git_commit": "0", **MACHINE}
+        for size, nodes in NODES.items()
+    ]
+    figure = FIGURES["time_against_size"](cube_of([*made_up_records(), *swept]))
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "knitlab, from endless fabric, 2 threads, $s$ = 1.00" in labels
+
+
 def test_a_record_stands_unless_it_was_given_up_too_soon(tmp_path):
     measurement = Measurement("relaxation", "fire", time_limit=10.0)
     assert measurement.record(tmp_path) is None
