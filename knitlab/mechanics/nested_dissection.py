@@ -135,12 +135,11 @@ def _plan(
     outside = row >= starts[front + 1]
     keys = front[outside] * len(order) + row[outside]
     boundaries, parents = _boundaries(np.unique(keys), starts, owner)
-    work = sizes * np.array([len(boundary) for boundary in boundaries]) ** 2
-    middle = _middle(np.array(parents), work)
+    lengths = np.array([len(boundary) for boundary in boundaries])
+    middle = _middle(np.array(parents), sizes * lengths**2)
     fronts, stack = _fronts(starts, boundaries, parents, middle)
 
     stored = np.array([front.stored for front in fronts])
-    lengths = np.array([len(boundary) for boundary in boundaries])
     within = column - starts[front]
     places = stored[front] + within * sizes[front] + row - starts[front]
     boundary_keys = np.repeat(np.arange(len(sizes)), lengths) * len(order)
