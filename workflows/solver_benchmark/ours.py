@@ -74,6 +74,7 @@ def knitlab(
             start(problem, watch),
         )
         test = driven(problem, solver, factorisation, watch)
+        watch.states = sum(state.converged for state in test.states)
         return [_reached(state) for state in test.states]
 
     pull = partial(pull_by, _search(its, factorisation), relaxed) if direct else path
