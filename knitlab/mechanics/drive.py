@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from queue import SimpleQueue
 from typing import Any, TypeVar
 
 import jax
@@ -10,6 +12,7 @@ from jaxtyping import Bool
 
 from knitlab.mechanics.batch import run_in_step
 from knitlab.mechanics.blocks import Block, blocks, meet, rounds
+from knitlab.mechanics.companion import Companion, Errand, Piece
 from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.evaluation import Evaluation
 from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser, one_thread_of_blas
@@ -20,6 +23,9 @@ from knitlab.mechanics.stiffness import FreeStiffness
 from knitlab.mechanics.threads import ALONE, Threads, allowed_threads
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
+
+MOST_COMPANIONS = 7
+"""Of one sample; each takes some 400 MB."""
 
 Result = TypeVar("Result")
 
@@ -32,7 +38,7 @@ class Desk:
         fabric: its numbers.
         method: of factorisation; nested dissection by default.
         factorisers: those that there are, to be added to.
-        threads: that share the work.
+        threads: that share the work; where blocks settle, all but one have a companion do theirs.
     """
 
     def __init__(
@@ -82,19 +88,23 @@ class Desk:
         pieces = self._in_pieces(request.free)
         at, share = request.at.configuration.copy(), 0.0
         gradient = np.asarray(self._fabric.evaluate(request.at.stage, at).gradient)
-        forces = np.array([block.force(gradient) for block, _ in pieces.blocks])
+        forces = np.array([block.force(gradient) for block in pieces.blocks])
+        sides = self._sides
 
         def settled(place: int) -> State:
-            block, desk = pieces.blocks[place]
-            start = Evaluate(at[block.places], request.at.stage)
-            length, settings = request.step_length, request.settings
-            return attended(
-                desk, find_equilibrium(start, block.free, length, settings, convexified=False)
-            )
+            start = Evaluate(at[pieces.blocks[place].places], request.at.stage)
+            name = pieces.number, place
+            errand = Errand(name, start, request.step_length, request.settings)
+            side = sides.get()
+            try:
+                state = side.settle(errand, pieces.pieces[place]) if side else None
+                return state or settled_block(*pieces.desks[place], errand)
+            finally:
+                sides.put(side)
 
         for together in rounds(forces, pieces.meeting):
             for place, state in zip(together, self._threads.each(settled, together), strict=True):
-                block, _ = pieces.blocks[place]
+                block = pieces.blocks[place]
                 # A block that stalls, or ends further from rest than any was, may have folded a
                 # cell to nothing, where no hinge has an angle.
                 if state.outcome is not Outcome.stalled and state.residual <= forces.max():
@@ -105,21 +115,56 @@ class Desk:
     def _in_pieces(self, free: FreeStiffness) -> "_Pieces":
         if free not in self._pieces:
             found = list(blocks(free))
-            desks = [
-                Desk(block.free.shape, block.fabric(self._whole), self._method, self._factorisers)
+            pieces = [
+                Piece(
+                    block.free.shape,
+                    block.free.unknowns,
+                    block.fabric(self._whole),
+                    self._method,
+                )
                 for block in found
             ]
+            desks = [
+                (Desk(piece.shape, piece.fabric, piece.method, self._factorisers), block.free)
+                for piece, block in zip(pieces, found, strict=True)
+            ]
             meeting = meet(found, free.shape.unknowns)
-            self._pieces[free] = _Pieces(list(zip(found, desks, strict=True)), meeting)
+            self._pieces[free] = _Pieces(len(self._pieces), found, pieces, desks, meeting)
         return self._pieces[free]
+
+    @cached_property
+    def _sides(self) -> "SimpleQueue[Companion | None]":
+        """Who can settle a block now: this process (``None``) and its companions."""
+        sides = SimpleQueue[Companion | None]()
+        sides.put(None)
+        for _ in range(min(self._threads.count - 1, MOST_COMPANIONS)):
+            sides.put(Companion())
+        return sides
 
 
 @dataclass(frozen=True, eq=False)
 class _Pieces:
-    """A sample in blocks, a desk for each, and which of them meet."""
+    """A sample in blocks.
 
-    blocks: list[tuple[Block, Desk]]
+    Attributes:
+        number: of this way to cut it, of those that the sample has.
+        blocks: the blocks.
+        pieces: each as a companion has to know it.
+        desks: for each, and what may move of it.
+        meeting: which of them meet.
+    """
+
+    number: int
+    blocks: list[Block]
+    pieces: list[Piece]
+    desks: list[tuple[Desk, FreeStiffness]]
     meeting: Bool[np.ndarray, "block block"]
+
+
+def settled_block(desk: Desk, free: FreeStiffness, errand: Errand) -> State:
+    """Where a block comes to rest by itself."""
+    start, longest, settings = errand.start, errand.step_length, errand.settings
+    return attended(desk, find_equilibrium(start, free, longest, settings, convexified=False))
 
 
 def run(

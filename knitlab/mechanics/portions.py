@@ -11,7 +11,7 @@ elements of no stiffness.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from itertools import chain, pairwise
+from itertools import pairwise
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +20,9 @@ import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
 from knitlab.mechanics.element_stiffness import (
+    HINGE_ENTRIES,
     LANES,
+    SPRING_ENTRIES,
     hinge_stiffness,
     spring_stiffness,
     wall_stiffness,
@@ -201,25 +203,37 @@ class PortionedFabric:
         self, stage: Stage, configuration: Float[np.ndarray, " unknown"]
     ) -> ElementHessians:
         """What :func:`~knitlab.mechanics.evaluation.element_hessians` gives, as NumPy arrays."""
-        look = partial(self._hessians, self._acting(stage), configuration)
-        parts = list(chain.from_iterable(self.threads.each(look, self.portions.shares)))
-        net = network(self.portions.shape)
-        blocks = -(-len(net.hinges.nodes) // LANES)
+        count, net = self.portions.count, network(self.portions.shape)
+        filled = ElementHessians(
+            np.empty((len(SPRING_ENTRIES[0]), count * SPRINGS)),
+            np.empty((count * HINGES // LANES, len(HINGE_ENTRIES[0]), LANES)),
+            np.empty(count * HEIGHTS),
+        )
+        fill = partial(self._fill, filled, self._acting(stage), configuration)
+        self.threads.each(fill, self.portions.shares)
         return ElementHessians(
-            np.concatenate([part.springs for part in parts], -1)[:, : len(net.springs.nodes)],
-            np.concatenate([part.hinges for part in parts])[:blocks],
-            np.concatenate([part.walls for part in parts])[: net.shape.nodes],
+            filled.springs[:, : len(net.springs.nodes)],
+            filled.hinges[: -(-len(net.hinges.nodes) // LANES)],
+            filled.walls[: net.shape.nodes],
         )
 
-    def _hessians(
-        self, acting: Acting, configuration: Float[np.ndarray, " unknown"], share: Share
-    ) -> list[ElementHessians]:
-        """Element Hessians of a share of the portions."""
-        vectors = share.vectors(configuration)
-        return [
-            _element_hessians(acting, self.stiffnesses[portion], _split(here))
-            for portion, here in zip(share.portions, vectors, strict=True)
-        ]
+    def _fill(
+        self,
+        filled: ElementHessians,
+        acting: Acting,
+        configuration: Float[np.ndarray, " unknown"],
+        share: Share,
+    ) -> None:
+        """Fill in the element Hessians of a share of the portions."""
+        for portion, here in zip(share.portions, share.vectors(configuration), strict=True):
+            part = _element_hessians(acting, self.stiffnesses[portion], _split(here))
+            springs, hinges, heights = (
+                slice(portion * each, (portion + 1) * each)
+                for each in (SPRINGS, HINGES // LANES, HEIGHTS)
+            )
+            filled.springs[:, springs] = part.springs
+            filled.hinges[hinges] = part.hinges
+            filled.walls[heights] = part.walls
 
     def _acting(self, stage: Stage) -> Acting:
         z_max, k_wall = self.walls

@@ -19,6 +19,7 @@ class Threads:
     """
 
     def __init__(self, count: int) -> None:
+        self.count = count
         self._pool = ThreadPoolExecutor(count) if count > 1 else None
 
     def each(self, work: Callable[[Part], Result], parts: Iterable[Part]) -> list[Result]:
