@@ -134,51 +134,50 @@ def _by_edge_and_normals(
 ) -> tuple[tuple[Vector, Vector], list[list[Matrix]]]:
     """Gradient by the two normals, and Hessian by edge and normals, lower triangle.
 
-    φ is the turn of the second normal about the edge less that of the first: no second derivative
-    of it mixes the normals.
+    φ = atan2(S, C) with S = (n1 × n2)·ê and C = n1·n2, so that with r² = S² + C²:
+    φ_S = C/r², φ_C = −S/r², φ_SS = −φ_CC = −2SC/r⁴, φ_SC = (S² − C²)/r⁴.
     """
     length = jnp.sqrt((edge**2).sum(0))
     along = edge / length
-    lean_1, lean_2 = (before * along).sum(0), (after * along).sum(0)
-    sine = (jnp.cross(before, after, axis=0) * along).sum(0)
-    cosine = (before * after).sum(0) - lean_1 * lean_2
+    turned = jnp.cross(before, after, axis=0)
+    sine, cosine = (turned * along).sum(0), (before * after).sum(0)
     cos_rest, sin_rest = jnp.cos(rest), jnp.sin(rest)
     moment = stiffness * jnp.arctan2(
         sine * cos_rest - cosine * sin_rest, cosine * cos_rest + sine * sin_rest
     )
+    square = sine**2 + cosine**2
+    by_sine, by_cosine = cosine / square, -sine / square
+    bend, twist = -2 * sine * cosine / square**2, (sine**2 - cosine**2) / square**2
+    ss = stiffness * by_sine**2 + moment * bend
+    sc = stiffness * by_sine * by_cosine + moment * twist
+    cc = stiffness * by_cosine**2 - moment * bend
+    of_sine, of_cosine = moment * by_sine, moment * by_cosine
 
-    slopes_1, bends_1 = _turn(before, lean_1, along, length)
-    slopes_2, bends_2 = _turn(after, lean_2, along, length)
-    slopes = slopes_2[0] - slopes_1[0], -slopes_1[1], slopes_2[1]
+    sideways = (turned - along * sine) / length
+    none = jnp.zeros_like(edge)
+    slopes_s = sideways, jnp.cross(after, along, axis=0), jnp.cross(along, before, axis=0)
+    slopes_c = none, after, before
 
     def squares(i: int, j: int) -> Matrix:
-        return _outer(stiffness * slopes[i], slopes[j])
+        right = ss * slopes_s[j] + sc * slopes_c[j]
+        low = sc * slopes_s[j] + cc * slopes_c[j]
+        return _outer(slopes_s[i], right) + _outer(slopes_c[i], low)
 
-    return (moment * slopes[1], moment * slopes[2]), [
-        [squares(0, 0) + moment * (bends_2[0] - bends_1[0])],
-        [squares(1, 0) - moment * bends_1[1], squares(1, 1) - moment * bends_1[2]],
-        [squares(2, 0) + moment * bends_2[1], squares(2, 1), squares(2, 2) + moment * bends_2[2]],
+    across = (jnp.eye(3)[:, :, None] - _outer(along, along)) / length
+    bent = _outer(along, sideways) + _outer(sideways, along)
+    edge_edge = squares(0, 0) - of_sine / length * (bent + sine * across)
+    before_edge = squares(1, 0) + of_sine * _product(_skew(after), across)
+    after_edge = squares(2, 0) - of_sine * _product(_skew(before), across)
+    mixed = squares(2, 1) + of_sine * _skew(along) + of_cosine * jnp.eye(3)[:, :, None]
+    gradient = (
+        of_sine * slopes_s[1] + of_cosine * slopes_c[1],
+        of_sine * slopes_s[2] + of_cosine * slopes_c[2],
+    )
+    return gradient, [
+        [edge_edge],
+        [before_edge, squares(1, 1)],
+        [after_edge, mixed, squares(2, 2)],
     ]
-
-
-def _turn(
-    normal: Vector, lean: Array, along: Vector, length: Array
-) -> tuple[tuple[Vector, Vector], tuple[Matrix, Matrix, Matrix]]:
-    """Derivatives of a normal's turn about the edge, α: by edge and by normal, and the second ones.
-
-    With p = n·ê, m = n − p ê and t = ê × m/|m|² they are α_n = t, α_e = −(p/ℓ) t,
-    α_nn = −(m tᵀ + t mᵀ)/|m|², α_ne = −((p/ℓ) α_nn + ê tᵀ/ℓ) and, but for a part that is the same
-    for every normal, α_ee = ((p² + |m|²/2) α_nn + p (t êᵀ + ê tᵀ))/ℓ².
-    """
-    across = normal - lean * along
-    square = (across**2).sum(0)
-    turn = jnp.cross(along, across, axis=0) / square
-    twist = _outer(across, turn)
-    by_normal = -(twist + _turned(twist)) / square
-    lever = lean / length
-    aside = _outer(along, turn) / length
-    by_edge = (lever**2 + square / (2 * length**2)) * by_normal + lever * (aside + _turned(aside))
-    return (-lever * turn, turn), (by_edge, -(lever * by_normal + aside), by_normal)
 
 
 def _skew(vector: Vector) -> Matrix:

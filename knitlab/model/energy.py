@@ -62,8 +62,7 @@ def fold_from_rest(
     """Signed fold angle of hinges, less its rest value, on the branch nearest zero [rad].
 
     The fold angle is that between the normals of the two cells about their shared edge, positive
-    for a mountain; a normal is the cross product of its cell's diagonals, and of it the part
-    across the edge counts: the normal of a twisted cell leans along the edge. The branch keeps the
+    for a mountain; a normal is the cross product of its cell's diagonals. The branch keeps the
     energy smooth but for a hinge exactly opposite to its rest.
 
     Args:
@@ -82,24 +81,25 @@ def _fold_and_slope(
 ) -> tuple[Float[Array, " *element"], Float[Array, "5 3 *element"]]:
     """The fold angle less its rest value, and its derivative by the vectors.
 
-    φ = atan2(S, C) with S = (n1 × n2)·ê and C = n1·n2 − p1 p2, where p = n·ê. A normal turns about
-    the edge, and φ with it, by t = ê × n/|n − p ê|² for each unit of n, and as the edge ℓ ê itself
-    turns by −(p/ℓ) t for each unit of it.
+    φ = atan2(S, C) with S = (n1 × n2)·ê and C = n1·n2, so that φ_S = C/r² and φ_C = −S/r² with
+    r² = S² + C².
     """
     edge, *diagonals = vectors
+    before = _cross(diagonals[0], diagonals[1])
+    after = _cross(diagonals[2], diagonals[3])
     length = jnp.linalg.norm(edge, axis=0)
     along = edge / length
-    normals = _cross(diagonals[0], diagonals[1]), _cross(diagonals[2], diagonals[3])
-    lean = [(normal * along).sum(0) for normal in normals]
-    before, after = (normal - p * along for normal, p in zip(normals, lean, strict=True))
-    angle = jnp.arctan2((_cross(before, after) * along).sum(0), (before * after).sum(0)) - rest
+    across = _cross(before, after)
+    sine, cosine = (across * along).sum(0), (before * after).sum(0)
+    angle = jnp.arctan2(sine, cosine) - rest
     angle -= 2 * jnp.pi * jnp.round(angle / (2 * jnp.pi))
 
-    by_before = _cross(before, along) / (before**2).sum(0)
-    by_after = _cross(along, after) / (after**2).sum(0)
+    by_sine, by_cosine = jnp.array([cosine, -sine]) / (sine**2 + cosine**2)
+    by_before = by_sine * _cross(after, along) + by_cosine * after
+    by_after = by_sine * _cross(along, before) + by_cosine * before
     slope = jnp.stack(
         [
-            -(lean[0] * by_before + lean[1] * by_after) / length,
+            by_sine * (across - sine * along) / length,
             _cross(diagonals[1], by_before),
             _cross(by_before, diagonals[0]),
             _cross(diagonals[3], by_after),

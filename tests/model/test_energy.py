@@ -2,7 +2,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -114,23 +114,3 @@ def test_an_angle_is_taken_on_the_branch_nearest_its_rest():
     difference = np.asarray(angles - rest)
     nearest = np.arctan2(np.sin(difference), np.cos(difference))
     assert np.allclose(fold_from_rest(vectors, rest), nearest, atol=1e-12)
-
-
-_turns = st.floats(-3, 3)
-
-
-@given(seed=st.integers(0, 2**32 - 1), lean=st.floats(-20, 20), turn=_turns, rest=_turns)
-def test_a_cell_turned_about_the_edge_turns_the_angle_however_twisted_it_is(seed, lean, turn, rest):
-    edge, *diagonals = np.random.default_rng(seed).normal(size=(5, 3))
-    # Diagonals far along the edge on opposite sides twist a cell: its normal leans along the edge.
-    sideways = np.cross(edge, diagonals[2])
-    diagonals[2], diagonals[3] = diagonals[2] - lean * sideways, diagonals[3] + lean * sideways
-    along = edge / np.linalg.norm(edge)
-    normals = np.cross(diagonals[::2], diagonals[1::2])
-    assume((np.linalg.norm(np.cross(along, normals), axis=1) > 1e-3).all())
-    about = Rotation.from_rotvec(turn * along)
-    before = np.array([edge, *diagonals])
-    after = np.array([edge, *diagonals[:2], *about.apply(diagonals[2:])])
-    folds = [float(fold_from_rest(jnp.asarray(v)[..., None], rest)[0]) for v in (before, after)]
-    difference = folds[1] - folds[0] - turn
-    assert np.arctan2(np.sin(difference), np.cos(difference)) == pytest.approx(0, abs=1e-9)
