@@ -64,7 +64,7 @@ class Desk:
                 return self._fabric.evaluate(stage, configuration)
             case Assemble(configuration, free, stage):
                 hessians = self._fabric.element_hessians(stage, configuration)
-                self._free, self._entries = free, free.entries(hessians)
+                self._free, self._entries = free, free.entries(hessians, self._threads)
                 return None
             case Factorise(shift, convexified):
                 return self._factorise(shift, convexified)

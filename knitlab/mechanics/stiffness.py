@@ -9,6 +9,7 @@ unknowns, and after that an assembly is one sparse product.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,6 +17,7 @@ from jaxtyping import Float, Int
 
 from knitlab.mechanics.element_stiffness import HINGE_ENTRIES, LANES, SPRING_ENTRIES
 from knitlab.mechanics.evaluation import ElementHessians
+from knitlab.mechanics.threads import ALONE, Threads
 from knitlab.model.network import Elements, MeshShape, network
 
 
@@ -52,13 +54,26 @@ class FreeStiffness:
         length = self.unknowns >= 3 * self.shape.nodes
         return np.where(length, -1, rows), np.where(length, -1, columns)
 
-    def entries(self, hessians: ElementHessians) -> Float[np.ndarray, " nonzero"]:
+    @cached_property
+    def _halves(self) -> list[list[sp.csr_array]]:
+        """The matrices to the first half of the non-zeros and to the second."""
+        matrices = self.from_springs, self.from_hinges, self.from_walls
+        ends = [0, len(self.indices) // 2, len(self.indices)]
+        return [[_rows(matrix, *ends) for matrix in matrices] for ends in pairwise(ends)]
+
+    def entries(
+        self, hessians: ElementHessians, threads: Threads = ALONE
+    ) -> Float[np.ndarray, " nonzero"]:
         """Non-zeros of the stiffness, from the element Hessians of one configuration [N/mm]."""
-        return (
-            self.from_springs @ np.ravel(hessians.springs)
-            + self.from_hinges @ np.ravel(hessians.hinges)
-            + self.from_walls @ np.ravel(hessians.walls)
-        )
+        sources = [np.ravel(of) for of in (hessians.springs, hessians.hinges, hessians.walls)]
+
+        def summed(matrices: list[sp.csr_array]) -> Float[np.ndarray, " half"]:
+            first, *others = (a @ of for a, of in zip(matrices, sources, strict=True))
+            for other in others:
+                first += other
+            return first
+
+        return np.concatenate(threads.each(summed, self._halves))
 
     def shifted(
         self, entries: Float[np.ndarray, " nonzero"], shift: float
@@ -72,6 +87,16 @@ class FreeStiffness:
         """The lower triangle that has these non-zeros."""
         size = len(self.unknowns)
         return sp.csc_array((entries, self.indices, self.indptr), shape=(size, size))
+
+
+def _rows(matrix: sp.csr_array, first: int, end: int) -> sp.csr_array:
+    """Some rows of a matrix, which share its memory."""
+    places = slice(matrix.indptr[first], matrix.indptr[end])
+    row_ends = matrix.indptr[first : end + 1] - matrix.indptr[first]
+    return sp.csr_array(
+        (matrix.data[places], matrix.indices[places], row_ends),
+        shape=(end - first, matrix.shape[1]),
+    )
 
 
 def free_stiffness(shape: MeshShape, unknowns: Int[np.ndarray, " free"]) -> FreeStiffness:
