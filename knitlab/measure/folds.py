@@ -24,7 +24,7 @@ def fold_angles(
 
     def angles(q: Float[Array, " unknown"]) -> Float[Array, " hinge"]:
         vectors = element_vectors(net.hinges, q)
-        from_rest = fold_from_rest(vectors, fabric.rest_fold, fabric.lean)
+        from_rest = fold_from_rest(vectors, fabric.rest_fold)
         return fabric.rest_fold + from_rest
 
     return jnp.vectorize(angles, signature="(n)->(h)")(configuration)

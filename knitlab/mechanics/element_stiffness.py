@@ -45,7 +45,6 @@ def hinge_stiffness(
     vectors: Float[Array, "5 3 hinge"],
     rest: Float[Array, " hinge"],
     stiffness: Float[Array, " hinge"],
-    lean: Float[Array, ""] | float,
 ) -> Float[Array, "block 171 lane"]:
     """Hessian of ½ k_t (φ − φ0)² by the hinge's six nodes, lower triangle [N/mm].
 
@@ -53,7 +52,6 @@ def hinge_stiffness(
         vectors: see :data:`~knitlab.model.network.HINGE_VECTORS`.
         rest: signed fold angle at rest, φ0.
         stiffness: k_t.
-        lean: see :func:`~knitlab.model.energy.fold_from_rest`.
 
     Returns:
         The entries of :data:`HINGE_ENTRIES`, for blocks of :data:`LANES` hinges; the last block
@@ -68,7 +66,7 @@ def hinge_stiffness(
         jnp.pad(rest, spare).reshape(blocks, LANES),
         jnp.pad(stiffness, spare).reshape(blocks, LANES),
     )
-    return jax.lax.map(lambda block: _hinge_entries(block[0], block[1], block[2], lean), hinges)
+    return jax.lax.map(lambda block: _hinge_entries(*block), hinges)
 
 
 def wall_stiffness(
@@ -82,13 +80,10 @@ _UNFOLDED = np.array([[0, 1, 0], [1, 1, 0], [-1, 1, 0], [1, 1, 0], [-1, 1, 0]])[
 
 
 def _hinge_entries(
-    vectors: Float[Array, "5 3 lane"],
-    rest: Float[Array, " lane"],
-    stiffness: Float[Array, " lane"],
-    lean: Float[Array, ""] | float,
+    vectors: Float[Array, "5 3 lane"], rest: Float[Array, " lane"], stiffness: Float[Array, " lane"]
 ) -> Float[Array, "171 lane"]:
     """By nodes: every node is the start or the end of some of the vectors."""
-    by_vectors = _by_vectors(vectors, rest, stiffness, lean)
+    by_vectors = _by_vectors(vectors, rest, stiffness)
     blocks = {}
     for row in range(6):
         for column in range(row + 1):
@@ -108,16 +103,13 @@ def _hinge_entries(
 
 
 def _by_vectors(
-    vectors: Float[Array, "5 3 lane"],
-    rest: Float[Array, " lane"],
-    stiffness: Float[Array, " lane"],
-    lean: Float[Array, ""] | float,
+    vectors: Float[Array, "5 3 lane"], rest: Float[Array, " lane"], stiffness: Float[Array, " lane"]
 ) -> list[list[Matrix]]:
     """By the edge and the diagonals, through the cross products that the normals are."""
     edge, *diagonals = vectors
     before = jnp.cross(diagonals[0], diagonals[1], axis=0)
     after = jnp.cross(diagonals[2], diagonals[3], axis=0)
-    (by_before, by_after), second = _by_edge_and_normals(edge, before, after, rest, stiffness, lean)
+    (by_before, by_after), second = _by_edge_and_normals(edge, before, after, rest, stiffness)
     # n = d × d′ has ∂n/∂d = −[d′]× and ∂n/∂d′ = [d]×.
     normal = [1, 1, 2, 2]
     slope = [
@@ -138,23 +130,17 @@ def _by_vectors(
 
 
 def _by_edge_and_normals(
-    edge: Vector,
-    before: Vector,
-    after: Vector,
-    rest: Array,
-    stiffness: Array,
-    lean: Array | float,
+    edge: Vector, before: Vector, after: Vector, rest: Array, stiffness: Array
 ) -> tuple[tuple[Vector, Vector], list[list[Matrix]]]:
     """Gradient by the two normals, and Hessian by edge and normals, lower triangle.
 
-    φ = atan2(S, C) with S = (n1 × n2)·ê and C = n1·n2 − λ p1 p2, p = n·ê, so that with
-    r² = S² + C²: φ_S = C/r², φ_C = −S/r², φ_SS = −φ_CC = −2SC/r⁴, φ_SC = (S² − C²)/r⁴.
+    φ = atan2(S, C) with S = (n1 × n2)·ê and C = n1·n2, so that with r² = S² + C²:
+    φ_S = C/r², φ_C = −S/r², φ_SS = −φ_CC = −2SC/r⁴, φ_SC = (S² − C²)/r⁴.
     """
     length = jnp.sqrt((edge**2).sum(0))
     along = edge / length
     turned = jnp.cross(before, after, axis=0)
-    p_1, p_2 = (before * along).sum(0), (after * along).sum(0)
-    sine, cosine = (turned * along).sum(0), (before * after).sum(0) - lean * p_1 * p_2
+    sine, cosine = (turned * along).sum(0), (before * after).sum(0)
     cos_rest, sin_rest = jnp.cos(rest), jnp.sin(rest)
     moment = stiffness * jnp.arctan2(
         sine * cos_rest - cosine * sin_rest, cosine * cos_rest + sine * sin_rest
@@ -168,32 +154,21 @@ def _by_edge_and_normals(
     of_sine, of_cosine = moment * by_sine, moment * by_cosine
 
     sideways = (turned - along * sine) / length
-    across_1, across_2 = before - p_1 * along, after - p_2 * along
-    tilt = p_2 * across_1 + p_1 * across_2
+    none = jnp.zeros_like(edge)
     slopes_s = sideways, jnp.cross(after, along, axis=0), jnp.cross(along, before, axis=0)
-    slopes_c = (
-        -lean * tilt / length,
-        after - lean * p_2 * along,
-        before - lean * p_1 * along,
-    )
+    slopes_c = none, after, before
 
     def squares(i: int, j: int) -> Matrix:
         right = ss * slopes_s[j] + sc * slopes_c[j]
         low = sc * slopes_s[j] + cc * slopes_c[j]
         return _outer(slopes_s[i], right) + _outer(slopes_c[i], low)
 
-    identity, leaning = jnp.eye(3)[:, :, None], of_cosine * lean
-    across = (identity - _outer(along, along)) / length
-    bent = _twice(along, sideways)
-    tilted = _twice(across_1, across_2) - _twice(along, tilt) - 2 * p_1 * p_2 * length * across
+    across = (jnp.eye(3)[:, :, None] - _outer(along, along)) / length
+    bent = _outer(along, sideways) + _outer(sideways, along)
     edge_edge = squares(0, 0) - of_sine / length * (bent + sine * across)
-    edge_edge -= leaning / length**2 * tilted
     before_edge = squares(1, 0) + of_sine * _product(_skew(after), across)
-    before_edge -= leaning * (_outer(along, across_2) / length + p_2 * across)
     after_edge = squares(2, 0) - of_sine * _product(_skew(before), across)
-    after_edge -= leaning * (_outer(along, across_1) / length + p_1 * across)
-    mixed = squares(2, 1) + of_sine * _skew(along)
-    mixed += of_cosine * identity - leaning * _outer(along, along)
+    mixed = squares(2, 1) + of_sine * _skew(along) + of_cosine * jnp.eye(3)[:, :, None]
     gradient = (
         of_sine * slopes_s[1] + of_cosine * slopes_c[1],
         of_sine * slopes_s[2] + of_cosine * slopes_c[2],
@@ -210,10 +185,6 @@ def _skew(vector: Vector) -> Matrix:
     x, y, z = vector
     none = jnp.zeros_like(x)
     return jnp.stack([none, -z, y, z, none, -x, -y, x, none]).reshape(3, 3, -1)
-
-
-def _twice(left: Vector, right: Vector) -> Matrix:
-    return _outer(left, right) + _outer(right, left)
 
 
 def _outer(left: Vector, right: Vector) -> Matrix:

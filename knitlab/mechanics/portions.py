@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -52,8 +51,8 @@ Stiffnesses = tuple[
 ]
 """Of a portion: rest length and stiffness of its springs, rest angle and stiffness of its
 hinges."""
-Acting = Float[np.ndarray, "4"]
-"""Fraction of the rest angles, lean, z_max [mm] and stiffness of the walls [N/mm]."""
+Acting = Float[np.ndarray, "3"]
+"""Fraction of the rest angles, z_max [mm] and stiffness of the walls [N/mm]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,14 +153,12 @@ class PortionedFabric:
     Attributes:
         portions: those of its mesh shape.
         stiffnesses: of each.
-        lean: what the fold angles leave out of the normals' lean along the edge [1].
         walls: z_max [mm] and stiffness [N/mm].
         threads: that look at it.
     """
 
     portions: Portions
     stiffnesses: tuple[Stiffnesses, ...]
-    lean: float
     walls: tuple[float, float]
     threads: Threads = ALONE
 
@@ -181,7 +178,7 @@ class PortionedFabric:
             padded = np.pad(np.asarray(number), (0, spare)).reshape(its.count, per_portion)
             columns.append([jnp.asarray(row) for row in padded])
         walls = float(fabric.z_max), float(fabric.k_wall)
-        return cls(its, tuple(zip(*columns, strict=True)), float(fabric.lean), walls, threads)
+        return cls(its, tuple(zip(*columns, strict=True)), walls, threads)
 
     def evaluate(self, stage: Stage, configuration: Float[np.ndarray, " unknown"]) -> Evaluation:
         """What :func:`~knitlab.mechanics.evaluation.evaluate` gives, as NumPy arrays."""
@@ -240,7 +237,7 @@ class PortionedFabric:
 
     def _acting(self, stage: Stage) -> Acting:
         z_max, k_wall = self.walls
-        return np.array([float(stage.fold), self.lean, z_max, float(stage.wall) * k_wall])
+        return np.array([float(stage.fold), z_max, float(stage.wall) * k_wall])
 
 
 def _split(
@@ -255,12 +252,12 @@ def _split(
 
 def _elements(
     acting: Acting, stiffnesses: Stiffnesses, vectors: Vectors
-) -> tuple[tuple[Any, ...], ...]:
+) -> tuple[tuple[Array, Array, Array], ...]:
     """What the energies of a portion's springs, hinges and heights take."""
     length, k_s, rest, k_t = stiffnesses
     springs, hinges, heights = vectors
-    fold, lean, z_max, k_wall = acting
-    return (springs, length, k_s), (hinges, fold * rest, k_t, lean), (heights, z_max, k_wall)
+    fold, z_max, k_wall = acting
+    return (springs, length, k_s), (hinges, fold * rest, k_t), (heights, z_max, k_wall)
 
 
 @jax.jit

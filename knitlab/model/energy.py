@@ -57,9 +57,7 @@ def spring_energy(
 
 @jax.custom_jvp
 def fold_from_rest(
-    vectors: Float[Array, "5 3 *element"],
-    rest: Float[Array, " *element"],
-    lean: Float[Array, ""] | float,
+    vectors: Float[Array, "5 3 *element"], rest: Float[Array, " *element"]
 ) -> Float[Array, " *element"]:
     """Signed fold angle of hinges, less its rest value, on the branch nearest zero [rad].
 
@@ -71,25 +69,20 @@ def fold_from_rest(
         vectors: the edge and the two diagonals of each cell,
             see :data:`~knitlab.model.network.HINGE_VECTORS`.
         rest: signed fold angle at rest.
-        lean: 0 for the angle between the whole normals, 1 for that between their parts across
-            the edge, see :attr:`~knitlab.model.reading.Reading.fold_angle`. It is a constant: no
-            derivative is taken by it.
     """
-    return _fold_and_slope(vectors, rest, lean)[0]
+    return _fold_and_slope(vectors, rest)[0]
 
 
 _cross = partial(jnp.cross, axis=0)
 
 
 def _fold_and_slope(
-    vectors: Float[Array, "5 3 *element"],
-    rest: Float[Array, " *element"],
-    lean: Float[Array, ""] | float,
+    vectors: Float[Array, "5 3 *element"], rest: Float[Array, " *element"]
 ) -> tuple[Float[Array, " *element"], Float[Array, "5 3 *element"]]:
     """The fold angle less its rest value, and its derivative by the vectors.
 
-    φ = atan2(S, C) with S = (n1 × n2)·ê and C = n1·n2 − λ p1 p2, where p = n·ê and λ is the lean,
-    so that φ_S = C/r² and φ_C = −S/r² with r² = S² + C².
+    φ = atan2(S, C) with S = (n1 × n2)·ê and C = n1·n2, so that φ_S = C/r² and φ_C = −S/r² with
+    r² = S² + C².
     """
     edge, *diagonals = vectors
     before = _cross(diagonals[0], diagonals[1])
@@ -97,19 +90,16 @@ def _fold_and_slope(
     length = jnp.linalg.norm(edge, axis=0)
     along = edge / length
     across = _cross(before, after)
-    along_before, along_after = (before * along).sum(0), (after * along).sum(0)
-    sine = (across * along).sum(0)
-    cosine = (before * after).sum(0) - lean * along_before * along_after
+    sine, cosine = (across * along).sum(0), (before * after).sum(0)
     angle = jnp.arctan2(sine, cosine) - rest
     angle -= 2 * jnp.pi * jnp.round(angle / (2 * jnp.pi))
 
     by_sine, by_cosine = jnp.array([cosine, -sine]) / (sine**2 + cosine**2)
-    by_before = by_sine * _cross(after, along) + by_cosine * (after - lean * along_after * along)
-    by_after = by_sine * _cross(along, before) + by_cosine * (before - lean * along_before * along)
-    tilt = along_after * before + along_before * after - 2 * along_before * along_after * along
+    by_before = by_sine * _cross(after, along) + by_cosine * after
+    by_after = by_sine * _cross(along, before) + by_cosine * before
     slope = jnp.stack(
         [
-            (by_sine * (across - sine * along) - by_cosine * lean * tilt) / length,
+            by_sine * (across - sine * along) / length,
             _cross(diagonals[1], by_before),
             _cross(by_before, diagonals[0]),
             _cross(diagonals[3], by_after),
@@ -121,7 +111,7 @@ def _fold_and_slope(
 
 @fold_from_rest.defjvp
 def _fold_from_rest_slope(
-    primals: tuple[Array, Array, Array], tangents: tuple[Array, Array, Array]
+    primals: tuple[Array, Array], tangents: tuple[Array, Array]
 ) -> tuple[Array, Array]:
     # In closed form the gradient of a fabric's energy takes half the time.
     angle, slope = _fold_and_slope(*primals)
@@ -132,10 +122,9 @@ def hinge_energy(
     vectors: Float[Array, "5 3 *element"],
     rest: Float[Array, " *element"],
     stiffness: Float[Array, " *element"],
-    lean: Float[Array, ""] | float,
 ) -> Float[Array, " *element"]:
     """½ k_t (φ − φ0)² of hinges [N mm] (paper, Eq. 1)."""
-    return 0.5 * stiffness * fold_from_rest(vectors, rest, lean) ** 2
+    return 0.5 * stiffness * fold_from_rest(vectors, rest) ** 2
 
 
 def wall_energy(
@@ -156,7 +145,6 @@ def energy(net: Network, fabric: Fabric, configuration: Float[Array, " unknown"]
         element_vectors(net.hinges, configuration),
         fabric.rest_fold,
         fabric.fold_stiffness,
-        fabric.lean,
     )
     heights = positions(configuration)[:, 2]
     walls = wall_energy(heights, fabric.z_max, fabric.k_wall)

@@ -35,7 +35,6 @@ class Fabric(eqx.Module):
         rest_fold: signed fold angle at rest of every hinge, 0 where flat, positive for a
             mountain [rad].
         fold_stiffness: of every hinge, 0 where the reading puts none [N mm].
-        lean: part of a normal's component along the edge of a hinge that its angle leaves out [1].
         z_max: half the gap between the walls [mm].
         k_wall: penalty stiffness of the walls [N/mm].
         cell: flat size of a grid cell along (x, y) [mm].
@@ -45,7 +44,6 @@ class Fabric(eqx.Module):
     stretch_stiffness: Float[Array, " spring"]
     rest_fold: Float[Array, " hinge"]
     fold_stiffness: Float[Array, " hinge"]
-    lean: Float[Array, ""]
     z_max: Float[Array, ""]
     k_wall: Float[Array, ""]
     cell: Float[Array, "2"]
@@ -137,7 +135,6 @@ class Weave:
             stretch_stiffness=jnp.take(stretch_stiffness, self.spring_kind),
             rest_fold=jnp.asarray(self.fold_sense) * jnp.take(fold, self.hinge_kind),
             fold_stiffness=jnp.asarray(self.hinged) * jnp.take(k_t, self.hinge_kind),
-            lean=jnp.asarray(self.reading.fold_angle == "across_edge", float),
             z_max=jnp.asarray(self.sheet.z_max, float),
             k_wall=jnp.asarray(self.sheet.k_wall, float),
             cell=cell,

@@ -29,7 +29,6 @@ def two_nodes(damping: float, settings: DynamicsSettings) -> tuple[Batch, Course
         stretch_stiffness=jnp.array([STIFFNESS]),
         rest_fold=none,
         fold_stiffness=none,
-        lean=jnp.array(0.0),
         z_max=jnp.array(6.0),
         k_wall=jnp.array(100.0),
         cell=jnp.array([LENGTH, LENGTH]),
