@@ -86,7 +86,7 @@ def blocks(free: FreeStiffness) -> Iterator[Block]:
             within[nodes] = True
             yield Block(
                 places,
-                _stiffness(own, np.flatnonzero(able).tobytes()),
+                block_stiffness(own, np.flatnonzero(able).tobytes()),
                 *(
                     np.flatnonzero(within[elements.nodes].all(axis=1))
                     for elements in (net.springs, net.hinges)
@@ -136,8 +136,11 @@ def rounds(
 
 
 @lru_cache(maxsize=64)
-def _stiffness(shape: MeshShape, unknowns: bytes) -> FreeStiffness:
-    """Kept apart from the stiffness of whole samples, which that of many blocks would drive out."""
+def block_stiffness(shape: MeshShape, unknowns: bytes) -> FreeStiffness:
+    """Sparsity of a block.
+
+    It is kept apart from that of whole samples, which many blocks would drive out.
+    """
     return sparsity(shape, np.frombuffer(unknowns, dtype=np.int64))
 
 

@@ -19,11 +19,11 @@ from jaxtyping import Int
 
 from knitlab.mechanics.solver import Evaluate, SolverSettings
 from knitlab.mechanics.state import State
+from knitlab.mechanics.threads import ONE_THREAD
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
 
 PROGRAM = "knitlab.mechanics.companion_program"
-ENVIRONMENT = {"PJRT_NPROC": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class Companion:
             process = subprocess.Popen(
                 [sys.executable, "-m", PROGRAM, str(theirs.fileno())],
                 pass_fds=[theirs.fileno()],
-                env=os.environ | ENVIRONMENT,
+                env=os.environ | ONE_THREAD,
             )
         self.pid = process.pid
         self._known: set[tuple[int, int]] = set()

@@ -4,15 +4,15 @@ import signal
 import sys
 from multiprocessing.connection import Connection
 
+from knitlab.mechanics.blocks import block_stiffness
 from knitlab.mechanics.companion import Errand, Piece
 from knitlab.mechanics.drive import Desk, settled_block
 from knitlab.mechanics.factorisation import Factoriser, one_thread_of_blas
-from knitlab.mechanics.stiffness import FreeStiffness, sparsity
+from knitlab.mechanics.stiffness import FreeStiffness
 
 
 def serve(pipe: Connection) -> None:
     """Settle what comes through the pipe until it is closed at the other end."""
-    sparsities: dict[tuple[object, bytes], FreeStiffness] = {}
     factorisers: dict[FreeStiffness, Factoriser] = {}
     desks: dict[tuple[int, int], tuple[Desk, FreeStiffness]] = {}
     while True:
@@ -23,11 +23,9 @@ def serve(pipe: Connection) -> None:
         except EOFError:
             return
         if piece is not None:
-            pattern = piece.shape, piece.unknowns.tobytes()
-            if pattern not in sparsities:
-                sparsities[pattern] = sparsity(piece.shape, piece.unknowns)
             desk = Desk(piece.shape, piece.fabric, piece.method, factorisers)
-            desks[errand.name] = desk, sparsities[pattern]
+            free = block_stiffness(piece.shape, piece.unknowns.tobytes())
+            desks[errand.name] = desk, free
         pipe.send(settled_block(*desks[errand.name], errand))
 
 

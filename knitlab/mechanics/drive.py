@@ -25,7 +25,7 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
 
 MOST_COMPANIONS = 7
-"""Of one sample; each takes some 400 MB."""
+"""Of one sample; each takes 0.4 to 0.9 GB."""
 
 Result = TypeVar("Result")
 

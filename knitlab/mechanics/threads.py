@@ -5,6 +5,14 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
+ONE_THREAD = {
+    "PJRT_NPROC": "1",
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+}
+"""Environment of a process that is to keep to one thread."""
+
 Part = TypeVar("Part")
 Result = TypeVar("Result")
 
@@ -15,7 +23,7 @@ class Threads:
     What is done by them must not ask the same threads again, or it waits for itself.
 
     Args:
-        count: how many; 1 is this thread alone.
+        count: how many; 1 is this thread alone. It can be read again.
     """
 
     def __init__(self, count: int) -> None:

@@ -14,19 +14,14 @@ from types import FrameType
 import dask
 from distributed import Client, KilledWorker, LocalCluster, as_completed, get_worker
 
+from knitlab.mechanics.threads import ONE_THREAD
 from knitlab.sweep.case import Case
 from knitlab.sweep.faults import CannotWrite, fault
 from knitlab.sweep.simulation import Progress
 
 # One thread a worker, but for what Task.threads says; and a solve cached on disk must not hold host
 # callbacks.
-WORKER_ENVIRONMENT = {
-    "PJRT_NPROC": "1",
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    "MKL_NUM_THREADS": "1",
-    "EQX_ON_ERROR": "nan",
-}
+WORKER_ENVIRONMENT = ONE_THREAD | {"EQX_ON_ERROR": "nan"}
 PROGRESS_TOPIC = "knitlab-progress"
 TIMED_OUT = ".timed-out-"
 """What the marks begin with that workers leave in a results folder when time is up."""
