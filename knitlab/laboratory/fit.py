@@ -35,8 +35,8 @@ MOST_TESTS = 25
 """Of a search on one branch."""
 MOST_SEARCHES = 4
 """On one branch after the other, from one start."""
-WELL_MET = 1.5
-"""χ² a value at which a test is met, and no other start is tried."""
+WELL_MET = 1.0
+"""χ² a value up to which a test is met, as by the true stripes, and no other start is tried."""
 SAME = 0.5
 """Difference of two tests, in standard errors, up to which they are of the same states."""
 ENOUGH = 1e-3

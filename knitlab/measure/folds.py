@@ -7,8 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from knitlab.model.energy import element_vectors, fold_from_rest
+from knitlab.model.energy import element_vectors
 from knitlab.model.fabric import Fabric
+from knitlab.model.fold_angle import fold_from_rest
 from knitlab.model.network import Network
 
 
@@ -24,7 +25,7 @@ def fold_angles(
 
     def angles(q: Float[Array, " unknown"]) -> Float[Array, " hinge"]:
         vectors = element_vectors(net.hinges, q)
-        from_rest = fold_from_rest(vectors, fabric.rest_fold)
+        from_rest = fold_from_rest(vectors, fabric.rest_fold, fabric.fold_angle)
         return fabric.rest_fold + from_rest
 
     return jnp.vectorize(angles, signature="(n)->(h)")(configuration)

@@ -11,9 +11,12 @@ from jaxtyping import Array, Float
 
 from knitlab.model.energy import wall_energy
 from knitlab.model.network import HINGE_VECTORS
+from knitlab.model.reading import FoldAngle
 
 Vector = Float[Array, "3 element"]
 Matrix = Float[Array, "3 3 element"]
+ByEdgeAndNormals = tuple[tuple[Vector, Vector], list[list[Matrix]]]
+"""Gradient by the two normals, and Hessian by edge and normals, lower triangle."""
 
 LANES = 64
 """Hinges that are worked on together: their intermediate values stay in the fastest cache."""
@@ -45,6 +48,7 @@ def hinge_stiffness(
     vectors: Float[Array, "5 3 hinge"],
     rest: Float[Array, " hinge"],
     stiffness: Float[Array, " hinge"],
+    of: FoldAngle,
 ) -> Float[Array, "block 171 lane"]:
     """Hessian of ½ k_t (φ − φ0)² by the hinge's six nodes, lower triangle [N/mm].
 
@@ -52,6 +56,7 @@ def hinge_stiffness(
         vectors: see :data:`~knitlab.model.network.HINGE_VECTORS`.
         rest: signed fold angle at rest, φ0.
         stiffness: k_t.
+        of: what the fold angles are between.
 
     Returns:
         The entries of :data:`HINGE_ENTRIES`, for blocks of :data:`LANES` hinges; the last block
@@ -66,7 +71,7 @@ def hinge_stiffness(
         jnp.pad(rest, spare).reshape(blocks, LANES),
         jnp.pad(stiffness, spare).reshape(blocks, LANES),
     )
-    return jax.lax.map(lambda block: _hinge_entries(*block), hinges)
+    return jax.lax.map(lambda block: _hinge_entries(block[0], block[1], block[2], of), hinges)
 
 
 def wall_stiffness(
@@ -80,10 +85,13 @@ _UNFOLDED = np.array([[0, 1, 0], [1, 1, 0], [-1, 1, 0], [1, 1, 0], [-1, 1, 0]])[
 
 
 def _hinge_entries(
-    vectors: Float[Array, "5 3 lane"], rest: Float[Array, " lane"], stiffness: Float[Array, " lane"]
+    vectors: Float[Array, "5 3 lane"],
+    rest: Float[Array, " lane"],
+    stiffness: Float[Array, " lane"],
+    of: FoldAngle,
 ) -> Float[Array, "171 lane"]:
     """By nodes: every node is the start or the end of some of the vectors."""
-    by_vectors = _by_vectors(vectors, rest, stiffness)
+    by_vectors = _by_vectors(vectors, rest, stiffness, of)
     blocks = {}
     for row in range(6):
         for column in range(row + 1):
@@ -103,13 +111,17 @@ def _hinge_entries(
 
 
 def _by_vectors(
-    vectors: Float[Array, "5 3 lane"], rest: Float[Array, " lane"], stiffness: Float[Array, " lane"]
+    vectors: Float[Array, "5 3 lane"],
+    rest: Float[Array, " lane"],
+    stiffness: Float[Array, " lane"],
+    of: FoldAngle,
 ) -> list[list[Matrix]]:
     """By the edge and the diagonals, through the cross products that the normals are."""
     edge, *diagonals = vectors
     before = jnp.cross(diagonals[0], diagonals[1], axis=0)
     after = jnp.cross(diagonals[2], diagonals[3], axis=0)
-    (by_before, by_after), second = _by_edge_and_normals(edge, before, after, rest, stiffness)
+    by_edge_and_normals = _BY_EDGE_AND_NORMALS[of]
+    (by_before, by_after), second = by_edge_and_normals(edge, before, after, rest, stiffness)
     # n = d × d′ has ∂n/∂d = −[d′]× and ∂n/∂d′ = [d]×.
     normal = [1, 1, 2, 2]
     slope = [
@@ -129,10 +141,10 @@ def _by_vectors(
     return [[rows[i][j] if j <= i else _turned(rows[j][i]) for j in range(5)] for i in range(5)]
 
 
-def _by_edge_and_normals(
+def _of_whole_normals(
     edge: Vector, before: Vector, after: Vector, rest: Array, stiffness: Array
-) -> tuple[tuple[Vector, Vector], list[list[Matrix]]]:
-    """Gradient by the two normals, and Hessian by edge and normals, lower triangle.
+) -> ByEdgeAndNormals:
+    """Where φ is the angle between whole normals.
 
     φ = atan2(S, C) with S = (n1 × n2)·ê and C = n1·n2, so that with r² = S² + C²:
     φ_S = C/r², φ_C = −S/r², φ_SS = −φ_CC = −2SC/r⁴, φ_SC = (S² − C²)/r⁴.
@@ -141,10 +153,7 @@ def _by_edge_and_normals(
     along = edge / length
     turned = jnp.cross(before, after, axis=0)
     sine, cosine = (turned * along).sum(0), (before * after).sum(0)
-    cos_rest, sin_rest = jnp.cos(rest), jnp.sin(rest)
-    moment = stiffness * jnp.arctan2(
-        sine * cos_rest - cosine * sin_rest, cosine * cos_rest + sine * sin_rest
-    )
+    moment = _moment(sine, cosine, rest, stiffness)
     square = sine**2 + cosine**2
     by_sine, by_cosine = cosine / square, -sine / square
     bend, twist = -2 * sine * cosine / square**2, (sine**2 - cosine**2) / square**2
@@ -178,6 +187,68 @@ def _by_edge_and_normals(
         [before_edge, squares(1, 1)],
         [after_edge, mixed, squares(2, 2)],
     ]
+
+
+def _of_parts_across_edge(
+    edge: Vector, before: Vector, after: Vector, rest: Array, stiffness: Array
+) -> ByEdgeAndNormals:
+    """Where φ is the turn of the second normal about the edge less that of the first.
+
+    No second derivative of it mixes the normals.
+    """
+    length = jnp.sqrt((edge**2).sum(0))
+    along = edge / length
+    lean_1, lean_2 = (before * along).sum(0), (after * along).sum(0)
+    sine = (jnp.cross(before, after, axis=0) * along).sum(0)
+    cosine = (before * after).sum(0) - lean_1 * lean_2
+    moment = _moment(sine, cosine, rest, stiffness)
+
+    slopes_1, bends_1 = _turn(before, lean_1, along, length)
+    slopes_2, bends_2 = _turn(after, lean_2, along, length)
+    slopes = slopes_2[0] - slopes_1[0], -slopes_1[1], slopes_2[1]
+
+    def squares(i: int, j: int) -> Matrix:
+        return _outer(stiffness * slopes[i], slopes[j])
+
+    return (moment * slopes[1], moment * slopes[2]), [
+        [squares(0, 0) + moment * (bends_2[0] - bends_1[0])],
+        [squares(1, 0) - moment * bends_1[1], squares(1, 1) - moment * bends_1[2]],
+        [squares(2, 0) + moment * bends_2[1], squares(2, 1), squares(2, 2) + moment * bends_2[2]],
+    ]
+
+
+def _turn(
+    normal: Vector, lean: Array, along: Vector, length: Array
+) -> tuple[tuple[Vector, Vector], tuple[Matrix, Matrix, Matrix]]:
+    """Derivatives of a normal's turn about the edge, α: by edge and by normal, and the second ones.
+
+    With p = n·ê, m = n − p ê and t = ê × m/|m|² they are α_n = t, α_e = −(p/ℓ) t,
+    α_nn = −(m tᵀ + t mᵀ)/|m|², α_ne = −((p/ℓ) α_nn + ê tᵀ/ℓ) and, but for a part that is the same
+    for every normal, α_ee = ((p² + |m|²/2) α_nn + p (t êᵀ + ê tᵀ))/ℓ².
+    """
+    across = normal - lean * along
+    square = (across**2).sum(0)
+    turn = jnp.cross(along, across, axis=0) / square
+    twist = _outer(across, turn)
+    by_normal = -(twist + _turned(twist)) / square
+    lever = lean / length
+    aside = _outer(along, turn) / length
+    by_edge = (lever**2 + square / (2 * length**2)) * by_normal + lever * (aside + _turned(aside))
+    return (-lever * turn, turn), (by_edge, -(lever * by_normal + aside), by_normal)
+
+
+_BY_EDGE_AND_NORMALS = {
+    "whole_normals": _of_whole_normals,
+    "across_edge": _of_parts_across_edge,
+}
+
+
+def _moment(sine: Array, cosine: Array, rest: Array, stiffness: Array) -> Array:
+    """k_t (φ − φ0) of φ = atan2(sine, cosine), on the branch nearest φ0."""
+    cos_rest, sin_rest = jnp.cos(rest), jnp.sin(rest)
+    return stiffness * jnp.arctan2(
+        sine * cos_rest - cosine * sin_rest, cosine * cos_rest + sine * sin_rest
+    )
 
 
 def _skew(vector: Vector) -> Matrix:

@@ -101,6 +101,6 @@ def element_hessians(
     heights = positions(configuration)[:, 2]
     return ElementHessians(
         spring_stiffness(springs, acting.rest_length, acting.stretch_stiffness),
-        hinge_stiffness(hinges, acting.rest_fold, acting.fold_stiffness),
+        hinge_stiffness(hinges, acting.rest_fold, acting.fold_stiffness, acting.fold_angle),
         wall_stiffness(heights, acting.z_max, acting.k_wall),
     )

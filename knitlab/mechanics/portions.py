@@ -32,6 +32,7 @@ from knitlab.mechanics.threads import ALONE, Threads
 from knitlab.model.energy import Energy, hinge_energy, spring_energy, wall_energy
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Elements, MeshShape, network
+from knitlab.model.reading import FoldAngle
 
 HEIGHTS = 512
 """Nodes in a portion. It also holds the springs and hinges that so many nodes have in endless
@@ -154,12 +155,14 @@ class PortionedFabric:
         portions: those of its mesh shape.
         stiffnesses: of each.
         walls: z_max [mm] and stiffness [N/mm].
+        fold_angle: what its fold angles are between.
         threads: that look at it.
     """
 
     portions: Portions
     stiffnesses: tuple[Stiffnesses, ...]
     walls: tuple[float, float]
+    fold_angle: FoldAngle
     threads: Threads = ALONE
 
     @classmethod
@@ -178,7 +181,8 @@ class PortionedFabric:
             padded = np.pad(np.asarray(number), (0, spare)).reshape(its.count, per_portion)
             columns.append([jnp.asarray(row) for row in padded])
         walls = float(fabric.z_max), float(fabric.k_wall)
-        return cls(its, tuple(zip(*columns, strict=True)), walls, threads)
+        numbered = tuple(zip(*columns, strict=True))
+        return cls(its, numbered, walls, fabric.fold_angle, threads)
 
     def evaluate(self, stage: Stage, configuration: Float[np.ndarray, " unknown"]) -> Evaluation:
         """What :func:`~knitlab.mechanics.evaluation.evaluate` gives, as NumPy arrays."""
@@ -193,7 +197,8 @@ class PortionedFabric:
         vectors = share.vectors(configuration)
         energies, gradient = np.zeros(3), np.empty_like(vectors)
         for portion, here, by_here in zip(share.portions, vectors, gradient, strict=True):
-            parts, by_vectors = _evaluate(acting, self.stiffnesses[portion], _split(here))
+            own = self.stiffnesses[portion]
+            parts, by_vectors = _evaluate(self.fold_angle, acting, own, _split(here))
             energies += np.asarray(parts)
             for view, part in zip(_split(by_here), by_vectors, strict=True):
                 view[:] = part
@@ -226,7 +231,8 @@ class PortionedFabric:
     ) -> None:
         """Fill in the element Hessians of a share of the portions."""
         for portion, here in zip(share.portions, share.vectors(configuration), strict=True):
-            part = _element_hessians(acting, self.stiffnesses[portion], _split(here))
+            own = self.stiffnesses[portion]
+            part = _element_hessians(self.fold_angle, acting, own, _split(here))
             springs, hinges, heights = (
                 slice(portion * each, (portion + 1) * each)
                 for each in (SPRINGS, HINGES // LANES, HEIGHTS)
@@ -260,15 +266,15 @@ def _elements(
     return (springs, length, k_s), (hinges, fold * rest, k_t), (heights, z_max, k_wall)
 
 
-@jax.jit
+@partial(jax.jit, static_argnums=0)
 def _evaluate(
-    acting: Acting, stiffnesses: Stiffnesses, vectors: Vectors
+    of: FoldAngle, acting: Acting, stiffnesses: Stiffnesses, vectors: Vectors
 ) -> tuple[Float[Array, "3"], Vectors]:
     """Energies of a portion, and the gradient of their sum by the vectors."""
 
     def total(at: Vectors) -> tuple[Array, Array]:
         springs, hinges, heights = _elements(acting, stiffnesses, at)
-        parts = spring_energy(*springs), hinge_energy(*hinges), wall_energy(*heights)
+        parts = spring_energy(*springs), hinge_energy(*hinges, of), wall_energy(*heights)
         energies = jnp.stack([part.sum() for part in parts])
         return energies.sum(), energies
 
@@ -276,14 +282,14 @@ def _evaluate(
     return energies, gradient
 
 
-@jax.jit
+@partial(jax.jit, static_argnums=0)
 def _element_hessians(
-    acting: Acting, stiffnesses: Stiffnesses, vectors: Vectors
+    of: FoldAngle, acting: Acting, stiffnesses: Stiffnesses, vectors: Vectors
 ) -> ElementHessians:
     """Element Hessians of a portion."""
     (springs, *of_springs), hinges, heights = _elements(acting, stiffnesses, vectors)
     return ElementHessians(
         spring_stiffness(springs[0], *of_springs),
-        hinge_stiffness(*hinges),
+        hinge_stiffness(*hinges, of),
         wall_stiffness(*heights),
     )

@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from knitlab.model.network import Network, mesh_shape, network
 from knitlab.model.pattern import CELLS_PER_PERIOD, Pattern, fold_senses, inside_runs
-from knitlab.model.reading import Reading
+from knitlab.model.reading import FoldAngle, Reading
 from knitlab.model.stripe import Stripe
 
 
@@ -27,7 +27,9 @@ class Sheet:
 
 
 class Fabric(eqx.Module):
-    """Numbers of one fabric on a network; fabrics of one mesh shape stack into a batch.
+    """Numbers of one fabric on a network.
+
+    Those of one mesh shape, and of one kind of fold angle, stack into a batch.
 
     Attributes:
         rest_length: of every spring [mm].
@@ -38,6 +40,7 @@ class Fabric(eqx.Module):
         z_max: half the gap between the walls [mm].
         k_wall: penalty stiffness of the walls [N/mm].
         cell: flat size of a grid cell along (x, y) [mm].
+        fold_angle: what its fold angles are between.
     """
 
     rest_length: Float[Array, " spring"]
@@ -47,6 +50,7 @@ class Fabric(eqx.Module):
     z_max: Float[Array, ""]
     k_wall: Float[Array, ""]
     cell: Float[Array, "2"]
+    fold_angle: FoldAngle = eqx.field(static=True)
 
 
 class StripeNumbers(eqx.Module):
@@ -138,6 +142,7 @@ class Weave:
             z_max=jnp.asarray(self.sheet.z_max, float),
             k_wall=jnp.asarray(self.sheet.k_wall, float),
             cell=cell,
+            fold_angle=self.reading.fold_angle,
         )
 
 

@@ -8,6 +8,7 @@ FoldPhase = Literal["stripe_centre", "stripe_border"]
 Hinges = Literal["fold_lines", "all"]
 HingeStiffness = Literal["per_edge", "per_length"]
 GarterStart = Literal["mountain", "valley"]
+FoldAngle = Literal["whole_normals", "across_edge"]
 Boundary = Literal["clamped", "periodic"]
 
 
@@ -29,6 +30,11 @@ class Reading:
         garter_start: side to which the first fold of a garter patch points; the first fold of a
             rib patch is a mountain, later ones alternate. An endless checkerboard with folds at
             stripe centres, whose number in a patch is even, is the same either way.
+        fold_angle: what of the normals of two cells the angle about their shared edge is taken
+            between; a cell is no plane, and its normal may lean along the edge.
+            ``"whole_normals"`` is atan2((n1 × n2)·ê, n1·n2), which jumps where normals lean so
+            far that both vanish; ``"across_edge"`` takes their parts across the edge, so that a
+            cell that turns about the edge changes the fold by just that.
         length_scale: factor on the stripes' periods, and so on every grid length [1].
         boundary: ``"clamped"`` sample or ``"periodic"`` endless fabric.
     """
@@ -38,5 +44,6 @@ class Reading:
     hinges: Hinges = "all"
     hinge_stiffness: HingeStiffness = "per_edge"
     garter_start: GarterStart = "mountain"
+    fold_angle: FoldAngle = "whole_normals"
     length_scale: float = 1.0
     boundary: Boundary = "clamped"

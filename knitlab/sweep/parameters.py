@@ -21,6 +21,7 @@ from knitlab.model.electrodes import Along
 from knitlab.model.reading import (
     Boundary,
     CellSize,
+    FoldAngle,
     FoldPhase,
     GarterStart,
     Hinges,
@@ -140,6 +141,7 @@ class ReadingParameters(Strict):
     hinges: Quantity[Hinges, Literal["1"]]
     hinge_stiffness: Quantity[HingeStiffness, Literal["1"]]
     garter_start: Quantity[GarterStart, Literal["1"]]
+    fold_angle: Quantity[FoldAngle, Literal["1"]]
     length_scale: Quantity[PositiveFloat, Literal["1"]]
     boundary: Quantity[Boundary, Literal["1"]]
 

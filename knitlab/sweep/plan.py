@@ -9,6 +9,7 @@ from typing import Any
 
 from knitlab.model.electrode_layout import BadLayout
 from knitlab.model.network import MeshShape
+from knitlab.model.reading import FoldAngle
 from knitlab.sweep.axes import Axis
 from knitlab.sweep.case import Case
 from knitlab.sweep.cases import cases, stripe_files, with_stripe_files
@@ -204,12 +205,12 @@ def _stripes_fingerprint(parameters: Parameters, read: Workflow, axes: tuple[Axi
 
 
 def batched(cases: dict[str, Case]) -> tuple[Batch, ...]:
-    """Cases of one mesh shape together, as many as fit, the longest batches first."""
-    by_shape: dict[MeshShape, list[str]] = defaultdict(list)
+    """Cases that stack together, as many as fit, the longest batches first."""
+    alike: dict[tuple[MeshShape, FoldAngle], list[str]] = defaultdict(list)
     for case_id, case in cases.items():
-        by_shape[case.mesh_shape].append(case_id)
+        alike[case.mesh_shape, case.reading.fold_angle].append(case_id)
     batches = []
-    for shape, members in by_shape.items():
+    for (shape, _), members in alike.items():
         size = max(1, BATCH_UNKNOWNS // shape.unknowns)
         for first in range(0, len(members), size):
             together = tuple(members[first : first + size])

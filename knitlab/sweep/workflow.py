@@ -12,6 +12,7 @@ from knitlab.model.pattern import patch_map
 from knitlab.model.reading import (
     Boundary,
     CellSize,
+    FoldAngle,
     FoldPhase,
     GarterStart,
     Hinges,
@@ -125,6 +126,7 @@ class ModelSection(Changes):
     hinges: Hinges | None = None
     hinge_stiffness: HingeStiffness | None = None
     garter_start: GarterStart | None = None
+    fold_angle: FoldAngle | None = None
     length_scale: PositiveFloat | None = None
     boundary: Boundary | None = None
 

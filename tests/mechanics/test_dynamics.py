@@ -32,6 +32,7 @@ def two_nodes(damping: float, settings: DynamicsSettings) -> tuple[Batch, Course
         z_max=jnp.array(6.0),
         k_wall=jnp.array(100.0),
         cell=jnp.array([LENGTH, LENGTH]),
+        fold_angle="whole_normals",
     )
     inertia = Inertia(jnp.array(MASS), jnp.array(damping))
     start = np.array([0, 0, 0, LENGTH + PULL, 0, 0, 0, 0])

@@ -27,8 +27,9 @@ def shared(monkeypatch):
 
 
 @pytest.mark.parametrize(("boundary", "periods"), SHEETS)
-def test_energy_forces_and_hessians_are_those_of_the_whole(boundary, periods):
-    net, fabric = checkered(4, periods, Reading(boundary=boundary, hinges="all"))
+@pytest.mark.parametrize("angle", ["whole_normals", "across_edge"])
+def test_energy_forces_and_hessians_are_those_of_the_whole(boundary, periods, angle):
+    net, fabric = checkered(4, periods, Reading(boundary=boundary, fold_angle=angle))
     full, spare = divmod(net.shape.nodes, HEIGHTS)
     assert (full > 0) == (periods > 1)
     assert spare or boundary == "periodic"

@@ -1,3 +1,5 @@
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -36,8 +38,9 @@ def whole_stiffness(
     return lower + np.tril(lower, -1).T
 
 
-def test_element_hessians_are_those_of_automatic_differentiation():
-    net, fabric = checkered(4, 1, Reading(boundary="periodic", hinges="all"))
+@pytest.mark.parametrize("angle", ["whole_normals", "across_edge"])
+def test_element_hessians_are_those_of_automatic_differentiation(angle):
+    net, fabric = checkered(4, 1, Reading(boundary="periodic", hinges="all", fold_angle=angle))
     at = shaken(flat_sheet(net, fabric), 0.1)
     springs = element_vectors(net.springs, at)
     numbers = fabric.rest_length, fabric.stretch_stiffness
@@ -47,10 +50,10 @@ def test_element_hessians_are_those_of_automatic_differentiation():
     )
     hinges = element_vectors(net.hinges, at)
     turned = fabric.rest_fold, fabric.fold_stiffness
-    by_vectors = jax.vmap(jax.hessian(hinge_energy), (-1, 0, 0))(hinges, *turned)
+    by_vectors = jax.vmap(jax.hessian(partial(hinge_energy, of=angle)), (-1, 0, 0))(hinges, *turned)
     by_nodes = np.einsum("vn,evrwc,wm->enrmc", HINGE_VECTORS, by_vectors, HINGE_VECTORS)
     exact = by_nodes.reshape(-1, 18, 18)[:, *HINGE_ENTRIES]
-    laned = np.asarray(hinge_stiffness(hinges, *turned)).transpose(0, 2, 1).reshape(-1, 171)
+    laned = np.asarray(hinge_stiffness(hinges, *turned, angle)).transpose(0, 2, 1).reshape(-1, 171)
     assert np.allclose(laned[: len(exact)], exact, atol=1e-13)
     assert not laned[len(exact) :].any()
 

@@ -1,10 +1,11 @@
 import json
 import shutil
+from dataclasses import replace
 
 import pytest
 
 from knitlab.sweep.faults import BadInput
-from knitlab.sweep.plan import make_plan
+from knitlab.sweep.plan import batched, make_plan
 from knitlab.sweep.shipped import shipped
 
 
@@ -35,6 +36,12 @@ def test_a_batch_shares_one_mesh_shape_and_no_case_is_left_out():
         assert batch.estimated_bytes < 2e9
     planned = [case_id for batch in plan.batches for case_id in batch.cases]
     assert sorted(planned) == sorted(plan.cases)
+
+
+def test_cases_of_another_kind_of_fold_angle_are_not_in_one_batch():
+    (case,) = make_plan("preview", ("n_stripe=4", "n_subunit=16")).cases.values()
+    other = replace(case, reading=replace(case.reading, fold_angle="across_edge"))
+    assert len(batched({"one": case, "same": case, "other": other})) == 2
 
 
 def test_overrides_reach_the_case():
