@@ -54,8 +54,14 @@ PROGRESS_ROUND_OFF = 1e-10
 Vector = Float[np.ndarray, " free"]
 
 
-class _Search:
-    """Where a search is, and what it has cost."""
+class Search:
+    """Where a search is, and what it has cost.
+
+    Args:
+        at: configuration to start from, and the stage; its held unknowns stay.
+        now: what it costs there.
+        unknowns: that may move.
+    """
 
     def __init__(self, at: Evaluate, now: Evaluation, unknowns: np.ndarray) -> None:
         self.unknowns = unknowns
@@ -63,12 +69,14 @@ class _Search:
         self.move(at, now)
 
     def move(self, at: Evaluate, now: Evaluation) -> None:
+        """Go on from another configuration, of which is known what it costs."""
         self.at, self.now = at, now
         self.energy = float(now.energy.total)
         self.gradient: Vector = np.asarray(now.gradient)[self.unknowns]
         self.force = float(np.abs(self.gradient).max())
 
     def state(self, outcome: Outcome) -> State:
+        """The state that it has come to."""
         return State(
             configuration=self.at.configuration,
             energy=self.now.energy,
@@ -90,6 +98,29 @@ def find_equilibrium(
 ) -> Solver[State]:
     """Move the free unknowns downhill to a state where no force is left on them.
 
+    Args:
+        start: configuration to start from, and the stage; its held unknowns stay.
+        free: the free unknowns and the sparsity of their stiffness.
+        step_length: as for :func:`to_rest`, and so what follows.
+        settings: tolerance and limits.
+        floor: energy below which the search is broken off [N mm].
+        convexified: whether to convexify the stiffness rather than to raise μ.
+    """
+    search = Search(start, (yield start), free.unknowns)
+    outcome = yield from to_rest(search, free, step_length, settings, floor, convexified)
+    return search.state(outcome)
+
+
+def to_rest(
+    search: Search,
+    free: FreeStiffness,
+    step_length: float,
+    settings: SolverSettings,
+    floor: float = -np.inf,
+    convexified: bool = True,
+) -> Solver[Outcome]:
+    """Take a search to where no force is left.
+
     Every step goes downhill, so that the fabric is followed through snaps towards a minimum
     nearby. Where K + μ I is not positive definite, either it is convexified, which is quick and
     goes far, or μ is raised until it is, which keeps to the valley that the start lies in as a
@@ -98,7 +129,7 @@ def find_equilibrium(
     tested for its force alone: a path that runs straight into a saddle would end there.
 
     Args:
-        start: configuration to start from, and the stage; its held unknowns stay.
+        search: where it is.
         free: the free unknowns and the sparsity of their stiffness.
         step_length: longest change of the vector between neighbouring nodes in a step [mm].
         settings: tolerance and limits.
@@ -106,17 +137,16 @@ def find_equilibrium(
             [N mm].
         convexified: whether to convexify the stiffness rather than to raise μ.
     """
-    search = _Search(start, (yield start), free.unknowns)
     thrift = CONVEXIFIED if convexified else RAISED
     while True:
         if search.force <= settings.tolerance:
-            return search.state(Outcome.converged)
+            return Outcome.converged
         if search.energy < floor:
-            return search.state(Outcome.left_branch)
+            return Outcome.left_branch
         if search.iterations >= settings.max_iterations:
-            return search.state(Outcome.iteration_limit)
+            return Outcome.iteration_limit
         if not np.isfinite(search.force):
-            return search.state(Outcome.stalled)
+            return Outcome.stalled
         yield Assemble(search.at.configuration, free, search.at.stage)
         raised = False
         while True:
@@ -125,10 +155,10 @@ def find_equilibrium(
                 break
             search.shift, raised = max(10 * search.shift, LEAST_RAISED_SHIFT), True
             if search.shift > LARGEST_SHIFT:
-                return search.state(Outcome.stalled)
+                return Outcome.stalled
         descent = yield from _descend(search, free.shape, step_length, settings, floor, thrift)
         if descent.blurred and not descent.steps and search.shift <= settings.smallest_shift:
-            return search.state(Outcome.stalled)
+            return Outcome.stalled
         if descent.blurred or not (descent.blocked or raised):
             search.shift = max(0.1 * search.shift, settings.smallest_shift)
         elif not descent.steps:
@@ -136,7 +166,7 @@ def find_equilibrium(
         elif descent.blocked:
             search.shift *= 2
         if search.shift > LARGEST_SHIFT:
-            return search.state(Outcome.stalled)
+            return Outcome.stalled
 
 
 @dataclass(frozen=True)
@@ -156,7 +186,7 @@ class _Descent:
 
 
 def _descend(
-    search: _Search,
+    search: Search,
     shape: MeshShape,
     step_length: float,
     settings: SolverSettings,
@@ -208,7 +238,7 @@ def _direction(gradient: Vector, memory: deque[tuple[Vector, Vector, float]]) ->
     return direction
 
 
-def _line_search(search: _Search, step: Vector, slope: float) -> Solver[float]:
+def _line_search(search: Search, step: Vector, slope: float) -> Solver[float]:
     """Move by as much of a step as lowers the energy enough; 0 if nothing does."""
     length, energy, force = 1.0, search.energy, search.force
     noise = ENERGY_ROUND_OFF * abs(energy)

@@ -11,15 +11,15 @@ from dataclasses import replace
 import numpy as np
 
 from knitlab.mechanics.blocks import are_many
-from knitlab.mechanics.equilibrium import find_equilibrium
+from knitlab.mechanics.equilibrium import FIRST_SHIFT, Search, find_equilibrium, to_rest
 from knitlab.mechanics.solver import Evaluate, Settle, Solver, SolverSettings
 from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import FreeStiffness
 
 PATIENCE = 10
 """Iterations of the whole after which its blocks settle again."""
-FORCE_LEFT = 1e-4
-"""Force that a block may keep [N]."""
+FORCE_LEFT = 1e-6
+"""Force that a block may keep [N]; where it keeps more, the whole is asked more often."""
 MOST_ITERATIONS = 300
 """Of one block."""
 
@@ -38,29 +38,26 @@ def find_settled(
     """
     if not are_many(free.shape):
         return (yield from find_equilibrium(start, free, step_length, settings, floor, convexified))
-    at, spent = start, 0.0
+    search, of_blocks = Search(start, (yield start), free.unknowns), 0.0
     while True:
-        before = at
-        at, share = yield Settle(at, free, step_length, block_settings(settings))
-        spent += share
-        left = settings.max_iterations - round(spent)
-        state = yield from find_equilibrium(
-            at,
-            free,
-            step_length,
-            replace(settings, max_iterations=max(min(PATIENCE, left), 1)),
-            floor,
-            convexified,
-        )
-        spent += state.iterations
-        if state.outcome is Outcome.stalled:
+        before = search.at
+        at, share = yield Settle(before, free, step_length, block_settings(settings))
+        of_blocks += share
+        search.move(at, (yield at))
+        left = settings.max_iterations - round(of_blocks)
+        until = max(min(search.iterations + PATIENCE, left), search.iterations + 1)
+        briefly = replace(settings, max_iterations=until)
+        outcome = yield from to_rest(search, free, step_length, briefly, floor, convexified)
+        if outcome is Outcome.stalled:
             # What its blocks came to is no place to start from.
-            rest = replace(settings, max_iterations=max(left, 1))
-            whole = yield from find_equilibrium(before, free, step_length, rest, floor, convexified)
-            return replace(whole, iterations=round(spent) + whole.iterations)
-        if state.outcome is not Outcome.iteration_limit or spent >= settings.max_iterations:
-            return replace(state, iterations=round(spent))
-        at = replace(at, configuration=state.configuration)
+            search.move(before, (yield before))
+            search.shift = FIRST_SHIFT
+            rest = replace(settings, max_iterations=max(left, search.iterations + 1))
+            outcome = yield from to_rest(search, free, step_length, rest, floor, convexified)
+        elif outcome is Outcome.iteration_limit and search.iterations < left:
+            continue
+        state = search.state(outcome)
+        return replace(state, iterations=round(of_blocks) + state.iterations)
 
 
 def block_settings(settings: SolverSettings) -> SolverSettings:

@@ -1,5 +1,6 @@
 """Blocks of a large sample: that each is a true piece of it, and that the whole comes to rest."""
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -12,12 +13,12 @@ from knitlab.mechanics import drive, settling
 from knitlab.mechanics.batch import run_in_step
 from knitlab.mechanics.blocks import are_many, blocks, meet, rounds
 from knitlab.mechanics.drive import Desk, attended, run
-from knitlab.mechanics.equilibrium import find_equilibrium
+from knitlab.mechanics.equilibrium import find_equilibrium, to_rest
 from knitlab.mechanics.evaluation import WHOLE
 from knitlab.mechanics.loading import all_free, free_under_tension, tensile
 from knitlab.mechanics.portions import PortionedFabric
 from knitlab.mechanics.settling import block_settings, find_settled
-from knitlab.mechanics.solver import Evaluate, Settle
+from knitlab.mechanics.solver import Evaluate, Factorise, Settle
 from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.mechanics.threads import ALONE, Threads
@@ -196,18 +197,38 @@ def test_where_a_search_stalls_after_its_blocks_the_whole_goes_on_without_them(
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
     starts = []
 
-    def stalling_at_first(at, *rest):
-        starts.append(at)
-        state = yield from find_equilibrium(at, *rest)
-        return replace(state, outcome=Outcome.stalled) if len(starts) == 1 else state
+    def stalling_at_first(search, *rest):
+        starts.append(search.at)
+        outcome = yield from to_rest(search, *rest)
+        return Outcome.stalled if len(starts) == 1 else outcome
 
-    monkeypatch.setattr(settling, "find_equilibrium", stalling_at_first)
+    monkeypatch.setattr(settling, "to_rest", stalling_at_first)
     solver = find_settled(start, free, 0.3, DEFAULT, convexified=False)
     state = run(net.shape, fabric, solver)
     assert state.outcome is Outcome.converged
     assert len(starts) == 2
     assert starts[0] is not start
     assert starts[1] is start
+
+
+class Counting(Desk):
+    """A desk that counts what it is asked for."""
+
+    def answer(self, request):
+        self.counts[type(request)] += 1
+        return super().answer(request)
+
+
+def test_what_all_rounds_cost_is_counted(small_blocks, sample):
+    net, fabric, loading = sample
+    free = free_stiffness(net.shape, loading.unknowns)
+    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
+    desk = Counting(net.shape, fabric)
+    desk.counts = Counter()
+    state = attended(desk, find_settled(start, free, 0.3, DEFAULT, convexified=False))
+    assert state.converged
+    assert desk.counts[Settle] > 1
+    assert state.factorisations == desk.counts[Factorise] > 1
 
 
 class FoldedToNothing(Desk):

@@ -240,4 +240,4 @@ def test_what_took_long_is_not_repeated(tmp_path):
         long = measurement.size == "22x11"
         measurement.write(tmp_path, {"reached": True, "seconds": 50.0 if long else 1.0})
     count = len(list(GROUPS["scaling"]()))
-    assert len(names) == len(set(names)) == 2 * count - 1
+    assert len(names) == len(set(names)) == 2 * count - 2

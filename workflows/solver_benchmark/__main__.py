@@ -14,7 +14,7 @@ from knitlab.sweep.workers import WORKER_ENVIRONMENT
 from workflows.solver_benchmark.cube import gathered, read_cube, report, write_cube
 from workflows.solver_benchmark.figures import draw_all
 from workflows.solver_benchmark.measurement import Measurement
-from workflows.solver_benchmark.methods import AS_SWEPT
+from workflows.solver_benchmark.methods import SWEPT
 from workflows.solver_benchmark.plan import GROUPS, Budget, planned
 
 CUBE = "solvers.nc"
@@ -89,7 +89,7 @@ def _measured(measurement: Measurement, results: Path) -> bool:
     threads = "1" if measurement.task == "sweep" else str(measurement.workers)
     names = ("PJRT_NPROC", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
     environment = dict.fromkeys(names, threads)
-    if measurement.solver == AS_SWEPT:
+    if measurement.solver in SWEPT:
         environment = WORKER_ENVIRONMENT | {"OMP_NUM_THREADS": threads}
     module = "workflows.solver_benchmark.one"
     text = json.dumps(asdict(measurement))

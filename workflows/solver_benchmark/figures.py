@@ -11,18 +11,20 @@ from matplotlib.figure import Figure
 from knitlab.maps.figures import save
 from knitlab.maps.style import ONE_COLUMN, print_style
 from workflows.solver_benchmark.cube import NOT_MEASURED, NOT_REACHED
+from workflows.solver_benchmark.methods import SWEPT
 
 # Okabe and Ito's colours, told apart by the colour-blind; the marker says it once more.
 LOOKS = {
     "knitlab": ("#0072B2", "o", "knitlab"),
     "knitlab_as_swept": ("#CC79A7", "*", "knitlab, from endless fabric, 2 threads"),
+    "knitlab_across_edge": ("#F0E442", "X", "the same, folds across the edge"),
     "knitlab_direct": ("#56B4E9", "s", "knitlab, 3 % steps"),
     "knitlab_cholmod": ("#009E73", "^", "knitlab, CHOLMOD"),
     "lbfgs": ("#E69F00", "D", "L-BFGS"),
     "fire": ("#D55E00", "v", "FIRE"),
     "dynamics": ("#000000", "P", "dynamics, Tsit5"),
 }
-THREADS = {"knitlab_as_swept": 2}
+THREADS = dict.fromkeys(SWEPT, 2)
 """Of what does not run on one."""
 HEIGHT, HEIGHT_WITH_LEGEND = 3.1, 4.0
 SUFFIXES = (".pdf", ".png")

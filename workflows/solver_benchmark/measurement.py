@@ -13,6 +13,8 @@ from knitlab.sweep.plan import make_plan
 Task = Literal["tuning", "relaxation", "tension", "shipped_relaxation", "iteration", "sweep"]
 Record = dict[str, Any]
 
+ACROSS_EDGE = "knitlab_across_edge"
+"""knitlab, starting as a sweep does, of fabrics whose fold angles are taken across the edge."""
 TOLERANCE = 1e-6
 """Largest force that every method may leave on a free unknown [N]."""
 
@@ -77,6 +79,7 @@ class Measurement:
             f"n_subunit={self.n_subunit}",
             f"boundary={self.boundary}",
             f"unit_cells={self.size.replace('x', ',')}",
+            f"fold_angle={'across_edge' if self.solver == ACROSS_EDGE else 'whole_normals'}",
         )
         (case,) = make_plan("preview", (*settings, *overrides)).cases.values()
         return case

@@ -9,7 +9,7 @@ import numpy as np
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.solver import SolverSettings
 from workflows.solver_benchmark import dynamics, fire, lbfgs, ours
-from workflows.solver_benchmark.measurement import TOLERANCE, Measurement, Record
+from workflows.solver_benchmark.measurement import ACROSS_EDGE, TOLERANCE, Measurement, Record
 from workflows.solver_benchmark.problem import Method, Problem, by
 from workflows.solver_benchmark.watch import GivenUp, OutOfTime, Watch
 
@@ -27,6 +27,8 @@ SOLVERS = ("knitlab", "knitlab_direct", "knitlab_cholmod", "dynamics", "fire", "
 """Methods that start from the flat sheet."""
 AS_SWEPT = "knitlab_as_swept"
 """knitlab, starting as a sweep does from relaxed endless fabric."""
+SWEPT = (AS_SWEPT, ACROSS_EDGE)
+"""Methods that run as a sweep runs one case, on as many threads as a measurement says."""
 RESIDUAL_LEVELS = 10.0 ** np.arange(0, -6.01, -0.25)
 """Residuals whose first times are kept [N]."""
 
@@ -48,7 +50,7 @@ def method(measurement: Measurement) -> Method:
     match solver:
         case "knitlab":
             return ours.knitlab(still, PLAIN)
-        case _ if solver == AS_SWEPT:
+        case _ if solver in SWEPT:
             return ours.knitlab(still, PLAIN, endless=measurement.case().endless_cell)
         case "knitlab_direct":
             return ours.knitlab(still, PLAIN, direct=True)
@@ -61,7 +63,8 @@ def method(measurement: Measurement) -> Method:
             return by(fire.fire(setting), fire.prepare)
         case "lbfgs":
             return by(lbfgs.lbfgs(setting), lbfgs.prepare)
-    raise ValueError(f"{solver} is no solver; choose of {', '.join((*SOLVERS, AS_SWEPT))}")
+    known = ", ".join((*SOLVERS, *SWEPT))
+    raise ValueError(f"{solver} is no solver; choose of {known}")
 
 
 def measure(measurement: Measurement) -> Record:

@@ -9,7 +9,7 @@ from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.shipped import shipped
 from workflows.solver_benchmark.limit import FACTORISATIONS
 from workflows.solver_benchmark.measurement import Measurement
-from workflows.solver_benchmark.methods import AS_SWEPT, SOLVERS, TRIALS, installed
+from workflows.solver_benchmark.methods import SOLVERS, SWEPT, TRIALS, installed
 
 COMPARED = ("1x1", "3x2", "5x3", "7x5")
 """Samples of (4, 16) that every method relaxes and pulls, unit cells along (y, x)."""
@@ -64,10 +64,12 @@ def limit() -> Iterator[Measurement]:
 def scaling() -> Iterator[Measurement]:
     """Relaxation and 15 load steps by knitlab, as a sweep does them, on ever larger samples.
 
-    Two threads share each, as they do where a sweep has one case for two processors.
+    Two threads share each, as they do where a sweep has one case for two processors. The largest
+    go through all load steps with fold angles across the edge alone.
     """
-    for size in GROWING:
-        yield Measurement("tension", AS_SWEPT, size=size, workers=2)
+    for solver in SWEPT:
+        for size in GROWING:
+            yield Measurement("tension", solver, size=size, workers=2)
 
 
 def iterations() -> Iterator[Measurement]:
