@@ -88,23 +88,24 @@ class Desk:
         pieces = self._in_pieces(request.free)
         at, share = request.at.configuration.copy(), 0.0
         gradient = np.asarray(self._fabric.evaluate(request.at.stage, at).gradient)
-        forces = np.array([block.force(gradient) for block in pieces.blocks])
+        forces = np.array([part.block.force(gradient) for part in pieces.parts])
         sides = self._sides
 
         def settled(place: int) -> State:
-            start = Evaluate(at[pieces.blocks[place].places], request.at.stage)
+            part = pieces.parts[place]
+            start = Evaluate(at[part.block.places], request.at.stage)
             name = pieces.number, place
             errand = Errand(name, start, request.step_length, request.settings)
             side = sides.get()
             try:
-                state = side.settle(errand, pieces.pieces[place]) if side else None
-                return state or settled_block(*pieces.desks[place], errand)
+                state = side.settle(errand, part.piece) if side else None
+                return state or settled_block(part.desk, part.block.free, errand)
             finally:
                 sides.put(side)
 
         for together in rounds(forces, pieces.meeting):
             for place, state in zip(together, self._threads.each(settled, together), strict=True):
-                block = pieces.blocks[place]
+                block = pieces.parts[place].block
                 # A block that stalls, or ends further from rest than any was, may have folded a
                 # cell to nothing, where no hinge has an angle.
                 if state.outcome is not Outcome.stalled and state.residual <= forces.max():
@@ -115,22 +116,15 @@ class Desk:
     def _in_pieces(self, free: FreeStiffness) -> "_Pieces":
         if free not in self._pieces:
             found = list(blocks(free))
-            pieces = [
-                Piece(
-                    block.free.shape,
-                    block.free.unknowns,
-                    block.fabric(self._whole),
-                    self._method,
-                )
-                for block in found
-            ]
-            desks = [
-                (Desk(piece.shape, piece.fabric, piece.method, self._factorisers), block.free)
-                for piece, block in zip(pieces, found, strict=True)
-            ]
+            parts = [self._part(block) for block in found]
             meeting = meet(found, free.shape.unknowns)
-            self._pieces[free] = _Pieces(len(self._pieces), found, pieces, desks, meeting)
+            self._pieces[free] = _Pieces(len(self._pieces), parts, meeting)
         return self._pieces[free]
+
+    def _part(self, block: Block) -> "_Part":
+        shape, fabric = block.free.shape, block.fabric(self._whole)
+        piece = Piece(shape, block.free.unknowns, fabric, self._method)
+        return _Part(block, piece, Desk(shape, fabric, self._method, self._factorisers))
 
     @cached_property
     def _sides(self) -> "SimpleQueue[Companion | None]":
@@ -143,21 +137,32 @@ class Desk:
 
 
 @dataclass(frozen=True, eq=False)
+class _Part:
+    """A block, and what it takes to settle it.
+
+    Attributes:
+        block: which it is.
+        piece: the same, as a companion has to know it.
+        desk: for it in this process.
+    """
+
+    block: Block
+    piece: Piece
+    desk: Desk
+
+
+@dataclass(frozen=True, eq=False)
 class _Pieces:
     """A sample in blocks.
 
     Attributes:
         number: of this way to cut it, of those that the sample has.
-        blocks: the blocks.
-        pieces: each as a companion has to know it.
-        desks: for each, and what may move of it.
+        parts: the blocks.
         meeting: which of them meet.
     """
 
     number: int
-    blocks: list[Block]
-    pieces: list[Piece]
-    desks: list[tuple[Desk, FreeStiffness]]
+    parts: list[_Part]
     meeting: Bool[np.ndarray, "block block"]
 
 

@@ -40,8 +40,7 @@ def find_settled(
         return (yield from find_equilibrium(start, free, step_length, settings, floor, convexified))
     search, of_blocks = Search(start, (yield start), free.unknowns), 0.0
     while True:
-        before = search.at
-        at, share = yield Settle(before, free, step_length, block_settings(settings))
+        at, share = yield Settle(search.at, free, step_length, block_settings(settings))
         of_blocks += share
         search.move(at, (yield at))
         left = settings.max_iterations - round(of_blocks)
@@ -49,8 +48,8 @@ def find_settled(
         briefly = replace(settings, max_iterations=until)
         outcome = yield from to_rest(search, free, step_length, briefly, floor, convexified)
         if outcome is Outcome.stalled:
-            # What its blocks came to is no place to start from.
-            search.move(before, (yield before))
+            # What its blocks came to is no place to go on from: cells may have folded to nothing.
+            search.move(start, (yield start))
             search.shift = FIRST_SHIFT
             rest = replace(settings, max_iterations=max(left, search.iterations + 1))
             outcome = yield from to_rest(search, free, step_length, rest, floor, convexified)
