@@ -13,11 +13,12 @@ from knitlab.maps.style import ONE_COLUMN, print_style
 from workflows.solver_benchmark.cube import NOT_MEASURED, NOT_REACHED
 from workflows.solver_benchmark.methods import SWEPT
 
-# Okabe and Ito's colours, told apart by the colour-blind; the marker says it once more.
+# Okabe and Ito's colours, told apart by the colour-blind, and a wine red for their yellow, which
+# white paper swallows; the marker says it once more.
 LOOKS = {
     "knitlab": ("#0072B2", "o", "knitlab"),
     "knitlab_as_swept": ("#CC79A7", "*", "knitlab, from endless fabric, 2 threads"),
-    "knitlab_across_edge": ("#F0E442", "X", "the same, folds across the edge"),
+    "knitlab_across_edge": ("#882255", "X", "the same, fold angles across the edge"),
     "knitlab_direct": ("#56B4E9", "s", "knitlab, 3 % steps"),
     "knitlab_cholmod": ("#009E73", "^", "knitlab, CHOLMOD"),
     "lbfgs": ("#E69F00", "D", "L-BFGS"),
