@@ -78,7 +78,11 @@ def time_against_size(cube: xr.Dataset) -> Figure | None:
     axes.set(xscale="log", yscale="log", xlabel="size [nodes]")
     axes.set_ylabel("relaxation + 15 load steps [s]")
     figure.legend(
-        loc="outside upper center", frameon=False, title="time ~ nodes$^s$", handletextpad=0.3
+        loc="outside upper center",
+        frameon=False,
+        title="time ~ nodes$^s$",
+        handletextpad=0.3,
+        fontsize="x-small",
     )
     return figure
 
