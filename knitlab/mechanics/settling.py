@@ -38,7 +38,8 @@ def find_settled(
     """
     if not are_many(free.shape):
         return (yield from find_equilibrium(start, free, step_length, settings, floor, convexified))
-    search, of_blocks = Search(start, (yield start), free.unknowns), 0.0
+    began = yield start
+    search, of_blocks = Search(start, began, free.unknowns), 0.0
     while True:
         at, share = yield Settle(search.at, free, step_length, block_settings(settings))
         of_blocks += share
@@ -49,7 +50,7 @@ def find_settled(
         outcome = yield from to_rest(search, free, step_length, briefly, floor, convexified)
         if outcome is Outcome.stalled:
             # What its blocks came to is no place to go on from: cells may have folded to nothing.
-            search.move(start, (yield start))
+            search.move(start, began)
             search.shift = FIRST_SHIFT
             rest = replace(settings, max_iterations=max(left, search.iterations + 1))
             outcome = yield from to_rest(search, free, step_length, rest, floor, convexified)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import click
 
+from knitlab.mechanics.threads import ONE_THREAD
 from knitlab.sweep.workers import WORKER_ENVIRONMENT
 from workflows.solver_benchmark.cube import gathered, read_cube, report, write_cube
 from workflows.solver_benchmark.figures import draw_all
@@ -87,8 +88,7 @@ def figures(cube: Path, output: Path | None) -> None:
 def _measured(measurement: Measurement, results: Path) -> bool:
     """Make a measurement in a process of its own; whether it left a record."""
     threads = "1" if measurement.task == "sweep" else str(measurement.workers)
-    names = ("PJRT_NPROC", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-    environment = dict.fromkeys(names, threads)
+    environment = dict.fromkeys(ONE_THREAD, threads)
     if measurement.solver in SWEPT:
         environment = WORKER_ENVIRONMENT | {"OMP_NUM_THREADS": threads}
     module = "workflows.solver_benchmark.one"
