@@ -55,17 +55,37 @@ Vector = Float[np.ndarray, " free"]
 
 
 class Search:
-    """Where a search is, and what it has cost.
+    """Where a search is, where it may go, and what it has cost.
 
     Args:
         at: configuration to start from, and the stage; its held unknowns stay.
         now: what it costs there.
-        unknowns: that may move.
+        free: the free unknowns and the sparsity of their stiffness.
+        step_length: longest change of the vector between neighbouring nodes in a step [mm].
+        settings: tolerance and limits.
+        floor: energy below which the search is broken off, as what it was to find lies higher
+            [N mm].
+        convexified: whether to convexify the stiffness rather than to raise μ.
     """
 
-    def __init__(self, at: Evaluate, now: Evaluation, unknowns: np.ndarray) -> None:
-        self.unknowns = unknowns
-        self.shift, self.iterations, self.factorisations = FIRST_SHIFT, 0, 0
+    def __init__(
+        self,
+        at: Evaluate,
+        now: Evaluation,
+        free: FreeStiffness,
+        step_length: float,
+        settings: SolverSettings,
+        floor: float = -np.inf,
+        convexified: bool = True,
+    ) -> None:
+        self.free, self.unknowns, self.step_length = free, free.unknowns, step_length
+        self.settings, self.floor, self.convexified = settings, floor, convexified
+        self.iterations, self.factorisations = 0, 0
+        self.begin(at, now)
+
+    def begin(self, at: Evaluate, now: Evaluation) -> None:
+        """Begin (anew) from a configuration; what it has cost so far stays counted."""
+        self.shift = FIRST_SHIFT
         self.move(at, now)
 
     def move(self, at: Evaluate, now: Evaluation) -> None:
@@ -74,6 +94,16 @@ class Search:
         self.energy = float(now.energy.total)
         self.gradient: Vector = np.asarray(now.gradient)[self.unknowns]
         self.force = float(np.abs(self.gradient).max())
+
+    def end(self) -> Outcome | None:
+        """How it ends where it is, if it does."""
+        if self.force <= self.settings.tolerance:
+            return Outcome.converged
+        if self.energy < self.floor:
+            return Outcome.left_branch
+        if self.iterations >= self.settings.max_iterations:
+            return Outcome.iteration_limit
+        return None if np.isfinite(self.force) else Outcome.stalled
 
     def state(self, outcome: Outcome) -> State:
         """The state that it has come to."""
@@ -98,29 +128,6 @@ def find_equilibrium(
 ) -> Solver[State]:
     """Move the free unknowns downhill to a state where no force is left on them.
 
-    Args:
-        start: configuration to start from, and the stage; its held unknowns stay.
-        free: the free unknowns and the sparsity of their stiffness.
-        step_length: as for :func:`to_rest`, and so what follows.
-        settings: tolerance and limits.
-        floor: energy below which the search is broken off [N mm].
-        convexified: whether to convexify the stiffness rather than to raise μ.
-    """
-    search = Search(start, (yield start), free.unknowns)
-    outcome = yield from to_rest(search, free, step_length, settings, floor, convexified)
-    return search.state(outcome)
-
-
-def to_rest(
-    search: Search,
-    free: FreeStiffness,
-    step_length: float,
-    settings: SolverSettings,
-    floor: float = -np.inf,
-    convexified: bool = True,
-) -> Solver[Outcome]:
-    """Take a search to where no force is left.
-
     Every step goes downhill, so that the fabric is followed through snaps towards a minimum
     nearby. Where K + μ I is not positive definite, either it is convexified, which is quick and
     goes far, or μ is raised until it is, which keeps to the valley that the start lies in as a
@@ -129,44 +136,55 @@ def to_rest(
     tested for its force alone: a path that runs straight into a saddle would end there.
 
     Args:
-        search: where it is.
+        start: configuration to start from, and the stage; its held unknowns stay.
         free: the free unknowns and the sparsity of their stiffness.
-        step_length: longest change of the vector between neighbouring nodes in a step [mm].
+        step_length: as of :class:`Search`, and so what follows.
         settings: tolerance and limits.
-        floor: energy below which the search is broken off, as what it was to find lies higher
-            [N mm].
+        floor: energy below which the search is broken off [N mm].
         convexified: whether to convexify the stiffness rather than to raise μ.
     """
-    thrift = CONVEXIFIED if convexified else RAISED
+    search = Search(start, (yield start), free, step_length, settings, floor, convexified)
+    return search.state((yield from to_rest(search)))
+
+
+def to_rest(search: Search) -> Solver[Outcome]:
+    """Take a search to its end, factorisation by factorisation."""
     while True:
-        if search.force <= settings.tolerance:
-            return Outcome.converged
-        if search.energy < floor:
-            return Outcome.left_branch
-        if search.iterations >= settings.max_iterations:
-            return Outcome.iteration_limit
-        if not np.isfinite(search.force):
-            return Outcome.stalled
-        yield Assemble(search.at.configuration, free, search.at.stage)
+        outcome = yield from by_one_factorisation(search)
+        if outcome is not None:
+            return outcome
+
+
+def by_one_factorisation(search: Search) -> Solver[Outcome | None]:
+    """Take a search as far as it pays to go on one factorisation; say how it ended, if it did.
+
+    Factorisations that fail, or from which no step leads down, are followed by others.
+    """
+    smallest = search.settings.smallest_shift
+    while (outcome := search.end()) is None:
+        yield Assemble(search.at.configuration, search.free, search.at.stage)
         raised = False
         while True:
             search.factorisations += 1
-            if (yield Factorise(search.shift, convexified)):
+            if (yield Factorise(search.shift, search.convexified)):
                 break
             search.shift, raised = max(10 * search.shift, LEAST_RAISED_SHIFT), True
             if search.shift > LARGEST_SHIFT:
                 return Outcome.stalled
-        descent = yield from _descend(search, free.shape, step_length, settings, floor, thrift)
-        if descent.blurred and not descent.steps and search.shift <= settings.smallest_shift:
+        descent = yield from _descend(search)
+        if descent.blurred and not descent.steps and search.shift <= smallest:
             return Outcome.stalled
         if descent.blurred or not (descent.blocked or raised):
-            search.shift = max(0.1 * search.shift, settings.smallest_shift)
+            search.shift = max(0.1 * search.shift, smallest)
         elif not descent.steps:
             search.shift = max(10 * search.shift, LEAST_RAISED_SHIFT)
         elif descent.blocked:
             search.shift *= 2
         if search.shift > LARGEST_SHIFT:
             return Outcome.stalled
+        if descent.steps:
+            return search.end()
+    return outcome
 
 
 @dataclass(frozen=True)
@@ -185,31 +203,25 @@ class _Descent:
     blurred: bool = False
 
 
-def _descend(
-    search: Search,
-    shape: MeshShape,
-    step_length: float,
-    settings: SolverSettings,
-    floor: float,
-    thrift: Thrift,
-) -> Solver[_Descent]:
+def _descend(search: Search) -> Solver[_Descent]:
     """Quasi-Newton steps on one factorisation."""
+    thrift = CONVEXIFIED if search.convexified else RAISED
     memory: deque[tuple[Vector, Vector, float]] = deque(maxlen=thrift.most_steps)
     highest, steps, poor = search.energy, 0, 0
-    while steps < thrift.most_steps and search.iterations < settings.max_iterations:
+    while steps < thrift.most_steps and search.iterations < search.settings.max_iterations:
         direction = yield from _direction(search.gradient, memory)
         slope = float(search.gradient @ direction)
         if not slope < 0:
             return _Descent(steps, blocked=True)
-        longest = longest_change(shape, search.unknowns, direction)
-        shortening = min(1.0, step_length / longest)
+        longest = longest_change(search.free.shape, search.unknowns, direction)
+        shortening = min(1.0, search.step_length / longest)
         before = search.energy, search.gradient, search.force
         length = yield from _line_search(search, direction * shortening, slope * shortening)
         if not length:
             noise = ENERGY_ROUND_OFF * abs(search.energy)
             return _Descent(steps, blocked=True, blurred=-slope * shortening < noise)
         steps += 1
-        if search.force <= settings.tolerance or search.energy < floor:
+        if search.end() is not None:
             break
         step, change = direction * (shortening * length), search.gradient - before[1]
         curvature = float(step @ change)

@@ -8,9 +8,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from knitlab.mechanics.alignment import aligning_rotation
 from knitlab.model.network import MeshShape
+
+ACCURACY = 1e-12
+"""Of a tilt between walls, relative."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +130,29 @@ def squared_up(
     nodes = middle + (relaxed[:-2].reshape(-1, 3) - middle) @ turn.T
     drift = (flat[:-2].reshape(-1, 3) - nodes).mean(axis=0)
     return jnp.concatenate([(nodes + drift * np.array([1, 1, 0])).ravel(), relaxed[-2:]])
+
+
+def between_walls(
+    configuration: Float[np.ndarray, " unknown"], z_max: float
+) -> Float[np.ndarray, " unknown"]:
+    """A sample tilted and lifted as a whole, from where it lies, until the walls push least [mm].
+
+    Args:
+        configuration: of the sample.
+        z_max: half the gap between the walls [mm].
+    """
+    nodes = configuration[:-2].reshape(-1, 3)
+    middle = nodes.mean(axis=0)
+
+    def moved(move: Float[np.ndarray, "3"]) -> Float[np.ndarray, "node 3"]:
+        tilt = Rotation.from_rotvec([move[0], move[1], 0.0])
+        return middle + tilt.apply(nodes - middle) + np.array([0.0, 0.0, move[2]])
+
+    def excess(move: Float[np.ndarray, "3"]) -> Float[np.ndarray, " node"]:
+        return np.maximum(np.abs(moved(move)[:, 2]) - z_max, 0.0)
+
+    least = least_squares(excess, np.zeros(3), xtol=ACCURACY, ftol=ACCURACY, gtol=ACCURACY)
+    return np.concatenate([moved(least.x).ravel(), configuration[-2:]])
 
 
 @partial(jax.jit, static_argnums=0)

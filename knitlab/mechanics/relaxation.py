@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.mechanics.evaluation import WHOLE, Stage
-from knitlab.mechanics.loading import all_free, squared_up
+from knitlab.mechanics.loading import all_free, between_walls, squared_up
 from knitlab.mechanics.settling import find_settled
 from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
 from knitlab.mechanics.state import State
@@ -31,8 +31,8 @@ def relax(
     touches them, and a node that slides along one touches it anew at every step. Each stage but
     the last is only solved to near equilibrium, ``settings.waypoint_force`` of the largest
     force that a fold exerts on the flat sheet. A sample for clamping relaxes with all its edges
-    free; no coordinate is pinned. It is then squared up, and solved again as the walls may
-    resist that. Endless fabric goes the quick way, convexified; should that end in a cell that
+    free; no coordinate is pinned. It is then squared up, as far as the walls let it, and solved
+    again. Endless fabric goes the quick way, convexified; should that end in a cell that
     is folded to nothing, where no hinge has an angle, it starts again the slow way.
 
     Args:
@@ -59,8 +59,9 @@ def relax(
         if passed[-1].converged:
             break
     if passed[-1].converged and not shape.periodic:
-        square = Evaluate(np.asarray(squared_up(shape, flat, passed[-1].configuration)))
-        passed.append((yield from find(square, settings=settings)))
+        square = np.asarray(squared_up(shape, flat, passed[-1].configuration))
+        fitting = Evaluate(between_walls(square, float(fabric.z_max)))
+        passed.append((yield from find(fitting, settings=settings)))
     return passed[-1].after(*passed[:-1])
 
 

@@ -11,13 +11,11 @@ from dataclasses import replace
 import numpy as np
 
 from knitlab.mechanics.blocks import are_many
-from knitlab.mechanics.equilibrium import FIRST_SHIFT, Search, find_equilibrium, to_rest
+from knitlab.mechanics.equilibrium import Search, by_one_factorisation, find_equilibrium, to_rest
 from knitlab.mechanics.solver import Evaluate, Settle, Solver, SolverSettings
 from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import FreeStiffness
 
-PATIENCE = 10
-"""Iterations of the whole after which its blocks settle again."""
 FORCE_LEFT = 1e-6
 """Force that a block may keep [N]; where it keeps more, the whole is asked more often."""
 MOST_ITERATIONS = 300
@@ -34,30 +32,29 @@ def find_settled(
 ) -> Solver[State]:
     """As :func:`~knitlab.mechanics.equilibrium.find_equilibrium`, by blocks where there are many.
 
-    An iteration of a block counts as that part of one which its unknowns are of the whole.
+    They settle whenever the whole is about to be factored: where a factorisation no longer pays,
+    it is often for the sake of few places. An iteration of a block counts as that part of one
+    which its unknowns are of the whole.
     """
     if not are_many(free.shape):
         return (yield from find_equilibrium(start, free, step_length, settings, floor, convexified))
     began = yield start
-    search, of_blocks = Search(start, began, free.unknowns), 0.0
+    search = Search(start, began, free, step_length, settings, floor, convexified)
+    of_blocks = 0.0
     while True:
         at, share = yield Settle(search.at, free, step_length, block_settings(settings))
         of_blocks += share
         search.move(at, (yield at))
         left = settings.max_iterations - round(of_blocks)
-        until = max(min(search.iterations + PATIENCE, left), search.iterations + 1)
-        briefly = replace(settings, max_iterations=until)
-        outcome = yield from to_rest(search, free, step_length, briefly, floor, convexified)
+        search.settings = replace(settings, max_iterations=left)
+        outcome = yield from by_one_factorisation(search)
         if outcome is Outcome.stalled:
             # What its blocks came to is no place to go on from: cells may have folded to nothing.
-            search.move(start, began)
-            search.shift = FIRST_SHIFT
-            rest = replace(settings, max_iterations=max(left, search.iterations + 1))
-            outcome = yield from to_rest(search, free, step_length, rest, floor, convexified)
-        elif outcome is Outcome.iteration_limit and search.iterations < left:
-            continue
-        state = search.state(outcome)
-        return replace(state, iterations=round(of_blocks) + state.iterations)
+            search.begin(start, began)
+            outcome = yield from to_rest(search)
+        if outcome is not None:
+            state = search.state(outcome)
+            return replace(state, iterations=round(of_blocks) + state.iterations)
 
 
 def block_settings(settings: SolverSettings) -> SolverSettings:

@@ -13,7 +13,7 @@ from knitlab.mechanics import drive, settling
 from knitlab.mechanics.batch import run_in_step
 from knitlab.mechanics.blocks import are_many, blocks, meet, rounds
 from knitlab.mechanics.drive import Desk, attended, run
-from knitlab.mechanics.equilibrium import find_equilibrium, to_rest
+from knitlab.mechanics.equilibrium import by_one_factorisation, find_equilibrium, to_rest
 from knitlab.mechanics.evaluation import WHOLE
 from knitlab.mechanics.loading import all_free, free_under_tension, tensile
 from knitlab.mechanics.portions import PortionedFabric
@@ -172,9 +172,8 @@ def test_in_a_batch_on_the_device_blocks_stay_and_the_whole_comes_to_rest(small_
     assert state.outcome is Outcome.converged
 
 
-def test_the_limit_of_iterations_holds_for_blocks_too(small_blocks, sample, monkeypatch):
+def test_the_limit_of_iterations_holds_for_blocks_too(small_blocks, sample):
     net, fabric, loading = sample
-    monkeypatch.setattr(settling, "PATIENCE", 2)
     free = free_stiffness(net.shape, loading.unknowns)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.2))
     hasty = replace(DEFAULT, max_iterations=5)
@@ -197,12 +196,17 @@ def test_where_a_search_stalls_after_its_blocks_the_whole_begins_anew_without_th
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
     starts = []
 
-    def stalling_in_the_second_round(search, *rest):
+    def stalling_in_the_second_round(search):
         starts.append(search.at)
-        outcome = yield from to_rest(search, *rest)
+        outcome = yield from by_one_factorisation(search)
         return Outcome.stalled if len(starts) == 2 else outcome
 
-    monkeypatch.setattr(settling, "to_rest", stalling_in_the_second_round)
+    def beginning_anew(search):
+        starts.append(search.at)
+        return to_rest(search)
+
+    monkeypatch.setattr(settling, "by_one_factorisation", stalling_in_the_second_round)
+    monkeypatch.setattr(settling, "to_rest", beginning_anew)
     solver = find_settled(start, free, 0.3, DEFAULT, convexified=False)
     state = run(net.shape, fabric, solver)
     assert state.outcome is Outcome.converged

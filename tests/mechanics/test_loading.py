@@ -1,0 +1,49 @@
+"""A sample as it is laid between walls before it is clamped."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.distance import pdist
+from scipy.spatial.transform import Rotation
+
+from knitlab.mechanics.loading import between_walls
+
+GAP = 0.5
+"""Half of it [mm]."""
+
+
+def corrugated() -> np.ndarray:
+    """Nodes of a sheet with ridges that the walls leave just room for [mm]."""
+    x, y = np.mgrid[:13, :9].reshape(2, -1).astype(float)
+    return np.stack([x, y, GAP * np.cos(np.pi * x)], axis=1)
+
+
+def configuration(nodes: np.ndarray) -> np.ndarray:
+    return np.concatenate([nodes.ravel(), [13.0, 9.0]])
+
+
+def test_a_sample_that_fits_stays_where_it_is():
+    before = configuration(0.9 * corrugated())
+    np.testing.assert_allclose(between_walls(before, GAP), before, atol=1e-12)
+
+
+@given(
+    tilt=st.tuples(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2)),
+    lift=st.floats(-0.3, 0.3),
+)
+def test_a_sample_that_lies_askew_is_laid_between_the_walls_and_not_bent(tilt, lift):
+    nodes = corrugated()
+    askew = Rotation.from_rotvec([*tilt, 0]).apply(nodes) + np.array([0, 0, lift])
+    laid = between_walls(configuration(askew), GAP)
+    assert np.abs(laid[2:-2:3]).max() <= GAP + 1e-6
+    np.testing.assert_allclose(pdist(laid[:-2].reshape(-1, 3)), pdist(nodes), rtol=1e-9)
+    assert laid[-2:] == pytest.approx([13.0, 9.0])
+
+
+def test_where_no_tilt_fits_the_walls_push_from_both_sides_alike():
+    askew = configuration(1.2 * corrugated() + np.array([0, 0, 0.1]))
+    heights = between_walls(askew, GAP)[2:-2:3]
+    upper, lower = np.maximum(heights - GAP, 0), np.maximum(-heights - GAP, 0)
+    assert upper.sum() == pytest.approx(lower.sum(), rel=1e-6)
+    assert upper.sum() > 0
