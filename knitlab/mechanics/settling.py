@@ -16,6 +16,8 @@ from knitlab.mechanics.solver import Evaluate, Settle, Solver, SolverSettings
 from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import FreeStiffness
 
+PATIENCE = 10
+"""Iterations of a sample that is pulled after which its blocks settle again."""
 FORCE_LEFT = 1e-6
 """Force that a block may keep [N]; where it keeps more, the whole is asked more often."""
 MOST_ITERATIONS = 300
@@ -29,12 +31,23 @@ def find_settled(
     settings: SolverSettings,
     floor: float = -np.inf,
     convexified: bool = True,
+    patience: int | None = None,
 ) -> Solver[State]:
     """As :func:`~knitlab.mechanics.equilibrium.find_equilibrium`, by blocks where there are many.
 
-    They settle whenever the whole is about to be factored: where a factorisation no longer pays,
-    it is often for the sake of few places. An iteration of a block counts as that part of one
-    which its unknowns are of the whole.
+    An iteration of a block counts as that part of one which its unknowns are of the whole.
+
+    Args:
+        start: where to start from, and so what follows, as there.
+        free: the free unknowns and the sparsity of their stiffness.
+        step_length: longest change of the vector between neighbouring nodes in a step [mm].
+        settings: tolerance and limits.
+        floor: energy below which the search is broken off [N mm].
+        convexified: whether to convexify the stiffness rather than to raise μ.
+        patience: iterations of the whole after which the blocks settle again. By default they do
+            whenever it is about to be factored: where a factorisation no longer pays, it is often
+            for the sake of few places. That is best where the sample folds as a whole; where it
+            snaps here and there, blocks that settle sooner keep cells from folding to nothing.
     """
     if not are_many(free.shape):
         return (yield from find_equilibrium(start, free, step_length, settings, floor, convexified))
@@ -46,12 +59,16 @@ def find_settled(
         of_blocks += share
         search.move(at, (yield at))
         left = settings.max_iterations - round(of_blocks)
-        search.settings = replace(settings, max_iterations=left)
-        outcome = yield from by_one_factorisation(search)
+        until = left if patience is None else min(search.iterations + patience, left)
+        search.settings = replace(settings, max_iterations=until)
+        outcome = yield from (by_one_factorisation if patience is None else to_rest)(search)
         if outcome is Outcome.stalled:
             # What its blocks came to is no place to go on from: cells may have folded to nothing.
+            search.settings = replace(settings, max_iterations=left)
             search.begin(start, began)
             outcome = yield from to_rest(search)
+        elif outcome is Outcome.iteration_limit and search.iterations < left:
+            continue
         if outcome is not None:
             state = search.state(outcome)
             return replace(state, iterations=round(of_blocks) + state.iterations)

@@ -10,32 +10,21 @@ import time
 import numpy as np
 import pytest
 
-from knitlab.mechanics import blocks as blocks_module
 from knitlab.mechanics import drive
 from knitlab.mechanics.blocks import blocks
 from knitlab.mechanics.companion import Companion, Errand, Piece
 from knitlab.mechanics.drive import Desk, settled_block
 from knitlab.mechanics.factorisation import one_thread_of_blas
-from knitlab.mechanics.loading import tensile
 from knitlab.mechanics.settling import block_settings
 from knitlab.mechanics.solver import Evaluate, Settle
 from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.mechanics.threads import Threads
-from tests.fabrics import CLAMPED, DEFAULT, checkered, relaxed
-
-
-@pytest.fixture(scope="module")
-def sample():
-    """A relaxed sample of 2 × 2 unit cells, and its test."""
-    net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 2))
-    return net, fabric, tensile(net.shape, relaxed(net, fabric).configuration)
+from tests.fabrics import DEFAULT
 
 
 @pytest.fixture
-def request_to_settle(sample, monkeypatch):
+def request_to_settle(sample, small_blocks):
     """Of four small blocks."""
-    monkeypatch.setattr(blocks_module, "CELLS", 8)
-    monkeypatch.setattr(blocks_module, "OVERLAP", 2)
     net, _, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
     free = free_stiffness(net.shape, loading.unknowns)

@@ -13,31 +13,21 @@ from knitlab.mechanics import drive, settling
 from knitlab.mechanics.batch import run_in_step
 from knitlab.mechanics.blocks import are_many, blocks, meet, rounds
 from knitlab.mechanics.drive import Desk, attended, run
-from knitlab.mechanics.equilibrium import by_one_factorisation, find_equilibrium, to_rest
+from knitlab.mechanics.equilibrium import (
+    BACKTRACKS,
+    by_one_factorisation,
+    find_equilibrium,
+    to_rest,
+)
 from knitlab.mechanics.evaluation import WHOLE
-from knitlab.mechanics.loading import all_free, free_under_tension, tensile
+from knitlab.mechanics.loading import all_free, free_under_tension
 from knitlab.mechanics.portions import PortionedFabric
 from knitlab.mechanics.settling import block_settings, find_settled
 from knitlab.mechanics.solver import Evaluate, Factorise, Settle
 from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.mechanics.threads import ALONE, Threads
-from tests.fabrics import CLAMPED, DEFAULT, ENDLESS, checkered, relaxed
-
-
-@pytest.fixture
-def small_blocks(monkeypatch):
-    monkeypatch.setattr(blocks_module, "CELLS", 8)
-    monkeypatch.setattr(blocks_module, "OVERLAP", 2)
-    monkeypatch.setattr(blocks_module, "FEWEST", 2)
-
-
-@pytest.fixture(scope="module")
-def sample():
-    """A relaxed sample of 2 × 2 unit cells, and its test."""
-    net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 2))
-    state = relaxed(net, fabric)
-    return net, fabric, tensile(net.shape, state.configuration)
+from tests.fabrics import CLAMPED, DEFAULT, ENDLESS, checkered
 
 
 @pytest.mark.parametrize("places", [all_free, free_under_tension])
@@ -223,16 +213,46 @@ class Counting(Desk):
         return super().answer(request)
 
 
-def test_what_all_rounds_cost_is_counted(small_blocks, sample):
+@pytest.mark.parametrize("patience", [None, 3])
+def test_what_all_rounds_cost_is_counted(small_blocks, sample, patience):
     net, fabric, loading = sample
     free = free_stiffness(net.shape, loading.unknowns)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
     desk = Counting(net.shape, fabric)
     desk.counts = Counter()
-    state = attended(desk, find_settled(start, free, 0.3, DEFAULT, convexified=False))
+    solver = find_settled(start, free, 0.3, DEFAULT, convexified=False, patience=patience)
+    state = attended(desk, solver)
     assert state.converged
     assert desk.counts[Settle] > 1
     assert state.factorisations == desk.counts[Factorise] > 1
+
+
+class Noting(Desk):
+    """A desk that notes how often the whole was evaluated before its blocks settled."""
+
+    def answer(self, request):
+        if isinstance(request, Settle):
+            self.evaluated.append(0)
+        elif isinstance(request, Evaluate):
+            self.evaluated[-1] += 1
+        return super().answer(request)
+
+
+def test_blocks_settle_again_when_patience_is_at_its_end(small_blocks, sample):
+    net, fabric, loading = sample
+    free = free_stiffness(net.shape, loading.unknowns)
+    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
+
+    def longest_round(patience):
+        desk = Noting(net.shape, fabric)
+        desk.evaluated = [0]
+        solver = find_settled(start, free, 0.3, DEFAULT, convexified=False, patience=patience)
+        assert attended(desk, solver).converged
+        return max(desk.evaluated)
+
+    # What they settled to is looked at once; the last step may be tried at several lengths.
+    assert longest_round(3) <= 3 + BACKTRACKS
+    assert longest_round(None) > 3 + BACKTRACKS
 
 
 class FoldedToNothing(Desk):

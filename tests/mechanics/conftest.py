@@ -1,0 +1,21 @@
+"""A sample that is cut into small blocks, for the tests of settling and of companions."""
+
+import pytest
+
+from knitlab.mechanics import blocks as blocks_module
+from knitlab.mechanics.loading import tensile
+from tests.fabrics import CLAMPED, checkered, relaxed
+
+
+@pytest.fixture
+def small_blocks(monkeypatch):
+    monkeypatch.setattr(blocks_module, "CELLS", 8)
+    monkeypatch.setattr(blocks_module, "OVERLAP", 2)
+    monkeypatch.setattr(blocks_module, "FEWEST", 2)
+
+
+@pytest.fixture(scope="package")
+def sample():
+    """A relaxed sample of 2 × 2 unit cells, and its test."""
+    net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 2))
+    return net, fabric, tensile(net.shape, relaxed(net, fabric).configuration)
