@@ -12,7 +12,7 @@ from knitlab.mechanics.adjoint import Adjoint
 from knitlab.mechanics.drive import run
 from knitlab.mechanics.loading import tensile
 from knitlab.mechanics.relaxation import relax
-from knitlab.mechanics.settling import PATIENCE, find_settled
+from knitlab.mechanics.settling import find_settled
 from knitlab.mechanics.solver import Evaluate, Solver
 from knitlab.mechanics.state import State, TensileTest
 from knitlab.mechanics.stiffness import free_stiffness
@@ -115,8 +115,7 @@ def _retested(case: Case, net: Network, fabric: Fabric, near: VirtualTest) -> So
         # The sample as a whole may have grown: what is new of the relaxed shape comes along.
         moved = other.configuration + relaxed.configuration - first.configuration
         start = Evaluate(loading.holding(moved, strain))
-        find = find_settled(start, free, longest, settings, convexified=False, patience=PATIENCE)
-        states.append((yield from find))
+        states.append((yield from find_settled(start, free, longest, settings, convexified=False)))
         if not states[-1].converged:
             break
     return TensileTest(loading, states)

@@ -51,7 +51,13 @@ def relax(
     passed: list[State] = []
     # Convexified, the stiffness of a sample with free edges would turn it a little at every step.
     for convexified in (True, False) if shape.periodic else (False,):
-        find = partial(find_settled, free=free, step_length=longest, convexified=convexified)
+        find = partial(
+            find_settled,
+            free=free,
+            step_length=longest,
+            convexified=convexified,
+            patience=None,
+        )
         configuration = begin
         for stage, its in stages:
             passed.append((yield from find(Evaluate(configuration, stage), settings=its)))

@@ -17,7 +17,7 @@ from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import FreeStiffness
 
 PATIENCE = 10
-"""Iterations of a sample that is pulled after which its blocks settle again."""
+"""Iterations of the whole after which its blocks settle again, where it snaps here and there."""
 FORCE_LEFT = 1e-6
 """Force that a block may keep [N]; where it keeps more, the whole is asked more often."""
 MOST_ITERATIONS = 300
@@ -31,7 +31,7 @@ def find_settled(
     settings: SolverSettings,
     floor: float = -np.inf,
     convexified: bool = True,
-    patience: int | None = None,
+    patience: int | None = PATIENCE,
 ) -> Solver[State]:
     """As :func:`~knitlab.mechanics.equilibrium.find_equilibrium`, by blocks where there are many.
 
@@ -44,10 +44,9 @@ def find_settled(
         settings: tolerance and limits.
         floor: energy below which the search is broken off [N mm].
         convexified: whether to convexify the stiffness rather than to raise μ.
-        patience: iterations of the whole after which the blocks settle again. By default they do
-            whenever it is about to be factored: where a factorisation no longer pays, it is often
-            for the sake of few places. That is best where the sample folds as a whole; where it
-            snaps here and there, blocks that settle sooner keep cells from folding to nothing.
+        patience: iterations of the whole after which the blocks settle again; with ``None`` they
+            do whenever it is about to be factored: where a factorisation no longer pays, it is
+            often for the sake of few places. That is best where the sample folds as a whole.
     """
     if not are_many(free.shape):
         return (yield from find_equilibrium(start, free, step_length, settings, floor, convexified))

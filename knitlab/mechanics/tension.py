@@ -11,7 +11,7 @@ from knitlab.mechanics.blocks import are_many
 from knitlab.mechanics.evaluation import Stage
 from knitlab.mechanics.loading import Loading, tensile
 from knitlab.mechanics.relaxation import on_the_way, relax
-from knitlab.mechanics.settling import PATIENCE, find_settled
+from knitlab.mechanics.settling import find_settled
 from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
 from knitlab.mechanics.state import Outcome, State, TensileTest
 from knitlab.mechanics.stiffness import free_stiffness
@@ -155,7 +155,7 @@ class _Path:
     ) -> Solver[State]:
         free = free_stiffness(self.loading.shape, self.loading.unknowns)
         longest = self.settings.step_limit * float(self.fabric.cell.min())
-        return find_settled(start, free, longest, settings, floor, convexified, PATIENCE)
+        return find_settled(start, free, longest, settings, floor, convexified)
 
     def _least_energy(self, strain: float) -> float:
         """Energy below which a state at a strain cannot be on the branch, by what is expected."""

@@ -197,7 +197,7 @@ def test_where_a_search_stalls_after_its_blocks_the_whole_begins_anew_without_th
 
     monkeypatch.setattr(settling, "by_one_factorisation", stalling_in_the_second_round)
     monkeypatch.setattr(settling, "to_rest", beginning_anew)
-    solver = find_settled(start, free, 0.3, DEFAULT, convexified=False)
+    solver = find_settled(start, free, 0.3, DEFAULT, convexified=False, patience=None)
     state = run(net.shape, fabric, solver)
     assert state.outcome is Outcome.converged
     assert len(starts) == 3
