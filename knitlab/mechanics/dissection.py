@@ -76,18 +76,19 @@ def places_in_order(
     # Counted along a cut, what borders on a stretch of it is one run, and updates few blocks.
     along_rows = np.arange(label.size).reshape(label.shape)
     along_columns = np.arange(label.size).reshape(label.shape[::-1]).T
-    key = along_rows.copy()
+    key = np.zeros_like(label)
     for number, parts in enumerate(
         _dissected((0, vertical.lines, 0, horizontal.lines), vertical, horizontal)
     ):
-        for top, bottom, left, right in parts:
+        for place, (top, bottom, left, right) in enumerate(parts):
             part = slice(top, bottom), slice(left, right)
             label[part] = number
-            if right - left > bottom - top:
-                key[part] = along_columns[part]
+            along = along_columns if right - left > bottom - top else along_rows
+            # The two cuts through a ring follow each other, lest their nodes alternate.
+            key[part] = along[part] + place * label.size
     nodal = vertical.line >= 0
     node = vertical.line[nodal], horizontal.line[nodal]
-    labels, keys = np.full(len(nodal), label.max()), np.full(len(nodal), label.size)
+    labels, keys = np.full(len(nodal), label.max()), np.full(len(nodal), 2 * label.size)
     labels[nodal], keys[nodal] = label[node], key[node]
     return labels, keys
 

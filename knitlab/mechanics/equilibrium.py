@@ -5,7 +5,7 @@ and a Newton step, straight as it is, soon climbs its side. A factorisation cost
 gradients and solves. So one factorisation of K + μ I serves as the first guess of many
 L-BFGS steps (Nocedal and Wright, Numerical Optimization, Alg. 7.4), which learn how the valley
 bends, and is made anew as soon as a step gains less than the steps since then have on average,
-its cost included.
+its cost included, and does not halve the force either, as near rest it well may.
 """
 
 from collections import deque
@@ -227,11 +227,9 @@ def _descend(search: Search) -> Solver[_Descent]:
         curvature = float(step @ change)
         if curvature > LEAST_CURVATURE * np.sqrt((step @ step) * (change @ change)):
             memory.append((step, change, curvature))
-        total = highest - search.energy
+        total, is_poor = highest - search.energy, search.force > 0.5 * before[2]
         if total > PROGRESS_ROUND_OFF * abs(search.energy):
-            is_poor = before[0] - search.energy < total / (thrift.cost + steps)
-        else:
-            is_poor = search.force > 0.5 * before[2]
+            is_poor &= before[0] - search.energy < total / (thrift.cost + steps)
         poor = poor + 1 if is_poor else 0
         if poor == thrift.patience:
             break

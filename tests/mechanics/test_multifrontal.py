@@ -246,6 +246,14 @@ def test_the_halves_hand_nothing_to_each_other(case: Case) -> None:
 
 
 @pytest.mark.parametrize("endless", [False, True])
+def test_a_front_hands_on_few_blocks(endless: bool) -> None:
+    """A rectangle borders on four cuts; in a ring, on some of them from both sides."""
+    plan = sheet(48, 48, endless=endless).plan
+    handed = [len(transfers) for front in fronts(plan) for _, transfers in front.children]
+    assert max(handed) <= 28
+
+
+@pytest.mark.parametrize("endless", [False, True])
 def test_the_halves_of_a_sheet_have_as_much_to_do(endless: bool) -> None:
     first, second, _ = sheet(41, 60, endless=endless).plan.parts
     work = [
