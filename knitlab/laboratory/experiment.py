@@ -25,12 +25,13 @@ from knitlab.measure.cycles import Cycle
 from knitlab.model.stripe import periods_per_patch
 from knitlab.sweep.common import ATTRIBUTE, parameters_of
 from knitlab.sweep.cube_file import design_dims, is_measured, open_cube, write_cube
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import BadInput, fault
 from knitlab.sweep.fingerprint import code_fingerprint, file_digest, text_fingerprint
 from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.plain_cube import CUBE
 from knitlab.sweep.provenance import provenance
-from knitlab.sweep.registry import CYCLE, DESIGN_DIMS, SOURCE, VARIABLES, Status, described
+from knitlab.sweep.registry import CYCLE, DESIGN_DIMS, SOURCE, VARIABLES, described
 from knitlab.sweep.shipped import shipped
 
 IMPORTS = "imports"

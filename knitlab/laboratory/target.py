@@ -10,9 +10,10 @@ from knitlab.laboratory.virtual_test import QUANTITIES
 from knitlab.sweep.case import Case
 from knitlab.sweep.common import parameters_of
 from knitlab.sweep.cube_file import is_measured
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import fault
 from knitlab.sweep.plan import Plan
-from knitlab.sweep.registry import CYCLE, DESIGN_DIMS, Status
+from knitlab.sweep.registry import CYCLE, DESIGN_DIMS
 
 FEWEST_STRAINS = 3
 NO_ERROR = 1.0

@@ -12,10 +12,10 @@ from knitlab.mechanics.adjoint import Adjoint
 from knitlab.mechanics.drive import run
 from knitlab.mechanics.loading import tensile
 from knitlab.mechanics.relaxation import relax
+from knitlab.mechanics.search import SearchRules
 from knitlab.mechanics.settling import find_settled
 from knitlab.mechanics.solver import Evaluate, Solver
 from knitlab.mechanics.state import State, TensileTest
-from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.mechanics.tension import stretch
 from knitlab.model.fabric import Fabric, StripePair, laid_out
 from knitlab.model.network import Network
@@ -108,14 +108,13 @@ def _retested(case: Case, net: Network, fabric: Fabric, near: VirtualTest) -> So
     if not relaxed.converged:
         return TensileTest(None, [relaxed])
     loading = tensile(net.shape, relaxed.configuration)
-    free = free_stiffness(net.shape, loading.unknowns)
-    longest = settings.step_limit * float(fabric.cell.min())
+    rules = SearchRules.of(net.shape, loading.unknowns, fabric, settings, convexified=False)
     states: list[State] = [relaxed]
     for strain, other in zip(case.applied_strain[1:], others, strict=True):
         # The sample as a whole may have grown: what is new of the relaxed shape comes along.
         moved = other.configuration + relaxed.configuration - first.configuration
         start = Evaluate(loading.holding(moved, strain))
-        states.append((yield from find_settled(start, free, longest, settings, convexified=False)))
+        states.append((yield from find_settled(start, rules)))
         if not states[-1].converged:
             break
     return TensileTest(loading, states)

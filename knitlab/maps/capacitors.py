@@ -16,8 +16,9 @@ from knitlab.maps.style import TWO_COLUMNS
 from knitlab.measure.capacitor_status import CapacitorStatus
 from knitlab.measure.sensor import CENTRAL_PART
 from knitlab.sweep.cube_file import base_dims, is_measured, source_of
+from knitlab.sweep.design_status import RUN
 from knitlab.sweep.faults import fault
-from knitlab.sweep.registry import DESIGN_DIMS, RUN
+from knitlab.sweep.registry import DESIGN_DIMS
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "black", "0.5")
 LINES = ("-", "--", "-.", (0, (1, 1)))

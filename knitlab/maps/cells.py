@@ -13,7 +13,8 @@ from matplotlib.patches import Patch, Rectangle
 
 from knitlab.maps.sources import on_one_grid
 from knitlab.sweep.cube_file import is_measured, source_of
-from knitlab.sweep.registry import DESIGN_DIMS, Status
+from knitlab.sweep.design_status import Status
+from knitlab.sweep.registry import DESIGN_DIMS
 
 MARKS: dict[Status, dict[str, Any]] = {
     Status.ok: {"facecolor": "white", "edgecolor": "0.6"},

@@ -15,7 +15,8 @@ import xarray as xr
 from pydantic import Field, PositiveFloat, PositiveInt
 
 from knitlab.measure.central import central
-from knitlab.sweep.registry import DESIGN_DIMS, VARIABLES, Status
+from knitlab.sweep.design_status import Status
+from knitlab.sweep.registry import DESIGN_DIMS, VARIABLES
 from knitlab.sweep.strict import Strict
 
 

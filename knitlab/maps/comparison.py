@@ -10,8 +10,9 @@ import xarray as xr
 from knitlab.maps.selection import choices
 from knitlab.sweep.common import parameters_of
 from knitlab.sweep.cube_file import is_measured, source_of, swept_dims
+from knitlab.sweep.design_status import RUN, Status
 from knitlab.sweep.faults import fault
-from knitlab.sweep.registry import CYCLE, DESIGN_DIMS, RUN, VARIABLES, Status
+from knitlab.sweep.registry import CYCLE, DESIGN_DIMS, VARIABLES
 
 COMPARED = (
     "mean_strain_xx",

@@ -13,8 +13,8 @@ from knitlab.maps.cells import values_of
 from knitlab.maps.sources import lines_of, on_one_grid
 from knitlab.maps.style import SEQUENCE_COLOURS, TWO_COLUMNS
 from knitlab.sweep.cube_file import is_measured, source_of
+from knitlab.sweep.design_status import RUN, Status
 from knitlab.sweep.faults import fault
-from knitlab.sweep.registry import RUN, Status
 
 ROWS = {
     "mean_strain_xx": "transverse strain\nmean $\\varepsilon_{xx}$ [1]",

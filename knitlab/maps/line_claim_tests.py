@@ -9,7 +9,7 @@ from pydantic import PositiveFloat, PositiveInt
 
 from knitlab.maps.claim_tests import DesignTest, Finding, Verdict
 from knitlab.measure.linear_fit import LinearFit, common_slope_probability, linear_fit
-from knitlab.sweep.registry import Status
+from knitlab.sweep.design_status import Status
 
 FEWEST_ON_A_LINE = 3
 

@@ -7,9 +7,10 @@ import pandas as pd
 
 from knitlab.maps.expression import holds, no_column
 from knitlab.maps.selection import chosen_places, refuse_others, selections_along
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import BadInput, Fault
 from knitlab.sweep.plain_cube import PlainCube
-from knitlab.sweep.registry import SIMULATION, SOURCE, Status
+from knitlab.sweep.registry import SIMULATION, SOURCE
 
 
 def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFrame:

@@ -11,7 +11,8 @@ from scipy.stats import spearmanr
 
 from knitlab.maps.claim_tests import Finding, Pair, Verdict
 from knitlab.sweep.cube_file import base_dims
-from knitlab.sweep.registry import DESIGN_DIMS, VARIABLES, Status
+from knitlab.sweep.design_status import Status
+from knitlab.sweep.registry import DESIGN_DIMS, VARIABLES
 from knitlab.sweep.strict import Strict
 
 

@@ -8,8 +8,9 @@ from matplotlib.figure import Figure
 
 from knitlab.maps.cells import MARKS, cell, frame, ink_on, marks_legend
 from knitlab.maps.style import STRAIN_COLOURS, TWO_COLUMNS
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import fault
-from knitlab.sweep.registry import DESIGN_DIMS, Status
+from knitlab.sweep.registry import DESIGN_DIMS
 
 QUANTITY = "poisson_ratio_sensitivity"
 SYMBOLS = {"k_s": "$k_s$", "k_t": "$k_t$", "theta_0": "$\\theta_0$"}

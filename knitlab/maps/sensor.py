@@ -21,8 +21,8 @@ from knitlab.maps.cells import (
 from knitlab.maps.style import SEQUENCE_COLOURS, TWO_COLUMNS
 from knitlab.maps.trade_off import Design, figures_of, trade_off_front
 from knitlab.sweep.cube_file import is_measured
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import fault
-from knitlab.sweep.registry import Status
 
 STEEPNESS, RANGE = "sensitivity", "working_range"
 MARKERS = "osD^vP*X"

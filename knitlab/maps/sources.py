@@ -6,7 +6,8 @@ import numpy as np
 import xarray as xr
 
 from knitlab.sweep.cube_file import is_measured
-from knitlab.sweep.registry import DESIGN_DIMS, Status
+from knitlab.sweep.design_status import Status
+from knitlab.sweep.registry import DESIGN_DIMS
 
 
 def lines_of(cube: xr.Dataset) -> str:

@@ -8,7 +8,8 @@ import xarray as xr
 from pydantic import Field, PositiveFloat, PositiveInt
 
 from knitlab.maps.claim_tests import Finding, Verdict
-from knitlab.sweep.registry import STRIPE_DIMS, Status
+from knitlab.sweep.design_status import Status
+from knitlab.sweep.registry import STRIPE_DIMS
 from knitlab.sweep.strict import Strict
 
 Stripe = tuple[str, int]

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from knitlab.maps.style import SEQUENCE_COLOURS, TWO_COLUMNS
-from knitlab.sweep.registry import Status
+from knitlab.sweep.design_status import Status
 
 SHEETS: dict[str, dict[str, Any]] = {
     "periodic": {"label": "3D sheet, endless", "marker": "o", "ms": 2.5, "ls": "-"},

@@ -12,8 +12,8 @@ from matplotlib.patches import Rectangle
 from knitlab.maps.style import STRAIN_COLOURS, TWO_COLUMNS
 from knitlab.measure.central import central
 from knitlab.sweep.cube_file import is_measured, source_of
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import fault
-from knitlab.sweep.registry import Status
 
 SHOWN_STRAIN = 0.23
 PAPER_DESIGNS = ((8, 48), (4, 16), (4, 32))

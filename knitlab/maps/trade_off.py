@@ -3,7 +3,8 @@
 import numpy as np
 import xarray as xr
 
-from knitlab.sweep.registry import DESIGN_DIMS, Status
+from knitlab.sweep.design_status import Status
+from knitlab.sweep.registry import DESIGN_DIMS
 
 Design = tuple[int, int]
 

@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 from knitlab.maps.style import TWO_COLUMNS
 from knitlab.measure.linear_fit import linear_fit
 from knitlab.measure.wavelength import spectrum
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import fault
-from knitlab.sweep.registry import DESIGN_DIMS, Status
+from knitlab.sweep.registry import DESIGN_DIMS
 
 DIRECTIONS = {"x": "weft x", "y": "warp y"}
 # Okabe and Ito's colours and a marker, by n_stripe.

@@ -17,6 +17,7 @@ from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.evaluation import Evaluation
 from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser, one_thread_of_blas
 from knitlab.mechanics.portions import PortionedFabric
+from knitlab.mechanics.search import SearchRules
 from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Request, Settle, Solve, Solver
 from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import FreeStiffness
@@ -168,8 +169,8 @@ class _Pieces:
 
 def settled_block(desk: Desk, free: FreeStiffness, errand: Errand) -> State:
     """Where a block comes to rest by itself."""
-    start, longest, settings = errand.start, errand.step_length, errand.settings
-    return attended(desk, find_equilibrium(start, free, longest, settings, convexified=False))
+    rules = SearchRules(free, errand.step_length, errand.settings, convexified=False)
+    return attended(desk, find_equilibrium(errand.start, rules))
 
 
 def run(

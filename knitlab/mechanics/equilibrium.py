@@ -16,12 +16,11 @@ from jaxtyping import Float
 from scipy.linalg.blas import daxpy
 
 from knitlab.mechanics.evaluation import Evaluation
-from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Solve, Solver, SolverSettings
+from knitlab.mechanics.search import Search, SearchRules
+from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Solve, Solver
 from knitlab.mechanics.state import Outcome, State
-from knitlab.mechanics.stiffness import FreeStiffness
 from knitlab.model.network import MeshShape
 
-FIRST_SHIFT = 1e-4
 LEAST_RAISED_SHIFT = 1e-6
 LARGEST_SHIFT = 1e6
 
@@ -54,78 +53,7 @@ PROGRESS_ROUND_OFF = 1e-10
 Vector = Float[np.ndarray, " free"]
 
 
-class Search:
-    """Where a search is, where it may go, and what it has cost.
-
-    Args:
-        at: configuration to start from, and the stage; its held unknowns stay.
-        now: what it costs there.
-        free: the free unknowns and the sparsity of their stiffness.
-        step_length: longest change of the vector between neighbouring nodes in a step [mm].
-        settings: tolerance and limits.
-        floor: energy below which the search is broken off, as what it was to find lies higher
-            [N mm].
-        convexified: whether to convexify the stiffness rather than to raise μ.
-    """
-
-    def __init__(
-        self,
-        at: Evaluate,
-        now: Evaluation,
-        free: FreeStiffness,
-        step_length: float,
-        settings: SolverSettings,
-        floor: float = -np.inf,
-        convexified: bool = True,
-    ) -> None:
-        self.free, self.unknowns, self.step_length = free, free.unknowns, step_length
-        self.settings, self.floor, self.convexified = settings, floor, convexified
-        self.iterations, self.factorisations = 0, 0
-        self.begin(at, now)
-
-    def begin(self, at: Evaluate, now: Evaluation) -> None:
-        """Begin (anew) from a configuration; what it has cost so far stays counted."""
-        self.shift = FIRST_SHIFT
-        self.move(at, now)
-
-    def move(self, at: Evaluate, now: Evaluation) -> None:
-        """Go on from another configuration, of which is known what it costs."""
-        self.at, self.now = at, now
-        self.energy = float(now.energy.total)
-        self.gradient: Vector = np.asarray(now.gradient)[self.unknowns]
-        self.force = float(np.abs(self.gradient).max())
-
-    def end(self) -> Outcome | None:
-        """How it ends where it is, if it does."""
-        if self.force <= self.settings.tolerance:
-            return Outcome.converged
-        if self.energy < self.floor:
-            return Outcome.left_branch
-        if self.iterations >= self.settings.max_iterations:
-            return Outcome.iteration_limit
-        return None if np.isfinite(self.force) else Outcome.stalled
-
-    def state(self, outcome: Outcome) -> State:
-        """The state that it has come to."""
-        return State(
-            configuration=self.at.configuration,
-            energy=self.now.energy,
-            gradient=np.asarray(self.now.gradient),
-            outcome=outcome,
-            residual=self.force,
-            iterations=self.iterations,
-            factorisations=self.factorisations,
-        )
-
-
-def find_equilibrium(
-    start: Evaluate,
-    free: FreeStiffness,
-    step_length: float,
-    settings: SolverSettings,
-    floor: float = -np.inf,
-    convexified: bool = True,
-) -> Solver[State]:
+def find_equilibrium(start: Evaluate, rules: SearchRules) -> Solver[State]:
     """Move the free unknowns downhill to a state where no force is left on them.
 
     Every step goes downhill, so that the fabric is followed through snaps towards a minimum
@@ -137,13 +65,9 @@ def find_equilibrium(
 
     Args:
         start: configuration to start from, and the stage; its held unknowns stay.
-        free: the free unknowns and the sparsity of their stiffness.
-        step_length: as of :class:`Search`, and so what follows.
-        settings: tolerance and limits.
-        floor: energy below which the search is broken off [N mm].
-        convexified: whether to convexify the stiffness rather than to raise μ.
+        rules: that the search keeps to.
     """
-    search = Search(start, (yield start), free, step_length, settings, floor, convexified)
+    search = Search(start, (yield start), rules)
     return search.state((yield from to_rest(search)))
 
 
@@ -160,13 +84,13 @@ def by_one_factorisation(search: Search) -> Solver[Outcome | None]:
 
     Factorisations that fail, or from which no step leads down, are followed by others.
     """
-    smallest = search.settings.smallest_shift
+    rules, smallest = search.rules, search.rules.settings.smallest_shift
     while (outcome := search.end()) is None:
-        yield Assemble(search.at.configuration, search.free, search.at.stage)
+        yield Assemble(search.at.configuration, rules.free, search.at.stage)
         raised = False
         while True:
             search.factorisations += 1
-            if (yield Factorise(search.shift, search.convexified)):
+            if (yield Factorise(search.shift, rules.convexified)):
                 break
             search.shift, raised = max(10 * search.shift, LEAST_RAISED_SHIFT), True
             if search.shift > LARGEST_SHIFT:
@@ -205,16 +129,17 @@ class _Descent:
 
 def _descend(search: Search) -> Solver[_Descent]:
     """Quasi-Newton steps on one factorisation."""
-    thrift = CONVEXIFIED if search.convexified else RAISED
+    rules = search.rules
+    thrift = CONVEXIFIED if rules.convexified else RAISED
     memory: deque[tuple[Vector, Vector, float]] = deque(maxlen=thrift.most_steps)
     highest, steps, poor = search.energy, 0, 0
-    while steps < thrift.most_steps and search.iterations < search.settings.max_iterations:
+    while steps < thrift.most_steps and search.iterations < rules.settings.max_iterations:
         direction = yield from _direction(search.gradient, memory)
         slope = float(search.gradient @ direction)
         if not slope < 0:
             return _Descent(steps, blocked=True)
-        longest = longest_change(search.free.shape, search.unknowns, direction)
-        shortening = min(1.0, search.step_length / longest)
+        longest = longest_change(rules.free.shape, search.unknowns, direction)
+        shortening = min(1.0, rules.step_length / longest)
         before = search.energy, search.gradient, search.force
         length = yield from _line_search(search, direction * shortening, slope * shortening)
         if not length:

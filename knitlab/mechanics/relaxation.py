@@ -3,17 +3,16 @@
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from jaxtyping import Float
 
 from knitlab.mechanics.evaluation import WHOLE, Stage
 from knitlab.mechanics.loading import all_free, between_walls, squared_up
+from knitlab.mechanics.search import SearchRules
 from knitlab.mechanics.settling import find_settled
 from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
 from knitlab.mechanics.state import State
-from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.network import Network
 
@@ -42,8 +41,7 @@ def relax(
         start: where to start from; the flat sheet by default.
     """
     shape = net.shape
-    free = free_stiffness(shape, all_free(shape))
-    longest = settings.step_limit * float(fabric.cell.min())
+    whole = SearchRules.of(shape, all_free(shape), fabric, settings)
     flat = np.asarray(flat_sheet(net, fabric))
     begin = flat if start is None else start
     waypoint = on_the_way(settings, fabric)
@@ -51,23 +49,19 @@ def relax(
     passed: list[State] = []
     # Convexified, the stiffness of a sample with free edges would turn it a little at every step.
     for convexified in (True, False) if shape.periodic else (False,):
-        find = partial(
-            find_settled,
-            free=free,
-            step_length=longest,
-            convexified=convexified,
-            patience=None,
-        )
         configuration = begin
         for stage, its in stages:
-            passed.append((yield from find(Evaluate(configuration, stage), settings=its)))
+            rules = replace(whole, settings=its, convexified=convexified)
+            found = find_settled(Evaluate(configuration, stage), rules, patience=None)
+            passed.append((yield from found))
             configuration = passed[-1].configuration
         if passed[-1].converged:
             break
     if passed[-1].converged and not shape.periodic:
         square = np.asarray(squared_up(shape, flat, passed[-1].configuration))
         fitting = Evaluate(between_walls(square, float(fabric.z_max)))
-        passed.append((yield from find(fitting, settings=settings)))
+        rules = replace(whole, convexified=False)
+        passed.append((yield from find_settled(fitting, rules, patience=None)))
     return passed[-1].after(*passed[:-1])
 
 

@@ -11,10 +11,10 @@ from knitlab.mechanics.blocks import are_many
 from knitlab.mechanics.evaluation import Stage
 from knitlab.mechanics.loading import Loading, tensile
 from knitlab.mechanics.relaxation import on_the_way, relax
+from knitlab.mechanics.search import SearchRules
 from knitlab.mechanics.settling import find_settled
 from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
 from knitlab.mechanics.state import Outcome, State, TensileTest
-from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
 
@@ -153,9 +153,9 @@ class _Path:
     def _found(
         self, start: Evaluate, settings: SolverSettings, floor: float, convexified: bool
     ) -> Solver[State]:
-        free = free_stiffness(self.loading.shape, self.loading.unknowns)
-        longest = self.settings.step_limit * float(self.fabric.cell.min())
-        return find_settled(start, free, longest, settings, floor, convexified)
+        free = self.loading.unknowns
+        rules = SearchRules.of(self.loading.shape, free, self.fabric, settings, floor, convexified)
+        return find_settled(start, rules)
 
     def _least_energy(self, strain: float) -> float:
         """Energy below which a state at a strain cannot be on the branch, by what is expected."""

@@ -14,11 +14,12 @@ from knitlab.sweep.case import Case, Label
 from knitlab.sweep.case_file import case_path
 from knitlab.sweep.common import ATTRIBUTE, parameters_of, shared
 from knitlab.sweep.design_space import Design
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.measurement import FIXED_COORDINATES, fixed_coordinates, variables_of
 from knitlab.sweep.plain_cube import PlainCube, unmasked
 from knitlab.sweep.plan import Plan
 from knitlab.sweep.provenance import provenance
-from knitlab.sweep.registry import VARIABLES, Status, described
+from knitlab.sweep.registry import VARIABLES, described
 from knitlab.sweep.survey import Cell, cells
 
 WORDS = ("case_id", "code")

@@ -23,8 +23,9 @@ from knitlab.mechanics.zigzag_tension import ChainState
 from knitlab.model.fabric import cell_length
 from knitlab.sweep.capacitor import capacitor_values
 from knitlab.sweep.case import Case
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.fingerprint import code_fingerprint
-from knitlab.sweep.registry import VARIABLES, Status, Variable, described
+from knitlab.sweep.registry import VARIABLES, Variable, described
 from knitlab.sweep.sensitivity import sensitivities
 
 FIXED_COORDINATES: dict[str, list[Any]] = {

@@ -5,23 +5,10 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, Literal
 
 from knitlab.measure.capacitor_status import CapacitorStatus
+from knitlab.sweep.design_status import Status
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-class Status(IntEnum):
-    """How far a design has come."""
-
-    pending = 0
-    ok = 1
-    not_converged = 2
-    failed = 3
-    excluded = 4
-
-
-RUN = (Status.ok, Status.not_converged)
-"""Statuses of designs that have results."""
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,13 @@ from knitlab.sweep.case_file import case_path, read_case
 from knitlab.sweep.common import differences, parameters_of
 from knitlab.sweep.cube import build_cube
 from knitlab.sweep.cube_file import open_cube, write_cube
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import BadInput, fault
 from knitlab.sweep.files import clear_unfinished, written_whole
 from knitlab.sweep.lock import held
 from knitlab.sweep.plain_cube import CUBE, PlainCube
 from knitlab.sweep.plan import Plan
 from knitlab.sweep.progress import ProgressBar
-from knitlab.sweep.registry import Status
 from knitlab.sweep.simulation import simulate_batch
 from knitlab.sweep.status import FAILURES, PLAN, earlier_failures
 from knitlab.sweep.survey import Standing, cells, check_dims, survey

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import fault
 from knitlab.sweep.fingerprint import digests
 from knitlab.sweep.plain_cube import CUBE, open_plain_cube
-from knitlab.sweep.registry import Status
 from knitlab.sweep.survey import Design, Standing, cells, survey
 
 PLAN = "plan.json"

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from knitlab.sweep.case_file import Kept, case_path, checksum_path, kept, read_code
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import fault
 from knitlab.sweep.fingerprint import code_fingerprint
 from knitlab.sweep.plain_cube import PlainCube
-from knitlab.sweep.registry import Status
 
 Design = tuple[Any, ...]
 

@@ -12,10 +12,10 @@ from knitlab.laboratory.virtual_test import QUANTITIES, virtual_test, with_facto
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.mechanics.drive import run
 from knitlab.mechanics.tension import stretch
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import BadInput
 from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.plan import make_plan
-from knitlab.sweep.registry import Status
 from knitlab.sweep.shipped import shipped
 from knitlab.sweep.toml import read_toml
 

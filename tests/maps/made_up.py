@@ -3,7 +3,8 @@
 import numpy as np
 import xarray as xr
 
-from knitlab.sweep.registry import Status, described
+from knitlab.sweep.design_status import Status
+from knitlab.sweep.registry import described
 
 STRAINS = [0.0, 0.1, 0.2]
 LOWEST = {(2, 16): 0.05, (4, 16): -0.8, (4, 32): -0.4}

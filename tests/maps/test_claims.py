@@ -10,8 +10,9 @@ from knitlab.maps.claim_tests import Laboratory, Verdict
 from knitlab.maps.claims import judged, read_claims
 from knitlab.measure.linear_fit import common_slope_probability, linear_fit
 from knitlab.sweep.cube_file import write_cube
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import BadInput
-from knitlab.sweep.registry import Status, described
+from knitlab.sweep.registry import described
 
 FAMILIES = {
     2: (0.05, 0.05, 0.05, 0.05, 0.05),

@@ -18,8 +18,8 @@ from knitlab.mechanics.drive import run
 from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.loading import all_free, squared_up, tensile
 from knitlab.mechanics.response import NoDerivative, rigid_motions
+from knitlab.mechanics.search import SearchRules
 from knitlab.mechanics.solver import Evaluate
-from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.mechanics.tension import stretch
 from knitlab.model.fabric import Fabric, Sheet, StripePair, Weave, flat_sheet, laid_out
 from knitlab.model.pattern import checkerboard
@@ -56,12 +56,10 @@ class Pulled:
     def under(self, stripes: StripePair) -> tuple[np.ndarray, np.ndarray, Fabric]:
         """Its states under slightly other stripes, each found from the one it has."""
         net, fabric = self.weave.net, self.weave.fabric(stripes)
-        longest = FINE.step_limit * float(fabric.cell.min())
 
         def found(start: np.ndarray, unknowns: np.ndarray) -> np.ndarray:
-            free = free_stiffness(net.shape, unknowns)
-            solver = find_equilibrium(Evaluate(start), free, longest, FINE, convexified=False)
-            state = run(net.shape, fabric, solver)
+            rules = SearchRules.of(net.shape, unknowns, fabric, FINE, convexified=False)
+            state = run(net.shape, fabric, find_equilibrium(Evaluate(start), rules))
             assert state.converged
             return state.configuration
 

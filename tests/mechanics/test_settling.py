@@ -22,12 +22,20 @@ from knitlab.mechanics.equilibrium import (
 from knitlab.mechanics.evaluation import WHOLE
 from knitlab.mechanics.loading import all_free, free_under_tension
 from knitlab.mechanics.portions import PortionedFabric
+from knitlab.mechanics.search import SearchRules
 from knitlab.mechanics.settling import block_settings, find_settled
 from knitlab.mechanics.solver import Evaluate, Factorise, Settle
 from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.mechanics.threads import ALONE, Threads
 from tests.fabrics import CLAMPED, DEFAULT, ENDLESS, checkered
+
+
+def slow(sample, step_length=0.3, settings=DEFAULT) -> SearchRules:
+    """Rules to pull the sample by, as tension does."""
+    net, _, loading = sample
+    free = free_stiffness(net.shape, loading.unknowns)
+    return SearchRules(free, step_length, settings, convexified=False)
 
 
 @pytest.mark.parametrize("places", [all_free, free_under_tension])
@@ -135,14 +143,11 @@ def test_a_sample_comes_to_the_same_rest_by_blocks_and_as_a_whole(
     small_blocks, sample, monkeypatch
 ):
     net, fabric, loading = sample
-    free = free_stiffness(net.shape, loading.unknowns)
     longest = DEFAULT.step_limit * float(fabric.cell.min())
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
 
     def found():
-        return run(
-            net.shape, fabric, find_settled(start, free, longest, DEFAULT, convexified=False)
-        )
+        return run(net.shape, fabric, find_settled(start, slow(sample, longest)))
 
     by_blocks = found()
     assert by_blocks.outcome is Outcome.converged
@@ -154,20 +159,16 @@ def test_a_sample_comes_to_the_same_rest_by_blocks_and_as_a_whole(
 
 def test_in_a_batch_on_the_device_blocks_stay_and_the_whole_comes_to_rest(small_blocks, sample):
     net, fabric, loading = sample
-    free = free_stiffness(net.shape, loading.unknowns)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
-    (state,) = run_in_step(
-        net.shape, [fabric], [find_settled(start, free, 0.3, DEFAULT, convexified=False)]
-    )
+    (state,) = run_in_step(net.shape, [fabric], [find_settled(start, slow(sample))])
     assert state.outcome is Outcome.converged
 
 
 def test_the_limit_of_iterations_holds_for_blocks_too(small_blocks, sample):
     net, fabric, loading = sample
-    free = free_stiffness(net.shape, loading.unknowns)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.2))
     hasty = replace(DEFAULT, max_iterations=5)
-    state = run(net.shape, fabric, find_settled(start, free, 0.1, hasty, convexified=False))
+    state = run(net.shape, fabric, find_settled(start, slow(sample, 0.1, hasty)))
     assert state.outcome is Outcome.iteration_limit
     assert state.iterations >= 5
 
@@ -182,7 +183,6 @@ def test_where_a_search_stalls_after_its_blocks_the_whole_begins_anew_without_th
     small_blocks, sample, monkeypatch
 ):
     net, fabric, loading = sample
-    free = free_stiffness(net.shape, loading.unknowns)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
     starts = []
 
@@ -197,7 +197,7 @@ def test_where_a_search_stalls_after_its_blocks_the_whole_begins_anew_without_th
 
     monkeypatch.setattr(settling, "by_one_factorisation", stalling_in_the_second_round)
     monkeypatch.setattr(settling, "to_rest", beginning_anew)
-    solver = find_settled(start, free, 0.3, DEFAULT, convexified=False, patience=None)
+    solver = find_settled(start, slow(sample), patience=None)
     state = run(net.shape, fabric, solver)
     assert state.outcome is Outcome.converged
     assert len(starts) == 3
@@ -216,11 +216,10 @@ class Counting(Desk):
 @pytest.mark.parametrize("patience", [None, 3])
 def test_what_all_rounds_cost_is_counted(small_blocks, sample, patience):
     net, fabric, loading = sample
-    free = free_stiffness(net.shape, loading.unknowns)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
     desk = Counting(net.shape, fabric)
     desk.counts = Counter()
-    solver = find_settled(start, free, 0.3, DEFAULT, convexified=False, patience=patience)
+    solver = find_settled(start, slow(sample), patience=patience)
     state = attended(desk, solver)
     assert state.converged
     assert desk.counts[Settle] > 1
@@ -240,13 +239,12 @@ class Noting(Desk):
 
 def test_blocks_settle_again_when_patience_is_at_its_end(small_blocks, sample):
     net, fabric, loading = sample
-    free = free_stiffness(net.shape, loading.unknowns)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
 
     def longest_round(patience):
         desk = Noting(net.shape, fabric)
         desk.evaluated = [0]
-        solver = find_settled(start, free, 0.3, DEFAULT, convexified=False, patience=patience)
+        solver = find_settled(start, slow(sample), patience=patience)
         assert attended(desk, solver).converged
         return max(desk.evaluated)
 
@@ -267,12 +265,11 @@ class FoldedToNothing(Desk):
 
 def test_where_blocks_fold_a_cell_to_nothing_the_whole_goes_on_without_them(small_blocks, sample):
     net, fabric, loading = sample
-    free = free_stiffness(net.shape, loading.unknowns)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
-    solver = find_settled(start, free, 0.3, DEFAULT, convexified=False)
+    solver = find_settled(start, slow(sample))
     state = attended(FoldedToNothing(net.shape, fabric), solver)
     assert state.outcome is Outcome.converged
-    whole = run(net.shape, fabric, find_equilibrium(start, free, 0.3, DEFAULT, convexified=False))
+    whole = run(net.shape, fabric, find_equilibrium(start, slow(sample)))
     np.testing.assert_allclose(state.configuration, whole.configuration, atol=1e-7)
 
 

@@ -17,10 +17,11 @@ from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.measure.wavelength import POINTS
 from knitlab.mechanics.threads import allowed_threads
 from knitlab.sweep.case_file import write_case_file
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.fingerprint import code_fingerprint
 from knitlab.sweep.measurement import variables_of
 from knitlab.sweep.plan import make_plan
-from knitlab.sweep.registry import Status, described
+from knitlab.sweep.registry import described
 from knitlab.sweep.run import RunOptions, run_plan
 
 ONE_OF_XLA = os.environ.get("PJRT_NPROC")

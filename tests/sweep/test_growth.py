@@ -13,9 +13,9 @@ import knitlab.sweep.fingerprint as fingerprint_module
 import knitlab.sweep.survey as survey_module
 from knitlab.maps.figures import draw_figure, draw_figures
 from knitlab.sweep.case import Case, case_of
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import BadInput
 from knitlab.sweep.plan import make_plan
-from knitlab.sweep.registry import Status
 from knitlab.sweep.run import RunOptions, run_plan
 from knitlab.sweep.shipped import shipped
 from knitlab.sweep.status import changed_inputs, folder_status, read_plan

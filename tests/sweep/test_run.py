@@ -7,8 +7,9 @@ import pytest
 import xarray as xr
 
 from knitlab.sweep.case_file import case_path
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.plan import make_plan
-from knitlab.sweep.registry import COORDINATES, VARIABLES, Status
+from knitlab.sweep.registry import COORDINATES, VARIABLES
 from knitlab.sweep.run import RunOptions, run_plan
 
 SMALL = ("strain_max=0.1", "strain_step=0.05", "n_subunit=8,12,16")

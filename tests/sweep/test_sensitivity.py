@@ -7,9 +7,10 @@ import xarray as xr
 
 from knitlab.mechanics.response import NoDerivative, Responses
 from knitlab.sweep.case import case_of
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import BadInput
 from knitlab.sweep.plan import make_plan
-from knitlab.sweep.registry import VARIABLES, Status
+from knitlab.sweep.registry import VARIABLES
 from knitlab.sweep.run import RunOptions, run_plan
 from tests.sweep import stand_in
 

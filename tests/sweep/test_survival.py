@@ -17,10 +17,10 @@ from distributed import LocalCluster
 
 import knitlab.sweep.survey as survey_module
 from knitlab.sweep.case_file import Kept, case_path, kept
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import BadInput, CannotWrite
 from knitlab.sweep.lock import LOCK_NAME, held
 from knitlab.sweep.plan import make_plan
-from knitlab.sweep.registry import Status
 from knitlab.sweep.run import RunOptions, run_plan
 from knitlab.sweep.status import read_plan
 from knitlab.sweep.survey import Standing

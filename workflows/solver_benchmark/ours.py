@@ -13,9 +13,9 @@ from knitlab.mechanics.evaluation import WHOLE
 from knitlab.mechanics.factorisation import one_thread_of_blas
 from knitlab.mechanics.loading import all_free
 from knitlab.mechanics.relaxation import relax, tiled
+from knitlab.mechanics.search import SearchRules
 from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Solver, SolverSettings
 from knitlab.mechanics.state import State
-from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.mechanics.tension import stretch
 from knitlab.mechanics.threads import Threads, allowed_threads
 from knitlab.sweep.case import Case
@@ -83,10 +83,8 @@ def knitlab(
 
 def _search(its: Callable[[Problem], SolverSettings], factorisation: str) -> Search:
     def search(problem: Problem, start: Configuration, free: Free, watch: Watch) -> Configuration:
-        settings = its(problem)
-        stiffness = free_stiffness(problem.shape, free)
-        longest = settings.step_limit * float(problem.fabric.cell.min())
-        solver = find_equilibrium(Evaluate(start), stiffness, longest, settings)
+        rules = SearchRules.of(problem.shape, free, problem.fabric, its(problem))
+        solver = find_equilibrium(Evaluate(start), rules)
         return _reached(driven(problem, solver, factorisation, watch))
 
     return search

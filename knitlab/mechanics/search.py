@@ -1,0 +1,103 @@
+"""A search for an equilibrium: the rules it keeps to, where it is, and what it has cost."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from knitlab.mechanics.evaluation import Evaluation
+from knitlab.mechanics.solver import Evaluate, SolverSettings
+from knitlab.mechanics.state import Outcome, State
+from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
+from knitlab.model.fabric import Fabric
+from knitlab.model.network import MeshShape
+
+FIRST_SHIFT = 1e-4
+"""μ that a search begins with [N/mm]."""
+
+
+@dataclass(frozen=True, eq=False)
+class SearchRules:
+    """What a search keeps to.
+
+    Attributes:
+        free: the free unknowns and the sparsity of their stiffness.
+        step_length: longest change of the vector between neighbouring nodes in a step [mm].
+        settings: tolerance and limits.
+        floor: energy below which the search is broken off, as what it was to find lies higher
+            [N mm].
+        convexified: whether to convexify the stiffness rather than to raise μ.
+    """
+
+    free: FreeStiffness
+    step_length: float
+    settings: SolverSettings
+    floor: float = -np.inf
+    convexified: bool = True
+
+    @classmethod
+    def of(
+        cls,
+        shape: MeshShape,
+        unknowns: Int[np.ndarray, " free"],
+        fabric: Fabric,
+        settings: SolverSettings,
+        floor: float = -np.inf,
+        convexified: bool = True,
+    ) -> "SearchRules":
+        """Rules for a fabric; no step is longer than ``settings.step_limit`` of a grid cell."""
+        longest = settings.step_limit * float(fabric.cell.min())
+        return cls(free_stiffness(shape, unknowns), longest, settings, floor, convexified)
+
+    def up_to(self, iterations: int) -> "SearchRules":
+        """The same, with another limit of iterations."""
+        return replace(self, settings=replace(self.settings, max_iterations=iterations))
+
+
+class Search:
+    """Where a search is, what is known there, and what it has cost.
+
+    Args:
+        at: configuration to start from, and the stage; its held unknowns stay.
+        now: what it costs there.
+        rules: that it keeps to.
+    """
+
+    def __init__(self, at: Evaluate, now: Evaluation, rules: SearchRules) -> None:
+        self.rules, self.unknowns = rules, rules.free.unknowns
+        self.iterations, self.factorisations = 0, 0
+        self.begin(at, now)
+
+    def begin(self, at: Evaluate, now: Evaluation) -> None:
+        """Begin (anew) from a configuration; what it has cost so far stays counted."""
+        self.shift = FIRST_SHIFT
+        self.move(at, now)
+
+    def move(self, at: Evaluate, now: Evaluation) -> None:
+        """Go on from another configuration, of which is known what it costs."""
+        self.at, self.now = at, now
+        self.energy = float(now.energy.total)
+        self.gradient: Float[np.ndarray, " free"] = np.asarray(now.gradient)[self.unknowns]
+        self.force = float(np.abs(self.gradient).max())
+
+    def end(self) -> Outcome | None:
+        """How it ends where it is, if it does."""
+        if self.force <= self.rules.settings.tolerance:
+            return Outcome.converged
+        if self.energy < self.rules.floor:
+            return Outcome.left_branch
+        if self.iterations >= self.rules.settings.max_iterations:
+            return Outcome.iteration_limit
+        return None if np.isfinite(self.force) else Outcome.stalled
+
+    def state(self, outcome: Outcome) -> State:
+        """The state that it has come to."""
+        return State(
+            configuration=self.at.configuration,
+            energy=self.now.energy,
+            gradient=np.asarray(self.now.gradient),
+            outcome=outcome,
+            residual=self.force,
+            iterations=self.iterations,
+            factorisations=self.factorisations,
+        )
