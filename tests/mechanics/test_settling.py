@@ -143,11 +143,11 @@ def test_a_sample_comes_to_the_same_rest_by_blocks_and_as_a_whole(
     small_blocks, sample, monkeypatch
 ):
     net, fabric, loading = sample
-    longest = DEFAULT.step_limit * float(fabric.cell.min())
+    rules = SearchRules.of(net.shape, loading.unknowns, fabric, DEFAULT, convexified=False)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
 
     def found():
-        return run(net.shape, fabric, find_settled(start, slow(sample, longest)))
+        return run(net.shape, fabric, find_settled(start, rules))
 
     by_blocks = found()
     assert by_blocks.outcome is Outcome.converged
