@@ -128,7 +128,9 @@ class _Path:
         that a fabric snaps to is kept.
         """
         floor = -math.inf if to_the_end else self._least_energy(strain)
-        return self._found(self._ahead(strain), self.settings, floor, convexified=False)
+        # Where a block snaps, it raises its own μ; that of the whole would hold all the others.
+        convexified = are_many(self.loading.shape)
+        return self._found(self._ahead(strain), self.settings, floor, convexified)
 
     def _sought_fast(self, strain: float) -> Solver[State]:
         """Search for the state at a strain where the path is rough."""

@@ -19,15 +19,16 @@ from knitlab.mechanics.equilibrium import (
     find_equilibrium,
     to_rest,
 )
-from knitlab.mechanics.evaluation import WHOLE
+from knitlab.mechanics.evaluation import WHOLE, Evaluation
 from knitlab.mechanics.loading import all_free, free_under_tension
 from knitlab.mechanics.portions import PortionedFabric
-from knitlab.mechanics.search import SearchRules
-from knitlab.mechanics.settling import block_settings, find_settled
+from knitlab.mechanics.search import Search, SearchRules
+from knitlab.mechanics.settling import LONGEST_SLIDE, Settling, block_settings, find_settled
 from knitlab.mechanics.solver import Evaluate, Factorise, Settle
 from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.mechanics.threads import ALONE, Threads
+from knitlab.model.energy import Energy
 from tests.fabrics import CLAMPED, DEFAULT, ENDLESS, checkered
 
 
@@ -293,3 +294,70 @@ def test_a_block_that_comes_to_no_rest_stays_where_it_was(
     settled, share = Desk(net.shape, fabric).answer(request)
     np.testing.assert_array_equal(settled.configuration, start.configuration)
     assert share > 0
+
+
+def slid(sample, energy, passed, step_length=1e6, waiting=settling.ROUNDS):
+    """Where a node comes to that passed some places, at an energy of its own, and may then slide;
+    and how often blocks settled."""
+    rules = slow(sample, step_length)
+    place, settled = rules.free.unknowns[0], 0
+
+    def at(where):
+        configuration = sample[2].reference.copy()
+        configuration[place] = where
+        return Evaluate(configuration)
+
+    def cost(there):
+        stretch = np.asarray(energy(there.configuration[place]))
+        return Evaluation(Energy(stretch, np.zeros(()), np.zeros(())), sample[2].reference)
+
+    search = Search(at(passed[0]), cost(at(passed[0])), rules)
+    by_blocks = Settling(search)
+    for where in [passed[0]] * waiting + list(passed):
+        search.move(at(where), cost(at(where)))
+        sliding, answer = by_blocks.slide(), None
+        while True:
+            try:
+                request = sliding.send(answer)
+            except StopIteration:
+                break
+            settled += isinstance(request, Settle)
+            answer = (request.at, 1.0) if isinstance(request, Settle) else cost(request)
+    assert by_blocks.share == settled
+    return search.at.configuration[place], settled
+
+
+def test_down_a_long_slope_slides_grow_until_one_goes_too_far(sample):
+    # On by twice the way before: to 4, 8, 16, and to 32, which is up the other side.
+    assert slid(sample, lambda x: abs(x - 20.0), (0.0, 1.0, 2.0)) == (16.0, 4)
+
+
+def test_no_slide_is_longer_than_a_few_steps(sample):
+    where, settled = slid(sample, lambda x: abs(x - 20.0), (0.0, 1.0, 2.0), step_length=0.4)
+    assert where == pytest.approx(2.0 + 18 * LONGEST_SLIDE * 0.4)
+    assert settled == 19
+
+
+def test_slides_begin_late(sample):
+    def after(rounds):
+        return slid(sample, lambda x: abs(x - 20.0), np.arange(float(rounds)), waiting=0)
+
+    assert after(settling.ROUNDS) == (settling.ROUNDS - 1, 0)
+    assert after(settling.ROUNDS + 1)[1] > 0
+
+
+@given(st.floats(0.01, 0.25), st.floats(-5, 5))
+def test_where_rounds_converge_fast_nothing_slides(sample, rate, lowest):
+    passed = [lowest + rate**n for n in range(4)]
+    assert slid(sample, lambda x: (x - lowest) ** 2, passed) == (passed[-1], 0)
+
+
+@given(st.lists(st.floats(-3, 3), min_size=3, max_size=6), st.integers(0, 2**32 - 1))
+def test_a_slide_never_raises_the_energy(sample, passed, seed):
+    waves = np.random.default_rng(seed).normal(size=(2, 5))
+
+    def energy(x):
+        return x**2 + 5 * float(waves[0] @ np.sin(waves[1] * x))
+
+    where, _ = slid(sample, energy, passed)
+    assert energy(where) <= energy(passed[-1])
