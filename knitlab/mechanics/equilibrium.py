@@ -19,7 +19,6 @@ from knitlab.mechanics.evaluation import Evaluation
 from knitlab.mechanics.search import Search, SearchRules
 from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Solve, Solver
 from knitlab.mechanics.state import Outcome, State
-from knitlab.model.network import MeshShape
 
 LEAST_RAISED_SHIFT = 1e-6
 LARGEST_SHIFT = 1e6
@@ -138,8 +137,7 @@ def _descend(search: Search) -> Solver[_Descent]:
         slope = float(search.gradient @ direction)
         if not slope < 0:
             return _Descent(steps, blocked=True)
-        longest = longest_change(rules.free.shape, search.unknowns, direction)
-        shortening = min(1.0, rules.step_length / longest)
+        shortening = min(1.0, rules.longest_part(direction))
         before = search.energy, search.gradient, search.force
         length = yield from _line_search(search, direction * shortening, slope * shortening)
         if not length:
@@ -193,24 +191,3 @@ def _line_search(search: Search, step: Vector, slope: float) -> Solver[float]:
         lowest = -slope * length**2 / (2 * excess) if excess > 0 else length / 2
         length = min(max(lowest, 0.1 * length), 0.5 * length)
     return 0.0
-
-
-def longest_change(shape: MeshShape, unknowns: np.ndarray, step: Vector) -> float:
-    """Longest change, in a step, of the vector from a node to its neighbour [mm].
-
-    A part of the sheet that moves or turns as a whole may go far in a step; what must not is one
-    node against the next.
-    """
-    move = np.zeros(shape.unknowns)
-    move[unknowns] = step
-    nodes = move[:-2].reshape(shape.nodes_y, shape.nodes_x, 3)
-    longest = 0.0
-    for axis, length in ((1, move[-2]), (0, move[-1])):
-        if shape.periodic:
-            change = np.roll(nodes, -1, axis) - nodes
-            seam = (-1, slice(None), 1) if axis == 0 else (slice(None), -1, 0)
-            change[seam] += length
-        else:
-            change = np.diff(nodes, axis=axis)
-        longest = max(longest, float((change**2).sum(-1).max()))
-    return max(longest, np.finfo(float).tiny) ** 0.5

@@ -53,6 +53,10 @@ class SearchRules:
         """The same, with another limit of iterations."""
         return replace(self, settings=replace(self.settings, max_iterations=iterations))
 
+    def longest_part(self, step: Float[np.ndarray, " free"]) -> float:
+        """The part of a step that is as long as any may be; above 1 where it is shorter."""
+        return self.step_length / _longest_change(self.free.shape, self.free.unknowns, step)
+
 
 class Search:
     """Where a search is, what is known there, and what it has cost.
@@ -101,3 +105,26 @@ class Search:
             iterations=self.iterations,
             factorisations=self.factorisations,
         )
+
+
+def _longest_change(
+    shape: MeshShape, unknowns: Int[np.ndarray, " free"], step: Float[np.ndarray, " free"]
+) -> float:
+    """Longest change, in a step, of the vector from a node to its neighbour [mm].
+
+    A part of the sheet that moves or turns as a whole may go far in a step; what must not is one
+    node against the next.
+    """
+    move = np.zeros(shape.unknowns)
+    move[unknowns] = step
+    nodes = move[:-2].reshape(shape.nodes_y, shape.nodes_x, 3)
+    longest = 0.0
+    for axis, length in ((1, move[-2]), (0, move[-1])):
+        if shape.periodic:
+            change = np.roll(nodes, -1, axis) - nodes
+            seam = (-1, slice(None), 1) if axis == 0 else (slice(None), -1, 0)
+            change[seam] += length
+        else:
+            change = np.diff(nodes, axis=axis)
+        longest = max(longest, float((change**2).sum(-1).max()))
+    return max(longest, np.finfo(float).tiny) ** 0.5

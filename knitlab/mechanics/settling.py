@@ -17,12 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.mechanics.blocks import are_many
-from knitlab.mechanics.equilibrium import (
-    by_one_factorisation,
-    find_equilibrium,
-    longest_change,
-    to_rest,
-)
+from knitlab.mechanics.equilibrium import by_one_factorisation, find_equilibrium, to_rest
 from knitlab.mechanics.evaluation import Evaluation
 from knitlab.mechanics.search import Search, SearchRules
 from knitlab.mechanics.solver import Evaluate, Settle, Solver, SolverSettings
@@ -136,8 +131,7 @@ class Settling:
 
     def _ahead(self, way: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " unknown"]:
         rules = self._rules
-        longest = longest_change(rules.free.shape, rules.free.unknowns, way[rules.free.unknowns])
-        return way * min(REACH, LONGEST_SLIDE * rules.step_length / longest)
+        return way * min(REACH, LONGEST_SLIDE * rules.longest_part(way[rules.free.unknowns]))
 
 
 def block_settings(settings: SolverSettings) -> SolverSettings:

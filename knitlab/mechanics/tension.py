@@ -124,11 +124,13 @@ class _Path:
     def _sought_slowly(self, strain: float, to_the_end: bool) -> Solver[State]:
         """Search for the state at a strain as slowly as the fabric would move there by itself.
 
+        Where there are many blocks, it is they that move slowly: each raises its own μ where it
+        snaps, and that of the whole would hold all the others.
+
         A search that leaves the branch is broken off, unless it is to go on to the end: the state
         that a fabric snaps to is kept.
         """
         floor = -math.inf if to_the_end else self._least_energy(strain)
-        # Where a block snaps, it raises its own μ; that of the whole would hold all the others.
         convexified = are_many(self.loading.shape)
         return self._found(self._ahead(strain), self.settings, floor, convexified)
 
