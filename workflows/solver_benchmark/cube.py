@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
+from threadpoolctl import ThreadpoolController
 
 from knitlab.sweep.files import written_whole
 from workflows.solver_benchmark.methods import RESIDUAL_LEVELS
@@ -82,6 +83,7 @@ def gathered(results: Path) -> xr.Dataset:
             "git_commit": " ".join(sorted({record["git_commit"] for record in records})),
             "date": max(record["date"] for record in records),
             "cpu_model": "; ".join(sorted({record["cpu_model"] for record in records})),
+            "blas_kernels": "; ".join(sorted({record["blas_kernels"] for record in records})),
         }
     )
 
@@ -153,11 +155,12 @@ def _costs(frame: pd.DataFrame) -> xr.Dataset:
     nodes = samples.set_index([*SAMPLE_DIMS])["nodes"].astype(float).to_xarray()
     cube["nodes"] = nodes.assign_attrs(units="1", long_name="nodes of the sample")
 
-    models = sorted(set(indexed["cpu_model"]))
-    measured_on = indexed["cpu_model"].map({model: code for code, model in enumerate(models)})
+    of_record = indexed["cpu_model"] + " " + indexed["blas_kernels"]
+    models = sorted(set(of_record))
+    measured_on = of_record.map({model: code for code, model in enumerate(models)})
     cube["measured_on"] = measured_on.to_xarray().fillna(NOT_MEASURED).astype(np.int8)
     cube["measured_on"].attrs = {
-        "long_name": "processor that it was measured on",
+        "long_name": "processor that it was measured on, and kernels of its BLAS",
         "flag_values": np.arange(NOT_MEASURED, len(models), dtype=np.int8),
         "flag_meanings": " ".join(["none", *(model.replace(" ", "_") for model in models)]),
     }
@@ -230,6 +233,15 @@ def cpu_model() -> str:
     lines = info.read_text().splitlines() if info.exists() else []
     models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return models[0] if models else platform.processor()
+
+
+def blas_kernels() -> str:
+    """Which kernels the OpenBLAS of this process runs.
+
+    It chooses them for its processor as it is loaded, unless ``OPENBLAS_CORETYPE`` does.
+    """
+    loaded = ThreadpoolController().select(internal_api="openblas").info()
+    return " ".join(sorted({library["architecture"] for library in loaded}))
 
 
 def machine() -> dict[str, str | int]:

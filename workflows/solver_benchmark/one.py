@@ -8,7 +8,7 @@ from pathlib import Path
 
 from knitlab.sweep.provenance import git_commit
 from workflows.solver_benchmark import limit, many, methods
-from workflows.solver_benchmark.cube import cpu_model
+from workflows.solver_benchmark.cube import blas_kernels, cpu_model
 from workflows.solver_benchmark.measurement import Measurement
 
 MEASURES = {
@@ -31,6 +31,7 @@ def main(text: str, results: str) -> None:
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "git_commit": git_commit(),
         "cpu_model": cpu_model(),
+        "blas_kernels": blas_kernels(),
     }
     measurement.write(Path(results), values)
 
