@@ -23,6 +23,8 @@ ROUGH = 50
 """Iterations of a strain step above which the path is rough there."""
 ROUGH_WALL = 1e-2
 """Part of the walls' stiffness that the next step then begins with."""
+PARTS_AHEAD = (1.0, 0.5, 0.25, 0.125, 0.0)
+"""Of the way to where the line through two states leads, from an affine stretch of the later."""
 LEAST_WORK = 1e-6
 """Work of a strain step below which its energy is compared with the stored energy instead."""
 
@@ -39,7 +41,8 @@ def stretch(
     """Solver that relaxes a fabric and takes it through a tensile test.
 
     The path to a strain is followed in steps of at most ``settings.path_step``, each starting
-    from the line through the two states before it. Where the path is rough, as the step before
+    from the line through the two states before it; of a sample of many blocks, from where on it
+    the energy is least. Where the path is rough, as the step before
     took many iterations, that line misses, and walls stop every step back; there they are soft at
     first, and the stiffness is convexified. Along one branch of equilibria the energy grows by
     the work of the reaction force; where a step gains or loses more than
@@ -132,13 +135,14 @@ class _Path:
         """
         floor = -math.inf if to_the_end else self._least_energy(strain)
         convexified = are_many(self.loading.shape)
-        return self._found(self._ahead(strain), self.settings, floor, convexified)
+        start = yield from self._ahead(strain)
+        return (yield from self._found(start, self.settings, floor, convexified))
 
     def _sought_fast(self, strain: float) -> Solver[State]:
         """Search for the state at a strain where the path is rough."""
-        floor = self._least_energy(strain)
+        floor, start = self._least_energy(strain), (yield from self._ahead(strain))
         soft = yield from self._found(
-            replace(self._ahead(strain), stage=Stage(wall=ROUGH_WALL)),
+            replace(start, stage=Stage(wall=ROUGH_WALL)),
             on_the_way(self.settings, self.fabric),
             floor,
             convexified=True,
@@ -149,10 +153,23 @@ class _Path:
         state = yield from self._found(start, self.settings, floor, convexified=True)
         return state.after(soft)
 
-    def _ahead(self, strain: float) -> Evaluate:
-        """Where the path so far leads at a strain."""
+    def _ahead(self, strain: float) -> Solver[Evaluate]:
+        """Where the path so far leads at a strain.
+
+        Where wrinkles of many blocks have shifted, the line through the last two states runs far
+        into the walls, and cells are crushed on the way back; there it is followed as far as
+        takes the least energy.
+        """
         passed = [(at, state.configuration) for at, state in self.last]
-        return Evaluate(self.loading.ahead(passed, strain))
+        far = self.loading.ahead(passed, strain)
+        if len(passed) == 1 or not are_many(self.loading.shape):
+            return Evaluate(far)
+        near = self.loading.ahead(passed[-1:], strain)
+        starts = [Evaluate(near + part * (far - near)) for part in PARTS_AHEAD]
+        energies = list[float]()
+        for start in starts:
+            energies.append(float((yield start).energy.total))
+        return starts[int(np.argmin(np.nan_to_num(energies, nan=np.inf)))]
 
     def _found(
         self, start: Evaluate, settings: SolverSettings, floor: float, convexified: bool

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from knitlab.mechanics.loading import all_free
-from workflows.solver_benchmark import limit, methods
-from workflows.solver_benchmark.measurement import TOLERANCE, Measurement
+from workflows.solver_benchmark import batch, limit, methods
+from workflows.solver_benchmark.measurement import IN_STEP, IN_TURN, TOLERANCE, Measurement
 from workflows.solver_benchmark.problem import Problem
 from workflows.solver_benchmark.watch import GivenUp, Watch
 
@@ -62,6 +62,16 @@ def test_every_factorisation_solves_the_stiffness(solver):
     assert record["residual"] < 1e-12
     parts = ("hessian", "factorise", "solve", "evaluation")
     assert record["seconds"] == pytest.approx(sum(record[f"{part}_seconds"] for part in parts))
+
+
+def test_a_batch_is_run_to_the_last_strain_in_turn_and_in_step():
+    fabrics, states = 2, 16
+    for solver in (IN_TURN, IN_STEP):
+        named = Measurement("batch", solver, **SMALL, boundary="periodic")
+        record = batch.measure(named, fabrics)
+        assert record["reached"]
+        assert record["states"] == fabrics * states
+        assert record["residual"] <= named.case().equilibrium_solver.tolerance
 
 
 def test_a_watch_tells_when_a_residual_was_first_reached():

@@ -14,7 +14,7 @@ from knitlab.mechanics.threads import ONE_THREAD
 from knitlab.sweep.workers import WORKER_ENVIRONMENT
 from workflows.solver_benchmark.cube import gathered, read_cube, report, write_cube
 from workflows.solver_benchmark.figures import draw_all
-from workflows.solver_benchmark.measurement import Measurement
+from workflows.solver_benchmark.measurement import IN_STEP, Measurement
 from workflows.solver_benchmark.methods import SWEPT
 from workflows.solver_benchmark.plan import GROUPS, Budget, planned
 
@@ -91,11 +91,13 @@ def _measured(measurement: Measurement, results: Path) -> bool:
     environment = dict.fromkeys(ONE_THREAD, threads)
     if measurement.solver in SWEPT:
         environment = WORKER_ENVIRONMENT | {"OMP_NUM_THREADS": threads}
+    if measurement.solver != IN_STEP:
+        environment |= {"JAX_PLATFORMS": "cpu"}
     module = "workflows.solver_benchmark.one"
     text = json.dumps(asdict(measurement))
     ran = subprocess.run(
         [sys.executable, "-m", module, text, str(results)],
-        env=os.environ | environment | {"JAX_PLATFORMS": "cpu"},
+        env=os.environ | environment,
         stderr=subprocess.PIPE,
         text=True,
     )

@@ -18,7 +18,8 @@ from workflows.solver_benchmark.methods import RESIDUAL_LEVELS
 
 DIMS = {
     "task": "what was done: relaxation from the flat sheet, that and 15 load steps (tension),"
-    " relaxation as a sweep does it, one iteration, or a sweep over all the paper's designs",
+    " relaxation as a sweep does it, one iteration, a sweep over all the paper's designs, or"
+    " tension of a batch of fabrics of one mesh shape",
     "solver": "method, or factorisation of one iteration",
     "boundary": "of the sample",
     "n_stripe": "stitches across a rib stripe",
@@ -32,7 +33,8 @@ COST = {
     "seconds": (
         "s",
         "processor time of a search on one thread, compilation apart; wall time of one on two"
-        " threads, of a sweep and of one iteration; missing where the tolerance was not reached",
+        " threads, of a sweep, of a batch and of one iteration; missing where the tolerance was"
+        " not reached",
     ),
     "compile_seconds": ("s", "time to compile, before the watch started"),
     "residual": ("N", "largest force left on a free unknown; of one iteration, of its solution"),
@@ -84,6 +86,9 @@ def gathered(results: Path) -> xr.Dataset:
             "date": max(record["date"] for record in records),
             "cpu_model": "; ".join(sorted({record["cpu_model"] for record in records})),
             "blas_kernels": "; ".join(sorted({record["blas_kernels"] for record in records})),
+            "devices_of_batches": "; ".join(
+                sorted({record["device"] for record in records if "device" in record})
+            ),
         }
     )
 

@@ -10,11 +10,15 @@ from knitlab.sweep.case import Case
 from knitlab.sweep.files import written_whole
 from knitlab.sweep.plan import make_plan
 
-Task = Literal["tuning", "relaxation", "tension", "shipped_relaxation", "iteration", "sweep"]
+Task = Literal[
+    "tuning", "relaxation", "tension", "shipped_relaxation", "iteration", "sweep", "batch"
+]
 Record = dict[str, Any]
 
 ACROSS_EDGE = "knitlab_across_edge"
 """knitlab, starting as a sweep does, of fabrics whose fold angles are taken across the edge."""
+IN_TURN, IN_STEP = "knitlab_in_turn", "knitlab_in_step"
+"""knitlab, with the fabrics of a batch one after the other, or in step on the device JAX sees."""
 TOLERANCE = 1e-6
 """Largest force that every method may leave on a free unknown [N]."""
 
@@ -68,7 +72,12 @@ class Measurement:
         return record if record["reached"] or record["time_limit"] >= self.time_limit else None
 
     def case(self, *overrides: str) -> Case:
-        """The sample as a case of the shipped parameters, 15 strain steps of 3 %.
+        """The sample as a case of the shipped parameters, 15 strain steps of 3 %."""
+        (case,) = self.cases(*overrides)
+        return case
+
+    def cases(self, *overrides: str) -> list[Case]:
+        """The sample as cases of the shipped parameters, one for each value of an override.
 
         Unlike in a sweep, knitlab's own path is no finer than that, as no other method's is.
         """
@@ -81,8 +90,7 @@ class Measurement:
             f"unit_cells={self.size.replace('x', ',')}",
             f"fold_angle={'across_edge' if self.solver == ACROSS_EDGE else 'whole_normals'}",
         )
-        (case,) = make_plan("preview", (*settings, *overrides)).cases.values()
-        return case
+        return list(make_plan("preview", (*settings, *overrides)).cases.values())
 
     def write(self, results: Path, values: Record) -> None:
         """Leave its record, whole or not at all."""

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from knitlab.sweep.provenance import git_commit
-from workflows.solver_benchmark import limit, many, methods
+from workflows.solver_benchmark import batch, limit, many, methods
 from workflows.solver_benchmark.cube import blas_kernels, cpu_model
 from workflows.solver_benchmark.measurement import Measurement
 
@@ -18,6 +18,7 @@ MEASURES = {
     "shipped_relaxation": methods.measure_shipped,
     "iteration": limit.measure,
     "sweep": many.measure,
+    "batch": batch.measure,
 }
 
 

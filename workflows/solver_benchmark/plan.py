@@ -8,7 +8,7 @@ from knitlab.model.reading import Boundary
 from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.shipped import shipped
 from workflows.solver_benchmark.limit import FACTORISATIONS
-from workflows.solver_benchmark.measurement import Measurement
+from workflows.solver_benchmark.measurement import IN_STEP, IN_TURN, Measurement
 from workflows.solver_benchmark.methods import SOLVERS, SWEPT, TRIALS, installed
 
 COMPARED = ("1x1", "3x2", "5x3", "7x5")
@@ -20,6 +20,8 @@ FACTORED = ("6x4", "24x11")
 TUNED = ("1x1", "3x2")
 """Samples that settings are tried on: the first for itself, the second for all that are larger."""
 EVERY_DESIGN: tuple[tuple[Boundary, str], ...] = (("periodic", "1x1"), ("clamped", "5x3"))
+BATCHED: tuple[tuple[Boundary, str], ...] = (("periodic", "1x1"), ("clamped", "2x2"))
+"""Samples of (4, 16) that are run in batches."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,13 @@ def scaling() -> Iterator[Measurement]:
             yield Measurement("tension", solver, size=size, workers=2)
 
 
+def batch() -> Iterator[Measurement]:
+    """Batches of one mesh shape, one fabric after the other and all in step."""
+    for boundary, size in BATCHED:
+        for solver in (IN_TURN, IN_STEP):
+            yield Measurement("batch", solver, size=size, boundary=boundary)
+
+
 def iterations() -> Iterator[Measurement]:
     """Relaxation of all the paper's designs as a sweep does it."""
     designs = read_parameters(shipped("params")).designs.root["paper"].pairs
@@ -92,6 +101,7 @@ GROUPS: dict[str, Callable[[], Iterator[Measurement]]] = {
     "methods": methods,
     "scaling": scaling,
     "many": many,
+    "batch": batch,
     "iterations": iterations,
 }
 

@@ -1,0 +1,69 @@
+"""A batch: fabrics of one mesh shape, one after the other, or in step on the device JAX sees.
+
+In step they are evaluated, factored and solved with vmapped, which a sweep does where JAX sees an
+accelerator. Where it sees none they do so on the processor, to show what that costs there.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from knitlab.mechanics.batch import run_in_step
+from knitlab.mechanics.drive import run_all
+from knitlab.mechanics.state import TensileTest
+from knitlab.mechanics.tension import stretch
+from knitlab.sweep.case import Case
+from workflows.solver_benchmark.measurement import IN_STEP, IN_TURN, Measurement, Record
+
+FABRICS, SOFTEST, STIFFEST = 16, 0.7, 1.4
+"""How many there are, and from what to what their bending stiffness is multiplied."""
+STRAINS_TO_COMPILE = 2
+"""With the relaxed shape and one strain, all is compiled that a test of many needs."""
+
+RUNNERS: dict[str, Callable[..., list[TensileTest]]] = {IN_TURN: run_all, IN_STEP: run_in_step}
+
+
+def measure(measurement: Measurement, fabrics: int = FABRICS) -> Record:
+    """Relax and pull the fabrics of a batch, after a first one that compiles.
+
+    Args:
+        measurement: the sample, and how its fabrics are run.
+        fabrics: how many they are.
+    """
+    factors = ",".join(f"{each:.4f}" for each in np.geomspace(SOFTEST, STIFFEST, fabrics))
+    cases = measurement.cases(f"k_t_factor={factors}")
+    runner = RUNNERS[measurement.solver]
+    began = time.perf_counter()
+    pulled(cases, runner, STRAINS_TO_COMPILE)
+    compiled = time.perf_counter()
+    tests = pulled(cases, runner)
+    ended = time.perf_counter()
+    states = [state for test in tests for state in test.states]
+    reached = all(state.converged for state in states)
+    record: Record = {
+        "reached": reached,
+        "reason": "" if reached else "a fabric did not reach the last strain",
+        "device": jax.devices()[0].device_kind,
+        "nodes": cases[0].mesh_shape.nodes,
+        "compile_seconds": compiled - began,
+        "residual": max(state.residual for state in states),
+        "states": sum(state.converged for state in states),
+        "evaluations": sum(state.iterations for state in states),
+        "factorisations": sum(state.factorisations for state in states),
+    }
+    return record | ({"seconds": ended - compiled} if reached else {})
+
+
+def pulled(
+    cases: Sequence[Case], runner: Callable[..., list[TensileTest]], strains: int | None = None
+) -> list[TensileTest]:
+    """Tensile tests of cases of one mesh shape, up to one of their strains or to the last."""
+    woven = [case.woven() for case in cases]
+    tests: list[Any] = [
+        stretch(net, fabric, case.applied_strain[:strains], case.equilibrium_solver)
+        for case, (net, fabric) in zip(cases, woven, strict=True)
+    ]
+    return runner(cases[0].mesh_shape, [fabric for _, fabric in woven], tests)
