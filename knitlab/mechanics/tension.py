@@ -40,17 +40,17 @@ def stretch(
 ) -> Solver[TensileTest]:
     """Solver that relaxes a fabric and takes it through a tensile test.
 
-    The path to a strain is followed in steps of at most ``settings.path_step``, each starting
-    from the line through the two states before it; of a sample of many blocks, from where on it
-    the energy is least. Where the path is rough, as the step before
-    took many iterations, that line misses, and walls stop every step back; there they are soft at
-    first, and the stiffness is convexified. Along one branch of equilibria the energy grows by
-    the work of the reaction force; where a step gains or loses more than
-    ``settings.branch_limit`` of that work, the fabric has left its branch. A step that does so,
-    or fails, is tried again over half the strain, down to ``settings.smallest_step`` of a full
-    one. If it leaves the branch even then, the branch has ended there: the fabric has snapped,
-    and the state it snapped to is kept and marked. What all that costs is counted in the state it
-    leads to. The test ends at the first strain that cannot be reached.
+    The path to a strain is followed in steps of at most ``settings.path_step``, each starting from
+    the line through the two states before it; of a sample of many blocks, from where on that line
+    its energy is least. Where the path is rough, as the step before took many iterations, that line
+    misses, and walls stop every step back; there they are soft at first, and the stiffness is
+    convexified. Along one branch of equilibria the energy grows by the work of the reaction force;
+    where a step gains or loses more than ``settings.branch_limit`` of that work, the fabric has
+    left its branch. A step that does so, or fails, is tried again over half the strain, down to
+    ``settings.smallest_step`` of a full one. If it leaves the branch even then, the branch has
+    ended there: the fabric has snapped, and the state it snapped to is kept and marked. What all
+    that costs is counted in the state it leads to. The test ends at the first strain that cannot be
+    reached.
 
     Args:
         net: network of the fabric's mesh shape.

@@ -7,14 +7,18 @@ import pytest
 
 from knitlab.mechanics import tension
 from knitlab.mechanics.drive import run
+from knitlab.mechanics.evaluation import WHOLE
+from knitlab.mechanics.portions import PortionedFabric
+from knitlab.mechanics.settling import find_settled
 from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.state import Outcome
-from knitlab.mechanics.tension import stretch
+from knitlab.mechanics.tension import _Path, stretch
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.pattern import Pattern, patch_map
 from knitlab.model.reading import Reading
 from tests.fabrics import (
     CLAMPED,
+    DEFAULT,
     ENDLESS,
     FINE,
     SHEET,
@@ -188,3 +192,34 @@ def test_only_a_test_that_reached_its_end_goes_back():
     hasty = SolverSettings(max_iterations=3)
     test = run(net.shape, fabric, stretch(net, fabric, (0.0, 0.02), hasty, unload=True))
     assert test.unloaded == ()
+
+
+@pytest.mark.parametrize(("shake", "parts"), [(0.0, {1.0, 0.5}), (2.0, {0.125, 0.0})])
+def test_many_blocks_start_from_where_on_the_line_ahead_the_energy_is_least(
+    small_blocks, sample, monkeypatch, shake, parts
+):
+    net, fabric, loading = sample
+    before, last = stretched(net, fabric, [0.0, 0.01]).states
+    # A state far off sends the line through it and the last one far off on the other side.
+    noise = np.random.default_rng(0).normal(size=net.shape.unknowns)
+    off = loading.holding(before.configuration + shake * noise, 0.0)
+    starts = []
+
+    def found(start, *rest):
+        starts.append(start)
+        return find_settled(start, *rest)
+
+    monkeypatch.setattr(tension, "find_settled", found)
+    passed_states = [(0.0, replace(before, configuration=off)), (0.01, last)]
+    path = _Path(loading, passed_states, fabric, DEFAULT)
+    assert run(net.shape, fabric, path.to(0.02)).converged
+    passed = [(0.0, off), (0.01, last.configuration)]
+    near, far = (loading.ahead(of, 0.02) for of in (passed[1:], passed))
+    way = far - near
+    part = float((starts[0].configuration - near) @ way / (way @ way))
+    assert any(part == pytest.approx(one) for one in parts)
+    whole = PortionedFabric.of(net.shape, fabric)
+    taken, *others = (
+        float(whole.evaluate(WHOLE, at).energy.total) for at in (starts[0].configuration, near, far)
+    )
+    assert taken <= min(others)
