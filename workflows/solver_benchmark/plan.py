@@ -66,8 +66,7 @@ def limit() -> Iterator[Measurement]:
 def scaling() -> Iterator[Measurement]:
     """Relaxation and 15 load steps by knitlab, as a sweep does them, on ever larger samples.
 
-    Two threads share each, as they do where a sweep has one case for two processors. The largest
-    go through all load steps with fold angles across the edge alone.
+    Two threads share each, as they do where a sweep has one case for two processors.
     """
     for solver in SWEPT:
         for size in GROWING:
