@@ -3,6 +3,7 @@
 import json
 import os
 import platform
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -84,13 +85,17 @@ def gathered(results: Path) -> xr.Dataset:
         | {
             "git_commit": " ".join(sorted({record["git_commit"] for record in records})),
             "date": max(record["date"] for record in records),
-            "cpu_model": "; ".join(sorted({record["cpu_model"] for record in records})),
-            "blas_kernels": "; ".join(sorted({record["blas_kernels"] for record in records})),
-            "devices_of_batches": "; ".join(
-                sorted({record["device"] for record in records if "device" in record})
+            "cpu_model": _listed(record["cpu_model"] for record in records),
+            "blas_kernels": _listed(record["blas_kernels"] for record in records),
+            "devices_of_batches": _listed(
+                record["device"] for record in records if "device" in record
             ),
         }
     )
+
+
+def _listed(values: Iterable[str]) -> str:
+    return "; ".join(sorted(set(values)))
 
 
 def cube_of(records: list[dict[str, Any]]) -> xr.Dataset:
