@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from queue import SimpleQueue
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import jax
 import numpy as np
@@ -29,6 +29,15 @@ MOST_COMPANIONS = 7
 """Of one sample; each takes 0.4 to 0.9 GB."""
 
 Result = TypeVar("Result")
+
+
+class Runner(Protocol):
+    """Runs solvers of fabrics of one mesh shape."""
+
+    def __call__(
+        self, shape: MeshShape, fabrics: Sequence[Fabric], solvers: Sequence[Solver[Result]], /
+    ) -> list[Result]:
+        """Run one solver a fabric and return what each returns, in order."""
 
 
 class Desk:
@@ -194,14 +203,20 @@ def attended(desk: Desk, solver: Solver[Result]) -> Result:
             return end.value
 
 
+def run_in_turn(
+    shape: MeshShape, fabrics: Sequence[Fabric], solvers: Sequence[Solver[Result]]
+) -> list[Result]:
+    """The :class:`Runner` that runs one after the other."""
+    return [run(shape, *each) for each in zip(fabrics, solvers, strict=True)]
+
+
 def run_all(
     shape: MeshShape, fabrics: Sequence[Fabric], solvers: Sequence[Solver[Result]]
 ) -> list[Result]:
-    """Run one solver a fabric, all of one mesh shape, and return what each returns, in order.
+    """The :class:`Runner` that suits the machine.
 
-    On a processor they run one after the other, which is faster there than any batch; where JAX
-    sees an accelerator they run in step, vmapped, factorisation included.
+    On a processor one after the other is faster than any batch; where JAX sees an accelerator
+    they run in step, vmapped, factorisation included.
     """
-    if jax.default_backend() == "cpu":
-        return [run(shape, *each) for each in zip(fabrics, solvers, strict=True)]
-    return run_in_step(shape, fabrics, solvers)
+    runner: Runner = run_in_turn if jax.default_backend() == "cpu" else run_in_step
+    return runner(shape, fabrics, solvers)

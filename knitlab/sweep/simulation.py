@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.mechanics.drive import run_all
+from knitlab.mechanics.drive import Runner, run_all
 from knitlab.mechanics.dynamic_tension import Batch, stretch_by_dynamics
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.relaxation import relax, tiled
@@ -46,12 +46,20 @@ def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> 
 
 def tensile_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
     """Tensile tests of cases of one mesh shape and method."""
-    by = tests_by_dynamics if cases[0].method == "dynamics" else tests_in_equilibrium
+    by = dynamic_tests if cases[0].method == "dynamics" else equilibrium_tests
     return by(cases, progress)
 
 
-def tests_in_equilibrium(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
-    """Tensile tests by the equilibrium solver."""
+def equilibrium_tests(
+    cases: Sequence[Case], progress: Progress, runner: Runner = run_all
+) -> list[TensileTest]:
+    """Tensile tests of cases of one mesh shape by the equilibrium solver.
+
+    Args:
+        cases: the cases.
+        progress: told, for a case, how many of its states are done.
+        runner: what runs their solvers.
+    """
     woven = [case.woven() for case in cases]
     tests = [
         stretch(
@@ -66,28 +74,31 @@ def tests_in_equilibrium(cases: Sequence[Case], progress: Progress) -> list[Tens
         for case, (net, fabric), start, done in zip(
             cases,
             woven,
-            starts(cases, woven),
+            starts(cases, woven, runner),
             [partial(progress, case.case_id) for case in cases],
             strict=True,
         )
     ]
-    return run_all(cases[0].mesh_shape, [fabric for _, fabric in woven], tests)
+    return runner(cases[0].mesh_shape, [fabric for _, fabric in woven], tests)
 
 
 def starts(
-    cases: Sequence[Case], woven: Sequence[tuple[Network, Fabric]]
+    cases: Sequence[Case],
+    woven: Sequence[tuple[Network, Fabric]],
+    runner: Runner = run_all,
 ) -> list[Float[np.ndarray, " unknown"] | None]:
     """What samples of one mesh shape relax from; ``None`` for the flat sheet [mm].
 
     Args:
         cases: the samples.
         woven: network and fabric of each.
+        runner: what runs the solvers of the endless fabrics they are laid out of.
     """
     if cases[0].mesh_shape.periodic or cases[0].equilibrium_solver.start == "flat":
         return [None] * len(cases)
     cells = [case.endless_cell for case in cases]
     endless = [cell.woven() for cell in cells]
-    relaxed = run_all(
+    relaxed = runner(
         cells[0].mesh_shape,
         [fabric for _, fabric in endless],
         [
@@ -101,7 +112,7 @@ def starts(
     ]
 
 
-def tests_by_dynamics(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
+def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
     """Tensile tests by damped dynamics, all cases in one vmapped call a strain."""
     settings = cases[0].solver
     if not isinstance(settings, DynamicsSettings):

@@ -5,17 +5,14 @@ accelerator. Where it sees none they do so on the processor, to show what that c
 """
 
 import time
-from collections.abc import Callable, Sequence
-from typing import Any
+from dataclasses import replace
 
 import jax
 import numpy as np
 
 from knitlab.mechanics.batch import run_in_step
-from knitlab.mechanics.drive import run_all
-from knitlab.mechanics.state import TensileTest
-from knitlab.mechanics.tension import stretch
-from knitlab.sweep.case import Case
+from knitlab.mechanics.drive import Runner, run_in_turn
+from knitlab.sweep.simulation import equilibrium_tests
 from workflows.solver_benchmark.measurement import IN_STEP, IN_TURN, Measurement, Record
 
 FABRICS, SOFTEST, STIFFEST = 16, 0.7, 1.4
@@ -23,7 +20,7 @@ FABRICS, SOFTEST, STIFFEST = 16, 0.7, 1.4
 STRAINS_TO_COMPILE = 2
 """With the relaxed shape and one strain, all is compiled that a test of many needs."""
 
-RUNNERS: dict[str, Callable[..., list[TensileTest]]] = {IN_TURN: run_all, IN_STEP: run_in_step}
+RUNNERS: dict[str, Runner] = {IN_TURN: run_in_turn, IN_STEP: run_in_step}
 
 
 def measure(measurement: Measurement, fabrics: int = FABRICS) -> Record:
@@ -35,11 +32,14 @@ def measure(measurement: Measurement, fabrics: int = FABRICS) -> Record:
     """
     factors = ",".join(f"{each:.4f}" for each in np.geomspace(SOFTEST, STIFFEST, fabrics))
     cases = measurement.cases(f"k_t_factor={factors}")
+    short = [
+        replace(case, applied_strain=case.applied_strain[:STRAINS_TO_COMPILE]) for case in cases
+    ]
     runner = RUNNERS[measurement.solver]
     began = time.perf_counter()
-    pulled(cases, runner, STRAINS_TO_COMPILE)
+    equilibrium_tests(short, _unheard, runner)
     compiled = time.perf_counter()
-    tests = pulled(cases, runner)
+    tests = equilibrium_tests(cases, _unheard, runner)
     ended = time.perf_counter()
     states = [state for test in tests for state in test.states]
     reached = all(state.converged for state in states)
@@ -57,13 +57,5 @@ def measure(measurement: Measurement, fabrics: int = FABRICS) -> Record:
     return record | ({"seconds": ended - compiled} if reached else {})
 
 
-def pulled(
-    cases: Sequence[Case], runner: Callable[..., list[TensileTest]], strains: int | None = None
-) -> list[TensileTest]:
-    """Tensile tests of cases of one mesh shape, up to one of their strains or to the last."""
-    woven = [case.woven() for case in cases]
-    tests: list[Any] = [
-        stretch(net, fabric, case.applied_strain[:strains], case.equilibrium_solver)
-        for case, (net, fabric) in zip(cases, woven, strict=True)
-    ]
-    return runner(cases[0].mesh_shape, [fabric for _, fabric in woven], tests)
+def _unheard(case_id: str, done: int) -> None:
+    """No one waits for word of how far a fabric is."""
