@@ -18,7 +18,7 @@ from workflows.solver_benchmark.methods import SWEPT
 LOOKS = {
     "knitlab": ("#0072B2", "o", "knitlab"),
     "knitlab_as_swept": ("#CC79A7", "*", "knitlab, from endless fabric, 2 threads"),
-    "knitlab_across_edge": ("#882255", "X", "the same, fold angles across the edge"),
+    "knitlab_across_edge": ("#882255", "o", "the same, fold angles across the edge"),
     "knitlab_direct": ("#56B4E9", "s", "knitlab, 3 % steps"),
     "knitlab_cholmod": ("#009E73", "^", "knitlab, CHOLMOD"),
     "lbfgs": ("#E69F00", "D", "L-BFGS"),
@@ -27,6 +27,10 @@ LOOKS = {
 }
 THREADS = dict.fromkeys(SWEPT, 2)
 """Of what does not run on one."""
+OPEN = ("knitlab_across_edge",)
+"""What is drawn in outline and dashes, as it lies upon another."""
+ARROW = 0.35
+"""Length of the arrow on a time after which a method was given up, as part of that time."""
 HEIGHT, HEIGHT_WITH_LEGEND = 3.1, 4.0
 SUFFIXES = (".pdf", ".png")
 
@@ -44,7 +48,10 @@ def draw_all(cube: xr.Dataset, folder: Path) -> Iterator[Path]:
 
 
 def time_against_size(cube: xr.Dataset) -> Figure | None:
-    """Median time of relaxation and 15 load steps, its spread, and the fitted slopes."""
+    """Median time of relaxation and 15 load steps, its spread, and the fitted slopes.
+
+    An arrow stands on the time after which a method was given up; what failed sooner is named.
+    """
     if "tension" not in cube.get("task", ()):
         return None
     of = _one_design(cube).sel(task="tension", boundary="clamped")
@@ -59,28 +66,44 @@ def time_against_size(cube: xr.Dataset) -> Figure | None:
         spread = [middle - its["seconds_least"], its["seconds_most"] - middle]
         slope = float(its["slope"])
         fit = f", $s$ = {slope:.2f}" if np.isfinite(slope) else ""
-        given_up = its["nodes"].where((its["status"] == NOT_REACHED).any("repeat"))
-        if given_up.notnull().any():
-            fit += f"; given up at {float(given_up.min()):,.0f}"
+        given_up = its["given_up_after"].max("repeat")
+        failed = (its["status"] == NOT_REACHED).any("repeat") & given_up.isnull()
+        if failed.any():
+            fit += f"; fails at {float(its['nodes'].where(failed).min()):,.0f} nodes"
+        outline, line, size = ("none", "--", 6) if solver in OPEN else (colour, "-", 3.5)
         axes.errorbar(
             its["nodes"],
             middle,
             np.array([part.values for part in spread]),
             color=colour,
             marker=marker,
-            ms=3.5,
+            mfc=outline,
+            ms=size,
             ls="",
             capsize=1.5,
             elinewidth=0.6,
             label=label + fit,
         )
-        _draw_fit(axes, its["nodes"].values, middle.values, slope, colour)
+        axes.errorbar(
+            its["nodes"],
+            given_up,
+            ARROW * given_up,
+            lolims=True,
+            color=colour,
+            marker=marker,
+            mfc="white",
+            ms=3.5,
+            ls="",
+            capsize=1.5,
+            elinewidth=0.6,
+        )
+        _draw_fit(axes, its["nodes"].values, middle.values, slope, colour, line)
     axes.set(xscale="log", yscale="log", xlabel="size [nodes]")
     axes.set_ylabel("relaxation + 15 load steps [s]")
     figure.legend(
         loc="outside upper center",
         frameon=False,
-        title="time ~ nodes$^s$",
+        title="time ~ nodes$^s$" + ("; arrow: given up" if of["given_up_after"].any() else ""),
         handletextpad=0.3,
         fontsize="x-small",
     )
@@ -88,14 +111,14 @@ def time_against_size(cube: xr.Dataset) -> Figure | None:
 
 
 def _draw_fit(
-    axes: Axes, nodes: np.ndarray, seconds: np.ndarray, slope: float, colour: str
+    axes: Axes, nodes: np.ndarray, seconds: np.ndarray, slope: float, colour: str, line: str
 ) -> None:
     there = np.isfinite(nodes) & np.isfinite(seconds)
     if not np.isfinite(slope) or not there.any():
         return
     ends = np.array([nodes[there].min(), nodes[there].max()])
     level = np.exp(np.mean(np.log(seconds[there]) - slope * np.log(nodes[there])))
-    axes.plot(ends, level * ends**slope, color=colour, lw=0.9)
+    axes.plot(ends, level * ends**slope, color=colour, ls=line, lw=0.9)
 
 
 def time_to_residual(cube: xr.Dataset) -> Figure | None:
