@@ -67,6 +67,8 @@ def time_against_size(cube: xr.Dataset) -> Figure | None:
         slope = float(its["slope"])
         fit = f", $s$ = {slope:.2f}" if np.isfinite(slope) else ""
         given_up = its["given_up_after"].max("repeat")
+        if given_up.notnull().any():
+            fit += "; ↑ given up"
         failed = (its["status"] == NOT_REACHED).any("repeat") & given_up.isnull()
         if failed.any():
             fit += f"; fails at {float(its['nodes'].where(failed).min()):,.0f} nodes"
@@ -103,7 +105,7 @@ def time_against_size(cube: xr.Dataset) -> Figure | None:
     figure.legend(
         loc="outside upper center",
         frameon=False,
-        title="time ~ nodes$^s$" + ("; arrow: given up" if of["given_up_after"].any() else ""),
+        title="time ~ nodes$^s$",
         handletextpad=0.3,
         fontsize="x-small",
     )
