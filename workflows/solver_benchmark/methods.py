@@ -57,8 +57,9 @@ def method(measurement: Measurement) -> Method:
         case "knitlab_cholmod":
             return ours.knitlab(still, "cholmod")
         case "dynamics":
+            wider = dynamics.WIDER if measurement.size == "1x1" else 1.0
             prepare = partial(dynamics.prepare, moving)
-            return by(dynamics.dynamics(moving, setting), prepare)
+            return by(dynamics.dynamics(moving, setting, wider), prepare)
         case "fire":
             return by(fire.fire(setting), fire.prepare)
         case "lbfgs":
