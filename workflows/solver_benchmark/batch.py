@@ -37,9 +37,9 @@ def measure(measurement: Measurement, fabrics: int = FABRICS) -> Record:
     ]
     runner = RUNNERS[measurement.solver]
     began = time.perf_counter()
-    equilibrium_tests(short, _unheard, runner)
+    equilibrium_tests(short, lambda *_: None, runner)
     compiled = time.perf_counter()
-    tests = equilibrium_tests(cases, _unheard, runner)
+    tests = equilibrium_tests(cases, lambda *_: None, runner)
     ended = time.perf_counter()
     states = [state for test in tests for state in test.states]
     reached = all(state.converged for state in states)
@@ -55,7 +55,3 @@ def measure(measurement: Measurement, fabrics: int = FABRICS) -> Record:
         "factorisations": sum(state.factorisations for state in states),
     }
     return record | ({"seconds": ended - compiled} if reached else {})
-
-
-def _unheard(case_id: str, done: int) -> None:
-    """No one waits for word of how far a fabric is."""

@@ -1,6 +1,7 @@
 """The figures, from the cube alone."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -63,7 +64,7 @@ def time_against_size(cube: xr.Dataset) -> Figure | None:
         colour, marker, label = LOOKS[solver]
         its = of.sel(solver=solver, workers=THREADS.get(solver, 1)).sortby("nodes")
         middle = its["seconds_median"]
-        spread = [middle - its["seconds_least"], its["seconds_most"] - middle]
+        spread = np.array([middle - its["seconds_least"], its["seconds_most"] - middle])
         slope = float(its["slope"])
         fit = f", $s$ = {slope:.2f}" if np.isfinite(slope) else ""
         given_up = its["given_up_after"].max("repeat")
@@ -73,32 +74,17 @@ def time_against_size(cube: xr.Dataset) -> Figure | None:
         if failed.any():
             fit += f"; fails at {float(its['nodes'].where(failed).min()):,.0f} nodes"
         outline, line, size = ("none", "--", 6) if solver in OPEN else (colour, "-", 3.5)
-        axes.errorbar(
+        draw = partial(
+            axes.errorbar,
             its["nodes"],
-            middle,
-            np.array([part.values for part in spread]),
             color=colour,
             marker=marker,
-            mfc=outline,
-            ms=size,
-            ls="",
-            capsize=1.5,
-            elinewidth=0.6,
-            label=label + fit,
-        )
-        axes.errorbar(
-            its["nodes"],
-            given_up,
-            ARROW * given_up,
-            lolims=True,
-            color=colour,
-            marker=marker,
-            mfc="white",
-            ms=3.5,
             ls="",
             capsize=1.5,
             elinewidth=0.6,
         )
+        draw(middle, spread, mfc=outline, ms=size, label=label + fit)
+        draw(given_up, ARROW * given_up, lolims=True, mfc="white", ms=3.5)
         _draw_fit(axes, its["nodes"].values, middle.values, slope, colour, line)
     axes.set(xscale="log", yscale="log", xlabel="size [nodes]")
     axes.set_ylabel("relaxation + 15 load steps [s]")
