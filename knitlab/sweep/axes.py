@@ -8,7 +8,7 @@ from typing import Any
 from knitlab.sweep.case import Label
 from knitlab.sweep.changes import SHEET_QUANTITIES, STRIPE_QUANTITIES
 from knitlab.sweep.parameters import Parameters
-from knitlab.sweep.registry import Variable
+from knitlab.sweep.variable import Variable
 from knitlab.sweep.workflow import Workflow
 
 SWEPT_SECTIONS = ("model", "solver", "dynamics", "electrodes")

@@ -21,8 +21,8 @@ from knitlab.sweep.faults import BadInput, Fault, Gathered
 from knitlab.sweep.files import written_whole
 from knitlab.sweep.fingerprint import code_fingerprint, digests, text_fingerprint
 from knitlab.sweep.parameters import Parameters, read_parameters
-from knitlab.sweep.registry import Variable
 from knitlab.sweep.shipped import shipped
+from knitlab.sweep.variable import Variable
 from knitlab.sweep.workflow import Workflow
 from knitlab.sweep.workflow_text import WorkflowText, read_workflow, workflow_file
 

@@ -1,0 +1,42 @@
+"""A variable of a case or of a cube: its dims, units and meaning."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable, as it stands in a case; a cube adds the dimensions of its designs.
+
+    Attributes:
+        dims: its dimensions within a case.
+        units: UDUNITS text.
+        long_name: what a figure's axis says.
+        description: what it is, where the name leaves a question.
+        in_cube: whether the cube has it, or the case alone.
+        of: what cases have it: all, those reached by dynamics, those of a pure stripe, those of
+            rib and garter patches, those of which sensitivities were asked for, those with
+            electrodes, those with electrodes that are let go again, or measured ones.
+    """
+
+    dims: tuple[str, ...]
+    units: str
+    long_name: str
+    description: str = ""
+    in_cube: bool = True
+    of: Literal[
+        "all",
+        "dynamics",
+        "stripe",
+        "patches",
+        "sensitivities",
+        "capacitor",
+        "unloading",
+        "laboratory",
+    ] = "all"
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """Its CF attributes."""
+        described = {"description": self.description} if self.description else {}
+        return {"units": self.units, "long_name": self.long_name, **described}
