@@ -48,7 +48,7 @@ def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFra
     table = pd.DataFrame(columns)
     table.attrs["dims"] = cube.dims
     table["status"] = [Status(int(code)).name for code in table["status"]]
-    for name in ("periods", "iterations"):
+    for name in ("periods", "unit_cells_y", "unit_cells_x", "iterations"):
         if name in table:
             table[name] = table[name].astype("Int64")
     return table

@@ -23,6 +23,7 @@ from knitlab.sweep.registry import VARIABLES, described
 from knitlab.sweep.survey import Cell, cells
 
 WORDS = ("case_id", "code")
+UNIT_CELLS = ("unit_cells_y", "unit_cells_x")
 Values = dict[str, Any]
 
 
@@ -41,8 +42,17 @@ class Entry:
     @property
     def unit_cells(self) -> tuple[int, int]:
         """Of its sample, along (y, x)."""
-        shape = np.shape(self.values.get("strain_xx", np.empty((1, 1, 1))))
-        return shape[1], shape[2]
+        if self.of_earlier_version:
+            # Its sample is at most as large as the largest of that cube.
+            shape = np.shape(self.values["strain_xx"])
+            return shape[1], shape[2]
+        rows, columns = (int(self.values[name]) for name in UNIT_CELLS)
+        return rows, columns
+
+    @property
+    def of_earlier_version(self) -> bool:
+        """Whether it comes from a cube of a version that did not state sample sizes."""
+        return bool(np.isnan(self.values.get(UNIT_CELLS[0], np.nan)))
 
 
 def build_cube(
@@ -58,7 +68,8 @@ def build_cube(
 
     Cells of the old cube that the plan does not touch stay as they are; combinations that
     nobody asked for are ``excluded``; planned cases without a file are ``failed`` if they are
-    among ``failed``, else ``pending``.
+    among ``failed``, else ``pending``. Planned cases that an earlier version put into the old
+    cube, without all that is stated now, are read again.
 
     Args:
         plan: what was to be simulated.
@@ -76,23 +87,29 @@ def build_cube(
         there = known.get(design)
         same = there is not None and there.case_id == case_id and there.has_results
         untouched = same and case_id not in computed and case_id not in failed
-        if untouched or case_id in kept_stale:
-            continue
         path = case_path(results, case_id)
+        readable = case_id not in damaged and path.is_file()
+        complete = untouched and not (readable and entries[design].of_earlier_version)
+        if complete or case_id in kept_stale:
+            continue
         if case_id in failed:
             entries[design] = _empty_entry(case, Status.failed)
-        elif case_id in damaged or not path.is_file():
+        elif not readable:
             entries[design] = _empty_entry(case, Status.pending)
         else:
             entries[design] = _read_entry(path, case)
 
-    first = next(iter(plan.cases.values()))
-    names = [name for name, variable in variables_of(first).items() if variable.in_cube]
-    if old is not None:
-        names += [str(name) for name in old.data_vars if name not in names]
-    cube = _gridded(plan, names, entries)
+    cube = _gridded(plan, _names(plan, old), entries)
     cube.attrs |= _attributes(plan, old, entries)
     return cube
+
+
+def _names(plan: Plan, old: xr.Dataset | None) -> list[str]:
+    """Variables of the cube, in the order of the registry."""
+    case = next(iter(plan.cases.values()))
+    wanted = {name for name, variable in variables_of(case).items() if variable.in_cube}
+    wanted |= set() if old is None else set(map(str, old.data_vars))
+    return [name for name, its in VARIABLES.items() if name in wanted or its.of == "design"]
 
 
 def _old_entries(old: xr.Dataset, known: Mapping[Design, Cell]) -> dict[Design, Entry]:
@@ -119,14 +136,19 @@ def _attributes(
     return provenance() | attributes | reading
 
 
+def _stated(case: Case) -> Values:
+    """What is known of a case before it is simulated."""
+    sizes = dict(zip(UNIT_CELLS, case.unit_cells, strict=True))
+    return {"periods": case.periods, "case_id": case.case_id, **sizes}
+
+
 def _empty_entry(case: Case, status: Status) -> Entry:
-    values = {"periods": case.periods, "case_id": case.case_id, "code": "", "status": status}
-    return Entry(values, case.applied_strain)
+    return Entry(_stated(case) | {"code": "", "status": status}, case.applied_strain)
 
 
 def _read_entry(path: Path, case: Case) -> Entry:
     # By netCDF4 itself and unmasked: through xarray, reading takes several times as long.
-    values = {}
+    values = _stated(case)
     with netCDF4.Dataset(path) as dataset:
         dataset.set_auto_maskandscale(False)
         for name, variable in variables_of(case).items():
@@ -157,11 +179,14 @@ def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) 
         place = tuple(along[label] for along, label in zip(places, design, strict=True))
         rows = [rank[strain] for strain in entry.strains]
         for name, value in entry.values.items():
-            if "applied_strain" not in VARIABLES[name].dims:
+            dims = VARIABLES[name].dims
+            if "applied_strain" not in dims:
                 arrays[name][place] = str(value) if name in WORDS else value
             else:
-                within = tuple(slice(0, size) for size in np.shape(value)[1:])
-                arrays[name][place][(rows, *within)] = value
+                # Values of an old cube may be padded further than the new one is.
+                extents = zip(dims[1:], np.shape(value)[1:], strict=True)
+                within = tuple(slice(0, min(size, sizes[dim])) for dim, size in extents)
+                arrays[name][place][(rows, *within)] = value[(slice(None), *within)]
 
     variables: dict[str, Any] = {
         name: ((*plan.dims, *VARIABLES[name].dims), array) for name, array in arrays.items()

@@ -62,6 +62,7 @@ _LOGARITHMIC = (
     " Missing at zero strain, and where the state is no stable equilibrium"
 )
 _CELLS = ("applied_strain", "cell_y", "cell_x")
+_SAMPLE = "of the simulated sample, or of the cell that endless fabric repeats"
 _POINTS = ("boundary_point",)
 _TRACED = "between unit cells, nearest the middle of the relaxed fabric"
 _WAVE = f"{_TRACED}; missing where it crosses a single unit cell"
@@ -85,6 +86,8 @@ VARIABLES = {
     "case_id": Variable((), "1", "identifier of the case", "names its file under cases/"),
     "code": Variable((), "1", "fingerprint of the code that computed the design"),
     "periods": Variable((), "1", "stripe periods along a patch"),
+    "unit_cells_y": Variable((), "1", "unit cells along the warp", _SAMPLE, of="design"),
+    "unit_cells_x": Variable((), "1", "unit cells along the weft", _SAMPLE, of="design"),
     "strain_xx": Variable(_CELLS, "1", "local transverse strain"),
     "strain_yy": Variable(_CELLS, "1", "local axial strain"),
     "mean_strain_xx": Variable(
@@ -245,6 +248,8 @@ WHOLE = (
     "factorisations",
     "hinges_past_pi",
     "periods",
+    "unit_cells_y",
+    "unit_cells_x",
     "capacitor_status",
     "markers_lost",
     "cells_lost",

@@ -16,7 +16,8 @@ class Variable:
         in_cube: whether the cube has it, or the case alone.
         of: what cases have it: all, those reached by dynamics, those of a pure stripe, those of
             rib and garter patches, those of which sensitivities were asked for, those with
-            electrodes, those with electrodes that are let go again, or measured ones.
+            electrodes, those with electrodes that are let go again, or measured ones. What is of
+            a design is in the cube alone, as a case's file states it among its parameters.
     """
 
     dims: tuple[str, ...]
@@ -33,6 +34,7 @@ class Variable:
         "capacitor",
         "unloading",
         "laboratory",
+        "design",
     ] = "all"
 
     @property

@@ -36,7 +36,9 @@ def test_every_variable_carries_units_and_a_long_name(sweep):
             assert dataset[name].attrs["units"] == (COORDINATES | VARIABLES)[name].units
             assert dataset[name].attrs["long_name"]
     expected = {
-        name for name, its in VARIABLES.items() if its.in_cube and its.of in ("all", "patches")
+        name
+        for name, its in VARIABLES.items()
+        if its.in_cube and its.of in ("all", "patches", "design")
     }
     assert expected == set(run.cube.data_vars)
 
