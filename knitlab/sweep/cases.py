@@ -67,7 +67,7 @@ def _cases(
     protocol = workflow.protocol
     steps = round(protocol.strain_max / protocol.strain_step)
     sheet = changed_sheet(_values(parameters.sheet), workflow.model)
-    reading = _merged(parameters.reading, workflow.model)
+    reading = merged(parameters.reading, workflow.model)
     common: dict[str, Any] = {
         "sheet": Sheet(**_of(Sheet, sheet)),
         "mass_and_drag": None,
@@ -75,14 +75,14 @@ def _cases(
             round(step * protocol.strain_step, 12) for step in range(steps + 1)
         ),
         "method": protocol.method,
-        "solver": SolverSettings(**_merged(parameters.solver, workflow.solver)),
+        "solver": SolverSettings(**merged(parameters.solver, workflow.solver)),
         "sensitivities": protocol.sensitivities,
         "unloading": protocol.unloading,
         "capacitor": _capacitor(workflow.electrodes, parameters.electrodes),
     }
     if protocol.method == "dynamics":
         common["mass_and_drag"] = MassAndDrag(**_of(MassAndDrag, sheet))
-        common["solver"] = DynamicsSettings(**_merged(parameters.dynamics, workflow.dynamics))
+        common["solver"] = DynamicsSettings(**merged(parameters.dynamics, workflow.dynamics))
 
     def stripe(knit: Knit, stitches: int) -> Stripe:
         return changed_stripe(parameters.stripes.stripe(knit, stitches), workflow.model)
@@ -138,7 +138,7 @@ def _capacitor(
     return Capacitor(layout=layout, **numbers)
 
 
-def _merged(parameters: Strict, section: Strict) -> dict[str, Any]:
+def merged(parameters: Strict, section: Strict) -> dict[str, Any]:
     """Values of a parameter file, each replaced where the workflow's section has one."""
     given = section.model_dump(exclude_none=True)
     return {key: given.get(key, value) for key, value in _values(parameters).items()}

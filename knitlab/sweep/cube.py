@@ -10,11 +10,13 @@ import netCDF4
 import numpy as np
 import xarray as xr
 
+from knitlab.measure.knit_size import Gauge
 from knitlab.sweep.case import Case, Label
 from knitlab.sweep.case_file import case_path
 from knitlab.sweep.common import ATTRIBUTE, parameters_of, shared
 from knitlab.sweep.design_space import Design
 from knitlab.sweep.design_status import Status
+from knitlab.sweep.gauge import sizes_at, sizes_of, stated
 from knitlab.sweep.measurement import FIXED_COORDINATES, fixed_coordinates, variables_of
 from knitlab.sweep.plain_cube import PlainCube, unmasked
 from knitlab.sweep.plan import Plan
@@ -81,7 +83,7 @@ def build_cube(
         damaged: identifiers of cases whose files are not to be read.
     """
     known = {} if old is None else cells(PlainCube.of(old))
-    entries = {} if old is None else _old_entries(old, known)
+    entries = {} if old is None else _old_entries(plan, old, known)
     for case_id, case in plan.cases.items():
         design = tuple(case.design.values())
         there = known.get(design)
@@ -97,10 +99,12 @@ def build_cube(
         elif not readable:
             entries[design] = _empty_entry(case, Status.pending)
         else:
-            entries[design] = _read_entry(path, case)
+            entries[design] = _read_entry(path, case, plan.gauge)
 
     cube = _gridded(plan, _names(plan, old), entries)
     cube.attrs |= _attributes(plan, old, entries)
+    if "knit_cell_x" in cube:
+        cube.attrs |= stated(plan.gauge)
     return cube
 
 
@@ -109,16 +113,18 @@ def _names(plan: Plan, old: xr.Dataset | None) -> list[str]:
     case = next(iter(plan.cases.values()))
     wanted = {name for name, variable in variables_of(case).items() if variable.in_cube}
     wanted |= set() if old is None else set(map(str, old.data_vars))
-    return [name for name, its in VARIABLES.items() if name in wanted or its.of == "design"]
+    kinds = ("design",) if case.pure else ("design", "cloth")
+    return [name for name, its in VARIABLES.items() if name in wanted or its.of in kinds]
 
 
-def _old_entries(old: xr.Dataset, known: Mapping[Design, Cell]) -> dict[Design, Entry]:
+def _old_entries(plan: Plan, old: xr.Dataset, known: Mapping[Design, Cell]) -> dict[Design, Entry]:
     arrays = {str(name): old[name].values for name in old.data_vars}
     strains = tuple(old["applied_strain"].values.tolist())
-    return {
-        design: Entry({name: array[cell.place] for name, array in arrays.items()}, strains)
-        for design, cell in known.items()
-    }
+    entries = {}
+    for design, cell in known.items():
+        values = {name: array[cell.place] for name, array in arrays.items()}
+        entries[design] = Entry(values | sizes_at(values, old.attrs, plan.gauge), strains)
+    return entries
 
 
 def _attributes(
@@ -136,25 +142,25 @@ def _attributes(
     return provenance() | attributes | reading
 
 
-def _stated(case: Case) -> Values:
+def _known(case: Case) -> Values:
     """What is known of a case before it is simulated."""
     sizes = dict(zip(UNIT_CELLS, case.unit_cells, strict=True))
     return {"periods": case.periods, "case_id": case.case_id, **sizes}
 
 
 def _empty_entry(case: Case, status: Status) -> Entry:
-    return Entry(_stated(case) | {"code": "", "status": status}, case.applied_strain)
+    return Entry(_known(case) | {"code": "", "status": status}, case.applied_strain)
 
 
-def _read_entry(path: Path, case: Case) -> Entry:
+def _read_entry(path: Path, case: Case, gauge: Gauge) -> Entry:
     # By netCDF4 itself and unmasked: through xarray, reading takes several times as long.
-    values = _stated(case)
+    values = _known(case)
     with netCDF4.Dataset(path) as dataset:
         dataset.set_auto_maskandscale(False)
         for name, variable in variables_of(case).items():
             if variable.in_cube:
                 values[name] = unmasked(name, dataset[name][...])
-    return Entry(values, case.applied_strain)
+    return Entry(values | sizes_of(case, values, gauge), case.applied_strain)
 
 
 def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) -> xr.Dataset:

@@ -209,6 +209,13 @@ class ElectrodeParameters(Strict):
     layouts: dict[str, LayoutRow]
 
 
+class GaugeParameters(Strict):
+    """``gauge.toml``: how large a stitch is in cloth."""
+
+    stitch_width: Quantity[PositiveFloat, Literal["mm"]]
+    stitch_height: Quantity[PositiveFloat, Literal["mm"]]
+
+
 class DesignGrid(Strict):
     """Every combination of the listed values."""
 
@@ -243,6 +250,7 @@ class Parameters:
     solver: SolverParameters
     dynamics: DynamicsParameters
     electrodes: ElectrodeParameters
+    gauge: GaugeParameters
     designs: DesignSets
 
     def having(self, stripes: Stripes) -> "Parameters":
@@ -294,6 +302,7 @@ def read_parameters(folder: Path) -> Parameters:
         "solver": SolverParameters,
         "dynamics": DynamicsParameters,
         "electrodes": ElectrodeParameters,
+        "gauge": GaugeParameters,
         "designs": DesignSets,
     }
     faults = Gathered()

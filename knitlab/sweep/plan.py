@@ -7,12 +7,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from knitlab.measure.knit_size import Gauge
 from knitlab.model.electrode_layout import BadLayout
 from knitlab.model.network import MeshShape
 from knitlab.model.reading import FoldAngle
 from knitlab.sweep.axes import Axis
 from knitlab.sweep.case import Case
-from knitlab.sweep.cases import cases, stripe_files, with_stripe_files
+from knitlab.sweep.cases import cases, merged, stripe_files, with_stripe_files
 from knitlab.sweep.changes import Changes
 from knitlab.sweep.common import common_parameters
 from knitlab.sweep.design_space import Design, DesignSpace, design_space, stripe_space
@@ -62,6 +63,7 @@ class Plan:
         overrides: the ``KEY=VALUE`` settings that it was made with.
         inputs: SHA-256 of every file that it was made from, by path.
         stripes: fingerprint of the stripes, with what the workflow changes of all of them.
+        gauge: size of a stitch, by which its cube tells sizes in cloth; no case depends on it.
     """
 
     workflow: str
@@ -74,6 +76,7 @@ class Plan:
     overrides: tuple[str, ...]
     inputs: dict[str, str]
     stripes: str
+    gauge: Gauge
 
     @property
     def dims(self) -> tuple[str, ...]:
@@ -105,6 +108,7 @@ class Plan:
             "overrides": self.overrides,
             "inputs": self.inputs,
             "code": code_fingerprint(),
+            "gauge": asdict(self.gauge),
             "batches": [asdict(batch) for batch in self.batches],
             "excluded": [[*design, reason] for design, reason in self.excluded.items()],
             "cases": {case_id: case.record for case_id, case in self.cases.items()},
@@ -178,6 +182,7 @@ def make_plan(
         overrides=overrides,
         inputs=digests(inputs),
         stripes=_stripes_fingerprint(parameters, read, axes),
+        gauge=Gauge(**merged(parameters.gauge, read.gauge)),
     )
 
 

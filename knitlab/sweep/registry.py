@@ -69,6 +69,26 @@ _WAVE = f"{_TRACED}; missing where it crosses a single unit cell"
 _ACROSS = "across its folds, relaxed, in the unit cell nearest the middle"
 
 
+_BY_GAUGE = (
+    "by the cube's gauge (gauge_stitch_width and gauge_stitch_height, in mm), which changes no"
+    " other variable. The gauge that is shipped is that of the paper's finished samples, about"
+    " 200 mm wide on 360 needles, taken as the stitch before the fabric folds: absolute sizes are"
+    " indicative, while ratios between designs do not depend on it"
+)
+_KNIT_CELL = (
+    f"relaxed over flat cell, times stitches across it, times size of a stitch, {_BY_GAUGE}"
+)
+_KNIT_WAVE = (
+    "wavelength of the boundary in the proportion of the knit cell to the relaxed one; missing"
+    f" where it crosses a single unit cell; {_BY_GAUGE}"
+)
+_KNIT_SAMPLE = f"knit cell times unit cells; missing for endless fabric; {_BY_GAUGE}"
+
+
+def _of_cloth(long_name: str, description: str) -> Variable:
+    return Variable((), "mm", long_name, description, of="cloth")
+
+
 def _of_patches(long_name: str, description: str, dims: tuple[str, ...] = ()) -> Variable:
     return Variable(dims, "mm", long_name, description, of="patches")
 
@@ -103,6 +123,12 @@ VARIABLES = {
         (), "1", "lowest Poisson's ratio", "over the strains of the test, all of them converged"
     ),
     "applied_strain_at_min": Variable((), "1", "applied strain at the lowest Poisson's ratio"),
+    "knit_cell_x": _of_cloth("finished unit cell in cloth along the weft", _KNIT_CELL),
+    "knit_cell_y": _of_cloth("finished unit cell in cloth along the warp", _KNIT_CELL),
+    "knit_wavelength_x": _of_cloth("wavelength in cloth along the weft", _KNIT_WAVE),
+    "knit_wavelength_y": _of_cloth("wavelength in cloth along the warp", _KNIT_WAVE),
+    "knit_width": _of_cloth("finished width of the sample in cloth", _KNIT_SAMPLE),
+    "knit_length": _of_cloth("finished length of the sample in cloth", _KNIT_SAMPLE),
     "reaction_force": Variable(
         _STATE, "N", "reaction force", "over the whole width of the sample or periodic cell"
     ),

@@ -17,7 +17,8 @@ class Variable:
         of: what cases have it: all, those reached by dynamics, those of a pure stripe, those of
             rib and garter patches, those of which sensitivities were asked for, those with
             electrodes, those with electrodes that are let go again, or measured ones. What is of
-            a design is in the cube alone, as a case's file states it among its parameters.
+            a design is in the cube alone, as a case's file states it among its parameters; what is
+            of cloth too, as the cube's gauge makes it of a case with rib and garter patches.
     """
 
     dims: tuple[str, ...]
@@ -35,6 +36,7 @@ class Variable:
         "unloading",
         "laboratory",
         "design",
+        "cloth",
     ] = "all"
 
     @property

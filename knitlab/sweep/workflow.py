@@ -188,6 +188,13 @@ class ElectrodesSection(Strict):
     unfolded: Fraction | None = None
 
 
+class GaugeSection(Strict):
+    """``[gauge]``: what replaces the values of ``gauge.toml``; a cube has one gauge."""
+
+    stitch_width: PositiveFloat | None = None
+    stitch_height: PositiveFloat | None = None
+
+
 class Workflow(Strict):
     """A workflow file, with what ``--set`` changed."""
 
@@ -200,6 +207,7 @@ class Workflow(Strict):
     solver: SolverSection = SolverSection()
     dynamics: DynamicsSection = DynamicsSection()
     electrodes: ElectrodesSection | None = None
+    gauge: GaugeSection = GaugeSection()
 
     @model_validator(mode="after")
     def _is_of_one_kind(self) -> "Workflow":
@@ -218,5 +226,6 @@ SECTIONS: dict[str, type[Strict]] = {
     "solver": SolverSection,
     "dynamics": DynamicsSection,
     "electrodes": ElectrodesSection,
+    "gauge": GaugeSection,
 }
 SECTION_OF = {key: name for name, section in SECTIONS.items() for key in section.model_fields}

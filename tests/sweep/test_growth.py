@@ -232,6 +232,7 @@ def test_the_fingerprint_follows_the_code_that_computes(tmp_path, monkeypatch):
     read = fingerprint_module.code_fingerprint.__wrapped__
     before = read()
     (package / "maps" / "one.py").write_text("x = 2")
+    (package / "measure" / "knit_size.py").write_text("x = 2")
     assert read() == before
     for file in ("model/one.py", "mechanics/one.py", "measure/one.py", *computing):
         (package / file).write_text("x = 3")

@@ -1,0 +1,112 @@
+"""Knit size: how large in cloth what was simulated is, by the gauge.
+
+The network's lengths are those of the paper's tables, and its samples are a fraction as large as
+the cloth. What they tell of the cloth is the contraction, relaxed over flat; the gauge gives the
+flat size, stitches times the size of a stitch. The shipped gauge is that of the paper's finished
+samples, about 200 mm wide on 360 needles, taken as the stitch before the fabric folds: absolute
+sizes are therefore indicative, while ratios between designs do not depend on it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH
+
+ALONG_X = ("knit_cell_x", "knit_wavelength_x", "knit_width")
+ALONG_Y = ("knit_cell_y", "knit_wavelength_y", "knit_length")
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """Size of a stitch before the fabric folds.
+
+    Attributes:
+        stitch_width: along the course [mm].
+        stitch_height: along the wale [mm].
+    """
+
+    stitch_width: float
+    stitch_height: float
+
+
+def stitches_of_cell(patches: tuple[int, int], n_subunit: int) -> tuple[int, int]:
+    """Courses and wales of a unit cell (paper, Fig. "knit stitches").
+
+    A patch is ``n_subunit`` stitches wide and, as a stitch is about twice as wide as high, twice
+    as many high.
+
+    Args:
+        patches: of a unit cell along (y, x).
+        n_subunit: stitches along a garter stripe.
+
+    Returns:
+        Stitches along (y, x): (64, 32) for the checkerboard of n_subunit 16.
+    """
+    patches_y, patches_x = patches
+    return patches_y * GARTER_STITCHES_PER_RIB_STITCH * n_subunit, patches_x * n_subunit
+
+
+def knit_cell(relaxed: float, flat: float, stitches: int, stitch: float) -> float:
+    """Finished length of a unit cell in cloth: contraction × stitches × stitch size.
+
+    Args:
+        relaxed: length of the relaxed cell of the network [mm].
+        flat: length of the same cell flat [mm].
+        stitches: across the cell.
+        stitch: size of a stitch the same way [mm].
+
+    Returns:
+        The length [mm]; missing where the relaxed one is.
+    """
+    return relaxed / flat * stitches * stitch
+
+
+def knit_sizes(
+    lengths: Mapping[str, float],
+    patches: tuple[int, int],
+    n_subunit: int,
+    unit_cells: tuple[int, int] | None,
+    gauge: Gauge,
+) -> dict[str, float]:
+    """Finished sizes in cloth of a fabric of rib and garter patches.
+
+    Args:
+        lengths: of the network, relaxed_cell, flat_cell and wavelength along x and y, by the names
+            of the registry; not a number where missing [mm].
+        patches: of a unit cell along (y, x).
+        n_subunit: stitches along a garter stripe.
+        unit_cells: of the sample along (y, x), or None for endless fabric.
+        gauge: size of a stitch.
+
+    Returns:
+        By name, those of :data:`ALONG_X` and :data:`ALONG_Y`: size of a unit cell, wavelength of
+        the boundary, and size of the sample, which is missing of endless fabric [mm].
+    """
+    courses, wales = stitches_of_cell(patches, n_subunit)
+    cells_y, cells_x = unit_cells or (float("nan"), float("nan"))
+    sizes: dict[str, float] = {}
+    for axis, names, stitches, stitch, cells in (
+        ("x", ALONG_X, wales, gauge.stitch_width, cells_x),
+        ("y", ALONG_Y, courses, gauge.stitch_height, cells_y),
+    ):
+        relaxed = lengths[f"relaxed_cell_{axis}"]
+        cell = knit_cell(relaxed, lengths[f"flat_cell_{axis}"], stitches, stitch)
+        wavelength = lengths[f"wavelength_{axis}"] * cell / relaxed
+        sizes |= dict(zip(names, (cell, wavelength, cells * cell), strict=True))
+    return sizes
+
+
+def at_gauge(sizes: Mapping[str, float], before: Gauge, now: Gauge) -> dict[str, float]:
+    """The same finished sizes at another gauge.
+
+    Args:
+        sizes: of :func:`knit_sizes` [mm].
+        before: the gauge that they were computed by.
+        now: the gauge asked for.
+
+    Returns:
+        The sizes, to the bit what they were where the gauge is the same [mm].
+    """
+    factors = dict.fromkeys(ALONG_X, now.stitch_width / before.stitch_width)
+    factors |= dict.fromkeys(ALONG_Y, now.stitch_height / before.stitch_height)
+    return {name: size * factors[name] for name, size in sizes.items()}

@@ -1,0 +1,105 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from knitlab.measure.knit_size import (
+    ALONG_X,
+    ALONG_Y,
+    Gauge,
+    at_gauge,
+    knit_sizes,
+    stitches_of_cell,
+)
+from knitlab.sweep.plan import make_plan
+
+PAPER = Gauge(200 / 360, 100 / 360)
+CHECKERBOARD = (2, 2)
+FLAT = {
+    "relaxed_cell_x": 3.0,
+    "relaxed_cell_y": 4.0,
+    "flat_cell_x": 3.0,
+    "flat_cell_y": 4.0,
+    "wavelength_x": 1.5,
+    "wavelength_y": 1.0,
+}
+
+lengths = st.floats(0.01, 1e3)
+gauges = st.builds(Gauge, lengths, lengths)
+fabrics = st.fixed_dictionaries(dict.fromkeys(FLAT, lengths))
+designs = st.tuples(st.integers(1, 100), st.tuples(st.integers(1, 30), st.integers(1, 30)))
+
+
+def test_the_shipped_gauge_is_that_of_the_papers_samples():
+    gauge = make_plan("preview").gauge
+    assert gauge == PAPER
+    assert gauge.stitch_width * 360 == pytest.approx(200)
+
+
+def test_without_contraction_a_cell_is_stitches_times_stitch_size():
+    sizes = knit_sizes(FLAT, CHECKERBOARD, 16, (22, 11), PAPER)
+    assert stitches_of_cell(CHECKERBOARD, 16) == (64, 32)
+    assert sizes["knit_cell_x"] == 32 * PAPER.stitch_width
+    assert sizes["knit_cell_y"] == 64 * PAPER.stitch_height
+    assert sizes["knit_cell_x"] == pytest.approx(17.8, abs=0.05)
+    assert sizes["knit_width"] == pytest.approx(195.6, abs=0.05)
+    assert sizes["knit_wavelength_x"] == pytest.approx(sizes["knit_cell_x"] / 2)
+    assert sizes["knit_wavelength_y"] == pytest.approx(sizes["knit_cell_y"] / 4)
+
+
+@pytest.mark.parametrize("case", make_plan("paper").cases.values(), ids=lambda case: case.label)
+def test_the_papers_samples_are_knit_within_200_mm_of_needles(case):
+    n_subunit = case.design["n_subunit"]
+    width = knit_sizes(FLAT, CHECKERBOARD, n_subunit, case.unit_cells, PAPER)["knit_width"]
+    cell = 2 * n_subunit * PAPER.stitch_width
+    assert 200 - cell < width <= 200 + 1e-9
+
+
+@given(fabrics, designs, gauges)
+def test_a_wider_stitch_widens_and_lengthens_nothing(fabric, design, gauge):
+    n_subunit, unit_cells = design
+    wider = Gauge(2 * gauge.stitch_width, gauge.stitch_height)
+    before, after = (
+        knit_sizes(fabric, CHECKERBOARD, n_subunit, unit_cells, its) for its in (gauge, wider)
+    )
+    assert set(before) == {*ALONG_X, *ALONG_Y}
+    assert {name: after[name] for name in ALONG_X} == {name: 2 * before[name] for name in ALONG_X}
+    assert {name: after[name] for name in ALONG_Y} == {name: before[name] for name in ALONG_Y}
+
+
+@given(fabrics, fabrics, designs, gauges, gauges)
+def test_ratios_between_designs_do_not_depend_on_the_gauge(one, other, design, gauge, another):
+    n_subunit, unit_cells = design
+
+    def ratio(its):
+        first, second = (
+            knit_sizes(fabric, CHECKERBOARD, n_subunit, unit_cells, its) for fabric in (one, other)
+        )
+        return [first[name] / second[name] for name in first]
+
+    assert ratio(gauge) == pytest.approx(ratio(another))
+
+
+@given(fabrics, designs, gauges, gauges)
+def test_sizes_at_another_gauge_are_those_computed_by_it(fabric, design, gauge, another):
+    n_subunit, unit_cells = design
+    before, after = (
+        knit_sizes(fabric, CHECKERBOARD, n_subunit, unit_cells, its) for its in (gauge, another)
+    )
+    assert at_gauge(before, gauge, another) == pytest.approx(after)
+    assert at_gauge(before, gauge, gauge) == before
+
+
+def test_endless_fabric_has_cells_but_no_size():
+    sizes = knit_sizes(FLAT, CHECKERBOARD, 16, None, PAPER)
+    assert math.isnan(sizes["knit_width"])
+    assert math.isnan(sizes["knit_length"])
+    assert sizes["knit_cell_x"] == 32 * PAPER.stitch_width
+
+
+def test_what_is_missing_of_the_network_is_missing_in_cloth():
+    unknown = dict.fromkeys(FLAT, math.nan) | {"flat_cell_x": 3.0, "flat_cell_y": 4.0}
+    assert all(map(math.isnan, knit_sizes(unknown, CHECKERBOARD, 16, (2, 1), PAPER).values()))
+    no_wave = knit_sizes(FLAT | {"wavelength_x": math.nan}, CHECKERBOARD, 16, (2, 1), PAPER)
+    assert [name for name, size in no_wave.items() if math.isnan(size)] == ["knit_wavelength_x"]
