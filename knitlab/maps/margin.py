@@ -1,0 +1,126 @@
+"""Margins: how far what was measured is from the threshold of a claim, as one signed number.
+
+A margin is at least 0 if the claim holds and below 0 if it fails, and it has no unit. It is the
+distance from the value to its limit, towards the side that the claim wants, over a scale:
+
+- a value and a limit, or the value of one place and that of another: over the size of the limit,
+  so that -0.25 misses it by a quarter of itself; over 1 if the limit is 0, which only plain numbers
+  such as Poisson's ratio, a gauge factor or a slope of strain against strain are held against;
+- steps that must rise or fall, and a value that must be the lowest: over the spread of all values
+  that are compared;
+- a local strain along a sample: over the largest strain along it;
+- a coefficient of determination: over what its limit leaves unexplained, so that 1 has margin 1;
+- a rank correlation: against the weakest correlation that is significant for so many designs.
+
+The margin of a claim over many designs or steps is that of the worst. Where a claim excludes the
+limit itself (an auxetic design has a ratio below 0), a value on the limit misses it by the least
+that a number can.
+"""
+
+import math
+from collections.abc import Iterable
+from enum import StrEnum
+
+NEAR = 0.25
+"""A claim that fails by at most this margin is a near miss."""
+GOOD = 0.25
+"""A claim that holds by at least this margin holds with a good margin."""
+LARGEST = 1000.0
+"""Margins beyond this, of either sign, are given as this."""
+LEAST_MISS = math.nextafter(0.0, -1.0)
+"""Margin of a value on a limit that the claim excludes."""
+
+
+class Verdict(StrEnum):
+    """What a cube says to a claim."""
+
+    holds = "holds"
+    fails = "fails"
+    not_measured = "not measured"
+
+
+class Grade(StrEnum):
+    """A verdict, with near misses told from the claims that fail by more."""
+
+    holds = "holds"
+    near_miss = "near miss"
+    fails = "fails"
+    not_measured = "not measured"
+
+
+def verdict_of(margin: float | None) -> Verdict:
+    """The verdict that a margin means; not measured if there is none."""
+    if margin is None:
+        return Verdict.not_measured
+    return Verdict.holds if margin >= 0 else Verdict.fails
+
+
+def grade_of(margin: float | None) -> Grade:
+    """The grade that a margin means; not measured if there is none."""
+    verdict = verdict_of(margin)
+    if verdict is Verdict.fails and margin is not None and margin >= -NEAR:
+        return Grade.near_miss
+    return Grade(verdict.value)
+
+
+def above(
+    value: float, limit: float, *, strict: bool = False, scale: float | None = None
+) -> float | None:
+    """Margin of a value that must be at least a limit.
+
+    Args:
+        value: what was measured.
+        limit: what it must reach.
+        strict: whether it must be more than the limit.
+        scale: positive number that has margin 1; by default the size of the limit, or 1 if the
+            limit is 0.
+
+    Returns:
+        The margin, or ``None`` if the value, the limit or the scale is not a finite number.
+    """
+    scale = (abs(limit) or 1.0) if scale is None else scale
+    if not all(map(math.isfinite, (value, limit, scale))):
+        return None
+    distance = float(value) - float(limit)
+    if distance == 0:
+        return LEAST_MISS if strict else 0.0
+    margin = distance / float(scale) if scale > 0 else math.copysign(LARGEST, distance)
+    if margin == 0 and distance < 0:
+        return LEAST_MISS
+    return min(max(margin, -LARGEST), LARGEST)
+
+
+def below(
+    value: float, limit: float, *, strict: bool = False, scale: float | None = None
+) -> float | None:
+    """Margin of a value that must be at most a limit; otherwise as :func:`above`."""
+    scale = (abs(limit) or 1.0) if scale is None else scale
+    return above(-value, -limit, strict=strict, scale=scale)
+
+
+def within(value: float, lowest: float, highest: float) -> float | None:
+    """Margin of a value that must lie between two limits, either of which may be infinite.
+
+    A limit of 0 is excluded, any other is not.
+
+    Returns:
+        The smaller margin of the two, or ``None`` if the value is not a finite number.
+    """
+    if not math.isfinite(value):
+        return None
+    margins = []
+    if math.isfinite(lowest):
+        margins.append(above(value, lowest, strict=lowest == 0))
+    if math.isfinite(highest):
+        margins.append(below(value, highest, strict=highest == 0))
+    return worst(margins)
+
+
+def worst(margins: Iterable[float | None]) -> float | None:
+    """The smallest of several margins, of those there are; ``None`` if there is none."""
+    return min((its for its in margins if its is not None), default=None)
+
+
+def signed(margin: float | None) -> str:
+    """A margin with its sign and two decimals; nothing if there is none."""
+    return "" if margin is None else f"{margin:+.2f}"
