@@ -101,16 +101,20 @@ def draw_map(kind: str, cubes: tuple[Path, ...], output: Path, selections: tuple
     "-o",
     "--output",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Page to write, .md or .html; its figures lie in a folder beside it.",
+    help="Page to write: .html holds its figures; those of .md lie in a folder beside it.",
 )
 @explains_bad_input
 def claims(cubes: tuple[Path, ...], selections: tuple[str, ...], output: Path | None) -> None:
     """Judge what the paper says by CUBES: each claim holds, fails, or is not measured.
 
-    Of several cubes the first that measures a claim decides it.
+    Its margin says how far it is from its threshold, below 0 if it fails; from -0.25 to 0 it is a
+    near miss. Of several cubes that measure a claim the one with the paper's samples decides it:
+    clamped before endless, then with more of the designs, then with more unit cells.
     """
-    from knitlab.maps.claims import judged, read_claims
-    from knitlab.maps.claims_page import check_suffix, listed, write_page
+    from knitlab.maps.claim_judgement import judged
+    from knitlab.maps.claim_records import listed
+    from knitlab.maps.claims import read_claims
+    from knitlab.maps.claims_page import check_suffix, write_page
 
     if output is not None:
         check_suffix(output)

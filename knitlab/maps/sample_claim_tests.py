@@ -1,18 +1,23 @@
 """Tests of claims that set pure stripes and checkerboards side by side, from several cubes."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import product
 from typing import Annotated, Literal
 
 import numpy as np
 import xarray as xr
 from pydantic import Field, PositiveInt
-from scipy.stats import spearmanr
+from scipy import stats
 
-from knitlab.maps.claim_tests import Finding, Pair, Verdict
+from knitlab.maps.claim_finding import Finding, Labels, not_measured
+from knitlab.maps.claim_sample import preference
+from knitlab.maps.claim_tests import Pair, unit_of
+from knitlab.maps.claim_threshold import ClaimTest
+from knitlab.maps.margin import below, worst
 from knitlab.sweep.cube_file import base_dims
 from knitlab.sweep.design_status import Status
-from knitlab.sweep.registry import DESIGN_DIMS, VARIABLES
+from knitlab.sweep.registry import DESIGN_DIMS, STRIPE_DIMS
 from knitlab.sweep.strict import Strict
 
 
@@ -28,12 +33,25 @@ class StripeSample(Strict):
 
 
 Sample = StripeSample | Pair
-SIGNIFICANT = 0.05
-"""Chance of as strong a correlation without any, below which one counts."""
 Samples = Annotated[tuple[Sample, ...], Field(min_length=1, strict=False)]
 
 
-class SampleOrder(Strict):
+@dataclass(frozen=True)
+class Place:
+    """Where a value of a sample was found.
+
+    Attributes:
+        cube: number of the cube.
+        at: labels of the sample along the cube's own dimensions.
+        value: what was found.
+    """
+
+    cube: int
+    at: Labels
+    value: float
+
+
+class SampleOrder(ClaimTest):
     """One value a sample is less for each of some samples than for each of others."""
 
     test: Literal["sample_order"]
@@ -47,64 +65,117 @@ class SampleOrder(Strict):
 
     def finding_among(self, cubes: Sequence[xr.Dataset]) -> Finding:
         """What several cubes say, of which each may hold some of the samples."""
-        values = {
-            str(sample): next(
-                (its for cube in cubes if np.isfinite(its := self._value(cube, sample))), np.nan
-            )
-            for sample in (*self.less, *self.more)
-        }
-        known = {name: its for name, its in values.items() if np.isfinite(its)}
-        if not known:
-            return Finding(Verdict.not_measured, f"no {self.of} of these samples in this cube")
-        unit = VARIABLES[self.of].units
-        listed = ", ".join(
-            f"{name} {its:.3g}" + (f" {unit}" if unit != "1" else "") for name, its in known.items()
+        places = self.places(cubes)
+        wanted = len({str(sample) for sample in (*self.less, *self.more)})
+        pairs = [
+            (places[str(one)], places[str(other)])
+            for one, other in product(self.less, self.more)
+            if str(one) in places and str(other) in places
+        ]
+        unit = unit_of(self.of)
+        listed = ", ".join(f"{name} {its.value:.3g}{unit}" for name, its in places.items())
+        if not places:
+            return not_measured(f"no {self.of} of these samples in this cube")
+        if not pairs:
+            return not_measured(f"{listed}; nothing to compare it with", wanted, "samples")
+        return Finding(
+            worst(below(one.value, other.value, strict=True) for one, other in pairs),
+            listed,
+            len(places),
+            wanted,
+            "samples",
+            tuple(place.at for place in places.values()),
         )
-        pairs = [(values[str(a)], values[str(b)]) for a, b in product(self.less, self.more)]
-        if any(one >= other for one, other in pairs):
-            return Finding(Verdict.fails, listed)
-        if missing := sorted(set(values) - set(known)):
-            return Finding(Verdict.not_measured, f"{listed}; none for {', '.join(missing)}")
-        return Finding(Verdict.holds, listed)
 
-    def _value(self, cube: xr.Dataset, sample: Sample) -> float:
-        checkered = base_dims(cube) == DESIGN_DIMS
-        if self.of not in cube or checkered == isinstance(sample, StripeSample):
-            return float("nan")
-        if isinstance(sample, StripeSample):
-            labels = {"knit": sample.knit, "n": sample.n}
+    def places(self, cubes: Sequence[xr.Dataset]) -> dict[str, Place]:
+        """Where each sample's value is taken from, by the sample's name.
+
+        Of several cubes that have a sample, the one is taken whose sample is nearest those of the
+        paper.
+        """
+        found = {}
+        for sample in (*self.less, *self.more):
+            candidates = [
+                Place(number, at, value)
+                for number, cube in enumerate(cubes)
+                for at, value in self._values(cube, sample)
+            ]
+            if candidates:
+                found[str(sample)] = min(
+                    candidates,
+                    key=lambda its: preference(cubes[its.cube], [its.at], self.paper_boundary),
+                )
+        return found
+
+    def _values(self, cube: xr.Dataset, sample: Sample) -> list[tuple[Labels, float]]:
+        """The values that a cube has of a sample, under every boundary, by their labels."""
+        dims = base_dims(cube)
+        wanted: list[Labels]
+        if isinstance(sample, StripeSample) and dims == STRIPE_DIMS:
+            wanted = [(sample.knit, sample.n, str(its)) for its in cube["boundary"].values]
+        elif isinstance(sample, tuple) and dims == DESIGN_DIMS:
+            wanted = [sample]
         else:
-            labels = dict(zip(DESIGN_DIMS, sample, strict=True))
-        if any(label not in cube[dim].values for dim, label in labels.items()):
-            return float("nan")
-        cells = cube[["status", self.of]].sel(labels)
-        values = np.atleast_1d(cells[self.of].where(cells["status"] == Status.ok).values)
-        finite = values[np.isfinite(values)]
-        return float(finite[0]) if finite.size else float("nan")
+            wanted = []
+        found = []
+        for labels in wanted if self.of in cube else ():
+            along = dict(zip(dims, labels, strict=True))
+            if all(label in cube[dim].values for dim, label in along.items()):
+                cell = cube[["status", self.of]].sel(along)
+                if int(cell["status"]) == Status.ok and np.isfinite(cell[self.of]):
+                    found.append((labels, float(cell[self.of])))
+        return found
 
 
-class TradesOff(Strict):
-    """Of two figures of all designs, one is less where the other is more."""
+class TradesOff(ClaimTest):
+    """Of two figures of all designs, one is less where the other is more.
+
+    Attributes:
+        of, against: the figures.
+        at_least: designs that the paper has.
+        significant: chance of as strong a correlation without any, below which one counts.
+    """
 
     test: Literal["trades_off"]
     of: str
     against: str
     at_least: PositiveInt
+    significant: Annotated[float, Field(gt=0, lt=0.5)] = 0.05
 
     def finding(self, cube: xr.Dataset) -> Finding:
         """What the cube says, by Spearman's rank correlation."""
         if base_dims(cube) != DESIGN_DIMS or not {self.of, self.against} <= set(cube.data_vars):
-            return Finding(Verdict.not_measured, f"no {self.of} of checkerboards in this cube")
-        kept = cube["status"].values == Status.ok
+            return not_measured(f"no {self.of} of checkerboards in this cube")
+        kept = (
+            (cube["status"] == Status.ok)
+            & np.isfinite(cube[self.of])
+            & np.isfinite(cube[self.against])
+        ).values
+        asked = int(((cube["status"] != Status.excluded) & (cube["case_id"] != "")).sum())
         one, other = cube[self.of].values[kept], cube[self.against].values[kept]
-        both = np.isfinite(one) & np.isfinite(other)
-        if both.sum() < self.at_least:
-            said = f"only {both.sum()} of {self.at_least} designs measured"
-            return Finding(Verdict.not_measured, said)
-        found = spearmanr(one[both], other[both])
-        said = (
-            f"rank correlation {found.statistic:+.2f} over {both.sum()} designs"
-            f" (p = {found.pvalue:.2g})"
+        count, wanted = len(one), max(self.at_least, asked)
+        if count < 3 or not np.ptp(one) or not np.ptp(other):
+            return not_measured(f"{count} of {wanted} designs measured", wanted)
+        found = stats.spearmanr(one, other)
+        said = f"rank correlation {found.statistic:+.2f} over {count} designs"
+        return Finding(
+            below(found.statistic, -weakest_significant(count, self.significant)),
+            f"{said} (p = {found.pvalue:.2g})",
+            count,
+            wanted,
+            at=tuple(
+                (int(cube["n_stripe"][row]), int(cube["n_subunit"][column]))
+                for row, column in np.argwhere(kept)
+            ),
         )
-        holds = found.statistic < 0 and found.pvalue < SIGNIFICANT
-        return Finding(Verdict.holds if holds else Verdict.fails, said)
+
+
+def weakest_significant(count: int, significant: float) -> float:
+    """The weakest rank correlation of so many pairs that is significant, by Student's t.
+
+    Args:
+        count: number of pairs, at least 3.
+        significant: two-sided chance of as strong a correlation without any.
+    """
+    t = float(stats.t.ppf(1 - significant / 2, count - 2))
+    return t / float(np.sqrt(count - 2 + t**2))

@@ -1,61 +1,80 @@
 """Tests of claims about pure stripes: the shape of their tension curves."""
 
+from abc import abstractmethod
+from collections.abc import Mapping
 from itertools import pairwise
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import xarray as xr
 from pydantic import Field, PositiveFloat, PositiveInt
 
-from knitlab.maps.claim_tests import Finding, Verdict
+from knitlab.maps.claim_finding import Finding, not_measured
+from knitlab.maps.claim_threshold import ClaimTest
+from knitlab.maps.margin import above, below, worst
 from knitlab.sweep.design_status import Status
 from knitlab.sweep.registry import STRIPE_DIMS
-from knitlab.sweep.strict import Strict
 
 Stripe = tuple[str, int]
-STIFFENED = 0.5
-"""Part of its largest tangent at which a curve has stiffened."""
+Margins = dict[Stripe, float | None]
 
 
-class StripeTest(Strict):
+class StripeTest(ClaimTest):
     """A test over the tension curves of pure stripes.
 
     Attributes:
         boundary: of the sheets.
-        at_least: stripes that must be measured for it to hold.
+        at_least: stripes that the paper has.
     """
 
     boundary: Literal["periodic", "clamped"] = "periodic"
     at_least: PositiveInt = 1
 
+    def boundary_of_paper(self) -> str:
+        """Boundary of the sheets that the claim is about."""
+        return self.boundary
+
     def finding(self, cube: xr.Dataset) -> Finding:
         """What the cube says."""
         if cube["status"].dims != STRIPE_DIMS or self.boundary not in cube["boundary"]:
-            return Finding(Verdict.not_measured, f"no {self.boundary} pure stripes in this cube")
-        return self.judge(self._complete(cube))
-
-    def judge(self, stripes: dict[Stripe, xr.Dataset]) -> Finding:
-        """What the stripes say that have a complete test."""
-        raise NotImplementedError
-
-    def _complete(self, cube: xr.Dataset) -> dict[Stripe, xr.Dataset]:
-        of = cube.sel(boundary=self.boundary)
-        return {
-            (str(knit), int(n)): of.sel(knit=knit, n=n)
-            for knit in of["knit"].values
-            for n in of["n"].values
-            if int(of["status"].sel(knit=knit, n=n)) == Status.ok
+            return not_measured(f"no {self.boundary} pure stripes in this cube")
+        status = cube["status"].sel(boundary=self.boundary)
+        asked = [
+            (str(knit), int(n))
+            for knit in cube["knit"].values
+            for n in cube["n"].values
+            if int(status.sel(knit=knit, n=n)) != Status.excluded
+            and self.concerns(str(knit), int(n))
+        ]
+        stripes = {
+            (knit, n): cube.sel(boundary=self.boundary, knit=knit, n=n)
+            for knit, n in asked
+            if int(status.sel(knit=knit, n=n)) == Status.ok
         }
+        wanted = max(self.at_least, len(asked))
+        margins, figures = self.compare(stripes)
+        margin = worst(margins.values())
+        if margin is None:
+            said = f"{len(stripes)} of {wanted} stripes measured"
+            return not_measured(said, wanted, "stripes")
+        failing = [stripe for stripe, its in margins.items() if its is not None and its < 0]
+        listed = ", ".join(f"{knit} {n}: {figures[knit, n]}" for knit, n in failing or figures)
+        return Finding(
+            margin,
+            f"not for {listed}" if failing else listed,
+            len(figures),
+            wanted,
+            "stripes",
+            tuple((knit, n, self.boundary) for knit, n in figures),
+        )
 
-    def _said(self, figures: dict[Stripe, str], failing: list[Stripe]) -> Finding:
-        shown = {stripe: figures[stripe] for stripe in failing} or figures
-        listed = ", ".join(f"{knit} {n}: {figure}" for (knit, n), figure in shown.items())
-        if failing:
-            return Finding(Verdict.fails, f"not for {listed}")
-        if len(figures) < self.at_least:
-            said = f"only {len(figures)} of {self.at_least} stripes measured"
-            return Finding(Verdict.not_measured, said)
-        return Finding(Verdict.holds, listed)
+    def concerns(self, knit: str, n: int) -> bool:
+        """Whether it is about a stripe."""
+        return True
+
+    @abstractmethod
+    def compare(self, stripes: Mapping[Stripe, xr.Dataset]) -> tuple[Margins, dict[Stripe, str]]:
+        """The margins of stripes that have a complete test, and the figure of each."""
 
 
 def initial_tangent(stripe: xr.Dataset) -> float:
@@ -63,16 +82,20 @@ def initial_tangent(stripe: xr.Dataset) -> float:
     return float(_tangents(stripe)[0])
 
 
-def stiffening_strain(stripe: xr.Dataset) -> float:
-    """Applied strain at which the slope first is half the largest [1]."""
+def stiffening_strain(stripe: xr.Dataset, part: float) -> float:
+    """Applied strain at which the slope first is a part of the largest [1]."""
     tangents = _tangents(stripe)
-    first = int(np.argmax(tangents >= STIFFENED * tangents.max()))
+    first = int(np.argmax(tangents >= part * tangents.max()))
     strains = stripe["applied_strain"].values
     return float((strains[first] + strains[first + 1]) / 2)
 
 
 def _tangents(stripe: xr.Dataset) -> np.ndarray:
     return np.diff(stripe["row_force"].values) / np.diff(stripe["applied_strain"].values)
+
+
+def _finite(values: Mapping[Stripe, float]) -> dict[Stripe, float]:
+    return {stripe: value for stripe, value in values.items() if np.isfinite(value)}
 
 
 class StripeToe(StripeTest):
@@ -90,41 +113,58 @@ class StripeToe(StripeTest):
     smallest: dict[str, int] = Field(default_factory=dict)
     largest: dict[str, int] = Field(default_factory=dict)
 
-    def judge(self, stripes: dict[Stripe, xr.Dataset]) -> Finding:
-        """What the stripes say that have a complete test."""
-        ratios = {
-            (knit, n): initial_tangent(stripe) / _tangents(stripe).max()
-            for (knit, n), stripe in stripes.items()
-            if self.smallest.get(knit, n) <= n <= self.largest.get(knit, n)
+    def concerns(self, knit: str, n: int) -> bool:
+        """Whether it is about a stripe."""
+        return self.smallest.get(knit, n) <= n <= self.largest.get(knit, n)
+
+    def compare(self, stripes: Mapping[Stripe, xr.Dataset]) -> tuple[Margins, dict[Stripe, str]]:
+        """The margins of stripes that have a complete test, and the figure of each."""
+        ratios = _finite(
+            {
+                place: initial_tangent(stripe) / _tangents(stripe).max()
+                for place, stripe in stripes.items()
+            }
+        )
+        margins = {
+            place: below(ratio, self.softer_than, strict=True)
+            if self.visible
+            else above(ratio, self.softer_than)
+            for place, ratio in ratios.items()
         }
-        failing = [
-            stripe for stripe, ratio in ratios.items() if (ratio < self.softer_than) != self.visible
-        ]
-        return self._said({stripe: f"{ratio:.2f}" for stripe, ratio in ratios.items()}, failing)
-
-
-MEASURES = {"initial_tangent": initial_tangent, "stiffening_strain": stiffening_strain}
+        return margins, {place: f"{ratio:.2f}" for place, ratio in ratios.items()}
 
 
 class StripeOrder(StripeTest):
-    """A figure of the curves rises, or falls, with the stitches across the stripe."""
+    """A figure of the curves rises, or falls, with the stitches across the stripe.
+
+    Attributes:
+        of: the figure.
+        with_n: whether it rises or falls.
+        stiffened: part of its largest slope at which a curve has stiffened.
+    """
 
     test: Literal["stripe_order"]
     of: Literal["initial_tangent", "stiffening_strain"]
     with_n: Literal["rises", "falls"]
+    stiffened: Annotated[float, Field(gt=0, lt=1)] = 0.5
     at_least: PositiveInt = 4
 
-    def judge(self, stripes: dict[Stripe, xr.Dataset]) -> Finding:
-        """What the stripes say that have a complete test."""
-        values = {place: MEASURES[self.of](stripe) for place, stripe in stripes.items()}
+    def compare(self, stripes: Mapping[Stripe, xr.Dataset]) -> tuple[Margins, dict[Stripe, str]]:
+        """The margin of the step to each stripe, and the figure of each."""
+        values = _finite({place: self._value(stripe) for place, stripe in stripes.items()})
+        spread = float(np.ptp([*values.values()])) if values else 0.0
         sign = 1 if self.with_n == "rises" else -1
-        failing = []
-        for knit in {knit for knit, _ in values}:
-            line = sorted(n for other, n in values if other == knit)
-            for before, after in pairwise(line):
-                if sign * (values[knit, after] - values[knit, before]) <= 0:
-                    failing.append((knit, after))
-        return self._said({place: f"{value:.3g}" for place, value in values.items()}, failing)
+        margins = {
+            after: above(sign * (values[after] - values[before]), 0, strict=True, scale=spread)
+            for before, after in pairwise(sorted(values))
+            if before[0] == after[0]
+        }
+        return margins, {place: f"{value:.3g}" for place, value in values.items()}
+
+    def _value(self, stripe: xr.Dataset) -> float:
+        if self.of == "initial_tangent":
+            return initial_tangent(stripe)
+        return stiffening_strain(stripe, self.stiffened)
 
 
 class SameCurves(StripeTest):
@@ -135,11 +175,12 @@ class SameCurves(StripeTest):
     other: str
     tolerance: PositiveFloat
 
-    def judge(self, stripes: dict[Stripe, xr.Dataset]) -> Finding:
-        """What the stripes say that have a complete test."""
-        off = {}
-        for place, stripe in stripes.items():
-            one, other = stripe[self.one].values, stripe[self.other].values
-            off[place] = float(abs(one - other).max() / abs(other).max())
-        failing = [place for place, its in off.items() if not its <= self.tolerance]
-        return self._said({place: f"{its:.1%}" for place, its in off.items()}, failing)
+    def compare(self, stripes: Mapping[Stripe, xr.Dataset]) -> tuple[Margins, dict[Stripe, str]]:
+        """The margins of stripes that have a complete test, and the figure of each."""
+        off = _finite({place: self._departure(stripe) for place, stripe in stripes.items()})
+        margins = {place: below(its, self.tolerance) for place, its in off.items()}
+        return margins, {place: f"{its:.1%}" for place, its in off.items()}
+
+    def _departure(self, stripe: xr.Dataset) -> float:
+        one, other = stripe[self.one].values, stripe[self.other].values
+        return float(abs(one - other).max() / abs(other).max())

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from knitlab.maps.claims import judged, read_claims
+from knitlab.maps.claim_judgement import judged
+from knitlab.maps.claims import read_claims
 from knitlab.maps.claims_page import write_page
 from knitlab.maps.figures import draw_figure
 
