@@ -69,7 +69,21 @@ def judged(
     swept = sorted({dim for _, cube in whole for dim in swept_dims(cube)})
     remedy = f"select of {', '.join(swept)}" if swept else "leave it out: there are none"
     refuse_others(selections, swept, f"is of no swept setting of these cubes; {remedy}")
-    opened = [_Opened(path, _one_slice(path, cube, selections)) for path, cube in whole]
+    return judged_slices(
+        claims, [(path, _one_slice(path, cube, selections)) for path, cube in whole]
+    )
+
+
+def judged_slices(
+    claims: Sequence[Claim], slices: Sequence[tuple[Path, xr.Dataset]]
+) -> list[Judgement]:
+    """Judge claims by cubes that are open; otherwise as :func:`judged`.
+
+    Args:
+        claims: the claims.
+        slices: path of each cube, and the cube at one value of every swept setting.
+    """
+    opened = [_Opened(path, cube) for path, cube in slices]
     return [
         _among(claim, claim.test, opened)
         if isinstance(claim.test, SampleOrder)
