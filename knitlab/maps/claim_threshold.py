@@ -75,10 +75,9 @@ class Change:
         if self.now is Verdict.not_measured:
             return ""
         changed = [
-            f"{said} at {factor - 1:+.0%}"
+            f"{_WOULD[verdict]} at {factor - 1:+.0%}"
             for factor, verdict in zip(QUARTER, (self.less, self.more), strict=True)
             if verdict is not self.now
-            for said in [_WOULD[verdict]]
         ]
         return ", ".join(changed) or "the same at -25% and at +25%"
 
