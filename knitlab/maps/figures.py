@@ -81,7 +81,7 @@ FIGURES = {
     "samples": Kind(stretched_samples, needs="position", designs=PAPER_DESIGNS),
     "shapes": Kind(relaxed_shapes, needs="position", designs=PAPER_SHAPES),
     "network": Kind(spring_network, needs="position"),
-    "readings": Kind(readings_figure, compares=True),
+    "readings": Kind(readings_figure, dims=None, compares=True, several="any"),
     "relaxation": Kind(relaxation_figure, needs="snapshot_position"),
     "folding": Kind(folding_animation, needs="snapshot_position"),
     "stripes": Kind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),
@@ -184,7 +184,7 @@ def _drawn(name: str, cube_paths: Sequence[Path], selections: Sequence[str] = ()
     refuse_others(selections, known, f"says nothing to {name}; select of {', '.join(known)}")
     cubes = [selected(cube, selections_along(selections, cube.coords)) for cube in cubes]
     if kind.compares:
-        return kind.draw(cubes[0])
+        return kind.draw(list(zip(cube_paths, cubes, strict=True)))
     sliced = [_one_slice(name, cube) for cube in cubes]
     (cube, _), folder = sliced[0], _folder(cube_paths[0])
     slice_shown = ", ".join(dict.fromkeys(shown for _, shown in sliced if shown))

@@ -1,98 +1,108 @@
-"""Readings against claims: which of the paper's statements hold under each choice of the model."""
+"""Figure of readings: the claims under each way to read the model, the best reading first."""
 
-import itertools
+from collections.abc import Sequence
+from pathlib import Path
 
-import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from knitlab.maps.cells import cell
-from knitlab.maps.claims import Claim, read_claims
-from knitlab.maps.margin import Verdict
+from knitlab.maps.claims import TOPICS, Claim, read_claims
+from knitlab.maps.margin import Grade, signed
+from knitlab.maps.reading_ranking import RankedReading, differing, ranked_readings
 from knitlab.maps.style import TWO_COLUMNS
-from knitlab.sweep.cube_file import swept_dims
 from knitlab.sweep.faults import fault
 
+MOST = 16
+"""Readings that the figure shows."""
 LOOKS = {
-    Verdict.holds: ("#0072B2", "+", "white"),
-    Verdict.fails: ("#E69F00", "−", "black"),
-    Verdict.not_measured: ("white", "", "black"),
+    Grade.holds: ("#0072B2", "white"),
+    Grade.near_miss: ("#F5D7A1", "black"),
+    Grade.fails: ("#E69F00", "black"),
+    Grade.not_measured: ("white", "black"),
 }
 NAMES = {
-    Verdict.holds: "+ holds",
-    Verdict.fails: "− fails",
-    Verdict.not_measured: "not measured: a design did not converge, or is not in the cube",
+    Grade.holds: "holds",
+    Grade.near_miss: "near miss",
+    Grade.fails: "fails",
+    Grade.not_measured: "not measured",
 }
+NOTE = "numbers are margins: 0 and above holds, −0.25 misses a limit by a quarter of it"
 
 
-def readings_figure(cube: xr.Dataset) -> Figure:
+def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
     """A row for every claim that some reading decides, a column for every reading.
 
-    Readings are ordered by how many claims hold, the best first; the head of a column says how
-    many.
+    Readings are ranked as :func:`~knitlab.maps.reading_ranking.ranked_readings` says, of which the
+    best :data:`MOST` are shown; each cell gives the margin of a claim.
+
+    Args:
+        cubes: paths and cubes.
 
     Raises:
-        BadInput: if the cube lies along no setting, or decides no claim.
+        BadInput: if the cubes decide no claim.
     """
-    dims = swept_dims(cube)
-    if not dims:
-        raise fault("readings", "the cube lies along no setting; give some a list of values")
-    readings = {
-        labels: cube.sel(dict(zip(dims, labels, strict=True)))
-        for labels in itertools.product(*(cube[dim].values.tolist() for dim in dims))
-    }
-    claims, verdicts = verdicts_of(readings)
-    if not claims:
-        raise fault("readings", "no claim can be judged by this cube; run more of its designs")
-    holding = (verdicts == Verdict.holds).sum(axis=0)
-    order = np.argsort(-holding, kind="stable")
-    figure = Figure(figsize=(TWO_COLUMNS, 1.9 + 0.19 * len(claims)), layout="constrained")
-    axes = figure.add_subplot()
-    for row, line in enumerate(verdicts[:, order]):
-        for column, verdict in enumerate(line):
-            colour, sign, ink = LOOKS[Verdict(verdict)]
-            edge = "0.8" if verdict == Verdict.not_measured else "white"
-            cell(axes, row, column, facecolor=colour, edgecolor=edge, linewidth=0.8)
-            axes.text(column, row, sign, ha="center", va="center", color=ink, fontsize=7)
-    names = list(readings)
-    heads = [
-        "\n".join([*(_short(label) for label in names[k]), f"{holding[k]} hold"]) for k in order
+    claims = sorted(read_claims(), key=lambda claim: TOPICS.index(claim.words.topic))
+    ranked = ranked_readings(cubes, claims)
+    readings = ranked[:MOST]
+    claims = [
+        claim
+        for claim in claims
+        if any(its.findings[claim.name].grade is not Grade.not_measured for its in readings)
     ]
+    if not claims:
+        raise fault("readings", "no claim can be judged by these cubes; run more of their designs")
+    names = differing(ranked)
+    width = max(TWO_COLUMNS, 3.2 + 0.33 * len(readings))
+    figure = Figure(
+        figsize=(width, 1.6 + 0.17 * len(claims) + 0.13 * len(names)), layout="constrained"
+    )
+    axes = figure.add_subplot()
+    for column, reading in enumerate(readings):
+        for row, claim in enumerate(claims):
+            _draw(axes, row, column, reading, claim)
     axes.set(
-        xlim=(-0.5, len(heads) - 0.5),
+        xlim=(-0.5, len(readings) - 0.5),
         ylim=(len(claims) - 0.5, -0.5),
-        xticks=range(len(heads)),
+        xticks=range(len(readings)),
         yticks=range(len(claims)),
     )
-    axes.set_xticklabels(heads, fontsize=4.5 if len(heads) > 10 else 6)
+    axes.set_xticklabels(
+        ["\n".join(_head(reading, names)) for reading in readings], fontsize=5, linespacing=1.1
+    )
     axes.set_yticklabels([claim.name.replace("_", " ") for claim in claims], fontsize=6)
     axes.xaxis.tick_top()
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
-    axes.set_title(", ".join(dims) + "; from above", fontsize=7)
+    axes.set_xlabel(NOTE, fontsize=6)
+    if names:
+        said = f"from above: {', '.join(names)}; claims that hold, of those that were measured"
+        axes.set_title(said, fontsize=6)
+    if len(ranked) > len(readings):
+        figure.suptitle(f"the best {len(readings)} of {len(ranked)} readings", fontsize=7)
     handles = [
-        Patch(facecolor=LOOKS[verdict][0], edgecolor="0.7", label=label)
-        for verdict, label in NAMES.items()
+        Patch(facecolor=LOOKS[grade][0], edgecolor="0.7", label=label)
+        for grade, label in NAMES.items()
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 
-def verdicts_of(
-    readings: dict[tuple[str | float, ...], xr.Dataset],
-) -> tuple[list[Claim], np.ndarray]:
-    """The claims that some reading decides, and every reading's verdict on each.
-
-    Args:
-        readings: slices of a cube, by the values of its settings.
-    """
-    claims = read_claims()
-    verdicts = np.array(
-        [[claim.test.finding(reading).verdict for reading in readings.values()] for claim in claims]
+def _draw(axes: Axes, row: int, column: int, reading: RankedReading, claim: Claim) -> None:
+    finding = reading.findings[claim.name]
+    colour, ink = LOOKS[finding.grade]
+    edge = "0.85" if finding.grade is Grade.not_measured else "white"
+    cell(axes, row, column, facecolor=colour, edgecolor=edge, linewidth=0.8)
+    axes.text(
+        column, row, signed(finding.margin), ha="center", va="center", color=ink, fontsize=4.5
     )
-    decided = (verdicts != Verdict.not_measured).any(axis=1)
-    return [claim for claim, its in zip(claims, decided, strict=True) if its], verdicts[decided]
+
+
+def _head(reading: RankedReading, names: Sequence[str]) -> list[str]:
+    labels = [_short(reading.settings.get(name, "")) for name in names]
+    return [*labels, f"{reading.count(Grade.holds)}/{reading.decided}"]
 
 
 def _short(label: str | float) -> str:

@@ -1,0 +1,152 @@
+"""Readings ranked by the paper's claims: which way to read the model does what the paper says."""
+
+import itertools
+import json
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from knitlab.maps.claim_finding import Finding
+from knitlab.maps.claim_judgement import judged_slices
+from knitlab.maps.claims import Claim, read_claims
+from knitlab.maps.margin import Grade
+from knitlab.sweep.cube_file import base_dims, swept_dims
+from knitlab.sweep.registry import DESIGN_DIMS
+
+Label = str | float
+Settings = dict[str, Label]
+
+OF_STRIPES = ("cell_size", "hinge_stiffness", "length_scale")
+"""Settings that change the tension curve of a pure stripe. The phase only shifts its folds, hinges
+that rest flat stay flat, and the walls are for patterned fabric."""
+SETTINGS = (
+    *OF_STRIPES,
+    "fold_phase",
+    "hinges",
+    "garter_start",
+    "fold_angle",
+    "z_max",
+    "ending",
+    "damping_factor",
+)
+"""Settings that make a reading."""
+CLIPPED = 1.0
+"""Margins beyond this count as this in a sum, so that no gross claim outweighs the rest."""
+
+
+@dataclass(frozen=True)
+class RankedReading:
+    """One reading of the model, and what the claims make of it.
+
+    Attributes:
+        settings: its choices by name.
+        findings: what was found of every claim, by the name of the claim.
+    """
+
+    settings: Settings
+    findings: dict[str, Finding]
+
+    def count(self, *grades: Grade) -> int:
+        """How many claims have one of these grades."""
+        counts = Counter(finding.grade for finding in self.findings.values())
+        return sum(counts[grade] for grade in grades)
+
+    @property
+    def decided(self) -> int:
+        """How many claims were measured."""
+        return len(self.findings) - self.count(Grade.not_measured)
+
+    @property
+    def score(self) -> tuple[int, int, float]:
+        """What it is ranked by: claims that hold, near misses, and the sum of clipped margins."""
+        margins = (its.margin for its in self.findings.values() if its.margin is not None)
+        total = sum(max(-CLIPPED, min(CLIPPED, margin)) for margin in margins)
+        return self.count(Grade.holds), self.count(Grade.near_miss), total
+
+
+def ranked_readings(
+    cubes: Sequence[tuple[Path, xr.Dataset]], claims: Sequence[Claim] | None = None
+) -> list[RankedReading]:
+    """Rank the readings that cubes were computed with by how many of the paper's claims hold.
+
+    A reading is judged by all slices of all cubes that were computed with it, the paper's own
+    samples first; slices of pure stripes serve every reading that does not differ in
+    :data:`OF_STRIPES`. Of readings with equally many claims that hold, the one with more near
+    misses comes first, then the one with the larger sum of margins.
+
+    Args:
+        cubes: paths and cubes, along swept settings or not, of checkerboards or pure stripes.
+        claims: the claims; by default those of ``params/claims.toml``.
+
+    Returns:
+        The readings of the checkerboards, the best first; if there is no checkerboard, those of
+        the pure stripes.
+    """
+    claims = read_claims() if claims is None else claims
+    slices = [(path, one, settings_of(one)) for path, cube in cubes for one in _slices(cube)]
+    of_patterns = [its for its in slices if base_dims(its[1]) == DESIGN_DIMS]
+    of_stripes = [its for its in slices if base_dims(its[1]) != DESIGN_DIMS]
+    shared = () if of_patterns else OF_STRIPES
+    readings = _each_once(_only(its, shared) for _, _, its in of_patterns or of_stripes)
+    ranked = []
+    for settings in readings:
+        mine = [(path, one) for path, one, its in of_patterns if its == settings]
+        stripes = [
+            (path, one)
+            for path, one, its in of_stripes
+            if _only(its, OF_STRIPES) == _only(settings, OF_STRIPES)
+        ]
+        judgements = judged_slices(claims, [*mine, *stripes])
+        ranked.append(RankedReading(settings, {its.claim.name: its.finding for its in judgements}))
+    return sorted(ranked, key=lambda reading: reading.score, reverse=True)
+
+
+def differing(readings: Sequence[RankedReading]) -> list[str]:
+    """The settings in which readings differ, in the order of :data:`SETTINGS`."""
+    return [
+        name for name in SETTINGS if len({reading.settings.get(name) for reading in readings}) > 1
+    ]
+
+
+def settings_of(cube: xr.Dataset) -> Settings:
+    """The reading that one slice of a cube was computed with.
+
+    Args:
+        cube: a cube at one value of every swept setting, which stays as a coordinate.
+    """
+    parameters: dict[str, Any] = json.loads(cube.attrs.get("parameters", "{}"))
+    solver = parameters.get("solver", {})
+    stated: Settings = {
+        "ending": solver.get("ending", "steady"),
+        "damping_factor": 1.0,
+        **parameters.get("sheet", {}),
+        **{key.removeprefix("reading_"): its for key, its in cube.attrs.items()},
+        **{str(key): its.item() for key, its in cube.coords.items() if not its.dims},
+    }
+    if stated["ending"] == "steady":
+        del stated["damping_factor"]  # it moves no equilibrium
+    return {name: stated[name] for name in SETTINGS if name in stated}
+
+
+def _slices(cube: xr.Dataset) -> Iterator[xr.Dataset]:
+    """A cube at one value of every swept setting, for all of these."""
+    dims = swept_dims(cube)
+    for places in itertools.product(*(range(cube.sizes[dim]) for dim in dims)):
+        yield cube.isel(dict(zip(dims, places, strict=True)))
+
+
+def _only(settings: Settings, names: Sequence[str]) -> Settings:
+    """The settings of some names, or all if none is given."""
+    return {name: its for name, its in settings.items() if not names or name in names}
+
+
+def _each_once(settings: Iterable[Settings]) -> list[Settings]:
+    found: list[Settings] = []
+    for its in settings:
+        if its not in found:
+            found.append(its)
+    return found
