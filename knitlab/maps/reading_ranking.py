@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from knitlab.maps.claim_finding import Finding
@@ -129,7 +130,12 @@ def settings_of(cube: xr.Dataset) -> Settings:
     }
     if stated["ending"] == "steady":
         del stated["damping_factor"]  # it moves no equilibrium
-    return {name: stated[name] for name in SETTINGS if name in stated}
+    return {name: _plain(stated[name]) for name in SETTINGS if name in stated}
+
+
+def _plain(label: Any) -> Label:
+    """A label as Python has it; netCDF attributes are NumPy's numbers."""
+    return label.item() if isinstance(label, np.generic) else label
 
 
 def _slices(cube: xr.Dataset) -> Iterator[xr.Dataset]:
