@@ -16,6 +16,7 @@ from knitlab.maps.claim_judgement import judged_slices
 from knitlab.maps.claims import Claim, read_claims
 from knitlab.maps.margin import Grade
 from knitlab.sweep.cube_file import base_dims, swept_dims
+from knitlab.sweep.design_status import Status
 from knitlab.sweep.registry import DESIGN_DIMS
 
 Label = str | float
@@ -46,10 +47,12 @@ class RankedReading:
     Attributes:
         settings: its choices by name.
         findings: what was found of every claim, by the name of the claim.
+        designs: how many checkerboards it was judged on; fewer make it easier for claims to hold.
     """
 
     settings: Settings
     findings: dict[str, Finding]
+    designs: int
 
     def count(self, *grades: Grade) -> int:
         """How many claims have one of these grades."""
@@ -102,7 +105,9 @@ def ranked_readings(
             if _only(its, OF_STRIPES) == _only(settings, OF_STRIPES)
         ]
         judgements = judged_slices(claims, [*mine, *stripes])
-        ranked.append(RankedReading(settings, {its.claim.name: its.finding for its in judgements}))
+        findings = {its.claim.name: its.finding for its in judgements}
+        measured = {design for _, one in mine for design in _measured(one)}
+        ranked.append(RankedReading(settings, findings, len(measured)))
     return sorted(ranked, key=lambda reading: reading.score, reverse=True)
 
 
@@ -143,6 +148,12 @@ def _slices(cube: xr.Dataset) -> Iterator[xr.Dataset]:
     dims = swept_dims(cube)
     for places in itertools.product(*(range(cube.sizes[dim]) for dim in dims)):
         yield cube.isel(dict(zip(dims, places, strict=True)))
+
+
+def _measured(cube: xr.Dataset) -> list[tuple[int, ...]]:
+    """The designs of one slice that have a complete test."""
+    stacked = cube["status"].stack(design=DESIGN_DIMS)
+    return list(stacked["design"].values[stacked.values == Status.ok])
 
 
 def _only(settings: Settings, names: Sequence[str]) -> Settings:

@@ -78,7 +78,7 @@ def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
     axes.spines[:].set_visible(False)
     axes.set_xlabel(NOTE, fontsize=6)
     if names:
-        said = f"from above: {', '.join(names)}; claims that hold, of those that were measured"
+        said = f"from above: {', '.join(names)}; last, claims that hold of those that were measured"
         axes.set_title(said, fontsize=6)
     if len(ranked) > len(readings):
         figure.suptitle(f"the best {len(readings)} of {len(ranked)} readings", fontsize=7)
@@ -102,7 +102,8 @@ def _draw(axes: Axes, row: int, column: int, reading: RankedReading, claim: Clai
 
 def _head(reading: RankedReading, names: Sequence[str]) -> list[str]:
     labels = [_short(reading.settings.get(name, "")) for name in names]
-    return [*labels, f"{reading.count(Grade.holds)}/{reading.decided}"]
+    judged = [f"{reading.designs} designs"] if reading.designs else []
+    return [*labels, *judged, f"{reading.count(Grade.holds)}/{reading.decided}"]
 
 
 def _short(label: str | float) -> str:

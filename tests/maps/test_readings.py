@@ -80,6 +80,7 @@ def test_cubes_of_one_reading_are_judged_together(ranked):
     wide = wide.sel(n_stripe=[6, 8])
     narrow = narrow.sel(n_stripe=[2, 4])
     (one,) = ranked(stated(wide, z_max=1.0), stated(narrow, z_max=1.0))
+    assert one.designs == 20
     assert one.findings["n_stripe_4_is_auxetic_up_to_40"].verdict is Verdict.holds
     assert one.findings["longer_cells_are_less_auxetic"].judged == 10
 

@@ -17,6 +17,8 @@ DRAWN = {
     "paper_quarter": ("auxetic", "curves", "tension", "wavelength"),
     "preview": ("auxetic", "curves", "shape", "shapes", "network"),
     "readings": ("readings",),
+    "readings_samples": ("readings",),
+    "readings_stripes": ("readings",),
     "stripes": ("stripes", "departure"),
     "sensor": ("sensor", "capacitors", "wedge", "electrodes"),
     "sensor_stripes": ("capacitors", "wedge"),
