@@ -2,12 +2,12 @@
 
 import base64
 import html
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 from knitlab.maps.claims_figures import Key, figure_key
 from knitlab.maps.claims_introduction import EXPLAINED, Passage, cube_name
-from knitlab.maps.claims_table import Section
+from knitlab.maps.claims_table import Page, Section
 
 STYLE = """
 body { font: 15px/1.4 sans-serif; margin: 2em auto; max-width: 90em; padding: 0 1em; }
@@ -18,36 +18,25 @@ td, th { padding: .3em .6em; text-align: left; vertical-align: top; border-botto
 """
 
 
-def one_file(
-    title: str,
-    said: str,
-    passages: Sequence[Passage],
-    sections: Sequence[Section],
-    readings: Mapping[str, str],
-    figures: Mapping[Key, Path],
-) -> str:
+def one_file(page: Page, figures: Mapping[Key, Path]) -> str:
     """Write the page, with every figure in it.
 
     Args:
-        title: its title.
-        said: how many claims hold.
-        passages: what a user may rely on, topic by topic.
-        sections: the table, grade by grade.
-        readings: the short name of every reading.
+        page: what it says.
         figures: PNG file of each figure.
     """
     anchors = {key: f"figure-{number}" for number, key in enumerate(figures, start=1)}
     body = [
-        f"<h1>{_safe(title)}</h1><p>{_safe(said)}</p>",
+        f"<h1>{_safe(page.title)}</h1><p>{_safe(page.said)}</p>",
         f"<h2>What you may rely on, and what not</h2><p>{_safe(EXPLAINED)}</p>",
-        *map(_passage, passages),
-        *(_section(section, anchors) for section in sections),
-        _readings(readings) if readings else "",
+        *map(_passage, page.passages),
+        *(_section(section, anchors) for section in page.sections),
+        _readings(page.readings) if page.readings else "",
         "<h2>Figures</h2>" if figures else "",
         *(_figure(key, anchors[key], path) for key, path in figures.items()),
     ]
     return (
-        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{_safe(title)}</title>'
+        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{_safe(page.title)}</title>'
         f"<style>{STYLE}</style>\n{chr(10).join(body)}\n</html>\n"
     )
 

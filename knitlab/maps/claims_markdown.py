@@ -1,40 +1,30 @@
 """The page of claims in Markdown; its figures are files beside it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from knitlab.maps.claims_figures import Key, figure_key
-from knitlab.maps.claims_introduction import EXPLAINED, Passage
-from knitlab.maps.claims_table import Section
+from knitlab.maps.claims_introduction import EXPLAINED
+from knitlab.maps.claims_table import Page, Section
 
 
-def markdown(
-    title: str,
-    said: str,
-    passages: Sequence[Passage],
-    sections: Sequence[Section],
-    readings: Mapping[str, str],
-    links: Mapping[Key, str],
-) -> str:
+def markdown(page: Page, links: Mapping[Key, str]) -> str:
     """Write the page.
 
     Args:
-        title: its title.
-        said: how many claims hold.
-        passages: what a user may rely on, topic by topic.
-        sections: the table, grade by grade.
-        readings: the short name of every reading.
+        page: what it says.
         links: where each figure lies, from the page's folder.
     """
-    lines = [f"# {title}", "", said, "", "## What you may rely on, and what not", "", EXPLAINED, ""]
-    for passage in passages:
+    lines = [f"# {page.title}", "", page.said, ""]
+    lines += ["## What you may rely on, and what not", "", EXPLAINED, ""]
+    for passage in page.passages:
         lines += [f"### {passage.topic.capitalize()}", ""]
         lines += [f"- **{opening}:** {claims}" for opening, claims in passage.sentences]
         lines.append("")
-    for section in sections:
+    for section in page.sections:
         lines += [f"## {section.heading}", "", *_table(section, links), ""]
-    if readings:
+    if page.readings:
         lines += ["## Readings of the model", ""]
-        lines += [f"- {name}: {text}" for text, name in readings.items()]
+        lines += [f"- {name}: {text}" for text, name in page.readings.items()]
         lines.append("")
     return "\n".join(lines)
 

@@ -10,7 +10,7 @@ from knitlab.maps.claims_figures import draw_claims
 from knitlab.maps.claims_html import one_file
 from knitlab.maps.claims_introduction import introduction
 from knitlab.maps.claims_markdown import markdown
-from knitlab.maps.claims_table import readings_of, sections
+from knitlab.maps.claims_table import Page, readings_of, sections
 from knitlab.sweep.faults import Fault, fault
 from knitlab.sweep.files import written_whole
 
@@ -50,16 +50,16 @@ def write_page(
     check_suffix(page)
     readings = readings_of(judgements)
     table = sections(judgements, readings)
-    said, passages = summary(judgements), introduction(judgements)
+    content = Page(TITLE, summary(judgements), introduction(judgements), table, readings)
     if page.suffix.lower() == ".md":
         folder = page.with_suffix("")
         figures, faults = draw_claims(judgements, folder, selections)
         links = {key: f"{folder.name}/{path.name}" for key, path in figures.items()}
-        _write(page, markdown(TITLE, said, passages, table, readings, links))
+        _write(page, markdown(content, links))
         return [page, *figures.values()], faults
     with TemporaryDirectory() as drawn:
         figures, faults = draw_claims(judgements, Path(drawn), selections)
-        _write(page, one_file(TITLE, said, passages, table, readings, figures))
+        _write(page, one_file(content, figures))
     return [page], faults
 
 

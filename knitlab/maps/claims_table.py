@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from knitlab.maps.claim_judgement import Judgement
 from knitlab.maps.claim_records import contrary
 from knitlab.maps.claim_sample import JudgedSamples
-from knitlab.maps.claims_introduction import cube_name
+from knitlab.maps.claims_introduction import Passage, cube_name
 from knitlab.maps.margin import NEAR, Grade, Verdict, signed
 
 COLUMNS = {
@@ -48,6 +48,25 @@ class Section:
     def heading(self) -> str:
         """What stands above it."""
         return HEADINGS[self.grade]
+
+
+@dataclass(frozen=True)
+class Page:
+    """What a page of claims says, whatever its format.
+
+    Attributes:
+        title: its title.
+        said: how many claims hold.
+        passages: what a user may rely on, topic by topic.
+        sections: the table, grade by grade.
+        readings: the short name of every reading.
+    """
+
+    title: str
+    said: str
+    passages: Sequence[Passage]
+    sections: Sequence[Section]
+    readings: Mapping[str, str]
 
 
 def sections(judgements: Sequence[Judgement], readings: Mapping[str, str]) -> list[Section]:

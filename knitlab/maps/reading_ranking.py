@@ -2,7 +2,6 @@
 
 import itertools
 import json
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,10 +53,9 @@ class RankedReading:
     findings: dict[str, Finding]
     designs: int
 
-    def count(self, *grades: Grade) -> int:
-        """How many claims have one of these grades."""
-        counts = Counter(finding.grade for finding in self.findings.values())
-        return sum(counts[grade] for grade in grades)
+    def count(self, grade: Grade) -> int:
+        """How many claims have a grade."""
+        return sum(finding.grade is grade for finding in self.findings.values())
 
     @property
     def decided(self) -> int:
