@@ -65,15 +65,12 @@ def _cases(
     workflow: Workflow, labels: dict[str, Label], space: DesignSpace, parameters: Parameters
 ) -> Iterator[Case]:
     protocol = workflow.protocol
-    steps = round(protocol.strain_max / protocol.strain_step)
     sheet = changed_sheet(_values(parameters.sheet), workflow.model)
     reading = merged(parameters.reading, workflow.model)
     common: dict[str, Any] = {
         "sheet": Sheet(**_of(Sheet, sheet)),
         "mass_and_drag": None,
-        "applied_strain": tuple(
-            round(step * protocol.strain_step, 12) for step in range(steps + 1)
-        ),
+        "applied_strain": protocol.applied_strain,
         "method": protocol.method,
         "solver": SolverSettings(**merged(parameters.solver, workflow.solver)),
         "sensitivities": protocol.sensitivities,

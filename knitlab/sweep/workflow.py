@@ -77,13 +77,15 @@ class StripesSection(Strict):
 class ProtocolSection(Strict):
     """``[protocol]``: the strains of the tensile test, and how its states are reached.
 
-    With ``sensitivities``, also how Poisson's ratio and force hang on the stripe parameters; with
+    The strains are the multiples of ``strain_step`` up to ``strain_max``, and ``further_strains``.
+    With ``sensitivities``, also how Poisson's ratio and force depend on the stripe parameters; with
     ``unloading``, also the way back through the same strains.
     """
 
     method: Method = "equilibrium"
     strain_max: Annotated[float, Field(ge=0)] = 0.45
     strain_step: PositiveFloat = 0.03
+    further_strains: Annotated[tuple[PositiveFloat, ...], Field(strict=False)] = ()
     sensitivities: bool = False
     unloading: bool = False
 
@@ -110,6 +112,22 @@ class ProtocolSection(Strict):
                 f" ask for {MOST_STEPS} at most"
             )
         return self
+
+    @model_validator(mode="after")
+    def _goes_as_far_as_its_further_strains(self) -> "ProtocolSection":
+        if beyond := [strain for strain in self.further_strains if strain > self.strain_max]:
+            raise ValueError(
+                f"further_strains has {max(beyond):g}, beyond strain_max = {self.strain_max:g};"
+                " raise strain_max or leave it out"
+            )
+        return self
+
+    @property
+    def applied_strain(self) -> tuple[float, ...]:
+        """All strains of the test, ascending from 0."""
+        steps = round(self.strain_max / self.strain_step)
+        even = {round(step * self.strain_step, 12) for step in range(steps + 1)}
+        return tuple(sorted(even.union(self.further_strains)))
 
 
 class ModelSection(Changes):
