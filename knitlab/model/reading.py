@@ -39,7 +39,7 @@ class Reading:
         boundary: ``"clamped"`` sample or ``"periodic"`` endless fabric.
     """
 
-    cell_size: CellSize = "relaxed"
+    cell_size: CellSize = "flat"
     fold_phase: FoldPhase = "stripe_border"
     hinges: Hinges = "all"
     hinge_stiffness: HingeStiffness = "per_edge"
