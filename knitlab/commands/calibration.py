@@ -18,6 +18,11 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
 @click.option(
     "--period", type=MILLIMETRES, required=True, help="Relaxed peak-to-peak distance [mm]."
 )
+@click.option(
+    "--cell-size",
+    type=click.Choice(["flat", "relaxed"]),
+    help="Reading that the stripe is to be simulated in. [default: that of params/reading.toml]",
+)
 @click.option("--width", type=MILLIMETRES, help="Width of one row, for a curve of stress [mm].")
 @click.option("--thickness", type=MILLIMETRES, help="Of the fabric, for stress over area [mm].")
 @click.option(
@@ -32,6 +37,7 @@ def calibrate(
     knit: Literal["rib", "garter"],
     stitches: int,
     period: float,
+    cell_size: Literal["flat", "relaxed"] | None,
     width: float | None,
     thickness: float | None,
     output: Path | None,
@@ -55,6 +61,8 @@ def calibrate(
     from knitlab.maps.style import print_style
     from knitlab.measure.calibration import calibrate as fit
     from knitlab.measure.calibration import report
+    from knitlab.sweep.parameters import read_parameters
+    from knitlab.sweep.shipped import shipped
     from knitlab.sweep.stripe_file import write_stripe_file
 
     title = f"{stitches} × {stitches} {knit}, period {period:g} mm"
@@ -68,7 +76,8 @@ def calibrate(
     for warning in found.warnings:
         click.echo(f"knitlab: {warning}", err=True)
     if found.usable:
-        write_stripe_file(output, knit, stitches, found, curve)
+        read_as = cell_size or read_parameters(shipped("params")).reading.cell_size.value
+        write_stripe_file(output, knit, stitches, found, curve, read_as)
         click.echo(f"stripe   {output}")
     else:
         click.echo("knitlab: no stripe is written, for this fit cannot be used", err=True)

@@ -1,6 +1,7 @@
 """Calibration: the stripe whose zigzag has a measured tension curve (paper, Sec. "2D model")."""
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import jax
@@ -10,6 +11,7 @@ from jaxtyping import Array, Float
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import t as student_t
 
+from knitlab.model.reading import CellSize
 from knitlab.model.zigzag import Zigzag, tension
 
 FITTED = ("k_s", "k_t", "theta_0")
@@ -40,7 +42,7 @@ class Calibration:
     """A fitted stripe, and how well the curve determines it.
 
     Attributes:
-        period: w or h, as given [mm].
+        period: relaxed peak-to-peak distance of the stripe, as given [mm].
         values: k_s [N/mm], k_t [N mm] and theta_0 [rad], by name.
         standard_errors: of each, in its unit.
         intervals: 95 % confidence interval of each, in its unit; of the angle within 0 to π.
@@ -72,6 +74,15 @@ class Calibration:
         """Whether the fit converged, with no parameter at the bound of where it was looked for."""
         inside = (low < self.values[name] < high for name, (low, high) in INSIDE.items())
         return self.converged and all(inside)
+
+    def tabulated_period(self, cell_size: CellSize) -> float:
+        """Period with which the network has the springs and folds of the fitted zigzag [mm].
+
+        A table's period is that of the relaxed stripe where ``cell_size`` is ``"relaxed"``, and of
+        the flat one where it is ``"flat"``: then four grid cells, longer by 1/sin(θ0/2).
+        """
+        flat = cell_size == "flat"
+        return self.period / math.sin(self.values["theta_0"] / 2) if flat else self.period
 
     @property
     def misfit(self) -> float:

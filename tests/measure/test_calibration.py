@@ -1,5 +1,6 @@
 """Calibration recovers a stripe that is known, and says when a curve does not fix it."""
 
+from dataclasses import replace
 from functools import cache
 
 import jax.numpy as jnp
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from knitlab.measure.calibration import FITTED, calibrate
+from knitlab.model.reading import Reading
 from knitlab.model.zigzag import tension, zigzag
 from tests.fabrics import ALL_STRIPES, stripe
 
@@ -27,6 +29,18 @@ def test_a_clean_curve_gives_its_stripe_back(of):
     assert fit.warnings == ()
     for name in FITTED:
         assert fit.values[name] == pytest.approx(getattr(of, name), rel=1e-6)
+
+
+@pytest.mark.parametrize("cell_size", ["flat", "relaxed"])
+@pytest.mark.parametrize("of", ALL_STRIPES, ids=lambda of: f"{of.knit} {of.n}")
+def test_a_fitted_stripe_has_the_measured_curve_in_the_reading_it_is_tabulated_for(of, cell_size):
+    strain, force = curve(of, noise=0.0)
+    fit = calibrate(of.period, strain, force)
+    tabulated = replace(of, period=fit.tabulated_period(cell_size), **fit.values)
+    read = zigzag(tabulated, Reading(cell_size=cell_size))
+    np.testing.assert_allclose(
+        tension(read, jnp.asarray(strain)), force, rtol=1e-5, atol=1e-6 * force.max()
+    )
 
 
 @cache

@@ -116,7 +116,7 @@ def test_tension_along_the_ridges_is_that_of_three_unknowns(of):
 @pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
 @pytest.mark.parametrize(("boundary", "periods"), [("periodic", 1), ("clamped", 1), ("clamped", 2)])
 def test_the_sheet_is_the_zigzag_within_five_percent_while_it_unfolds(of, boundary, periods):
-    reading = Reading(boundary=boundary, fold_phase="stripe_centre")
+    reading = Reading(cell_size="relaxed", boundary=boundary, fold_phase="stripe_centre")
     net, fabric = pure(of, reading, periods=periods, ridges="G")
     test = stretched(net, fabric, [0.0, 0.1, 0.3])
     assert all(state.converged for state in test.states)
@@ -129,7 +129,7 @@ def test_the_sheet_is_the_zigzag_within_five_percent_while_it_unfolds(of, bounda
 )
 def test_the_zigzag_is_read_as_the_sheet_is(choice):
     of = stripe("garter", 12)
-    reading = Reading(boundary="periodic", fold_phase="stripe_centre", **choice)
+    reading = replace(ENDLESS, fold_phase="stripe_centre", **choice)
     test = stretched(*pure(of, reading, ridges="G"), [0.0, 0.1])
     (force,) = row_force(pure(of, reading)[0], test)
     assert force == pytest.approx(
@@ -152,7 +152,7 @@ def test_without_its_diagonals_an_endless_sheet_is_the_zigzag(of):
 @pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
 def test_without_its_diagonals_an_open_sheet_is_a_zigzag_with_one_more_row_of_springs(of):
     """The second reason: R cells side by side have R hinges on a fold, but R + 1 springs."""
-    reading = Reading(boundary="clamped", fold_phase="stripe_centre")
+    reading = Reading(cell_size="relaxed", boundary="clamped", fold_phase="stripe_centre")
     net, fabric = weakly_braced(of, reading, 1e-3)
     test = stretched(net, fabric, [0.0, 1.0, 2.0], LONG_STEPS)
     rows = net.shape.cells_x
