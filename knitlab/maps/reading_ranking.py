@@ -33,6 +33,7 @@ SETTINGS = (
     "z_max",
     "ending",
     "damping_factor",
+    "drag",
 )
 """Settings that make a reading."""
 CLIPPED = 1.0
@@ -127,6 +128,7 @@ def settings_of(cube: xr.Dataset) -> Settings:
     stated: Settings = {
         "ending": solver.get("ending", "steady"),
         "damping_factor": 1.0,
+        "drag": solver.get("drag", 0.0),
         **parameters.get("sheet", {}),
         **{key.removeprefix("reading_"): its for key, its in cube.attrs.items()},
         **{str(key): its.item() for key, its in cube.coords.items() if not its.dims},

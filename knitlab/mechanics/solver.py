@@ -103,6 +103,8 @@ class SolverSettings:
             the fabric leaves its branch.
         branch_limit: energy that a strain step may gain or lose against the work done in it, as a
             part of that work, before the fabric counts as having left its branch.
+        drag: c ε̇, damping of a node times the rate at which the applied strain rises [N/mm]; with 0
+            the test is so slow that every state is an equilibrium.
     """
 
     tolerance: float = 1e-8
@@ -116,3 +118,4 @@ class SolverSettings:
     path_step: float = 0.01
     smallest_step: float = 1 / 8
     branch_limit: float = 0.05
+    drag: float = 0.0

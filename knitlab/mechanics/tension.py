@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.mechanics.blocks import are_many
+from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.evaluation import Stage
 from knitlab.mechanics.loading import Loading, tensile
 from knitlab.mechanics.relaxation import on_the_way, relax
@@ -15,6 +16,7 @@ from knitlab.mechanics.search import SearchRules
 from knitlab.mechanics.settling import find_settled
 from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
 from knitlab.mechanics.state import Outcome, State, TensileTest
+from knitlab.mechanics.viscous import Drag, against_drag
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
 
@@ -105,7 +107,10 @@ class _Path:
             last = step <= smallest
             # Where many blocks come to rest by themselves, the whole meets few walls.
             rough = self.last[-1][1].iterations > ROUGH and not are_many(self.loading.shape)
-            find = self._sought_fast(strain) if rough else self._sought_slowly(strain, last)
+            if self.settings.drag:
+                rough, find = False, self._against_drag(strain)
+            else:
+                find = self._sought_fast(strain) if rough else self._sought_slowly(strain, last)
             state = yield from find
             followed = self._on_branch(strain, state)
             if rough and last and not followed:
@@ -153,6 +158,16 @@ class _Path:
         state = yield from self._found(start, self.settings, floor, convexified=True)
         return state.after(soft)
 
+    def _against_drag(self, strain: float) -> Solver[State]:
+        """The state at a strain that is reached at a finite rate: a viscous step."""
+        before_strain, before = self.last[-1]
+        free, settings = self.loading.unknowns, self.settings
+        step = settings.drag / abs(strain - before_strain)
+        start = yield from self._ahead(strain)
+        rules = SearchRules.of(self.loading.shape, free, self.fabric, settings)
+        drag = Drag(free, before.configuration, step)
+        return (yield from against_drag(find_equilibrium(start, rules), drag))
+
     def _ahead(self, strain: float) -> Solver[Evaluate]:
         """Where the path so far leads at a strain.
 
@@ -196,8 +211,8 @@ class _Path:
 
     def _on_branch(self, strain: float, state: State) -> bool:
         """Whether a state was reached, and its energy grew by the work done."""
-        if not state.converged:
-            return False
+        if not state.converged or self.settings.drag:
+            return state.converged
         before_strain, before = self.last[-1]
         distance = (strain - before_strain) * self.loading.length
         forces = [self.loading.reaction_force(of.gradient) for of in (before, state)]

@@ -19,16 +19,20 @@ from knitlab.model.reading import FoldAngle
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Energy:
-    """Elastic energy in its three parts [N mm] (paper, Eqs. 1, 2 and the wall penalty)."""
+    """Elastic energy in its three parts [N mm] (paper, Eqs. 1, 2 and the wall penalty).
+
+    ``drag`` is the potential of the drag while a viscous step is solved, and 0 in every state.
+    """
 
     stretch: Float[Array, ""]
     fold: Float[Array, ""]
     wall: Float[Array, ""]
+    drag: Float[Array, ""] | float = 0.0
 
     @property
     def total(self) -> Float[Array, ""]:
-        """Their sum, V."""
-        return self.stretch + self.fold + self.wall
+        """Their sum: V, and while a viscous step is solved the incremental potential."""
+        return self.stretch + self.fold + self.wall + self.drag
 
 
 def positions(configuration: Float[Array, " unknown"]) -> Float[Array, "node 3"]:

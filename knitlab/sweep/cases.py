@@ -11,7 +11,7 @@ from knitlab.mechanics.solver import SolverSettings
 from knitlab.model.electrode_layout import Layout
 from knitlab.model.fabric import Sheet
 from knitlab.model.inertia import MassAndDrag
-from knitlab.model.reading import Reading
+from knitlab.model.reading import Boundary, Reading
 from knitlab.model.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
     Knit,
@@ -80,6 +80,8 @@ def _cases(
     if protocol.method == "dynamics":
         common["mass_and_drag"] = MassAndDrag(**_of(MassAndDrag, sheet))
         common["solver"] = DynamicsSettings(**merged(parameters.dynamics, workflow.dynamics))
+    elif common["solver"].drag:
+        _check_drag(workflow, reading["boundary"])
 
     def stripe(knit: Knit, stitches: int) -> Stripe:
         return changed_stripe(parameters.stripes.stripe(knit, stitches), workflow.model)
@@ -110,6 +112,22 @@ def _cases(
                 unit_cells=(1, 1),
                 **common,
             )
+
+
+def _check_drag(workflow: Workflow, boundary: Boundary) -> None:
+    """Refuse drag where it has no meaning.
+
+    Raises:
+        BadInput: if fabric without end would be dragged, or derivatives be taken that know of no
+            drag.
+    """
+    boundaries = workflow.stripes.boundaries if workflow.stripes else (boundary,)
+    if "periodic" in boundaries:
+        problem = "holds back a sample that moves between clamps; periodic fabric has no place to"
+        raise fault("solver.drag", f"{problem} move from: take boundary = clamped, or drag = 0")
+    if workflow.protocol.sensitivities:
+        problem = "has no sensitivities, which are those of equilibria; take drag = 0"
+        raise fault("solver.drag", problem)
 
 
 def _capacitor(

@@ -8,6 +8,7 @@ from pydantic import (
     AfterValidator,
     BaseModel,
     Field,
+    NonNegativeFloat,
     PositiveFloat,
     PositiveInt,
     RootModel,
@@ -160,6 +161,7 @@ class SolverParameters(Strict):
     smallest_step: Quantity[Fraction, Literal["1"]]
     soft_wall: Quantity[Fraction, Literal["1"]]
     branch_limit: Quantity[PositiveFloat, Literal["1"]]
+    drag: Quantity[NonNegativeFloat, Literal["N/mm"]]
 
 
 class DynamicsParameters(Strict):

@@ -2,7 +2,14 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, PositiveFloat, PositiveInt, field_validator, model_validator
+from pydantic import (
+    Field,
+    NonNegativeFloat,
+    PositiveFloat,
+    PositiveInt,
+    field_validator,
+    model_validator,
+)
 
 from knitlab.mechanics.dynamics import Ending
 from knitlab.mechanics.solver import Start
@@ -163,6 +170,7 @@ class SolverSection(Strict):
     smallest_step: Fraction | None = None
     soft_wall: Fraction | None = None
     branch_limit: PositiveFloat | None = None
+    drag: NonNegativeFloat | None = None
 
 
 class DynamicsSection(Strict):

@@ -36,7 +36,7 @@ def good_checkerboards() -> xr.Dataset:
     """Twenty designs that do all that the paper says."""
     stripes, subunits = (sorted({design[k] for design in LOWEST}) for k in (0, 1))
     grid = (len(stripes), len(subunits))
-    scalars = ("wavelength_x", "wavelength_y", "wave_amplitude_x", "wave_amplitude_y")
+    scalars = ("knit_wavelength_x", "knit_wavelength_y", "wave_amplitude_x", "wave_amplitude_y")
     scalars += ("rib_width_centre", "rib_width_edge", "garter_height_centre", "garter_height_edge")
     scalars += ("poisson_ratio_min", "applied_strain_at_min", "kinetic_energy_left")
     scalars += ("sensitivity", "working_range", "applied_strain_opened", "applied_strain_unfolded")
@@ -65,8 +65,8 @@ def good_checkerboards() -> xr.Dataset:
         transverse = -ratio * STRAINS
         ratio[0] = np.nan
         values = {
-            "wavelength_x": SLOPES[n] * m + 1,
-            "wavelength_y": SLOPES[n] * m + 2,
+            "knit_wavelength_x": SLOPES[n] * m + 1,
+            "knit_wavelength_y": SLOPES[n] * m + 2,
             "wave_amplitude_x": 0.02 * m,
             "wave_amplitude_y": 0.03 * m,
             "rib_width_centre": 4.0,
@@ -197,12 +197,12 @@ SPOILT = {
     "garter_centre_contracts_more": put("garter_height_centre", 5.1, n=2),
     "amplitude_along_weft_varies": same("wave_amplitude_x", 1.0),
     "amplitude_along_warp_varies": same("wave_amplitude_y", 1.0),
-    "wavelength_along_weft_is_linear": put("wavelength_x", 40.0, m=32),
-    "wavelength_along_warp_is_linear": put("wavelength_y", 40.0, m=32),
-    "slopes_along_weft_are_common": scaled("wavelength_x", 1.2, n=8),
-    "slopes_along_warp_are_common": scaled("wavelength_y", 1.2, n=8),
-    "narrowest_departs_most_along_weft": scaled("wavelength_x", 1.5, n=2),
-    "narrowest_departs_most_along_warp": scaled("wavelength_y", 1.5, n=2),
+    "wavelength_along_weft_is_linear": put("knit_wavelength_x", 40.0, m=32),
+    "wavelength_along_warp_is_linear": put("knit_wavelength_y", 40.0, m=32),
+    "slopes_along_weft_are_common": scaled("knit_wavelength_x", 1.2, n=8),
+    "slopes_along_warp_are_common": scaled("knit_wavelength_y", 1.2, n=8),
+    "narrowest_departs_most_along_weft": scaled("knit_wavelength_x", 1.5, n=2),
+    "narrowest_departs_most_along_warp": scaled("knit_wavelength_y", 1.5, n=2),
     "centre_widens_most": put("strain_xx", 0.5, n=8, m=48, applied_strain=0.23, cell_y=0),
     "transverse_strain_peaks": put("mean_strain_xx", STRAINS, m=32),
     "axial_strain_follows": put("mean_strain_yy", 1.2 * STRAINS, m=32),

@@ -92,12 +92,24 @@ def test_impossible_combinations_of_a_grid_are_excluded_with_their_reason():
         (("design.z_max=4",), "design.z_max is not a setting"),
         (("n_stripe",), "not KEY=VALUE"),
         (("pattern=RG,R",), "not a rectangle"),
+        (("further_strains=0.5",), "has 0.5, beyond strain_max = 0.45; raise strain_max"),
+        (("drag=-1",), "--set drag=-1: .*greater than or equal to 0"),
+        (("drag=1e-5",), "periodic fabric has no place to move from: take boundary = clamped"),
+        (
+            ("drag=1e-5", "boundary=clamped", "sensitivities=true"),
+            "solver.drag: has no sensitivities",
+        ),
         (("unit_cells=0,1",), "greater than 0"),
     ],
 )
 def test_a_bad_override_is_named(overrides, message):
     with pytest.raises(BadInput, match=message):
         make_plan("preview", overrides)
+
+
+def test_further_strains_join_the_even_ones():
+    plan = make_plan("preview", ("strain_max=0.3", "strain_step=0.1", "further_strains=0.23,0.1"))
+    assert plan.applied_strain == (0.0, 0.1, 0.2, 0.23, 0.3)
 
 
 def test_every_fault_of_a_workflow_comes_at_once(tmp_path):
@@ -123,7 +135,7 @@ def test_every_fault_of_a_workflow_comes_at_once(tmp_path):
 def test_faults_of_parameters_workflow_and_design_come_at_once(tmp_path):
     shutil.copytree(shipped("params"), tmp_path / "params")
     sheet = tmp_path / "params" / "sheet.toml"
-    sheet.write_text(sheet.read_text().replace("value = 6.0", "value = -6.0"))
+    sheet.write_text(sheet.read_text().replace("value = 1.9", "value = -1.9"))
     overrides = ("n_stripe=5", "n_subunit=20", "k_wall=-1", "hinge=all")
     with pytest.raises(BadInput) as caught:
         make_plan("preview", overrides, tmp_path / "params")

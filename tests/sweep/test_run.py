@@ -73,7 +73,7 @@ def test_provenance_tells_how_to_make_it_again(sweep):
         assert {name: record[name] for name in shared} == shared
         with xr.open_dataset(case_path(results, case_id)) as dataset:
             assert json.loads(dataset.attrs["parameters"]) == record
-    assert shared["sheet"]["z_max"] == 6.0
+    assert shared["sheet"]["z_max"] == 1.9
     assert run.cube.attrs["reading_cell_size"] == "relaxed"
 
 

@@ -220,7 +220,7 @@ def test_a_damaged_file_that_cannot_be_computed_again_is_not_read(tmp_path):
 @pytest.mark.parametrize("other", ["", "z_max=4"])
 def test_a_refresh_that_fails_is_told_and_loses_nothing(tmp_path, monkeypatch, other):
     before = ran(plan_of(), tmp_path)
-    plan = make_plan("preview", ("strain_max=0.06", "k_t_factor=1", other or "z_max=6"))
+    plan = make_plan("preview", ("strain_max=0.06", "k_t_factor=1", other or "z_max=1.9"))
     if not other:
         monkeypatch.setattr(survey_module, "code_fingerprint", lambda: "other code")
     run = ran(plan, tmp_path, stand_in.simulate_poisoned, refresh=True)

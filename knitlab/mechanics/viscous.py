@@ -1,0 +1,70 @@
+"""Viscous strain steps: the paper's damping without its inertia, c u̇ + ∇V = 0.
+
+By implicit Euler, the state after a strain step Δε at a strain rate ε̇ is a minimum of the
+incremental potential V(u) + ½ (c ε̇ / Δε) ‖u − u_before‖² over the free unknowns. So a viscous step
+is an equilibrium with a stiffness added to the diagonal, and a solver of equilibria takes it.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from knitlab.mechanics.evaluation import Evaluation
+from knitlab.mechanics.solver import Evaluate, Factorise, Solver
+from knitlab.mechanics.state import State
+
+
+@dataclass(frozen=True, eq=False)
+class Drag:
+    """Drag on the free unknowns during one strain step.
+
+    Attributes:
+        unknowns: places of the free unknowns.
+        before: configuration that the step starts from [mm].
+        stiffness: c ε̇ / Δε, damping of a node times strain rate over the step [N/mm].
+    """
+
+    unknowns: Int[np.ndarray, " free"]
+    before: Float[np.ndarray, " unknown"]
+    stiffness: float
+
+    def added(
+        self, evaluation: Evaluation, configuration: Float[np.ndarray, " unknown"]
+    ) -> Evaluation:
+        """The evaluation of the incremental potential, given that of the elastic energy."""
+        moved = configuration[self.unknowns] - self.before[self.unknowns]
+        gradient: Any = np.array(evaluation.gradient)
+        gradient[self.unknowns] += self.stiffness * moved
+        potential = 0.5 * self.stiffness * float(moved @ moved)
+        return Evaluation(replace(evaluation.energy, drag=potential), gradient)
+
+
+def against_drag(search: Solver[State], drag: Drag) -> Solver[State]:
+    """A search for an equilibrium, made one for the end of a viscous step.
+
+    Args:
+        search: the search; it may not ask for blocks to settle.
+        drag: on the way.
+
+    Returns:
+        The state with its elastic energy and gradient alone; its residual is that of forces and
+        drag together.
+    """
+    answer = None
+    while True:
+        try:
+            request = search.send(answer)
+        except StopIteration as end:
+            state: State = end.value
+            break
+        match request:
+            case Evaluate(configuration):
+                answer = drag.added((yield request), configuration)
+            case Factorise(shift, convexified):
+                answer = yield Factorise(shift + drag.stiffness, convexified)
+            case _:
+                answer = yield request
+    elastic = yield Evaluate(state.configuration)
+    return replace(state, energy=elastic.energy, gradient=np.asarray(elastic.gradient))

@@ -1,0 +1,102 @@
+"""What the documentation prints is what its commands say of the cubes that are kept here."""
+
+import re
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from knitlab.cli import main
+
+ROOT = Path(__file__).parents[2]
+REFERENCE = ROOT / "results" / "reference"
+PAGES = ("README.md", "workflows/laboratory/README.md")
+READING_COMMANDS = ("query", "claims")
+"""Commands that only read a cube: what they print must be true without a simulation."""
+LEFT_OUT = "…"
+
+
+@dataclass(frozen=True)
+class Example:
+    """A command that a page shows, and what it prints."""
+
+    page: str
+    words: tuple[str, ...]
+    printed: tuple[str, ...]
+
+    def __str__(self):
+        return f"{self.page}: {' '.join(self.words)}"
+
+
+def examples(page):
+    """Every command of the indented blocks of a page, with the lines below it."""
+    found, words, printed = [], None, []
+    for line in [*(ROOT / page).read_text(encoding="utf-8").splitlines(), ""]:
+        command = re.fullmatch(r"    \$ knitlab (.*)", line)
+        if words is not None and (command or not line.startswith("    ")):
+            found.append(Example(page, words, tuple(printed)))
+            words = None
+        if command:
+            words, printed = tuple(shlex.split(command[1])), []
+        elif words is not None:
+            printed.append(line[4:])
+    return found
+
+
+def kept(word):
+    """A results folder as it is kept here, if it is."""
+    folder = REFERENCE / Path(word).name
+    return str(folder) if word.startswith("results/") and (folder / "cube.nc").exists() else word
+
+
+def is_kept(example):
+    folders = [word for word in example.words[1:] if word.startswith("results/")]
+    return bool(folders) and all(kept(f) != f or (ROOT / f).is_dir() for f in folders)
+
+
+EXAMPLES = [
+    example
+    for page in PAGES
+    for example in examples(page)
+    if example.words[0] in READING_COMMANDS and example.printed and is_kept(example)
+]
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=str)
+def test_a_printed_table_is_that_of_the_kept_cube(example, tmp_path, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    words = [
+        str(tmp_path / word) if before == "-o" else kept(word)
+        for before, word in zip(("", *example.words), example.words, strict=False)
+    ]
+    said = CliRunner().invoke(main, words)
+    lines = [line.rstrip() for line in said.output.splitlines()]
+    place = 0
+    for part in split(example.printed, LEFT_OUT):
+        place = start_of(part, lines, place) + len(part)
+
+
+def split(lines, separator):
+    """Runs of lines between separators; what names the files written is left out."""
+    part = []
+    for line in lines:
+        if line.strip() == separator:
+            yield part
+            part = []
+        elif not line.startswith(("page ", "figure ")):
+            part.append(line.rstrip())
+    yield part
+
+
+def start_of(part, lines, first):
+    """Where a run of lines begins among others, in the order in which they are printed."""
+    for place in range(first, len(lines) - len(part) + 1):
+        if lines[place : place + len(part)] == part:
+            return place
+    raise AssertionError("not printed:\n" + "\n".join(part) + "\n\nbut:\n" + "\n".join(lines))
+
+
+def test_some_printed_tables_are_compared():
+    assert len(EXAMPLES) >= 4
