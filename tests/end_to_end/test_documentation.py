@@ -12,7 +12,11 @@ from knitlab.cli import main
 
 ROOT = Path(__file__).parents[2]
 REFERENCE = ROOT / "results" / "reference"
-PAGES = ("README.md", "workflows/laboratory/README.md")
+PAGES = [
+    "README.md",
+    "workflows/laboratory/README.md",
+    *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md"))),
+]
 READING_COMMANDS = ("query", "claims")
 """Commands that only read a cube: what they print must be true without a simulation."""
 LEFT_OUT = "…"

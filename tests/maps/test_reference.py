@@ -10,11 +10,10 @@ from knitlab.maps.claims_page import write_page
 from knitlab.maps.figures import draw_figure
 
 REFERENCE = Path(__file__).parents[2] / "results" / "reference"
-JUDGED = ("paper", "stripes", "paper_quarter", "relaxation", "sensor_stripes", "sensor")
+JUDGED = ("paper", "stripes", "relaxation", "sensor_stripes", "sensor")
 DRAWN = {
     "paper": ("auxetic", "curves", "tension", "wavelength"),
     "lengths": ("readings",),
-    "paper_quarter": ("auxetic", "curves", "tension", "wavelength"),
     "preview": ("auxetic", "curves", "shape", "shapes", "network"),
     "readings": ("readings",),
     "readings_samples": ("readings",),
