@@ -135,6 +135,8 @@ def settings_of(cube: xr.Dataset) -> Settings:
     }
     if stated["ending"] == "steady":
         del stated["damping_factor"]  # it moves no equilibrium
+    if not stated["drag"]:
+        del stated["drag"]
     return {name: _plain(stated[name]) for name in SETTINGS if name in stated}
 
 

@@ -92,7 +92,7 @@ def _is_there(cube: xr.Dataset, n_stripe: int, n_subunit: int) -> bool:
     if n_stripe not in cube["n_stripe"] or n_subunit not in cube["n_subunit"]:
         return False
     design = cube.sel(n_stripe=n_stripe, n_subunit=n_subunit)
-    field = design["strain_xx"].isel(applied_strain=-1)
+    field = design["strain_xx"].sel(applied_strain=shown_strain(design))
     return int(design["status"]) == Status.ok and int(field.notnull().sum()) > 1
 
 
