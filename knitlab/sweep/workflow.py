@@ -84,7 +84,8 @@ class StripesSection(Strict):
 class ProtocolSection(Strict):
     """``[protocol]``: the strains of the tensile test, and how its states are reached.
 
-    The strains are the multiples of ``strain_step`` up to ``strain_max``, and ``further_strains``.
+    The strains are the multiples of ``strain_step`` and the ``further_strains``, up to
+    ``strain_max``.
     With ``sensitivities``, also how Poisson's ratio and force depend on the stripe parameters; with
     ``unloading``, also the way back through the same strains.
     """
@@ -120,21 +121,13 @@ class ProtocolSection(Strict):
             )
         return self
 
-    @model_validator(mode="after")
-    def _goes_as_far_as_its_further_strains(self) -> "ProtocolSection":
-        if beyond := [strain for strain in self.further_strains if strain > self.strain_max]:
-            raise ValueError(
-                f"further_strains has {max(beyond):g}, beyond strain_max = {self.strain_max:g};"
-                " raise strain_max or leave it out"
-            )
-        return self
-
     @property
     def applied_strain(self) -> tuple[float, ...]:
         """All strains of the test, ascending from 0."""
         steps = round(self.strain_max / self.strain_step)
         even = {round(step * self.strain_step, 12) for step in range(steps + 1)}
-        return tuple(sorted(even.union(self.further_strains)))
+        further = {strain for strain in self.further_strains if strain <= self.strain_max}
+        return tuple(sorted(even | further))
 
 
 class ModelSection(Changes):
