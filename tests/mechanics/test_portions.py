@@ -44,7 +44,8 @@ def test_energy_forces_and_hessians_are_those_of_the_whole(boundary, periods, an
         for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(whole), strict=True):
             assert np.shape(one) == np.shape(other)
             assert np.allclose(one, other, rtol=1e-12, atol=1e-12)
-    assert all(float(part) > 0 for part in jax.tree.leaves(pairs[0][0].energy))
+    parts = pairs[0][0].energy
+    assert min(float(part) for part in (parts.stretch, parts.fold, parts.wall)) > 0
 
 
 def test_the_incidence_of_any_motion_of_the_whole_is_none():
