@@ -20,7 +20,7 @@ from knitlab.sweep.faults import BadInput, Fault, faults_of
 from knitlab.sweep.registry import SIMULATION
 from knitlab.sweep.strict import Strict
 from knitlab.sweep.toml import read_toml
-from knitlab.sweep.workflow import MOST_STEPS
+from knitlab.sweep.workflow import MOST_STEPS, even_strains
 
 Towards = Literal["right", "left", "up", "down"]
 Kind = Literal["markers", "tensile", "capacitance"]
@@ -71,8 +71,7 @@ class ProtocolTable(Strict):
     @property
     def applied_strain(self) -> tuple[float, ...]:
         """The strains."""
-        steps = round(self.strain_max / self.strain_step)
-        return tuple(round(step * self.strain_step, 12) for step in range(steps + 1))
+        return even_strains(self.strain_max, self.strain_step)
 
 
 class Recorded(Strict):

@@ -106,11 +106,9 @@ class _Path:
             strain = target if towards * (target - strain) <= ROUND_OFF else strain
             last = step <= smallest
             # Where many blocks come to rest by themselves, the whole meets few walls.
-            rough = self.last[-1][1].iterations > ROUGH and not are_many(self.loading.shape)
-            if self.settings.drag:
-                rough, find = False, self._against_drag(strain)
-            else:
-                find = self._sought_fast(strain) if rough else self._sought_slowly(strain, last)
+            many = are_many(self.loading.shape)
+            rough = self.last[-1][1].iterations > ROUGH and not many and not self.settings.drag
+            find = self._sought_fast(strain) if rough else self._sought_slowly(strain, last)
             state = yield from find
             followed = self._on_branch(strain, state)
             if rough and last and not followed:
@@ -136,8 +134,10 @@ class _Path:
         snaps, and that of the whole would hold all the others.
 
         A search that leaves the branch is broken off, unless it is to go on to the end: the state
-        that a fabric snaps to is kept.
+        that a fabric snaps to is kept. Against drag there is no branch to leave.
         """
+        if self.settings.drag:
+            return (yield from self._against_drag(strain))
         floor = -math.inf if to_the_end else self._least_energy(strain)
         convexified = are_many(self.loading.shape)
         start = yield from self._ahead(strain)

@@ -37,6 +37,12 @@ Whole = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
 MOST_STEPS = 1000
 
 
+def even_strains(strain_max: float, strain_step: float) -> tuple[float, ...]:
+    """Multiples of a step from 0 up to a largest strain, which is one of them."""
+    steps = round(strain_max / strain_step)
+    return tuple(round(step * strain_step, 12) for step in range(steps + 1))
+
+
 class DesignSection(Strict):
     """``[design]``: which designs, as a named set or as a grid, and the sample they make.
 
@@ -124,10 +130,8 @@ class ProtocolSection(Strict):
     @property
     def applied_strain(self) -> tuple[float, ...]:
         """All strains of the test, ascending from 0."""
-        steps = round(self.strain_max / self.strain_step)
-        even = {round(step * self.strain_step, 12) for step in range(steps + 1)}
         further = {strain for strain in self.further_strains if strain <= self.strain_max}
-        return tuple(sorted(even | further))
+        return tuple(sorted(further.union(even_strains(self.strain_max, self.strain_step))))
 
 
 class ModelSection(Changes):

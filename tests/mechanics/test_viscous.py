@@ -31,7 +31,7 @@ def pulled(sample, drag, path_step=0.1):
 
 
 def integrated(sample, test, drag):
-    """The same pull by a stiff integrator, along the applied strain in place of the time."""
+    """The same pull by a Runge–Kutta integrator, along the applied strain in place of the time."""
     net, fabric = sample
     loading, free = test.loading, test.loading.unknowns
     portioned = PortionedFabric.of(net.shape, fabric)
