@@ -9,6 +9,7 @@ import xarray as xr
 from knitlab.measure.boundaries import Direction, boundary_wave
 from knitlab.measure.corners import unit_cell_corners
 from knitlab.measure.folds import hinges_past_pi
+from knitlab.measure.intersections import self_intersections
 from knitlab.measure.patches import central_cell, widths_across_folds
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.measure.strain import (
@@ -117,6 +118,7 @@ def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
         values |= {"length_x": lengths[:, 0], "length_y": lengths[:, 1]}
     configurations = np.array([state.configuration for state in reached])
     values["hinges_past_pi"] = hinges_past_pi(*case.woven(), configurations).astype(float)
+    values["self_intersections"] = self_intersections(shape, configurations).astype(float)
     return values | {"position": nodes.reshape(-1, shape.nodes_y, shape.nodes_x, 3)}
 
 

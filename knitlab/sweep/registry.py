@@ -186,6 +186,13 @@ VARIABLES = {
         "hinges folded past half a turn",
         "there the fabric passes through itself, which the model does not forbid",
     ),
+    "self_intersections": Variable(
+        _STATE,
+        "1",
+        "pairs of grid cells that pass through each other",
+        "each cell as two triangles; of periodic fabric, each pair once a period. The model does"
+        " not forbid it",
+    ),
     "row_force": Variable(
         _STATE, "N", "force for one row of the sheet", "a row is as wide as a cell", of="stripe"
     ),
@@ -273,6 +280,7 @@ WHOLE = (
     "iterations",
     "factorisations",
     "hinges_past_pi",
+    "self_intersections",
     "periods",
     "unit_cells_y",
     "unit_cells_x",
