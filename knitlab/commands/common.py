@@ -27,10 +27,20 @@ def explains_bad_input(command: Command) -> Command:
             command(*arguments, **options)
         except BadInput as error:
             for fault in error.faults:
-                click.echo(f"knitlab: {fault}", err=True)
+                click.echo(f"knitlab: {_with_options(str(fault))}", err=True)
             sys.exit(BAD_INPUT)
 
     return explained
+
+
+def _with_options(said: str) -> str:
+    """A fault of a Python argument as one of the option that gives it."""
+    argument, space, rest = said.partition(" ")
+    for parameter in click.get_current_context().command.params:
+        if parameter.name == argument.removesuffix(":") and isinstance(parameter, click.Option):
+            colon = ":" if argument.endswith(":") else ""
+            return f"{parameter.opts[-1]}{colon}{space}{rest}"
+    return said
 
 
 results_option = click.option(

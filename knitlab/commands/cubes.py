@@ -24,7 +24,12 @@ format_option = click.option(
 @click.argument("cubes", type=click.Path(path_type=Path), nargs=-1, required=True)
 @select_option
 @click.option("--where", metavar="EXPRESSION", help="Keep the designs for which this holds.")
-@click.option("--sort", metavar="NAME", help="Sort by a variable, ascending; -NAME descends.")
+@click.option(
+    "--sort",
+    multiple=True,
+    metavar="NAME",
+    help="Sort by a variable, ascending; -NAME descends. Repeatable.",
+)
 @click.option("--columns", metavar="NAMES", help="Columns to show, separated by commas.")
 @format_option
 @explains_bad_input
@@ -32,7 +37,7 @@ def query(
     cubes: tuple[Path, ...],
     selections: tuple[str, ...],
     where: str | None,
-    sort: str | None,
+    sort: tuple[str, ...],
     columns: str | None,
     style: str,
 ) -> None:

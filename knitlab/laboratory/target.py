@@ -34,7 +34,7 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Target:
     """
     cell = experiment.squeeze(drop=False)
     if CYCLE in cell.dims:
-        raise fault("fit", f"takes one cycle; --select {CYCLE}=1")
+        raise fault("fit", f"takes one cycle; select {CYCLE}=1")
     strains = cell["applied_strain"].values
     across = case.unit_cells[1] / parameters_of(experiment)["unit_cells"][1]
     values, errors = (np.full((len(QUANTITIES), len(strains)), np.nan) for _ in range(2))
@@ -51,7 +51,7 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Target:
             "fit", f"needs at least {FEWEST_STRAINS} strains; import markers or the tensile test"
         )
     if not (errors[:, pulled][np.isfinite(values[:, pulled])] > 0).all():
-        raise fault("--model-error 0", "leaves values without an error; give one above 0")
+        raise fault("model_error 0", "leaves values without an error; give one above 0")
     return Target(
         tuple(strains[pulled].tolist()),
         values[:, pulled],

@@ -32,7 +32,7 @@ class KnitlabAccessor:
         self,
         *selections: str,
         where: str | None = None,
-        sort: str | None = None,
+        sort: str | Sequence[str] | None = None,
         columns: Sequence[str] | None = None,
     ) -> pd.DataFrame:
         """Its designs as a table, a row each; the arguments are those of ``knitlab query``.
@@ -40,8 +40,8 @@ class KnitlabAccessor:
         Args:
             selections: texts ``NAME=VALUE``.
             where: expression over the columns, such as ``"poisson_ratio_min < -0.3"``.
-            sort: column to sort by; a leading minus sorts descending.
-            columns: columns to keep, by default all.
+            sort: column to sort by, or several; a leading minus sorts descending.
+            columns: columns to keep, by default all but the stripe numbers.
 
         Raises:
             BadInput: with every fault of these.

@@ -116,7 +116,7 @@ def _check(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> None:
     swept = [dim for dim in swept_dims(simulation) if simulation.sizes[dim] > 1]
     if swept:
         raise fault(
-            "compare", f"takes one value of each setting; --select {choices(simulation, swept)}"
+            "compare", f"takes one value of each setting; select {choices(simulation, swept)}"
         )
 
 

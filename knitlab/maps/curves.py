@@ -9,13 +9,14 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.maps.cells import values_of
+from knitlab.maps.cells import Colour, values_of
 from knitlab.maps.sources import lines_of, on_one_grid
 from knitlab.maps.style import SEQUENCE_COLOURS, TWO_COLUMNS
 from knitlab.sweep.cube_file import is_measured, source_of
 from knitlab.sweep.design_status import RUN, Status
 from knitlab.sweep.faults import fault
 
+ENDS = ("low", "high")
 ROWS = {
     "mean_strain_xx": "transverse strain\nmean $\\varepsilon_{xx}$ [1]",
     "mean_strain_yy": "axial strain\nmean $\\varepsilon_{yy}$ [1]",
@@ -27,7 +28,8 @@ def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
     """The paper's tension figure from cubes (Fig. "tension plots").
 
     Colour goes with P, the periods in a patch, the same in every column; measured curves are
-    dashed, in a band of twice their standard error. A test that did not reach its last strain ends
+    dashed, in a band of twice their standard error; the band of a simulated one is what its
+    siblings spread over. A test that did not reach its last strain ends
     in a cross.
 
     Raises:
@@ -73,9 +75,11 @@ def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
     return figure
 
 
-def _draw_design(
-    rows: Iterable[Axes], design: xr.Dataset, colour: tuple[float, float, float, float]
-) -> None:
+def _draw_band(axes: Axes, low: xr.DataArray, high: xr.DataArray, colour: Colour) -> None:
+    axes.fill_between(low["applied_strain"], low, high, color=colour, alpha=0.25, lw=0)
+
+
+def _draw_design(rows: Iterable[Axes], design: xr.Dataset, colour: Colour) -> None:
     measured = is_measured(design)
     label = f"{int(design['n_subunit'])} (P = {int(design['periods'])})"
     if measured:
@@ -86,15 +90,12 @@ def _draw_design(
             continue
         curve = design[name].dropna("applied_strain")
         axes.plot(curve["applied_strain"], curve, marker="" if measured else ".", ms=3, **look)
+        strain = curve["applied_strain"]
         if f"{name}_error" in design:
-            error = 2 * design[f"{name}_error"].sel(applied_strain=curve["applied_strain"])
-            axes.fill_between(
-                curve["applied_strain"],
-                curve - error,
-                curve + error,
-                color=colour,
-                alpha=0.25,
-                lw=0,
-            )
+            error = 2 * design[f"{name}_error"].sel(applied_strain=strain)
+            _draw_band(axes, curve - error, curve + error, colour)
+        elif f"{name}_low" in design:
+            low, high = (design[f"{name}_{end}"].sel(applied_strain=strain) for end in ENDS)
+            _draw_band(axes, low, high, colour)
         if int(design["status"]) == Status.not_converged and curve.size:
             axes.plot(curve["applied_strain"][-1], curve[-1], "x", ms=6, color=colour)

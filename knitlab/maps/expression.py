@@ -1,4 +1,7 @@
-"""Expressions of ``--where``: parsed into a small set of operations, never evaluated as Python."""
+"""Expressions of ``where``: parsed into a small set of operations, never evaluated as Python.
+
+What is missing fulfils no condition, nor the negation of one; a division by zero is missing.
+"""
 
 import ast
 import operator
@@ -7,8 +10,8 @@ from typing import Any
 
 import pandas as pd
 
-from knitlab.maps.selection import unknown
 from knitlab.sweep.faults import fault
+from knitlab.sweep.names import unknown
 
 COMPARISONS: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
     ast.Lt: operator.lt,
@@ -31,9 +34,9 @@ def no_column(name: str, table: pd.DataFrame) -> str:
     """Say why a table has no such column: its dimensions are not selected, or it is unknown."""
     along = set(table.attrs.get("dims", {}).get(name, ())) - set(table.columns)
     if along:
-        selections = " ".join(f"--select {dim}=VALUE" for dim in sorted(along))
-        return f"{name} runs along {', '.join(sorted(along))}; choose there with {selections}"
-    return unknown(name, map(str, table.columns))
+        selections = " and ".join(f"{dim}=VALUE" for dim in sorted(along))
+        return f"{name} runs along {', '.join(sorted(along))}; select {selections} to have it"
+    return unknown(name, map(str, table.columns), "column")
 
 
 def holds(expression: str, table: pd.DataFrame) -> pd.Series:
@@ -41,13 +44,14 @@ def holds(expression: str, table: pd.DataFrame) -> pd.Series:
 
     Args:
         expression: for example ``poisson_ratio_min < -0.3 and status == "ok"``.
-        table: one column a variable.
+        table: one column a variable; words that a column may hold are in ``attrs["words"]``.
 
     Raises:
         BadInput: if it cannot be parsed, holds anything but :data:`ALLOWED`, names a column
-            that is not there, compares a word with a number, or is not a condition.
+            that is not there or a word that no row could hold, compares a word with a number, or
+            is not a condition.
     """
-    where = f"--where {expression!r}"
+    where = f"where {expression!r}"
     try:
         tree = ast.parse(expression.strip(), mode="eval")
         truth = _value(tree.body, table, where)
@@ -56,10 +60,9 @@ def holds(expression: str, table: pd.DataFrame) -> pd.Series:
     except (TypeError, ZeroDivisionError) as error:
         raise fault(where, f"cannot be computed ({error}); compare like with like") from error
     except RecursionError as error:
-        raise fault("--where", "is too long; make it shorter") from error
-    if not (isinstance(truth, pd.Series) and pd.api.types.is_bool_dtype(truth)):
+        raise fault("where", "is too long; make it shorter") from error
+    if not _is_condition(truth):
         raise fault(where, "is not a condition on the designs; compare a column with something")
-    # Whole numbers may be missing, and what is missing fulfils nothing.
     return truth.fillna(False).astype(bool)
 
 
@@ -68,7 +71,8 @@ def _value(node: ast.expr, table: pd.DataFrame, where: str) -> Any:
         case ast.Name(id=name):
             if name not in table.columns:
                 raise fault(where, no_column(name, table))
-            return table[name]
+            column = table[name]
+            return column.astype("Float64") if pd.api.types.is_numeric_dtype(column) else column
         case ast.Constant(value=bool() | int() | float() | str() as constant):
             return constant
         case ast.UnaryOp(op=ast.USub(), operand=operand):
@@ -76,7 +80,8 @@ def _value(node: ast.expr, table: pd.DataFrame, where: str) -> Any:
         case ast.UnaryOp(op=ast.Not(), operand=operand):
             return ~_condition(operand, table, where)
         case ast.BinOp(left=left, op=op, right=right) if type(op) in ARITHMETIC:
-            return ARITHMETIC[type(op)](_value(left, table, where), _value(right, table, where))
+            found = ARITHMETIC[type(op)](_value(left, table, where), _value(right, table, where))
+            return _finite(found) if isinstance(found, pd.Series) else found
         case ast.BoolOp(op=op, values=operands):
             joined = operator.and_ if isinstance(op, ast.And) else operator.or_
             truth = _condition(operands[0], table, where)
@@ -88,9 +93,18 @@ def _value(node: ast.expr, table: pd.DataFrame, where: str) -> Any:
     raise fault(where, f"holds what is not allowed here ({type(node).__name__}); use {ALLOWED}")
 
 
+def _finite(values: pd.Series) -> pd.Series:
+    """Numbers, missing where a division by zero left none."""
+    return values.where((values - values) == 0)
+
+
+def _is_condition(value: Any) -> bool:
+    return isinstance(value, pd.Series) and pd.api.types.is_bool_dtype(value)
+
+
 def _condition(node: ast.expr, table: pd.DataFrame, where: str) -> pd.Series:
     truth = _value(node, table, where)
-    if not (isinstance(truth, pd.Series) and pd.api.types.is_bool_dtype(truth)):
+    if not _is_condition(truth):
         raise fault(where, f"{ast.unparse(node)!r} is not a condition; compare it with something")
     return truth
 
@@ -106,10 +120,40 @@ def _comparison(
     if any(type(op) not in COMPARISONS for op in ops):
         raise fault(where, f"holds a comparison that is not allowed here; use {ALLOWED}")
     truths = [
-        COMPARISONS[type(op)](before, after)
+        COMPARISONS[type(op)](*_alike(before, after, table, where))
         for op, before, after in zip(ops, values, values[1:], strict=False)
     ]
     truth = truths[0]
     for further in truths[1:]:
         truth = truth & further
     return truth
+
+
+def _alike(one: Any, other: Any, table: pd.DataFrame, where: str) -> tuple[Any, Any]:
+    """Both sides of a comparison; words without regard to case, each of them checked.
+
+    Raises:
+        BadInput: if a word is compared with a number, or is none that its column could hold.
+    """
+    if not (_is_word(one) or _is_word(other)):
+        return one, other
+    if not (_is_word(one) and _is_word(other)):
+        raise fault(where, "compares a word with a number; compare like with like")
+    for column, word in ((one, other), (other, one)):
+        if isinstance(column, pd.Series) and isinstance(word, str):
+            known = table.attrs.get("words", {}).get(column.name) or column.dropna().unique()
+            if word.casefold() not in {str(each).casefold() for each in known}:
+                raise fault(where, f"{column.name}: {unknown(word, map(str, known))}")
+    return _folded(one), _folded(other)
+
+
+def _is_word(value: Any) -> bool:
+    return isinstance(value, str) or (
+        isinstance(value, pd.Series)
+        and not pd.api.types.is_numeric_dtype(value)
+        and not pd.api.types.is_bool_dtype(value)
+    )
+
+
+def _folded(value: Any) -> Any:
+    return value.casefold() if isinstance(value, str) else value.astype("string").str.casefold()

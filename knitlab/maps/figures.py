@@ -233,9 +233,7 @@ def _one_slice(name: str, cube: xr.Dataset) -> tuple[xr.Dataset, str]:
     """A cube without the dimensions of swept settings, and the value of each in words."""
     swept = swept_dims(cube)
     if several := [dim for dim in swept if cube.sizes[dim] > 1]:
-        raise fault(
-            name, f"shows one value of each swept setting; --select {choices(cube, several)}"
-        )
+        raise fault(name, f"shows one value of each swept setting; select {choices(cube, several)}")
     shown = ", ".join(f"{dim} = {cube[dim].item()}" for dim in swept)
     return cube.isel(dict.fromkeys(swept, 0), drop=True), shown
 
@@ -277,7 +275,7 @@ def _most_auxetic_case(cube: xr.Dataset, folder: Path, needs: str) -> xr.Dataset
             if needs in case:
                 return case
     if not any(designs["case_id"].values):
-        raise fault("--select", "no design of this selection was ever to be run; choose others")
+        raise fault("selections", "no design of this selection was ever to be run; choose others")
     what = VARIABLES[needs].long_name
     how = "run them with method=dynamics" if VARIABLES[needs].of == "dynamics" else RUN_THERE
     raise fault(str(folder / "cases"), f"holds no {what} of these designs; {how}")

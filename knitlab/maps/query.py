@@ -1,6 +1,7 @@
 """Queries: the designs of a cube as a table, filtered, sorted and printed."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,10 @@ from knitlab.maps.selection import chosen_places, refuse_others, selections_alon
 from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import BadInput, Fault
 from knitlab.sweep.plain_cube import PlainCube
-from knitlab.sweep.registry import SIMULATION, SOURCE
+from knitlab.sweep.registry import FLAGS, SIMULATION, SOURCE, VARIABLES, WHOLE
+
+STRIPE_NUMBERS = [name for name, variable in VARIABLES.items() if variable.of == "stripes"]
+"""Columns that are shown when they are asked for."""
 
 
 def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFrame:
@@ -47,10 +51,12 @@ def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFra
     columns |= {name: sliced(name)[tuple(index[dim] for dim in cube.dims[name])] for name in shown}
     table = pd.DataFrame(columns)
     table.attrs["dims"] = cube.dims
-    table["status"] = [Status(int(code)).name for code in table["status"]]
-    for name in ("periods", "unit_cells_y", "unit_cells_x", "iterations"):
-        if name in table:
-            table[name] = table[name].astype("Int64")
+    table.attrs["words"] = {name: [flag.name for flag in flags] for name, flags in FLAGS.items()}
+    for name in FLAGS.keys() & set(table):
+        names = {flag.value: flag.name for flag in FLAGS[name]}
+        table[name] = [names.get(code) for code in table[name]]
+    for name in set(WHOLE) & set(table) - set(FLAGS):
+        table[name] = table[name].astype("Int64")
     return table
 
 
@@ -74,17 +80,32 @@ def designs_of_all(cubes: Sequence[PlainCube], selections: Sequence[str] = ()) -
     for cube in cubes:
         table = designs_table(cube, selections_along(selections, cube.coordinates))
         source = table.pop(SOURCE) if SOURCE in table else SIMULATION
-        table.insert(len(cube.design_dims), SOURCE, source)
+        origin: dict[str, Any] = {SOURCE: source} | _origin(cube, cubes)
+        for place, (name, value) in enumerate(origin.items(), start=len(cube.design_dims)):
+            if name not in table:
+                table.insert(place, name, value)
         tables.append(table)
     together = pd.concat(tables, ignore_index=True)
+    together.attrs = tables[0].attrs
     together.attrs["dims"] = {name: dims for cube in cubes for name, dims in cube.dims.items()}
     return together
+
+
+def _origin(cube: PlainCube, cubes: Sequence[PlainCube]) -> dict[str, Any]:
+    """Which of several cubes one is: its name, its boundary, and where its reading differs."""
+    differing = {
+        name
+        for name in cube.reading.keys() | {name for its in cubes for name in its.reading}
+        if len({its.reading.get(name) for its in cubes}) > 1
+    }
+    shown = sorted(differing | {"boundary"}, key=lambda name: (name != "boundary", name))
+    return {"cube": cube.name} | {name: cube.reading.get(name) for name in shown}
 
 
 def queried(
     table: pd.DataFrame,
     where: str | None = None,
-    sort: str | None = None,
+    sort: str | Sequence[str] | None = None,
     columns: Sequence[str] | None = None,
 ) -> pd.DataFrame:
     """The rows for which an expression holds, sorted, and the columns that were asked for.
@@ -92,27 +113,34 @@ def queried(
     Args:
         table: of :func:`designs_table`.
         where: expression over its columns, see :func:`~knitlab.maps.expression.holds`.
-        sort: column to sort by; a leading minus sorts descending.
-        columns: columns to keep, by default all.
+        sort: column to sort by, or several, the first one first; a leading minus sorts descending.
+        columns: columns to keep, by default all but the stripe numbers.
 
     Raises:
         BadInput: if the expression is at fault or a column is not there.
     """
     faults = [
-        Fault(f"--columns {name}", no_column(name, table))
+        Fault(f"columns {name}", no_column(name, table))
         for name in columns or ()
         if name not in table.columns
     ]
-    key = (sort or "").removeprefix("-")
-    if sort and key not in table.columns:
-        faults.append(Fault(f"--sort {sort}", no_column(key, table)))
+    keys = [sort] if isinstance(sort, str) else list(sort or ())
+    names = [key.removeprefix("-") for key in keys]
+    faults += [
+        Fault(f"sort {key}", no_column(name, table))
+        for key, name in zip(keys, names, strict=True)
+        if name not in table.columns
+    ]
     if faults:
         raise BadInput(faults)
     if where:
         table = table[holds(where, table)]
-    if sort:
-        table = table.sort_values(key, ascending=not sort.startswith("-"), kind="stable")
-    return table[list(dict.fromkeys(columns))] if columns else table
+    if keys:
+        ascending = [not key.startswith("-") for key in keys]
+        table = table.sort_values(names, ascending=ascending, kind="stable")
+    if columns:
+        return table[list(dict.fromkeys(columns))]
+    return table.drop(columns=[name for name in STRIPE_NUMBERS if name in table])
 
 
 def formatted(table: pd.DataFrame, style: str) -> str:

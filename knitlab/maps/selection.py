@@ -1,12 +1,12 @@
 """Selections: ``NAME=VALUE`` texts that slice a cube along its coordinates."""
 
-import difflib
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from knitlab.sweep.faults import BadInput, Fault, fault
+from knitlab.sweep.names import unknown
 from knitlab.sweep.plain_cube import PlainCube
 
 if TYPE_CHECKING:
@@ -14,14 +14,6 @@ if TYPE_CHECKING:
 
 MOST_CHOICES = 30
 """Values of a coordinate that a message lists."""
-
-
-def unknown(name: str, known: Iterable[str]) -> str:
-    """Say that a name is not known, and which one it may have been or which there are."""
-    names = sorted(known)
-    nearest = difflib.get_close_matches(name, names, n=1)
-    remedy = f"did you mean {nearest[0]!r}?" if nearest else f"choose of {', '.join(names)}"
-    return f"there is no {name!r}; {remedy}"
 
 
 def selected(cube: "xr.Dataset", selections: Sequence[str]) -> "xr.Dataset":
@@ -61,7 +53,7 @@ def refuse_others(selections: Sequence[str], known: Iterable[str], problem: str)
     """
     names = set(known)
     faults = [
-        Fault(f"--select {text}", problem)
+        Fault(f"selections {text}", problem)
         for text in selections
         if coordinate_of(text) not in names
     ]
@@ -92,7 +84,7 @@ def chosen_places(
         try:
             name, places = _places(coordinates, text)
         except BadInput as error:
-            faults += [Fault(f"--select {text}", entry.problem) for entry in error.faults]
+            faults += [Fault(f"selections {text}", entry.problem) for entry in error.faults]
         else:
             chosen[name] = [place for place in chosen.get(name, places) if place in places]
     if faults:

@@ -38,7 +38,7 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
     designs = designs.isel(design=designs["status"].values != Status.excluded)
     labels = [(int(n), int(m)) for n, m in designs["design"].values]
     if len(labels) > MOST_DESIGNS:
-        problem = f"shows {MOST_DESIGNS} designs at most, not {len(labels)}; --select some"
+        problem = f"shows {MOST_DESIGNS} designs at most, not {len(labels)}; select some"
         raise fault("sensitivity", problem)
     at = designs["applied_strain_at_min"].values
     parameters = [str(name) for name in cube["stripe_parameter"].values]

@@ -90,7 +90,7 @@ def _overlapping(
         cKDTree(other_centres / widest), 1.0, p=np.inf, output_type="coo_matrix"
     )
     one, other = ours[near.row], theirs[near.col]
-    kept = _meet(boxes[:, one], *others[:, other], tolerance)
+    kept = _meet(boxes[:, one], others[0][other], others[1][other], tolerance)
     return one[kept], other[kept]
 
 
@@ -118,11 +118,11 @@ def _pierced(
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True) + np.finfo(float).tiny
         height = np.einsum("pcx,px->pc", cells - corners[:, :1], normal)
-        held = shared[:, :, triangle].any(axis=-1)
+        held = np.any(shared[:, :, triangle], axis=-1)
         for start, end in SEGMENTS:
             above, below = height[:, start], height[:, end]
-            through = (above * below < 0) & (np.minimum(abs(above), abs(below)) > tolerance)
-            (place,) = np.nonzero(through & ~held[:, start] & ~held[:, end])
+            apart = (above * below < 0) & (np.minimum(abs(above), abs(below)) > tolerance)
+            place = np.flatnonzero(apart & ~(held[:, start] | held[:, end]))
             if place.size:
                 share = (above[place] / (above - below)[place])[:, None]
                 point = cells[place, start] * (1 - share) + cells[place, end] * share

@@ -65,6 +65,25 @@ def relax(
     return passed[-1].after(*passed[:-1])
 
 
+def relax_near(
+    net: Network,
+    fabric: Fabric,
+    settings: SolverSettings,
+    start: Float[np.ndarray, " unknown"],
+) -> Solver[State]:
+    """Solver for the relaxed shape next to a configuration that is nearly in equilibrium.
+
+    Args:
+        net: network of the fabric's mesh shape.
+        fabric: its numbers.
+        settings: of the equilibrium solver.
+        start: the configuration [mm].
+    """
+    rules = SearchRules.of(net.shape, all_free(net.shape), fabric, settings)
+    rules = replace(rules, convexified=False)
+    return (yield from find_settled(Evaluate(start), rules))
+
+
 def on_the_way(settings: SolverSettings, fabric: Fabric) -> SolverSettings:
     """Settings for a state that is only passed: near equilibrium is enough."""
     moments = np.asarray(fabric.fold_stiffness * abs(fabric.rest_fold))

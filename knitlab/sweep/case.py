@@ -44,6 +44,7 @@ class Case:
         sensitivities: whether it is told how its results hang on the stripe parameters.
         unloading: whether the fabric is let go again, through the same strains.
         capacitor: the electrodes on it, if any.
+        robustness: siblings that are tested beside it, to see how far its results spread.
     """
 
     design: dict[str, Label]
@@ -61,11 +62,18 @@ class Case:
     sensitivities: bool = False
     unloading: bool = False
     capacitor: Capacitor | None = None
+    robustness: int = 0
 
     @cached_property
     def record(self) -> dict[str, Any]:
-        """The case as JSON holds it; :func:`case_of` reads it."""
-        return asdict(self)
+        """The case as JSON holds it; :func:`case_of` reads it.
+
+        Without siblings robustness is left out: the identifier is that of a version without it.
+        """
+        record = asdict(self)
+        if not self.robustness:
+            del record["robustness"]
+        return record
 
     @cached_property
     def case_id(self) -> str:
@@ -76,6 +84,11 @@ class Case:
         canonical = json.dumps(self.record, sort_keys=True, separators=(",", ":"))
         digest = hashlib.sha256(canonical.encode()).hexdigest()
         return "-".join([*map(str, self.design.values()), digest[:12]])
+
+    @property
+    def states(self) -> int:
+        """States that its tests have, those of its siblings included."""
+        return len(self.applied_strain) * (1 + self.robustness)
 
     @property
     def label(self) -> str:

@@ -75,6 +75,7 @@ def _cases(
         "solver": SolverSettings(**merged(parameters.solver, workflow.solver)),
         "sensitivities": protocol.sensitivities,
         "unloading": protocol.unloading,
+        "robustness": protocol.robustness,
         "capacitor": _capacitor(workflow.electrodes, parameters.electrodes),
     }
     if protocol.method == "dynamics":

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import xarray as xr
 from knitlab.measure.knit_size import Gauge
 from knitlab.sweep.case import Case, Label
 from knitlab.sweep.case_file import case_path
+from knitlab.sweep.changes import STRIPE_QUANTITIES
 from knitlab.sweep.common import ATTRIBUTE, parameters_of, shared
 from knitlab.sweep.design_space import Design
 from knitlab.sweep.design_status import Status
@@ -92,6 +93,8 @@ def build_cube(
         path = case_path(results, case_id)
         readable = case_id not in damaged and path.is_file()
         complete = untouched and not (readable and entries[design].of_earlier_version)
+        if complete:
+            entries[design] = replace(entries[design], values=entries[design].values | _known(case))
         if complete or case_id in kept_stale:
             continue
         if case_id in failed:
@@ -113,8 +116,10 @@ def _names(plan: Plan, old: xr.Dataset | None) -> list[str]:
     case = next(iter(plan.cases.values()))
     wanted = {name for name, variable in variables_of(case).items() if variable.in_cube}
     wanted |= set() if old is None else set(map(str, old.data_vars))
-    kinds = ("design",) if case.pure else ("design", "cloth")
-    return [name for name, its in VARIABLES.items() if name in wanted or its.of in kinds]
+    kinds = ("design", "stripes") if case.pure else ("design", "stripes", "cloth")
+    named = [name for name, its in VARIABLES.items() if name in wanted or its.of in kinds]
+    # A stripe number that is swept is a coordinate.
+    return [name for name in named if name not in plan.dims]
 
 
 def _old_entries(plan: Plan, old: xr.Dataset, known: Mapping[Design, Cell]) -> dict[Design, Entry]:
@@ -139,13 +144,21 @@ def _attributes(
     if "method" in common:
         attributes["method"] = common["method"]
     reading = {f"reading_{key}": value for key, value in common.get("reading", {}).items()}
-    return provenance() | attributes | reading
+    most = max((case.robustness for case in plan.cases.values()), default=0)
+    seeds = {"random_seeds": f"1 to {most}: of the siblings of each design"} if most else {}
+    return provenance() | seeds | attributes | reading
 
 
 def _known(case: Case) -> Values:
     """What is known of a case before it is simulated."""
     sizes = dict(zip(UNIT_CELLS, case.unit_cells, strict=True))
-    return {"periods": case.periods, "case_id": case.case_id, **sizes}
+    stripes = {
+        f"{stripe.knit}_{name}": getattr(stripe, name)
+        for stripe in (case.weft, case.warp)
+        for name in STRIPE_QUANTITIES
+        if f"{stripe.knit}_{name}" not in case.design
+    }
+    return {"periods": case.periods, "case_id": case.case_id, **sizes, **stripes}
 
 
 def _empty_entry(case: Case, status: Status) -> Entry:

@@ -110,7 +110,7 @@ def _newton_per_row(
     place = f"{path}: column {load}"
     if load == "force":
         faults = [
-            Fault(f"--{option} {value:g}", "is for stress, but the curve holds force; leave it out")
+            Fault(f"{option} {value:g}", "is for stress, but the curve holds force; leave it out")
             for option, value in (("width", width), ("thickness", thickness))
             if value is not None
         ]

@@ -27,6 +27,7 @@ from knitlab.sweep.case import Case
 from knitlab.sweep.design_status import Status
 from knitlab.sweep.fingerprint import code_fingerprint
 from knitlab.sweep.registry import VARIABLES, Variable, described
+from knitlab.sweep.robustness import SiblingTest, spread
 from knitlab.sweep.sensitivity import sensitivities
 
 FIXED_COORDINATES: dict[str, list[Any]] = {
@@ -50,10 +51,17 @@ def variables_of(case: Case) -> dict[str, Variable]:
         kinds.append("sensitivities")
     if case.capacitor is not None:
         kinds += ["capacitor", "unloading"] if case.unloading else ["capacitor"]
+    if case.robustness:
+        kinds.append("robustness")
     return {name: variable for name, variable in VARIABLES.items() if variable.of in kinds}
 
 
-def measured(case: Case, test: TensileTest, chain: Sequence[ChainState] = ()) -> xr.Dataset:
+def measured(
+    case: Case,
+    test: TensileTest,
+    chain: Sequence[ChainState] = (),
+    siblings: Sequence[SiblingTest] = (),
+) -> xr.Dataset:
     """Dataset of a case: its variables of the registry at every strain of the protocol.
 
     Strains that did not converge, or were not tried, are missing; ``residual_force`` and
@@ -64,6 +72,7 @@ def measured(case: Case, test: TensileTest, chain: Sequence[ChainState] = ()) ->
         case: the case.
         test: its test.
         chain: of a pure stripe, its two-dimensional zigzag at every strain.
+        siblings: tests of its siblings.
     """
     reached = [state for state in test.states if state.converged]
     complete = len(reached) == len(case.applied_strain)
@@ -82,17 +91,19 @@ def measured(case: Case, test: TensileTest, chain: Sequence[ChainState] = ()) ->
         "snapped": [float(state.snapped) for state in reached],
     }
     if test.loading is not None:
-        gradients = [state.gradient for state in reached]
-        reaction = np.array([test.loading.reaction_force(g) for g in gradients])
-        values |= {"reaction_force": reaction, "row_force": reaction / shape.cells_x}
+        values |= _results(case, test)
+        values["row_force"] = values["reaction_force"] / shape.cells_x
         values |= _shapes(case, reached)
-        values |= _strains(case, reached, complete)
         if not case.pure:
             values |= _boundaries(case, reached[0]) | _patches(case, reached[0])
         if case.sensitivities:
             values |= sensitivities(case, reached)
         if case.capacitor is not None:
             values |= capacitor_values(case, reached, test.unloaded)
+        if case.robustness:
+            results = [_results(its.case, its.test) for its in siblings]
+            own = float(reached[0].energy.total)
+            values |= spread(values, results, [own, *(its.branch_energy for its in siblings)])
     if case.method == "dynamics":
         values["kinetic_energy_peak"] = [state.kinetic_peak for state in test.states]
     if test.history is not None:
@@ -104,6 +115,16 @@ def measured(case: Case, test: TensileTest, chain: Sequence[ChainState] = ()) ->
             "zigzag_iterations": [float(state.iterations) for state in chain],
         }
     return described(_dataset(case, values))
+
+
+def _results(case: Case, test: TensileTest) -> dict[str, Any]:
+    """Strains, Poisson's ratio and force of a test; empty if its fabric did not relax."""
+    if test.loading is None:
+        return {}
+    reached = [state for state in test.states if state.converged]
+    reaction = np.array([test.loading.reaction_force(state.gradient) for state in reached])
+    complete = len(reached) == len(case.applied_strain)
+    return {"reaction_force": reaction} | _strains(case, reached, complete)
 
 
 def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:

@@ -1,10 +1,10 @@
 """A cube as plain arrays: without xarray, whose import alone takes longer than most questions."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import netCDF4
 import numpy as np
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 CUBE = "cube.nc"
+READING = "reading_"
+"""What the attributes of a cube begin with that state its reading."""
 
 
 @dataclass(frozen=True)
@@ -26,11 +28,15 @@ class PlainCube:
         dims: of every variable that is no coordinate.
         coordinates: values along every labelled dimension.
         read: gives the values of a variable.
+        name: of its folder, or of its file.
+        reading: the model's open choices that all of its designs share.
     """
 
     dims: dict[str, tuple[str, ...]]
     coordinates: dict[str, np.ndarray]
     read: Callable[[str], np.ndarray]
+    name: str
+    reading: dict[str, Any]
 
     @property
     def design_dims(self) -> tuple[str, ...]:
@@ -44,6 +50,8 @@ class PlainCube:
             {str(name): tuple(map(str, cube[name].dims)) for name in cube.data_vars},
             {str(name): cube[name].values for name in cube.coords if name in cube.dims},
             lambda name: cube[name].values,
+            str(cube.attrs.get("workflow", "")),
+            _reading(cube.attrs),
         )
 
 
@@ -60,13 +68,25 @@ def open_plain_cube(path: str | Path) -> PlainCube:
     with read_as_cube(path), netCDF4.Dataset(path) as dataset:
         dims = {name: its.dimensions for name, its in dataset.variables.items()}
         coordinates = {name: dataset[name][...] for name in dims if dims[name] == (name,)}
+        reading = _reading({name: dataset.getncattr(name) for name in dataset.ncattrs()})
     cube = PlainCube(
         {name: its for name, its in dims.items() if name not in coordinates},
         {name: np.ma.getdata(values) for name, values in coordinates.items()},
         lambda name: read_values(path, name),
+        path.resolve().parent.name if path.name == CUBE else path.name,
+        reading,
     )
     check_is_cube(path, cube.dims.get("status") if "case_id" in cube.dims else None)
     return cube
+
+
+def _reading(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Of a cube's attributes, those that state the reading."""
+    return {
+        name.removeprefix(READING): value
+        for name, value in attributes.items()
+        if name.startswith(READING)
+    }
 
 
 def cube_path(path: str | Path) -> Path:

@@ -16,7 +16,7 @@ class ProgressBar:
         self._cases = cases
         self._states = dict.fromkeys(cases, 0)
         self._ended = 0
-        self._total = sum(work(case, len(case.applied_strain)) for case in cases.values())
+        self._total = sum(work(case, case.states) for case in cases.values())
         self._bar = tqdm(
             total=self._total,
             smoothing=0,
@@ -48,7 +48,7 @@ class ProgressBar:
     def ended(self, case_id: str) -> None:
         """Note that a case has ended, whatever became of it."""
         self._ended += 1
-        self.reached(case_id, len(self._cases[case_id].applied_strain))
+        self.reached(case_id, self._cases[case_id].states)
         self._describe()
 
     def say(self, sentence: str) -> None:

@@ -89,6 +89,10 @@ def _of_cloth(long_name: str, description: str) -> Variable:
     return Variable((), "mm", long_name, description, of="cloth")
 
 
+def _of_stripes(units: str, long_name: str, description: str = "") -> Variable:
+    return Variable((), units, long_name, description, of="stripes")
+
+
 def _of_patches(long_name: str, description: str, dims: tuple[str, ...] = ()) -> Variable:
     return Variable(dims, "mm", long_name, description, of="patches")
 
@@ -99,6 +103,14 @@ def _of_laboratory(
     return Variable(dims, units, long_name, description, of="laboratory")
 
 
+def _of_siblings(units: str, long_name: str) -> Variable:
+    return Variable(_STATE, units, long_name, _SIBLINGS, of="robustness")
+
+
+_SIBLINGS = (
+    "over the case and those of its siblings that reached the strain: imperfect sheets with each"
+    " stripe number 2 % larger or smaller, clamped ones in turn from the other start"
+)
 _SCATTER = "of the curve through what was recorded near a strain"
 
 VARIABLES = {
@@ -108,6 +120,14 @@ VARIABLES = {
     "periods": Variable((), "1", "stripe periods along a patch"),
     "unit_cells_y": Variable((), "1", "unit cells along the warp", _SAMPLE, of="design"),
     "unit_cells_x": Variable((), "1", "unit cells along the weft", _SAMPLE, of="design"),
+    "rib_period": _of_stripes("mm", "period of the rib stripe", "the paper's w"),
+    "rib_k_s": _of_stripes("N/mm", "extensional stiffness of the rib stripe"),
+    "rib_theta_0": _of_stripes("rad", "rest angle of the rib stripe"),
+    "rib_k_t": _of_stripes("N", "torsional stiffness of the rib stripe"),
+    "garter_period": _of_stripes("mm", "period of the garter stripe", "the paper's h"),
+    "garter_k_s": _of_stripes("N/mm", "extensional stiffness of the garter stripe"),
+    "garter_theta_0": _of_stripes("rad", "rest angle of the garter stripe"),
+    "garter_k_t": _of_stripes("N", "torsional stiffness of the garter stripe"),
     "strain_xx": Variable(_CELLS, "1", "local transverse strain"),
     "strain_yy": Variable(_CELLS, "1", "local axial strain"),
     "mean_strain_xx": Variable(
@@ -204,6 +224,24 @@ VARIABLES = {
     ),
     "zigzag_iterations": Variable(_STATE, "1", "minimiser steps of the zigzag", of="stripe"),
     **CAPACITOR_VARIABLES,
+    "poisson_ratio_low": _of_siblings("1", "lowest Poisson's ratio of the siblings"),
+    "poisson_ratio_high": _of_siblings("1", "highest Poisson's ratio of the siblings"),
+    "reaction_force_low": _of_siblings("N", "lowest reaction force of the siblings"),
+    "reaction_force_high": _of_siblings("N", "highest reaction force of the siblings"),
+    "siblings": Variable(
+        _STATE,
+        "1",
+        "siblings that reached a strain",
+        "the case itself not counted",
+        of="robustness",
+    ),
+    "relaxed_branches": Variable(
+        (),
+        "1",
+        "distinct relaxed energies",
+        "of the fabric as designed, relaxed by itself and from the shapes of its siblings",
+        of="robustness",
+    ),
     "mean_strain_xx_error": _of_laboratory(
         "1", "standard error of the mean transverse strain", _SCATTER
     ),
@@ -261,13 +299,16 @@ VARIABLES = {
 }
 
 
+FLAGS: dict[str, type[IntEnum]] = {"status": Status, "capacitor_status": CapacitorStatus}
+"""Variables whose values are flags, and what these are."""
+
+
 def described(dataset: "xr.Dataset") -> "xr.Dataset":
     """The dataset with the CF attributes of every registered variable and coordinate."""
     for name, variable in (COORDINATES | VARIABLES).items():
         if name in dataset.variables:
             dataset[name].attrs |= variable.attributes
-    flags: dict[str, type[IntEnum]] = {"status": Status, "capacitor_status": CapacitorStatus}
-    for name, meanings in flags.items():
+    for name, meanings in FLAGS.items():
         if name in dataset:
             dataset[name].attrs |= {
                 "flag_values": [flag.value for flag in meanings],
@@ -281,6 +322,8 @@ WHOLE = (
     "factorisations",
     "hinges_past_pi",
     "self_intersections",
+    "siblings",
+    "relaxed_branches",
     "periods",
     "unit_cells_y",
     "unit_cells_x",

@@ -83,7 +83,7 @@ def reproduce(case: Case, say: Callable[[str], None]) -> bool:
     began = time.perf_counter()
 
     def told(_: str, states: int) -> None:
-        say(f"state {states} of {len(case.applied_strain)}, {time.perf_counter() - began:.1f} s")
+        say(f"state {states} of {case.states}, {time.perf_counter() - began:.1f} s")
 
     try:
         (test,) = tensile_tests([case], told)

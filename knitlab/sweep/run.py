@@ -26,10 +26,10 @@ from knitlab.sweep.status import FAILURES, PLAN, earlier_failures
 from knitlab.sweep.survey import Standing, cells, check_dims, survey
 from knitlab.sweep.workers import BatchError, Pool, Simulate, Task, connected, pool_of
 
-MAY_DIFFER = ("applied_strain", "unit_cells", "solver", "sensitivities", "unloading")
+MAY_DIFFER = ("applied_strain", "unit_cells", "solver", "sensitivities", "unloading", "robustness")
 """What designs of one cube may differ in: how far they are pulled, how large a sample of them is
 (each has its ``unit_cells_y`` and ``unit_cells_x`` in the cube), how that is solved, and whether
-sensitivities or the way back are asked for."""
+sensitivities, the way back or siblings are asked for."""
 ONE_BY_ONE = 2
 """Attempts after which batches are run one by one."""
 Failed = dict[str, BatchError]

@@ -12,11 +12,11 @@ from jaxtyping import Float
 from knitlab.mechanics.drive import Runner, run_all
 from knitlab.mechanics.dynamic_tension import Batch, stretch_by_dynamics
 from knitlab.mechanics.dynamics import DynamicsSettings
-from knitlab.mechanics.relaxation import relax, tiled
+from knitlab.mechanics.relaxation import relax, relax_near, tiled
 from knitlab.mechanics.state import Outcome, TensileTest
 from knitlab.mechanics.tension import stretch
 from knitlab.mechanics.zigzag_tension import ChainState, pull_chain
-from knitlab.model.fabric import Fabric
+from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.inertia import inertia
 from knitlab.model.network import Network
 from knitlab.model.zigzag import zigzag
@@ -24,6 +24,7 @@ from knitlab.sweep.case import Case
 from knitlab.sweep.case_file import write_case_file
 from knitlab.sweep.measurement import measured
 from knitlab.sweep.provenance import provenance
+from knitlab.sweep.robustness import SiblingTest, imperfect, sibling
 
 Progress = Callable[[str, int], None]
 
@@ -38,10 +39,11 @@ def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> 
     """
     began = time.perf_counter()
     tests = tensile_tests(cases, progress)
+    siblings = sibling_tests(cases, progress)
     chains = [_zigzag_test(case) if case.pure else [] for case in cases]
     wall_seconds = time.perf_counter() - began
-    for case, test, chain in zip(cases, tests, chains, strict=True):
-        write_case(results, case, test, chain, wall_seconds)
+    for case, test, chain, its in zip(cases, tests, chains, siblings, strict=True):
+        write_case(results, case, test, chain, its, wall_seconds)
 
 
 def tensile_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
@@ -50,8 +52,59 @@ def tensile_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest
     return by(cases, progress)
 
 
+def sibling_tests(cases: Sequence[Case], progress: Progress) -> list[list[SiblingTest]]:
+    """Tests of the siblings of cases of one mesh shape, each case's in order."""
+    tests: list[list[SiblingTest]] = [[] for _ in cases]
+    for number in range(1, max(case.robustness for case in cases) + 1):
+        places = [place for place, case in enumerate(cases) if case.robustness >= number]
+        originals = [cases[place] for place in places]
+        siblings = [sibling(case, number) for case in originals]
+        names = {its.case_id: case for its, case in zip(siblings, originals, strict=True)}
+        done = partial(_progress_of_sibling, progress, names, number)
+        found = equilibrium_tests(siblings, done, imperfection=number)
+        energies = branch_energies(originals, found)
+        for place, case, test, energy in zip(places, siblings, found, energies, strict=True):
+            tests[place].append(SiblingTest(case, test, energy))
+    return tests
+
+
+def _progress_of_sibling(
+    progress: Progress, cases: dict[str, Case], number: int, sibling_id: str, states: int
+) -> None:
+    case = cases[sibling_id]
+    progress(case.case_id, number * len(case.applied_strain) + states)
+
+
+def branch_energies(
+    cases: Sequence[Case], tests: Sequence[TensileTest], runner: Runner = run_all
+) -> list[float]:
+    """Energies of cases, relaxed from the relaxed shapes of siblings; NaN if not in equilibrium.
+
+    Args:
+        cases: cases of one mesh shape.
+        tests: a sibling's test of each.
+        runner: what runs the solvers.
+    """
+    woven = [case.woven() for case in cases]
+    relaxed = runner(
+        cases[0].mesh_shape,
+        [fabric for _, fabric in woven],
+        [
+            relax_near(*its, case.equilibrium_solver, test.states[0].configuration)
+            for case, its, test in zip(cases, woven, tests, strict=True)
+        ],
+    )
+    return [
+        float(state.energy.total) if state.converged and test.states[0].converged else np.nan
+        for state, test in zip(relaxed, tests, strict=True)
+    ]
+
+
 def equilibrium_tests(
-    cases: Sequence[Case], progress: Progress, runner: Runner = run_all
+    cases: Sequence[Case],
+    progress: Progress,
+    runner: Runner = run_all,
+    imperfection: int | None = None,
 ) -> list[TensileTest]:
     """Tensile tests of cases of one mesh shape by the equilibrium solver.
 
@@ -59,6 +112,7 @@ def equilibrium_tests(
         cases: the cases.
         progress: told, for a case, how many of its states are done.
         runner: what runs their solvers.
+        imperfection: seed of the imperfections that they start from, if any.
     """
     woven = [case.woven() for case in cases]
     tests = [
@@ -74,7 +128,7 @@ def equilibrium_tests(
         for case, (net, fabric), start, done in zip(
             cases,
             woven,
-            starts(cases, woven, runner),
+            starts(cases, woven, runner, imperfection),
             [partial(progress, case.case_id) for case in cases],
             strict=True,
         )
@@ -86,6 +140,7 @@ def starts(
     cases: Sequence[Case],
     woven: Sequence[tuple[Network, Fabric]],
     runner: Runner = run_all,
+    imperfection: int | None = None,
 ) -> list[Float[np.ndarray, " unknown"] | None]:
     """What samples of one mesh shape relax from; ``None`` for the flat sheet [mm].
 
@@ -93,23 +148,39 @@ def starts(
         cases: the samples.
         woven: network and fabric of each.
         runner: what runs the solvers of the endless fabrics they are laid out of.
+        imperfection: seed of the imperfections of all flat sheets, if any.
     """
-    if cases[0].mesh_shape.periodic or cases[0].equilibrium_solver.start == "flat":
-        return [None] * len(cases)
-    cells = [case.endless_cell for case in cases]
+    found = [_sheet(*its, imperfection) for its in woven]
+    laid_out = [
+        place
+        for place, case in enumerate(cases)
+        if not case.mesh_shape.periodic and case.equilibrium_solver.start == "endless"
+    ]
+    if not laid_out:
+        return found
+    cells = [cases[place].endless_cell for place in laid_out]
     endless = [cell.woven() for cell in cells]
     relaxed = runner(
         cells[0].mesh_shape,
         [fabric for _, fabric in endless],
         [
-            relax(net, fabric, cell.equilibrium_solver)
-            for cell, (net, fabric) in zip(cells, endless, strict=True)
+            relax(*its, cell.equilibrium_solver, _sheet(*its, imperfection))
+            for cell, its in zip(cells, endless, strict=True)
         ],
     )
-    return [
-        tiled(*sample, net, state.configuration) if state.converged else None
-        for sample, (net, _), state in zip(woven, endless, relaxed, strict=True)
-    ]
+    for place, (net, _), state in zip(laid_out, endless, relaxed, strict=True):
+        if state.converged:
+            found[place] = tiled(*woven[place], net, state.configuration)
+    return found
+
+
+def _sheet(
+    net: Network, fabric: Fabric, imperfection: int | None
+) -> Float[np.ndarray, " unknown"] | None:
+    """An imperfect flat sheet; ``None`` stands for the perfect one."""
+    if imperfection is None:
+        return None
+    return imperfect(np.asarray(flat_sheet(net, fabric)), np.asarray(fabric.cell), imperfection)
 
 
 def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
@@ -139,10 +210,11 @@ def write_case(
     case: Case,
     test: TensileTest,
     chain: Sequence[ChainState],
+    siblings: Sequence[SiblingTest],
     wall_seconds: float,
 ) -> None:
     """Measure a finished test, write its case file."""
-    dataset = measured(case, test, chain)
+    dataset = measured(case, test, chain, siblings)
     dataset.attrs |= provenance() | {
         "title": f"knitlab case {case.case_id}",
         "parameters": json.dumps(case.record),

@@ -236,7 +236,7 @@ def connected(scheduler: str) -> Client:
         return Client(scheduler, timeout=10)
     except (OSError, ValueError) as error:
         problem = f"no dask scheduler answers ({error}); check the address"
-        raise fault(f"--scheduler {scheduler}", problem) from error
+        raise fault(f"scheduler {scheduler}", problem) from error
 
 
 @contextmanager

@@ -35,6 +35,7 @@ from knitlab.sweep.strict import Strict
 Whole = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
 
 MOST_STEPS = 1000
+MOST_SIBLINGS = 100
 
 
 def even_strains(strain_max: float, strain_step: float) -> tuple[float, ...]:
@@ -93,7 +94,8 @@ class ProtocolSection(Strict):
     The strains are the multiples of ``strain_step`` and the ``further_strains``, up to
     ``strain_max``.
     With ``sensitivities``, also how Poisson's ratio and force depend on the stripe parameters; with
-    ``unloading``, also the way back through the same strains.
+    ``unloading``, also the way back through the same strains; with ``robustness``, also how far
+    they spread over so many siblings of each design.
     """
 
     method: Method = "equilibrium"
@@ -102,10 +104,11 @@ class ProtocolSection(Strict):
     further_strains: Annotated[tuple[PositiveFloat, ...], Field(strict=False)] = ()
     sensitivities: bool = False
     unloading: bool = False
+    robustness: Annotated[int, Field(ge=0, le=MOST_SIBLINGS)] = 0
 
     @model_validator(mode="after")
     def _has_these_in_equilibrium(self) -> "ProtocolSection":
-        for name in ("sensitivities", "unloading"):
+        for name in ("sensitivities", "unloading", "robustness"):
             if getattr(self, name) and self.method != "equilibrium":
                 raise ValueError(
                     f"has no {name} by method = {self.method}; take method = equilibrium"

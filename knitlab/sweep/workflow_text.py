@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from knitlab.sweep.axes import SAMPLE_SIZE, SWEPT_SECTIONS, Axis
 from knitlab.sweep.faults import BadInput, Fault, fault, faults_of
+from knitlab.sweep.names import unknown
 from knitlab.sweep.shipped import shipped
 from knitlab.sweep.strict import Strict
 from knitlab.sweep.toml import read_toml
@@ -113,8 +114,9 @@ def workflow_file(workflow: str) -> Path:
     path = Path(workflow)
     if path.is_file():
         return path
-    names = ", ".join(sorted(file.stem for file in shipped("workflows").glob("*.toml")))
-    raise fault(workflow, f"is neither a workflow ({names}) nor a file; give one of these")
+    names = [file.stem for file in shipped("workflows").glob("*.toml")]
+    problem = unknown(path.stem, names, "workflow")
+    raise fault(workflow, f"is no file, and {problem}")
 
 
 def read_workflow(path: Path, overrides: tuple[str, ...] = ()) -> WorkflowText:
@@ -133,15 +135,16 @@ def read_workflow(path: Path, overrides: tuple[str, ...] = ()) -> WorkflowText:
         name = key.rpartition(".")[2]
         section = SECTION_OF.get(name)
         if not equals or not text:
-            faults.append(Fault(f"--set {override}", "is not KEY=VALUE; give both"))
-        elif section is None or key not in (name, f"{section}.{name}"):
-            known = ", ".join(sorted(SECTION_OF))
-            faults.append(Fault(f"--set {override}", f"{key} is not a setting; choose of {known}"))
+            faults.append(Fault(f"overrides {override}", "is not KEY=VALUE; give both"))
+        elif section is not None and key not in (name, f"{section}.{name}"):
+            faults.append(Fault(f"overrides {override}", f"is of {section}; say {section}.{name}"))
+        elif section is None:
+            faults.append(Fault(f"overrides {override}", unknown(name, SECTION_OF, "setting")))
         else:
             part = table.setdefault(section, {})
             if isinstance(part, dict):
                 part[name] = _value(text, SECTIONS[section], name)
-            sources[f"{section}.{name}"] = f"--set {override}"
+            sources[f"{section}.{name}"] = f"overrides {override}"
     table, axes = _axes(table)
     return WorkflowText(path, table, axes, sources, tuple(faults))
 

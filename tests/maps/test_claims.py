@@ -307,7 +307,7 @@ def test_slopes_of_one_line_are_told_from_those_of_several():
 
 def test_a_selection_that_would_change_nothing_is_refused(tmp_path):
     write_cube(good_checkerboards(), tmp_path / "cube.nc")
-    with pytest.raises(BadInput, match=r"--select n_stripe=4: is of no swept setting"):
+    with pytest.raises(BadInput, match=r"selections n_stripe=4: is of no swept setting"):
         judged(read_claims(), [tmp_path], ["n_stripe=4"])
 
 

@@ -1,13 +1,14 @@
 import contextlib
 import json
 
+import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.maps.expression import holds
-from knitlab.maps.query import designs_table, formatted, queried
+from knitlab.maps.query import designs_of_all, designs_table, formatted, queried
 from knitlab.sweep.faults import BadInput
 from knitlab.sweep.plain_cube import PlainCube
 from tests.maps.made_up import made_up_cube
@@ -59,7 +60,11 @@ def test_expressions_mean_what_they_say(expression, expected):
         ("3 < 4", "not a condition"),
         ("n_stripe > 1" + " + 1" * 3000, "is too long"),
         ("n_stripe and n_subunit", "'n_stripe' is not a condition"),
-        ('n_stripe < "four"', "cannot be computed"),
+        ('n_stripe < "four"', "compares a word with a number"),
+        ("status == 0", "compares a word with a number"),
+        ("status == 'fialed'", "did you mean 'failed'"),
+        ("-status == 'ok'", "cannot be computed"),
+        ("1 / 0 < n_stripe", "cannot be computed"),
         ("__import__('os').system('true')", "not allowed here"),
         ("status.map(print)", "not allowed here"),
         ("[x for x in n_stripe]", "not allowed here"),
@@ -71,6 +76,55 @@ def test_expressions_mean_what_they_say(expression, expected):
 def test_anything_else_is_refused(expression, message):
     with pytest.raises(BadInput, match=message):
         queried(TABLE, expression)
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        ("status == 'OK'", [(2, 16), (4, 16), (4, 32)]),
+        ("status != 'Ok' and n_subunit == 64", [(2, 64)]),
+        ("1 / (n_stripe - 4) > 0", [(8, 32)]),
+        ("not 1 / (n_stripe - 4) > 0", [(2, 16), (2, 32), (2, 64)]),
+        ("(n_stripe - 4) / (n_stripe - 4) == 1 and n_stripe > 2", [(8, 32)]),
+    ],
+)
+def test_flags_go_by_name_and_a_division_by_zero_is_missing(expression, expected):
+    assert pairs(queried(TABLE, expression)) == expected
+
+
+@given(
+    st.lists(st.one_of(st.none(), st.integers(-3, 3)), min_size=1, max_size=6),
+    st.sampled_from(["<", "<=", ">", ">=", "==", "!="]),
+    st.integers(-3, 3),
+)
+def test_what_is_missing_fulfils_neither_a_condition_nor_its_negation(values, sign, limit):
+    table = pd.DataFrame({"a": pd.array(values, dtype="Float64").to_numpy(float, na_value=np.nan)})
+    said = f"a {sign} {limit}"
+    true = [value is not None and eval(f"{value} {sign} {limit}") for value in values]
+    false = [value is not None and not its for value, its in zip(values, true, strict=True)]
+    assert holds(said, table).tolist() == true
+    assert holds(f"not {said}", table).tolist() == false
+
+
+@given(st.permutations([0, 1, 1, 2]), st.permutations([5, 5, 6, 7]))
+def test_sorted_by_two_columns_the_second_decides_where_the_first_is_equal(first, second):
+    table = pd.DataFrame({"a": first, "b": second})
+    found = queried(table, sort=["-a", "b"])
+    rows = sorted(zip(first, second, strict=True), key=lambda row: (-row[0], row[1]))
+    assert list(zip(found["a"], found["b"], strict=True)) == rows
+
+
+def test_rows_of_two_cubes_say_which_cube_boundary_and_reading_they_are_of():
+    cubes = []
+    for name, boundary, cells in (("one", "periodic", "flat"), ("two", "clamped", "relaxed")):
+        cube = made_up_cube().assign_attrs(
+            workflow=name, reading_boundary=boundary, reading_cell_size=cells, reading_hinges="all"
+        )
+        cubes.append(PlainCube.of(cube))
+    table = designs_of_all(cubes)
+    shown = table[["cube", "boundary", "cell_size"]].drop_duplicates().values.tolist()
+    assert shown == [["one", "periodic", "flat"], ["two", "clamped", "relaxed"]]
+    assert "hinges" not in table
 
 
 @given(st.text(max_size=30))
@@ -101,7 +155,7 @@ def test_what_is_named_twice_comes_once():
 
 
 def test_a_variable_along_the_strain_says_how_to_get_it():
-    with pytest.raises(BadInput, match="--select applied_strain=VALUE"):
+    with pytest.raises(BadInput, match="select applied_strain=VALUE"):
         queried(TABLE, "poisson_ratio < 0")
 
 
@@ -124,7 +178,7 @@ def test_names_that_are_not_there_come_with_the_nearest():
     with pytest.raises(BadInput) as caught:
         queried(TABLE, sort="-poisson_min", columns=["perods"])
     text = str(caught.value)
-    assert "--sort -poisson_min" in text
+    assert "sort -poisson_min" in text
     assert "'poisson_ratio_min'" in text
     assert "'periods'" in text
 

@@ -133,13 +133,13 @@ def test_a_query_shows_sizes_in_cloth_as_the_first_millimetres(tmp_path):
 
 @pytest.mark.parametrize("text", ["stitch_width=0", "stitch_width=-1", "stitch_height=0.5,0.6"])
 def test_a_bad_gauge_is_refused(text):
-    with pytest.raises(BadInput, match=f"--set {text}: ") as caught:
+    with pytest.raises(BadInput, match=f"overrides {text}: ") as caught:
         make_plan("paper", (text,))
     assert len(caught.value.faults) == 1
 
 
 def test_an_unknown_key_of_the_gauge_is_refused():
-    with pytest.raises(BadInput, match=r"gauge\.stitch_depth is not a setting"):
+    with pytest.raises(BadInput, match="did you mean 'stitch_width' or 'stitch_height'"):
         make_plan("paper", ("gauge.stitch_depth=1",))
 
 

@@ -140,7 +140,7 @@ def test_factors_multiply_values_and_both_knits():
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("k_t_factor=0.8,-1", r"--set k_t_factor=0.8,-1: value 2: .*greater than 0"),
+        ("k_t_factor=0.8,-1", r"overrides k_t_factor=0.8,-1: value 2: .*greater than 0"),
         ("hinges=all,none", "value 2: .*'fold_lines' or 'all'"),
         ("z_max=4,4", "has a value twice"),
         ("theta_0_factor=9", "keep it below pi"),
@@ -291,7 +291,7 @@ def test_query_and_figures_slice_swept_settings(tmp_path):
     assert table["k_t_factor"].tolist() == [1.2]
     assert len(cube.knitlab.query()) == 4
     assert cube.knitlab.select("k_t_factor=0.8").sizes["k_t_factor"] == 1
-    with pytest.raises(BadInput, match=r"--select k_t_factor of 0\.8, 1\.2"):
+    with pytest.raises(BadInput, match=r"select k_t_factor of 0\.8, 1\.2"):
         draw_figure("auxetic", [tmp_path], tmp_path / "map.png")
     drawn = draw_figure("auxetic", [tmp_path], tmp_path / "map.png", ["k_t_factor=0.8"])
     assert drawn.stat().st_size > 1000
