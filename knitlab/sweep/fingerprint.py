@@ -7,7 +7,18 @@ from pathlib import Path
 
 from knitlab.sweep.shipped import PACKAGE
 
-COMPUTING = ("model", "mechanics", "measure", "sweep/measurement.py", "sweep/sensitivity.py")
+COMPUTING = (
+    "model",
+    "mechanics",
+    "measure",
+    "sweep/capacitor.py",
+    "sweep/case.py",
+    "sweep/case_file.py",
+    "sweep/measurement.py",
+    "sweep/robustness.py",
+    "sweep/sensitivity.py",
+    "sweep/simulation.py",
+)
 """Parts of the package whose text can change the numbers of a case."""
 OF_CUBES = ("measure/knit_size.py",)
 """Files of these that a cube's numbers alone come of."""
@@ -17,17 +28,26 @@ DIGITS = 12
 @lru_cache(maxsize=1)
 def code_fingerprint() -> str:
     """Fingerprint of the code that computes a case."""
+    return fingerprint_of(PACKAGE)
+
+
+def fingerprint_of(package: Path) -> str:
+    """Fingerprint of the computing code of a package that lies in a folder."""
+    digest = hashlib.sha256()
+    for name in computing_files(package):
+        digest.update(name.encode())
+        digest.update((package / name).read_bytes())
+    return digest.hexdigest()[:DIGITS]
+
+
+def computing_files(package: Path) -> list[str]:
+    """Files of a package whose text can change the numbers of a case, by their path in it."""
     files = [
         file
         for part in COMPUTING
-        for file in ([PACKAGE / part] if part.endswith(".py") else (PACKAGE / part).glob("*.py"))
-        if file.relative_to(PACKAGE).as_posix() not in OF_CUBES
+        for file in ([package / part] if part.endswith(".py") else (package / part).glob("*.py"))
     ]
-    digest = hashlib.sha256()
-    for file in sorted(files):
-        digest.update(file.relative_to(PACKAGE).as_posix().encode())
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:DIGITS]
+    return sorted({file.relative_to(package).as_posix() for file in files} - set(OF_CUBES))
 
 
 def text_fingerprint(text: str) -> str:

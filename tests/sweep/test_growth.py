@@ -9,7 +9,6 @@ import pytest
 import xarray as xr
 
 import knitlab
-import knitlab.sweep.fingerprint as fingerprint_module
 import knitlab.sweep.survey as survey_module
 from knitlab.maps.figures import draw_figure, draw_figures
 from knitlab.sweep.case import Case, case_of
@@ -218,26 +217,6 @@ def test_results_of_other_code_are_told_and_computed_anew_only_when_asked(tmp_pa
     words = folder_status(tmp_path, read_plan(tmp_path), plan.designs, check=False).words
     assert set(words.values()) == {Standing.stale_code.value}
     assert sorted(ran(plan, tmp_path, refresh=True).simulated) == sorted(plan.cases)
-
-
-def test_the_fingerprint_follows_the_code_that_computes(tmp_path, monkeypatch):
-    package = tmp_path / "knitlab"
-    for part in ("model", "mechanics", "measure", "sweep", "maps"):
-        (package / part).mkdir(parents=True)
-        (package / part / "one.py").write_text("x = 1")
-    computing = ("sweep/measurement.py", "sweep/sensitivity.py")
-    for file in computing:
-        (package / file).write_text("x = 1")
-    monkeypatch.setattr(fingerprint_module, "PACKAGE", package)
-    read = fingerprint_module.code_fingerprint.__wrapped__
-    before = read()
-    (package / "maps" / "one.py").write_text("x = 2")
-    (package / "measure" / "knit_size.py").write_text("x = 2")
-    assert read() == before
-    for file in ("model/one.py", "mechanics/one.py", "measure/one.py", *computing):
-        (package / file).write_text("x = 3")
-        assert read() != before
-        before = read()
 
 
 def test_a_new_field_of_a_case_makes_every_case_another():
