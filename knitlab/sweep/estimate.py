@@ -16,14 +16,15 @@ BYTES_OF_UNKNOWN = 25e3
 """Memory for each unknown of a batch: mostly the element Hessians, their places and the factors."""
 
 
-def work(case: Case, states: int) -> float:
+def work(case: Case, states: float) -> float:
     """Work in the first ``states`` states of a case, in steps of a test of 1000 unknowns.
 
-    Those of its siblings follow its own.
+    Those of its siblings follow its own; a fraction is part of the way to the next state.
     """
     tests, states = divmod(states, len(case.applied_strain))
     whole = len(case.applied_strain) + RELAXATION_STEPS - 1
-    steps = tests * whole + (states + RELAXATION_STEPS - 1 if states else 0)
+    begun = min(states, 1.0) * (RELAXATION_STEPS - 1)
+    steps = tests * whole + begun + states
     if case.unloading:
         steps += len(case.applied_strain) - 1 if tests else max(states - 1, 0)
     return steps * (case.mesh_shape.unknowns / 1000) ** COST_POWER

@@ -82,8 +82,10 @@ def reproduce(case: Case, say: Callable[[str], None]) -> bool:
     say(json.dumps(case.record))
     began = time.perf_counter()
 
-    def told(_: str, states: int) -> None:
-        say(f"state {states} of {case.states}, {time.perf_counter() - began:.1f} s")
+    def told(_: str, states: float) -> None:
+        if states != int(states):
+            return
+        say(f"state {states} of {len(case.applied_strain)}, {time.perf_counter() - began:.1f} s")
 
     try:
         (test,) = tensile_tests([case], told)

@@ -17,6 +17,7 @@ from knitlab.sweep.cube_file import open_cube, write_cube
 from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import BadInput, fault
 from knitlab.sweep.files import clear_unfinished, written_whole
+from knitlab.sweep.interruption import interrupted_by_signals
 from knitlab.sweep.lock import held
 from knitlab.sweep.plain_cube import CUBE, PlainCube
 from knitlab.sweep.plan import Plan
@@ -147,7 +148,7 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
 
     Results of other code or parameters stay unless ``options.refresh``. A batch that raises or
     whose worker dies is tried again, then its cases alone; one that has no result even so is
-    ``failed``. Ctrl-C keeps what is done.
+    ``failed``. Ctrl-C keeps what is done, and so does SIGTERM.
 
     Args:
         plan: the plan, frozen here into ``plan.json``.
@@ -172,7 +173,8 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
         }
         plan.write(results / PLAN)
         progress = Progress()
-        stopped = _simulate_all(plan, results, missing, options, progress)
+        with interrupted_by_signals():
+            stopped = _simulate_all(plan, results, missing, options, progress)
         simulated = tuple(case_id for case_id in missing if case_id in progress.ended)
         stale = {
             case_id

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -24,9 +24,8 @@ from knitlab.sweep.case import Case
 from knitlab.sweep.case_file import write_case_file
 from knitlab.sweep.measurement import measured
 from knitlab.sweep.provenance import provenance
+from knitlab.sweep.reporting import Progress, Reporter
 from knitlab.sweep.robustness import SiblingTest, imperfect, sibling
-
-Progress = Callable[[str, int], None]
 
 
 def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> None:
@@ -69,7 +68,7 @@ def sibling_tests(cases: Sequence[Case], progress: Progress) -> list[list[Siblin
 
 
 def _progress_of_sibling(
-    progress: Progress, cases: dict[str, Case], number: int, sibling_id: str, states: int
+    progress: Progress, cases: dict[str, Case], number: int, sibling_id: str, states: float
 ) -> None:
     case = cases[sibling_id]
     progress(case.case_id, number * len(case.applied_strain) + states)
@@ -115,23 +114,20 @@ def equilibrium_tests(
         imperfection: seed of the imperfections that they start from, if any.
     """
     woven = [case.woven() for case in cases]
+    reporters = [Reporter(partial(progress, case.case_id)) for case in cases]
+    found = starts(cases, woven, runner, imperfection)
     tests = [
-        stretch(
-            net,
-            fabric,
-            case.applied_strain,
-            case.equilibrium_solver,
-            done,
-            start,
-            unload=case.unloading,
+        reporter.over(
+            stretch(
+                *its,
+                case.applied_strain,
+                case.equilibrium_solver,
+                reporter.done,
+                start,
+                unload=case.unloading,
+            )
         )
-        for case, (net, fabric), start, done in zip(
-            cases,
-            woven,
-            starts(cases, woven, runner, imperfection),
-            [partial(progress, case.case_id) for case in cases],
-            strict=True,
-        )
+        for case, its, start, reporter in zip(cases, woven, found, reporters, strict=True)
     ]
     return runner(cases[0].mesh_shape, [fabric for _, fabric in woven], tests)
 

@@ -17,7 +17,7 @@ from distributed import Client, KilledWorker, LocalCluster, as_completed, get_wo
 from knitlab.mechanics.threads import ONE_THREAD
 from knitlab.sweep.case import Case
 from knitlab.sweep.faults import CannotWrite, fault
-from knitlab.sweep.simulation import Progress
+from knitlab.sweep.reporting import Progress
 
 # One thread a worker, but for what Task.threads says; and a solve cached on disk must not hold host
 # callbacks.
@@ -139,7 +139,7 @@ def _alarm(seconds: float | None) -> Iterator[None]:
 def dask_pool(client: Client, task: Task, progress: Progress) -> Iterator[Pool]:
     """A pool on a dask cluster; progress comes back as events of the scheduler."""
 
-    def heard(event: tuple[float, tuple[str, int]]) -> None:
+    def heard(event: tuple[float, tuple[str, float]]) -> None:
         progress(*event[1])
 
     def simulated(batches: Sequence[Batch]) -> Iterator[tuple[Batch, BatchError | None]]:
@@ -179,7 +179,7 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
         # Not of the cluster's settings: dask would let this process's own variables go before.
         os.environ["OMP_NUM_THREADS"] = str(task.threads)
 
-    def progress(case_id: str, states: int) -> None:
+    def progress(case_id: str, states: float) -> None:
         worker.log_event(PROGRESS_TOPIC, (case_id, states))
 
     def give_up() -> None:

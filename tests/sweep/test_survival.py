@@ -46,9 +46,9 @@ def statuses(run):
     return {status.name: int((run.cube["status"] == status).sum()) for status in Status}
 
 
-def stand_in_process(*words):
+def stand_in_process(*words, **options):
     command = [sys.executable, "-m", "tests.sweep.stand_in", *map(str, words)]
-    return subprocess.Popen(command, cwd=HERE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(command, cwd=HERE, stderr=subprocess.PIPE, text=True, **options)
 
 
 @pytest.fixture(scope="module")
@@ -85,19 +85,48 @@ def test_a_killed_run_with_workers_is_taken_up_again(tmp_path, uninterrupted):
     same(after.cube, uninterrupted.cube)
 
 
-def test_ctrl_c_keeps_what_is_done_and_writes_the_cube(tmp_path, uninterrupted):
-    process = stand_in_process("run", tmp_path, WORKERS)
-    while len(list(tmp_path.glob("cases/*.nc"))) < 50:
+def gone(group):
+    """Whether a process group ends, in a while."""
+    for _ in range(200):
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
+    return False
+
+
+def ignoring_ctrl_c():
+    """As a shell starts what runs in the background."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def ended_by(number, results, **options):
+    """A run with workers that gets a signal after 50 cases, and the cube that it leaves."""
+    process = stand_in_process("run", results, WORKERS, start_new_session=True, **options)
+    while len(list(results.glob("cases/*.nc"))) < 50:
         time.sleep(0.05)
         assert process.poll() is None
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, said = process.communicate(timeout=300)
+    assert process.returncode == 0
     assert "Traceback" not in said
-    cube = xr.load_dataset(tmp_path / "cube.nc")
+    assert "leaked" not in said
+    assert gone(process.pid)
+    cube = xr.load_dataset(results / "cube.nc")
     done = int((cube["status"] == Status.ok).sum())
     assert 50 <= done < cube["status"].size
     assert done + int((cube["status"] == Status.pending).sum()) == len(stand_in.plan_of().cases)
+
+
+def test_ctrl_c_keeps_what_is_done_and_writes_the_cube(tmp_path, uninterrupted):
+    ended_by(signal.SIGINT, tmp_path)
     same(ran(stand_in.plan_of(), tmp_path).cube, uninterrupted.cube)
+
+
+@pytest.mark.parametrize("before", [None, ignoring_ctrl_c])
+def test_a_run_that_is_asked_to_end_does_so_as_by_ctrl_c(tmp_path, before):
+    ended_by(signal.SIGTERM, tmp_path, preexec_fn=before)
 
 
 @pytest.mark.parametrize("workers", [0, WORKERS])
