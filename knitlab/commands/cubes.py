@@ -1,5 +1,6 @@
 """Commands on cubes: ``query``, ``map``, ``claims``."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import get_args
 
@@ -7,9 +8,6 @@ import click
 
 from knitlab.commands.common import explains_bad_input, select_option
 from knitlab.sweep.figure_names import FigureName
-
-KINDS = get_args(FigureName)
-
 
 format_option = click.option(
     "--format",
@@ -80,8 +78,12 @@ def compare(
     click.echo(formatted(compared(cubes[0], cubes[1:]), style))
 
 
-@click.command(name="map")
-@click.argument("kind", type=click.Choice(KINDS))
+@click.command(
+    name="map",
+    help="Draw a figure of KIND from CUBES, of which most kinds take one.\n\nKIND is one of "
+    f"{', '.join(get_args(FigureName))}.",
+)
+@click.argument("kind")
 @click.argument("cubes", type=click.Path(path_type=Path), nargs=-1, required=True)
 @click.option(
     "-o",
@@ -93,7 +95,13 @@ def compare(
 @select_option
 @explains_bad_input
 def draw_map(kind: str, cubes: tuple[Path, ...], output: Path, selections: tuple[str, ...]) -> None:
-    """Draw a figure of KIND from CUBES, of which most kinds take one."""
+    """Draw a figure of a cube, unless it is drawn already."""
+    from knitlab.maps.drawn import fingerprint_of_figure, is_drawn
+
+    with suppress(OSError):  # a cube that cannot be read is explained where it is drawn
+        if is_drawn(output, fingerprint_of_figure(kind, cubes, selections)):
+            click.echo(f"figure  {output}")
+            return
     from knitlab.maps.figures import draw_figure
 
     click.echo(f"figure  {draw_figure(kind, cubes, output, selections)}")

@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from collections.abc import Sequence
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -56,6 +57,7 @@ def plan(workflow: str, results: Path, overrides: tuple[str, ...]) -> None:
     from knitlab.sweep.status import PLAN, folder_status
 
     made = make_plan(workflow, overrides)
+    _echo_warnings(made)
     folder = results / made.workflow
     with held(folder):
         made.write(folder / PLAN)
@@ -93,10 +95,19 @@ def _counted(counts: dict[str, int]) -> str:
     return ", ".join(f"{count} {word}" for word, count in counts.items())
 
 
+def _echo_warnings(made: "Plan") -> None:
+    for warning in made.warnings:
+        click.echo(f"warning: {warning}", err=True)
+
+
 def _echo_excluded(made: "Plan") -> None:
     for design, reason in made.excluded.items():
-        labels = zip(made.dims, design, strict=False)
-        click.echo(f"excluded: {'  '.join(f'{name} {label}' for name, label in labels)}: {reason}")
+        click.echo(_excluded(made.dims, design, reason))
+
+
+def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
+    labels = zip(dims, design, strict=False)
+    return f"excluded: {'  '.join(f'{name} {label}' for name, label in labels)}: {reason}"
 
 
 @click.command()
@@ -145,12 +156,15 @@ def run(
     dashboard: bool,
 ) -> None:
     """Simulate the cases of WORKFLOW that are missing, build its cube and draw its figures."""
+    if _is_finished(workflow, overrides, results):
+        return
     from knitlab.maps.figures import draw_figures
     from knitlab.sweep.plain_cube import CUBE
     from knitlab.sweep.plan import make_plan
     from knitlab.sweep.run import RunOptions, run_plan
 
     made = make_plan(workflow, overrides)
+    _echo_warnings(made)
     folder = results / made.workflow
     options = RunOptions(
         workers=workers,
@@ -178,6 +192,30 @@ def run(
         click.echo(remark, err=True)
     if done.failures or done.stale_parameters or done.stopped:
         sys.exit(SOME_CASE_NOT_OK)
+
+
+def _is_finished(workflow: str, overrides: tuple[str, ...], results: Path) -> bool:
+    """Whether there is nothing to run or draw, and if so, say what there is."""
+    from knitlab.maps.drawn import asked_figures, fingerprint_of_figure, is_drawn
+    from knitlab.sweep.finished import finished_plan
+    from knitlab.sweep.plain_cube import CUBE, open_plain_cube
+
+    record = finished_plan(workflow, overrides, results)
+    if record is None:
+        return False
+    folder = results / record["workflow"]
+    figures = asked_figures(record["figures"], open_plain_cube(folder), folder)
+    for its in figures:
+        fingerprint = fingerprint_of_figure(its.kind, [folder], its.selections)
+        if not all(is_drawn(output, fingerprint) for output in its.outputs):
+            return False
+    for *design, reason in record["excluded"]:
+        click.echo(_excluded(record["dims"], design, reason))
+    click.echo(f"0 cases simulated, {len(record['cases'])} already there")
+    click.echo(f"cube    {folder / CUBE}")
+    for output in (output for its in figures for output in its.outputs):
+        click.echo(f"figure  {output}")
+    return True
 
 
 @click.command()
@@ -222,7 +260,10 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
 @results_option
 @explains_bad_input
 def reproduce(case_id: str, results: Path) -> None:
-    """Run one case alone, in this process, and say how every state was reached."""
+    """Run one case alone, in this process, and say how every state was reached.
+
+    CASE_ID may be the beginning of one. Where its file is kept, the results are compared with it.
+    """
     from knitlab.sweep.reproduce import find_case
     from knitlab.sweep.reproduce import reproduce as run_alone
 

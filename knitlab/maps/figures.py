@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from knitlab.maps.auxetic import auxetic_map
 from knitlab.maps.capacitors import capacitors_figure
 from knitlab.maps.curves import tension_curves
+from knitlab.maps.drawn import MARK, MOST_SLICES, asked_figures, fingerprint_of_figure, is_drawn
 from knitlab.maps.electrodes import electrodes_figure
 from knitlab.maps.network import spring_network
 from knitlab.maps.readings import readings_figure
@@ -39,7 +40,10 @@ from knitlab.sweep.cube_file import (
     swept_dims,
 )
 from knitlab.sweep.faults import BadInput, Fault, fault
+from knitlab.sweep.figure_names import COMPARING, suffixes
 from knitlab.sweep.files import written_whole
+from knitlab.sweep.names import unknown
+from knitlab.sweep.plain_cube import PlainCube
 from knitlab.sweep.registry import DESIGN_DIMS, STRIPE_DIMS, VARIABLES
 
 Drawing = Figure | FuncAnimation
@@ -57,7 +61,6 @@ class Kind:
         coordinates: further coordinates that it can be sliced along.
         designs: designs (n_stripe, n_subunit) whose cases it shows side by side, as far as they
             are there.
-        compares: whether it shows all values of swept settings side by side.
         several: whether it takes a list of cubes: any, or experiments beside one simulation, or of
             these only one a design.
     """
@@ -67,7 +70,6 @@ class Kind:
     needs: str | None = None
     designs: tuple[tuple[int, int], ...] = ()
     coordinates: tuple[str, ...] = ()
-    compares: bool = False
     several: Literal["any", "experiments", "designs"] | None = None
 
 
@@ -85,22 +87,13 @@ FIGURES = {
     "folding": Kind(folding_animation, needs="snapshot_position"),
     "stripes": Kind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),
     "departure": Kind(stripe_departure, STRIPE_DIMS, coordinates=("applied_strain",)),
-    "readings": Kind(readings_figure, dims=None, compares=True, several="any"),
+    "readings": Kind(readings_figure, dims=None, several="any"),
     "sensor": Kind(sensor_map, several="designs"),
     "capacitors": Kind(capacitors_figure, dims=None, several="any"),
     "wedge": Kind(wedge_figure, dims=None, several="any"),
     "electrodes": Kind(electrodes_figure, dims=None, needs="position"),
 }
 RUN_THERE = "shapes are in case files, not in the cube: run the designs into this folder"
-MOST_SLICES = 8
-"""Values of swept settings that a run draws by itself."""
-STILL = (".pdf", ".svg", ".png")
-MOVING = (".gif",)
-
-
-def suffixes(kind: str) -> tuple[str, ...]:
-    """Formats that a kind of figure can be written in."""
-    return MOVING if kind == "folding" else STILL
 
 
 def draw_figure(
@@ -122,19 +115,26 @@ def draw_figure(
     Raises:
         BadInput: if the cube, a selection or the suffix is at fault.
     """
+    if kind not in FIGURES:
+        raise fault("kind", unknown(kind, FIGURES, "figure"))
     if output.suffix.lower() not in suffixes(kind):
-        raise fault(f"-o {output}", f"has no suffix of {', '.join(suffixes(kind))}; give one")
+        known = ", ".join(suffixes(kind))
+        raise fault(f"output {output}", f"{kind} has no format of this suffix; give one of {known}")
     if len(cube_paths) > 1 and not FIGURES[kind].several:
         raise fault(kind, f"shows one cube, not {len(cube_paths)}; give one")
-    with print_style():
-        save(_drawn(kind, cube_paths, selections), output)
+    cubes = [open_cube(path) for path in cube_paths]
+    fingerprint = fingerprint_of_figure(kind, cube_paths, selections)
+    if not is_drawn(output, fingerprint):
+        with print_style():
+            save(_drawn(kind, cube_paths, cubes, selections), output, fingerprint)
     return output
 
 
 def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[Fault]]:
     """Draw a workflow's figures into its results folder, each for print and for the screen.
 
-    A cube that lies along swept settings too gives a figure for each of their values.
+    A cube that lies along swept settings too gives a figure for each of their values. What is
+    drawn of this cube by this code already stays as it is.
 
     Returns:
         The files, and why a figure could not be drawn of these results.
@@ -142,38 +142,36 @@ def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     saved: list[Path] = []
     faults: list[Fault] = []
     cube = open_cube(folder)
-    slices = _slices(cube)
-    compared = [(kind, ()) for kind in kinds if FIGURES[kind].compares]
-    sliced = [kind for kind in kinds if not FIGURES[kind].compares]
-    if sliced and len(slices) > MOST_SLICES:
+    asked = asked_figures(kinds, PlainCube.of(cube), folder)
+    slices = {its.selections for its in asked if its.kind not in COMPARING}
+    if len(slices) > MOST_SLICES:
         problem = f"{len(slices)} slices are too many to draw unasked; draw one by knitlab map"
         faults.append(Fault("figures", problem))
-        sliced = []
-    for kind, selections in [*compared, *itertools.product(sliced, slices)]:
-        stem = "_".join([kind, *(text.replace("=", "-") for text in selections)])
-        outputs = [
-            folder / "figures" / f"{stem}{suffix}" for suffix in suffixes(kind) if suffix != ".svg"
-        ]
+        asked = [its for its in asked if its.kind in COMPARING]
+    for its in asked:
+        fingerprint = fingerprint_of_figure(its.kind, [folder], its.selections)
+        left = [output for output in its.outputs if not is_drawn(output, fingerprint)]
         try:
-            with print_style():
-                figure = _drawn(kind, [folder], selections)
-                for output in outputs:
-                    save(figure, output)
+            if left:
+                with print_style():
+                    figure = _drawn(its.kind, [folder], [cube], its.selections)
+                    for output in left:
+                        save(figure, output, fingerprint)
         except BadInput as error:
+            stem = its.outputs[0].stem
             faults += [Fault(f"figure {stem}", entry.problem) for entry in error.faults]
         else:
-            saved += outputs
+            saved += its.outputs
     return saved, faults
 
 
-def _slices(cube: xr.Dataset) -> list[tuple[str, ...]]:
-    """Selections of one value of every swept setting, all of them."""
-    along = [[f"{dim}={value}" for value in cube[dim].values] for dim in swept_dims(cube)]
-    return list(itertools.product(*along))
-
-
-def _drawn(name: str, cube_paths: Sequence[Path], selections: Sequence[str] = ()) -> Drawing:
-    kind, cubes = FIGURES[name], [open_cube(path) for path in cube_paths]
+def _drawn(
+    name: str,
+    cube_paths: Sequence[Path],
+    cubes: Sequence[xr.Dataset],
+    selections: Sequence[str] = (),
+) -> Drawing:
+    kind = FIGURES[name]
     for cube in cubes:
         if kind.dims not in (None, base_dims(cube)):
             able = [other for other, its in FIGURES.items() if its.dims in (None, base_dims(cube))]
@@ -183,7 +181,7 @@ def _drawn(name: str, cube_paths: Sequence[Path], selections: Sequence[str] = ()
     known = (*dims, *kind.coordinates)
     refuse_others(selections, known, f"says nothing to {name}; select of {', '.join(known)}")
     cubes = [selected(cube, selections_along(selections, cube.coords)) for cube in cubes]
-    if kind.compares:
+    if name in COMPARING:
         return kind.draw(list(zip(cube_paths, cubes, strict=True)))
     sliced = [_one_slice(name, cube) for cube in cubes]
     (cube, _), folder = sliced[0], _folder(cube_paths[0])
@@ -242,14 +240,44 @@ def _folder(cube_path: Path) -> Path:
     return cube_path if cube_path.is_dir() else cube_path.parent
 
 
-def save(drawing: Drawing, output: Path) -> None:
-    """Write a figure or a film into a file, whole."""
+def save(drawing: Drawing, output: Path, fingerprint: str = "") -> None:
+    """Write a figure or a film into a file, whole.
+
+    Args:
+        drawing: the figure or film.
+        output: the file; its suffix sets the format.
+        fingerprint: of all that it shows, for :func:`~knitlab.maps.drawn.is_drawn`.
+    """
+    mark = f"{MARK}{fingerprint}"
     with written_whole(output) as temporary:
         if isinstance(drawing, FuncAnimation):
-            drawing.save(temporary, writer=PillowWriter(fps=FRAMES_PER_SECOND))
+            drawing.save(temporary, writer=_MarkedFilm(mark))
         else:
             FigureCanvasAgg(drawing)
-            drawing.savefig(temporary)
+            drawing.savefig(temporary, metadata={_NOTE[output.suffix.lower()]: mark})
+
+
+class _MarkedFilm(PillowWriter):
+    """Writes a film with a comment."""
+
+    def __init__(self, comment: str) -> None:
+        super().__init__(fps=FRAMES_PER_SECOND)
+        self._comment = comment
+
+    def finish(self) -> None:
+        first, *further = self._frames  # type: ignore[attr-defined]
+        first.save(
+            self.outfile,
+            save_all=True,
+            append_images=further,
+            duration=1000 // self.fps,
+            loop=0,
+            comment=self._comment.encode(),
+        )
+
+
+_NOTE = {".png": "Description", ".svg": "Description", ".pdf": "Keywords"}
+"""What each format calls a note about a file."""
 
 
 def _cases(name: str, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]:

@@ -1,10 +1,13 @@
 """Faults of the user's input, gathered so that one message lists them all."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from types import TracebackType
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from knitlab.sweep.names import unknown
 
 
 @dataclass(frozen=True)
@@ -60,11 +63,31 @@ def fault(path: str, problem: str) -> BadInput:
     return BadInput([Fault(path, problem)])
 
 
-def faults_of(error: ValidationError, source: str) -> list[Fault]:
-    """The faults that pydantic found in what was read from ``source``."""
+def faults_of(error: ValidationError, source: str, known: Collection[str] = ()) -> list[Fault]:
+    """The faults that pydantic found in what was read from ``source``.
+
+    Args:
+        error: what pydantic raised.
+        source: of what was read.
+        known: the keys that there are, to say which may have been meant.
+    """
     return [
-        Fault(_path(source, entry["loc"]), _problem(entry["type"], entry["msg"], entry["input"]))
-        for entry in error.errors()
+        Fault(
+            _path(source, entry["loc"]),
+            unknown(str(entry["loc"][-1]), known, "setting")
+            if known and entry["type"] == "extra_forbidden"
+            else _problem(entry["type"], entry["msg"], entry["input"]),
+        )
+        for entry in _told(error)
+    ]
+
+
+def _told(error: ValidationError) -> list[ErrorDetails]:
+    """What pydantic found, without what only follows from it: that a list of faults is empty."""
+    found = error.errors()
+    inner = {entry["loc"][:-1] for entry in found}
+    return [
+        entry for entry in found if not (entry["type"] == "too_short" and entry["loc"] in inner)
     ]
 
 
@@ -77,6 +100,8 @@ def _problem(kind: str, message: str, given: object) -> str:
         return "is missing; add it"
     if kind == "extra_forbidden":
         return "is not a known key; remove it or check its spelling"
+    if isinstance(given, list) and kind.startswith(("int", "float", "string")):
+        return f"is a list within a list, {given!r}; take one pair of brackets away"
     message = message.removeprefix("Value error, ").removeprefix("Assertion failed, ")
     text = message[0].lower() + message[1:]
     return text if kind == "value_error" else f"{text}, but is {given!r}"

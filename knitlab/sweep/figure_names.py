@@ -1,4 +1,4 @@
-"""Names of the figures that a workflow can ask for and a command can draw. Needs no library."""
+"""Names and formats of the figures that a workflow can ask for. Needs no library."""
 
 from typing import Literal
 
@@ -22,3 +22,12 @@ FigureName = Literal[
     "stripes",
     "departure",
 ]
+COMPARING = ("readings",)
+"""Those that show all values of swept settings side by side."""
+STILL = (".pdf", ".svg", ".png")
+MOVING = (".gif",)
+
+
+def suffixes(kind: str) -> tuple[str, ...]:
+    """Formats that a kind of figure can be written in."""
+    return MOVING if kind == "folding" else STILL

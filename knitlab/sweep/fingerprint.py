@@ -31,6 +31,16 @@ def code_fingerprint() -> str:
     return fingerprint_of(PACKAGE)
 
 
+@lru_cache(maxsize=1)
+def package_fingerprint() -> str:
+    """Fingerprint of all of the package's code."""
+    digest = hashlib.sha256()
+    for file in sorted(PACKAGE.rglob("*.py")):
+        digest.update(file.relative_to(PACKAGE).as_posix().encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:DIGITS]
+
+
 def fingerprint_of(package: Path) -> str:
     """Fingerprint of the computing code of a package that lies in a folder."""
     digest = hashlib.sha256()

@@ -20,9 +20,15 @@ from knitlab.sweep.design_space import Design, DesignSpace, design_space, stripe
 from knitlab.sweep.estimate import bytes_needed, seconds
 from knitlab.sweep.faults import BadInput, Fault, Gathered
 from knitlab.sweep.files import written_whole
-from knitlab.sweep.fingerprint import code_fingerprint, digests, text_fingerprint
+from knitlab.sweep.fingerprint import (
+    code_fingerprint,
+    digests,
+    package_fingerprint,
+    text_fingerprint,
+)
 from knitlab.sweep.parameters import Parameters, read_parameters
 from knitlab.sweep.shipped import shipped
+from knitlab.sweep.unusual import unusual_values
 from knitlab.sweep.variable import Variable
 from knitlab.sweep.workflow import Workflow
 from knitlab.sweep.workflow_text import WorkflowText, read_workflow, workflow_file
@@ -64,6 +70,7 @@ class Plan:
         inputs: SHA-256 of every file that it was made from, by path.
         stripes: fingerprint of the stripes, with what the workflow changes of all of them.
         gauge: size of a stitch, by which its cube tells sizes in cloth; no case depends on it.
+        warnings: what of its values may be a slip.
     """
 
     workflow: str
@@ -77,6 +84,7 @@ class Plan:
     inputs: dict[str, str]
     stripes: str
     gauge: Gauge
+    warnings: tuple[str, ...] = ()
 
     @property
     def dims(self) -> tuple[str, ...]:
@@ -108,6 +116,7 @@ class Plan:
             "overrides": self.overrides,
             "inputs": self.inputs,
             "code": code_fingerprint(),
+            "package": package_fingerprint(),
             "gauge": asdict(self.gauge),
             "batches": [asdict(batch) for batch in self.batches],
             "excluded": [[*design, reason] for design, reason in self.excluded.items()],
@@ -144,13 +153,13 @@ def make_plan(
     text = read_workflow(workflow_file(workflow), overrides)
     folder = parameter_folder or shipped("params")
     faults = Gathered()
-    parameters = read = None
+    parameters = shipped_parameters = read = None
     axes: tuple[Axis, ...] = ()
     space = DesignSpace((), {})
     made: dict[str, Case] = {}
     inputs = [text.path, *folder.glob("*.toml")]
     with faults:
-        parameters = read_parameters(folder)
+        parameters = shipped_parameters = read_parameters(folder)
     with faults:
         read = text.checked()
     with faults:
@@ -169,7 +178,7 @@ def make_plan(
         if parameters and read and not faults.all:
             made = {case.case_id: case for case in cases(read, axes, space, parameters)}
             faults.all += _misplaced_electrodes(made, text)
-    if parameters is None or read is None or faults.all:
+    if parameters is None or shipped_parameters is None or read is None or faults.all:
         raise BadInput(faults.all)
     return Plan(
         workflow=text.path.stem,
@@ -183,6 +192,7 @@ def make_plan(
         inputs=digests(inputs),
         stripes=_stripes_fingerprint(parameters, read, axes),
         gauge=Gauge(**merged(parameters.gauge, read.gauge)),
+        warnings=unusual_values(made.values(), shipped_parameters),
     )
 
 

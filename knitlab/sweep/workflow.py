@@ -1,8 +1,9 @@
 """Workflows: what the one short TOML file of an experiment may hold."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import (
+    BeforeValidator,
     Field,
     NonNegativeFloat,
     PositiveFloat,
@@ -29,12 +30,23 @@ from knitlab.model.stripe import Knit
 from knitlab.sweep.case import Method
 from knitlab.sweep.changes import Changes
 from knitlab.sweep.figure_names import FigureName
+from knitlab.sweep.names import unknown
 from knitlab.sweep.parameters import Fraction, Mask, Relative, Share, Snapshots
 from knitlab.sweep.strict import Strict
 
 Whole = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
 
 MOST_STEPS = 1000
+
+
+def _known_figure(name: Any) -> Any:
+    known = get_args(FigureName)
+    if name not in known:
+        raise ValueError(unknown(str(name), known, "figure"))
+    return name
+
+
+Figure = Annotated[FigureName, BeforeValidator(_known_figure)]
 MOST_SIBLINGS = 100
 
 
@@ -225,7 +237,7 @@ class Workflow(Strict):
     """A workflow file, with what ``--set`` changed."""
 
     title: str = Field(min_length=1)
-    figures: Annotated[tuple[FigureName, ...], Field(strict=False)] = ()
+    figures: Annotated[tuple[Figure, ...], Field(strict=False)] = ()
     design: DesignSection | None = None
     stripes: StripesSection | None = None
     protocol: ProtocolSection = ProtocolSection()

@@ -49,7 +49,7 @@ class WorkflowText:
             workflow = Workflow.model_validate(self.table)
         except ValidationError as error:
             swept = {(axis.section, axis.name) for axis in self.axes}
-            for entry in faults_of(error, ""):
+            for entry in faults_of(error, "", {*SECTIONS, *SECTION_OF}):
                 section, _, key = entry.path.partition(".")
                 name, _, item = key.partition(".")
                 if (section, name) in swept:
@@ -127,7 +127,7 @@ def read_workflow(path: Path, overrides: tuple[str, ...] = ()) -> WorkflowText:
     Raises:
         BadInput: if the file cannot be read.
     """
-    table = read_toml(path)
+    table = _with_lists(read_toml(path))
     faults: list[Fault] = []
     sources: dict[str, str] = {}
     for override in overrides:
@@ -164,6 +164,30 @@ def _axes(table: dict[str, Any]) -> tuple[dict[str, Any], tuple[Axis, ...]]:
                 axes.append(Axis(section, name, tuple(value)))
     # By name, so that a cube's dimensions do not hang on the order of what is said.
     return single, tuple(sorted(axes, key=lambda axis: axis.name))
+
+
+def _with_lists(table: dict[str, Any]) -> dict[str, Any]:
+    """A file's tables, with a list of one wherever a single value stands for a list."""
+    return {
+        name: {
+            key: [value]
+            if key in _lists(SECTIONS[name]) and not isinstance(value, list | dict)
+            else value
+            for key, value in its.items()
+        }
+        if name in SECTIONS and isinstance(its, dict)
+        else its
+        for name, its in table.items()
+    }
+
+
+def _lists(section: type[Strict]) -> set[str]:
+    """Settings of a section that are lists, of any length."""
+    return {
+        name
+        for name, field in section.model_fields.items()
+        if "..." in str(field.annotation) or "Ellipsis" in str(field.annotation)
+    }
 
 
 def _is_list_of_lists(value: Any) -> bool:

@@ -237,3 +237,73 @@ def test_a_workflow_is_of_checkerboards_or_of_stripes(tmp_path):
         make_plan(workflow(tmp_path, 'title = "neither"\n'))
     with pytest.raises(BadInput, match="no stripe of n"):
         make_plan("stripes", ("n=5",))
+
+
+def written(tmp_path, design):
+    path = tmp_path / "mine.toml"
+    path.write_text(f'title = "mine"\n[design]\n{design}\n', encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("design", "expected"),
+    [
+        ("n_stripe = 4\nn_subunit = 16", [(4, 16)]),
+        ("n_stripe = 4\nn_subunit = [16, 32]", [(4, 16), (4, 32)]),
+    ],
+)
+def test_a_single_value_may_stand_for_a_list(tmp_path, design, expected):
+    plan = make_plan(written(tmp_path, design))
+    assert [(c.design["n_stripe"], c.design["n_subunit"]) for c in plan.cases.values()] == expected
+
+
+def test_a_bare_stripe_file_may_stand_for_a_list(tmp_path):
+    workflow = written(tmp_path, 'n_stripe = 4\nn_subunit = 16\n[model]\nstripe_files = "no.toml"')
+    with pytest.raises(BadInput, match=r"no\.toml: cannot be read"):
+        make_plan(workflow)
+
+
+def test_a_list_in_a_list_gets_one_sentence(tmp_path):
+    with pytest.raises(BadInput) as caught:
+        make_plan(written(tmp_path, "n_stripe = [[4, 6]]\nn_subunit = 24"))
+    (fault,) = caught.value.faults
+    assert "is a list within a list, [4, 6]" in str(fault)
+
+
+@pytest.mark.parametrize(
+    ("line", "meant"),
+    [
+        ("n_strip = 4", "'n_stripe'"),
+        ('n_stripe = 4\n[model]\ncell_sise = "flat"', "'cell_size'"),
+        ("n_stripe = 4\n[modell]\nz_max = 1.0", "'model'"),
+    ],
+)
+def test_a_misspelt_key_comes_with_what_may_be_meant(tmp_path, line, meant):
+    with pytest.raises(BadInput, match=f"did you mean .*{meant}"):
+        make_plan(written(tmp_path, line))
+
+
+def test_a_misspelt_figure_comes_with_what_may_be_meant(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('title = "mine"\nfigures = ["auxetc"]\n[design]\n', encoding="utf-8")
+    with pytest.raises(BadInput, match="did you mean 'auxetic'") as caught:
+        make_plan(str(path))
+    assert len(caught.value.faults) == 1
+
+
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        ("strain_max=15", "strain_max = 15 is 1500% of the length; usual are 0.2 to 0.6"),
+        ("k_t_factor=1e4", "k_t of rib 4 is 178 N; usual are 0.0048 to 0.0498 N"),
+        ("rib_period=0.01", "period of rib 4 is 0.01 mm; usual are 1.09 to 2.44 mm"),
+    ],
+)
+def test_what_may_be_a_slip_is_warned_of_with_the_usual_range(setting, said):
+    plan = make_plan("preview", ("n_stripe=4", "n_subunit=16", "strain_step=0.03", setting))
+    assert any(said in warning for warning in plan.warnings)
+
+
+@pytest.mark.parametrize("workflow", ["preview", "paper", "sensor", "stripes", "readings"])
+def test_nothing_of_what_is_shipped_is_warned_of(workflow):
+    assert make_plan(workflow).warnings == ()

@@ -1,0 +1,42 @@
+"""Finished runs: whether a results folder holds all that a run would make. Needs no JAX."""
+
+from pathlib import Path
+from typing import Any
+
+from knitlab.sweep.design_status import Status
+from knitlab.sweep.faults import BadInput
+from knitlab.sweep.fingerprint import package_fingerprint
+from knitlab.sweep.shipped import shipped
+from knitlab.sweep.status import changed_inputs, folder_status, planned_designs, read_plan
+
+
+def finished_plan(
+    workflow: str, overrides: tuple[str, ...], results: Path
+) -> dict[str, Any] | None:
+    """The record of a plan that was run to its end, if nothing changed since.
+
+    Its inputs, its settings and the code are the same, and every case is ok, sound, of this code
+    and in the cube. Otherwise None: the plan is to be made and run.
+
+    Args:
+        workflow: name of a shipped workflow, or path of a file of the same form.
+        overrides: ``KEY=VALUE`` settings.
+        results: folder that holds a folder of results for each workflow.
+    """
+    named = shipped("workflows") / f"{workflow}.toml"
+    path = named if named.is_file() else Path(workflow)
+    folder = results / path.stem
+    try:
+        record = read_plan(folder)
+        same = (
+            tuple(record["overrides"]) == overrides
+            and record.get("package") == package_fingerprint()
+            and str(path.resolve()) in record["inputs"]
+            and not changed_inputs(record)
+        )
+        if not same:
+            return None
+        status = folder_status(folder, record, planned_designs(record), check=True)
+    except (BadInput, OSError):
+        return None
+    return record if set(status.counts) == {Status.ok.name} else None
