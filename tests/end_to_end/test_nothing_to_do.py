@@ -1,0 +1,102 @@
+"""A run with nothing to do does nothing, and a figure is drawn again only if it changed."""
+
+import subprocess
+import sys
+
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+from knitlab.cli import main
+from knitlab.maps.drawn import is_drawn
+from knitlab.maps.figures import draw_figure
+from knitlab.sweep.finished import finished_plan
+
+SETTINGS = ("n_stripe=4", "n_subunit=8", "strain_max=0.06", "robustness=0")
+WORDS = ["run", "preview", *(word for text in SETTINGS for word in ("--set", text))]
+
+
+def ran(results, *words):
+    said = CliRunner().invoke(main, [*WORDS, "--workers", "0", "--results", str(results), *words])
+    assert said.exit_code == 0, said.output
+    return said.output
+
+
+def written(results):
+    """When each file of a results folder was written."""
+    files = [*results.rglob("*.n[cp]*"), *results.rglob("*.p*")]
+    return {path: path.stat().st_mtime_ns for path in files}
+
+
+@pytest.fixture
+def results(tmp_path):
+    ran(tmp_path)
+    return tmp_path
+
+
+def test_a_second_run_says_the_same_and_writes_nothing(results):
+    before = written(results)
+    assert len(before) > 6
+    again = ran(results)
+    assert again.splitlines()[0] == "0 cases simulated, 1 already there"
+    assert again.count("figure  ") == 6
+    assert written(results) == before
+
+
+def test_a_second_run_needs_none_of_the_slow_libraries(results):
+    words = [*WORDS, "--results", str(results)]
+    program = (
+        "import sys; from knitlab.cli import main\n"
+        f"main({words!r}, standalone_mode=False)\n"
+        "print({'jax', 'xarray', 'matplotlib', 'dask', 'scipy'} & set(sys.modules))"
+    )
+    said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert said.stdout.splitlines()[-1] == "set()", said.stderr
+
+
+def test_only_a_figure_that_is_missing_is_drawn(results):
+    before = written(results)
+    lost = results / "preview" / "figures" / "auxetic.png"
+    lost.unlink()
+    ran(results)
+    after = written(results)
+    figures = [path for path in after if path.parent.name == "figures"]
+    assert [path for path in figures if after[path] != before[path]] == [lost]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda folder: next(folder.glob("cases/*.nc")).write_bytes(b"no case"),
+        lambda folder: (folder / "cube.nc").unlink(),
+        lambda folder: (folder / "plan.json").unlink(),
+    ],
+)
+def test_what_is_lost_or_damaged_is_made_anew(results, change):
+    assert finished_plan("preview", SETTINGS, results)
+    change(results / "preview")
+    assert finished_plan("preview", SETTINGS, results) is None
+    ran(results)
+    assert finished_plan("preview", SETTINGS, results)
+
+
+def test_other_settings_or_code_are_not_taken_for_done(results, monkeypatch):
+    assert finished_plan("preview", SETTINGS[:2], results) is None
+    assert finished_plan("sensor", SETTINGS, results) is None
+    monkeypatch.setattr("knitlab.sweep.finished.package_fingerprint", lambda: "other code")
+    assert finished_plan("preview", SETTINGS, results) is None
+
+
+@pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])
+def test_a_figure_of_another_cube_is_drawn_again(results, tmp_path, suffix):
+    folder, output = results / "preview", tmp_path / f"curves{suffix}"
+    draw_figure("curves", [folder], output)
+    first = output.stat().st_mtime_ns
+    draw_figure("curves", [folder], output)
+    assert output.stat().st_mtime_ns == first
+    assert not is_drawn(output, "another")
+    cube = xr.load_dataset(folder / "cube.nc")
+    cube["poisson_ratio"] = cube["poisson_ratio"] - 0.1
+    cube.to_netcdf(folder / "cube.nc")
+    draw_figure("curves", [folder], output)
+    assert output.stat().st_mtime_ns > first
