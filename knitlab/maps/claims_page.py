@@ -25,7 +25,7 @@ def check_suffix(page: Path) -> None:
         BadInput: if its suffix is of none.
     """
     if page.suffix.lower() not in SUFFIXES:
-        raise fault(f"-o {page}", f"has no suffix of {', '.join(SUFFIXES)}; give one")
+        raise fault(f"output {page}", f"has no suffix of {', '.join(SUFFIXES)}; give one")
 
 
 def write_page(

@@ -44,10 +44,12 @@ def sibling(case: Case, number: int) -> Case:
 
     Args:
         case: the case.
-        number: of the sibling, from 1 on, which is the seed of its random numbers too.
+        number: of the sibling, from 1 on; two in turn differ the opposite way.
     """
-    signs = np.random.default_rng(number).choice([-1.0, 1.0], size=(2, len(STRIPE_QUANTITIES)))
-    factors = 1 + STRIPE_TOLERANCE * signs
+    pair, second = divmod(number - 1, 2)
+    signs = np.random.default_rng(pair).choice([-1.0, 1.0], size=(2, len(STRIPE_QUANTITIES)))
+    # The second of a pair differs the other way, so that a spread is not to one side by chance.
+    factors = 1 + STRIPE_TOLERANCE * (-signs if second else signs)
     solver = case.solver
     if case.reading.boundary == "clamped" and number % 2 and case.method == "equilibrium":
         settings = case.equilibrium_solver

@@ -62,6 +62,14 @@ def test_a_sibling_has_every_stripe_number_changed_by_two_percent(number):
             assert abs(part) == pytest.approx(0.02)
 
 
+def test_the_second_of_two_siblings_differs_the_other_way():
+    case = case_of("n_stripe=4", "n_subunit=16")
+    one, other = sibling(case, 3), sibling(case, 4)
+    for name in ("period", "k_s", "k_t"):
+        original = getattr(case.weft, name)
+        assert getattr(one.weft, name) + getattr(other.weft, name) == pytest.approx(2 * original)
+
+
 def test_siblings_differ_from_one_another():
     case = case_of("n_stripe=4", "n_subunit=16")
     assert len({sibling(case, number).case_id for number in range(1, 11)}) > 8
