@@ -53,7 +53,7 @@ def calibrate(
 
     output = output or Path(f"{knit}-{stitches}.toml")
     if output.suffix != ".toml":
-        raise fault(f"-o {output}", "has no suffix .toml; give it one")
+        raise fault(f"output {output}", "has no suffix .toml; give it one")
     measured = read_tension_curve(curve, width, thickness)
 
     from knitlab.maps.calibration import calibration_figure

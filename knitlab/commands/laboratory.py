@@ -103,7 +103,7 @@ def fit(
     from knitlab.sweep.faults import fault
 
     if output.suffix != ".toml":
-        raise fault(f"-o {output}", "has no suffix .toml; give it one")
+        raise fault(f"output {output}", "has no suffix .toml; give it one")
     cube = selected(open_cube(experiment), selections)
 
     from knitlab.laboratory.fit import NoFit, fit_stripes

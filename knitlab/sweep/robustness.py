@@ -16,7 +16,7 @@ from knitlab.sweep.changes import STRIPE_QUANTITIES
 IMPERFECTION = 0.02
 """Standard deviation of the nodes of an imperfect sheet, in parts of a grid cell."""
 STRIPE_TOLERANCE = 0.02
-"""Part by which each stripe number of a sibling is larger or smaller."""
+"""Largest part by which a stripe number of a sibling is larger or smaller."""
 SAME_BRANCH = 1e-6
 """Relative difference up to which two relaxed energies are of one branch."""
 SPREAD = ("poisson_ratio", "reaction_force")
@@ -40,16 +40,16 @@ class SiblingTest:
 
 
 def sibling(case: Case, number: int) -> Case:
-    """A sibling of a case: stripe numbers 2 % larger or smaller, and every second another start.
+    """A sibling of a case: stripe numbers up to 2 % larger or smaller, every second another start.
 
     Args:
         case: the case.
         number: of the sibling, from 1 on; two in turn differ the opposite way.
     """
     pair, second = divmod(number - 1, 2)
-    signs = np.random.default_rng(pair).choice([-1.0, 1.0], size=(2, len(STRIPE_QUANTITIES)))
+    parts = np.random.default_rng(pair).uniform(-1, 1, size=(2, len(STRIPE_QUANTITIES)))
     # The second of a pair differs the other way, so that a spread is not to one side by chance.
-    factors = 1 + STRIPE_TOLERANCE * (-signs if second else signs)
+    factors = 1 + STRIPE_TOLERANCE * (-parts if second else parts)
     solver = case.solver
     if case.reading.boundary == "clamped" and number % 2 and case.method == "equilibrium":
         settings = case.equilibrium_solver
