@@ -24,6 +24,8 @@ HIGHEST_WAVENUMBER = 4
 def wavelength_figure(cube: xr.Dataset) -> Figure:
     """For each direction a boundary, its transform, and λ of all designs with a line a family.
 
+    λ is in millimetres of cloth where the cube knows them, as the paper measured it.
+
     Boundary and transform are of the smallest unit cell of n_stripe 4, or else of the first
     n_stripe there is.
 
@@ -88,9 +90,13 @@ def _draw_spectrum(axes: Axes, shown: xr.Dataset, direction: str) -> None:
 
 
 def _draw_family_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
+    in_cloth = f"knit_wavelength_{direction}"
+    name, unit = (
+        (in_cloth, "mm of cloth") if in_cloth in cube else (f"wavelength_{direction}", "mm")
+    )
     for (colour, marker), n_stripe in zip(LOOKS, cube["n_stripe"].values, strict=False):
         of = cube.sel(n_stripe=n_stripe)
-        line = of[f"wavelength_{direction}"].where(of["status"] == Status.ok).dropna("n_subunit")
+        line = of[name].where(of["status"] == Status.ok).dropna("n_subunit")
         if not line.size:
             continue
         x, y = line["n_subunit"].values.astype(float), line.values
@@ -101,16 +107,17 @@ def _draw_family_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
             axes.plot(ends, fit.intercept + fit.slope * ends, color=colour, lw=0.9)
             label += f": {fit.slope:.2f} ± {fit.slope_halfwidth:.2f}"
         axes.plot(x, y, marker, color=colour, ms=3.5, label=label)
-    axes.set(xlabel="n_subunit [stitches]", ylabel=f"wavelength along {direction} [mm]")
+    axes.set(xlabel="n_subunit [stitches]", ylabel=f"wavelength along {direction} [{unit}]")
     with mpl.rc_context({"legend.title_fontsize": 6}):
         axes.legend(
-            loc="lower right",
+            loc="upper left",
             frameon=False,
             fontsize=6,
-            title="slope ± 95 % [mm a stitch]",
+            title=f"slope ± 95 % [{unit} a stitch]",
             handletextpad=0.2,
         )
-    axes.set_ylim(bottom=0)
+    # Room above the lines for the legend.
+    axes.set_ylim(0, 1.7 * axes.get_ylim()[1])
 
 
 def _name(shown: xr.Dataset) -> str:

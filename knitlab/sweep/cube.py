@@ -171,7 +171,8 @@ def _read_entry(path: Path, case: Case, gauge: Gauge) -> Entry:
     with netCDF4.Dataset(path) as dataset:
         dataset.set_auto_maskandscale(False)
         for name, variable in variables_of(case).items():
-            if variable.in_cube:
+            # A file of an earlier version has not all of them.
+            if variable.in_cube and name in dataset.variables:
                 values[name] = unmasked(name, dataset[name][...])
     return Entry(values | sizes_of(case, values, gauge), case.applied_strain)
 

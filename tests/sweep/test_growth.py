@@ -12,6 +12,8 @@ import knitlab
 import knitlab.sweep.survey as survey_module
 from knitlab.maps.figures import draw_figure, draw_figures
 from knitlab.sweep.case import Case, case_of
+from knitlab.sweep.case_file import case_path, write_case_file
+from knitlab.sweep.cube import build_cube
 from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import BadInput
 from knitlab.sweep.plan import make_plan
@@ -279,3 +281,15 @@ def test_query_and_figures_slice_swept_settings(tmp_path):
     assert {path.name for path in figures} == {
         f"auxetic_k_t_factor-{value}.{suffix}" for value in (0.8, 1.2) for suffix in ("pdf", "png")
     }
+
+
+def test_a_case_file_of_an_earlier_version_leaves_out_what_it_does_not_have(tmp_path):
+    plan = stand_in.plan_of(factors=1)
+    case_id, case = next(iter(plan.cases.items()))
+    stand_in.write(tmp_path, case)
+    written = xr.load_dataset(case_path(tmp_path, case_id))
+    write_case_file(tmp_path, case_id, written.drop_vars("self_intersections"))
+    cube = build_cube(plan, tmp_path, None, (), (), ())
+    design = cube.sel(case.design)
+    assert design["self_intersections"].isnull().all()
+    assert (design["iterations"] == 1).all()
