@@ -159,7 +159,7 @@ def along_pull(path: Path, marked: Marked, strain: Float[np.ndarray, " frame"]) 
     drifts = (moved + moved[:, ::-1, ::-1]) / 2
     one, other = np.triu_indices(moved.shape[1], 1)
     partings = (moved[:, other] - moved[:, one]) / (other - one)[:, None, None]
-    if not (np.nan_to_num(drifts).any() and np.nan_to_num(partings).any()):
+    if not np.nan_to_num(partings).any():
         return marked
     drift, parting = (np.nanmedian(of.reshape(-1, 2), axis=0) for of in (drifts, partings))
     by_drift, turn = _direction(drift), _direction(parting)

@@ -75,7 +75,7 @@ def _cases(
         "solver": SolverSettings(**merged(parameters.solver, workflow.solver)),
         "sensitivities": protocol.sensitivities,
         "unloading": protocol.unloading,
-        "robustness": protocol.robustness,
+        "robustness": protocol.robustness if protocol.method == "equilibrium" else 0,
         "capacitor": _capacitor(workflow.electrodes, parameters.electrodes),
     }
     if protocol.method == "dynamics":

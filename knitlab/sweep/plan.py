@@ -2,6 +2,7 @@
 
 import json
 from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -192,8 +193,16 @@ def make_plan(
         inputs=digests(inputs),
         stripes=_stripes_fingerprint(parameters, read, axes),
         gauge=Gauge(**merged(parameters.gauge, read.gauge)),
-        warnings=unusual_values(made.values(), shipped_parameters),
+        warnings=(*unusual_values(made.values(), shipped_parameters), *_left_out(read)),
     )
+
+
+def _left_out(read: Workflow) -> Iterator[str]:
+    """Settings of a workflow that its method leaves out."""
+    protocol = read.protocol
+    if protocol.robustness and protocol.method != "equilibrium":
+        siblings = "siblings are tested in equilibrium alone"
+        yield f"robustness = {protocol.robustness} is left out by {protocol.method}: {siblings}"
 
 
 def _misplaced_electrodes(made: dict[str, Case], text: WorkflowText) -> list[Fault]:

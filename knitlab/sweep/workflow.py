@@ -107,7 +107,7 @@ class ProtocolSection(Strict):
     ``strain_max``.
     With ``sensitivities``, also how Poisson's ratio and force depend on the stripe parameters; with
     ``unloading``, also the way back through the same strains; with ``robustness``, also how far
-    they spread over so many siblings of each design.
+    they spread over so many siblings of each design, which are tested in equilibrium alone.
     """
 
     method: Method = "equilibrium"
@@ -120,7 +120,7 @@ class ProtocolSection(Strict):
 
     @model_validator(mode="after")
     def _has_these_in_equilibrium(self) -> "ProtocolSection":
-        for name in ("sensitivities", "unloading", "robustness"):
+        for name in ("sensitivities", "unloading"):
             if getattr(self, name) and self.method != "equilibrium":
                 raise ValueError(
                     f"has no {name} by method = {self.method}; take method = equilibrium"

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from knitlab.laboratory.description import MarkersTable, SampleTable
@@ -34,6 +34,7 @@ def table(**changes):
 
 
 @settings(max_examples=30, deadline=None)
+@example(1.0, 1.0, 0, 0, 0.5)  # the middle does not move at all
 @given(
     st.floats(-30, 30),
     st.floats(0.01, 10),

@@ -57,7 +57,7 @@ def test_units_of_the_header_are_heeded(tmp_path, header, strain, force, options
         (GOOD.replace("0.2,0.5", "0.2,0.5,3"), {}, "is not a CSV table"),
         ("strain [1],force [N]\n0,0,0,0\n0,1,0,5\n0,2,0,9\n0,3,1,0\n", {}, "is not a CSV"),
         (GOOD.replace("0.2,", "0.1,").replace("0.3,", "0.1,"), {}, "has 2 points"),
-        (GOOD, {"width": 0.3}, "--width 0.3: is for stress"),
+        (GOOD, {"width": 0.3}, "width 0.3: is for stress"),
         (GOOD.replace("force [N]", "stress [N/mm]"), {}, "give --width"),
         (GOOD.replace("force [N]", "stress [MPa]"), {"width": 0.3}, "give --thickness"),
         (GOOD.replace("force", "strain"), {}, "is there twice"),

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.sweep.faults import BadInput
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.robustness import branches, sibling, spread
 from knitlab.sweep.run import RunOptions, run_plan
@@ -100,6 +99,7 @@ def test_a_sibling_counts_where_it_got_to():
     assert found["relaxed_branches"] == 1
 
 
-def test_dynamics_has_no_siblings():
-    with pytest.raises(BadInput, match="has no robustness by method = dynamics"):
-        make_plan("preview", ("method=dynamics", "robustness=2"))
+def test_dynamics_has_no_siblings_and_says_so():
+    plan = make_plan("preview", ("method=dynamics", "robustness=2"))
+    assert {case.robustness for case in plan.cases.values()} == {0}
+    assert any("robustness = 2 is left out by dynamics" in warning for warning in plan.warnings)

@@ -38,7 +38,7 @@ def test_every_variable_carries_units_and_a_long_name(sweep):
     expected = {
         name
         for name, its in VARIABLES.items()
-        if its.in_cube and its.of in ("all", "patches", "design", "cloth")
+        if its.in_cube and its.of in ("all", "patches", "design", "stripes", "cloth", "robustness")
     }
     assert expected == set(run.cube.data_vars)
 
