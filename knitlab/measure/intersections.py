@@ -1,6 +1,7 @@
 """Intersections: how many pairs of grid cells of a fabric pass through each other."""
 
 import itertools
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -18,8 +19,11 @@ TRIANGLES = np.array([[0, 1, 2], [2, 3, 0]])
 TOUCHING = 1e-9
 """Part of a cell's size by which cells have to pass through each other to be counted."""
 
-Cells = Float[np.ndarray, "cell 4 3"]
-Boxes = Float[np.ndarray, "2 cell 3"]
+TOGETHER = 20_000
+"""Cells of several states that are compared at once: many states of a small fabric cost little."""
+
+# Corners and components come first and pairs last: numpy is slow along short last axes.
+Cells = Float[np.ndarray, "4 3 pair"]
 
 
 def self_intersections(
@@ -35,113 +39,160 @@ def self_intersections(
         shape: mesh of the fabric.
         configurations: node coordinates of each state, then L_x and L_y [mm].
     """
-    return np.array([_intersections(shape, configuration) for configuration in configurations])
+    together = max(1, TOGETHER // (shape.cells_y * shape.cells_x))
+    counts = [
+        _intersections(shape, configurations[first : first + together])
+        for first in range(0, len(configurations), together)
+    ]
+    return np.concatenate([np.zeros(0, int), *counts])
 
 
-def _intersections(shape: MeshShape, configuration: Float[np.ndarray, " unknown"]) -> int:
+def _intersections(
+    shape: MeshShape, configurations: Float[np.ndarray, "state unknown"]
+) -> Int[np.ndarray, " state"]:
     rows, columns = np.arange(shape.cells_y + 1), np.arange(shape.cells_x + 1)
-    nodes = np.asarray(nodes_at(shape, configuration, rows, columns))
-    lattice = np.array([[0, configuration[-1], 0], [configuration[-2], 0, 0]])
-    # Corners are named by their row and column, past the seam too, so that shared ones are known.
-    names = np.indices((shape.cells_y, shape.cells_x)).reshape(2, -1).T[:, None] + CORNERS
-    cells = nodes[names[..., 0], names[..., 1]]
-    boxes = np.stack([cells.min(axis=1), cells.max(axis=1)])
-    tolerance = TOUCHING * np.linalg.norm(cells[:, 0] - cells[:, 2], axis=-1).max()
-    found = []
-    for turns in _images(shape, boxes, lattice):
-        one, other = _overlapping(boxes, boxes + turns @ lattice, tolerance)
-        distinct = (one < other) | turns.any()
-        found.append((one[distinct], other[distinct], np.tile(turns, (distinct.sum(), 1))))
-    one, other, turns = (np.concatenate(each) for each in zip(*found, strict=True))
-    moved = cells[other] + (turns @ lattice)[:, None]
-    renamed = names[other] + (turns * (shape.cells_y, shape.cells_x))[:, None]
-    shared = (names[one][:, :, None] == renamed[:, None]).all(axis=-1)
-    pierced = _pierced(
-        np.concatenate([cells[one], moved]),
-        np.concatenate([moved, cells[one]]),
-        np.concatenate([shared, shared.swapaxes(1, 2)]),
-        tolerance,
+    nodes = np.moveaxis(np.asarray(nodes_at(shape, configurations, rows, columns)), -1, 0)
+    place = np.indices((shape.cells_y, shape.cells_x)).reshape(2, -1)
+    cells = np.stack([nodes[:, :, row, column] for row, column in CORNERS[:, :, None] + place])
+    tolerance = TOUCHING * np.linalg.norm(cells[0] - cells[2], axis=0).max()
+    pairs = _near_pairs(shape, cells, configurations[:, :-3:-1].T, tolerance)
+    ours = cells[:, :, pairs.state, pairs.one]
+    theirs = cells[:, :, pairs.state, pairs.other]
+    theirs[:, :2] += pairs.offset[::-1]
+    crossing = _pierced(ours, theirs, tolerance) | _pierced(theirs, ours, tolerance)
+    return np.bincount(pairs.state[crossing], minlength=len(configurations))
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """Pairs of cells whose bounding boxes overlap.
+
+    Attributes:
+        state: of each pair.
+        one, other: its cells.
+        offset: by which the other is moved along y and x [mm].
+    """
+
+    state: Int[np.ndarray, " pair"]
+    one: Int[np.ndarray, " pair"]
+    other: Int[np.ndarray, " pair"]
+    offset: Float[np.ndarray, "2 pair"]
+
+
+def _near_pairs(
+    shape: MeshShape,
+    cells: Float[np.ndarray, "4 3 state cell"],
+    periods: Float[np.ndarray, "2 state"],
+    tolerance: float,
+) -> _Pairs:
+    """Pairs of cells, and of cells and images, whose bounding boxes overlap.
+
+    Args:
+        shape: mesh of the fabric.
+        cells: corners of the cells of every state.
+        periods: L_y and L_x of every state [mm].
+        tolerance: length within which boxes overlap too [mm].
+    """
+    low, high = cells.min(axis=0) - tolerance, cells.max(axis=0)
+    lowest, highest = low.min(axis=2, keepdims=True), high.max(axis=2, keepdims=True)
+    images = []
+    for turns in _images(shape, lowest, highest, periods):
+        offset = turns[:, None] * periods
+        moved = np.concatenate([offset[::-1], np.zeros((1, offset.shape[1]))])[..., None]
+        reaching = ((low + moved < highest) & (high + moved > lowest)).all(axis=0)
+        state, cell = np.nonzero(reaching)
+        images.append((state, cell, np.tile(turns[:, None], len(state)), offset[:, state]))
+    state, other, turns, offset = (
+        np.concatenate(each, axis=-1) for each in zip(*images, strict=True)
     )
-    return int(np.count_nonzero(pierced.reshape(2, -1).any(axis=0)))
+    # Boxes overlap only where their centres are within a box of each other; states lie far apart.
+    widest = (high - low).max(axis=(1, 2))[:, None]
+    places = np.indices(low.shape[1:]).reshape(2, -1)
+    ours = np.vstack([((low + high) / 2).reshape(3, -1) / widest, 2.0 * places[0]])
+    middle = (low[:, state, other] + high[:, state, other]) / 2
+    middle[:2] += offset[::-1]
+    near = cKDTree(ours.T).sparse_distance_matrix(
+        cKDTree(np.vstack([middle / widest, 2.0 * state]).T), 1.0, p=np.inf, output_type="ndarray"
+    )
+    one, image = places[1][near["i"]], near["j"]
+    first = (one < other[image]) | turns[:, image].any(axis=0)
+    one, image = one[first], image[first]
+    at, found, by = state[image], other[image], offset[:, image]
+    kept = np.ones(len(one), bool)
+    for axis, moved in enumerate((by[1], by[0], 0.0)):
+        top = np.minimum(high[axis, at, one], high[axis, at, found] + moved)
+        kept &= top > np.maximum(low[axis, at, one], low[axis, at, found] + moved)
+    return _Pairs(at[kept], one[kept], found[kept], by[:, kept])
 
 
 def _images(
-    shape: MeshShape, boxes: Boxes, lattice: Float[np.ndarray, "2 3"]
+    shape: MeshShape,
+    lowest: Float[np.ndarray, "3 state 1"],
+    highest: Float[np.ndarray, "3 state 1"],
+    periods: Float[np.ndarray, "2 state"],
 ) -> list[Int[np.ndarray, " 2"]]:
     """Periods (y, x) by which the fabric is moved to meet itself, one of two opposite ones."""
     if not shape.periodic:
         return [np.zeros(2, int)]
-    extent = boxes[1].max(axis=0) - boxes[0].min(axis=0)
-    reach_y, reach_x = (extent[[1, 0]] / lattice.max(axis=1)).astype(int)
+    extent = (highest - lowest)[[1, 0], :, 0]
+    reach_y, reach_x = (extent / periods).max(axis=1).astype(int)
     turns = itertools.product(range(reach_y + 1), range(-reach_x, reach_x + 1))
     return [np.array(each) for each in turns if each >= (0, 0)]
 
 
-def _overlapping(
-    boxes: Boxes, others: Boxes, tolerance: float
-) -> tuple[Int[np.ndarray, " pair"], Int[np.ndarray, " pair"]]:
-    """Pairs of one cell and another whose bounding boxes overlap."""
-    (ours,) = np.nonzero(_meet(boxes, others[0].min(axis=0), others[1].max(axis=0), tolerance))
-    (theirs,) = np.nonzero(_meet(others, boxes[0].min(axis=0), boxes[1].max(axis=0), tolerance))
-    centres, other_centres = boxes[:, ours].mean(axis=0), others[:, theirs].mean(axis=0)
-    # Boxes overlap only where their centres are within a box of each other.
-    widest = np.ptp(boxes, axis=0).max(axis=0) + tolerance
-    near = cKDTree(centres / widest).sparse_distance_matrix(
-        cKDTree(other_centres / widest), 1.0, p=np.inf, output_type="coo_matrix"
-    )
-    one, other = ours[near.row], theirs[near.col]
-    kept = _meet(boxes[:, one], others[0][other], others[1][other], tolerance)
-    return one[kept], other[kept]
-
-
-def _meet(
-    boxes: Boxes, low: Float[np.ndarray, "*any 3"], high: Float[np.ndarray, "*any 3"], within: float
-) -> Bool[np.ndarray, " cell"]:
-    """Which boxes overlap others, or are within a length of it: flat ones have no volume."""
-    return (np.minimum(boxes[1], high) - np.maximum(boxes[0], low) > -within).all(axis=-1)
-
-
-def _pierced(
-    cells: Cells, others: Cells, shared: Bool[np.ndarray, "cell 4 4"], tolerance: float
-) -> Bool[np.ndarray, " cell"]:
+def _pierced(cells: Cells, others: Cells, tolerance: float) -> Bool[np.ndarray, " pair"]:
     """Which cells have a segment that crosses a triangle of the other cell of their pair.
+
+    A segment that ends in a corner of the triangle, as neighbours have, does not cross its plane by
+    the tolerance.
 
     Args:
         cells: one cell of each pair.
         others: the other.
-        shared: which corner of the one is which of the other.
         tolerance: length by which a segment has to cross [mm].
     """
-    found = np.zeros(len(cells), bool)
+    found = np.zeros(cells.shape[-1], bool)
     for triangle in TRIANGLES:
-        corners = others[:, triangle]
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        normal /= np.linalg.norm(normal, axis=-1, keepdims=True) + np.finfo(float).tiny
-        height = np.einsum("pcx,px->pc", cells - corners[:, :1], normal)
-        held = np.any(shared[:, :, triangle], axis=-1)
+        corners = others[triangle]
+        normal = _unit(_cross(corners[1] - corners[0], corners[2] - corners[0]))
+        height = ((cells - corners[0]) * normal).sum(axis=1)
+        # Most cells lie to one side.
+        both = (height.min(axis=0) < -tolerance) & (height.max(axis=0) > tolerance)
+        place = np.flatnonzero(both & ~found)
         for start, end in SEGMENTS:
-            above, below = height[:, start], height[:, end]
+            above, below = height[start, place], height[end, place]
             apart = (above * below < 0) & (np.minimum(abs(above), abs(below)) > tolerance)
-            place = np.flatnonzero(apart & ~(held[:, start] | held[:, end]))
-            if place.size:
-                share = (above[place] / (above - below)[place])[:, None]
-                point = cells[place, start] * (1 - share) + cells[place, end] * share
-                found[place] |= _inside(point, corners[place], normal[place], tolerance)
+            at, above, below = place[apart], above[apart], below[apart]
+            share = above / (above - below)
+            point = cells[start][:, at] * (1 - share) + cells[end][:, at] * share
+            found[at] |= _inside(point, corners[:, :, at], normal[:, at], tolerance)
     return found
 
 
 def _inside(
-    point: Float[np.ndarray, "point 3"],
-    corners: Float[np.ndarray, "point 3 3"],
-    normal: Float[np.ndarray, "point 3"],
+    point: Float[np.ndarray, "3 pair"],
+    corners: Float[np.ndarray, "3 3 pair"],
+    normal: Float[np.ndarray, "3 pair"],
     tolerance: float,
-) -> Bool[np.ndarray, " point"]:
+) -> Bool[np.ndarray, " pair"]:
     """Which points of a triangle's plane lie within it.
 
     Its last side, the diagonal of the cell, belongs to it; the others do not.
     """
-    side = np.roll(corners, -1, axis=1) - corners
-    side /= np.linalg.norm(side, axis=-1, keepdims=True) + np.finfo(float).tiny
-    inward = np.cross(normal[:, None], side)
-    distance = np.einsum("psx,psx->ps", point[:, None] - corners, inward)
-    return (distance > np.array([tolerance, tolerance, -tolerance])).all(axis=-1)
+    inside = np.ones(point.shape[-1], bool)
+    for side, least in enumerate((tolerance, tolerance, -tolerance)):
+        along = _unit(corners[(side + 1) % 3] - corners[side])
+        inward = _cross(normal, along)
+        inside &= ((point - corners[side]) * inward).sum(axis=0) > least
+    return inside
+
+
+def _cross(
+    one: Float[np.ndarray, "3 pair"], other: Float[np.ndarray, "3 pair"]
+) -> Float[np.ndarray, "3 pair"]:
+    (a, b, c), (x, y, z) = one, other
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x])
+
+
+def _unit(vector: Float[np.ndarray, "3 pair"]) -> Float[np.ndarray, "3 pair"]:
+    return vector / (np.sqrt((vector**2).sum(axis=0)) + np.finfo(float).tiny)
