@@ -11,9 +11,9 @@ import xarray as xr
 
 from knitlab.maps.claim_finding import Labels
 from knitlab.sweep.cube_file import base_dims, is_measured, source_of
+from knitlab.sweep.plain_cube import READING, stated_reading
 from knitlab.sweep.registry import SOURCE
 
-READING = "reading_"
 Size = tuple[int, int]
 
 
@@ -111,11 +111,7 @@ def preference(cube: xr.Dataset, at: Sequence[Labels], boundary: str) -> tuple[b
 
 def _reading(cube: xr.Dataset) -> str:
     """The choices of the model in words, those swept and the gap between the walls among them."""
-    choices = {
-        str(name).removeprefix(READING): value
-        for name, value in cube.attrs.items()
-        if str(name).startswith(READING)
-    }
+    choices = stated_reading(cube.attrs)
     if z_max := _parameters(cube).get("sheet", {}).get("z_max"):
         choices["z_max"] = z_max
     swept = {

@@ -16,6 +16,7 @@ from knitlab.maps.claims import Claim, read_claims
 from knitlab.maps.margin import Grade
 from knitlab.sweep.cube_file import base_dims, swept_dims
 from knitlab.sweep.design_status import Status
+from knitlab.sweep.plain_cube import stated_reading
 from knitlab.sweep.registry import DESIGN_DIMS
 
 Label = str | float
@@ -130,7 +131,7 @@ def settings_of(cube: xr.Dataset) -> Settings:
         "damping_factor": 1.0,
         "drag": solver.get("drag", 0.0),
         **parameters.get("sheet", {}),
-        **{key.removeprefix("reading_"): its for key, its in cube.attrs.items()},
+        **stated_reading(cube.attrs),
         **{str(key): its.item() for key, its in cube.coords.items() if not its.dims},
     }
     if stated["ending"] == "steady":

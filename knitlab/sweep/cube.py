@@ -19,7 +19,7 @@ from knitlab.sweep.design_space import Design
 from knitlab.sweep.design_status import Status
 from knitlab.sweep.gauge import sizes_at, sizes_of, stated
 from knitlab.sweep.measurement import FIXED_COORDINATES, fixed_coordinates, variables_of
-from knitlab.sweep.plain_cube import PlainCube, unmasked
+from knitlab.sweep.plain_cube import READING, PlainCube, unmasked
 from knitlab.sweep.plan import Plan
 from knitlab.sweep.provenance import provenance
 from knitlab.sweep.registry import VARIABLES, described
@@ -143,7 +143,7 @@ def _attributes(
     attributes = {"title": plan.title, "workflow": plan.workflow, ATTRIBUTE: json.dumps(common)}
     if "method" in common:
         attributes["method"] = common["method"]
-    reading = {f"reading_{key}": value for key, value in common.get("reading", {}).items()}
+    reading = {f"{READING}{key}": value for key, value in common.get("reading", {}).items()}
     most = max((case.robustness for case in plan.cases.values()), default=0)
     seeds = {"random_seeds": f"1 to {most}: of the siblings of each design"} if most else {}
     return provenance() | seeds | attributes | reading

@@ -34,20 +34,24 @@ def code_fingerprint() -> str:
 @lru_cache(maxsize=1)
 def package_fingerprint() -> str:
     """Fingerprint of all of the package's code."""
-    digest = hashlib.sha256()
-    for file in sorted(PACKAGE.rglob("*.py")):
-        digest.update(file.relative_to(PACKAGE).as_posix().encode())
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:DIGITS]
+    return _fingerprint(PACKAGE, sorted(_names(PACKAGE, PACKAGE.rglob("*.py"))))
 
 
 def fingerprint_of(package: Path) -> str:
     """Fingerprint of the computing code of a package that lies in a folder."""
+    return _fingerprint(package, computing_files(package))
+
+
+def _fingerprint(package: Path, names: Iterable[str]) -> str:
     digest = hashlib.sha256()
-    for name in computing_files(package):
+    for name in names:
         digest.update(name.encode())
         digest.update((package / name).read_bytes())
     return digest.hexdigest()[:DIGITS]
+
+
+def _names(package: Path, files: Iterable[Path]) -> set[str]:
+    return {file.relative_to(package).as_posix() for file in files}
 
 
 def computing_files(package: Path) -> list[str]:
@@ -57,7 +61,7 @@ def computing_files(package: Path) -> list[str]:
         for part in COMPUTING
         for file in ([package / part] if part.endswith(".py") else (package / part).glob("*.py"))
     ]
-    return sorted({file.relative_to(package).as_posix() for file in files} - set(OF_CUBES))
+    return sorted(_names(package, files) - set(OF_CUBES))
 
 
 def text_fingerprint(text: str) -> str:

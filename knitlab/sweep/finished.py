@@ -6,8 +6,8 @@ from typing import Any
 from knitlab.sweep.design_status import Status
 from knitlab.sweep.faults import BadInput
 from knitlab.sweep.fingerprint import package_fingerprint
-from knitlab.sweep.shipped import shipped
 from knitlab.sweep.status import changed_inputs, folder_status, planned_designs, read_plan
+from knitlab.sweep.workflow_file import workflow_file
 
 
 def finished_plan(
@@ -23,10 +23,9 @@ def finished_plan(
         overrides: ``KEY=VALUE`` settings.
         results: folder that holds a folder of results for each workflow.
     """
-    named = shipped("workflows") / f"{workflow}.toml"
-    path = named if named.is_file() else Path(workflow)
-    folder = results / path.stem
     try:
+        path = workflow_file(workflow)
+        folder = results / path.stem
         record = read_plan(folder)
         same = (
             tuple(record["overrides"]) == overrides

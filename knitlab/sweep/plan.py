@@ -32,7 +32,8 @@ from knitlab.sweep.shipped import shipped
 from knitlab.sweep.unusual import unusual_values
 from knitlab.sweep.variable import Variable
 from knitlab.sweep.workflow import Workflow
-from knitlab.sweep.workflow_text import WorkflowText, read_workflow, workflow_file
+from knitlab.sweep.workflow_file import workflow_file
+from knitlab.sweep.workflow_text import WorkflowText, read_workflow
 
 # Unknowns that one vmapped batch may hold: about 1 GiB of element Hessians.
 BATCH_UNKNOWNS = 8_000

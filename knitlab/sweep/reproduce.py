@@ -130,9 +130,10 @@ def reproduce(recorded: Recorded, say: Callable[[str], None]) -> bool:
         say(line)
     reason = failure_reason(case, test)
     say(reason or f"all {len(test.states)} states converged")
-    if recorded.kept is None:
+    kept = recorded.kept
+    if kept is None:
         return not reason
-    agree, sentence = comparison(results, recorded.kept)
+    agree, sentence = comparison(results, kept)
     say(f"{sentence} {case_path(recorded.folder, recorded.case_id)}")
     return agree and not reason
 

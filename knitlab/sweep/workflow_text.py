@@ -8,9 +8,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from knitlab.sweep.axes import SAMPLE_SIZE, SWEPT_SECTIONS, Axis
-from knitlab.sweep.faults import BadInput, Fault, fault, faults_of
+from knitlab.sweep.faults import BadInput, Fault, faults_of
 from knitlab.sweep.names import unknown
-from knitlab.sweep.shipped import shipped
 from knitlab.sweep.strict import Strict
 from knitlab.sweep.toml import read_toml
 from knitlab.sweep.workflow import SECTION_OF, SECTIONS, Workflow
@@ -100,23 +99,6 @@ class WorkflowText:
     def folder(self, key: str) -> Path:
         """What a path under ``section.key`` is relative to: here, or the file that says it."""
         return Path() if key in self.overrides else self.path.parent
-
-
-def workflow_file(workflow: str) -> Path:
-    """The file of a workflow given by its name or its path.
-
-    Raises:
-        BadInput: if there is none.
-    """
-    named = shipped("workflows") / f"{workflow}.toml"
-    if named.is_file():
-        return named
-    path = Path(workflow)
-    if path.is_file():
-        return path
-    names = [file.stem for file in shipped("workflows").glob("*.toml")]
-    problem = unknown(path.stem, names, "workflow")
-    raise fault(workflow, f"is no file, and {problem}")
 
 
 def read_workflow(path: Path, overrides: tuple[str, ...] = ()) -> WorkflowText:
