@@ -1,12 +1,9 @@
 """Intersections: how many pairs of grid cells of a fabric pass through each other."""
 
-import itertools
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial import cKDTree
 
+from knitlab.measure.near_pairs import NearPairs, near_pairs
 from knitlab.measure.places import nodes_at
 from knitlab.model.network import MeshShape
 
@@ -16,6 +13,8 @@ SEGMENTS = np.array([[0, 1], [1, 2], [2, 3], [3, 0], [0, 2]])
 """Sides of a cell and the diagonal that cuts it in two triangles, by corner."""
 TRIANGLES = np.array([[0, 1, 2], [2, 3, 0]])
 """Triangles of a cell by corner; the last side of each is the diagonal."""
+SIDE_TOWARDS = np.array([[-1, 1, 3], [2, -1, -1], [0, -1, -1]])
+"""Number of the side towards the neighbour so many rows and columns (0, 1 or -1) further on."""
 TOUCHING = 1e-9
 """Part of a cell's size by which cells have to pass through each other to be counted."""
 
@@ -55,89 +54,54 @@ def _intersections(
     place = np.indices((shape.cells_y, shape.cells_x)).reshape(2, -1)
     cells = np.stack([nodes[:, :, row, column] for row, column in CORNERS[:, :, None] + place])
     tolerance = TOUCHING * np.linalg.norm(cells[0] - cells[2], axis=0).max()
-    pairs = _near_pairs(shape, cells, configurations[:, :-3:-1].T, tolerance)
-    ours = cells[:, :, pairs.state, pairs.one]
-    theirs = cells[:, :, pairs.state, pairs.other]
-    theirs[:, :2] += pairs.offset[::-1]
+    low, high = cells.min(axis=0) - tolerance, cells.max(axis=0)
+    periods = configurations[:, :-3:-1].T
+    pairs = near_pairs(shape, low, high, periods)
+    state = pairs.one // place.shape[1]
+    ours, theirs = (cells.reshape(4, 3, -1).take(each, -1) for each in (pairs.one, pairs.other))
+    theirs[:, 1::-1] += pairs.turns * periods[:, state]
+    open_to = np.flatnonzero(~_separated(shape, pairs, ours, theirs, tolerance))
+    ours, theirs = ours.take(open_to, -1), theirs.take(open_to, -1)
     crossing = _pierced(ours, theirs, tolerance) | _pierced(theirs, ours, tolerance)
-    return np.bincount(pairs.state[crossing], minlength=len(configurations))
+    return np.bincount(state[open_to][crossing], minlength=len(configurations))
 
 
-@dataclass(frozen=True)
-class _Pairs:
-    """Pairs of cells whose bounding boxes overlap.
+def _separated(
+    shape: MeshShape, pairs: NearPairs, cells: Cells, others: Cells, tolerance: float
+) -> Bool[np.ndarray, " pair"]:
+    """Which cells lie on two sides of a plane, to the tolerance; others may do so too.
 
-    Attributes:
-        state: of each pair.
-        one, other: its cells.
-        offset: by which the other is moved along y and x [mm].
-    """
-
-    state: Int[np.ndarray, " pair"]
-    one: Int[np.ndarray, " pair"]
-    other: Int[np.ndarray, " pair"]
-    offset: Float[np.ndarray, "2 pair"]
-
-
-def _near_pairs(
-    shape: MeshShape,
-    cells: Float[np.ndarray, "4 3 state cell"],
-    periods: Float[np.ndarray, "2 state"],
-    tolerance: float,
-) -> _Pairs:
-    """Pairs of cells, and of cells and images, whose bounding boxes overlap.
+    The plane stands across the line between their centres; of cells with a common side it contains
+    the side.
 
     Args:
         shape: mesh of the fabric.
-        cells: corners of the cells of every state.
-        periods: L_y and L_x of every state [mm].
-        tolerance: length within which boxes overlap too [mm].
+        pairs: cells by number.
+        cells: one cell of each pair.
+        others: the other.
+        tolerance: length by which both may reach past the plane [mm].
     """
-    low, high = cells.min(axis=0) - tolerance, cells.max(axis=0)
-    lowest, highest = low.min(axis=2, keepdims=True), high.max(axis=2, keepdims=True)
-    images = []
-    for turns in _images(shape, lowest, highest, periods):
-        offset = turns[:, None] * periods
-        moved = np.concatenate([offset[::-1], np.zeros((1, offset.shape[1]))])[..., None]
-        reaching = ((low + moved < highest) & (high + moved > lowest)).all(axis=0)
-        state, cell = np.nonzero(reaching)
-        images.append((state, cell, np.tile(turns[:, None], len(state)), offset[:, state]))
-    state, other, turns, offset = (
-        np.concatenate(each, axis=-1) for each in zip(*images, strict=True)
-    )
-    # Boxes overlap only where their centres are within a box of each other; states lie far apart.
-    widest = (high - low).max(axis=(1, 2))[:, None]
-    places = np.indices(low.shape[1:]).reshape(2, -1)
-    ours = np.vstack([((low + high) / 2).reshape(3, -1) / widest, 2.0 * places[0]])
-    middle = (low[:, state, other] + high[:, state, other]) / 2
-    middle[:2] += offset[::-1]
-    near = cKDTree(ours.T).sparse_distance_matrix(
-        cKDTree(np.vstack([middle / widest, 2.0 * state]).T), 1.0, p=np.inf, output_type="ndarray"
-    )
-    one, image = places[1][near["i"]], near["j"]
-    first = (one < other[image]) | turns[:, image].any(axis=0)
-    one, image = one[first], image[first]
-    at, found, by = state[image], other[image], offset[:, image]
-    kept = np.ones(len(one), bool)
-    for axis, moved in enumerate((by[1], by[0], 0.0)):
-        top = np.minimum(high[axis, at, one], high[axis, at, found] + moved)
-        kept &= top > np.maximum(low[axis, at, one], low[axis, at, found] + moved)
-    return _Pairs(at[kept], one[kept], found[kept], by[:, kept])
+    normal = others.sum(axis=0) - cells.sum(axis=0)
+    side = _common_side(shape, pairs)
+    shares = np.flatnonzero(side >= 0)
+    side = side[shares]
+    along = _unit(cells[(side + 1) % 4, :, shares] - cells[side, :, shares]).T
+    normal[:, shares] -= (normal[:, shares] * along).sum(axis=0) * along
+    last = np.einsum("cip,ip->cp", cells, normal).max(axis=0)
+    first = np.einsum("cip,ip->cp", others, normal).min(axis=0)
+    return last - first < tolerance * np.sqrt((normal**2).sum(axis=0))
 
 
-def _images(
-    shape: MeshShape,
-    lowest: Float[np.ndarray, "3 state 1"],
-    highest: Float[np.ndarray, "3 state 1"],
-    periods: Float[np.ndarray, "2 state"],
-) -> list[Int[np.ndarray, " 2"]]:
-    """Periods (y, x) by which the fabric is moved to meet itself, one of two opposite ones."""
-    if not shape.periodic:
-        return [np.zeros(2, int)]
-    extent = (highest - lowest)[[1, 0], :, 0]
-    reach_y, reach_x = (extent / periods).max(axis=1).astype(int)
-    turns = itertools.product(range(reach_y + 1), range(-reach_x, reach_x + 1))
-    return [np.array(each) for each in turns if each >= (0, 0)]
+def _common_side(shape: MeshShape, pairs: NearPairs) -> Int[np.ndarray, " pair"]:
+    """Number of the side of one cell across which the other is its neighbour, else -1."""
+    rows = pairs.other // shape.cells_x - pairs.one // shape.cells_x
+    columns = pairs.other % shape.cells_x - pairs.one % shape.cells_x
+    rows += pairs.turns[0] * shape.cells_y
+    columns += pairs.turns[1] * shape.cells_x
+    beside = np.flatnonzero(abs(rows) + abs(columns) == 1)
+    side = np.full(len(rows), -1)
+    side[beside] = SIDE_TOWARDS[rows[beside], columns[beside]]
+    return side
 
 
 def _pierced(cells: Cells, others: Cells, tolerance: float) -> Bool[np.ndarray, " pair"]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from knitlab.mechanics.dynamic_tension import Batch, Course, move
-from knitlab.mechanics.dynamics import DynamicsSettings, batch_integrator
+from knitlab.mechanics.dynamics import DynamicsSettings, integrate
 from knitlab.mechanics.state import Outcome
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric, flat_sheet
@@ -117,15 +117,23 @@ def test_damping_is_near_critical_for_the_softest_mode():
     assert 0.5 < float(inertia.damping / inertia.node_mass) / (2 * softest) < 1.5
 
 
-def test_a_batch_moves_as_its_cases_do_alone_and_compiles_once():
+def test_a_batch_moves_as_its_cases_do_alone_and_is_traced_once(monkeypatch):
+    traced = []
+
+    def counted(shape, *arguments):
+        traced.append(shape)
+        return integrate(shape, *arguments)
+
     designs = [(2, 1), (8, 1)]
     settings = replace(SETTINGS, max_steps=999_999)  # an integrator of its own
     batch = moving(designs, ENDLESS, settings)
     sheets = [np.asarray(flat_sheet(network(batch.shape), fabric)) for fabric in batch.fabrics]
-    together = move(batch, [Course(sheet) for sheet in sheets])
-    again = move(batch, [Course(np.asarray(shaken(sheet, 1e-3))) for sheet in sheets])
+    with monkeypatch.context() as patch:
+        patch.setattr("knitlab.mechanics.dynamics.integrate", counted)
+        together = move(batch, [Course(sheet) for sheet in sheets])
+        again = move(batch, [Course(np.asarray(shaken(sheet, 1e-3))) for sheet in sheets])
     assert all(arrival.state.converged for arrival in again)
-    assert batch_integrator(batch.shape, settings).func._cache_size() == 1
+    assert len(traced) == 1
     for case, sheet in enumerate(sheets):
         one = replace(
             batch, fabrics=batch.fabrics[case : case + 1], inertias=batch.inertias[case : case + 1]
