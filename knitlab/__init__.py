@@ -8,7 +8,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from knitlab.maps.accessor import open_cube
+    from knitlab.query.accessor import open_cube
 
 __version__ = version("knitlab")
 __all__ = ["__version__", "open_cube"]
@@ -17,7 +17,7 @@ __all__ = ["__version__", "open_cube"]
 def __getattr__(name: str) -> Any:
     # Only who opens a cube in Python waits for xarray.
     if name == "open_cube":
-        from knitlab.maps.accessor import open_cube
+        from knitlab.query.accessor import open_cube
 
         return open_cube
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -3,21 +3,21 @@
 import jax.numpy as jnp
 import numpy as np
 
-from knitlab.mechanics.drive import run
-from knitlab.mechanics.dynamic_tension import Batch
+from knitlab.io.shipped import shipped
+from knitlab.mechanics.dynamic_tensile_test import Batch
 from knitlab.mechanics.dynamics import DynamicsSettings
+from knitlab.mechanics.executor import run
 from knitlab.mechanics.relaxation import relax
 from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.state import State, TensileTest
-from knitlab.mechanics.tension import stretch
+from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.fabric import Fabric, Sheet, weave
 from knitlab.model.inertia import MassAndDrag, inertia
 from knitlab.model.network import Network
+from knitlab.model.options import Reading
 from knitlab.model.pattern import Pattern, checkerboard, patch_map
-from knitlab.model.reading import Reading
 from knitlab.model.stripe import Knit, Stripe
-from knitlab.sweep.parameters import read_parameters
-from knitlab.sweep.shipped import shipped
+from knitlab.study.parameters import read_parameters
 
 PARAMETERS = read_parameters(shipped("params"))
 SHEET = Sheet(z_max=6.0, k_wall=100.0)

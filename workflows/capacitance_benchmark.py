@@ -20,13 +20,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.measure.capacitance import (
+from knitlab.capacitance.boundary_elements import (
     STATES_AT_ONCE,
     maxwell_matrices,
     near_pairs,
     two_terminal,
 )
-from knitlab.measure.panels import graded
+from knitlab.capacitance.panels import graded
 
 Panels = Float[np.ndarray, "panel 4 3"]
 Pair = tuple[Panels, Panels]

@@ -5,6 +5,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PositiveInt, ValidationError, model_validator
 
+from knitlab.io.errors import BadInput, Fault, faults_of
+from knitlab.io.schema import SIMULATION
+from knitlab.io.strict_model import Strict
+from knitlab.io.toml import read_toml
 from knitlab.laboratory.quantities import (
     CapacitanceColumn,
     ForceColumn,
@@ -16,11 +20,7 @@ from knitlab.laboratory.quantities import (
     TimeColumn,
 )
 from knitlab.model.stripe import periods_per_patch
-from knitlab.sweep.faults import BadInput, Fault, faults_of
-from knitlab.sweep.registry import SIMULATION
-from knitlab.sweep.strict import Strict
-from knitlab.sweep.toml import read_toml
-from knitlab.sweep.workflow import MOST_STEPS, even_strains
+from knitlab.study.workflow import MOST_STEPS, even_strains
 
 Towards = Literal["right", "left", "up", "down"]
 Kind = Literal["markers", "tensile", "capacitance"]

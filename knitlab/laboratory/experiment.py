@@ -10,6 +10,14 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
+from knitlab.io.cube_file import design_dims, is_measured, open_cube, write_cube
+from knitlab.io.design_status import Status
+from knitlab.io.errors import BadInput, fault
+from knitlab.io.fingerprint import code_fingerprint, file_digest, text_fingerprint
+from knitlab.io.plain_cube import CUBE
+from knitlab.io.provenance import provenance
+from knitlab.io.schema import CYCLE, DESIGN_DIMS, SOURCE, VARIABLES, described
+from knitlab.io.shipped import shipped
 from knitlab.laboratory.description import Description, Kind, read_description
 from knitlab.laboratory.machine import (
     Pulls,
@@ -23,16 +31,8 @@ from knitlab.laboratory.markers import along_pull, marker_values, read_marked
 from knitlab.laboratory.quantities import number
 from knitlab.measure.cycles import Cycle
 from knitlab.model.stripe import periods_per_patch
-from knitlab.sweep.common import ATTRIBUTE, parameters_of
-from knitlab.sweep.cube_file import design_dims, is_measured, open_cube, write_cube
-from knitlab.sweep.design_status import Status
-from knitlab.sweep.faults import BadInput, fault
-from knitlab.sweep.fingerprint import code_fingerprint, file_digest, text_fingerprint
-from knitlab.sweep.parameters import read_parameters
-from knitlab.sweep.plain_cube import CUBE
-from knitlab.sweep.provenance import provenance
-from knitlab.sweep.registry import CYCLE, DESIGN_DIMS, SOURCE, VARIABLES, described
-from knitlab.sweep.shipped import shipped
+from knitlab.study.common_settings import ATTRIBUTE, parameters_of
+from knitlab.study.parameters import read_parameters
 
 IMPORTS = "imports"
 LARGEST_AT_REST = 0.25

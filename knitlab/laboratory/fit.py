@@ -22,8 +22,8 @@ from scipy.stats import norm, qmc
 
 from knitlab.laboratory.virtual_test import QUANTITIES, VirtualTest, virtual_test, with_factors
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
-from knitlab.mechanics.response import NoDerivative
-from knitlab.sweep.case import Case
+from knitlab.mechanics.linear_response import NoDerivative
+from knitlab.simulation.case import Case
 
 FITTED = tuple(name for name in STRIPE_PARAMETERS if not name.endswith("period"))
 """What is fitted by default: all but the periods, which are measured by a ruler."""

@@ -7,14 +7,14 @@ from typing import Any
 
 import tomli_w
 
+from knitlab.io.atomic_write import written_whole
+from knitlab.io.schema import VARIABLES
+from knitlab.io.stripe_file import DIGITS, ENTRY_UNITS
 from knitlab.laboratory.fit import Fit, root_mean_square
 from knitlab.laboratory.virtual_test import QUANTITIES
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.model.stripe import Stripe
-from knitlab.sweep.case import Case
-from knitlab.sweep.files import written_whole
-from knitlab.sweep.registry import VARIABLES
-from knitlab.sweep.stripe_file import DIGITS, ENTRY_UNITS
+from knitlab.simulation.case import Case
 
 HEADER = f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  told by test"
 HEADER = f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  told by test"

@@ -7,6 +7,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from knitlab.capacitance.capacitor_status import CapacitorStatus
+from knitlab.capacitance.sensor import hysteresis, sensor_of
+from knitlab.io.errors import fault
 from knitlab.laboratory.description import (
     CapacitanceTable,
     Description,
@@ -19,11 +22,8 @@ from knitlab.laboratory.records import (
     read_capacitance_log,
     read_tensile_log,
 )
-from knitlab.measure.capacitor_status import CapacitorStatus
 from knitlab.measure.cycles import Cycle, cycles
 from knitlab.measure.resampling import resampled
-from knitlab.measure.sensor import hysteresis, sensor_of
-from knitlab.sweep.faults import fault
 
 Times = Float[np.ndarray, " record"]
 Values = dict[str, Any]

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from knitlab.io.errors import fault
 from knitlab.laboratory.description import MarkersTable, SampleTable
 from knitlab.laboratory.quantities import number
 from knitlab.laboratory.trajectories import grid_of, in_fabric_axes, read_trajectories
 from knitlab.measure.marker_grid import MarkerGrid
 from knitlab.measure.resampling import resampled
 from knitlab.measure.strain import central_mean, lattice_vectors, local_strain, poisson_ratio
-from knitlab.sweep.faults import fault
 
 MOST_PULLED = 0.1
 """Part of the largest strain within which a frame shows the whole pull."""

@@ -5,8 +5,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from knitlab.sweep.strict import Strict
-from knitlab.sweep.table_file import factor_of
+from knitlab.io.strict_model import Strict
+from knitlab.io.table_file import factor_of
 
 REMEDIES = {
     "mm": "of length, such as mm",

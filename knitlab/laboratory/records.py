@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float
 
+from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.table_file import numbers_of, read_table
 from knitlab.laboratory.description import CapacitanceTable, TensileTable
 from knitlab.laboratory.quantities import Column, PlainColumn, conversion
-from knitlab.sweep.faults import BadInput, Fault, fault
-from knitlab.sweep.table_file import numbers_of, read_table
 
 EXAMPLE = "write a header and below it rows of numbers, all as long as the header"
 FEWEST_POINTS = 3

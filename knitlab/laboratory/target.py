@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
+from knitlab.io.cube_file import is_measured
+from knitlab.io.design_status import Status
+from knitlab.io.errors import fault
+from knitlab.io.schema import CYCLE, DESIGN_DIMS
 from knitlab.laboratory.fit import Target
 from knitlab.laboratory.virtual_test import QUANTITIES
-from knitlab.sweep.case import Case
-from knitlab.sweep.common import parameters_of
-from knitlab.sweep.cube_file import is_measured
-from knitlab.sweep.design_status import Status
-from knitlab.sweep.faults import fault
-from knitlab.sweep.plan import Plan
-from knitlab.sweep.registry import CYCLE, DESIGN_DIMS
+from knitlab.simulation.case import Case
+from knitlab.study.common_settings import parameters_of
+from knitlab.study.plan import Plan
 
 FEWEST_STRAINS = 3
 NO_ERROR = 1.0

@@ -6,11 +6,11 @@ import numpy as np
 from jaxtyping import Float
 from numpy.lib.format import MAGIC_PREFIX
 
+from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.table_file import numbers_of, read_table
 from knitlab.laboratory.description import MarkersTable, Towards
 from knitlab.laboratory.quantities import number
 from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_places
-from knitlab.sweep.faults import BadInput, Fault, fault
-from knitlab.sweep.table_file import numbers_of, read_table
 
 Trajectories = Float[np.ndarray, "frame marker 2"]
 FRAMES = "write it as in 'frame,marker,x,y'"

@@ -9,19 +9,19 @@ from jaxtyping import Float
 
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.mechanics.adjoint import Adjoint
-from knitlab.mechanics.drive import run
+from knitlab.mechanics.domain_decomposition import find_settled
+from knitlab.mechanics.equilibrium_search import SearchRules
+from knitlab.mechanics.executor import run
 from knitlab.mechanics.loading import tensile
 from knitlab.mechanics.relaxation import relax
-from knitlab.mechanics.search import SearchRules
-from knitlab.mechanics.settling import find_settled
 from knitlab.mechanics.solver import Evaluate, Solver
 from knitlab.mechanics.state import State, TensileTest
-from knitlab.mechanics.tension import stretch
+from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.fabric import Fabric, StripePair, laid_out
 from knitlab.model.network import Network
-from knitlab.sweep.case import Case
-from knitlab.sweep.sensitivity import measured_by
-from knitlab.sweep.simulation import starts
+from knitlab.simulation.case import Case
+from knitlab.simulation.simulate import starts
+from knitlab.simulation.stripe_sensitivity import measured_by
 
 QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")
 """What is read off a test, in this order."""

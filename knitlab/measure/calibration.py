@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import t as student_t
 
-from knitlab.model.reading import CellSize
+from knitlab.model.options import CellSize
 from knitlab.model.zigzag import Zigzag, tension
 
 FITTED = ("k_s", "k_t", "theta_0")

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Array, Float
 
-from knitlab.measure.places import nodes_at
+from knitlab.measure.grid_nodes import nodes_at
 from knitlab.model.network import MeshShape
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from knitlab.measure.grid_nodes import nodes_at
 from knitlab.measure.near_pairs import NearPairs, near_pairs
-from knitlab.measure.places import nodes_at
 from knitlab.model.network import MeshShape
 
 CORNERS = np.array([[0, 0], [0, 1], [1, 1], [1, 0]])

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.measure.places import nodes_at
+from knitlab.measure.grid_nodes import nodes_at
 from knitlab.model.network import MeshShape
 
 

@@ -21,8 +21,8 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
+from knitlab.mechanics.linear_response import Responses
 from knitlab.mechanics.loading import all_free, drive_along, free_under_tension, squared_up
-from knitlab.mechanics.response import Responses
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric, StripePair, Weave, flat_sheet
 from knitlab.model.network import MeshShape, network

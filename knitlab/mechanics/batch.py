@@ -2,7 +2,7 @@
 
 In every round what the solvers ask for is worked out for all of them at once: evaluations and
 element Hessians vmapped, the stiffness summed, factored and solved with on the device
-(:mod:`knitlab.mechanics.block_tridiagonal`). A solver that has ended, or asks for something else
+(:mod:`knitlab.linalg.block_tridiagonal`). A solver that has ended, or asks for something else
 in this round, keeps its place, so that the compiled batch size stays; what is worked out there
 is thrown away. The solvers share nothing, so none can disturb another.
 """
@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Bool, Float
 
-from knitlab.mechanics.block_tridiagonal import (
+from knitlab.linalg.block_tridiagonal import (
     BlockTridiagonal,
     Factors,
     block_tridiagonal,

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from knitlab.model.energy import wall_energy
 from knitlab.model.network import HINGE_VECTORS
-from knitlab.model.reading import FoldAngle
+from knitlab.model.options import FoldAngle
 
 Vector = Float[Array, "3 element"]
 Matrix = Float[Array, "3 3 element"]

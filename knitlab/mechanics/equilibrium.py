@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg.blas import daxpy
 
+from knitlab.mechanics.equilibrium_search import Search, SearchRules
 from knitlab.mechanics.evaluation import Evaluation
-from knitlab.mechanics.search import Search, SearchRules
 from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Solve, Solver
 from knitlab.mechanics.state import Outcome, State
 

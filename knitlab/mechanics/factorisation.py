@@ -1,6 +1,6 @@
 """Factorisation of the stiffness by a sparse Cholesky.
 
-The package's own nested dissection (:mod:`knitlab.mechanics.nested_dissection`) is the fastest
+The package's own nested dissection (:mod:`knitlab.linalg.symbolic_factorisation`) is the fastest
 that was measured in knitlab; CHOLMOD, of the optional ``cvxopt`` under the GPL, is there to be
 compared with.
 """
@@ -15,10 +15,10 @@ import numpy as np
 from jaxtyping import Float
 from threadpoolctl import ThreadpoolController
 
-from knitlab.mechanics.multifrontal import Multifrontal
-from knitlab.mechanics.nested_dissection import NestedDissection, nested_dissection
+from knitlab.linalg.multifrontal import Multifrontal
+from knitlab.linalg.symbolic_factorisation import NestedDissection, nested_dissection
+from knitlab.linalg.threads import ALONE, Threads
 from knitlab.mechanics.stiffness import FreeStiffness
-from knitlab.mechanics.threads import ALONE, Threads
 
 
 class Factors(Protocol):

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from knitlab.mechanics.domain_decomposition import find_settled
+from knitlab.mechanics.equilibrium_search import SearchRules
 from knitlab.mechanics.evaluation import WHOLE, Stage
 from knitlab.mechanics.loading import all_free, between_walls, squared_up
-from knitlab.mechanics.search import SearchRules
-from knitlab.mechanics.settling import find_settled
 from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
 from knitlab.mechanics.state import State
 from knitlab.model.fabric import Fabric, flat_sheet

@@ -2,7 +2,7 @@
 
 A solver yields a request and is sent the answer. It never touches a device itself, so that one
 and the same solver runs alone on a processor or beside others in batches on an accelerator
-(:mod:`knitlab.mechanics.drive`).
+(:mod:`knitlab.mechanics.executor`).
 """
 
 from collections.abc import Generator

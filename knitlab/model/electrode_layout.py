@@ -11,8 +11,8 @@ from scipy.sparse.csgraph import connected_components
 from knitlab.model.electrodes import NAMES, Along, Electrodes, Strip
 from knitlab.model.fabric import patch_senses
 from knitlab.model.network import MeshShape, mesh_shape
+from knitlab.model.options import Reading
 from knitlab.model.pattern import Pattern
-from knitlab.model.reading import Reading
 
 Face = Literal["front", "back", "both"]
 Within = Literal["patch", "fabric"]

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from knitlab.model.fabric import Fabric
 from knitlab.model.fold_angle import fold_from_rest
 from knitlab.model.network import Elements, Network
-from knitlab.model.reading import FoldAngle
+from knitlab.model.options import FoldAngle
 
 
 @jax.tree_util.register_dataclass

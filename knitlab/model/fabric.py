@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from knitlab.model.network import Network, mesh_shape, network
+from knitlab.model.options import FoldAngle, Reading
 from knitlab.model.pattern import CELLS_PER_PERIOD, Pattern, fold_senses, inside_runs
-from knitlab.model.reading import FoldAngle, Reading
 from knitlab.model.stripe import Stripe
 
 

@@ -2,7 +2,7 @@
 
 A cell is no plane, so that the cross product of its diagonals, its normal, may lean along the
 edge. The paper does not say what becomes of that part of it;
-:attr:`~knitlab.model.reading.Reading.fold_angle` does.
+:attr:`~knitlab.model.options.Reading.fold_angle` does.
 """
 
 from functools import partial
@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from knitlab.model.reading import FoldAngle
+from knitlab.model.options import FoldAngle
 
 Vector = Float[Array, "3 *element"]
 AngleAndSlope = tuple[Float[Array, " *element"], tuple[Vector, Vector, Vector]]

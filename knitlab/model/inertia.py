@@ -12,8 +12,8 @@ from jaxtyping import Array, Float
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, Network
+from knitlab.model.options import Reading
 from knitlab.model.pattern import CELLS_PER_PERIOD
-from knitlab.model.reading import Reading
 from knitlab.model.stripe import Stripe
 
 

@@ -10,8 +10,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from knitlab.model.options import Boundary
 from knitlab.model.pattern import Pattern
-from knitlab.model.reading import Boundary
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from knitlab.model.reading import FoldPhase
+from knitlab.model.options import FoldPhase
 
 CELLS_PER_PERIOD = 4
 """Grid cells along one period: two a stripe (paper, Fig. 1F: grid of size w/4)."""

@@ -13,8 +13,8 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from knitlab.model.fabric import cell_length
+from knitlab.model.options import Reading
 from knitlab.model.pattern import CELLS_PER_PERIOD
-from knitlab.model.reading import Reading
 from knitlab.model.stripe import Stripe
 
 AS_CALIBRATED = Reading(cell_size="relaxed", hinge_stiffness="per_edge", length_scale=1.0)

@@ -7,7 +7,7 @@ import xarray as xr
 from click.testing import CliRunner
 
 from knitlab.cli import main
-from knitlab.sweep.design_status import Status
+from knitlab.io.design_status import Status
 
 
 @pytest.fixture(autouse=True)

@@ -8,9 +8,9 @@ import xarray as xr
 from click.testing import CliRunner
 
 from knitlab.cli import main
-from knitlab.maps.drawn import is_drawn
-from knitlab.maps.figures import draw_figure
-from knitlab.sweep.finished import finished_plan
+from knitlab.execution.finished import finished_plan
+from knitlab.plot.drawn import is_drawn
+from knitlab.plot.figures import draw_figure
 
 SETTINGS = ("n_stripe=4", "n_subunit=8", "strain_max=0.06", "robustness=0")
 WORDS = ["run", "preview", *(word for text in SETTINGS for word in ("--set", text))]
@@ -83,7 +83,7 @@ def test_what_is_lost_or_damaged_is_made_anew(results, change):
 def test_other_settings_or_code_are_not_taken_for_done(results, monkeypatch):
     assert finished_plan("preview", SETTINGS[:2], results) is None
     assert finished_plan("sensor", SETTINGS, results) is None
-    monkeypatch.setattr("knitlab.sweep.finished.package_fingerprint", lambda: "other code")
+    monkeypatch.setattr("knitlab.execution.finished.package_fingerprint", lambda: "other code")
     assert finished_plan("preview", SETTINGS, results) is None
 
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from knitlab.mechanics.batch import run_in_step
-from knitlab.sweep.measurement import measured
-from knitlab.sweep.plan import make_plan
-from knitlab.sweep.simulation import equilibrium_tests
+from knitlab.simulation.measurement import measured
+from knitlab.simulation.simulate import equilibrium_tests
+from knitlab.study.plan import make_plan
 
 ROOT = Path(__file__).parents[2]
 SAME = 1e-3

@@ -6,12 +6,12 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
+from knitlab.capacitance.sensor import mean_slope
 from knitlab.cli import main
+from knitlab.io.cube_file import open_cube
+from knitlab.io.schema import COORDINATES, VARIABLES
 from knitlab.laboratory.experiment import import_records
 from knitlab.laboratory.synthetic import tracked
-from knitlab.measure.sensor import mean_slope
-from knitlab.sweep.cube_file import open_cube
-from knitlab.sweep.registry import COORDINATES, VARIABLES
 from tests.laboratory.recorded import (
     LENGTH,
     NU,
@@ -22,7 +22,7 @@ from tests.laboratory.recorded import (
     Laboratory,
     positions,
 )
-from tests.maps.test_sensor import with_electrodes
+from tests.plot.test_sensor import with_electrodes
 
 KINDS = ("markers", "tensile", "capacitance")
 

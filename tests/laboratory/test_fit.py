@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from knitlab.io.design_status import Status
+from knitlab.io.errors import BadInput
+from knitlab.io.shipped import shipped
+from knitlab.io.toml import read_toml
 from knitlab.laboratory.fit import FITTED, NoFit, Target, fit_stripes, root_mean_square
 from knitlab.laboratory.fit_report import report, write_stripes
 from knitlab.laboratory.target import at_strains_of, case_for, target_of
 from knitlab.laboratory.virtual_test import QUANTITIES, virtual_test, with_factors
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
-from knitlab.mechanics.drive import run
-from knitlab.mechanics.tension import stretch
-from knitlab.sweep.design_status import Status
-from knitlab.sweep.faults import BadInput
-from knitlab.sweep.parameters import read_parameters
-from knitlab.sweep.plan import make_plan
-from knitlab.sweep.shipped import shipped
-from knitlab.sweep.toml import read_toml
+from knitlab.mechanics.executor import run
+from knitlab.mechanics.tensile_test import stretch
+from knitlab.study.parameters import read_parameters
+from knitlab.study.plan import make_plan
 
 STRAINS = (0.0, 0.03, 0.06, 0.12, 0.15, 0.18, 0.21)
 TRUTH = {

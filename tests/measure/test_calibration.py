@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from knitlab.measure.calibration import FITTED, calibrate
-from knitlab.model.reading import Reading
+from knitlab.model.options import Reading
 from knitlab.model.zigzag import tension, zigzag
 from tests.fabrics import ALL_STRIPES, stripe
 

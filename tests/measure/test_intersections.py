@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from knitlab.measure.grid_nodes import nodes_at
 from knitlab.measure.intersections import self_intersections
-from knitlab.measure.places import nodes_at
 from knitlab.model.network import MeshShape, mesh_shape
 from knitlab.model.pattern import patch_map
 

@@ -12,7 +12,7 @@ from knitlab.measure.knit_size import (
     knit_sizes,
     stitches_of_cell,
 )
-from knitlab.sweep.plan import make_plan
+from knitlab.study.plan import make_plan
 
 PAPER = Gauge(200 / 360, 100 / 360)
 CHECKERBOARD = (2, 2)

@@ -2,16 +2,16 @@
 
 import pytest
 
-from knitlab.mechanics import blocks as blocks_module
+from knitlab.mechanics import subdomains
 from knitlab.mechanics.loading import tensile
 from tests.fabrics import CLAMPED, checkered, relaxed
 
 
 @pytest.fixture
 def small_blocks(monkeypatch):
-    monkeypatch.setattr(blocks_module, "CELLS", 8)
-    monkeypatch.setattr(blocks_module, "OVERLAP", 2)
-    monkeypatch.setattr(blocks_module, "FEWEST", 2)
+    monkeypatch.setattr(subdomains, "CELLS", 8)
+    monkeypatch.setattr(subdomains, "OVERLAP", 2)
+    monkeypatch.setattr(subdomains, "FEWEST", 2)
 
 
 @pytest.fixture(scope="package")

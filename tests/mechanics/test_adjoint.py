@@ -14,17 +14,17 @@ from scipy.spatial.transform import Rotation
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.mechanics.adjoint import Adjoint
 from knitlab.mechanics.alignment import aligning_rotation
-from knitlab.mechanics.drive import run
 from knitlab.mechanics.equilibrium import find_equilibrium
+from knitlab.mechanics.equilibrium_search import SearchRules
+from knitlab.mechanics.executor import run
+from knitlab.mechanics.linear_response import NoDerivative, rigid_motions
 from knitlab.mechanics.loading import all_free, squared_up, tensile
-from knitlab.mechanics.response import NoDerivative, rigid_motions
-from knitlab.mechanics.search import SearchRules
 from knitlab.mechanics.solver import Evaluate
-from knitlab.mechanics.tension import stretch
+from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.fabric import Fabric, Sheet, StripePair, Weave, flat_sheet, laid_out
+from knitlab.model.options import Reading
 from knitlab.model.pattern import checkerboard
-from knitlab.model.reading import Reading
-from knitlab.sweep.sensitivity import measured_by
+from knitlab.simulation.stripe_sensitivity import measured_by
 from tests.fabrics import CLAMPED, ENDLESS, FINE, stripe
 
 NAMES = (

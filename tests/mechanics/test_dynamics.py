@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from knitlab.mechanics.dynamic_tension import Batch, Course, move
+from knitlab.mechanics.dynamic_tensile_test import Batch, Course, move
 from knitlab.mechanics.dynamics import DynamicsSettings, integrate
 from knitlab.mechanics.state import Outcome
 from knitlab.model.energy import energy

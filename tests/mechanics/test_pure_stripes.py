@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import root
 
-from knitlab.model.reading import Reading
+from knitlab.model.options import Reading
 from knitlab.model.zigzag import tension, zigzag
 from tests.fabrics import (
     ALL_STRIPES,

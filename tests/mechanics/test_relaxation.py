@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from knitlab.mechanics.drive import run
+from knitlab.mechanics.executor import run
 from knitlab.mechanics.relaxation import relax, tiled
 from knitlab.model.energy import energy
 from tests.fabrics import CLAMPED, DEFAULT, ENDLESS, checkered, relaxed

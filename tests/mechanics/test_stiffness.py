@@ -27,7 +27,7 @@ from knitlab.model.energy import (
 )
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.network import HINGE_VECTORS, Network
-from knitlab.model.reading import Reading
+from knitlab.model.options import Reading
 from tests.fabrics import checkered, shaken
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from knitlab.mechanics.drive import run
+from knitlab.mechanics.element_chunks import PortionedFabric
 from knitlab.mechanics.evaluation import WHOLE
-from knitlab.mechanics.portions import PortionedFabric
-from knitlab.mechanics.tension import stretch
-from knitlab.model.reading import Reading
+from knitlab.mechanics.executor import run
+from knitlab.mechanics.tensile_test import stretch
+from knitlab.model.options import Reading
 from tests.fabrics import FINE, checkered
 
 READING = Reading(boundary="clamped")

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from knitlab.model.electrode_layout import BadLayout, Layout, laid_electrodes, ridge_lines
 from knitlab.model.electrodes import Electrodes, Strip, pieces
 from knitlab.model.network import MeshShape
+from knitlab.model.options import Reading
 from knitlab.model.pattern import checkerboard, patch_map
-from knitlab.model.reading import Reading
 from tests.fabrics import CLAMPED, ENDLESS
 
 STITCHES = 2.0, 4.0

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from knitlab.model.energy import energy, positions
 from knitlab.model.fabric import flat_sheet
-from knitlab.model.reading import Reading
+from knitlab.model.options import Reading
 from tests.fabrics import ALL_STRIPES, CLAMPED, ENDLESS, checkered, pure, shaken
 
 

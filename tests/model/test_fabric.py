@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from knitlab.model.fabric import cell_length
+from knitlab.model.options import Reading
 from knitlab.model.pattern import checkerboard
-from knitlab.model.reading import Reading
 from knitlab.model.stripe import periods_per_patch
 from tests.fabrics import CLAMPED, checkered, patterned, stripe
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import click
 
-from knitlab.mechanics.threads import ONE_THREAD
-from knitlab.sweep.workers import WORKER_ENVIRONMENT
+from knitlab.execution.workers import WORKER_ENVIRONMENT
+from knitlab.linalg.threads import ONE_THREAD
 from workflows.solver_benchmark.cube import gathered, read_cube, report, write_cube
 from workflows.solver_benchmark.figures import draw_all
 from workflows.solver_benchmark.measurement import IN_STEP, Measurement

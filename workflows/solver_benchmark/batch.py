@@ -11,8 +11,8 @@ import jax
 import numpy as np
 
 from knitlab.mechanics.batch import run_in_step
-from knitlab.mechanics.drive import Runner, run_in_turn
-from knitlab.sweep.simulation import equilibrium_tests
+from knitlab.mechanics.executor import Runner, run_in_turn
+from knitlab.simulation.simulate import equilibrium_tests
 from workflows.solver_benchmark.measurement import IN_STEP, IN_TURN, Measurement, Record
 
 FABRICS, SOFTEST, STIFFEST = 16, 0.7, 1.4

@@ -14,7 +14,7 @@ import pandas as pd
 import xarray as xr
 from threadpoolctl import ThreadpoolController
 
-from knitlab.sweep.files import written_whole
+from knitlab.io.atomic_write import written_whole
 from workflows.solver_benchmark.methods import RESIDUAL_LEVELS
 
 DIMS = {

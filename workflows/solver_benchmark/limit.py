@@ -13,13 +13,13 @@ import scipy.sparse as sp
 from jaxtyping import Float
 from scipy.sparse.linalg import splu
 
+from knitlab.linalg.threads import Threads, allowed_threads
+from knitlab.mechanics.element_chunks import PortionedFabric
 from knitlab.mechanics.evaluation import WHOLE
 from knitlab.mechanics.factorisation import factoriser, one_thread_of_blas
 from knitlab.mechanics.loading import tensile
-from knitlab.mechanics.portions import PortionedFabric
 from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
-from knitlab.mechanics.threads import Threads, allowed_threads
-from knitlab.sweep.simulation import starts
+from knitlab.simulation.simulate import starts
 from workflows.solver_benchmark.measurement import Measurement, Record
 
 TIMED, LONG = 5, 30.0

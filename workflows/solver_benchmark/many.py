@@ -7,8 +7,8 @@ import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from knitlab.sweep.cube_file import open_cube
-from knitlab.sweep.design_status import Status
+from knitlab.io.cube_file import open_cube
+from knitlab.io.design_status import Status
 from workflows.solver_benchmark.measurement import Measurement, Record
 
 COMMAND = (sys.executable, "-c", "from knitlab.cli import main; main()")

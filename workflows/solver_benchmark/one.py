@@ -6,7 +6,7 @@ import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
-from knitlab.sweep.provenance import git_commit
+from knitlab.io.provenance import git_commit
 from workflows.solver_benchmark import batch, limit, many, methods
 from workflows.solver_benchmark.cube import blas_kernels, cpu_model
 from workflows.solver_benchmark.measurement import Measurement

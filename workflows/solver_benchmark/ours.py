@@ -7,18 +7,18 @@ from typing import TypeVar
 
 import numpy as np
 
-from knitlab.mechanics.drive import Desk
+from knitlab.linalg.threads import Threads, allowed_threads
 from knitlab.mechanics.equilibrium import find_equilibrium
+from knitlab.mechanics.equilibrium_search import SearchRules
 from knitlab.mechanics.evaluation import WHOLE
+from knitlab.mechanics.executor import Desk
 from knitlab.mechanics.factorisation import one_thread_of_blas
 from knitlab.mechanics.loading import all_free
 from knitlab.mechanics.relaxation import relax, tiled
-from knitlab.mechanics.search import SearchRules
 from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Solver, SolverSettings
 from knitlab.mechanics.state import State
-from knitlab.mechanics.tension import stretch
-from knitlab.mechanics.threads import Threads, allowed_threads
-from knitlab.sweep.case import Case
+from knitlab.mechanics.tensile_test import stretch
+from knitlab.simulation.case import Case
 from workflows.solver_benchmark.problem import (
     Configuration,
     Free,

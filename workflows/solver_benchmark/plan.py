@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from knitlab.model.reading import Boundary
-from knitlab.sweep.parameters import read_parameters
-from knitlab.sweep.shipped import shipped
+from knitlab.io.shipped import shipped
+from knitlab.model.options import Boundary
+from knitlab.study.parameters import read_parameters
 from workflows.solver_benchmark.limit import FACTORISATIONS
 from workflows.solver_benchmark.measurement import IN_STEP, IN_TURN, Measurement
 from workflows.solver_benchmark.methods import SOLVERS, SWEPT, TRIALS, installed

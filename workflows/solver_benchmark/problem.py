@@ -7,13 +7,13 @@ from functools import cached_property, partial
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from knitlab.mechanics.element_chunks import PortionedFabric
 from knitlab.mechanics.evaluation import WHOLE, Evaluation
 from knitlab.mechanics.loading import all_free, squared_up, tensile
-from knitlab.mechanics.portions import PortionedFabric
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.inertia import Inertia, inertia
 from knitlab.model.network import MeshShape, Network
-from knitlab.sweep.case import Case
+from knitlab.simulation.case import Case
 from workflows.solver_benchmark.watch import Watch
 
 Configuration = Float[np.ndarray, " unknown"]

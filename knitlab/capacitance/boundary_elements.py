@@ -1,0 +1,276 @@
+"""Capacitance of conductors cut into panels, by the boundary-element method.
+
+Every panel carries a uniform charge. The mean potential that a unit charge on one panel makes on
+another (Galerkin's method) fills a symmetric matrix; its inverse, summed over the panels of each
+conductor, is Maxwell's capacitance matrix. Between panels that are near, the potential is the
+closed form of :mod:`~knitlab.capacitance.potential`, else that of quadrature points.
+"""
+
+import math
+from itertools import product
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from scipy.spatial import cKDTree
+from scipy.special import zeta
+
+from knitlab.capacitance.potential import triangle_potential
+
+VACUUM_PERMITTIVITY = 8.8541878128e-3
+"""ε0 [pF/mm] (CODATA 2018)."""
+
+NEAR = 2.0
+"""Panels are near if their centres lie within so many times the larger one's size."""
+POINTS_A_SIDE = 2
+"""Gauss points along each side of a panel."""
+PAIRS_AT_ONCE = 512
+"""Near pairs that are worked on together."""
+PAIRS_RATIO = 1.25
+"""Ratio of the numbers of pairs, of which each has its own program."""
+STATES_AT_ONCE = 4
+"""States that are worked on together."""
+TIE = 1e-9
+"""Part by which sizes of panels must differ for one to be the larger."""
+FEWEST_IMAGES = 2
+IMAGES_AN_EXTENT = 3
+"""Multipoles begin where images are so many times as far away as the conductors are wide."""
+
+
+class Images(eqx.Module):
+    """Endless repetition of all conductors along one axis.
+
+    Attributes:
+        count: images on either side that are summed one by one.
+        beyond: ζ(3) and ζ(5) of those further out, which are summed by their second and fourth
+            multipole; the odd ones of either side cancel.
+        axis: that they repeat along, 0 for x and 1 for y.
+    """
+
+    count: Int[Array, ""]
+    beyond: Float[Array, "2"]
+    axis: int = eqx.field(static=True)
+
+
+def images_along(
+    axis: int,
+    panels: Float[np.ndarray, "state panel 4 3"],
+    period: Float[np.ndarray, " state"],
+) -> Images:
+    """As many images as it takes for the multipoles beyond them to converge.
+
+    Args:
+        axis: that conductors repeat along.
+        panels: corners of their panels [mm].
+        period: of the repetition [mm].
+    """
+    across = np.delete(panels, axis, axis=-1)
+    extent = np.linalg.norm(np.ptp(across, axis=(1, 2)), axis=-1)
+    count = max(FEWEST_IMAGES, math.ceil(IMAGES_AN_EXTENT * float((extent / period).max())))
+    beyond = jnp.array([zeta(power, count + 1) for power in (3, 5)])
+    return Images(jnp.asarray(count), beyond, axis)
+
+
+def near_pairs(
+    panels: Float[np.ndarray, "state panel 4 3"],
+    images: Images | None = None,
+    period: Float[np.ndarray, " state"] | None = None,
+) -> Int[np.ndarray, "pair 2"]:
+    """Pairs of panels that are near in any state, once each, and every panel with itself.
+
+    Args:
+        panels: corners of the panels [mm].
+        images: how they repeat, if they do.
+        period: of the repetition [mm].
+
+    Returns:
+        The pairs, the larger panel second, and the last of them again and again.
+    """
+    states, count = panels.shape[:2]
+    turns = np.zeros((states, 1, 3))
+    if images is not None and period is not None:
+        turns[:, 0, images.axis] = period
+    near, extent = np.eye(count, dtype=bool), np.zeros(count)
+    for corners, turn in zip(panels, turns, strict=True):
+        centre = corners.mean(axis=1)
+        size = np.linalg.norm(corners - np.roll(corners, 2, axis=1), axis=-1).max(axis=1)
+        extent = np.maximum(extent, size)
+        tree = cKDTree(centre)
+        for image in (-1, 0, 1) if turn.any() else (0,):
+            found = tree.sparse_distance_matrix(
+                cKDTree(centre + image * turn), NEAR * size.max(), output_type="coo_matrix"
+            )
+            close = found.data <= NEAR * np.maximum(size[found.row], size[found.col])
+            near[found.row[close], found.col[close]] = True
+    pairs = np.argwhere(np.triu(near | near.T))
+    first, second = extent[pairs].T
+    # Gauss's points of a large panel would miss what a small one does near by.
+    pairs[first > second * (1 + TIE)] = pairs[first > second * (1 + TIE)][:, ::-1]
+    # So that few programs serve many shapes, their number is one of few.
+    steps = math.ceil(math.log(max(len(pairs) / PAIRS_AT_ONCE, 1), PAIRS_RATIO))
+    filled = PAIRS_AT_ONCE * math.ceil(PAIRS_RATIO**steps)
+    return np.concatenate([pairs, np.repeat(pairs[-1:], filled - len(pairs), axis=0)])
+
+
+@jax.jit
+def maxwell_matrices(
+    panels: Float[Array, "state panel 4 3"],
+    membership: Float[Array, "panel conductor"],
+    near: Int[Array, "pair 2"],
+    images: Images | None = None,
+    period: Float[Array, " state"] | None = None,
+) -> Float[Array, "state conductor conductor"]:
+    """Maxwell's capacitance matrices in vacuum [pF].
+
+    They are NaN where the potentials are not positive definite, as where panels lie in one
+    another. Of conductors that repeat it is the charge of one period, at potentials against a
+    reference that has no meaning; what has one is :func:`two_terminal`.
+
+    Args:
+        panels: corners of the panels in order around each; a corner may repeat [mm].
+        membership: 1 where a panel is a part of a conductor, else 0.
+        near: pairs of panels that are near, see :func:`near_pairs`.
+        images: how all conductors repeat, if they do.
+        period: of the repetition [mm].
+    """
+
+    def of_state(
+        state: tuple[Float[Array, "panel 4 3"], Float[Array, ""]],
+    ) -> Float[Array, "conductor conductor"]:
+        lower = jnp.linalg.cholesky(potential_coefficients(state[0], near, images, state[1]))
+        half = jax.scipy.linalg.solve_triangular(lower, membership, lower=True)
+        return half.T @ half
+
+    lengths = jnp.ones(len(panels)) if period is None else period
+    # Filled up to whole batches, or the rest would be compiled a second time.
+    filled = -(-len(panels) // STATES_AT_ONCE) * STATES_AT_ONCE
+    batches = jax.tree.map(
+        lambda of: jnp.take(of, jnp.arange(filled), axis=0, mode="clip").reshape(
+            -1, STATES_AT_ONCE, *of.shape[1:]
+        ),
+        (panels, lengths),
+    )
+    matrices = jax.lax.map(jax.vmap(of_state), batches)
+    matrices = matrices.reshape(filled, *matrices.shape[2:])[: len(panels)]
+    return 4 * jnp.pi * VACUUM_PERMITTIVITY * matrices
+
+
+def two_terminal(
+    matrix: Float[Array | np.ndarray, "*state 2 2"],
+) -> Float[Array | np.ndarray, "*state"]:
+    """Capacitance between two conductors whose charges are opposite, as a meter reads it [pF].
+
+    A shift of all potentials by the total charge, as endless conductors leave open, changes the
+    matrix but not this.
+    """
+    one, other, mutual = matrix[..., 0, 0], matrix[..., 1, 1], matrix[..., 0, 1]
+    return (one * other - mutual**2) / (one + other + 2 * mutual)
+
+
+def potential_coefficients(
+    panels: Float[Array, "panel 4 3"],
+    near: Int[Array, "pair 2"],
+    images: Images | None,
+    period: Float[Array, ""],
+) -> Float[Array, "panel panel"]:
+    """4πε0 times the mean potential on each panel for a unit charge on each [1/mm].
+
+    With images it is that of a charge and of all its images, but for a constant.
+    """
+    centre = panels.mean(axis=1)
+    turns = jnp.zeros((len(panels),) * 2)
+    axis = None if images is None else images.axis
+    if axis is not None:
+        turns = jnp.round((centre[:, None, axis] - centre[None, :, axis]) / period)
+
+    def inverse_distance(
+        one: Float[Array, "panel 3"],
+        other: Float[Array, "panel 3"],
+        image: Float[Array, ""] | float = 0.0,
+    ) -> Float[Array, "panel panel"]:
+        steps = [one[:, None, k] - other[None, :, k] for k in range(3)]
+        if axis is not None:
+            steps[axis] -= (turns + image) * period
+        return 1 / jnp.sqrt(steps[0] ** 2 + steps[1] ** 2 + steps[2] ** 2)
+
+    points, share = _quadrature(panels, POINTS_A_SIDE)
+    combinations = jnp.array(list(product(range(len(points)), repeat=2)))
+
+    def add_points(total: Array, pair: Array) -> tuple[Array, None]:
+        one, other = pair
+        weight = share[one][:, None] * share[other][None, :]
+        return total + weight * inverse_distance(points[one], points[other]), None
+
+    total, _ = jax.lax.scan(add_points, jnp.zeros_like(turns), combinations)
+
+    def closed(pairs: Int[Array, "some 2"]) -> Float[Array, " some"]:
+        seen_from, charged = pairs.T
+        source = panels[charged]
+        if axis is not None:
+            source = source.at[..., axis].add((turns[seen_from, charged] * period)[:, None])
+        return _closed_form(panels[seen_from], source)
+
+    coefficients = jax.lax.map(closed, near.reshape(-1, PAIRS_AT_ONCE, 2)).ravel()
+    total = total.at[near[:, 0], near[:, 1]].set(coefficients)
+    total = total.at[near[:, 1], near[:, 0]].set(coefficients)
+    if images is not None:
+
+        def add_image(number: Array, sum_so_far: Array) -> Array:
+            image = jnp.where(number % 2, 1, -1) * (1 + number // 2)
+            term = inverse_distance(centre, centre, image) - 1 / (jnp.abs(image) * period)
+            return sum_so_far + term
+
+        total = jax.lax.fori_loop(0, 2 * images.count, add_image, total)
+        total += _far_images(centre, turns, images, period)
+    return total
+
+
+def _far_images(
+    centre: Float[Array, "panel 3"],
+    turns: Float[Array, "panel panel"],
+    images: Images,
+    period: Float[Array, ""],
+) -> Float[Array, "panel panel"]:
+    """Potential of all images beyond those counted, by their second and fourth multipole."""
+    apart = (centre[:, None] - centre[None]) / period
+    along = apart[..., images.axis] - turns
+    squared = (apart**2).sum(axis=-1) - apart[..., images.axis] ** 2 + along**2
+    second = (3 * along**2 - squared) / 2
+    fourth = (35 * along**4 - 30 * along**2 * squared + 3 * squared**2) / 8
+    by_second, by_fourth = images.beyond
+    potential = 2 * (by_second * second + by_fourth * fourth) / period
+    # The constant lifts the potentials far enough for the matrix to be positive definite.
+    across = jnp.sqrt(jnp.maximum(squared - along**2, 0)).max()
+    return potential + 4 * (1 + jnp.log1p(across)) / period
+
+
+def _closed_form(
+    seen_from: Float[Array, "pair 4 3"], charged: Float[Array, "pair 4 3"]
+) -> Float[Array, " pair"]:
+    """Mean of the potential of uniformly charged panels over others, each as two triangles."""
+    points, share = _quadrature(seen_from, POINTS_A_SIDE)
+    corners = jnp.moveaxis(charged, 0, -1)
+    halves = jnp.stack([corners[np.array(half)] for half in ((0, 1, 2), (0, 2, 3))], axis=2)
+    area = jnp.linalg.norm(
+        jnp.cross(halves[1] - halves[0], halves[2] - halves[0], axis=0), axis=0
+    ).sum(axis=0)
+    seen = triangle_potential(jnp.moveaxis(points, -1, 0)[:, :, None], halves[:, :, None])
+    return (share * seen.sum(axis=1)).sum(axis=0) * 2 / area
+
+
+def _quadrature(
+    panels: Float[Array, "panel 4 3"], order: int
+) -> tuple[Float[Array, "point panel 3"], Float[Array, "point panel"]]:
+    """Gauss's points of panels, and the part of each panel's area that each stands for."""
+    at, weight = np.polynomial.legendre.leggauss(order)
+    u, v = (each.ravel()[:, None, None] for each in np.meshgrid((1 + at) / 2, (1 + at) / 2))
+    first, second, third, fourth = jnp.moveaxis(panels, 1, 0)
+    by_u = (1 - v) * (second - first) + v * (third - fourth)
+    by_v = (1 - u) * (fourth - first) + u * (third - second)
+    points = (1 - u) * ((1 - v) * first + v * fourth) + u * ((1 - v) * second + v * third)
+    share = np.outer(weight, weight).ravel()[:, None] * jnp.linalg.norm(
+        jnp.cross(by_u, by_v), axis=-1
+    )
+    return points, share / share.sum(axis=0)

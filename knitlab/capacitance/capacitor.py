@@ -1,0 +1,197 @@
+"""A knitted capacitor along a test: its capacitance in every state, or why there is none."""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from knitlab.capacitance.boundary_elements import (
+    STATES_AT_ONCE,
+    images_along,
+    maxwell_matrices,
+    near_pairs,
+    two_terminal,
+)
+from knitlab.capacitance.capacitor_status import CapacitorStatus
+from knitlab.capacitance.gap import crosses_itself, gap_between
+from knitlab.capacitance.panels import PanelChart, panel_chart, panels_on
+from knitlab.measure.folds import fold_angles
+from knitlab.model.electrode_layout import Layout
+from knitlab.model.electrodes import Electrodes
+from knitlab.model.fabric import Fabric
+from knitlab.model.network import MeshShape, Network
+
+ORDER = 2
+"""Order at which the capacitance converges with the size of panels that are graded."""
+CAUTION = 0.7
+"""Part of what extrapolation adds that counts as its error: on folds of 0.15 to 2 rad, and levels 1
+to 3, the true one was never more."""
+LEVELS = (1, 2, 3, 4)
+MOST_PANELS = 2400
+"""Panels that a finer level may have."""
+
+
+@dataclass(frozen=True)
+class Capacitor:
+    """Electrodes on a fabric, and what their capacitance hangs on beside its shape.
+
+    Attributes:
+        layout: where the electrodes run.
+        electrode_length: relaxed length of the electrodes on endless fabric [mm].
+        permittivity: of what is around the electrodes, over that of vacuum [1].
+        clearance: distance at which electrodes count as touching [mm].
+        accuracy: largest estimated error of a capacitance, over itself [1].
+        linearity: R² that the working range must have [1].
+        unfolded: part of the relaxed fold angle that is left where unfolding is complete [1].
+    """
+
+    layout: Layout
+    electrode_length: float
+    permittivity: float
+    clearance: float
+    accuracy: float
+    linearity: float
+    unfolded: float
+
+
+@dataclass(frozen=True, eq=False)
+class Capacitances:
+    """A capacitor in every state of a test.
+
+    Attributes:
+        status: what there is of it in each state.
+        capacitance: two-terminal, NaN where it is not measured; of one period if endless [pF].
+        mutual: the mutual capacitance −C₁₂ of Maxwell's matrix, of open samples alone [pF].
+        error: estimated error of the capacitance, over itself; there too where it is too large.
+        gap: shortest distance between the electrodes, looked for up to :attr:`reach` [mm].
+    """
+
+    status: Int[np.ndarray, " state"]
+    capacitance: Float[np.ndarray, " state"]
+    mutual: Float[np.ndarray, " state"]
+    error: Float[np.ndarray, " state"]
+    gap: Float[np.ndarray, " state"]
+
+
+def capacitances(
+    electrodes: Electrodes,
+    net: Network,
+    fabric: Fabric,
+    configurations: Float[np.ndarray, "state unknown"],
+    capacitor: Capacitor,
+) -> Capacitances:
+    """Capacitance in every state, by the boundary-element method at two or more panel sizes.
+
+    A value is extrapolated from the last two sizes; most of what that adds is its estimated error.
+    Panels are refined where that is larger than ``capacitor.accuracy``. There is no value where
+    the electrodes touch or a fold at them has passed through itself: the model has no contact, and
+    what it goes on to there no fabric does.
+
+    Args:
+        electrodes: what is plated.
+        net: network of the fabric.
+        fabric: its numbers.
+        configurations: of every state.
+        capacitor: what else it hangs on.
+    """
+    shape, states = net.shape, len(configurations)
+    status = np.full(states, CapacitorStatus.measured)
+    gap, through = _obstacles(electrodes, net, fabric, configurations)
+    status[through] = CapacitorStatus.folded_through
+    status[~through & (gap < capacitor.clearance)] = CapacitorStatus.touching
+    value, mutual, error = (np.full(states, np.nan) for _ in range(3))
+    coarse, coarse_level = np.full((states, 2), np.nan), 0
+    left = np.flatnonzero(status == CapacitorStatus.measured)
+    for level in LEVELS:
+        chart = panel_chart(electrodes, shape, level)
+        if not left.size or (level > LEVELS[1] and len(chart.cell) > MOST_PANELS):
+            break
+        fine = np.full((states, 2), np.nan)
+        fine[left] = _pair(electrodes, chart, shape, configurations[left])
+        if coarse_level:
+            gain = 1 / ((level / coarse_level) ** ORDER - 1)
+            limit = fine + gain * (fine - coarse)
+            value[left], mutual[left] = limit[left].T
+            error[left] = CAUTION * np.abs(limit - fine)[left, 0] / np.abs(limit[left, 0])
+            left = left[~(error[left] <= capacitor.accuracy)]
+        coarse, coarse_level = fine, level
+    status[left] = CapacitorStatus.unresolved
+    unmeasured = status != CapacitorStatus.measured
+    value[unmeasured] = mutual[unmeasured] = np.nan
+    if shape.periodic:
+        mutual[:] = np.nan
+    scale = capacitor.permittivity
+    return Capacitances(status, scale * value, scale * mutual, error, gap)
+
+
+def _pair(
+    electrodes: Electrodes,
+    chart: PanelChart,
+    shape: MeshShape,
+    configurations: Float[np.ndarray, "state unknown"],
+) -> Float[np.ndarray, "state 2"]:
+    """Two-terminal and mutual capacitance in vacuum [pF]."""
+    panels = np.asarray(panels_on(chart, shape, configurations))
+    period = configurations[:, -2 + electrodes.axis]
+    images = images_along(electrodes.axis, panels, period) if shape.periodic else None
+    near = near_pairs(panels, images, period)
+    found = []
+    for first in range(0, len(panels), STATES_AT_ONCE):
+        # The last batch is filled up, or it would be compiled anew.
+        batch = np.minimum(np.arange(first, first + STATES_AT_ONCE), len(panels) - 1)
+        matrices = maxwell_matrices(
+            jnp.asarray(panels[batch]),
+            jnp.asarray(chart.membership),
+            jnp.asarray(near),
+            images,
+            jnp.asarray(period[batch]),
+        )
+        found.append(np.stack([two_terminal(matrices), -matrices[:, 0, 1]], axis=-1))
+    return np.concatenate(found)[: len(panels)]
+
+
+def _obstacles(
+    electrodes: Electrodes,
+    net: Network,
+    fabric: Fabric,
+    configurations: Float[np.ndarray, "state unknown"],
+) -> tuple[Float[np.ndarray, " state"], Bool[np.ndarray, " state"]]:
+    """How near the electrodes come in every state, and whether a fold at them is passed through."""
+    shape = net.shape
+    chart = panel_chart(electrodes, shape, LEVELS[0])
+    panels = np.asarray(panels_on(chart, shape, configurations))
+    reach = float(np.asarray(fabric.cell).max())
+    along = np.eye(3)[electrodes.axis]
+    periods = [
+        length * along if shape.periodic else None
+        for length in configurations[:, -2 + electrodes.axis]
+    ]
+    gap = np.array(
+        [
+            gap_between(state, chart.electrode, reach, period)
+            for state, period in zip(panels, periods, strict=True)
+        ]
+    )
+    folds = np.asarray(fold_angles(net, fabric, configurations))[:, hinges_at(electrodes, net)]
+    through = (np.abs(folds) > np.pi).any(axis=-1)
+    for number in (0, 1):
+        own = panels[:, chart.electrode == number]
+        through |= np.array(
+            [crosses_itself(state, period) for state, period in zip(own, periods, strict=True)]
+        )
+    return gap, through
+
+
+def hinges_at(electrodes: Electrodes, net: Network) -> Bool[np.ndarray, " hinge"]:
+    """Hinges that lie on the electrodes or between them."""
+    strips = [strip for strips in electrodes.strips for strip in strips]
+    left, right = min(strip.left for strip in strips), max(strip.right for strip in strips)
+    bottom, top = min(strip.bottom for strip in strips), max(strip.top for strip in strips)
+    row, column = net.hinge_cells.T
+    beside = (column >= np.floor(left)) & (column < np.ceil(right))
+    above = (row >= np.floor(bottom)) & (row < np.ceil(top))
+    # On endless fabric electrodes may lie beyond the seam.
+    beside |= (column + net.shape.cells_x < np.ceil(right)) & net.shape.periodic
+    above |= (row + net.shape.cells_y < np.ceil(top)) & net.shape.periodic
+    return beside & above

@@ -1,0 +1,139 @@
+"""Panels: electrodes of the flat chart, cut up and carried onto the deformed fabric."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from knitlab.measure.grid_nodes import nodes_at
+from knitlab.model.electrodes import Electrodes, Strip, pieces
+from knitlab.model.network import MeshShape
+
+
+@dataclass(frozen=True, eq=False)
+class PanelChart:
+    """Panels on the flat chart; none reaches over the border of a grid cell.
+
+    Attributes:
+        cell: grid cell (y, x) that each panel lies in, beyond the seam too.
+        corners: of each panel, in order around it: (x, y) within its cell, from 0 to 1.
+        electrode: number of the electrode that each is a part of.
+    """
+
+    cell: Int[np.ndarray, "panel 2"]
+    corners: Float[np.ndarray, "panel 4 2"]
+    electrode: Int[np.ndarray, " panel"]
+
+    @property
+    def membership(self) -> Float[np.ndarray, "panel electrode"]:
+        """1 where a panel is a part of an electrode, else 0."""
+        return np.eye(self.electrode.max() + 1)[self.electrode]
+
+
+def panel_chart(electrodes: Electrodes, shape: MeshShape, level: int) -> PanelChart:
+    """Cut electrodes into panels, narrower towards their edges, where charge gathers.
+
+    Each way a grid cell is cut into ``level`` panels, into twice as many if the electrode ends at
+    one side of it, into four times as many if it ends at both.
+
+    Args:
+        electrodes: what is plated.
+        shape: mesh of the fabric, which tells where endless electrodes go on.
+        level: of refinement.
+    """
+    cells: list[tuple[int, int]] = []
+    corners: list[list[tuple[float, float]]] = []
+    electrode: list[int] = []
+    for number, strips in enumerate(electrodes.strips):
+        plated = [piece for strip in strips for piece in pieces(strip)]
+        sides = _Sides(plated, electrodes.axis, shape)
+        for piece in plated:
+            origin = int(np.floor(piece.left)), int(np.floor(piece.bottom))
+            x, y = (
+                low - origin[axis] + (high - low) * graded(level, *sides.free(piece, axis))
+                for axis, (low, high) in enumerate(piece.extents)
+            )
+            for left, right in pairwise(x):
+                for bottom, top in pairwise(y):
+                    cells.append(origin[::-1])
+                    corners.append([(left, bottom), (right, bottom), (right, top), (left, top)])
+                    electrode.append(number)
+    return PanelChart(np.array(cells), np.array(corners), np.array(electrode))
+
+
+def graded(level: int, low_free: bool, high_free: bool) -> Float[np.ndarray, " line"]:
+    """Lines from 0 to 1 that cut a cell into panels, crowded where charge gathers.
+
+    Where the electrode ends at one side of a cell, the other mostly is its ridge: an outer edge,
+    and as crowded.
+    """
+    count = level * 2 ** (low_free + high_free)
+    lines = np.linspace(0, 1, count + 1)
+    return (1 - np.cos(np.pi * lines)) / 2 if low_free or high_free else lines
+
+
+def panels_on(
+    chart: PanelChart,
+    shape: MeshShape,
+    configuration: Float[Array | np.ndarray, "*state unknown"],
+) -> Float[Array | np.ndarray, "*state panel 4 3"]:
+    """Corners of the panels on a deformed fabric, bilinear between the nodes of each cell [mm].
+
+    Args:
+        chart: the panels.
+        shape: mesh of the configuration.
+        configuration: node coordinates, then L_x and L_y.
+    """
+    places = chart.cell[:, None, ::-1] + chart.corners
+    cells = np.repeat(chart.cell, 4, axis=0)
+    corners = points_on(places.reshape(-1, 2), cells, shape, configuration)
+    return corners.reshape(*corners.shape[:-2], -1, 4, 3)
+
+
+def points_on(
+    places: Float[np.ndarray, "point 2"],
+    cells: Int[np.ndarray, "point 2"],
+    shape: MeshShape,
+    configuration: Float[Array | np.ndarray, "*state unknown"],
+) -> Float[Array | np.ndarray, "*state point 3"]:
+    """Points of the flat chart on a deformed fabric, bilinear between nodes [mm].
+
+    Args:
+        places: their (x, y) on the chart [grid cells].
+        cells: grid cell (y, x) that each belongs to, which decides for those on a border.
+        shape: mesh of the configuration.
+        configuration: node coordinates, then L_x and L_y.
+    """
+    first, last = cells.min(axis=0), cells.max(axis=0)
+    rows, columns = (np.arange(low, high + 2) for low, high in zip(first, last, strict=True))
+    nodes = nodes_at(shape, configuration, rows, columns)
+    row, column = (cells - first).T
+    u, v = (places - cells[:, ::-1]).T[..., None]
+    low = (1 - u) * nodes[..., row, column, :] + u * nodes[..., row, column + 1, :]
+    top = (1 - u) * nodes[..., row + 1, column, :] + u * nodes[..., row + 1, column + 1, :]
+    return (1 - v) * low + v * top
+
+
+class _Sides:
+    """Where the pieces of one electrode meet."""
+
+    def __init__(self, plated: list[Strip], endless: int, shape: MeshShape) -> None:
+        self.endless = endless
+        self.around = (shape.cells_x, shape.cells_y)[endless] if shape.periodic else None
+        self.begin = {self._side(piece, axis, 0) for piece in plated for axis in (0, 1)}
+        self.end = {self._side(piece, axis, 1) for piece in plated for axis in (0, 1)}
+
+    def free(self, piece: Strip, axis: int) -> tuple[bool, bool]:
+        """Whether the electrode ends at the lower, and at the upper side of a piece."""
+        return (
+            self._side(piece, axis, 0) not in self.end,
+            self._side(piece, axis, 1) not in self.begin,
+        )
+
+    def _side(self, piece: Strip, axis: int, which: int) -> tuple[int, float, float, float]:
+        at = piece.extents[axis][which]
+        low, high = piece.extents[1 - axis]
+        if self.around is not None and axis == self.endless:
+            at %= self.around
+        return axis, round(at, 9), round(low, 9), round(high, 9)

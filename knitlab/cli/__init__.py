@@ -1,0 +1,32 @@
+"""The command line: ``knitlab plan | run | status | reproduce | query | map | claims | …``."""
+
+import click
+
+from knitlab.cli.calibration import calibrate
+from knitlab.cli.cubes import claims, compare, draw_map, query
+from knitlab.cli.laboratory import fit, import_group
+from knitlab.cli.sweeps import plan, reproduce, run, status
+
+COMMANDS = (
+    plan,
+    run,
+    status,
+    reproduce,
+    query,
+    draw_map,
+    claims,
+    compare,
+    calibrate,
+    import_group,
+    fit,
+)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="knitlab")
+def main() -> None:
+    """Simulate folding knits and find the one you need."""
+
+
+for _command in COMMANDS:
+    main.add_command(_command)

@@ -1,0 +1,90 @@
+"""The command ``calibrate``."""
+
+import sys
+from pathlib import Path
+from typing import Literal
+
+import click
+
+from knitlab.cli.options import SOME_CASE_NOT_OK, explains_bad_input
+
+MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
+
+
+@click.command()
+@click.argument("curve", type=click.Path(path_type=Path, dir_okay=False))
+@click.option("--stripe", "knit", type=click.Choice(["rib", "garter"]), required=True)
+@click.option("-n", "stitches", type=click.IntRange(min=1), required=True, help="Its stitches.")
+@click.option(
+    "--period", type=MILLIMETRES, required=True, help="Relaxed peak-to-peak distance [mm]."
+)
+@click.option(
+    "--cell-size",
+    type=click.Choice(["flat", "relaxed"]),
+    help="Reading that the stripe is to be simulated in. [default: that of params/reading.toml]",
+)
+@click.option("--width", type=MILLIMETRES, help="Width of one row, for a curve of stress [mm].")
+@click.option("--thickness", type=MILLIMETRES, help="Of the fabric, for stress over area [mm].")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Stripe entry to write, .toml; figures lie beside it. [default: STRIPE-N.toml]",
+)
+@explains_bad_input
+def calibrate(
+    curve: Path,
+    knit: Literal["rib", "garter"],
+    stitches: int,
+    period: float,
+    cell_size: Literal["flat", "relaxed"] | None,
+    width: float | None,
+    thickness: float | None,
+    output: Path | None,
+) -> None:
+    """Fit k_s, k_t and theta_0 of a stripe to the tension CURVE of its pure fabric.
+
+    CURVE is a CSV file with a header such as "strain [1],force [N]": the force on one row of the
+    network, or the stress with the row's --width. Measure until the folds are open and the springs
+    stretch, to about 200 % strain: short of that the three cannot be told apart.
+    """
+    from knitlab.io.curve_file import read_tension_curve
+    from knitlab.io.errors import fault
+
+    output = output or Path(f"{knit}-{stitches}.toml")
+    if output.suffix != ".toml":
+        raise fault(f"output {output}", "has no suffix .toml; give it one")
+    measured = read_tension_curve(curve, width, thickness)
+
+    from knitlab.io.shipped import shipped
+    from knitlab.io.stripe_file import write_stripe_file
+    from knitlab.measure.calibration import calibrate as fit
+    from knitlab.measure.calibration import report
+    from knitlab.plot.calibration import calibration_figure
+    from knitlab.plot.figures import save
+    from knitlab.plot.style import print_style
+    from knitlab.study.parameters import read_parameters
+
+    title = f"{stitches} × {stitches} {knit}, period {period:g} mm"
+    try:
+        found = fit(period, measured.strain, measured.force)
+    except ValueError as problem:
+        raise fault(str(curve), str(problem)) from problem
+    click.echo(title)
+    for line in report(found):
+        click.echo(line)
+    for warning in found.warnings:
+        click.echo(f"knitlab: {warning}", err=True)
+    if found.usable:
+        read_as = cell_size or read_parameters(shipped("params")).reading.cell_size.value
+        write_stripe_file(output, knit, stitches, found, curve, read_as)
+        click.echo(f"stripe   {output}")
+    else:
+        click.echo("knitlab: no stripe is written, for this fit cannot be used", err=True)
+    with print_style():
+        figure = calibration_figure(found.strain, found.force, found.fitted_force, title)
+        for suffix in (".pdf", ".png"):
+            save(figure, output.with_suffix(suffix))
+            click.echo(f"figure   {output.with_suffix(suffix)}")
+    if not found.usable:
+        sys.exit(SOME_CASE_NOT_OK)

@@ -1,0 +1,141 @@
+"""Commands on cubes: ``query``, ``map``, ``claims``."""
+
+from contextlib import suppress
+from pathlib import Path
+from typing import get_args
+
+import click
+
+from knitlab.cli.options import explains_bad_input, select_option
+from knitlab.study.figure_names import FigureName
+
+format_option = click.option(
+    "--format",
+    "style",
+    type=click.Choice(["table", "csv", "json"]),
+    default="table",
+    show_default=True,
+)
+
+
+@click.command()
+@click.argument("cubes", type=click.Path(path_type=Path), nargs=-1, required=True)
+@select_option
+@click.option("--where", metavar="EXPRESSION", help="Keep the designs for which this holds.")
+@click.option(
+    "--sort",
+    multiple=True,
+    metavar="NAME",
+    help="Sort by a variable, ascending; -NAME descends. Repeatable.",
+)
+@click.option("--columns", metavar="NAMES", help="Columns to show, separated by commas.")
+@format_option
+@explains_bad_input
+def query(
+    cubes: tuple[Path, ...],
+    selections: tuple[str, ...],
+    where: str | None,
+    sort: tuple[str, ...],
+    columns: str | None,
+    style: str,
+) -> None:
+    """List the designs of CUBES, simulated and measured.
+
+    Variables along the applied strain appear once it is selected: --select applied_strain=0.15
+    """
+    from knitlab.io.plain_cube import open_plain_cube
+    from knitlab.query.query import designs_of_all, formatted, queried
+
+    table = designs_of_all([open_plain_cube(cube) for cube in cubes], selections)
+    names = tuple(name.strip() for name in columns.split(",")) if columns else None
+    click.echo(formatted(queried(table, where, sort, names), style))
+
+
+@click.command()
+@click.argument("simulation", type=click.Path(path_type=Path))
+@click.argument("experiments", type=click.Path(path_type=Path), nargs=-1, required=True)
+@select_option
+@format_option
+@explains_bad_input
+def compare(
+    simulation: Path, experiments: tuple[Path, ...], selections: tuple[str, ...], style: str
+) -> None:
+    """Say how far SIMULATION is from EXPERIMENTS, curve by curve.
+
+    The uncertainty is that of the RMS difference, by the scatter of the records; of two curves
+    that are one, the RMS difference would be the noise.
+    """
+    from knitlab.io.cube_file import open_cube
+    from knitlab.query.comparison import compared
+    from knitlab.query.query import formatted
+    from knitlab.query.selection import refuse_others, selected, selections_along
+
+    opened = [open_cube(path) for path in (simulation, *experiments)]
+    known = {str(name) for cube in opened for name in cube.dims if name in cube.coords}
+    remedy = f"select of {', '.join(sorted(known))}"
+    refuse_others(selections, known, f"is of none of these cubes; {remedy}")
+    cubes = [selected(cube, selections_along(selections, cube.dims)) for cube in opened]
+    click.echo(formatted(compared(cubes[0], cubes[1:]), style))
+
+
+@click.command(
+    name="map",
+    help="Draw a figure of KIND from CUBES, of which most kinds take one.\n\nKIND is one of "
+    f"{', '.join(get_args(FigureName))}.",
+)
+@click.argument("kind")
+@click.argument("cubes", type=click.Path(path_type=Path), nargs=-1, required=True)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    required=True,
+    help="File to draw; its suffix (.pdf, .svg, .png; .gif for folding) sets the format.",
+)
+@select_option
+@explains_bad_input
+def draw_map(kind: str, cubes: tuple[Path, ...], output: Path, selections: tuple[str, ...]) -> None:
+    """Draw a figure of a cube, unless it is drawn already."""
+    from knitlab.plot.drawn import fingerprint_of_figure, is_drawn
+
+    with suppress(OSError):  # a cube that cannot be read is explained where it is drawn
+        if is_drawn(output, fingerprint_of_figure(kind, cubes, selections)):
+            click.echo(f"figure  {output}")
+            return
+    from knitlab.plot.figures import draw_figure
+
+    click.echo(f"figure  {draw_figure(kind, cubes, output, selections)}")
+
+
+@click.command()
+@click.argument("cubes", type=click.Path(path_type=Path), nargs=-1, required=True)
+@select_option
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Page to write: .html holds its figures; those of .md lie in a folder beside it.",
+)
+@explains_bad_input
+def claims(cubes: tuple[Path, ...], selections: tuple[str, ...], output: Path | None) -> None:
+    """Judge what the paper says by CUBES: each claim holds, fails, or is not measured.
+
+    Its margin says how far it is from its threshold, below 0 if it fails; from -0.25 to 0 it is a
+    near miss. Of several cubes that measure a claim the one with the paper's samples decides it:
+    clamped before endless, then with more of the designs, then with more unit cells.
+    """
+    from knitlab.paper.claims import read_claims
+    from knitlab.paper.judgement import judged
+    from knitlab.paper.records import listed
+    from knitlab.report.page import check_suffix, write_page
+
+    if output is not None:
+        check_suffix(output)
+    judgements = judged(read_claims(), cubes, selections)
+    click.echo(listed(judgements))
+    if output is not None:
+        files, faults = write_page(judgements, output, selections)
+        for path in files:
+            click.echo(f"{'page' if path == output else 'figure':6}  {path}")
+        for fault in faults:
+            click.echo(f"knitlab: {fault}", err=True)

@@ -1,0 +1,149 @@
+"""Commands on what a laboratory recorded: ``import``, ``fit``."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from knitlab.cli.options import (
+    SOME_CASE_NOT_OK,
+    explains_bad_input,
+    results_option,
+    select_option,
+    set_option,
+)
+
+if TYPE_CHECKING:
+    from knitlab.laboratory.description import Kind
+
+
+@click.group(name="import")
+def import_group() -> None:
+    """Bring what a laboratory recorded into a cube, beside simulations."""
+
+
+def _importing(kind: "Kind", summary: str) -> click.Command:
+    @click.command(name=kind, help=summary)
+    @click.argument("description", type=click.Path(path_type=Path, dir_okay=False))
+    @results_option
+    @explains_bad_input
+    def command(description: Path, results: Path) -> None:
+        from knitlab.laboratory.experiment import import_records
+
+        imported = import_records(kind, description, results)
+        for line in imported.summary:
+            click.echo(line)
+        click.echo(f"cube    {imported.path}")
+
+    return command
+
+
+_SUMMARIES: "dict[Kind, str]" = {
+    "markers": "Import the tracked markers that DESCRIPTION, a TOML file, tells of.",
+    "tensile": "Import the tensile test that DESCRIPTION, a TOML file, tells of.",
+    "capacitance": "Import the LCR meter's log that DESCRIPTION, a TOML file, tells of.",
+}
+for _kind, _summary in _SUMMARIES.items():
+    import_group.add_command(_importing(_kind, _summary))
+
+
+@click.command()
+@click.argument("experiment", type=click.Path(path_type=Path))
+@click.argument("workflow")
+@set_option
+@select_option
+@click.option(
+    "--looseness",
+    type=click.FloatRange(min=0, max=2, min_open=True),
+    default=0.2,
+    show_default=True,
+    help="Relative standard deviation that the tables are trusted to.",
+)
+@click.option(
+    "--model-error",
+    type=click.FloatRange(min=0, max=1),
+    default=0.01,
+    show_default=True,
+    help="Part of a curve's largest value that the model is trusted to.",
+)
+@click.option(
+    "--starts",
+    type=click.IntRange(min=1, max=64),
+    default=4,
+    show_default=True,
+    help="Most starts to try until the test is met.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path, dir_okay=False),
+    default=Path("fitted.toml"),
+    show_default=True,
+    help="Stripes to write, .toml; figures lie beside it.",
+)
+@explains_bad_input
+def fit(
+    experiment: Path,
+    workflow: str,
+    overrides: tuple[str, ...],
+    selections: tuple[str, ...],
+    looseness: float,
+    model_error: float,
+    starts: int,
+    output: Path,
+) -> None:
+    """Fit k_s, k_t and theta_0 of both stripes to an imported EXPERIMENT on a whole fabric.
+
+    The sample is the one case of WORKFLOW that is of the experiment's design. It is simulated some
+    ten to thirty times.
+    """
+    from knitlab.io.cube_file import open_cube
+    from knitlab.io.errors import fault
+    from knitlab.query.selection import selected
+
+    if output.suffix != ".toml":
+        raise fault(f"output {output}", "has no suffix .toml; give it one")
+    cube = selected(open_cube(experiment), selections)
+
+    from knitlab.laboratory.fit import NoFit, fit_stripes
+    from knitlab.laboratory.fit_report import report, write_stripes
+    from knitlab.laboratory.target import at_strains_of, case_for, target_of
+    from knitlab.plot.figures import save
+    from knitlab.plot.fit import Fitted, fit_figure
+    from knitlab.plot.style import print_style
+    from knitlab.study.plan import make_plan
+
+    case = case_for(make_plan(workflow, overrides), cube)
+    target = target_of(cube, case, model_error)
+
+    def tell(tests: int, chi_squared: float) -> None:
+        click.echo(f"test {tests}: chi² {chi_squared:.4g}", err=True)
+
+    try:
+        found = fit_stripes(
+            at_strains_of(case, target), target, looseness, starts=starts, step=tell
+        )
+    except NoFit as problem:
+        raise fault(workflow, f"{problem}; --set strain_max or another sample") from problem
+    for line in report(found):
+        click.echo(line)
+    for warning in found.warnings:
+        click.echo(f"knitlab: {warning}", err=True)
+    write_stripes(output, found, experiment)
+    click.echo(f"stripes  {output}")
+    shown = Fitted(
+        target.applied_strain,
+        target.values,
+        target.errors,
+        *found.curves,
+        found.factors,
+        found.standard_errors,
+    )
+    with print_style():
+        figure = fit_figure(shown, f"{case.label}, fitted to {experiment}")
+        for suffix in (".pdf", ".png"):
+            save(figure, output.with_suffix(suffix))
+            click.echo(f"figure   {output.with_suffix(suffix)}")
+    if not found.converged:
+        sys.exit(SOME_CASE_NOT_OK)

@@ -1,0 +1,69 @@
+"""What commands share: options, exit codes, and bad input told as such."""
+
+import sys
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import click
+
+from knitlab.io.errors import BadInput
+
+BAD_INPUT = 2
+SOME_CASE_NOT_OK = 1
+MOST_LINES = 20
+"""Cases of which a command lists that many."""
+
+Command = Callable[..., None]
+
+
+def explains_bad_input(command: Command) -> Command:
+    """Turn bad input into its message and exit code 2."""
+
+    @wraps(command)
+    def explained(*arguments: Any, **options: Any) -> None:
+        try:
+            command(*arguments, **options)
+        except BadInput as error:
+            for fault in error.faults:
+                click.echo(f"knitlab: {_with_options(str(fault))}", err=True)
+            sys.exit(BAD_INPUT)
+
+    return explained
+
+
+def _with_options(said: str) -> str:
+    """A fault of a Python argument as one of the option that gives it."""
+    argument, space, rest = said.partition(" ")
+    for parameter in click.get_current_context().command.params:
+        if parameter.name == argument.removesuffix(":") and isinstance(parameter, click.Option):
+            colon = ":" if argument.endswith(":") else ""
+            return f"{parameter.opts[-1]}{colon}{space}{rest}"
+    return said
+
+
+results_option = click.option(
+    "--results",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("results"),
+    show_default=True,
+    help="Folder that holds a folder of results for each workflow.",
+)
+
+
+set_option = click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Override a setting of the workflow; a comma makes a list. Repeatable.",
+)
+
+select_option = click.option(
+    "--select",
+    "selections",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Keep one value of a coordinate, or several with commas. Repeatable.",
+)

@@ -1,0 +1,271 @@
+"""Commands on workflows: ``plan``, ``run``, ``status``, ``reproduce``."""
+
+import json
+import os
+import sys
+from collections.abc import Sequence
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from knitlab.cli.options import (
+    MOST_LINES,
+    SOME_CASE_NOT_OK,
+    Command,
+    explains_bad_input,
+    results_option,
+    set_option,
+)
+
+if TYPE_CHECKING:
+    from knitlab.study.plan import Plan
+
+
+def workflow_options(command: Command) -> Command:
+    """The argument and options that name a workflow and its results."""
+
+    @wraps(command)
+    def scaled(
+        *arguments: Any, overrides: tuple[str, ...], scale: float | None, **options: Any
+    ) -> None:
+        added = () if scale is None else (f"scale={scale:g}",)
+        command(*arguments, overrides=(*overrides, *added), **options)
+
+    for option in (
+        results_option,
+        click.option(
+            "--scale",
+            type=click.FloatRange(min=0, max=1, min_open=True),
+            help="Part of the needles that a sample is knitted on; short for --set scale=.",
+        ),
+        set_option,
+        click.argument("workflow"),
+    ):
+        scaled = option(scaled)
+    return scaled
+
+
+@click.command()
+@workflow_options
+@explains_bad_input
+def plan(workflow: str, results: Path, overrides: tuple[str, ...]) -> None:
+    """Resolve WORKFLOW into plan.json and say what it would run."""
+    from knitlab.execution.status import PLAN, folder_status
+    from knitlab.io.lock import held
+    from knitlab.study.plan import make_plan
+
+    made = make_plan(workflow, overrides)
+    _echo_warnings(made)
+    folder = results / made.workflow
+    with held(folder):
+        made.write(folder / PLAN)
+    status = folder_status(folder, made.record(), made.designs, check=False)
+    click.echo(made.title)
+    for number, batch in enumerate(made.batches[:MOST_LINES], start=1):
+        click.echo(
+            f"batch {number}: {len(batch.cases)} cases, {batch.unknowns} unknowns, about"
+            f" {_duration(batch.estimated_seconds)}, {batch.estimated_bytes / 1e9:.1f} GB"
+        )
+        for case_id in batch.cases[:MOST_LINES]:
+            case = made.cases[case_id]
+            click.echo(f"  {case.label}  P {case.periods}  {case_id}  {status.words[case_id]}")
+        if len(batch.cases) > MOST_LINES:
+            click.echo(f"  … and {len(batch.cases) - MOST_LINES} more")
+    if len(made.batches) > MOST_LINES:
+        click.echo(f"… and {len(made.batches) - MOST_LINES} more batches")
+    _echo_excluded(made)
+    strains = made.applied_strain
+    time = _duration(sum(batch.estimated_seconds for batch in made.batches))
+    click.echo(
+        f"{len(made.cases)} cases, {len(strains)} strains from 0 to {strains[-1]:g},"
+        f" about {time} on one core; plan in {folder / PLAN}"
+    )
+    click.echo(_counted(status.counts))
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.0f} h"
+
+
+def _counted(counts: dict[str, int]) -> str:
+    return ", ".join(f"{count} {word}" for word, count in counts.items())
+
+
+def _echo_warnings(made: "Plan") -> None:
+    for warning in made.warnings:
+        click.echo(f"warning: {warning}", err=True)
+
+
+def _echo_excluded(made: "Plan") -> None:
+    for design, reason in made.excluded.items():
+        click.echo(_excluded(made.dims, design, reason))
+
+
+def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
+    labels = zip(dims, design, strict=False)
+    return f"excluded: {'  '.join(f'{name} {label}' for name, label in labels)}: {reason}"
+
+
+@click.command()
+@workflow_options
+@click.option(
+    "--workers",
+    type=click.IntRange(min=0),
+    default=os.cpu_count() or 1,
+    show_default="all cores",
+    help="Worker processes on this machine; 0 runs in this process. Where batches are fewer,"
+    " each has the more threads for a large sample.",
+)
+@click.option("--scheduler", metavar="ADDRESS", help="Use this dask scheduler instead.")
+@click.option(
+    "--retries",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="How often to try a batch again that raised an error.",
+)
+@click.option(
+    "--keep-going/--fail-fast",
+    default=True,
+    show_default=True,
+    help="Whether to go on after a case that is not ok.",
+)
+@click.option(
+    "--case-timeout",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="SECONDS",
+    help="Longest time for one case.",
+)
+@click.option("--refresh", is_flag=True, help="Compute stale results anew.")
+@click.option("--dashboard", is_flag=True, help="Open dask's dashboard on this machine.")
+@explains_bad_input
+def run(
+    workflow: str,
+    results: Path,
+    overrides: tuple[str, ...],
+    workers: int,
+    scheduler: str | None,
+    retries: int,
+    keep_going: bool,
+    case_timeout: float | None,
+    refresh: bool,
+    dashboard: bool,
+) -> None:
+    """Simulate the cases of WORKFLOW that are missing, build its cube and draw its figures."""
+    if _is_finished(workflow, overrides, results):
+        return
+    from knitlab.execution.run import RunOptions, run_plan
+    from knitlab.io.plain_cube import CUBE
+    from knitlab.plot.figures import draw_figures
+    from knitlab.study.plan import make_plan
+
+    made = make_plan(workflow, overrides)
+    _echo_warnings(made)
+    folder = results / made.workflow
+    options = RunOptions(
+        workers=workers,
+        scheduler=scheduler,
+        retries=retries,
+        fail_fast=not keep_going,
+        case_timeout=case_timeout,
+        refresh=refresh,
+        dashboard=dashboard,
+        show_progress=True,
+    )
+    done = run_plan(made, folder, options)
+    _echo_excluded(made)
+    click.echo(f"{len(done.simulated)} cases simulated, {len(done.reused)} already there")
+    click.echo(f"cube    {folder / CUBE}")
+    figures, faults = draw_figures(made.figures, folder)
+    for path in figures:
+        click.echo(f"figure  {path}")
+    for fault in faults:
+        click.echo(f"knitlab: {fault}", err=True)
+    for failure in done.failures:
+        design = "  ".join(f"{name} {failure[name]}" for name in made.dims)
+        click.echo(f"{failure['status']}: {design}: {failure['reason']}", err=True)
+    for remark in done.remarks(folder):
+        click.echo(remark, err=True)
+    if done.failures or done.stale_parameters or done.stopped:
+        sys.exit(SOME_CASE_NOT_OK)
+
+
+def _is_finished(workflow: str, overrides: tuple[str, ...], results: Path) -> bool:
+    """Whether there is nothing to run or draw, and if so, say what there is."""
+    from knitlab.execution.finished import finished_plan
+    from knitlab.io.plain_cube import CUBE, open_plain_cube
+    from knitlab.plot.drawn import asked_figures, fingerprint_of_figure, is_drawn
+
+    record = finished_plan(workflow, overrides, results)
+    if record is None:
+        return False
+    folder = results / record["workflow"]
+    figures = asked_figures(record["figures"], open_plain_cube(folder), folder)
+    for its in figures:
+        fingerprint = fingerprint_of_figure(its.kind, [folder], its.selections)
+        if not all(is_drawn(output, fingerprint) for output in its.outputs):
+            return False
+    for *design, reason in record["excluded"]:
+        click.echo(_excluded(record["dims"], design, reason))
+    click.echo(f"0 cases simulated, {len(record['cases'])} already there")
+    click.echo(f"cube    {folder / CUBE}")
+    for output in (output for its in figures for output in its.outputs):
+        click.echo(f"figure  {output}")
+    return True
+
+
+@click.command()
+@click.argument("workflow")
+@results_option
+@click.option("--check", is_flag=True, help="Compare every case file with its checksum.")
+@click.option("--json", "as_json", is_flag=True, help="For scripts.")
+@explains_bad_input
+def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
+    """Say how far the last plan of WORKFLOW has come, and what of it is stale.
+
+    If a file that the plan was made of has changed, the workflow is resolved anew, with the same
+    settings.
+    """
+    from knitlab.execution.status import changed_inputs, folder_status, planned_designs, read_plan
+
+    folder = results / Path(workflow).stem
+    record = read_plan(folder)
+    designs = planned_designs(record)
+    if changed_inputs(record):
+        from knitlab.study.plan import make_plan
+
+        designs = make_plan(workflow, tuple(record["overrides"])).designs
+    found = folder_status(folder, record, designs, check)
+    if as_json:
+        click.echo(json.dumps(found.record(), indent=1))
+        return
+    click.echo(f"{len(found.designs)} cases: {_counted(found.counts)}")
+    for path in found.changed:
+        click.echo(f"changed since the plan: {path}")
+    not_ok = [case_id for case_id, word in found.words.items() if word != "ok"]
+    for case_id in not_ok[:MOST_LINES]:
+        reason = found.failures.get(case_id, "")
+        said = f"{found.words[case_id]}: {reason}" if reason else found.words[case_id]
+        click.echo(f"  {found.label(case_id)}  {case_id}  {said}")
+    if len(not_ok) > MOST_LINES:
+        click.echo(f"  … and {len(not_ok) - MOST_LINES} more; --json lists them all")
+
+
+@click.command()
+@click.argument("case_id")
+@results_option
+@explains_bad_input
+def reproduce(case_id: str, results: Path) -> None:
+    """Run one case alone, in this process, and say how every state was reached.
+
+    CASE_ID may be the beginning of one. Where its file is kept, the results are compared with it.
+    """
+    from knitlab.execution.reproduce import find_case
+    from knitlab.execution.reproduce import reproduce as run_alone
+
+    if not run_alone(find_case(results, case_id), click.echo):
+        sys.exit(SOME_CASE_NOT_OK)

@@ -1,0 +1,86 @@
+"""Progress: a bar over the work of a run, weighed so that its time left is honest."""
+
+import sys
+from types import TracebackType
+from typing import TextIO
+
+from tqdm import tqdm
+
+from knitlab.simulation.case import Case
+from knitlab.study.estimate import work
+
+BAR = "{desc} {percentage:3.0f}% |{bar}| {elapsed} elapsed, {remaining} left"
+LINE = "{desc}, {percentage:.1f} %, {elapsed} elapsed, {remaining} left"
+SECONDS_BETWEEN_LINES = 30.0
+
+
+class ProgressBar:
+    """A bar over all states of some cases; a case that ends early is credited in full.
+
+    Where it is no terminal that it is drawn on, it writes a line every half minute.
+    """
+
+    def __init__(self, cases: dict[str, Case], shown: bool, file: TextIO = sys.stderr) -> None:
+        self._cases = cases
+        self._states = dict.fromkeys(cases, 0.0)
+        self._ended = 0
+        self._total = sum(work(case, case.states) for case in cases.values())
+        drawn = file.isatty()
+        self._bar = tqdm(
+            total=self._total,
+            smoothing=0,
+            disable=not shown,
+            file=file if drawn else _Lines(file),
+            bar_format=BAR if drawn else LINE,
+            mininterval=0.1 if drawn else SECONDS_BETWEEN_LINES,
+            # Work comes in pieces of any size.
+            miniters=0,
+        )
+        self._describe()
+
+    def __enter__(self) -> "ProgressBar":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._bar.close()
+
+    def reached(self, case_id: str, states: float) -> None:
+        """Note that a case has this many of its states; part of one if it is on the way."""
+        case = self._cases[case_id]
+        advance = work(case, states) - work(case, self._states[case_id])
+        if advance > 0:
+            self._states[case_id] = states
+            # Round-off must not carry the bar past its end.
+            self._bar.update(min(advance, self._total - self._bar.n))
+
+    def ended(self, case_id: str) -> None:
+        """Note that a case has ended, whatever became of it."""
+        self._ended += 1
+        self.reached(case_id, self._cases[case_id].states)
+        self._describe()
+
+    def say(self, sentence: str) -> None:
+        """Say something above the bar."""
+        self._bar.write(sentence, file=sys.stderr)
+
+    def _describe(self) -> None:
+        self._bar.set_description_str(f"{self._ended}/{len(self._cases)} cases", refresh=False)
+
+
+class _Lines:
+    """Writes what would be drawn over and over on a terminal as lines."""
+
+    def __init__(self, file: TextIO) -> None:
+        self._file = file
+
+    def write(self, text: str) -> None:
+        if line := text.strip():
+            self._file.write(f"{line}\n")
+
+    def flush(self) -> None:
+        self._file.flush()

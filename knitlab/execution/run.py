@@ -1,0 +1,312 @@
+"""Running a plan: what is missing is simulated, then one writer builds the cube."""
+
+import itertools
+import json
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from knitlab.execution.cube import build_cube
+from knitlab.execution.interruption import interrupted_by_signals
+from knitlab.execution.progress import ProgressBar
+from knitlab.execution.status import FAILURES, PLAN, earlier_failures
+from knitlab.execution.survey import Standing, cells, check_dims, survey
+from knitlab.execution.workers import BatchError, Pool, Simulate, Task, connected, pool_of
+from knitlab.io.atomic_write import clear_unfinished, written_whole
+from knitlab.io.case_file import case_path, read_case
+from knitlab.io.cube_file import open_cube, write_cube
+from knitlab.io.design_status import Status
+from knitlab.io.errors import BadInput, fault
+from knitlab.io.lock import held
+from knitlab.io.plain_cube import CUBE, PlainCube
+from knitlab.simulation.case import Case
+from knitlab.simulation.simulate import simulate_batch
+from knitlab.study.common_settings import differences, parameters_of
+from knitlab.study.plan import Plan
+
+MAY_DIFFER = ("applied_strain", "unit_cells", "solver", "sensitivities", "unloading", "robustness")
+"""What designs of one cube may differ in: how far they are pulled, how large a sample of them is
+(each has its ``unit_cells_y`` and ``unit_cells_x`` in the cube), how that is solved, and whether
+sensitivities, the way back or siblings are asked for."""
+ONE_BY_ONE = 2
+"""Attempts after which batches are run one by one."""
+Failed = dict[str, BatchError]
+"""Why cases could not be computed, by identifier."""
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a plan is run; nothing of it changes a number.
+
+    Attributes:
+        workers: processes on this machine; 0 simulates in this process.
+        scheduler: address of an existing dask scheduler, whose workers see the results folder.
+        retries: how often a batch that raised is tried again as it is.
+        fail_fast: whether to stop at the first case that is not ok.
+        case_timeout: longest time for a case, if any [s].
+        refresh: whether to compute stale results anew.
+        dashboard: whether to open dask's dashboard.
+        show_progress: whether to draw a progress bar.
+        simulate: what simulates a batch.
+    """
+
+    workers: int = 0
+    scheduler: str | None = None
+    retries: int = 0
+    fail_fast: bool = False
+    case_timeout: float | None = None
+    refresh: bool = False
+    dashboard: bool = False
+    show_progress: bool = False
+    simulate: Simulate = simulate_batch
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a run left behind.
+
+    Attributes:
+        cube: the cube, as written.
+        simulated: identifiers of the cases that this run simulated.
+        standing: what there was of each planned case before.
+        failures: what each case that is not ok says of itself.
+        stopped: whether the run was broken off.
+        changed: what differs from the parameters of stale results.
+    """
+
+    cube: xr.Dataset
+    simulated: tuple[str, ...]
+    standing: dict[str, Standing]
+    failures: tuple[dict[str, Any], ...]
+    stopped: bool
+    changed: tuple[str, ...] = ()
+
+    def standing_at(self, standing: Standing) -> tuple[str, ...]:
+        """Cases that were of one standing before, by identifier."""
+        return tuple(case_id for case_id, its in self.standing.items() if its is standing)
+
+    @property
+    def reused(self) -> tuple[str, ...]:
+        """Cases whose results were there, be it of other code."""
+        there = {*self.standing_at(Standing.done), *self.standing_at(Standing.stale_code)}
+        return tuple(there - set(self.simulated))
+
+    @property
+    def stale_code(self) -> tuple[str, ...]:
+        """Cases that are still of other code."""
+        return tuple(set(self.standing_at(Standing.stale_code)) - set(self.simulated))
+
+    @property
+    def stale_parameters(self) -> tuple[str, ...]:
+        """Cases that are still of other parameters."""
+        return tuple(set(self.standing_at(Standing.stale_parameters)) - set(self.simulated))
+
+    @property
+    def unfinished(self) -> tuple[str, ...]:
+        """Cases that have no result."""
+        without = {*self.standing_at(Standing.pending), *self.standing_at(Standing.damaged)}
+        return tuple(without - set(self.simulated))
+
+    def remarks(self, folder: Path) -> list[str]:
+        """What is to be said of a run whose results are not all as they should be."""
+        said = [
+            f"damaged: {case_path(folder, case_id)} was not as it had been written"
+            for case_id in self.standing_at(Standing.damaged)
+        ]
+        if self.failures:
+            said.append(f"one alone, in detail: knitlab reproduce CASE_ID (see {FAILURES})")
+        if self.stale_code:
+            said.append(
+                f"stale: {len(self.stale_code)} cases were computed by other code and stay as they"
+                " are; --refresh computes them anew"
+            )
+        if self.stale_parameters:
+            said.append(
+                f"stale: {len(self.stale_parameters)} cases stay as they were computed with other"
+                f" parameters ({'; '.join(self.changed) or 'of single designs'}); --refresh"
+                " computes them anew, --results FOLDER keeps both"
+            )
+        if self.stopped:
+            left = f"{len(self.unfinished)} cases are left"
+            said.append(f"stopped: what is done is kept, {left}; run again to go on")
+        return said
+
+
+@dataclass
+class Progress:
+    """How far a run has come; it outlives a Ctrl-C."""
+
+    ended: set[str] = field(default_factory=set)
+    failed: Failed = field(default_factory=dict)
+
+
+def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
+    """Simulate the cases of a plan that have no sound file, then write ``cube.nc``.
+
+    Results of other code or parameters stay unless ``options.refresh``. A batch that raises or
+    whose worker dies is tried again, then its cases alone; one that has no result even so is
+    ``failed``. Ctrl-C keeps what is done, and so does SIGTERM.
+
+    Args:
+        plan: the plan, frozen here into ``plan.json``.
+        results: results folder of the workflow.
+        options: how to run it.
+
+    Raises:
+        BadInput: if another run holds the folder, or its cube is of other dimensions.
+        CannotWrite: if the folder cannot be written, or is full; what is done is kept.
+    """
+    if options.scheduler is not None:
+        connected(options.scheduler).close()  # before anything is written
+    with held(results):
+        clear_unfinished(results)
+        old = _old_cube(plan, results / CUBE)
+        known = None if old is None else PlainCube.of(old)
+        standing = survey(plan.designs, results, known, check=True)
+        missing = {
+            case_id: plan.cases[case_id]
+            for case_id, its in standing.items()
+            if its in (Standing.pending, Standing.damaged) or (its.stale and options.refresh)
+        }
+        plan.write(results / PLAN)
+        progress = Progress()
+        with interrupted_by_signals():
+            stopped = _simulate_all(plan, results, missing, options, progress)
+        simulated = tuple(case_id for case_id in missing if case_id in progress.ended)
+        stale = {
+            case_id
+            for case_id, its in standing.items()
+            if its is Standing.stale_parameters and case_id not in simulated
+        }
+        damaged = {
+            case_id
+            for case_id, its in standing.items()
+            if its is Standing.damaged and case_id not in simulated
+        }
+        cube = build_cube(plan, results, old, simulated, stale, progress.failed, damaged)
+        write_cube(cube, results / CUBE)
+        failures = tuple(_failures(plan, results, cube, simulated, progress.failed))
+        with written_whole(results / FAILURES) as temporary:
+            temporary.write_text("".join(json.dumps(entry) + "\n" for entry in failures))
+    mine = tuple(entry for entry in failures if entry["case_id"] in plan.cases)
+    changed = () if old is None else differences(parameters_of(old), plan.common)
+    return Run(cube, simulated, standing, mine, stopped, changed if stale else ())
+
+
+def _old_cube(plan: Plan, path: Path) -> xr.Dataset | None:
+    """The cube that there is, if the plan's designs can join it."""
+    if not path.exists():
+        return None
+    try:
+        cube = open_cube(path)
+    except BadInput as error:
+        problem = "cannot be read; remove it and run again: it is made anew of the case files"
+        raise fault(str(path), problem) from error
+    check_dims(PlainCube.of(cube), plan.dims, path)
+    others = set(cells(PlainCube.of(cube))) - set(plan.designs.values())
+    changed = differences(parameters_of(cube), plan.common)
+    changed = tuple(change for change in changed if not change.startswith(MAY_DIFFER))
+    if others and changed:
+        raise fault(
+            str(path),
+            f"holds {len(others)} designs computed otherwise ({'; '.join(changed)}); name another"
+            " --results, or list the values of a setting to make it a dimension",
+        )
+    return cube
+
+
+def _simulate_all(
+    plan: Plan, results: Path, missing: dict[str, Case], options: RunOptions, progress: Progress
+) -> bool:
+    """Simulate what is missing; whether it was broken off."""
+    batches = [
+        batch
+        for planned in plan.batches
+        if (batch := [missing[case_id] for case_id in planned.cases if case_id in missing])
+    ]
+    if not batches:
+        return False
+    workers = min(options.workers, len(batches))
+    # Processors that no batch is left for help those that have one; others' are not known.
+    threads = 1 if options.scheduler else options.workers // max(workers, 1)
+    task = Task(options.simulate, results.resolve(), options.case_timeout, threads)
+    with ProgressBar(missing, shown=options.show_progress) as bar:
+        try:
+            with pool_of(task, workers, options.scheduler, options.dashboard, bar.reached) as pool:
+                try:
+                    return _in_rounds(pool, batches, results, options, progress, bar)
+                except KeyboardInterrupt:
+                    bar.say("stopping: the workers end and the cube is written; wait a moment")
+                    raise
+        except KeyboardInterrupt:
+            return True
+
+
+def _in_rounds(
+    pool: Pool,
+    batches: Sequence[Sequence[Case]],
+    results: Path,
+    options: RunOptions,
+    progress: Progress,
+    bar: ProgressBar,
+) -> bool:
+    """Simulate batches, then those again that need it, until none does.
+
+    A batch may be lost because it was handed to a worker that another had just killed. What was
+    lost twice is therefore run one by one: there nothing but itself can have killed its worker.
+    """
+    attempts = 0
+    while batches:
+        again: list[Sequence[Case]] = []
+        together = [[batch] for batch in batches] if attempts >= ONE_BY_ONE else [batches]
+        for batch, error in itertools.chain.from_iterable(map(pool, together)):
+            if error and error.cannot_write:
+                raise error.cannot_write
+            if error and (attempts < options.retries or (error.lost and attempts < ONE_BY_ONE)):
+                again.append(batch)
+            elif error and len(batch) > 1:
+                again += [[case] for case in batch]
+            else:
+                for case in batch:
+                    bar.ended(case.case_id)
+                    if error:
+                        progress.failed[case.case_id] = error
+                    else:
+                        progress.ended.add(case.case_id)
+                if options.fail_fast and (error or not _all_ok(results, batch)):
+                    return True
+        batches, attempts = again, attempts + 1
+    return False
+
+
+def _all_ok(results: Path, batch: Sequence[Case]) -> bool:
+    return all(read_case(results, case.case_id)["status"] == Status.ok for case in batch)
+
+
+def _failures(
+    plan: Plan, results: Path, cube: xr.Dataset, simulated: Collection[str], failed: Failed
+) -> Iterator[dict[str, Any]]:
+    """What there is to say of every design of the cube that is not ok, and how to run it alone."""
+    earlier = earlier_failures(results)
+    bad = cube["status"].isin([Status.not_converged, Status.failed])
+    # One that failed when it was refreshed keeps its old results in the cube.
+    for case_id in dict.fromkeys([*cube["case_id"].values[bad.values], *failed]):
+        if case_id in earlier and case_id not in simulated and case_id not in failed:
+            yield earlier[case_id]
+        elif case := plan.cases.get(case_id):
+            error = failed.get(case_id)
+            yield {
+                "case_id": case_id,
+                **case.design,
+                "status": (Status.failed if error else Status.not_converged).name,
+                "reason": error.reason if error else _reason(results, case_id),
+                "trace": error.trace if error else "",
+                "case": case.record,
+            }
+
+
+def _reason(results: Path, case_id: str) -> str:
+    return str(read_case(results, case_id).attrs["reason"])

@@ -1,0 +1,142 @@
+"""The status of a results folder: what is done, what is not, and what is stale. Needs no JAX."""
+
+import json
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from knitlab.execution.survey import Design, Standing, cells, survey
+from knitlab.io.design_status import Status
+from knitlab.io.errors import fault
+from knitlab.io.fingerprint import digests
+from knitlab.io.plain_cube import CUBE, open_plain_cube
+
+PLAN = "plan.json"
+FAILURES = "failures.jsonl"
+
+
+@dataclass(frozen=True)
+class FolderStatus:
+    """What a results folder holds of its plan.
+
+    Attributes:
+        designs: labels of the planned cases, by identifier.
+        dims: what they are labels of.
+        words: how each case stands: a status, or why it is not done.
+        failures: what failed cases say of themselves.
+        changed: files that have changed since the plan was made.
+    """
+
+    designs: dict[str, Design]
+    dims: tuple[str, ...]
+    words: dict[str, str]
+    failures: dict[str, str]
+    changed: tuple[str, ...]
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many cases stand how, the most first."""
+        return dict(Counter(self.words.values()).most_common())
+
+    def label(self, case_id: str) -> str:
+        """The design of a case in words."""
+        labels = zip(self.dims, self.designs[case_id], strict=True)
+        return "  ".join(f"{name} {value}" for name, value in labels)
+
+    def record(self) -> dict[str, Any]:
+        """The status as JSON holds it."""
+        return {
+            "cases": len(self.designs),
+            "counts": self.counts,
+            "changed_inputs": self.changed,
+            "not_ok": [
+                {
+                    "case_id": case_id,
+                    **dict(zip(self.dims, self.designs[case_id], strict=True)),
+                    "status": word,
+                    "reason": self.failures.get(case_id, ""),
+                }
+                for case_id, word in self.words.items()
+                if word != Status.ok.name
+            ],
+        }
+
+
+def read_plan(folder: Path) -> dict[str, Any]:
+    """The record of a folder's plan.
+
+    Raises:
+        BadInput: if there is none.
+    """
+    path = folder / PLAN
+    try:
+        record = json.loads(path.read_text())
+        complete = all(name in record for name in ("cases", "dims", "inputs", "overrides"))
+    except FileNotFoundError:
+        raise fault(str(path), "does not exist; plan or run the workflow first") from None
+    except OSError as error:
+        raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
+    except (ValueError, TypeError):
+        complete = False
+    if not complete:
+        raise fault(str(path), "is no plan; plan the workflow again")
+    return dict(record)
+
+
+def changed_inputs(record: Mapping[str, Any]) -> tuple[str, ...]:
+    """Files of which a plan was made and that are not now what they were."""
+    now = digests(map(Path, record["inputs"]))
+    return tuple(path for path, digest in record["inputs"].items() if now.get(path) != digest)
+
+
+def folder_status(
+    folder: Path, record: Mapping[str, Any], designs: Mapping[str, Design], check: bool
+) -> FolderStatus:
+    """How every planned case stands in a results folder.
+
+    Args:
+        folder: the folder.
+        record: of its plan, see :func:`read_plan`.
+        designs: labels of the planned cases, by identifier.
+        check: whether to compare case files with their checksums.
+
+    Raises:
+        BadInput: if its cube is none.
+    """
+    cube = open_plain_cube(folder / CUBE) if (folder / CUBE).exists() else None
+    there = {} if cube is None else cells(cube)
+    failures = earlier_failures(folder)
+    words = {}
+    for case_id, standing in survey(designs, folder, cube, check).items():
+        cell = there.get(designs[case_id])
+        if standing is Standing.done:
+            in_cube = cell is not None and cell.case_id == case_id
+            words[case_id] = cell.status.name if cell and in_cube else "done, not yet in the cube"
+        elif standing is Standing.pending and case_id in failures:
+            words[case_id] = Status.failed.name
+        else:
+            words[case_id] = standing.value
+    return FolderStatus(
+        designs=dict(designs),
+        dims=tuple(record["dims"]),
+        words=words,
+        failures={case_id: entry["reason"] for case_id, entry in failures.items()},
+        changed=changed_inputs(record),
+    )
+
+
+def planned_designs(record: Mapping[str, Any]) -> dict[str, Design]:
+    """Labels of a plan's cases, by identifier."""
+    return {case_id: tuple(case["design"].values()) for case_id, case in record["cases"].items()}
+
+
+def earlier_failures(folder: Path) -> dict[str, dict[str, Any]]:
+    """What the last run said of designs that are not ok, by case identifier."""
+    try:
+        lines = (folder / FAILURES).read_text().splitlines()
+        entries = [json.loads(line) for line in lines]
+        return {entry["case_id"]: entry for entry in entries if entry["reason"] and entry["case"]}
+    except (OSError, ValueError, TypeError, KeyError):
+        return {}  # it is written anew by every run, and nothing hangs on it

@@ -1,0 +1,127 @@
+"""The survey: how far each design of a plan has come in a results folder. Needs no JAX."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from knitlab.io.case_file import Kept, case_path, checksum_path, kept, read_code
+from knitlab.io.design_status import Status
+from knitlab.io.errors import fault
+from knitlab.io.fingerprint import code_fingerprint
+from knitlab.io.plain_cube import PlainCube
+
+Design = tuple[Any, ...]
+
+
+class Standing(Enum):
+    """What there is of a planned case."""
+
+    done = "done"
+    pending = "pending"
+    stale_code = "stale: other code"
+    stale_parameters = "stale: other parameters"
+    damaged = "damaged"
+
+    @property
+    def stale(self) -> bool:
+        """Whether its results are of other code or parameters."""
+        return self in (Standing.stale_code, Standing.stale_parameters)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What a cube says of one design.
+
+    Attributes:
+        place: where in the cube, an index for each design dimension.
+        case_id: its case.
+        code: fingerprint of the code that computed it.
+        status: of it.
+    """
+
+    place: tuple[int, ...]
+    case_id: str
+    code: str
+    status: Status
+
+    @property
+    def has_results(self) -> bool:
+        """Whether it was simulated."""
+        return self.status in (Status.ok, Status.not_converged)
+
+
+def cells(cube: PlainCube) -> dict[Design, Cell]:
+    """The designs of a cube by their labels; combinations that are none are left out."""
+    labels = [cube.coordinates[dim].tolist() for dim in cube.design_dims]
+    status, case_id = cube.read("status"), cube.read("case_id")
+    # Cubes of earlier versions do not say.
+    code = cube.read("code") if "code" in cube.dims else np.full(status.shape, "")
+    found = {}
+    for place in zip(*map(np.ndarray.tolist, np.nonzero(status != Status.excluded)), strict=True):
+        design = tuple(along[k] for along, k in zip(labels, place, strict=True))
+        found[design] = Cell(
+            place, str(case_id[place]), str(code[place]), Status(int(status[place]))
+        )
+    return found
+
+
+def check_dims(cube: PlainCube, dims: tuple[str, ...], path: Path) -> None:
+    """Refuse a cube whose designs lie along other dimensions than a plan's.
+
+    Raises:
+        BadInput: if they do.
+    """
+    if cube.design_dims != dims:
+        raise fault(
+            str(path),
+            f"lies along {', '.join(cube.design_dims)}, but the workflow along"
+            f" {', '.join(dims)}; name another --results",
+        )
+
+
+def survey(
+    cases: Mapping[str, Design], folder: Path, cube: PlainCube | None, check: bool
+) -> dict[str, Standing]:
+    """Standing of every planned case.
+
+    Args:
+        cases: designs by case identifier.
+        folder: results folder of the workflow.
+        cube: its cube, if there is one.
+        check: whether to compare every case file with its checksum, or only look whether both
+            are there.
+    """
+    there = {} if cube is None else cells(cube)
+    names = {path.name for path in (folder / "cases").glob("*")}
+    return dict(_survey(cases, folder, there, names, check))
+
+
+def _survey(
+    cases: Mapping[str, Design],
+    folder: Path,
+    there: Mapping[Design, Cell],
+    names: set[str],
+    check: bool,
+) -> Iterator[tuple[str, Standing]]:
+    for case_id, design in cases.items():
+        cell = there.get(design)
+        result, checksum = case_path(folder, case_id).name, checksum_path(folder, case_id).name
+        if result not in names:
+            stale = cell is not None and cell.case_id != case_id and cell.has_results
+            yield case_id, Standing.stale_parameters if stale else Standing.pending
+        elif checksum not in names or (check and kept(folder, case_id) is not Kept.sound):
+            yield case_id, Standing.damaged
+        else:
+            if cell is not None and cell.case_id == case_id and cell.code:
+                code: str | None = cell.code
+            else:
+                code = read_code(folder, case_id)
+            if code is None:
+                yield case_id, Standing.damaged
+            else:
+                current = code == code_fingerprint()
+                yield case_id, Standing.done if current else Standing.stale_code

@@ -1,0 +1,1 @@
+"""Files: the schema of cubes and cases, atomic writes, locks, provenance. Imports without JAX."""

@@ -1,0 +1,63 @@
+"""Files that are there whole or not at all."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import mkdtemp
+
+from knitlab.io.errors import CannotWrite, Fault
+
+UNFINISHED = ".writing-"
+"""What the folders of unfinished files begin with."""
+PROBE_BYTES = 1 << 20
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """Give a temporary path to write to, and put it in place of ``path`` when all went well.
+
+    Raises:
+        CannotWrite: if the folder cannot be written, or has no room.
+    """
+    folder = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        folder = Path(mkdtemp(prefix=UNFINISHED, dir=path.parent))
+        temporary = folder / path.name
+        yield temporary
+        temporary.replace(path)
+    except OSError as error:
+        # Of a full disk netCDF may say that it is not permitted; a plain file says why.
+        reason = _refusal(folder) if folder is not None else None
+        raise _cannot_write(path, reason or error) from error
+    except RuntimeError as error:
+        # HDF5 does not say why it could not write; a plain file does.
+        if folder is not None and (reason := _refusal(folder)):
+            raise _cannot_write(path, reason) from error
+        raise
+    finally:
+        if folder is not None:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def clear_unfinished(folder: Path) -> None:
+    """Remove what a killed process left unfinished in a folder and its folders."""
+    for left in (*folder.glob(f"{UNFINISHED}*"), *folder.glob(f"*/{UNFINISHED}*")):
+        shutil.rmtree(left, ignore_errors=True)
+
+
+def _refusal(folder: Path) -> OSError | None:
+    try:
+        (folder / "probe").write_bytes(bytes(PROBE_BYTES))
+    except OSError as error:
+        return error
+    return None
+
+
+def _cannot_write(path: Path, error: OSError) -> CannotWrite:
+    why = (error.strerror or str(error)).lower()
+    remedy = "free some room" if "space" in why or "quota" in why else "choose another folder"
+    return CannotWrite(
+        [Fault(str(path), f"cannot be written ({why}); {remedy}; what was there is unharmed")]
+    )

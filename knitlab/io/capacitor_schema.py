@@ -1,0 +1,94 @@
+"""The registry's variables of a fabric with electrodes."""
+
+from knitlab.io.variable import Variable
+
+_STATE = ("applied_strain",)
+_ONCE: tuple[str, ...] = ()
+_RANGE = (
+    "over the strains from applied_strain_opened to sensing_end: measured without a gap, and"
+    " unfolding not yet complete"
+)
+
+
+def _of_capacitor(
+    units: str, long_name: str, description: str = "", dims: tuple[str, ...] = _STATE
+) -> Variable:
+    return Variable(dims, units, long_name, description, of="capacitor")
+
+
+CAPACITOR_VARIABLES = {
+    "capacitor_status": _of_capacitor(
+        "1",
+        "what a meter would make of the electrodes",
+        "where it is not measured there is no capacitance",
+    ),
+    "capacitance": _of_capacitor(
+        "pF", "capacitance", "between the electrodes; on endless fabric, of electrode_length"
+    ),
+    "capacitance_ratio": _of_capacitor(
+        "1", "capacitance over that at applied_strain_opened", "C over C0"
+    ),
+    "mutual_capacitance": _of_capacitor(
+        "pF",
+        "mutual capacitance",
+        "minus C12 of Maxwell's matrix; on endless fabric it is the capacitance, and missing here",
+    ),
+    "capacitance_error": _of_capacitor(
+        "1",
+        "estimated error of the capacitance over itself",
+        "from two sizes of panels; of a measured one, its standard error",
+    ),
+    "capacitance_wedge": _of_capacitor(
+        "pF", "capacitance by the wedge integral", "a fast estimate, where folds are shut too"
+    ),
+    "electrode_gap": _of_capacitor(
+        "mm",
+        "shortest distance between the electrodes",
+        "0 where they pass through each other; looked for up to a grid cell",
+    ),
+    "electrode_length": _of_capacitor(
+        "mm", "relaxed length of the electrodes", "that the capacitance is of", _ONCE
+    ),
+    "fold_between": _of_capacitor(
+        "rad", "mean fold angle at and between the electrodes", "of the folds that run as they do"
+    ),
+    "applied_strain_opened": _of_capacitor(
+        "1",
+        "applied strain at which sensing begins",
+        "the first at which the electrodes are apart, of the longest run that is measured",
+        _ONCE,
+    ),
+    "applied_strain_unfolded": _of_capacitor(
+        "1",
+        "applied strain at which unfolding is complete",
+        "fold_between has fallen to the part of its relaxed value that electrodes.toml names, or is"
+        " least; missing if neither is by the end of the test",
+        _ONCE,
+    ),
+    "sensing_end": _of_capacitor("1", "applied strain at which sensing ends", _RANGE, _ONCE),
+    "sensitivity": _of_capacitor(
+        "pF", "sensitivity", f"mean |dC/de| over the central 20 % of the strain range, {_RANGE}", ()
+    ),
+    "gauge_factor": _of_capacitor(
+        "1", "gauge factor", f"change of capacitance over itself and over strain, {_RANGE}", _ONCE
+    ),
+    "linearity": _of_capacitor("1", "R² of a straight line", _RANGE, _ONCE),
+    "working_range": _of_capacitor(
+        "1",
+        "working range",
+        f"width of the widest strain window in which a line has the R² asked for, {_RANGE}",
+        _ONCE,
+    ),
+    "working_start": _of_capacitor("1", "applied strain at which the working range begins", "", ()),
+    "working_slope": _of_capacitor("pF", "slope of the line over the working range", "", _ONCE),
+    "capacitance_unloading": Variable(
+        _STATE, "pF", "capacitance while the fabric is let go", of="unloading"
+    ),
+    "hysteresis": Variable(
+        (),
+        "1",
+        "hysteresis of the capacitance",
+        "largest difference between pulling and letting go, over the range of the capacitance",
+        of="unloading",
+    ),
+}

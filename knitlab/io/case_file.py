@@ -1,0 +1,91 @@
+"""Case files: one netCDF file a case with its checksum beside it. Needs no JAX."""
+
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import netCDF4
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.io.atomic_write import written_whole
+from knitlab.io.fingerprint import file_digest
+from knitlab.io.schema import encoding
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+class Kept(Enum):
+    """What there is of a case in a results folder."""
+
+    nothing = "pending"
+    sound = "sound"
+    damaged = "damaged"
+
+
+def case_path(results: Path, case_id: str) -> Path:
+    """Where the file of a case lies within a results folder."""
+    return results / "cases" / f"{case_id}.nc"
+
+
+def checksum_path(results: Path, case_id: str) -> Path:
+    """Where its checksum lies, as ``sha256sum --check`` reads it."""
+    return results / "cases" / f"{case_id}.sha256"
+
+
+def write_case_file(results: Path, case_id: str, dataset: "xr.Dataset") -> None:
+    """Write a case file and its checksum, each whole.
+
+    The checksum comes first, so that a case is either whole or not there.
+
+    Raises:
+        CannotWrite: if they cannot be written.
+    """
+    path = case_path(results, case_id)
+    with written_whole(path) as temporary:
+        dataset.to_netcdf(temporary, encoding=encoding(dataset))
+        with written_whole(checksum_path(results, case_id)) as checksum:
+            checksum.write_text(f"{file_digest(temporary)}  {path.name}\n")
+
+
+def kept(results: Path, case_id: str) -> Kept:
+    """Whether a case file is there and has the contents that were written."""
+    try:
+        stated = checksum_path(results, case_id).read_bytes().split(b" ")[0]
+        found = file_digest(case_path(results, case_id))
+    except FileNotFoundError:
+        there = case_path(results, case_id).exists()
+        return Kept.damaged if there else Kept.nothing
+    except OSError:
+        return Kept.damaged
+    return Kept.sound if found.encode() == stated else Kept.damaged
+
+
+def read_code(results: Path, case_id: str) -> str | None:
+    """Fingerprint of the code that computed a case; None if the file is no case."""
+    try:
+        with netCDF4.Dataset(case_path(results, case_id)) as dataset:
+            return str(dataset["code"][...])
+    except (OSError, IndexError):
+        return None
+
+
+def configurations(case: "xr.Dataset") -> Float[np.ndarray, "state unknown"]:
+    """Configurations of a case at every strain: node coordinates, then L_x and L_y [mm].
+
+    The lengths, which open samples do not have, are 0 there.
+    """
+    nodes = case["position"].values.reshape(case.sizes["applied_strain"], -1)
+    names = ("length_x", "length_y")
+    none = np.zeros(len(nodes))
+    lengths = [case[name].values if name in case else none for name in names]
+    return np.column_stack([nodes, *lengths])
+
+
+def read_case(results: Path, case_id: str) -> "xr.Dataset":
+    """Read a case file into memory."""
+    import xarray as xr
+
+    with xr.open_dataset(case_path(results, case_id), engine="netcdf4") as dataset:
+        return dataset.load()

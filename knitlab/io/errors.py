@@ -1,0 +1,107 @@
+"""Faults of the user's input, gathered so that one message lists them all."""
+
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+from types import TracebackType
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from knitlab.io.suggestions import unknown
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One mistake: where it stands and what is wrong with it."""
+
+    path: str
+    problem: str
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.problem}"
+
+
+class BadInput(Exception):
+    """Input that cannot be used; carries every fault that was found."""
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self.faults = tuple(faults)
+        super().__init__("\n".join(map(str, self.faults)))
+
+    def __reduce__(self) -> tuple[type["BadInput"], tuple[tuple["Fault", ...]]]:
+        """Pickled by its faults, as it comes back from a worker."""
+        return type(self), (self.faults,)
+
+
+class CannotWrite(BadInput):
+    """A file that cannot be written, so that going on is no use."""
+
+
+class Gathered:
+    """Collects the faults of several checks; ``with gathered:`` ends each at its first raise."""
+
+    def __init__(self) -> None:
+        self.all: list[Fault] = []
+
+    def __enter__(self) -> None:
+        """Begin a check."""
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> bool:
+        if isinstance(error, BadInput):
+            self.all += error.faults
+            return True
+        return False
+
+
+def fault(path: str, problem: str) -> BadInput:
+    """A :class:`BadInput` with a single fault."""
+    return BadInput([Fault(path, problem)])
+
+
+def faults_of(error: ValidationError, source: str, known: Collection[str] = ()) -> list[Fault]:
+    """The faults that pydantic found in what was read from ``source``.
+
+    Args:
+        error: what pydantic raised.
+        source: of what was read.
+        known: the keys that there are, to say which may have been meant.
+    """
+    return [
+        Fault(
+            _path(source, entry["loc"]),
+            unknown(str(entry["loc"][-1]), known, "setting")
+            if known and entry["type"] == "extra_forbidden"
+            else _problem(entry["type"], entry["msg"], entry["input"]),
+        )
+        for entry in _told(error)
+    ]
+
+
+def _told(error: ValidationError) -> list[ErrorDetails]:
+    """What pydantic found, without what only follows from it: that a list of faults is empty."""
+    found = error.errors()
+    inner = {entry["loc"][:-1] for entry in found}
+    return [
+        entry for entry in found if not (entry["type"] == "too_short" and entry["loc"] in inner)
+    ]
+
+
+def _path(source: str, location: tuple[int | str, ...]) -> str:
+    return ": ".join(part for part in (source, ".".join(map(str, location))) if part)
+
+
+def _problem(kind: str, message: str, given: object) -> str:
+    if kind == "missing":
+        return "is missing; add it"
+    if kind == "extra_forbidden":
+        return "is not a known key; remove it or check its spelling"
+    if isinstance(given, list) and kind.startswith(("int", "float", "string")):
+        return f"is a list within a list, {given!r}; take one pair of brackets away"
+    message = message.removeprefix("Value error, ").removeprefix("Assertion failed, ")
+    text = message[0].lower() + message[1:]
+    return text if kind == "value_error" else f"{text}, but is {given!r}"

@@ -1,0 +1,146 @@
+"""A cube as plain arrays: without xarray, whose import alone takes longer than most questions."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import netCDF4
+import numpy as np
+
+from knitlab.io.errors import fault
+from knitlab.io.schema import DESIGN_DIMS, MISSING, STRIPE_DIMS, WHOLE
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+CUBE = "cube.nc"
+READING = "reading_"
+"""What the attributes of a cube begin with that state its reading."""
+
+
+@dataclass(frozen=True)
+class PlainCube:
+    """What a cube holds, read when it is asked for.
+
+    Attributes:
+        dims: of every variable that is no coordinate.
+        coordinates: values along every labelled dimension.
+        read: gives the values of a variable.
+        name: of its folder, or of its file.
+        reading: the model's open choices that all of its designs share.
+    """
+
+    dims: dict[str, tuple[str, ...]]
+    coordinates: dict[str, np.ndarray]
+    read: Callable[[str], np.ndarray]
+    name: str
+    reading: dict[str, Any]
+
+    @property
+    def design_dims(self) -> tuple[str, ...]:
+        """The dimensions that its designs lie along, those of swept settings included."""
+        return self.dims["status"]
+
+    @classmethod
+    def of(cls, cube: "xr.Dataset") -> "PlainCube":
+        """The same of an xarray cube."""
+        return cls(
+            {str(name): tuple(map(str, cube[name].dims)) for name in cube.data_vars},
+            {str(name): cube[name].values for name in cube.coords if name in cube.dims},
+            lambda name: cube[name].values,
+            str(cube.attrs.get("workflow", "")),
+            stated_reading(cube.attrs),
+        )
+
+
+def open_plain_cube(path: str | Path) -> PlainCube:
+    """Open a knitlab cube.
+
+    Args:
+        path: a ``cube.nc``, or the results folder that holds one.
+
+    Raises:
+        BadInput: if there is no such file, or it is not a cube.
+    """
+    path = cube_path(path)
+    with read_as_cube(path), netCDF4.Dataset(path) as dataset:
+        dims = {name: its.dimensions for name, its in dataset.variables.items()}
+        coordinates = {name: dataset[name][...] for name in dims if dims[name] == (name,)}
+        reading = stated_reading({name: dataset.getncattr(name) for name in dataset.ncattrs()})
+    cube = PlainCube(
+        {name: its for name, its in dims.items() if name not in coordinates},
+        {name: np.ma.getdata(values) for name, values in coordinates.items()},
+        lambda name: read_values(path, name),
+        path.resolve().parent.name if path.name == CUBE else path.name,
+        reading,
+    )
+    check_is_cube(path, cube.dims.get("status") if "case_id" in cube.dims else None)
+    return cube
+
+
+def stated_reading(attributes: Mapping[Any, Any]) -> dict[str, Any]:
+    """The reading that the attributes of a cube state, by setting."""
+    return {
+        str(name).removeprefix(READING): value
+        for name, value in attributes.items()
+        if str(name).startswith(READING)
+    }
+
+
+def cube_path(path: str | Path) -> Path:
+    """The file of a cube that is named by it or by its folder."""
+    path = Path(path)
+    return path / CUBE if path.is_dir() else path
+
+
+@contextmanager
+def read_as_cube(path: Path) -> Iterator[None]:
+    """Explain why a file cannot be read as a cube.
+
+    Raises:
+        BadInput: if it is not there, or not netCDF.
+    """
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise fault(
+            str(path), "does not exist; run a workflow or import an experiment first"
+        ) from error
+    except (OSError, ValueError) as error:
+        raise fault(str(path), f"is not a netCDF file ({error}); give a cube.nc") from error
+
+
+def read_values(path: Path, name: str) -> np.ndarray:
+    """Values of one variable; missing ones are not numbers."""
+    with netCDF4.Dataset(path) as dataset:
+        dataset.set_auto_maskandscale(False)
+        return unmasked(name, dataset[name][...])
+
+
+def unmasked(name: str, values: np.ndarray) -> np.ndarray:
+    """Stored values of a variable as they are meant: whole numbers may be missing."""
+    return np.where(values == MISSING, np.nan, values) if name in WHOLE else values
+
+
+def check_is_cube(path: Path, dims: tuple[str, ...] | None) -> None:
+    """Refuse what has no designs.
+
+    Raises:
+        BadInput: if it has none.
+    """
+    if dims is None or not base_of(dims):
+        raise fault(
+            str(path),
+            f"is not a cube: it has no status along {' and '.join(DESIGN_DIMS)};"
+            " give a cube.nc or a results folder",
+        )
+
+
+def base_of(dims: tuple[str, ...]) -> tuple[str, ...]:
+    """Of design dimensions, those of a checkerboard or of a pure stripe; none if it is neither."""
+    for known in (DESIGN_DIMS, STRIPE_DIMS):
+        if dims[: len(known)] == known:
+            return known
+    return ()

@@ -1,0 +1,89 @@
+"""Tables of numbers: CSV files as they come from a laboratory, and the units of their columns."""
+
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pint
+from jaxtyping import Float
+
+from knitlab.io.errors import Fault, fault
+
+
+def read_table(path: Path, example: str) -> tuple[list[str], pd.DataFrame]:
+    """Headers, which may repeat, and the rows below them, as text.
+
+    Args:
+        path: the file; lines that start with # are passed over.
+        example: how such a table is to be written, for the message.
+
+    Raises:
+        BadInput: if it cannot be read, or is no table.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        table = pd.read_csv(
+            StringIO("\n".join(line for line in lines if not line.lstrip().startswith("#"))),
+            dtype=str,
+            header=None,
+            skipinitialspace=True,
+            keep_default_na=False,
+        ).fillna("")
+    except OSError as error:
+        raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        problem = " ".join(str(error).split())
+        raise fault(str(path), f"is not a CSV table ({problem}); {example}") from error
+    headers = table.iloc[0].tolist()
+    if len(headers) == 1 and (mark := next((mark for mark in ";\t" if mark in headers[0]), None)):
+        named = "semicolons" if mark == ";" else "tabs"
+        raise fault(str(path), f"is separated by {named}; separate its columns by commas")
+    return headers, table.iloc[1:]
+
+
+def numbers_of(
+    path: Path, name: str, column: pd.Series
+) -> tuple[Float[np.ndarray, " point"], list[Fault]]:
+    """A column's numbers, and what is wrong with those that are none."""
+    values = pd.to_numeric(column, errors="coerce").to_numpy(float)
+    bad = np.flatnonzero(~np.isfinite(values))
+    faults = []
+    if len(bad):
+        first = column.iloc[bad[0]]
+        more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
+        value = repr(first) if first else "empty"
+        problem = f"point {bad[0] + 1} is {value}{more}, not a finite number; mend or remove it"
+        faults.append(Fault(f"{path}: column {name}", problem))
+    return values, faults
+
+
+def factor_of(place: str, unit: str, target: str, remedy: str) -> tuple[float, list[Fault]]:
+    """What numbers are multiplied by to be in a unit, and what is wrong with theirs.
+
+    Args:
+        place: where they stand, for the message.
+        unit: theirs.
+        target: the unit that is asked for.
+        remedy: which units would do, for the message.
+    """
+    try:
+        once, twice = (_in_unit(value, unit, target) for value in (1.0, 2.0))
+        if not np.isclose(twice, 2 * once):  # a logarithmic unit
+            raise pint.DimensionalityError(unit, target)
+        return once, []
+    except pint.DimensionalityError:
+        return np.nan, [Fault(place, f"is in {unit}; give it in a unit {remedy}")]
+    except Exception:  # pint raises many kinds on a text that is no unit
+        return np.nan, [Fault(place, f"has the unknown unit {unit!r}; give one {remedy}")]
+
+
+def _in_unit(value: float, unit: str, target: str) -> float:
+    quantity = _registry().Quantity(value, "dimensionless" if unit == "1" else unit)
+    if target == "1" and not quantity.to_root_units().unitless:  # an angle
+        raise pint.DimensionalityError(unit, target)
+    return float(quantity.to("dimensionless" if target == "1" else target).magnitude)
+
+
+def _registry() -> pint.UnitRegistry:
+    return pint.get_application_registry()

@@ -1,0 +1,243 @@
+"""Plan of a sparse Cholesky factorisation on a grid of nodes, ordered by nested dissection.
+
+The grid is cut in halves again and again by lines of nodes as thick as couplings reach, and the
+cuts are eliminated after what lies beside them. The unknowns of one cut, or of one leaf between
+the cuts, are eliminated together in a dense front. The grid decides the order alone: what a
+front is coupled to is read off the sparsity, so that any symmetric matrix is factored rightly,
+and one that is no grid only slowly.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from knitlab.linalg.elimination_order import axis, places_in_order
+
+Columns = tuple[Float[np.ndarray, "pivot pivot"], Float[np.ndarray, "boundary pivot"]]
+
+
+@dataclass(frozen=True, eq=False)
+class Transfer:
+    """A block of a child's update, and where its parent takes it up.
+
+    Attributes:
+        target: 0 for the parent's pivots, 1 for its coupling, 2 for its own update.
+        into: rows and columns there.
+        block: rows and columns of the child's update.
+    """
+
+    target: int
+    into: tuple[slice, slice]
+    block: tuple[slice, slice]
+
+
+@dataclass(frozen=True, eq=False)
+class Front:
+    """Unknowns that are eliminated together, all numbered in the order of elimination.
+
+    Attributes:
+        pivots: the unknowns.
+        boundary: later unknowns that their elimination couples to each other, ascending.
+        stored: where its columns of the factor begin among those of all fronts.
+        update: where its update, what it leaves to its parent, begins on the stack.
+        children: fronts whose updates it takes up, and by which blocks.
+    """
+
+    pivots: slice
+    boundary: Int[np.ndarray, " boundary"]
+    stored: int
+    update: int
+    children: tuple[tuple["Front", tuple[Transfer, ...]], ...]
+
+    @property
+    def size(self) -> int:
+        """Number of pivots."""
+        return self.pivots.stop - self.pivots.start
+
+    def columns(self, stored: Float[np.ndarray, " entry"]) -> Columns:
+        """Views of its pivots and of their coupling to the boundary."""
+        size, boundary = self.size, len(self.boundary)
+        middle = self.stored + size * size
+        pivots = stored[self.stored : middle].reshape(size, size).T
+        return pivots, stored[middle : middle + size * boundary].reshape(size, boundary).T
+
+    def updated(self, stack: Float[np.ndarray, " place"]) -> Float[np.ndarray, "boundary boundary"]:
+        """View of its update."""
+        boundary = len(self.boundary)
+        return stack[self.update : self.update + boundary**2].reshape(boundary, boundary).T
+
+
+@dataclass(frozen=True, eq=False)
+class NestedDissection:
+    """How matrices of one sparsity are factored.
+
+    Attributes:
+        order: the unknowns in the order of elimination.
+        parts: the fronts in which they are eliminated, children before parents: first those of
+            two halves that have nothing to do with each other, then what they have in common.
+        places: of every non-zero of the lower triangle, where it enters the factor.
+        stored: entries that the factor takes.
+        stack: entries of updates that wait for their parents, at most.
+    """
+
+    order: Int[np.ndarray, " unknown"]
+    parts: tuple[Sequence[Front], Sequence[Front], Sequence[Front]]
+    places: Int[np.ndarray, " nonzero"]
+    stored: int
+    stack: int
+
+
+def nested_dissection(
+    indptr: Int[np.ndarray, " column"],
+    indices: Int[np.ndarray, " nonzero"],
+    rows: Int[np.ndarray, " unknown"],
+    columns: Int[np.ndarray, " unknown"],
+) -> NestedDissection:
+    """Plan the factorisation of symmetric matrices on a grid of nodes.
+
+    Args:
+        indptr: where the columns of the lower triangle begin.
+        indices: rows of its non-zeros, the diagonal among them, column after column.
+        rows: of the grid, for every unknown; -1 for unknowns of the whole grid, which are
+            eliminated last.
+        columns: likewise.
+    """
+    lower = np.asarray(indices, dtype=np.int64)
+    upper = np.repeat(np.arange(len(rows)), np.diff(indptr))
+    nodal = rows >= 0
+    between = (nodal[lower] & nodal[upper]).nonzero()
+    vertical, horizontal = (
+        axis(line, line[nodal], np.abs(line[lower] - line[upper])[between])
+        for line in (rows, columns)
+    )
+    label, key = places_in_order(vertical, horizontal)
+    order = np.lexsort((key, label))
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    starts = np.append(np.flatnonzero(np.diff(label[order], prepend=-1)), len(order))
+    return _plan(order, starts, rank[lower], rank[upper])
+
+
+def _plan(
+    order: Int[np.ndarray, " unknown"],
+    starts: Int[np.ndarray, " front"],
+    one: Int[np.ndarray, " nonzero"],
+    other: Int[np.ndarray, " nonzero"],
+) -> NestedDissection:
+    """Plan fronts that end where the next starts, from the non-zeros between unknowns."""
+    column, row = np.minimum(one, other), np.maximum(one, other)
+    sizes = np.diff(starts)
+    owner = np.repeat(np.arange(len(sizes)), sizes)
+    front = owner[column]
+    outside = row >= starts[front + 1]
+    keys = front[outside] * len(order) + row[outside]
+    boundaries, parents = _boundaries(np.unique(keys), starts, owner)
+    lengths = np.array([len(boundary) for boundary in boundaries])
+    middle = _middle(np.array(parents), sizes * lengths**2)
+    fronts, stack = _fronts(starts, boundaries, parents, middle)
+
+    stored = np.array([front.stored for front in fronts])
+    within = column - starts[front]
+    places = stored[front] + within * sizes[front] + row - starts[front]
+    boundary_keys = np.repeat(np.arange(len(sizes)), lengths) * len(order)
+    boundary_keys += np.concatenate(boundaries)
+    front, within = front[outside], within[outside]
+    rank = np.searchsorted(boundary_keys, keys) - (np.cumsum(lengths) - lengths)[front]
+    places[outside] = stored[front] + sizes[front] ** 2 + within * lengths[front] + rank
+    parts = fronts[:middle], fronts[middle:-1], fronts[-1:]
+    return NestedDissection(order, parts, places, int(sizes @ (sizes + lengths)), stack)
+
+
+def _middle(parents: Int[np.ndarray, " front"], work: Int[np.ndarray, " front"]) -> int:
+    """Where to cut all fronts but the last in two that hand nothing to each other.
+
+    Of the places where that can be done, the one that parts the work best.
+    """
+    last = len(parents) - 1
+    within = np.where(parents[:last] < last, parents[:last], -1)
+    reached = np.maximum.accumulate(np.append(-1, within))
+    places = np.flatnonzero(reached < np.arange(last + 1))
+    done = np.append(0, np.cumsum(work[:last]))
+    return int(places[np.abs(done[places] - done[-1] / 2).argmin()])
+
+
+def _boundaries(
+    keys: Int[np.ndarray, " coupling"],
+    starts: Int[np.ndarray, " front"],
+    owner: Int[np.ndarray, " unknown"],
+) -> tuple[list[Int[np.ndarray, " boundary"]], list[int]]:
+    """Boundary of every front, and the front that takes up its update; -1 if none."""
+    fronts, unknowns = np.divmod(keys, len(owner))
+    boundaries = np.split(unknowns, np.searchsorted(fronts, np.arange(1, len(starts) - 1)))
+    parents = []
+    for boundary in boundaries:
+        parents.append(int(owner[boundary[0]]) if len(boundary) else -1)
+        if len(boundary):
+            parent = parents[-1]
+            handed = boundary[np.searchsorted(boundary, starts[parent + 1]) :]
+            boundaries[parent] = np.union1d(boundaries[parent], handed)
+    return boundaries, parents
+
+
+def _fronts(
+    starts: Int[np.ndarray, " front"],
+    boundaries: Sequence[Int[np.ndarray, " boundary"]],
+    parents: Sequence[int],
+    middle: int,
+) -> tuple[tuple[Front, ...], int]:
+    """The fronts, their places in the factor and on the stack, and the size of the stack.
+
+    Those from the middle on keep off what those before it may still be using.
+    """
+    fronts: list[Front] = []
+    waiting: list[Front] = []
+    stored = stack = bottom = 0
+    children: list[list[Front]] = [[] for _ in boundaries]
+    for number, (boundary, parent) in enumerate(zip(boundaries, parents, strict=True)):
+        pivots = slice(int(starts[number]), int(starts[number + 1]))
+        bottom = stack if number == middle else bottom
+        update = _first_gap(waiting, len(boundary) ** 2, bottom)
+        taken = tuple((child, _transfers(child, pivots, boundary)) for child in children[number])
+        front = Front(pivots, boundary, stored, update, taken)
+        fronts.append(front)
+        stored += front.size * (front.size + len(boundary))
+        stack = max(stack, update + len(boundary) ** 2)
+        waiting = [other for other in waiting if other not in children[number]]
+        if parent >= 0:
+            children[parent].append(front)
+            waiting = sorted([*waiting, front], key=lambda other: other.update)
+    return tuple(fronts), stack
+
+
+def _first_gap(waiting: Sequence[Front], size: int, bottom: int) -> int:
+    """Lowest place on the stack, from its bottom, where an update fits between those that wait."""
+    end = bottom
+    for front in waiting:
+        if front.update < bottom:
+            continue
+        if front.update - end >= size:
+            break
+        end = front.update + len(front.boundary) ** 2
+    return end
+
+
+def _transfers(
+    child: Front, pivots: slice, boundary: Int[np.ndarray, " boundary"]
+) -> tuple[Transfer, ...]:
+    """Blocks of the lower triangle of a child's update that are contiguous in its parent too."""
+    passed = child.boundary >= pivots.stop
+    place = np.where(
+        passed, np.searchsorted(boundary, child.boundary), child.boundary - pivots.start
+    )
+    breaks = np.flatnonzero((np.diff(place) != 1) | np.diff(passed)) + 1
+    runs = [slice(*ends) for ends in pairwise([0, *breaks.tolist(), len(place)])]
+    into = [slice(int(place[run.start]), int(place[run.stop - 1]) + 1) for run in runs]
+    part = [int(passed[run.start]) for run in runs]
+    return tuple(
+        Transfer(part[i] + part[j], (into[i], into[j]), (runs[i], runs[j]))
+        for i in range(len(runs))
+        for j in range(i + 1)
+    )

@@ -1,1 +1,0 @@
-"""Slices of cubes: queries, design maps and figures. Reads files only and never imports JAX."""

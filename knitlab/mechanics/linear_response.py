@@ -1,0 +1,152 @@
+"""Response: how an equilibrium gives way to small forces, by the stiffness at hand.
+
+What moves as a whole meets no resistance: forces are taken without what they would do along such
+rigid motions, and displacements are given without any.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Float, Int
+
+from knitlab.mechanics.element_chunks import PortionedFabric
+from knitlab.mechanics.evaluation import WHOLE
+from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser, one_thread_of_blas
+from knitlab.mechanics.loading import all_free
+from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
+from knitlab.model.fabric import Fabric
+from knitlab.model.network import MeshShape
+
+SHIFT = 1e-9
+"""Added to K so that rigid motions do not make it singular [N/mm]."""
+RIGID = 1e-7
+"""Stiffness below which a rigid motion costs no energy; a node at a wall gives far more [N/mm]."""
+REFINEMENTS = 20
+ACCURACY = 1e-11
+"""Largest residual of a solve over its right side."""
+
+Rows = Float[np.ndarray, "row unknown"]
+
+
+class NoDerivative(ArithmeticError):
+    """The state is not a stable equilibrium, or so nearly not that K cannot be solved."""
+
+
+@dataclass(frozen=True, eq=False)
+class Responses:
+    """What a mesh shape and a choice of free unknowns need to have responses.
+
+    Attributes:
+        free: sparsity of their stiffness.
+        movable: sparsity of that of all unknowns that a force can act on.
+        factorise: factors the first.
+    """
+
+    free: FreeStiffness
+    movable: FreeStiffness
+    factorise: Factoriser
+
+    @classmethod
+    def of(
+        cls, shape: MeshShape, unknowns: Int[np.ndarray, " free"], method: str | None = None
+    ) -> "Responses":
+        """Those of a mesh shape.
+
+        Args:
+            shape: the mesh shape.
+            unknowns: places of the free unknowns.
+            method: of factorisation; nested dissection by default.
+        """
+        free = free_stiffness(shape, unknowns)
+        return cls(free, free_stiffness(shape, all_free(shape)), factoriser(free, method))
+
+    def at(self, fabric: Fabric, configuration: Float[np.ndarray, " unknown"]) -> "Response":
+        """The response of one equilibrium; that of the one before can no longer be had.
+
+        Raises:
+            NoDerivative: if K is not positive definite but for rigid motions.
+        """
+        whole = PortionedFabric.of(self.free.shape, fabric)
+        hessians = whole.element_hessians(WHOLE, configuration)
+        with one_thread_of_blas():
+            factors = self.factorise(self.free.shifted(self.free.entries(hessians), SHIFT))
+        if factors is None:
+            raise NoDerivative("the stiffness is not positive definite")
+        lower = self.movable.lower(self.movable.entries(hessians))
+        stiffness = sp.csr_array(lower + sp.tril(lower, -1).T)
+        unknowns = self.free.unknowns
+        within = stiffness[unknowns][:, unknowns]
+        motions = np.linalg.qr(rigid_motions(configuration)[unknowns])[0]
+        energies, combined = np.linalg.eigh(motions.T @ (within @ motions))
+        rigid = motions @ combined[:, energies < RIGID]
+        return Response(unknowns, stiffness, within, factors, rigid)
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """How one equilibrium gives way.
+
+    Attributes:
+        unknowns: places of the free unknowns.
+        stiffness: K of all unknowns that a force can act on, which come first [N/mm].
+        within: K of the free ones among themselves [N/mm].
+        factors: of that and ``SHIFT``.
+        rigid: rigid motions of the free unknowns that cost no energy, orthonormal.
+    """
+
+    unknowns: Int[np.ndarray, " free"]
+    stiffness: sp.csr_array
+    within: sp.csr_array
+    factors: Factors
+    rigid: Float[np.ndarray, "free motion"]
+
+    def to(self, forces: Rows) -> Rows:
+        """Displacements of the free unknowns under forces on them, a row each; 0 where held.
+
+        Args:
+            forces: on every unknown; those on held ones do nothing.
+
+        Raises:
+            NoDerivative: if K is too nearly singular to be solved.
+        """
+        displacements = np.zeros_like(forces)
+        for row, force in zip(displacements, forces, strict=True):
+            row[self.unknowns] = self._solved(self._settled(force[self.unknowns]))
+        return displacements
+
+    def forces_of(self, displacements: Rows) -> Rows:
+        """K times displacements of all unknowns, a row each."""
+        forces, size = np.zeros_like(displacements), self.stiffness.shape[0]
+        forces[:, :size] = displacements[:, :size] @ self.stiffness
+        return forces
+
+    def rigid_part(self, rows: Rows) -> Rows:
+        """What rows hold along the rigid motions that cost no energy."""
+        part = np.zeros_like(rows)
+        part[:, self.unknowns] = rows[:, self.unknowns] @ self.rigid @ self.rigid.T
+        return part
+
+    def _solved(self, force: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
+        found, left, largest = np.zeros_like(force), force, np.abs(force).max()
+        for _ in range(REFINEMENTS):
+            if np.abs(left).max() <= ACCURACY * largest:
+                return found
+            found = self._settled(found + self.factors.solve(left))
+            left = self._settled(force - self.within @ found)
+        raise NoDerivative("the stiffness is singular, or nearly so")
+
+    def _settled(self, vector: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
+        return vector - self.rigid @ (self.rigid.T @ vector)
+
+
+def rigid_motions(
+    configuration: Float[np.ndarray, " unknown"],
+) -> Float[np.ndarray, "unknown 6"]:
+    """Three translations and three rotations about the middle, as velocities of the unknowns."""
+    nodes = configuration[:-2].reshape(-1, 3)
+    arms = nodes - nodes.mean(axis=0)
+    moves = [np.broadcast_to(axis, arms.shape) for axis in np.eye(3)]
+    turns = [np.cross(axis, arms) for axis in np.eye(3)]
+    motions = np.array([motion.ravel() for motion in (*moves, *turns)]).T
+    return np.concatenate([motions, np.zeros((2, 6))])

@@ -1,0 +1,221 @@
+"""The virtual tensile test: equilibrium at every applied strain of a protocol."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.mechanics.domain_decomposition import find_settled
+from knitlab.mechanics.equilibrium import find_equilibrium
+from knitlab.mechanics.equilibrium_search import SearchRules
+from knitlab.mechanics.evaluation import Stage
+from knitlab.mechanics.loading import Loading, tensile
+from knitlab.mechanics.relaxation import on_the_way, relax
+from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
+from knitlab.mechanics.state import Outcome, State, TensileTest
+from knitlab.mechanics.subdomains import are_many
+from knitlab.mechanics.viscous import Drag, against_drag
+from knitlab.model.fabric import Fabric
+from knitlab.model.network import Network
+
+ROUND_OFF = 1e-9
+ROUGH = 50
+"""Iterations of a strain step above which the path is rough there."""
+ROUGH_WALL = 1e-2
+"""Part of the walls' stiffness that the next step then begins with."""
+PARTS_AHEAD = (1.0, 0.5, 0.25, 0.125, 0.0)
+"""Of the way to where the line through two states leads, from an affine stretch of the later."""
+LEAST_WORK = 1e-6
+"""Work of a strain step below which its energy is compared with the stored energy instead."""
+
+
+def stretch(
+    net: Network,
+    fabric: Fabric,
+    applied_strain: Sequence[float],
+    settings: SolverSettings,
+    progress: Callable[[int], None] = lambda done: None,
+    start: Float[np.ndarray, " unknown"] | None = None,
+    unload: bool = False,
+) -> Solver[TensileTest]:
+    """Solver that relaxes a fabric and takes it through a tensile test.
+
+    The path to a strain is followed in steps of at most ``settings.path_step``, each starting from
+    the line through the two states before it; of a sample of many blocks, from where on that line
+    its energy is least. Where the path is rough, as the step before took many iterations, that line
+    misses, and walls stop every step back; there they are soft at first, and the stiffness is
+    convexified. Along one branch of equilibria the energy grows by the work of the reaction force;
+    where a step gains or loses more than ``settings.branch_limit`` of that work, the fabric has
+    left its branch. A step that does so, or fails, is tried again over half the strain, down to
+    ``settings.smallest_step`` of a full one. If it leaves the branch even then, the branch has
+    ended there: the fabric has snapped, and the state it snapped to is kept and marked. What all
+    that costs is counted in the state it leads to. The test ends at the first strain that cannot be
+    reached.
+
+    Args:
+        net: network of the fabric's mesh shape.
+        fabric: its numbers.
+        applied_strain: ascending, from 0, the relaxed shape.
+        settings: of the equilibrium solver.
+        progress: told how many of the states are done.
+        start: where the relaxation starts from; the flat sheet by default.
+        unload: whether to let a fabric that reached the last strain go back through all of them.
+    """
+    relaxed = yield from relax(net, fabric, settings, start)
+    progress(1)
+    if not relaxed.converged:
+        return TensileTest(None, [relaxed])
+    loading = tensile(net.shape, relaxed.configuration)
+    path = _Path(loading, [(applied_strain[0], relaxed)], fabric, settings)
+    states = [relaxed]
+    for target in applied_strain[1:]:
+        state = yield from path.to(target)
+        states.append(state)
+        progress(len(states))
+        if not state.converged:
+            break
+    unloaded: list[State] = []
+    while unload and states[-1].converged and len(unloaded) < len(states) - 1:
+        state = yield from path.to(applied_strain[-2 - len(unloaded)])
+        if not state.converged:
+            break
+        unloaded.append(state)
+    return TensileTest(loading, states, unloaded=tuple(unloaded))
+
+
+@dataclass
+class _Path:
+    """The last states of a test, from which the next is sought."""
+
+    loading: Loading
+    last: list[tuple[float, State]]
+    fabric: Fabric
+    settings: SolverSettings
+
+    def to(self, target: float) -> Solver[State]:
+        """Follow the path to a strain, up or down."""
+        distance = abs(target - self.last[-1][0])
+        towards = math.copysign(1.0, target - self.last[-1][0])
+        full = distance / math.ceil(distance / self.settings.path_step - ROUND_OFF)
+        smallest = self.settings.smallest_step * full * (1 + ROUND_OFF)
+        step, spent, snapped = full, list[State](), False
+        while True:
+            strain = self.last[-1][0] + towards * step
+            strain = target if towards * (target - strain) <= ROUND_OFF else strain
+            last = step <= smallest
+            # Where many blocks come to rest by themselves, the whole meets few walls.
+            many = are_many(self.loading.shape)
+            rough = self.last[-1][1].iterations > ROUGH and not many and not self.settings.drag
+            find = self._sought_fast(strain) if rough else self._sought_slowly(strain, last)
+            state = yield from find
+            followed = self._on_branch(strain, state)
+            if rough and last and not followed:
+                spent.append(state)
+                state = yield from self._sought_slowly(strain, to_the_end=True)
+                followed = self._on_branch(strain, state)
+            if state.converged and (followed or step <= smallest):
+                snapped |= not followed
+                self.last = [self.last[-1], (strain, state)] if followed else [(strain, state)]
+                if strain == target:
+                    return replace(state, snapped=snapped).after(*spent)
+                step = min(2 * step if followed else full, full, abs(target - strain))
+            elif step <= smallest:
+                return replace(state, snapped=snapped).after(*spent)
+            else:
+                step /= 2
+            spent.append(state)
+
+    def _sought_slowly(self, strain: float, to_the_end: bool) -> Solver[State]:
+        """Search for the state at a strain as slowly as the fabric would move there by itself.
+
+        Where there are many blocks, it is they that move slowly: each raises its own μ where it
+        snaps, and that of the whole would hold all the others.
+
+        A search that leaves the branch is broken off, unless it is to go on to the end: the state
+        that a fabric snaps to is kept. Against drag there is no branch to leave.
+        """
+        if self.settings.drag:
+            return (yield from self._against_drag(strain))
+        floor = -math.inf if to_the_end else self._least_energy(strain)
+        convexified = are_many(self.loading.shape)
+        start = yield from self._ahead(strain)
+        return (yield from self._found(start, self.settings, floor, convexified))
+
+    def _sought_fast(self, strain: float) -> Solver[State]:
+        """Search for the state at a strain where the path is rough."""
+        floor, start = self._least_energy(strain), (yield from self._ahead(strain))
+        soft = yield from self._found(
+            replace(start, stage=Stage(wall=ROUGH_WALL)),
+            on_the_way(self.settings, self.fabric),
+            floor,
+            convexified=True,
+        )
+        if soft.outcome is Outcome.left_branch:
+            return soft
+        start = Evaluate(soft.configuration)
+        state = yield from self._found(start, self.settings, floor, convexified=True)
+        return state.after(soft)
+
+    def _against_drag(self, strain: float) -> Solver[State]:
+        """The state at a strain that is reached at a finite rate: a viscous step."""
+        before_strain, before = self.last[-1]
+        free, settings = self.loading.unknowns, self.settings
+        step = settings.drag / abs(strain - before_strain)
+        start = yield from self._ahead(strain)
+        rules = SearchRules.of(self.loading.shape, free, self.fabric, settings)
+        drag = Drag(free, before.configuration, step)
+        return (yield from against_drag(find_equilibrium(start, rules), drag))
+
+    def _ahead(self, strain: float) -> Solver[Evaluate]:
+        """Where the path so far leads at a strain.
+
+        Where wrinkles of many blocks have shifted, the line through the last two states runs far
+        into the walls, and cells are crushed on the way back; there it is followed as far as
+        takes the least energy.
+        """
+        passed = [(at, state.configuration) for at, state in self.last]
+        far = self.loading.ahead(passed, strain)
+        if len(passed) == 1 or not are_many(self.loading.shape):
+            return Evaluate(far)
+        near = self.loading.ahead(passed[-1:], strain)
+        starts = [Evaluate(near + part * (far - near)) for part in PARTS_AHEAD]
+        energies = list[float]()
+        for start in starts:
+            energies.append(float((yield start).energy.total))
+        return starts[int(np.argmin(np.nan_to_num(energies, nan=np.inf)))]
+
+    def _found(
+        self, start: Evaluate, settings: SolverSettings, floor: float, convexified: bool
+    ) -> Solver[State]:
+        free = self.loading.unknowns
+        rules = SearchRules.of(self.loading.shape, free, self.fabric, settings, floor, convexified)
+        return find_settled(start, rules)
+
+    def _least_energy(self, strain: float) -> float:
+        """Energy below which a state at a strain cannot be on the branch, by what is expected."""
+        before_strain, before = self.last[-1]
+        if len(self.last) == 1:
+            return -math.inf
+        distance = (strain - before_strain) * self.loading.length
+        force = self.loading.reaction_force(before.gradient)
+        earlier = self.loading.reaction_force(self.last[0][1].gradient)
+        slope = (force - earlier) / (before_strain - self.last[0][0])
+        work = (force + slope * (strain - before_strain) / 2) * distance
+        return float(before.energy.total) + work - self._allowed(work, before)
+
+    def _allowed(self, work: float, before: State) -> float:
+        """Energy that a strain step may gain or lose against its work on one branch."""
+        return self.settings.branch_limit * max(abs(work), LEAST_WORK * float(before.energy.total))
+
+    def _on_branch(self, strain: float, state: State) -> bool:
+        """Whether a state was reached, and its energy grew by the work done."""
+        if not state.converged or self.settings.drag:
+            return state.converged
+        before_strain, before = self.last[-1]
+        distance = (strain - before_strain) * self.loading.length
+        forces = [self.loading.reaction_force(of.gradient) for of in (before, state)]
+        work = sum(forces) / 2 * distance
+        gained = float(state.energy.total) - float(before.energy.total)
+        return abs(gained - work) <= self._allowed(work, before)

@@ -1,0 +1,1 @@
+"""The paper's claims: what it states, each judged against cubes, and readings ranked by them."""

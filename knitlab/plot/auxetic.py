@@ -1,0 +1,68 @@
+"""The auxetic design map: lowest Poisson's ratio over (n_stripe, n_subunit)."""
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from knitlab.io.errors import fault
+from knitlab.plot.cells import (
+    Look,
+    draw_cells,
+    frame,
+    marks_legend,
+    measured_note,
+    row_count,
+    values_of,
+)
+from knitlab.plot.style import STRAIN_COLOURS, TWO_COLUMNS
+
+LARGE_SPREAD = 0.05
+"""Spread of Poisson's ratio over the siblings of a design from which on a map shows it."""
+SPREAD_NOTE = "spread: ν of slightly different fabrics differs by so much, see docs/sweeps.md"
+
+
+def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
+    """Lowest ν of every design as colour and number, with the applied strain it occurs at.
+
+    Designs without a value are hatched by status, so that a failure never looks like a value;
+    measured ones have a dashed frame. Where siblings of a design differ in ν by more than 0.05, at
+    any strain, the map says by how much.
+
+    Raises:
+        BadInput: if no cube has Poisson's ratio.
+    """
+    if not any("poisson_ratio_min" in cube for cube in cubes):
+        raise fault("auxetic", "shows Poisson's ratio, and there is none; import markers")
+    # The same colour means the same value in every map, unless one goes beyond ±1.
+    largest = float(np.max(np.abs([*values_of(cubes, "poisson_ratio_min"), 1.0])))
+    norm = mpl.colors.Normalize(-largest, largest)
+    colours = mpl.colormaps[STRAIN_COLOURS]
+
+    def words(value: float, its: xr.Dataset) -> str:
+        said = f"{value:.2f}\nat {float(its['applied_strain_at_min']):.0%}"
+        return f"{said}\nspread {spread:.2f}" if (spread := _spread(its)) > LARGE_SPREAD else said
+
+    look = Look("poisson_ratio_min", lambda value: colours(norm(value)), words)
+    rows = row_count(cubes)
+    figure = Figure(figsize=(TWO_COLUMNS, max(2.4, 1.1 + 0.5 * rows)), layout="constrained")
+    axes = figure.add_subplot()
+    marked = draw_cells(axes, cubes, look)
+    axes.set_xlabel("n_subunit: stitches along a garter stripe")
+    label = "lowest Poisson's ratio\n(negative: auxetic)"
+    frame(figure, axes, mpl.cm.ScalarMappable(norm, colours), label=label)
+    notes = measured_note(cubes)
+    if any(_spread(cube) > LARGE_SPREAD for cube in cubes):
+        notes.append(Patch(label=SPREAD_NOTE, facecolor="none", edgecolor="none"))
+    marks_legend(figure, marked, notes=notes)
+    return figure
+
+
+def _spread(cube: xr.Dataset) -> float:
+    """Largest spread of ν over siblings, at any strain of any design; NaN without siblings."""
+    if "poisson_ratio_low" not in cube:
+        return float("nan")
+    return float((cube["poisson_ratio_high"] - cube["poisson_ratio_low"]).max())

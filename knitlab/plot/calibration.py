@@ -1,0 +1,31 @@
+"""The calibration: measured curve, fitted zigzag and what is left between them."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from knitlab.plot.style import ONE_COLUMN
+
+
+def calibration_figure(
+    strain: np.ndarray, force: np.ndarray, fitted_force: np.ndarray, title: str
+) -> Figure:
+    """Curve and fit above, residual below.
+
+    Args:
+        strain: applied strain [1].
+        force: measured, on one row [N].
+        fitted_force: of the fitted zigzag [N].
+        title: what was fitted, a line or more.
+    """
+    figure = Figure(figsize=(ONE_COLUMN * 1.2, 3.6), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    above.plot(strain, force, "o", ms=2.5, mfc="none", color="0.3", label="measured")
+    above.plot(strain, fitted_force, color="C0", label="zigzag, fitted")
+    above.set(ylabel="force for one row [N]")
+    above.set_title(title, fontsize=7)
+    above.legend(frameon=False)
+    below.axhline(0, color="0.7", lw=0.6)
+    below.plot(strain, 1000 * (force - fitted_force), ".", ms=3, color="0.3")
+    below.set(xlabel="applied strain [1]", ylabel="residual [mN]")
+    figure.align_ylabels([above, below])
+    return figure

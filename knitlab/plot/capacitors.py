@@ -1,0 +1,140 @@
+"""Capacitors side by side: their curves and slopes (paper, Fig. "capacitor testing").
+
+It takes several cubes, for pure stripes and checkerboards lie in different ones.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from knitlab.capacitance.capacitor_status import CapacitorStatus
+from knitlab.capacitance.sensor import CENTRAL_PART
+from knitlab.io.cube_file import base_dims, is_measured, source_of
+from knitlab.io.design_status import RUN
+from knitlab.io.errors import fault
+from knitlab.io.schema import DESIGN_DIMS
+from knitlab.plot.sources import lines_of
+from knitlab.plot.style import TWO_COLUMNS
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "black", "0.5")
+LINES = ("-", "--", "-.", (0, (1, 1)))
+PAPER_STRIPES = (("rib", 4), ("garter", 4))
+PAPER_CHECKERBOARDS = ((4, 16), (4, 32))
+HEIGHT = 2.9
+"""Of the figure [in]."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One fabric with electrodes.
+
+    Attributes:
+        name: what it is called.
+        cell: its cell of a cube.
+    """
+
+    name: str
+    cell: xr.Dataset
+
+
+def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
+    """The paper's four samples, as far as the cubes hold them: C/C0 curves and slopes.
+
+    Thick lines are the central 20 % that a slope is the mean of; dotted ones the way back. Where
+    electrodes touch or the model folds through itself there is no curve.
+
+    Raises:
+        BadInput: if no cube holds one of the samples with electrodes.
+    """
+    samples = [sample for cube in cubes for sample in _samples(cube)]
+    if not samples:
+        raise fault(
+            "capacitors",
+            "shows 4 × 4 rib and garter, (4, 16) and (4, 32) with electrodes, and there is none;"
+            " give cubes of the workflows sensor and sensor_stripes",
+        )
+    figure = Figure(figsize=(TWO_COLUMNS, HEIGHT), layout="constrained")
+    curves, absolute, slopes = figure.subplots(1, 3, width_ratios=(1.3, 1.3, 0.9))
+    any_measured = any(is_measured(sample.cell) for sample in samples)
+    looks = list(zip(samples, COLOURS, strict=False))
+    dashes = iter(LINES * 2)
+    for sample, colour in looks:
+        # Dashes are for what is measured, where anything is.
+        line = lines_of(sample.cell) if any_measured else next(dashes)
+        _curve(curves, sample, "capacitance_ratio", colour, line)
+        _curve(absolute, sample, "capacitance", colour, line)
+    curves.set(xlabel="applied strain [1]", ylabel="$C/C_0$ [1]")
+    lengths = [
+        float(its.cell["electrode_length"]) for its in samples if "electrode_length" in its.cell
+    ]
+    simulated = "simulated " if any_measured else ""
+    said = f"\n{simulated}electrodes of {max(lengths):.0f} mm" if lengths else ""
+    absolute.set(xlabel="applied strain [1]", ylabel=f"$C$ [pF]{said}")
+    places = np.arange(len(samples))
+    values = [float(sample.cell["sensitivity"]) for sample in samples]
+    bars = slopes.bar(places, np.nan_to_num(values), color=[colour for _, colour in looks])
+    slopes.bar_label(bars, [f"{its:.2f}" if np.isfinite(its) else "none" for its in values])
+    slopes.set_xticks(places, [sample.name for sample in samples], rotation=40, ha="right")
+    slopes.set_ylabel("mean slope |d$C$/dε| [pF]")
+    handles = curves.get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=4, frameon=False)
+    return figure
+
+
+def _curve(axes: Axes, sample: Sample, name: str, colour: str, line: object) -> None:
+    cell = sample.cell
+    strain, values = cell["applied_strain"].values, cell[name].values
+    axes.plot(strain, values, color=colour, ls=line, lw=1.0, label=sample.name)
+    start, end = float(cell["applied_strain_opened"]), float(cell["sensing_end"])
+    able = np.isfinite(values)
+    if np.isfinite(start) and able.any():
+        middle, half = (start + end) / 2, CENTRAL_PART / 2 * (end - start)
+        within = np.linspace(middle - half, middle + half, 20)
+        axes.plot(
+            within,
+            np.interp(within, strain[able], values[able]),
+            color=colour,
+            lw=4,
+            alpha=0.45,
+            solid_capstyle="butt",
+        )
+        axes.plot(end, np.interp(end, strain[able], values[able]), "|", color=colour, ms=9, mew=1.5)
+    if "capacitance_unloading" in cell:
+        first = values[able][0] / cell["capacitance"].values[able][0] if able.any() else np.nan
+        back = cell["capacitance_unloading"].values * first
+        apart = np.abs(back - values) > 1e-3 * np.abs(back)
+        alone = np.isfinite(back) & ~able
+        shown = np.where(apart | alone, back, np.nan)
+        axes.plot(strain, shown, ".", ms=3, mfc="none", color=colour)
+
+
+def _samples(cube: xr.Dataset) -> list[Sample]:
+    if "capacitance" not in cube:
+        return []
+    wanted: list[tuple[str, dict[str, int | str]]]
+    if base_dims(cube) == DESIGN_DIMS:
+        wanted = [(f"({n}, {m})", {"n_stripe": n, "n_subunit": m}) for n, m in PAPER_CHECKERBOARDS]
+    else:
+        wanted = [
+            (f"{n} × {n} {knit}", {"knit": knit, "n": n, "boundary": boundary})
+            for knit, n in PAPER_STRIPES
+            for boundary in cube["boundary"].values[:1]
+        ]
+    found = []
+    if is_measured(cube):
+        wanted = [
+            (f"({n}, {m}) {source_of(cube)}", {"n_stripe": n, "n_subunit": m})
+            for n in cube["n_stripe"].values.tolist()
+            for m in cube["n_subunit"].values.tolist()
+        ]
+    for name, labels in wanted:
+        if all(value in cube[dim].values for dim, value in labels.items()):
+            cell = cube.sel(labels)
+            measured = (cell["capacitor_status"] == CapacitorStatus.measured).any()
+            if int(cell["status"]) in RUN and measured:
+                found.append(Sample(name, cell))
+    return found

@@ -1,0 +1,81 @@
+"""Drawn figures: which files a figure goes into, and whether they show what there is now.
+
+Needs neither matplotlib nor xarray, so that a run with nothing to do takes no time.
+"""
+
+import hashlib
+import itertools
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+from knitlab.io.fingerprint import DIGITS, file_digest, package_fingerprint
+from knitlab.io.plain_cube import PlainCube, base_of, cube_path
+from knitlab.study.figure_names import COMPARING, suffixes
+
+MARK = "knitlab-drawn-of:"
+"""What comes before the fingerprint that every figure's file carries."""
+UNASKED = ".svg"
+"""Format that a run does not draw by itself."""
+MOST_SLICES = 8
+"""Values of swept settings that a run draws by itself."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A figure that a workflow asks for.
+
+    Attributes:
+        kind: its name.
+        selections: the slice of the cube that it shows.
+        outputs: its files.
+    """
+
+    kind: str
+    selections: tuple[str, ...]
+    outputs: tuple[Path, ...]
+
+
+def asked_figures(kinds: Iterable[str], cube: PlainCube, folder: Path) -> list[Asked]:
+    """The figures of a workflow, one for each value of swept settings unless it compares them.
+
+    Args:
+        kinds: names of figures.
+        cube: the workflow's.
+        folder: its results folder.
+    """
+    swept = cube.design_dims[len(base_of(cube.design_dims)) :]
+    along = [[f"{dim}={value}" for value in cube.coordinates[dim]] for dim in swept]
+    slices = list(itertools.product(*along))
+    found = []
+    for kind in kinds:
+        for selections in [()] if kind in COMPARING else slices:
+            stem = "_".join([kind, *(text.replace("=", "-") for text in selections)])
+            names = [f"{stem}{suffix}" for suffix in suffixes(kind) if suffix != UNASKED]
+            outputs = tuple(folder / "figures" / name for name in names)
+            found.append(Asked(kind, selections, outputs))
+    return found
+
+
+def fingerprint_of_figure(
+    kind: str, cube_paths: Sequence[Path], selections: Sequence[str] = ()
+) -> str:
+    """Fingerprint of all that decides how a figure looks: cubes, code and the drawing library.
+
+    Args:
+        kind: a name of a figure.
+        cube_paths: cubes, or the results folders that hold them.
+        selections: texts ``NAME=VALUE``.
+
+    Raises:
+        OSError: if a cube cannot be read.
+    """
+    parts = [kind, *selections, package_fingerprint(), version("matplotlib")]
+    parts += [file_digest(cube_path(path)) for path in cube_paths]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[: 2 * DIGITS]
+
+
+def is_drawn(output: Path, fingerprint: str) -> bool:
+    """Whether a file shows the figure of a fingerprint."""
+    return output.is_file() and f"{MARK}{fingerprint}".encode() in output.read_bytes()

@@ -1,0 +1,132 @@
+"""Electrodes: where they run on the flat chart, and on the relaxed shape."""
+
+import json
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Rectangle
+from matplotlib.ticker import MultipleLocator
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from scipy.interpolate import interp1d
+
+from knitlab.io.case_file import configurations
+from knitlab.io.errors import fault
+from knitlab.plot.perspective import frame_sheet
+from knitlab.plot.relief import faces_of
+from knitlab.plot.style import TWO_COLUMNS
+
+if TYPE_CHECKING:
+    from knitlab.simulation.case import Case
+
+COLOURS = ("#D55E00", "#0072B2")
+RIB, GARTER, FABRIC = "0.82", "0.94", "0.85"
+HEIGHT = 3.6
+"""Of the figure [in]."""
+ZOOM = 1.25
+CELLS_PER_TICK = 4
+FINE_PARTS, COARSE_PARTS, FEW_CELLS = 4, 2, 24
+"""Parts that a grid cell is drawn in each way, finely where there are few cells."""
+MOST_TICKS = 12
+
+
+def electrodes_figure(case_file: xr.Dataset) -> Figure:
+    """The electrodes of a case: on the chart of rib and garter patches, and on the relaxed fabric.
+
+    Args:
+        case_file: with its node positions.
+
+    Raises:
+        BadInput: if the case has no electrodes.
+    """
+    # Only who draws this figure waits for JAX.
+    from knitlab.simulation.case import case_of
+
+    parameters = json.loads(case_file.attrs["parameters"])
+    if not parameters.get("capacitor"):
+        raise fault("electrodes", "this case has none; run a workflow with [electrodes]")
+    case = case_of(parameters)
+    figure = Figure(figsize=(TWO_COLUMNS, HEIGHT))
+    chart = figure.add_axes((0.06, 0.2, 0.36, 0.7))
+    scene = figure.add_axes((0.44, 0.1, 0.56, 0.86), projection="3d")
+    _draw_chart(chart, case)
+    _draw_relaxed(scene, case, case_file)
+    design = ", ".join(f"{name} = {value}" for name, value in case.design.items())
+    chart.set_title(design)
+    patches = [
+        Patch(color=colour, label=f"electrode {k}") for k, colour in zip("AB", COLOURS, strict=True)
+    ]
+    knits = [("rib", RIB), ("garter", GARTER)] if not case.pure else [(case.weft.knit, GARTER)]
+    patches += [Patch(color=shade, label=knit) for knit, shade in knits]
+    figure.legend(handles=patches, loc="lower center", ncols=4, frameon=False)
+    return figure
+
+
+def _draw_chart(axes: Axes, case: "Case") -> None:
+    rib = case.sample.rib
+    size = case.sample.cells_per_patch
+    for row, column in np.ndindex(rib.shape):
+        corner = (column * size, row * size)
+        shade = RIB if rib[row, column] else GARTER
+        axes.add_patch(Rectangle(corner, size, size, color=shade, lw=0))
+    for strips, colour in zip(case.electrodes.strips, COLOURS, strict=True):
+        polygons = [
+            [
+                (strip.left, strip.bottom),
+                (strip.right, strip.bottom),
+                (strip.right, strip.top),
+                (strip.left, strip.top),
+            ]
+            for strip in strips
+        ]
+        axes.add_collection(PolyCollection(polygons, facecolor=colour, edgecolor="none"))
+    height, width = (cells * size for cells in rib.shape)
+    axes.set(
+        xlim=(0, width),
+        ylim=(0, height),
+        xlabel="x, weft [grid cells]",
+        ylabel="y, warp [grid cells]",
+        aspect="equal",
+    )
+    step = CELLS_PER_TICK * int(np.ceil(max(width, height) / CELLS_PER_TICK / MOST_TICKS))
+    axes.xaxis.set_major_locator(MultipleLocator(step))
+    axes.yaxis.set_major_locator(MultipleLocator(step))
+
+
+def _draw_relaxed(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
+    from knitlab.measure.grid_nodes import nodes_at
+
+    shape = case.mesh_shape
+    rows, columns = np.arange(shape.cells_y + 1), np.arange(shape.cells_x + 1)
+    sheet = np.asarray(nodes_at(shape, configurations(case_file)[0], rows, columns))
+    # One collection, so that all faces hide each other by their depth.
+    parts = FINE_PARTS if max(shape.cells_y, shape.cells_x) <= FEW_CELLS else COARSE_PARTS
+    x, y = ((np.arange(cells * parts) + 0.5) / parts for cells in (shape.cells_x, shape.cells_y))
+    shades = np.full((len(y), len(x)), FABRIC, dtype=object)
+    for strips, colour in zip(case.electrodes.strips, COLOURS, strict=True):
+        for strip in strips:
+            shades[np.ix_(_inside(y, *strip.extents[1]), _inside(x, *strip.extents[0]))] = colour
+            beyond = x + shape.cells_x if shape.periodic else x
+            shades[np.ix_(_inside(y, *strip.extents[1]), _inside(beyond, *strip.extents[0]))] = (
+                colour
+            )
+    faces = faces_of(_refined(_refined(sheet, parts, 0), parts, 1))
+    colours = shades.ravel().tolist()
+    scene.add_collection3d(
+        Poly3DCollection(faces, facecolors=colours, edgecolors=colours, lw=0.1, shade=True)
+    )
+    frame_sheet(scene, sheet, ZOOM)
+
+
+def _inside(at: np.ndarray, low: float, high: float) -> np.ndarray:
+    return (at > low) & (at < high)
+
+
+def _refined(nodes: np.ndarray, parts: int, axis: int) -> np.ndarray:
+    """Nodes of a sheet with points between them along an axis."""
+    fine = np.arange((nodes.shape[axis] - 1) * parts + 1) / parts
+    return interp1d(np.arange(nodes.shape[axis]), nodes, axis=axis)(fine)

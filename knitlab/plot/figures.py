@@ -1,0 +1,309 @@
+"""Every figure by name, drawn from a cube and written whole."""
+
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import xarray as xr
+from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from knitlab.io.atomic_write import written_whole
+from knitlab.io.case_file import case_path, read_case
+from knitlab.io.cube_file import (
+    base_dims,
+    design_dims,
+    is_measured,
+    open_cube,
+    source_of,
+    swept_dims,
+)
+from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.plain_cube import PlainCube
+from knitlab.io.schema import DESIGN_DIMS, STRIPE_DIMS, VARIABLES
+from knitlab.io.suggestions import unknown
+from knitlab.plot.auxetic import auxetic_map
+from knitlab.plot.capacitors import capacitors_figure
+from knitlab.plot.curves import tension_curves
+from knitlab.plot.drawn import MARK, MOST_SLICES, asked_figures, fingerprint_of_figure, is_drawn
+from knitlab.plot.electrodes import electrodes_figure
+from knitlab.plot.network import spring_network
+from knitlab.plot.readings import readings_figure
+from knitlab.plot.relaxation import FRAMES_PER_SECOND, folding_animation, relaxation_figure
+from knitlab.plot.samples import stretched_samples
+from knitlab.plot.sensitivity import sensitivity_map
+from knitlab.plot.sensor import sensor_map
+from knitlab.plot.shape import relaxed_shape
+from knitlab.plot.shapes import PAPER_SHAPES, relaxed_shapes
+from knitlab.plot.stripes import stripe_departure, stripe_tension
+from knitlab.plot.style import print_style
+from knitlab.plot.tension import PAPER_DESIGNS, tension_maps
+from knitlab.plot.wavelength import wavelength_figure
+from knitlab.plot.wedge import wedge_figure
+from knitlab.query.selection import choices, refuse_others, selected, selections_along
+from knitlab.study.figure_names import COMPARING, suffixes
+
+Drawing = Figure | FuncAnimation
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One kind of figure.
+
+    Attributes:
+        draw: what draws it: from a cube, or from a case if ``needs`` names a variable, or from
+            several if ``designs`` says which.
+        dims: the designs it shows lie along these, or along any if it says none.
+        needs: variable that the case it shows must have.
+        coordinates: further coordinates that it can be sliced along.
+        designs: designs (n_stripe, n_subunit) whose cases it shows side by side, as far as they
+            are there.
+        several: whether it takes a list of cubes: any, or experiments beside one simulation, or of
+            these only one a design.
+    """
+
+    draw: Callable[[Any], Drawing]
+    dims: tuple[str, ...] | None = DESIGN_DIMS
+    needs: str | None = None
+    designs: tuple[tuple[int, int], ...] = ()
+    coordinates: tuple[str, ...] = ()
+    several: Literal["any", "experiments", "designs"] | None = None
+
+
+FIGURES = {
+    "auxetic": Kind(auxetic_map, several="designs"),
+    "curves": Kind(tension_curves, coordinates=("applied_strain",), several="experiments"),
+    "shape": Kind(relaxed_shape, needs="position"),
+    "sensitivity": Kind(sensitivity_map),
+    "wavelength": Kind(wavelength_figure),
+    "tension": Kind(tension_maps, several="experiments"),
+    "samples": Kind(stretched_samples, needs="position", designs=PAPER_DESIGNS),
+    "shapes": Kind(relaxed_shapes, needs="position", designs=PAPER_SHAPES),
+    "network": Kind(spring_network, needs="position"),
+    "relaxation": Kind(relaxation_figure, needs="snapshot_position"),
+    "folding": Kind(folding_animation, needs="snapshot_position"),
+    "stripes": Kind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),
+    "departure": Kind(stripe_departure, STRIPE_DIMS, coordinates=("applied_strain",)),
+    "readings": Kind(readings_figure, dims=None, several="any"),
+    "sensor": Kind(sensor_map, several="designs"),
+    "capacitors": Kind(capacitors_figure, dims=None, several="any"),
+    "wedge": Kind(wedge_figure, dims=None, several="any"),
+    "electrodes": Kind(electrodes_figure, dims=None, needs="position"),
+}
+RUN_THERE = "shapes are in case files, not in the cube: run the designs into this folder"
+
+
+def draw_figure(
+    kind: str, cube_paths: Sequence[Path], output: Path, selections: Sequence[str] = ()
+) -> Path:
+    """Draw one figure into a file.
+
+    Args:
+        kind: a name of :data:`FIGURES`; one that shows a single case shows the most auxetic
+            design of the selection that has its case file beside the cube.
+        cube_paths: a cube, or the results folder that holds one; several for a kind that takes
+            several.
+        output: the file; its suffix sets the format.
+        selections: texts ``NAME=VALUE`` that slice the cube first.
+
+    Returns:
+        The file.
+
+    Raises:
+        BadInput: if the cube, a selection or the suffix is at fault.
+    """
+    if kind not in FIGURES:
+        raise fault("kind", unknown(kind, FIGURES, "figure"))
+    if output.suffix.lower() not in suffixes(kind):
+        known = ", ".join(suffixes(kind))
+        raise fault(f"output {output}", f"{kind} has no format of this suffix; give one of {known}")
+    if len(cube_paths) > 1 and not FIGURES[kind].several:
+        raise fault(kind, f"shows one cube, not {len(cube_paths)}; give one")
+    cubes = [open_cube(path) for path in cube_paths]
+    fingerprint = fingerprint_of_figure(kind, cube_paths, selections)
+    if not is_drawn(output, fingerprint):
+        with print_style():
+            save(_drawn(kind, cube_paths, cubes, selections), output, fingerprint)
+    return output
+
+
+def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[Fault]]:
+    """Draw a workflow's figures into its results folder, each for print and for the screen.
+
+    A cube that lies along swept settings too gives a figure for each of their values. What is
+    drawn of this cube by this code already stays as it is.
+
+    Returns:
+        The files, and why a figure could not be drawn of these results.
+    """
+    saved: list[Path] = []
+    faults: list[Fault] = []
+    cube = open_cube(folder)
+    asked = asked_figures(kinds, PlainCube.of(cube), folder)
+    slices = {its.selections for its in asked if its.kind not in COMPARING}
+    if len(slices) > MOST_SLICES:
+        problem = f"{len(slices)} slices are too many to draw unasked; draw one by knitlab map"
+        faults.append(Fault("figures", problem))
+        asked = [its for its in asked if its.kind in COMPARING]
+    for its in asked:
+        fingerprint = fingerprint_of_figure(its.kind, [folder], its.selections)
+        left = [output for output in its.outputs if not is_drawn(output, fingerprint)]
+        try:
+            if left:
+                with print_style():
+                    figure = _drawn(its.kind, [folder], [cube], its.selections)
+                    for output in left:
+                        save(figure, output, fingerprint)
+        except BadInput as error:
+            stem = its.outputs[0].stem
+            faults += [Fault(f"figure {stem}", entry.problem) for entry in error.faults]
+        else:
+            saved += its.outputs
+    return saved, faults
+
+
+def _drawn(
+    name: str,
+    cube_paths: Sequence[Path],
+    cubes: Sequence[xr.Dataset],
+    selections: Sequence[str] = (),
+) -> Drawing:
+    kind = FIGURES[name]
+    for cube in cubes:
+        if kind.dims not in (None, base_dims(cube)):
+            able = [other for other, its in FIGURES.items() if its.dims in (None, base_dims(cube))]
+            raise fault(name, f"is not of such designs as this cube's; draw {', '.join(able)}")
+    _check_sources(name, kind, cubes)
+    dims = {dim: None for cube in cubes for dim in design_dims(cube)}
+    known = (*dims, *kind.coordinates)
+    refuse_others(selections, known, f"says nothing to {name}; select of {', '.join(known)}")
+    cubes = [selected(cube, selections_along(selections, cube.coords)) for cube in cubes]
+    if name in COMPARING:
+        return kind.draw(list(zip(cube_paths, cubes, strict=True)))
+    sliced = [_one_slice(name, cube) for cube in cubes]
+    (cube, _), folder = sliced[0], _folder(cube_paths[0])
+    slice_shown = ", ".join(dict.fromkeys(shown for _, shown in sliced if shown))
+    if kind.several:
+        drawing = kind.draw([cube for cube, _ in sliced])
+    elif kind.needs is None:
+        drawing = kind.draw(cube)
+    elif kind.designs:
+        drawing = kind.draw(_cases(name, cube, folder))
+    else:
+        drawing = kind.draw(_most_auxetic_case(cube, folder, kind.needs))
+    if slice_shown and isinstance(drawing, Figure):
+        title = drawing.get_suptitle()
+        drawing.suptitle(f"{title}\n{slice_shown}" if title else slice_shown, fontsize="small")
+    return drawing
+
+
+def _check_sources(name: str, kind: Kind, cubes: Sequence[xr.Dataset]) -> None:
+    """Refuse experiments that a kind cannot show, and simulations that it would mix up.
+
+    Raises:
+        BadInput: if there are such.
+    """
+    measured = [source_of(cube) for cube in cubes if is_measured(cube)]
+    if measured and kind.several is None:
+        able = ", ".join(other for other, its in FIGURES.items() if its.several)
+        raise fault(
+            name,
+            f"shows what a simulation alone knows, and {measured[0]} was measured; draw {able}",
+        )
+    if kind.several in ("experiments", "designs") and len(cubes) - len(measured) > 1:
+        raise fault(name, "shows one simulation, and experiments beside it; give one simulation")
+    apart = kind.several != "designs"
+    shown = [
+        (source_of(cube) if apart else "", *design)
+        for cube in cubes
+        if is_measured(cube)
+        for design in itertools.product(*(cube[dim].values.tolist() for dim in DESIGN_DIMS))
+    ]
+    if len(set(shown)) < len(shown):
+        remedy = "give each a source of its own" if apart else "show one of them"
+        raise fault(name, f"has several experiments on one design; {remedy}")
+
+
+def _one_slice(name: str, cube: xr.Dataset) -> tuple[xr.Dataset, str]:
+    """A cube without the dimensions of swept settings, and the value of each in words."""
+    swept = swept_dims(cube)
+    if several := [dim for dim in swept if cube.sizes[dim] > 1]:
+        raise fault(name, f"shows one value of each swept setting; select {choices(cube, several)}")
+    shown = ", ".join(f"{dim} = {cube[dim].item()}" for dim in swept)
+    return cube.isel(dict.fromkeys(swept, 0), drop=True), shown
+
+
+def _folder(cube_path: Path) -> Path:
+    return cube_path if cube_path.is_dir() else cube_path.parent
+
+
+def save(drawing: Drawing, output: Path, fingerprint: str = "") -> None:
+    """Write a figure or a film into a file, whole.
+
+    Args:
+        drawing: the figure or film.
+        output: the file; its suffix sets the format.
+        fingerprint: of all that it shows, for :func:`~knitlab.plot.drawn.is_drawn`.
+    """
+    mark = f"{MARK}{fingerprint}"
+    with written_whole(output) as temporary:
+        if isinstance(drawing, FuncAnimation):
+            drawing.save(temporary, writer=_MarkedFilm(mark))
+        else:
+            FigureCanvasAgg(drawing)
+            drawing.savefig(temporary, metadata={_NOTE[output.suffix.lower()]: mark})
+
+
+class _MarkedFilm(PillowWriter):
+    """Writes a film with a comment."""
+
+    def __init__(self, comment: str) -> None:
+        super().__init__(fps=FRAMES_PER_SECOND)
+        self._comment = comment
+
+    def finish(self) -> None:
+        first, *further = self._frames  # type: ignore[attr-defined]
+        first.save(
+            self.outfile,
+            save_all=True,
+            append_images=further,
+            duration=1000 // self.fps,
+            loop=0,
+            comment=self._comment.encode(),
+        )
+
+
+_NOTE = {".png": "Description", ".svg": "Description", ".pdf": "Keywords"}
+"""What each format calls a note about a file."""
+
+
+def _cases(name: str, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]:
+    """Cases of the designs that a figure shows, of those that have a case file."""
+    designs = cube["case_id"].stack(design=DESIGN_DIMS)
+    there = {
+        design: case_id
+        for design, case_id in zip(designs["design"].values, designs.values, strict=True)
+        if case_id and case_path(folder, case_id).is_file()
+    }
+    if found := [there[design] for design in FIGURES[name].designs if design in there]:
+        return [read_case(folder, case_id) for case_id in found]
+    wanted = ", ".join(map(str, FIGURES[name].designs))
+    problem = f"holds none of the designs {wanted}, which {name} shows; {RUN_THERE}"
+    raise fault(str(folder / "cases"), problem)
+
+
+def _most_auxetic_case(cube: xr.Dataset, folder: Path, needs: str) -> xr.Dataset:
+    designs = cube[["case_id", "poisson_ratio_min"]].stack(design=base_dims(cube))
+    for case_id in designs.sortby("poisson_ratio_min")["case_id"].values:
+        if case_path(folder, case_id).is_file():
+            case = read_case(folder, case_id)
+            if needs in case:
+                return case
+    if not any(designs["case_id"].values):
+        raise fault("selections", "no design of this selection was ever to be run; choose others")
+    what = VARIABLES[needs].long_name
+    how = "run them with method=dynamics" if VARIABLES[needs].of == "dynamics" else RUN_THERE
+    raise fault(str(folder / "cases"), f"holds no {what} of these designs; {how}")

@@ -1,0 +1,114 @@
+"""The spring network of a unit cell, coloured by role (paper, Fig. 1F)."""
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MultipleLocator
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
+
+from knitlab.io.case_file import configurations
+from knitlab.plot.perspective import FOLDED_SHEET_FITS, frame_sheet
+from knitlab.plot.style import TWO_COLUMNS
+
+if TYPE_CHECKING:
+    from knitlab.model.fabric import Weave
+    from knitlab.model.network import Elements
+
+ROLES: dict[str, dict[str, Any]] = {
+    "diagonal spring": {"color": "0.75", "lw": 0.4},
+    "weft spring": {"color": "#0072B2", "lw": 0.7},
+    "warp spring": {"color": "#009E73", "lw": 0.7},
+    "mountain fold": {"color": "#D55E00", "lw": 1.8},
+    "valley fold": {"color": "black", "lw": 1.8, "ls": (0, (2, 1))},
+}
+"""Looks of the elements, painted in this order."""
+CELLS_PER_TICK = 4
+"""A period of the folds."""
+HEIGHT = 3.6
+"""Of the figure [in]."""
+
+
+def spring_network(case: xr.Dataset) -> Figure:
+    """Springs and folds of one unit cell: on the flat chart, and on the relaxed shape.
+
+    Hinges that rest flat are not drawn.
+
+    Args:
+        case: a case file, with its node positions.
+    """
+    # Only who draws this figure waits for JAX.
+    from knitlab.measure.patches import central_cell
+    from knitlab.model.fabric import Sheet, laid_out
+    from knitlab.model.network import MeshShape
+    from knitlab.model.options import Reading
+    from knitlab.model.pattern import patch_map
+
+    parameters = json.loads(case.attrs["parameters"])
+    reading = Reading(**parameters["reading"] | {"boundary": "periodic"})
+    pattern = patch_map(parameters["pattern"], parameters["periods"])
+    lines = _by_role(laid_out(pattern, Sheet(**parameters["sheet"]), reading))
+
+    endless = "length_x" in case
+    cells_y, cells_x = (case.sizes[dim] - (not endless) for dim in ("node_y", "node_x"))
+    shape = MeshShape(cells_y, cells_x, endless)
+    cell = central_cell(shape, tuple(parameters["unit_cells"]), configurations(case)[0])
+
+    figure = Figure(figsize=(TWO_COLUMNS, HEIGHT))
+    flat = figure.add_axes((0.06, 0.2, 0.36, 0.72))
+    scene = figure.add_axes((0.44, 0.1, 0.56, 0.86), projection="3d")
+    rows, columns = np.mgrid[: cell.shape[0], : cell.shape[1]]
+    _draw_flat(flat, np.stack([columns, rows], axis=-1), lines)
+    _draw_relaxed(scene, cell, lines)
+    design = f"n_stripe = {int(case['n_stripe'])}, n_subunit = {int(case['n_subunit'])}"
+    flat.set_title(f"one unit cell, {design}")
+    handles = [Line2D([], [], label=role, **look) for role, look in ROLES.items()]
+    figure.legend(handles=handles[1:] + handles[:1], loc="lower center", ncols=5, frameon=False)
+    return figure
+
+
+def _by_role(weave: "Weave") -> dict[str, np.ndarray]:
+    """Grid places (line, end, (y, x)) of the lines of every role, in a closed unit cell."""
+    springs, hinges = _ends(weave.net.springs), _ends(weave.net.hinges)
+    sense = weave.fold_sense * weave.hinged
+    return {
+        "diagonal spring": springs[weave.spring_kind == 2],
+        "weft spring": springs[weave.spring_kind == 0],
+        "warp spring": springs[weave.spring_kind == 1],
+        "mountain fold": hinges[sense > 0],
+        "valley fold": hinges[sense < 0],
+    }
+
+
+def _ends(elements: "Elements") -> np.ndarray:
+    """Where the first two nodes of elements lie, beyond the seam where they are images."""
+    shape = elements.shape
+    places = np.stack(np.divmod(elements.nodes[:, :2], shape.nodes_x), axis=-1)
+    return places + elements.images[:, :2, ::-1] * [shape.cells_y, shape.cells_x]
+
+
+def _draw_flat(axes: Axes, chart: np.ndarray, lines: dict[str, np.ndarray]) -> None:
+    for role, ends in lines.items():
+        axes.add_collection(LineCollection(list(_at(chart, ends)), **ROLES[role]))
+    axes.set(xlabel="x, weft [grid cells]", ylabel="y, warp [grid cells]", aspect="equal")
+    axes.autoscale_view()
+    axes.xaxis.set_major_locator(MultipleLocator(CELLS_PER_TICK))
+    axes.yaxis.set_major_locator(MultipleLocator(CELLS_PER_TICK))
+
+
+def _draw_relaxed(scene: Axes3D, cell: np.ndarray, lines: dict[str, np.ndarray]) -> None:
+    for role, ends in lines.items():
+        scene.add_collection3d(Line3DCollection(list(_at(cell, ends)), **ROLES[role]))
+    # Painted in the order of the roles, not by depth: a fold must not vanish under its springs.
+    scene.computed_zorder = False
+    frame_sheet(scene, cell, FOLDED_SHEET_FITS)
+
+
+def _at(nodes: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    return nodes[ends[..., 0], ends[..., 1]]

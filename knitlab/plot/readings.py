@@ -1,0 +1,110 @@
+"""Figure of readings: the claims under each way to read the model, the best reading first."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from knitlab.io.errors import fault
+from knitlab.paper.claims import TOPICS, Claim, read_claims
+from knitlab.paper.margin import Grade, signed
+from knitlab.paper.reading_ranking import RankedReading, differing, ranked_readings
+from knitlab.plot.cells import cell
+from knitlab.plot.style import TWO_COLUMNS
+
+MOST = 16
+"""Readings that the figure shows."""
+LOOKS = {
+    Grade.holds: ("#0072B2", "white"),
+    Grade.near_miss: ("#F5D7A1", "black"),
+    Grade.fails: ("#E69F00", "black"),
+    Grade.not_measured: ("white", "black"),
+}
+NAMES = {
+    Grade.holds: "holds",
+    Grade.near_miss: "near miss",
+    Grade.fails: "fails",
+    Grade.not_measured: "not measured",
+}
+NOTE = "numbers are margins: 0 and above holds, −0.25 misses a limit by a quarter of it"
+
+
+def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
+    """A row for every claim that some reading decides, a column for every reading.
+
+    Readings are ranked as :func:`~knitlab.paper.reading_ranking.ranked_readings` says, of which the
+    best :data:`MOST` are shown; each cell gives the margin of a claim.
+
+    Args:
+        cubes: paths and cubes.
+
+    Raises:
+        BadInput: if the cubes decide no claim.
+    """
+    claims = sorted(read_claims(), key=lambda claim: TOPICS.index(claim.words.topic))
+    ranked = ranked_readings(cubes, claims)
+    readings = ranked[:MOST]
+    claims = [
+        claim
+        for claim in claims
+        if any(its.findings[claim.name].grade is not Grade.not_measured for its in readings)
+    ]
+    if not claims:
+        raise fault("readings", "no claim can be judged by these cubes; run more of their designs")
+    names = differing(ranked)
+    width = max(TWO_COLUMNS, 3.2 + 0.33 * len(readings))
+    figure = Figure(
+        figsize=(width, 1.6 + 0.17 * len(claims) + 0.13 * len(names)), layout="constrained"
+    )
+    axes = figure.add_subplot()
+    for column, reading in enumerate(readings):
+        for row, claim in enumerate(claims):
+            _draw(axes, row, column, reading, claim)
+    axes.set(
+        xlim=(-0.5, len(readings) - 0.5),
+        ylim=(len(claims) - 0.5, -0.5),
+        xticks=range(len(readings)),
+        yticks=range(len(claims)),
+    )
+    axes.set_xticklabels(
+        ["\n".join(_head(reading, names)) for reading in readings], fontsize=5, linespacing=1.1
+    )
+    axes.set_yticklabels([claim.name.replace("_", " ") for claim in claims], fontsize=6)
+    axes.xaxis.tick_top()
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+    axes.set_xlabel(NOTE, fontsize=6)
+    if names:
+        said = f"from above: {', '.join(names)}; last, claims that hold of those that were measured"
+        axes.set_title(said, fontsize=6)
+    if len(ranked) > len(readings):
+        figure.suptitle(f"the best {len(readings)} of {len(ranked)} readings", fontsize=7)
+    handles = [
+        Patch(facecolor=LOOKS[grade][0], edgecolor="0.7", label=label)
+        for grade, label in NAMES.items()
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+    return figure
+
+
+def _draw(axes: Axes, row: int, column: int, reading: RankedReading, claim: Claim) -> None:
+    finding = reading.findings[claim.name]
+    colour, ink = LOOKS[finding.grade]
+    edge = "0.85" if finding.grade is Grade.not_measured else "white"
+    cell(axes, row, column, facecolor=colour, edgecolor=edge, linewidth=0.8)
+    axes.text(
+        column, row, signed(finding.margin), ha="center", va="center", color=ink, fontsize=4.5
+    )
+
+
+def _head(reading: RankedReading, names: Sequence[str]) -> list[str]:
+    labels = [_short(reading.settings.get(name, "")) for name in names]
+    judged = [f"{reading.designs} designs"] if reading.designs else []
+    return [*labels, *judged, f"{reading.count(Grade.holds)}/{reading.decided}"]
+
+
+def _short(label: str | float) -> str:
+    return str(label).replace("stripe_", "").replace("per_", "").replace("_", " ")

@@ -1,0 +1,83 @@
+"""Samples between clamps, relaxed and stretched (paper, Fig. "tension images")."""
+
+import json
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from knitlab.io.errors import fault
+from knitlab.plot.relief import draw_relief, faces_of
+from knitlab.plot.style import STRAIN_COLOURS, TWO_COLUMNS
+from knitlab.plot.tension import shown_strain
+
+MARGIN = 1.1
+"""Width and height of a panel over those of what it shows."""
+DRAWN, TEXT = 0.75, 0.9
+"""Part of the width that the panels take, and height of the text above and below [in]."""
+
+
+def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
+    """Samples side by side, each relaxed and at 0.23 applied strain, all at one scale.
+
+    Shading is slope; colour is the local transverse strain of the unit cell. Of another strain
+    the nearest that was recorded is shown.
+
+    Args:
+        cases: case files, with their node positions.
+
+    Raises:
+        BadInput: if they are not samples between clamps.
+    """
+    if any("length_x" in case for case in cases):
+        problem = "shows samples between clamps, not endless fabric; draw shape or shapes"
+        raise fault("samples", problem)
+    at = shown_strain(cases[0])
+    shown = [case.sel(applied_strain=[0.0, at]) for case in cases]
+    largest = max(float(np.nanmax(np.abs(case["strain_xx"]))) for case in shown)
+    norm = mpl.colors.Normalize(-largest, largest)
+
+    panels = [
+        (case, nodes, field, strain)
+        for case in shown
+        for nodes, field, strain in zip(
+            case["position"].values, case["strain_xx"].values, (0.0, at), strict=True
+        )
+    ]
+    spans = [MARGIN * np.ptp(nodes[..., :2], axis=(0, 1)) for _, nodes, _, _ in panels]
+    widths, tallest = [width for width, _ in spans], max(height for _, height in spans)
+    figure = Figure(
+        figsize=(TWO_COLUMNS, DRAWN * TWO_COLUMNS * tallest / sum(widths) + TEXT),
+        layout="constrained",
+    )
+    grid = figure.subplots(1, len(panels), squeeze=False, sharey=True, width_ratios=widths)[0]
+    for axes, (case, nodes, field, strain) in zip(grid, panels, strict=True):
+        faces = faces_of(nodes - [0, nodes[..., 1].min(), 0])
+        colours = mpl.colormaps[STRAIN_COLOURS](norm(_by_face(case, field)))
+        draw_relief(axes, faces, colours, np.empty((0, 2, 3)), rasterised=True)
+        axes.set_title(f"{_name(case)}\n{f'pulled {strain:.0%}' if strain else 'relaxed'}")
+        axes.set(xlabel="x [mm]", ylabel="")
+    grid[0].set_ylabel("y, warp [mm]")
+    figure.colorbar(
+        mpl.cm.ScalarMappable(norm, STRAIN_COLOURS),
+        ax=list(grid),
+        label="local transverse strain $\\varepsilon_{xx}$ [1]",
+        shrink=0.8,
+        aspect=30,
+    )
+    return figure
+
+
+def _by_face(case: xr.Dataset, field: np.ndarray) -> np.ndarray:
+    """The value of its unit cell for every grid cell, face after face."""
+    faces = case.sizes["node_y"] - 1, case.sizes["node_x"] - 1
+    rows, columns = (np.arange(n) * m // n for n, m in zip(faces, field.shape, strict=True))
+    return field[np.ix_(rows, columns)].ravel()
+
+
+def _name(case: xr.Dataset) -> str:
+    cells_y, cells_x = json.loads(case.attrs["parameters"])["unit_cells"]
+    design = f"({int(case['n_stripe'])}, {int(case['n_subunit'])})"
+    return f"{design}\n{cells_x} × {cells_y} cells"

@@ -1,0 +1,47 @@
+"""Relaxed shapes of several designs side by side (paper, Fig. "relaxed configurations")."""
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from knitlab.plot.perspective import FOLDED_SHEET_FITS, draw_sheet, frame_sheet
+from knitlab.plot.shape import whole_sheet
+from knitlab.plot.style import SEQUENCE_COLOURS, TWO_COLUMNS
+
+PAPER_SHAPES = ((4, 16), (2, 32), (2, 16))
+HEIGHT = 2.6
+"""Of the figure [in]."""
+
+
+def relaxed_shapes(cases: Sequence[xr.Dataset]) -> Figure:
+    """Relaxed shapes in perspective, each filling its frame, with its size in numbers.
+
+    Args:
+        cases: case files, with their node positions; of endless fabric a few cells are drawn.
+    """
+    sheets = [whole_sheet(case) for case in cases]
+    for sheet in sheets:
+        sheet[..., 2] -= (sheet[..., 2].min() + sheet[..., 2].max()) / 2
+    highest = max(float(np.abs(sheet[..., 2]).max()) for sheet in sheets)
+    norm = mpl.colors.Normalize(-highest, highest)
+    figure = Figure(figsize=(TWO_COLUMNS, HEIGHT))
+    width = 0.88 / len(sheets)
+    for place, (case, sheet) in enumerate(zip(cases, sheets, strict=True)):
+        scene = figure.add_axes((place * width, 0.0, width, 0.88), projection="3d")
+        draw_sheet(scene, sheet, norm)
+        frame_sheet(scene, sheet, FOLDED_SHEET_FITS)
+        across, along = np.ptp(sheet[..., :2], axis=(0, 1))
+        title = f"({int(case['n_stripe'])}, {int(case['n_subunit'])})"
+        figure.text(
+            (place + 0.5) * width,
+            0.9,
+            f"{title}\n{across:.0f} × {along:.0f} mm",
+            ha="center",
+            va="center",
+        )
+    bar = figure.add_axes((0.9, 0.15, 0.012, 0.6))
+    figure.colorbar(mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS), cax=bar, label="height z [mm]")
+    return figure

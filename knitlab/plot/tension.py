@@ -1,0 +1,124 @@
+"""Local strain over samples between clamps (paper, Fig. "tension images")."""
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from knitlab.io.cube_file import is_measured, source_of
+from knitlab.io.design_status import Status
+from knitlab.io.errors import fault
+from knitlab.measure.central import central
+from knitlab.plot.style import STRAIN_COLOURS, TWO_COLUMNS
+
+SHOWN_STRAIN = 0.23
+PAPER_DESIGNS = ((8, 48), (4, 16), (4, 32))
+COMPONENTS = {
+    "strain_xx": "transverse strain $\\varepsilon_{xx}$",
+    "strain_yy": "axial strain $\\varepsilon_{yy}$",
+}
+
+
+def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
+    """Local strain of every unit cell of the paper's three samples, at 0.23 applied strain.
+
+    Measured ones of any design stand beside the simulated; cells that lost a marker are left white.
+
+    Cells are drawn as large as the relaxed unit cell; the central ones, over which strains are
+    averaged, have a dark frame. Of another strain the nearest that was recorded is shown.
+
+    Raises:
+        BadInput: if none of the three has been simulated, or as a single cell only.
+    """
+    shown = [
+        cube.sel(n_stripe=n, n_subunit=m)
+        for n, m in _designs(cubes)
+        for cube in cubes
+        if _is_there(cube, n, m)
+    ]
+    if not shown:
+        names = ", ".join(map(str, PAPER_DESIGNS))
+        raise fault("tension", f"none of {names} is there with more than one unit cell")
+    strains = [shown_strain(design) for design in shown]
+    fields = {
+        name: [
+            design[name].sel(applied_strain=at) for design, at in zip(shown, strains, strict=True)
+        ]
+        for name in COMPONENTS
+    }
+    figure = Figure(figsize=(TWO_COLUMNS, 5.2), layout="constrained")
+    grid = figure.subplots(len(COMPONENTS), len(shown), squeeze=False)
+    for row, (name, label) in zip(grid, COMPONENTS.items(), strict=True):
+        largest = max(float(np.nanmax(np.abs(field))) for field in fields[name])
+        norm = mpl.colors.Normalize(-largest, largest)
+        for axes, design, field in zip(row, shown, fields[name], strict=True):
+            _draw_cells(axes, design, field, norm)
+            title = f"({int(design['n_stripe'])}, {int(design['n_subunit'])})"
+            if is_measured(design):
+                title += f" {source_of(design)}"
+            axes.set(xlabel="x, weft [mm]", ylabel="y, warp [mm]", aspect="equal", title=title)
+        scale = mpl.cm.ScalarMappable(norm, STRAIN_COLOURS)
+        figure.colorbar(scale, ax=list(row), label=f"{label} [1]", shrink=0.9)
+    said = " and ".join(f"{at:.0%}" for at in dict.fromkeys(strains))
+    figure.suptitle(f"applied strain {said}", fontsize="medium")
+    return figure
+
+
+def _designs(cubes: Sequence[xr.Dataset]) -> list[tuple[int, int]]:
+    """The paper's three, and those that are measured."""
+    measured = [
+        (n, m)
+        for cube in cubes
+        if is_measured(cube)
+        for n in cube["n_stripe"].values.tolist()
+        for m in cube["n_subunit"].values.tolist()
+    ]
+    return list(dict.fromkeys([*PAPER_DESIGNS, *measured]))
+
+
+def shown_strain(cube: xr.Dataset) -> float:
+    """The applied strain nearest the one shown of those that were recorded [1]."""
+    strains = cube["applied_strain"].values
+    return float(strains[np.abs(strains - SHOWN_STRAIN).argmin()])
+
+
+def _is_there(cube: xr.Dataset, n_stripe: int, n_subunit: int) -> bool:
+    if "strain_xx" not in cube:
+        return False
+    if n_stripe not in cube["n_stripe"] or n_subunit not in cube["n_subunit"]:
+        return False
+    design = cube.sel(n_stripe=n_stripe, n_subunit=n_subunit)
+    field = design["strain_xx"].sel(applied_strain=shown_strain(design))
+    return int(design["status"]) == Status.ok and int(field.notnull().sum()) > 1
+
+
+def _draw_cells(
+    axes: Axes, design: xr.Dataset, field: xr.DataArray, norm: mpl.colors.Normalize
+) -> None:
+    there = field.dropna("cell_y", how="all").dropna("cell_x", how="all")
+    rows, columns = there.shape
+    width, height = float(design["relaxed_cell_x"]), float(design["relaxed_cell_y"])
+    axes.pcolormesh(
+        width * np.arange(columns + 1),
+        height * np.arange(rows + 1),
+        there.values,
+        cmap=STRAIN_COLOURS,
+        norm=norm,
+        edgecolors="0.8",
+        lw=0.3,
+    )
+    inner_y, inner_x = central(rows), central(columns)
+    axes.add_patch(
+        Rectangle(
+            (width * inner_x.start, height * inner_y.start),
+            width * (inner_x.stop - inner_x.start),
+            height * (inner_y.stop - inner_y.start),
+            fill=False,
+            ec="0.2",
+            lw=1.2,
+        )
+    )

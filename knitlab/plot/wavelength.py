@@ -1,0 +1,124 @@
+"""Boundaries, their spectra, and the wavelength against n_subunit (paper, Fig. "wavelength")."""
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from knitlab.io.design_status import Status
+from knitlab.io.errors import fault
+from knitlab.io.schema import DESIGN_DIMS
+from knitlab.measure.linear_fit import linear_fit
+from knitlab.measure.wavelength import spectrum
+from knitlab.plot.style import TWO_COLUMNS
+
+DIRECTIONS = {"x": "weft x", "y": "warp y"}
+# Okabe and Ito's colours and a marker, by n_stripe.
+LOOKS = (("#0072B2", "o"), ("#D55E00", "s"), ("#009E73", "^"), ("#CC79A7", "D"), ("#E69F00", "v"))
+SHOWN_WAVES = 3
+HIGHEST_WAVENUMBER = 4
+"""End of the spectrum's axis, over the peak's wavenumber."""
+
+
+def wavelength_figure(cube: xr.Dataset) -> Figure:
+    """For each direction a boundary, its transform, and λ of all designs with a line a family.
+
+    λ is in millimetres of cloth where the cube knows them, as the paper measured it.
+
+    Boundary and transform are of the smallest unit cell of n_stripe 4, or else of the first
+    n_stripe there is.
+
+    Raises:
+        BadInput: if no design of the cube has a wavelength.
+    """
+    if "wavelength_x" not in cube or not cube["wavelength_y"].notnull().any():
+        problem = "no design of this selection has a wavelength; run samples of 2 unit cells or"
+        raise fault("wavelength", f"{problem} more, or endless fabric, with this version")
+    figure = Figure(figsize=(TWO_COLUMNS, 4.2), layout="constrained")
+    grid = figure.subplots(2, 3)
+    for row, direction in zip(grid, DIRECTIONS, strict=True):
+        shown = _shown(cube, direction)
+        if shown is None:
+            for axes in row:
+                axes.set_axis_off()
+            row[1].text(0.5, 0.5, "a single unit cell across", ha="center", va="center")
+            continue
+        _draw_boundary(row[0], shown, direction)
+        _draw_spectrum(row[1], shown, direction)
+        _draw_family_lines(row[2], cube, direction)
+    return figure
+
+
+def _shown(cube: xr.Dataset, direction: str) -> xr.Dataset | None:
+    there = cube[f"wavelength_{direction}"].transpose(*DESIGN_DIMS)
+    places = np.argwhere(np.isfinite(there.values))
+    if not len(places):
+        return None
+    preferred = [place for place in places if cube["n_stripe"].values[place[0]] == 4]
+    row, column = (preferred or list(places))[0]
+    return cube.isel(n_stripe=row, n_subunit=column)
+
+
+def _draw_boundary(axes: Axes, shown: xr.Dataset, direction: str) -> None:
+    along = shown["boundary_point"].values * float(shown[f"boundary_length_{direction}"])
+    across = shown[f"boundary_{direction}"].values
+    shown_length = SHOWN_WAVES * float(shown[f"wavelength_{direction}"])
+    within = abs(along - along[-1] / 2) <= shown_length / 2
+    axes.plot(along[within], across[within], color="black", lw=0.9)
+    axes.set(xlabel=f"along the {DIRECTIONS[direction]} [mm]", ylabel="boundary's offset [mm]")
+    axes.set_title(f"boundary of {_name(shown)}")
+
+
+def _draw_spectrum(axes: Axes, shown: xr.Dataset, direction: str) -> None:
+    length = float(shown[f"boundary_length_{direction}"])
+    wavenumbers, amplitudes = spectrum(shown[f"boundary_{direction}"].values, length)
+    peak = 1 / float(shown[f"wavelength_{direction}"])
+    within = wavenumbers <= HIGHEST_WAVENUMBER * peak
+    axes.plot(wavenumbers[within], amplitudes[within], color="black", lw=0.9)
+    height = float(shown[f"wave_amplitude_{direction}"])
+    axes.plot(peak, height, "o", ms=4, mfc="none", color="#D55E00")
+    axes.annotate(
+        f"λ = {1 / peak:.1f} mm",
+        (peak, height),
+        xytext=(6, -2),
+        textcoords="offset points",
+        color="#D55E00",
+    )
+    axes.set(xlabel="wavenumber [1/mm]", ylabel="amplitude [mm]", ylim=(0, 1.15 * height))
+    axes.set_title(f"its transform, along {direction}")
+
+
+def _draw_family_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
+    in_cloth = f"knit_wavelength_{direction}"
+    name, unit = (
+        (in_cloth, "mm of cloth") if in_cloth in cube else (f"wavelength_{direction}", "mm")
+    )
+    for (colour, marker), n_stripe in zip(LOOKS, cube["n_stripe"].values, strict=False):
+        of = cube.sel(n_stripe=n_stripe)
+        line = of[name].where(of["status"] == Status.ok).dropna("n_subunit")
+        if not line.size:
+            continue
+        x, y = line["n_subunit"].values.astype(float), line.values
+        label = f"n_stripe = {n_stripe}"
+        if line.size >= 3:
+            fit = linear_fit(x, y)
+            ends = np.array([x.min(), x.max()])
+            axes.plot(ends, fit.intercept + fit.slope * ends, color=colour, lw=0.9)
+            label += f": {fit.slope:.2f} ± {fit.slope_halfwidth:.2f}"
+        axes.plot(x, y, marker, color=colour, ms=3.5, label=label)
+    axes.set(xlabel="n_subunit [stitches]", ylabel=f"wavelength along {direction} [{unit}]")
+    with mpl.rc_context({"legend.title_fontsize": 6}):
+        axes.legend(
+            loc="upper left",
+            frameon=False,
+            fontsize=6,
+            title=f"slope ± 95 % [{unit} a stitch]",
+            handletextpad=0.2,
+        )
+    # Room above the lines for the legend.
+    axes.set_ylim(0, 1.7 * axes.get_ylim()[1])
+
+
+def _name(shown: xr.Dataset) -> str:
+    return f"({int(shown['n_stripe'])}, {int(shown['n_subunit'])})"

@@ -1,0 +1,1 @@
+"""Questions to cubes: selections, conditions, comparisons. Reads files only, never imports JAX."""

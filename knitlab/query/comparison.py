@@ -1,0 +1,182 @@
+"""Comparison: how far a simulation is from an experiment, curve by curve."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from knitlab.io.cube_file import is_measured, source_of, swept_dims
+from knitlab.io.design_status import RUN, Status
+from knitlab.io.errors import fault
+from knitlab.io.schema import CYCLE, DESIGN_DIMS, VARIABLES
+from knitlab.query.selection import choices
+from knitlab.study.common_settings import parameters_of
+
+COMPARED = (
+    "mean_strain_xx",
+    "mean_strain_yy",
+    "poisson_ratio",
+    "reaction_force",
+    "capacitance_ratio",
+)
+"""Curves along the applied strain that both may have."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How far two curves are apart.
+
+    Attributes:
+        strains: at how many they are compared.
+        rms: root of the mean square difference.
+        uncertainty: its standard error, by those of the measured curve.
+        noise: what rms would be if the two were one, by those errors.
+    """
+
+    strains: int
+    rms: float
+    uncertainty: float
+    noise: float
+
+
+def difference(
+    simulated: np.ndarray, measured: np.ndarray, errors: np.ndarray
+) -> Difference | None:
+    """The difference of two curves at the same strains; ``None`` if there is none that both have.
+
+    Errors are taken for independent from strain to strain, and count as none where unknown; the
+    uncertainty is not known if none is.
+
+    Args:
+        simulated: NaN where missing.
+        measured: likewise.
+        errors: standard errors of the measured.
+    """
+    both = np.isfinite(simulated) & np.isfinite(measured)
+    count = int(both.sum())
+    if not count:
+        return None
+    apart, error = (simulated - measured)[both], errors[both]
+    rms = float(np.sqrt((apart**2).mean()))
+    if np.isnan(error).all():
+        return Difference(count, rms, np.nan, np.nan)
+    error = np.nan_to_num(error)
+    noise = float(np.sqrt((error**2).mean()))
+    # Near 0 the root is no straight line any more, and the errors themselves are what it is off by.
+    by_slope = np.sqrt((apart**2 * error**2).sum()) / (count * rms) if rms > noise else noise
+    return Difference(count, rms, float(by_slope), noise)
+
+
+def compared(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> pd.DataFrame:
+    """Differences of every curve of every design that a simulation and an experiment both have.
+
+    The simulation is taken at the measured strains on straight lines between its own, and its
+    force for as many unit cells across as the measured sample has. Capacitances, which hang on the
+    length of the electrodes, are compared over that at the first strain that both have.
+
+    Returns:
+        A row for each: where it is from, strains, RMS difference, its uncertainty, the noise, and
+        the largest value measured, in the variable's units.
+
+    Raises:
+        BadInput: if the cubes are not one simulation and experiments, lie along swept settings,
+            or have no curve of a design in common.
+    """
+    _check(simulation, experiments)
+    simulation = simulation.isel(dict.fromkeys(swept_dims(simulation), 0), drop=True)
+    rows = []
+    for experiment in experiments:
+        across = parameters_of(experiment)["unit_cells"][1]
+        for cell in _measured_cells(experiment):
+            labels = {dim: int(cell[dim]) for dim in DESIGN_DIMS}
+            if any(label not in simulation[dim].values for dim, label in labels.items()):
+                continue
+            other = simulation.sel(labels)
+            if int(other["status"]) not in RUN:
+                continue
+            for name in COMPARED:
+                scale = across / _cells_across(other) if name == "reaction_force" else 1.0
+                rows += _row(name, other, scale, cell, source_of(experiment))
+    if not rows:
+        raise fault(
+            "compare", "no curve of a design is both simulated and measured; choose other cubes"
+        )
+    return pd.DataFrame(rows)
+
+
+def _check(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> None:
+    if is_measured(simulation):
+        name = source_of(simulation)
+        raise fault("compare", f"begins with a simulation, but {name} was measured")
+    for experiment in experiments:
+        if not is_measured(experiment):
+            raise fault("compare", "takes one simulation, and experiments after it")
+    swept = [dim for dim in swept_dims(simulation) if simulation.sizes[dim] > 1]
+    if swept:
+        raise fault(
+            "compare", f"takes one value of each setting; select {choices(simulation, swept)}"
+        )
+
+
+def _measured_cells(experiment: xr.Dataset) -> list[xr.Dataset]:
+    """Every design of an experiment, in every cycle."""
+    stacked = experiment.stack(cell=experiment["status"].dims)
+    cells = [stacked.isel(cell=place) for place in range(stacked.sizes["cell"])]
+    return [cell for cell in cells if int(cell["status"]) == Status.ok]
+
+
+def _cells_across(cell: xr.Dataset) -> int:
+    """Unit cells that a simulated sample is wide."""
+    return int(cell["strain_yy"].notnull().any(["applied_strain", "cell_y"]).sum())
+
+
+def _row(
+    name: str, simulated: xr.Dataset, scale: float, measured: xr.Dataset, source: str
+) -> list[dict[str, object]]:
+    """The row of a variable, if both have it."""
+    if name not in simulated or name not in measured:
+        return []
+    curve = simulated[name].dropna("applied_strain")
+    if not curve.size:
+        return []
+    values = measured[name].values
+    at = np.interp(
+        measured["applied_strain"].values,
+        curve["applied_strain"].values,
+        scale * curve.values,
+        left=np.nan,
+        right=np.nan,
+    )
+    errors = _errors(name, measured)
+    both = np.flatnonzero(np.isfinite(at) & np.isfinite(values))
+    if name == "capacitance_ratio" and len(both):
+        first = both[0]
+        at, values, errors = at / at[first], values / values[first], errors / values[first]
+    found = difference(at, values, errors)
+    if found is None:
+        return []
+    labels = {dim: int(measured[dim]) for dim in (*DESIGN_DIMS, CYCLE) if dim in measured.coords}
+    return [
+        {
+            "source": source,
+            **labels,
+            "variable": name,
+            "strains": found.strains,
+            "rms_difference": found.rms,
+            "uncertainty": found.uncertainty,
+            "noise": found.noise,
+            "largest_measured": float(np.nanmax(np.abs(values))),
+            "units": VARIABLES[name].units,
+        }
+    ]
+
+
+def _errors(name: str, cell: xr.Dataset) -> np.ndarray:
+    """Standard errors of a measured curve; NaN where they are not known."""
+    values = cell[name].values
+    if name == "capacitance_ratio" and "capacitance_error" in cell:
+        return np.asarray(cell["capacitance_error"].values * values)
+    known = f"{name}_error" in cell
+    return np.asarray(cell[f"{name}_error"].values) if known else np.full(values.shape, np.nan)

@@ -1,0 +1,159 @@
+"""Expressions of ``where``: parsed into a small set of operations, never evaluated as Python.
+
+What is missing fulfils no condition, nor the negation of one; a division by zero is missing.
+"""
+
+import ast
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import pandas as pd
+
+from knitlab.io.errors import fault
+from knitlab.io.suggestions import unknown
+
+COMPARISONS: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+}
+ARITHMETIC: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+}
+ALLOWED = "names, numbers, quoted words, + - * /, comparisons, and, or, not"
+
+
+def no_column(name: str, table: pd.DataFrame) -> str:
+    """Say why a table has no such column: its dimensions are not selected, or it is unknown."""
+    along = set(table.attrs.get("dims", {}).get(name, ())) - set(table.columns)
+    if along:
+        selections = " and ".join(f"{dim}=VALUE" for dim in sorted(along))
+        return f"{name} runs along {', '.join(sorted(along))}; select {selections} to have it"
+    return unknown(name, map(str, table.columns), "column")
+
+
+def holds(expression: str, table: pd.DataFrame) -> pd.Series:
+    """For which rows of a table an expression over its columns is true.
+
+    Args:
+        expression: for example ``poisson_ratio_min < -0.3 and status == "ok"``.
+        table: one column a variable; words that a column may hold are in ``attrs["words"]``.
+
+    Raises:
+        BadInput: if it cannot be parsed, holds anything but :data:`ALLOWED`, names a column
+            that is not there or a word that no row could hold, compares a word with a number, or
+            is not a condition.
+    """
+    where = f"where {expression!r}"
+    try:
+        tree = ast.parse(expression.strip(), mode="eval")
+        truth = _value(tree.body, table, where)
+    except SyntaxError as error:
+        raise fault(where, f"cannot be parsed ({error.msg}); use {ALLOWED}") from error
+    except (TypeError, ZeroDivisionError) as error:
+        raise fault(where, f"cannot be computed ({error}); compare like with like") from error
+    except RecursionError as error:
+        raise fault("where", "is too long; make it shorter") from error
+    if not _is_condition(truth):
+        raise fault(where, "is not a condition on the designs; compare a column with something")
+    return truth.fillna(False).astype(bool)
+
+
+def _value(node: ast.expr, table: pd.DataFrame, where: str) -> Any:
+    match node:
+        case ast.Name(id=name):
+            if name not in table.columns:
+                raise fault(where, no_column(name, table))
+            column = table[name]
+            return column.astype("Float64") if pd.api.types.is_numeric_dtype(column) else column
+        case ast.Constant(value=bool() | int() | float() | str() as constant):
+            return constant
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return -_value(operand, table, where)
+        case ast.UnaryOp(op=ast.Not(), operand=operand):
+            return ~_condition(operand, table, where)
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in ARITHMETIC:
+            found = ARITHMETIC[type(op)](_value(left, table, where), _value(right, table, where))
+            return _finite(found) if isinstance(found, pd.Series) else found
+        case ast.BoolOp(op=op, values=operands):
+            joined = operator.and_ if isinstance(op, ast.And) else operator.or_
+            truth = _condition(operands[0], table, where)
+            for operand in operands[1:]:
+                truth = joined(truth, _condition(operand, table, where))
+            return truth
+        case ast.Compare(left=left, ops=ops, comparators=comparators):
+            return _comparison(left, ops, comparators, table, where)
+    raise fault(where, f"holds what is not allowed here ({type(node).__name__}); use {ALLOWED}")
+
+
+def _finite(values: pd.Series) -> pd.Series:
+    """Numbers, missing where a division by zero left none."""
+    return values.where((values - values) == 0)
+
+
+def _is_condition(value: Any) -> bool:
+    return isinstance(value, pd.Series) and pd.api.types.is_bool_dtype(value)
+
+
+def _condition(node: ast.expr, table: pd.DataFrame, where: str) -> pd.Series:
+    truth = _value(node, table, where)
+    if not _is_condition(truth):
+        raise fault(where, f"{ast.unparse(node)!r} is not a condition; compare it with something")
+    return truth
+
+
+def _comparison(
+    left: ast.expr,
+    ops: list[ast.cmpop],
+    comparators: list[ast.expr],
+    table: pd.DataFrame,
+    where: str,
+) -> Any:
+    values = [_value(operand, table, where) for operand in (left, *comparators)]
+    if any(type(op) not in COMPARISONS for op in ops):
+        raise fault(where, f"holds a comparison that is not allowed here; use {ALLOWED}")
+    truths = [
+        COMPARISONS[type(op)](*_alike(before, after, table, where))
+        for op, before, after in zip(ops, values, values[1:], strict=False)
+    ]
+    truth = truths[0]
+    for further in truths[1:]:
+        truth = truth & further
+    return truth
+
+
+def _alike(one: Any, other: Any, table: pd.DataFrame, where: str) -> tuple[Any, Any]:
+    """Both sides of a comparison; words without regard to case, each of them checked.
+
+    Raises:
+        BadInput: if a word is compared with a number, or is none that its column could hold.
+    """
+    if not (_is_word(one) or _is_word(other)):
+        return one, other
+    if not (_is_word(one) and _is_word(other)):
+        raise fault(where, "compares a word with a number; compare like with like")
+    for column, word in ((one, other), (other, one)):
+        if isinstance(column, pd.Series) and isinstance(word, str):
+            known = table.attrs.get("words", {}).get(column.name) or column.dropna().unique()
+            if word.casefold() not in {str(each).casefold() for each in known}:
+                raise fault(where, f"{column.name}: {unknown(word, map(str, known))}")
+    return _folded(one), _folded(other)
+
+
+def _is_word(value: Any) -> bool:
+    return isinstance(value, str) or (
+        isinstance(value, pd.Series)
+        and not pd.api.types.is_numeric_dtype(value)
+        and not pd.api.types.is_bool_dtype(value)
+    )
+
+
+def _folded(value: Any) -> Any:
+    return value.casefold() if isinstance(value, str) else value.astype("string").str.casefold()

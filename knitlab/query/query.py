@@ -1,0 +1,158 @@
+"""Queries: the designs of a cube as a table, filtered, sorted and printed."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from knitlab.io.design_status import Status
+from knitlab.io.errors import BadInput, Fault
+from knitlab.io.plain_cube import PlainCube
+from knitlab.io.schema import FLAGS, SIMULATION, SOURCE, VARIABLES, WHOLE
+from knitlab.query.expression import holds, no_column
+from knitlab.query.selection import chosen_places, refuse_others, selections_along
+
+STRIPE_NUMBERS = [name for name, variable in VARIABLES.items() if variable.of == "stripes"]
+"""Columns that are shown when they are asked for."""
+
+
+def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFrame:
+    """One row a design, one column a variable; excluded combinations are left out.
+
+    Variables along other dimensions appear once all of those are selected, with a row for each
+    of the values that were chosen.
+
+    Args:
+        cube: the cube.
+        selections: texts ``NAME=VALUE``, see :func:`~knitlab.query.selection.chosen_places`.
+
+    Raises:
+        BadInput: if a selection is at fault.
+    """
+    chosen = chosen_places(cube.coordinates, selections)
+    rows = [*cube.design_dims, *(name for name in chosen if name not in cube.design_dims)]
+    shown = [name for name, dims in cube.dims.items() if set(dims) <= set(rows)]
+    along = [name for name in rows if any(name in cube.dims[variable] for variable in shown)]
+    places = {name: chosen.get(name, range(len(cube.coordinates[name]))) for name in along}
+
+    def sliced(name: str) -> np.ndarray:
+        values = np.asarray(cube.read(name))
+        return values[np.ix_(*(places[dim] for dim in cube.dims[name]))] if values.ndim else values
+
+    # A row for each design that is there, at each of the other values.
+    present = sliced("status") != Status.excluded
+    others = [len(places[name]) for name in along[present.ndim :]]
+    grid = np.broadcast_to(
+        present.reshape(present.shape + (1,) * len(others)), (*present.shape, *others)
+    )
+    index = dict(zip(along, np.nonzero(grid), strict=True))
+    columns = {name: cube.coordinates[name][list(places[name])][index[name]] for name in along}
+    columns |= {name: sliced(name)[tuple(index[dim] for dim in cube.dims[name])] for name in shown}
+    table = pd.DataFrame(columns)
+    table.attrs["dims"] = cube.dims
+    table.attrs["words"] = {name: [flag.name for flag in flags] for name, flags in FLAGS.items()}
+    for name in FLAGS.keys() & set(table):
+        names = {flag.value: flag.name for flag in FLAGS[name]}
+        table[name] = [names.get(code) for code in table[name]]
+    for name in set(WHOLE) & set(table) - set(FLAGS):
+        table[name] = table[name].astype("Int64")
+    return table
+
+
+def designs_of_all(cubes: Sequence[PlainCube], selections: Sequence[str] = ()) -> pd.DataFrame:
+    """The tables of several cubes below one another, with the source of each row.
+
+    A cube that does not lie along what is selected, as a simulation along cycles, is taken whole.
+
+    Args:
+        cubes: of designs along the same dimensions.
+        selections: see :func:`designs_table`.
+
+    Raises:
+        BadInput: if a selection is at fault.
+    """
+    if len(cubes) == 1:
+        return designs_table(cubes[0], selections)
+    known = {name for cube in cubes for name in cube.coordinates}
+    refuse_others(selections, known, f"is of none of these cubes; select of {', '.join(known)}")
+    tables = []
+    for cube in cubes:
+        table = designs_table(cube, selections_along(selections, cube.coordinates))
+        source = table.pop(SOURCE) if SOURCE in table else SIMULATION
+        origin: dict[str, Any] = {SOURCE: source} | _origin(cube, cubes)
+        for place, (name, value) in enumerate(origin.items(), start=len(cube.design_dims)):
+            if name not in table:
+                table.insert(place, name, value)
+        tables.append(table)
+    together = pd.concat(tables, ignore_index=True)
+    together.attrs = tables[0].attrs
+    together.attrs["dims"] = {name: dims for cube in cubes for name, dims in cube.dims.items()}
+    return together
+
+
+def _origin(cube: PlainCube, cubes: Sequence[PlainCube]) -> dict[str, Any]:
+    """Which of several cubes one is: its name, its boundary, and where its reading differs."""
+    differing = {
+        name
+        for name in cube.reading.keys() | {name for its in cubes for name in its.reading}
+        if len({its.reading.get(name) for its in cubes}) > 1
+    }
+    shown = sorted(differing | {"boundary"}, key=lambda name: (name != "boundary", name))
+    return {"cube": cube.name} | {name: cube.reading.get(name) for name in shown}
+
+
+def queried(
+    table: pd.DataFrame,
+    where: str | None = None,
+    sort: str | Sequence[str] | None = None,
+    columns: Sequence[str] | None = None,
+) -> pd.DataFrame:
+    """The rows for which an expression holds, sorted, and the columns that were asked for.
+
+    Args:
+        table: of :func:`designs_table`.
+        where: expression over its columns, see :func:`~knitlab.query.expression.holds`.
+        sort: column to sort by, or several, the first one first; a leading minus sorts descending.
+        columns: columns to keep, by default all but the stripe numbers.
+
+    Raises:
+        BadInput: if the expression is at fault or a column is not there.
+    """
+    faults = [
+        Fault(f"columns {name}", no_column(name, table))
+        for name in columns or ()
+        if name not in table.columns
+    ]
+    keys = [sort] if isinstance(sort, str) else list(sort or ())
+    names = [key.removeprefix("-") for key in keys]
+    faults += [
+        Fault(f"sort {key}", no_column(name, table))
+        for key, name in zip(keys, names, strict=True)
+        if name not in table.columns
+    ]
+    if faults:
+        raise BadInput(faults)
+    if where:
+        table = table[holds(where, table)]
+    if keys:
+        ascending = [not key.startswith("-") for key in keys]
+        table = table.sort_values(names, ascending=ascending, kind="stable")
+    if columns:
+        return table[list(dict.fromkeys(columns))]
+    return table.drop(columns=[name for name in STRIPE_NUMBERS if name in table])
+
+
+def formatted(table: pd.DataFrame, style: str) -> str:
+    """The table as text for people (``table``), or as ``csv`` or ``json`` for programs."""
+    if style == "csv":
+        return table.to_csv(index=False).rstrip("\n")
+    if style == "json":
+        return table.to_json(orient="records", indent=1, double_precision=15)
+    if table.empty:
+        return "no design matches"
+    return table.to_string(index=False, float_format=_significant, na_rep="-")
+
+
+def _significant(value: float) -> str:
+    return f"{value:.4g}" if np.isfinite(value) else "-"

@@ -1,0 +1,116 @@
+"""Selections: ``NAME=VALUE`` texts that slice a cube along its coordinates."""
+
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.plain_cube import PlainCube
+from knitlab.io.suggestions import unknown
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MOST_CHOICES = 30
+"""Values of a coordinate that a message lists."""
+
+
+def selected(cube: "xr.Dataset", selections: Sequence[str]) -> "xr.Dataset":
+    """Keep the coordinate values that are named; every dimension stays.
+
+    Args:
+        cube: the cube.
+        selections: texts ``NAME=VALUE`` or ``NAME=VALUE,VALUE``.
+
+    Raises:
+        BadInput: with every selection that is malformed or names what is not there.
+    """
+    return cube.isel(chosen_places(PlainCube.of(cube).coordinates, selections))
+
+
+def coordinate_of(text: str) -> str:
+    """What a selection selects along."""
+    return text.partition("=")[0].strip()
+
+
+def selections_along(selections: Sequence[str], names: Iterable[Hashable]) -> list[str]:
+    """The selections that are along some names; a cube is told of no others."""
+    known = set(names)
+    return [text for text in selections if coordinate_of(text) in known]
+
+
+def refuse_others(selections: Sequence[str], known: Iterable[str], problem: str) -> None:
+    """Refuse selections along anything but what is known.
+
+    Args:
+        selections: texts ``NAME=VALUE``.
+        known: names that may be selected along.
+        problem: what is wrong with the others.
+
+    Raises:
+        BadInput: with every selection that is along something else.
+    """
+    names = set(known)
+    faults = [
+        Fault(f"selections {text}", problem)
+        for text in selections
+        if coordinate_of(text) not in names
+    ]
+    if faults:
+        raise BadInput(faults)
+
+
+def choices(cube: "xr.Dataset", dims: Iterable[str]) -> str:
+    """The values that dimensions of a cube have, in words."""
+    return "; ".join(f"{dim} of {', '.join(map(str, cube[dim].values))}" for dim in dims)
+
+
+def chosen_places(
+    coordinates: Mapping[str, np.ndarray], selections: Sequence[str]
+) -> dict[str, list[int]]:
+    """Where the values that selections name lie along their coordinates.
+
+    Args:
+        coordinates: values along every labelled dimension.
+        selections: texts ``NAME=VALUE`` or ``NAME=VALUE,VALUE``.
+
+    Raises:
+        BadInput: with every selection that is malformed or names what is not there.
+    """
+    chosen: dict[str, list[int]] = {}
+    faults = []
+    for text in selections:
+        try:
+            name, places = _places(coordinates, text)
+        except BadInput as error:
+            faults += [Fault(f"selections {text}", entry.problem) for entry in error.faults]
+        else:
+            chosen[name] = [place for place in chosen.get(name, places) if place in places]
+    if faults:
+        raise BadInput(faults)
+    return chosen
+
+
+def _places(coordinates: Mapping[str, np.ndarray], text: str) -> tuple[str, list[int]]:
+    name, equals, listed = (part.strip() for part in text.partition("="))
+    if not equals or not listed:
+        raise fault(text, "is not NAME=VALUE; give both")
+    if name not in coordinates:
+        raise fault(text, unknown(name, coordinates))
+    present = coordinates[name]
+    words = present.dtype.kind in "UO"
+    places = []
+    for value in (part.strip() for part in listed.split(",")):
+        try:
+            matches = present == value if words else np.isclose(present, float(value), 0, 1e-9)
+        except ValueError:
+            raise fault(text, f"{value!r} is not a number; give one") from None
+        found = np.flatnonzero(matches)
+        if not found.size:
+            shown = [str(choice) if words else f"{choice:g}" for choice in present]
+            more = ", …" if len(shown) > MOST_CHOICES else ""
+            choices = ", ".join(shown[:MOST_CHOICES]) + more
+            raise fault(text, f"the cube has no {name} = {value}; choose of {choices}")
+        places.append(int(found[0]))
+    return name, list(dict.fromkeys(places))

@@ -1,0 +1,89 @@
+"""What a user of knitlab may rely on and what not: the claims topic by topic, in sentences."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from knitlab.paper.claims import TOPICS
+from knitlab.paper.judgement import Judgement
+from knitlab.paper.margin import GOOD, NEAR, Grade, signed
+from knitlab.paper.records import contrary
+
+EXPLAINED = (
+    "A margin says how far a claim is from its threshold: it holds at 0 and above, and fails below."
+    f" The scale is the threshold itself, or the spread of what is compared: {-NEAR:+g} misses a"
+    " limit by a quarter of it. A claim about many designs has the margin of the worst of them."
+    f" From {GOOD:+g} on the margin is good; from {-NEAR:+g} to 0 the claim is a near miss."
+)
+OPENINGS = {
+    "good": "You may rely on this",
+    "reserved": "This holds with a good margin, but designs are missing or another cube disagrees",
+    "narrow": "This holds, but only just",
+    "near": "Be careful, this is narrowly missed",
+    "gross": "Do not rely on this",
+    "not measured": "Nothing is known here about this",
+}
+
+
+@dataclass(frozen=True)
+class Passage:
+    """What is said of a topic.
+
+    Attributes:
+        topic: what it is about.
+        sentences: pairs of what a user may do with some claims, and these claims.
+    """
+
+    topic: str
+    sentences: tuple[tuple[str, str], ...]
+
+
+def introduction(judgements: Sequence[Judgement]) -> list[Passage]:
+    """Say topic by topic which claims a user may rely on.
+
+    Claims that hold with a good margin are to be relied on if all designs that they are about were
+    measured and no other cube says otherwise. Topics of which there is no claim are left out.
+    """
+    passages = []
+    for topic in TOPICS:
+        groups: dict[str, list[str]] = {group: [] for group in OPENINGS}
+        for its in judgements:
+            if its.claim.words.topic == topic:
+                groups[reliance(its)].append(_quoted(its))
+        sentences = tuple(
+            (OPENINGS[group], "; ".join(claims) + ".") for group, claims in groups.items() if claims
+        )
+        if sentences:
+            passages.append(Passage(topic, sentences))
+    return passages
+
+
+def reliance(its: Judgement) -> str:
+    """How far a user may rely on a claim: a name of :data:`OPENINGS`."""
+    finding = its.finding
+    if finding.grade is Grade.not_measured or finding.margin is None:
+        return "not measured"
+    if finding.grade is not Grade.holds:
+        return "near" if finding.grade is Grade.near_miss else "gross"
+    if finding.margin < GOOD:
+        return "narrow"
+    return "reserved" if its.contrary or finding.judged < finding.wanted else "good"
+
+
+def _quoted(its: Judgement) -> str:
+    """The paper's words, the margin, and what limits it."""
+    finding = its.finding
+    notes = [signed(finding.margin)]
+    if 0 < finding.judged < finding.wanted:
+        notes.append(finding.count)
+    if its.contrary:
+        notes.append(f"but it {contrary(its.contrary, cube_name)}")
+    shown = ", ".join(note for note in notes if note)
+    return f"“{its.claim.words.statement}”" + (f" ({shown})" if shown else "")
+
+
+def cube_name(path: Path) -> str:
+    """The short name of a cube: the last two parts of its path, or of its folder's."""
+    parts = path.resolve().parts
+    parts = parts[:-1] if path.name == "cube.nc" else parts
+    return "/".join(parts[-2:]).removesuffix(".nc")

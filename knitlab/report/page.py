@@ -1,0 +1,68 @@
+"""The page of claims: what a user may rely on, and the table, with the figures that show them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from knitlab.io.atomic_write import written_whole
+from knitlab.io.errors import Fault, fault
+from knitlab.paper.judgement import Judgement
+from knitlab.paper.records import summary
+from knitlab.report.figures import draw_claims
+from knitlab.report.html import one_file
+from knitlab.report.introduction import introduction
+from knitlab.report.markdown import markdown
+from knitlab.report.table import Page, readings_of, sections
+
+SUFFIXES = (".md", ".html")
+TITLE = "The paper's claims"
+
+
+def check_suffix(page: Path) -> None:
+    """Refuse a page that is of no known format.
+
+    Raises:
+        BadInput: if its suffix is of none.
+    """
+    if page.suffix.lower() not in SUFFIXES:
+        raise fault(f"output {page}", f"has no suffix of {', '.join(SUFFIXES)}; give one")
+
+
+def write_page(
+    judgements: Sequence[Judgement], page: Path, selections: Sequence[str] = ()
+) -> tuple[list[Path], list[Fault]]:
+    """Write the claims as a page.
+
+    An HTML page is one file that holds its figures; those of a Markdown page lie in a folder
+    beside it.
+
+    Args:
+        judgements: the claims and what was found.
+        page: file to write, Markdown or HTML by its suffix.
+        selections: texts ``NAME=VALUE`` that the cubes were sliced by.
+
+    Returns:
+        The files, and why a figure could not be drawn.
+
+    Raises:
+        BadInput: if the suffix is of neither.
+    """
+    check_suffix(page)
+    readings = readings_of(judgements)
+    table = sections(judgements, readings)
+    content = Page(TITLE, summary(judgements), introduction(judgements), table, readings)
+    if page.suffix.lower() == ".md":
+        folder = page.with_suffix("")
+        figures, faults = draw_claims(judgements, folder, selections)
+        links = {key: f"{folder.name}/{path.name}" for key, path in figures.items()}
+        _write(page, markdown(content, links))
+        return [page, *figures.values()], faults
+    with TemporaryDirectory() as drawn:
+        figures, faults = draw_claims(judgements, Path(drawn), selections)
+        _write(page, one_file(content, figures))
+    return [page], faults
+
+
+def _write(page: Path, text: str) -> None:
+    with written_whole(page) as temporary:
+        temporary.write_text(text, encoding="utf-8")

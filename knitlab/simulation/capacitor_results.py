@@ -1,0 +1,138 @@
+"""A finished test as a sensor: the capacitance of its electrodes, and what its curve is worth."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+
+from knitlab.capacitance.capacitor import Capacitances, Capacitor, capacitances, hinges_at
+from knitlab.capacitance.sensor import hysteresis, sensor_of, strain_unfolded
+from knitlab.capacitance.wedge import side_by_side, wedge_capacitance
+from knitlab.measure.folds import fold_angles
+from knitlab.mechanics.state import State
+from knitlab.simulation.case import Case
+
+SAME = 1e-5
+"""Part of a grid cell by which two states may differ and yet be one."""
+
+
+def capacitor_values(
+    case: Case, reached: Sequence[State], unloaded: Sequence[State]
+) -> dict[str, Any]:
+    """What the electrodes of a case are found to do, under the registry's names.
+
+    Args:
+        case: the case.
+        reached: its converged states, the relaxed one first.
+        unloaded: those on the way back, from the last strain but one.
+    """
+    capacitor = _capacitor(case)
+    configurations = np.array([state.configuration for state in reached])
+    strain = np.array(case.applied_strain[: len(reached)])
+    length, factor = _scale(case, configurations)
+    found = _measured(case, configurations)
+    capacitance = factor * found.capacitance
+    fold = _mean_fold(case, configurations)
+    unfolded = strain_unfolded(strain, fold, capacitor.unfolded)
+    values: dict[str, Any] = {
+        "capacitance": capacitance,
+        "mutual_capacitance": found.mutual,
+        "capacitance_error": found.error,
+        "capacitor_status": found.status.astype(float),
+        "electrode_gap": found.gap,
+        "electrode_length": length * factor,
+        "fold_between": fold,
+        "applied_strain_unfolded": unfolded,
+    }
+    if side_by_side(case.electrodes):
+        wedge = wedge_capacitance(case.electrodes, case.mesh_shape, jnp.asarray(configurations))
+        values["capacitance_wedge"] = factor * capacitor.permittivity * np.asarray(wedge)
+    if case.unloading:
+        back = np.full(len(reached), np.nan)
+        back[-1:] = capacitance[-1:]
+        if unloaded:
+            ways = np.array([state.configuration for state in unloaded])
+            back[-2 : -2 - len(ways) : -1] = factor * _on_the_way_back(
+                case, ways, configurations[-2 : -2 - len(ways) : -1], found.capacitance[-2::-1]
+            )
+        values["capacitance_unloading"] = back
+        values["hysteresis"] = hysteresis(capacitance, back)
+    kept = sensing(np.isfinite(capacitance) & ~(strain > unfolded))
+    if kept.any():
+        first = capacitance[kept][0]
+        values["capacitance_ratio"] = capacitance / first
+        values["applied_strain_opened"] = strain[kept][0]
+        values["sensing_end"] = strain[kept][-1]
+    sensor = sensor_of(strain[kept], capacitance[kept], capacitor.linearity)
+    if sensor is not None:
+        values |= asdict(sensor)
+    return values
+
+
+def sensing(able: Bool[np.ndarray, " state"]) -> Bool[np.ndarray, " state"]:
+    """The longest run of states without a gap, the first of several."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], able, [False]])))
+    runs = edges.reshape(-1, 2)
+    kept = np.zeros_like(able)
+    if len(runs):
+        start, end = runs[np.argmax(runs[:, 1] - runs[:, 0])]
+        kept[start:end] = True
+    return kept
+
+
+def _on_the_way_back(
+    case: Case,
+    ways: Float[np.ndarray, "state unknown"],
+    up: Float[np.ndarray, "state unknown"],
+    capacitance: Float[np.ndarray, " any"],
+) -> Float[np.ndarray, " state"]:
+    """Capacitance on the way back, of one period if endless [pF].
+
+    Where the fabric comes back to what it was at the same strain, its capacitance is what it was.
+    """
+    values = capacitance[: len(ways)].copy()
+    apart = np.abs(ways - up).max(axis=1) > SAME * case.woven()[1].cell.min()
+    if apart.any():
+        values[apart] = _measured(case, ways[apart]).capacitance
+    return values
+
+
+def _mean_fold(
+    case: Case, configurations: Float[np.ndarray, "state unknown"]
+) -> Float[np.ndarray, " state"]:
+    """Mean angle of the folds at and between the electrodes that run as they do [rad].
+
+    Their opening is what moves the electrodes apart.
+    """
+    net, fabric = case.woven()
+    electrodes, rest = case.electrodes, np.asarray(fabric.rest_fold)
+    alongside = net.wale if electrodes.along == "wale" else ~net.wale
+    counted = hinges_at(electrodes, net) & alongside & (rest != 0)
+    angles = np.asarray(fold_angles(net, fabric, configurations))
+    return (angles * np.sign(rest))[:, counted].mean(axis=1)
+
+
+def _measured(case: Case, configurations: Float[np.ndarray, "state unknown"]) -> Capacitances:
+    return capacitances(case.electrodes, *case.woven(), configurations, _capacitor(case))
+
+
+def _capacitor(case: Case) -> Capacitor:
+    if case.capacitor is None:
+        raise TypeError(f"case {case.case_id} has no capacitor")
+    return case.capacitor
+
+
+def _scale(case: Case, configurations: Float[np.ndarray, "state unknown"]) -> tuple[float, float]:
+    """Relaxed length of the modelled electrodes [mm], and how many of them make the stated one."""
+    axis, shape = case.electrodes.axis, case.mesh_shape
+    if shape.periodic:
+        length = float(configurations[0, -2 + axis])
+        return length, _capacitor(case).electrode_length / length
+    nodes = configurations[0, :-2].reshape(shape.nodes_y, shape.nodes_x, 3)[..., axis]
+    start, end = case.electrodes.strips[0][0].extents[axis]
+    along = nodes.mean(axis=axis)
+    at = np.interp([start, end], np.arange(len(along)), along)
+    return float(at[1] - at[0]), 1.0

@@ -1,0 +1,252 @@
+"""Measurement of a finished test: all that a case holds, as a labelled dataset."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from knitlab.io.design_status import Status
+from knitlab.io.fingerprint import code_fingerprint
+from knitlab.io.schema import VARIABLES, Variable, described
+from knitlab.measure.boundaries import Direction, boundary_wave
+from knitlab.measure.corners import unit_cell_corners
+from knitlab.measure.folds import hinges_past_pi
+from knitlab.measure.intersections import self_intersections
+from knitlab.measure.patches import central_cell, widths_across_folds
+from knitlab.measure.sensitivity import STRIPE_PARAMETERS
+from knitlab.measure.strain import (
+    central_mean,
+    lattice_vectors,
+    local_strain,
+    poisson_ratio,
+)
+from knitlab.measure.wavelength import POINTS
+from knitlab.mechanics.state import History, State, TensileTest
+from knitlab.mechanics.zigzag_tension import ChainState
+from knitlab.model.fabric import cell_length
+from knitlab.simulation.capacitor_results import capacitor_values
+from knitlab.simulation.case import Case
+from knitlab.simulation.robustness import SiblingTest, spread
+from knitlab.simulation.stripe_sensitivity import sensitivities
+
+FIXED_COORDINATES: dict[str, list[Any]] = {
+    "stripe_parameter": list(STRIPE_PARAMETERS),
+    "boundary_point": np.linspace(0, 1, POINTS).tolist(),
+}
+"""Labels along the dimensions that are the same for every case."""
+
+
+def fixed_coordinates(dims: Iterable[str]) -> dict[str, list[Any]]:
+    """Those of :data:`FIXED_COORDINATES` that lie along some dimensions."""
+    return {name: labels for name, labels in FIXED_COORDINATES.items() if name in dims}
+
+
+def variables_of(case: Case) -> dict[str, Variable]:
+    """The registry's variables that a case has."""
+    kinds = ["all", "stripe" if case.pure else "patches"]
+    if case.method == "dynamics":
+        kinds.append("dynamics")
+    if case.sensitivities:
+        kinds.append("sensitivities")
+    if case.capacitor is not None:
+        kinds += ["capacitor", "unloading"] if case.unloading else ["capacitor"]
+    if case.robustness:
+        kinds.append("robustness")
+    return {name: variable for name, variable in VARIABLES.items() if variable.of in kinds}
+
+
+def measured(
+    case: Case,
+    test: TensileTest,
+    chain: Sequence[ChainState] = (),
+    siblings: Sequence[SiblingTest] = (),
+) -> xr.Dataset:
+    """Dataset of a case: its variables of the registry at every strain of the protocol.
+
+    Strains that did not converge, or were not tried, are missing; ``residual_force`` and
+    ``iterations`` are there for every strain that was tried. What sums up the whole test is
+    missing unless all of it converged.
+
+    Args:
+        case: the case.
+        test: its test.
+        chain: of a pure stripe, its two-dimensional zigzag at every strain.
+        siblings: tests of its siblings.
+    """
+    reached = [state for state in test.states if state.converged]
+    complete = len(reached) == len(case.applied_strain)
+    cells = case.sample.cells_per_patch * np.array([len(case.pattern[0]), len(case.pattern)])
+    shape = case.mesh_shape
+    values: dict[str, Any] = {
+        "status": np.int8(Status.ok if complete else Status.not_converged),
+        "case_id": case.case_id,
+        "code": code_fingerprint(),
+        "periods": case.periods,
+        "flat_cell_x": float(cells[0] * cell_length(case.weft, case.reading)),
+        "flat_cell_y": float(cells[1] * cell_length(case.warp, case.reading)),
+        "residual_force": [state.residual for state in test.states],
+        "iterations": [float(state.iterations) for state in test.states],
+        "factorisations": [float(state.factorisations) for state in test.states],
+        "snapped": [float(state.snapped) for state in reached],
+    }
+    if test.loading is not None:
+        values |= _results(case, test)
+        values["row_force"] = values["reaction_force"] / shape.cells_x
+        values |= _shapes(case, reached)
+        if not case.pure:
+            values |= _boundaries(case, reached[0]) | _patches(case, reached[0])
+        if case.sensitivities:
+            values |= sensitivities(case, reached)
+        if case.capacitor is not None:
+            values |= capacitor_values(case, reached, test.unloaded)
+        if case.robustness:
+            results = [_results(its.case, its.test) for its in siblings]
+            own = float(reached[0].energy.total)
+            values |= spread(values, results, [own, *(its.branch_energy for its in siblings)])
+    if case.method == "dynamics":
+        values["kinetic_energy_peak"] = [state.kinetic_peak for state in test.states]
+    if test.history is not None:
+        values |= _history(case, test.history)
+    if chain:
+        values |= {
+            "zigzag_force": [state.force if state.converged else np.nan for state in chain],
+            "zigzag_residual": [state.residual for state in chain],
+            "zigzag_iterations": [float(state.iterations) for state in chain],
+        }
+    return described(_dataset(case, values))
+
+
+def _results(case: Case, test: TensileTest) -> dict[str, Any]:
+    """Strains, Poisson's ratio and force of a test; empty if its fabric did not relax."""
+    if test.loading is None:
+        return {}
+    reached = [state for state in test.states if state.converged]
+    reaction = np.array([test.loading.reaction_force(state.gradient) for state in reached])
+    complete = len(reached) == len(case.applied_strain)
+    return {"reaction_force": reaction} | _strains(case, reached, complete)
+
+
+def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
+    shape = case.mesh_shape
+    lengths = np.array([state.configuration[-2:] for state in reached])
+    nodes = np.array([state.configuration[:-2] for state in reached])
+    values: dict[str, Any] = {
+        f"energy_{part}": [float(getattr(state.energy, part)) for state in reached]
+        for part in ("stretch", "fold", "wall")
+    }
+    if shape.periodic:
+        values |= {"length_x": lengths[:, 0], "length_y": lengths[:, 1]}
+    configurations = np.array([state.configuration for state in reached])
+    values["hinges_past_pi"] = hinges_past_pi(*case.woven(), configurations).astype(float)
+    values["self_intersections"] = self_intersections(shape, configurations).astype(float)
+    return values | {"position": nodes.reshape(-1, shape.nodes_y, shape.nodes_x, 3)}
+
+
+def _boundaries(case: Case, relaxed: State) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    directions: tuple[Direction, ...] = ("x", "y")
+    for direction in directions:
+        wave = boundary_wave(case.mesh_shape, case.unit_cells, relaxed.configuration, direction)
+        if wave is not None:
+            values |= {
+                f"wavelength_{direction}": wave.wavelength,
+                f"wave_amplitude_{direction}": wave.amplitude,
+                f"boundary_{direction}": wave.across,
+                f"boundary_length_{direction}": wave.along[-1],
+            }
+    return values
+
+
+def _patches(case: Case, relaxed: State) -> dict[str, Any]:
+    cell = central_cell(case.mesh_shape, case.unit_cells, relaxed.configuration)
+    values: dict[str, Any] = {}
+    for kind, (centre, edge) in widths_across_folds(cell, case.pattern).items():
+        extent = "width" if kind == "rib" else "height"
+        values |= {f"{kind}_{extent}_centre": centre, f"{kind}_{extent}_edge": edge}
+    return values
+
+
+def _history(case: Case, history: History) -> dict[str, Any]:
+    shape = case.mesh_shape
+    nodes = history.snapshots[:, :-2].reshape(-1, shape.nodes_y, shape.nodes_x, 3)
+    values: dict[str, Any] = {
+        "time": history.time,
+        "kinetic_energy": history.kinetic,
+        "kinetic_energy_left": float(history.kinetic[-1] / history.kinetic.max()),
+        "potential_energy": history.potential,
+        "dissipated_work": history.dissipated,
+        "snapshot": history.snapshot_time,
+        "snapshot_position": nodes,
+    }
+    if shape.periodic:
+        values["snapshot_length_x"] = history.snapshots[:, -2]
+        values["snapshot_length_y"] = history.snapshots[:, -1]
+    return values
+
+
+def _strains(case: Case, reached: list[State], complete: bool) -> dict[str, Any]:
+    configurations = np.array([state.configuration for state in reached])
+    corners = unit_cell_corners(case.mesh_shape, case.unit_cells, configurations)
+    strain_xx, strain_yy = local_strain(corners[0], corners)
+    mean_xx, mean_yy = central_mean(strain_xx), central_mean(strain_yy)
+    edges = np.linalg.norm(lattice_vectors(corners[0]), axis=-2)
+    ratio = poisson_ratio(mean_xx, mean_yy)
+    ratio[0] = np.nan  # 0/0, whatever round-off makes of it
+    if case.all_corners_held:
+        # What its strain across reads is round-off.
+        strain_xx, mean_xx = strain_xx * np.nan, mean_xx * np.nan
+        ratio[:] = np.nan
+    values: dict[str, Any] = {
+        "strain_xx": strain_xx,
+        "strain_yy": strain_yy,
+        "mean_strain_xx": mean_xx,
+        "mean_strain_yy": mean_yy,
+        "poisson_ratio": ratio,
+        "relaxed_cell_x": float(central_mean(edges[..., 0])),
+        "relaxed_cell_y": float(central_mean(edges[..., 1])),
+    }
+    if complete and np.isfinite(ratio).any():
+        lowest = int(np.nanargmin(ratio))
+        values["poisson_ratio_min"] = ratio[lowest]
+        values["applied_strain_at_min"] = case.applied_strain[lowest]
+    return values
+
+
+def _dataset(case: Case, values: dict[str, Any]) -> xr.Dataset:
+    """The registry's variables, padded along ``applied_strain`` with what is missing."""
+    shape = case.mesh_shape
+    sizes = {
+        "applied_strain": len(case.applied_strain),
+        "cell_y": case.unit_cells[0],
+        "cell_x": case.unit_cells[1],
+        **{name: len(labels) for name, labels in FIXED_COORDINATES.items()},
+        "node_y": shape.nodes_y,
+        "node_x": shape.nodes_x,
+        "component": 3,
+        "time": len(values.get("time", ())),
+        "snapshot": len(values.get("snapshot", ())),
+    }
+    variables: dict[str, Any] = {}
+    for name, variable in variables_of(case).items():
+        given = values.get(name)
+        if not variable.dims:
+            variables[name] = ((), np.nan if given is None else given)
+            continue
+        if given is None and not variable.in_cube:
+            continue
+        padded = np.full([sizes[dim] for dim in variable.dims], np.nan)
+        if given is not None:
+            padded[: len(given)] = given
+        variables[name] = (variable.dims, padded)
+    coordinates: dict[str, Any] = {
+        **case.design,
+        "applied_strain": list(case.applied_strain),
+        "cell_y": np.arange(sizes["cell_y"]),
+        "cell_x": np.arange(sizes["cell_x"]),
+    }
+    coordinates |= {name: values[name] for name in ("time", "snapshot") if name in values}
+    coordinates |= fixed_coordinates({dim for dims, _ in variables.values() for dim in dims})
+    if "position" in variables:
+        coordinates["component"] = ["x", "y", "z"]
+    return xr.Dataset(variables, coordinates)

@@ -1,0 +1,243 @@
+"""Simulation of one batch: the task that a worker runs."""
+
+import json
+import time
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.io.case_file import write_case_file
+from knitlab.io.provenance import provenance
+from knitlab.mechanics.dynamic_tensile_test import Batch, stretch_by_dynamics
+from knitlab.mechanics.dynamics import DynamicsSettings
+from knitlab.mechanics.executor import Runner, run_all
+from knitlab.mechanics.relaxation import relax, relax_near, tiled
+from knitlab.mechanics.state import Outcome, TensileTest
+from knitlab.mechanics.tensile_test import stretch
+from knitlab.mechanics.zigzag_tension import ChainState, pull_chain
+from knitlab.model.fabric import Fabric, flat_sheet
+from knitlab.model.inertia import inertia
+from knitlab.model.network import Network
+from knitlab.model.zigzag import zigzag
+from knitlab.simulation.case import Case
+from knitlab.simulation.measurement import measured
+from knitlab.simulation.reporting import Progress, Reporter
+from knitlab.simulation.robustness import SiblingTest, imperfect, sibling
+
+
+def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> None:
+    """Relax and stretch the fabrics of one mesh shape together, and write their case files.
+
+    Args:
+        results: results folder of the workflow.
+        cases: cases of one mesh shape.
+        progress: told, for a case, how many of its states are done.
+    """
+    began = time.perf_counter()
+    tests = tensile_tests(cases, progress)
+    siblings = sibling_tests(cases, progress)
+    chains = [_zigzag_test(case) if case.pure else [] for case in cases]
+    wall_seconds = time.perf_counter() - began
+    for case, test, chain, its in zip(cases, tests, chains, siblings, strict=True):
+        write_case(results, case, test, chain, its, wall_seconds)
+
+
+def tensile_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
+    """Tensile tests of cases of one mesh shape and method."""
+    by = dynamic_tests if cases[0].method == "dynamics" else equilibrium_tests
+    return by(cases, progress)
+
+
+def sibling_tests(cases: Sequence[Case], progress: Progress) -> list[list[SiblingTest]]:
+    """Tests of the siblings of cases of one mesh shape, each case's in order."""
+    tests: list[list[SiblingTest]] = [[] for _ in cases]
+    for number in range(1, max(case.robustness for case in cases) + 1):
+        places = [place for place, case in enumerate(cases) if case.robustness >= number]
+        originals = [cases[place] for place in places]
+        siblings = [sibling(case, number) for case in originals]
+        names = {its.case_id: case for its, case in zip(siblings, originals, strict=True)}
+        done = partial(_progress_of_sibling, progress, names, number)
+        found = equilibrium_tests(siblings, done, imperfection=number)
+        energies = branch_energies(originals, found)
+        for place, case, test, energy in zip(places, siblings, found, energies, strict=True):
+            tests[place].append(SiblingTest(case, test, energy))
+    return tests
+
+
+def _progress_of_sibling(
+    progress: Progress, cases: dict[str, Case], number: int, sibling_id: str, states: float
+) -> None:
+    case = cases[sibling_id]
+    progress(case.case_id, number * len(case.applied_strain) + states)
+
+
+def branch_energies(
+    cases: Sequence[Case], tests: Sequence[TensileTest], runner: Runner = run_all
+) -> list[float]:
+    """Energies of cases, relaxed from the relaxed shapes of siblings; NaN if not in equilibrium.
+
+    Args:
+        cases: cases of one mesh shape.
+        tests: a sibling's test of each.
+        runner: what runs the solvers.
+    """
+    woven = [case.woven() for case in cases]
+    relaxed = runner(
+        cases[0].mesh_shape,
+        [fabric for _, fabric in woven],
+        [
+            relax_near(*its, case.equilibrium_solver, test.states[0].configuration)
+            for case, its, test in zip(cases, woven, tests, strict=True)
+        ],
+    )
+    return [
+        float(state.energy.total) if state.converged and test.states[0].converged else np.nan
+        for state, test in zip(relaxed, tests, strict=True)
+    ]
+
+
+def equilibrium_tests(
+    cases: Sequence[Case],
+    progress: Progress,
+    runner: Runner = run_all,
+    imperfection: int | None = None,
+) -> list[TensileTest]:
+    """Tensile tests of cases of one mesh shape by the equilibrium solver.
+
+    Args:
+        cases: the cases.
+        progress: told, for a case, how many of its states are done.
+        runner: what runs their solvers.
+        imperfection: seed of the imperfections that they start from, if any.
+    """
+    woven = [case.woven() for case in cases]
+    reporters = [Reporter(partial(progress, case.case_id)) for case in cases]
+    found = starts(cases, woven, runner, imperfection)
+    tests = [
+        reporter.over(
+            stretch(
+                *its,
+                case.applied_strain,
+                case.equilibrium_solver,
+                reporter.done,
+                start,
+                unload=case.unloading,
+            )
+        )
+        for case, its, start, reporter in zip(cases, woven, found, reporters, strict=True)
+    ]
+    return runner(cases[0].mesh_shape, [fabric for _, fabric in woven], tests)
+
+
+def starts(
+    cases: Sequence[Case],
+    woven: Sequence[tuple[Network, Fabric]],
+    runner: Runner = run_all,
+    imperfection: int | None = None,
+) -> list[Float[np.ndarray, " unknown"] | None]:
+    """What samples of one mesh shape relax from; ``None`` for the flat sheet [mm].
+
+    Args:
+        cases: the samples.
+        woven: network and fabric of each.
+        runner: what runs the solvers of the endless fabrics they are laid out of.
+        imperfection: seed of the imperfections of all flat sheets, if any.
+    """
+    found = [_sheet(*its, imperfection) for its in woven]
+    laid_out = [
+        place
+        for place, case in enumerate(cases)
+        if not case.mesh_shape.periodic and case.equilibrium_solver.start == "endless"
+    ]
+    if not laid_out:
+        return found
+    cells = [cases[place].endless_cell for place in laid_out]
+    endless = [cell.woven() for cell in cells]
+    relaxed = runner(
+        cells[0].mesh_shape,
+        [fabric for _, fabric in endless],
+        [
+            relax(*its, cell.equilibrium_solver, _sheet(*its, imperfection))
+            for cell, its in zip(cells, endless, strict=True)
+        ],
+    )
+    for place, (net, _), state in zip(laid_out, endless, relaxed, strict=True):
+        if state.converged:
+            found[place] = tiled(*woven[place], net, state.configuration)
+    return found
+
+
+def _sheet(
+    net: Network, fabric: Fabric, imperfection: int | None
+) -> Float[np.ndarray, " unknown"] | None:
+    """An imperfect flat sheet; ``None`` stands for the perfect one."""
+    if imperfection is None:
+        return None
+    return imperfect(np.asarray(flat_sheet(net, fabric)), np.asarray(fabric.cell), imperfection)
+
+
+def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
+    """Tensile tests by damped dynamics, all cases in one vmapped call a strain."""
+    settings = cases[0].solver
+    if not isinstance(settings, DynamicsSettings):
+        raise TypeError(f"case {cases[0].case_id} has no settings of the dynamics")
+    inertias = [
+        inertia(case.weft, case.warp, case.reading, case.mass_and_drag)
+        for case in cases
+        if case.mass_and_drag is not None
+    ]
+    fabrics = [case.woven()[1] for case in cases]
+    return stretch_by_dynamics(
+        Batch(cases[0].mesh_shape, fabrics, inertias, settings),
+        [case.applied_strain for case in cases],
+        lambda place, done: progress(cases[place].case_id, done),
+    )
+
+
+def _zigzag_test(case: Case) -> list[ChainState]:
+    return pull_chain(zigzag(case.weft, case.reading), case.periods, case.applied_strain)
+
+
+def write_case(
+    results: Path,
+    case: Case,
+    test: TensileTest,
+    chain: Sequence[ChainState],
+    siblings: Sequence[SiblingTest],
+    wall_seconds: float,
+) -> None:
+    """Measure a finished test, write its case file."""
+    dataset = measured(case, test, chain, siblings)
+    dataset.attrs |= provenance() | {
+        "title": f"knitlab case {case.case_id}",
+        "parameters": json.dumps(case.record),
+        "reason": failure_reason(case, test),
+        "batch_wall_seconds": wall_seconds,
+    }
+    write_case_file(results, case.case_id, dataset)
+
+
+WHY = {
+    Outcome.iteration_limit: "the limit of steps was reached",
+    Outcome.stalled: "no smaller step helped",
+    Outcome.time_limit: "it was still moving at the end of its time; raise duration, or where"
+    " ending is fixed_steps, fixed_steps",
+    Outcome.diverged: "it diverged; lower time_step",
+    Outcome.too_fast: "it was pulled too fast at the smallest rate allowed; lower ramp_rate",
+}
+
+
+def failure_reason(case: Case, test: TensileTest) -> str:
+    """Why a test did not reach its last strain; empty if it did."""
+    last = test.states[-1]
+    if last.converged:
+        return ""
+    strain = case.applied_strain[len(test.states) - 1]
+    steps = "time steps" if case.method == "dynamics" else "steps"
+    return (
+        f"no equilibrium at applied strain {strain:g}: {last.residual:.1e} N left after"
+        f" {last.iterations} {steps} ({WHY[last.outcome]})"
+    )

@@ -1,0 +1,82 @@
+"""Sensitivities of a finished test: how its results hang on the stripe parameters."""
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from knitlab.measure.sensitivity import (
+    STRIPE_PARAMETERS,
+    Configuration,
+    logarithmic,
+    quantities,
+)
+from knitlab.mechanics.adjoint import Adjoint
+from knitlab.mechanics.linear_response import NoDerivative
+from knitlab.mechanics.loading import drive_along, reaction_force
+from knitlab.mechanics.state import State
+from knitlab.model.energy import energy
+from knitlab.model.fabric import Fabric, StripePair, laid_out
+from knitlab.model.network import MeshShape, network
+from knitlab.simulation.case import Case
+
+QUANTITIES = ("poisson_ratio", "reaction_force")
+
+
+@lru_cache(maxsize=16)
+def measured_by(
+    shape: MeshShape, unit_cells: tuple[int, int], names: tuple[str, ...]
+) -> Callable[[Configuration, Configuration, Fabric], Float[Array, " quantity"]]:
+    """Several quantities of a tensile test at once; the same function for the same arguments.
+
+    Args:
+        shape: the mesh shape.
+        unit_cells: unit cells along (y, x).
+        names: of :func:`~knitlab.measure.sensitivity.quantities`, or ``reaction_force``.
+    """
+
+    def force(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
+        gradient = jax.grad(lambda q: energy(network(shape), fabric, q).total)(strained)
+        drive, length = drive_along(shape, relaxed)
+        return reaction_force(shape, drive, length, gradient)
+
+    known = quantities(shape, unit_cells) | {"reaction_force": force}
+    chosen = [known[name] for name in names]
+    return lambda q0, q, fabric: jnp.stack([quantity(q0, q, fabric) for quantity in chosen])
+
+
+def sensitivities(
+    case: Case, reached: Sequence[State]
+) -> dict[str, Float[np.ndarray, "strain parameter"]]:
+    """Logarithmic sensitivities, under the registry's names.
+
+    They are missing at zero strain and where there is no derivative, and that of Poisson's ratio
+    where the sample has none.
+
+    Args:
+        case: the case.
+        reached: its converged states, the relaxed one first.
+    """
+    measure = measured_by(case.mesh_shape, case.unit_cells, QUANTITIES)
+    stripes = StripePair.of(case.weft, case.warp)
+    found = np.full((len(QUANTITIES), len(reached), len(STRIPE_PARAMETERS)), np.nan)
+    relaxed, *strained = reached
+    try:
+        weave = laid_out(case.sample, case.sheet, case.reading)
+        adjoint = Adjoint(weave, stripes, relaxed.configuration)
+    except NoDerivative:
+        strained = []
+    for place, state in enumerate(strained, start=1):
+        try:
+            derivatives = adjoint.of_strained(
+                case.applied_strain[place], state.configuration, measure
+            )
+        except NoDerivative:
+            continue
+        found[:, place] = logarithmic(derivatives, stripes)
+    if case.all_corners_held:
+        found[QUANTITIES.index("poisson_ratio")] = np.nan
+    return {f"{name}_sensitivity": its for name, its in zip(QUANTITIES, found, strict=True)}

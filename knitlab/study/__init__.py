@@ -1,0 +1,1 @@
+"""From a workflow to a plan: parameters, design space, cases. Runs nothing."""

@@ -1,0 +1,40 @@
+"""Estimates of time and memory, from what ``workflows/benchmark.py`` measures."""
+
+from collections.abc import Iterable
+
+from knitlab.simulation.case import Case, Method
+
+# Relaxation costs about as much as this many steps of a tensile test, and a step grows with the
+# unknowns by about this power.
+RELAXATION_STEPS = 20
+COST_POWER = 1.3
+SECONDS_OF_WORK: dict[Method, float] = {"equilibrium": 0.07, "dynamics": 4.0}
+"""Seconds for a unit of work on one core, by method."""
+PROCESS_BYTES = 600e6
+"""Memory of a worker with its compiled programs."""
+BYTES_OF_UNKNOWN = 25e3
+"""Memory for each unknown of a batch: mostly the element Hessians, their places and the factors."""
+
+
+def work(case: Case, states: float) -> float:
+    """Work in the first ``states`` states of a case, in steps of a test of 1000 unknowns.
+
+    Those of its siblings follow its own; a fraction is part of the way to the next state.
+    """
+    tests, states = divmod(states, len(case.applied_strain))
+    whole = len(case.applied_strain) + RELAXATION_STEPS - 1
+    begun = min(states, 1.0) * (RELAXATION_STEPS - 1)
+    steps = tests * whole + begun + states
+    if case.unloading:
+        steps += len(case.applied_strain) - 1 if tests else max(states - 1, 0)
+    return steps * (case.mesh_shape.unknowns / 1000) ** COST_POWER
+
+
+def seconds(cases: Iterable[Case]) -> float:
+    """How long cases take on one core, to within a factor of about three [s]."""
+    return sum(SECONDS_OF_WORK[case.method] * work(case, case.states) for case in cases)
+
+
+def bytes_needed(unknowns: int) -> float:
+    """Memory of a worker on a batch of so many unknowns [bytes]."""
+    return PROCESS_BYTES + BYTES_OF_UNKNOWN * unknowns

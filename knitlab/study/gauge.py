@@ -1,0 +1,64 @@
+"""The gauge of a cube: the knit sizes of its designs, and what it states of the gauge."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from typing import Any
+
+from knitlab.measure.knit_size import ALONG_X, ALONG_Y, Gauge, at_gauge, knit_sizes
+from knitlab.simulation.case import Case
+
+ATTRIBUTES = {field.name: f"gauge_{field.name}" for field in fields(Gauge)}
+"""The cube's attributes that state its gauge [mm]."""
+
+
+def sizes_of(case: Case, values: Mapping[str, Any], gauge: Gauge) -> dict[str, float]:
+    """Knit sizes of a simulated case, under the registry's names.
+
+    Args:
+        case: the case.
+        values: what its file holds.
+        gauge: of the cube.
+
+    Returns:
+        The sizes, none of a pure stripe, which has no patches to count stitches of [mm].
+    """
+    if case.pure:
+        return {}
+    names = (
+        f"{kind}_{axis}" for kind in ("relaxed_cell", "flat_cell", "wavelength") for axis in "xy"
+    )
+    lengths = {name: float(values[name]) for name in names}
+    endless = case.reading.boundary == "periodic"
+    return knit_sizes(
+        lengths,
+        (len(case.pattern), len(case.pattern[0])),
+        int(case.design["n_subunit"]),
+        None if endless else case.unit_cells,
+        gauge,
+    )
+
+
+def sizes_at(
+    values: Mapping[str, Any], attributes: Mapping[str, Any], gauge: Gauge
+) -> dict[str, float]:
+    """Knit sizes of a design of an old cube, at the gauge of the new one.
+
+    Args:
+        values: of the design in the old cube.
+        attributes: of the old cube.
+        gauge: of the new cube.
+
+    Returns:
+        The sizes, none if the old cube states no gauge: one of pure stripes, or of an earlier
+        version [mm].
+    """
+    if not set(ATTRIBUTES.values()) <= set(attributes):
+        return {}
+    before = Gauge(**{name: float(attributes[its]) for name, its in ATTRIBUTES.items()})
+    sizes = {name: float(values[name]) for name in (*ALONG_X, *ALONG_Y)}
+    return at_gauge(sizes, before, gauge)
+
+
+def stated(gauge: Gauge) -> dict[str, float]:
+    """The attributes of a cube that state its gauge [mm]."""
+    return {ATTRIBUTES[name]: value for name, value in asdict(gauge).items()}

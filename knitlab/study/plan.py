@@ -1,0 +1,245 @@
+"""The plan: everything a run needs, resolved once and frozen into ``plan.json``."""
+
+import json
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from knitlab.io.atomic_write import written_whole
+from knitlab.io.errors import BadInput, Fault, Gathered
+from knitlab.io.fingerprint import (
+    code_fingerprint,
+    digests,
+    package_fingerprint,
+    text_fingerprint,
+)
+from knitlab.io.shipped import shipped
+from knitlab.io.variable import Variable
+from knitlab.measure.knit_size import Gauge
+from knitlab.model.electrode_layout import BadLayout
+from knitlab.model.network import MeshShape
+from knitlab.model.options import FoldAngle
+from knitlab.simulation.case import Case
+from knitlab.simulation.stripe_changes import Changes
+from knitlab.study.axes import Axis
+from knitlab.study.cases import cases, merged, stripe_files, with_stripe_files
+from knitlab.study.common_settings import common_parameters
+from knitlab.study.design_space import Design, DesignSpace, design_space, stripe_space
+from knitlab.study.estimate import bytes_needed, seconds
+from knitlab.study.parameters import Parameters, read_parameters
+from knitlab.study.unusual import unusual_values
+from knitlab.study.workflow import Workflow
+from knitlab.study.workflow_file import workflow_file
+from knitlab.study.workflow_text import WorkflowText, read_workflow
+
+# Unknowns that one vmapped batch may hold: about 1 GiB of element Hessians.
+BATCH_UNKNOWNS = 8_000
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Cases that one worker simulates together, by one vmapped program.
+
+    Attributes:
+        cases: their identifiers.
+        unknowns: of all of them.
+        estimated_seconds: how long they take on one core [s].
+        estimated_bytes: memory of their worker [bytes].
+    """
+
+    cases: tuple[str, ...]
+    unknowns: int
+    estimated_seconds: float
+    estimated_bytes: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A workflow, resolved.
+
+    Attributes:
+        workflow: its name.
+        title: its title.
+        figures: the figures that it draws.
+        cases: what to simulate, by identifier.
+        batches: the cases by mesh shape, as many together as memory allows.
+        excluded: designs of the grid that no fabric can have, with the reason.
+        coordinates: of the settings that it gives as lists.
+        overrides: the ``KEY=VALUE`` settings that it was made with.
+        inputs: SHA-256 of every file that it was made from, by path.
+        stripes: fingerprint of the stripes, with what the workflow changes of all of them.
+        gauge: size of a stitch, by which its cube tells sizes in cloth; no case depends on it.
+        warnings: what of its values may be a slip.
+    """
+
+    workflow: str
+    title: str
+    figures: tuple[str, ...]
+    cases: dict[str, Case]
+    batches: tuple[Batch, ...]
+    excluded: dict[Design, str]
+    coordinates: dict[str, Variable]
+    overrides: tuple[str, ...]
+    inputs: dict[str, str]
+    stripes: str
+    gauge: Gauge
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Dimensions of the cube that its designs lie along."""
+        return tuple(next(iter(self.cases.values())).design)
+
+    @property
+    def designs(self) -> dict[str, Design]:
+        """Labels of its cases, by identifier."""
+        return {case_id: tuple(case.design.values()) for case_id, case in self.cases.items()}
+
+    @cached_property
+    def common(self) -> dict[str, Any]:
+        """What all of its cases share beside their designs."""
+        return common_parameters(self)
+
+    @property
+    def applied_strain(self) -> tuple[float, ...]:
+        """Strains of the protocol, the same for every case."""
+        return next(iter(self.cases.values())).applied_strain
+
+    def record(self) -> dict[str, Any]:
+        """The plan as JSON holds it."""
+        return {
+            "workflow": self.workflow,
+            "title": self.title,
+            "figures": self.figures,
+            "dims": self.dims,
+            "overrides": self.overrides,
+            "inputs": self.inputs,
+            "code": code_fingerprint(),
+            "package": package_fingerprint(),
+            "gauge": asdict(self.gauge),
+            "batches": [asdict(batch) for batch in self.batches],
+            "excluded": [[*design, reason] for design, reason in self.excluded.items()],
+            "cases": {case_id: case.record for case_id, case in self.cases.items()},
+        }
+
+    def write(self, path: Path) -> None:
+        """Freeze the plan into a JSON file, a line for each case.
+
+        Raises:
+            CannotWrite: if it cannot be written.
+        """
+        record = self.record()
+        cases = record.pop("cases").items()
+        lines = (f"  {json.dumps(case_id)}: {json.dumps(case)}" for case_id, case in cases)
+        head = json.dumps(record, indent=1).removesuffix("\n}")
+        with written_whole(path) as temporary:
+            temporary.write_text(f'{head},\n "cases": {{\n' + ",\n".join(lines) + "\n }\n}\n")
+
+
+def make_plan(
+    workflow: str, overrides: tuple[str, ...] = (), parameter_folder: Path | None = None
+) -> Plan:
+    """Resolve a workflow, its overrides and the parameters into a plan.
+
+    Args:
+        workflow: name of a shipped workflow, or path of a file of the same form.
+        overrides: ``KEY=VALUE`` settings that replace the workflow's.
+        parameter_folder: where the parameter files lie; by default knitlab's own.
+
+    Raises:
+        BadInput: with every fault of every file and override.
+    """
+    text = read_workflow(workflow_file(workflow), overrides)
+    folder = parameter_folder or shipped("params")
+    faults = Gathered()
+    parameters = shipped_parameters = read = None
+    axes: tuple[Axis, ...] = ()
+    space = DesignSpace((), {})
+    made: dict[str, Case] = {}
+    inputs = [text.path, *folder.glob("*.toml")]
+    with faults:
+        parameters = shipped_parameters = read_parameters(folder)
+    with faults:
+        read = text.checked()
+    with faults:
+        axes = text.checked_axes()
+    with faults:
+        if parameters and (model := text.section("model")):
+            parameters = with_stripe_files(model, parameters, text)
+            inputs += stripe_files(model, text)
+    with faults:
+        if parameters and (design := text.section("design")):
+            space = design_space(design, parameters, text.source)
+    with faults:
+        if parameters and (stripes := text.section("stripes")):
+            space = stripe_space(stripes, parameters, text.source)
+    with faults:
+        if parameters and read and not faults.all:
+            made = {case.case_id: case for case in cases(read, axes, space, parameters)}
+            faults.all += _misplaced_electrodes(made, text)
+    if parameters is None or shipped_parameters is None or read is None or faults.all:
+        raise BadInput(faults.all)
+    return Plan(
+        workflow=text.path.stem,
+        title=read.title,
+        figures=read.figures,
+        cases=made,
+        batches=batched(made),
+        excluded=space.excluded,
+        coordinates={axis.name: axis.coordinate(parameters) for axis in axes},
+        overrides=overrides,
+        inputs=digests(inputs),
+        stripes=_stripes_fingerprint(parameters, read, axes),
+        gauge=Gauge(**merged(parameters.gauge, read.gauge)),
+        warnings=(*unusual_values(made.values(), shipped_parameters), *_left_out(read)),
+    )
+
+
+def _left_out(read: Workflow) -> Iterator[str]:
+    """Settings of a workflow that its method leaves out."""
+    protocol = read.protocol
+    if protocol.robustness and protocol.method != "equilibrium":
+        siblings = "siblings are tested in equilibrium alone"
+        yield f"robustness = {protocol.robustness} is left out by {protocol.method}: {siblings}"
+
+
+def _misplaced_electrodes(made: dict[str, Case], text: WorkflowText) -> list[Fault]:
+    """What is wrong with the electrodes of cases, a fault once for all the designs that have it."""
+    designs: dict[str, list[str]] = defaultdict(list)
+    for case in made.values():
+        if case.capacitor is not None:
+            try:
+                case.electrodes  # noqa: B018  (it raises)
+            except BadLayout as error:
+                for problem in error.problems:
+                    designs[problem].append(case.label)
+    source = text.source("electrodes.layout")
+    return [
+        Fault(source, f"{problem} (in {found[0]}{' and others' if len(found) > 1 else ''})")
+        for problem, found in designs.items()
+    ]
+
+
+def _stripes_fingerprint(parameters: Parameters, read: Workflow, axes: tuple[Axis, ...]) -> str:
+    swept = {axis.name for axis in axes}
+    changes = read.model.model_dump(include=set(Changes.model_fields) - swept)
+    return text_fingerprint(json.dumps([parameters.stripes.model_dump(), changes]))
+
+
+def batched(cases: dict[str, Case]) -> tuple[Batch, ...]:
+    """Cases that stack together, as many as fit, the longest batches first."""
+    alike: dict[tuple[MeshShape, FoldAngle], list[str]] = defaultdict(list)
+    for case_id, case in cases.items():
+        alike[case.mesh_shape, case.reading.fold_angle].append(case_id)
+    batches = []
+    for (shape, _), members in alike.items():
+        size = max(1, BATCH_UNKNOWNS // shape.unknowns)
+        for first in range(0, len(members), size):
+            together = tuple(members[first : first + size])
+            unknowns = shape.unknowns * len(together)
+            time = seconds(cases[case_id] for case_id in together)
+            batches.append(Batch(together, unknowns, time, bytes_needed(unknowns)))
+    return tuple(sorted(batches, key=lambda batch: batch.estimated_seconds, reverse=True))

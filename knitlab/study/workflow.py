@@ -1,0 +1,269 @@
+"""Workflows: what the one short TOML file of an experiment may hold."""
+
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import (
+    BeforeValidator,
+    Field,
+    NonNegativeFloat,
+    PositiveFloat,
+    PositiveInt,
+    field_validator,
+    model_validator,
+)
+
+from knitlab.io.strict_model import Strict
+from knitlab.io.suggestions import unknown
+from knitlab.mechanics.dynamics import Ending
+from knitlab.mechanics.solver import Start
+from knitlab.model.electrode_layout import Face, Within
+from knitlab.model.electrodes import Along
+from knitlab.model.options import (
+    Boundary,
+    CellSize,
+    FoldAngle,
+    FoldPhase,
+    GarterStart,
+    Hinges,
+    HingeStiffness,
+)
+from knitlab.model.pattern import patch_map
+from knitlab.model.stripe import Knit
+from knitlab.simulation.case import Method
+from knitlab.simulation.stripe_changes import Changes
+from knitlab.study.figure_names import FigureName
+from knitlab.study.parameters import Fraction, Mask, Relative, Share, Snapshots
+
+Whole = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
+
+MOST_STEPS = 1000
+
+
+def _known_figure(name: Any) -> Any:
+    known = get_args(FigureName)
+    if name not in known:
+        raise ValueError(unknown(str(name), known, "figure"))
+    return name
+
+
+Figure = Annotated[FigureName, BeforeValidator(_known_figure)]
+MOST_SIBLINGS = 100
+
+
+def even_strains(strain_max: float, strain_step: float) -> tuple[float, ...]:
+    """Multiples of a step from 0 up to a largest strain, which is one of them."""
+    steps = round(strain_max / strain_step)
+    return tuple(round(step * strain_step, 12) for step in range(steps + 1))
+
+
+class DesignSection(Strict):
+    """``[design]``: which designs, as a named set or as a grid, and the sample they make.
+
+    With a set, ``n_stripe`` or ``n_subunit`` alone keep those members of it; both together
+    replace it by their grid. The sample is so many ``unit_cells``, or as many as ``needles`` knit
+    of each design, of which ``scale`` takes a part; ``aspect`` is its length over its width.
+    """
+
+    set: str | None = None
+    n_stripe: Whole | None = None
+    n_subunit: Whole | None = None
+    pattern: Annotated[tuple[str, ...], Field(strict=False)] = ("GR", "RG")
+    unit_cells: Annotated[tuple[PositiveInt, PositiveInt] | None, Field(strict=False)] = None
+    needles: PositiveInt | None = None
+    aspect: PositiveFloat = 2.0
+    scale: Fraction = 1.0
+
+    @field_validator("pattern")
+    @classmethod
+    def _is_a_patch_map(cls, rows: tuple[str, ...]) -> tuple[str, ...]:
+        patch_map(rows, periods=1)
+        return rows
+
+    @model_validator(mode="after")
+    def _says_once_how_large_the_sample_is(self) -> "DesignSection":
+        if self.needles is not None and self.unit_cells is not None:
+            raise ValueError("has both unit_cells and needles; give one of them")
+        if self.needles is None and {"aspect", "scale"} & self.model_fields_set:
+            raise ValueError("has aspect or scale but no needles to knit on; give needles")
+        return self
+
+
+class StripesSection(Strict):
+    """``[stripes]``: pure stripes, pulled across their ridges, in place of ``[design]``.
+
+    Each is run under every boundary, as a sheet of ``stripe_periods`` periods.
+    """
+
+    knit: Annotated[tuple[Knit, ...], Field(min_length=1, strict=False)] = ("rib", "garter")
+    n: Whole | None = None
+    boundaries: Annotated[tuple[Boundary, ...], Field(min_length=1, strict=False)] = ("periodic",)
+    stripe_periods: PositiveInt = 1
+
+
+class ProtocolSection(Strict):
+    """``[protocol]``: the strains of the tensile test, and how its states are reached.
+
+    The strains are the multiples of ``strain_step`` and the ``further_strains``, up to
+    ``strain_max``.
+    With ``sensitivities``, also how Poisson's ratio and force depend on the stripe parameters; with
+    ``unloading``, also the way back through the same strains; with ``robustness``, also how far
+    they spread over so many siblings of each design, which are tested in equilibrium alone.
+    """
+
+    method: Method = "equilibrium"
+    strain_max: Annotated[float, Field(ge=0)] = 0.45
+    strain_step: PositiveFloat = 0.03
+    further_strains: Annotated[tuple[PositiveFloat, ...], Field(strict=False)] = ()
+    sensitivities: bool = False
+    unloading: bool = False
+    robustness: Annotated[int, Field(ge=0, le=MOST_SIBLINGS)] = 0
+
+    @model_validator(mode="after")
+    def _has_these_in_equilibrium(self) -> "ProtocolSection":
+        for name in ("sensitivities", "unloading"):
+            if getattr(self, name) and self.method != "equilibrium":
+                raise ValueError(
+                    f"has no {name} by method = {self.method}; take method = equilibrium"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _is_a_whole_number_of_steps(self) -> "ProtocolSection":
+        steps = self.strain_max / self.strain_step
+        if abs(steps - round(steps)) > 1e-6:
+            raise ValueError(
+                f"strain_max = {self.strain_max:g} is no whole number of strain_step ="
+                f" {self.strain_step:g}; change one"
+            )
+        if steps > MOST_STEPS:
+            raise ValueError(
+                f"strain_max / strain_step asks for {steps:.3g} strains;"
+                f" ask for {MOST_STEPS} at most"
+            )
+        return self
+
+    @property
+    def applied_strain(self) -> tuple[float, ...]:
+        """All strains of the test, ascending from 0."""
+        further = {strain for strain in self.further_strains if strain <= self.strain_max}
+        return tuple(sorted(further.union(even_strains(self.strain_max, self.strain_step))))
+
+
+class ModelSection(Changes):
+    """``[model]``: what replaces the values of ``reading.toml``, ``sheet.toml``, ``stripes.toml``.
+
+    ``stripe_files`` hold stripes to add or replace, as ``knitlab calibrate`` writes them. Any other
+    setting may be a list, and is then a dimension of the cube.
+    """
+
+    stripe_files: Annotated[tuple[str, ...], Field(strict=False)] = ()
+
+    cell_size: CellSize | None = None
+    fold_phase: FoldPhase | None = None
+    hinges: Hinges | None = None
+    hinge_stiffness: HingeStiffness | None = None
+    garter_start: GarterStart | None = None
+    fold_angle: FoldAngle | None = None
+    length_scale: PositiveFloat | None = None
+    boundary: Boundary | None = None
+
+
+class SolverSection(Strict):
+    """``[solver]``: what replaces the values of ``solver.toml``; a list is a dimension."""
+
+    tolerance: PositiveFloat | None = None
+    max_iterations: PositiveInt | None = None
+    step_limit: Fraction | None = None
+    smallest_shift: PositiveFloat | None = None
+    start: Start | None = None
+    ramp_steps: PositiveInt | None = None
+    waypoint_force: Fraction | None = None
+    path_step: Fraction | None = None
+    smallest_step: Fraction | None = None
+    soft_wall: Fraction | None = None
+    branch_limit: PositiveFloat | None = None
+    drag: NonNegativeFloat | None = None
+
+
+class DynamicsSection(Strict):
+    """``[dynamics]``: what replaces the values of ``dynamics.toml``; a list is a dimension."""
+
+    ending: Ending | None = None
+    steady_force: PositiveFloat | None = None
+    fixed_steps_force: PositiveFloat | None = None
+    duration: PositiveFloat | None = None
+    max_steps: PositiveInt | None = None
+    relative_tolerance: Fraction | None = None
+    absolute_tolerance: PositiveFloat | None = None
+    fixed_steps: PositiveInt | None = None
+    time_step: PositiveFloat | None = None
+    ramp_rate: PositiveFloat | None = None
+    haste_limit: PositiveFloat | None = None
+    smallest_rate: Fraction | None = None
+    snapshots: Snapshots | None = None
+
+
+class ElectrodesSection(Strict):
+    """``[electrodes]``: the layout of a capacitor, and what replaces ``electrodes.toml``.
+
+    What it says of along, ridges, face, within, width, span and mask changes the layout that it
+    names, or is the layout. A list of layouts, or of another single setting, is a dimension.
+    """
+
+    layout: str | None = None
+    along: Along | None = None
+    ridges: Annotated[tuple[PositiveInt, PositiveInt] | None, Field(strict=False)] = None
+    face: Face | None = None
+    within: Within | None = None
+    width: PositiveFloat | Literal["stripe"] | None = None
+    span: Annotated[tuple[Share, Share] | None, Field(strict=False)] = None
+    mask: Mask | None = None
+    permittivity: Relative | None = None
+    electrode_length: PositiveFloat | None = None
+    clearance: PositiveFloat | None = None
+    accuracy: Fraction | None = None
+    linearity: Fraction | None = None
+    unfolded: Fraction | None = None
+
+
+class GaugeSection(Strict):
+    """``[gauge]``: what replaces the values of ``gauge.toml``; a cube has one gauge."""
+
+    stitch_width: PositiveFloat | None = None
+    stitch_height: PositiveFloat | None = None
+
+
+class Workflow(Strict):
+    """A workflow file, with what ``--set`` changed."""
+
+    title: str = Field(min_length=1)
+    figures: Annotated[tuple[Figure, ...], Field(strict=False)] = ()
+    design: DesignSection | None = None
+    stripes: StripesSection | None = None
+    protocol: ProtocolSection = ProtocolSection()
+    model: ModelSection = ModelSection()
+    solver: SolverSection = SolverSection()
+    dynamics: DynamicsSection = DynamicsSection()
+    electrodes: ElectrodesSection | None = None
+    gauge: GaugeSection = GaugeSection()
+
+    @model_validator(mode="after")
+    def _is_of_one_kind(self) -> "Workflow":
+        if (self.design is None) == (self.stripes is None):
+            raise ValueError("needs either [design] or [stripes], not both and not neither")
+        if self.stripes is not None and self.protocol.sensitivities:
+            raise ValueError("has no sensitivities of pure stripes; leave protocol.sensitivities")
+        return self
+
+
+SECTIONS: dict[str, type[Strict]] = {
+    "design": DesignSection,
+    "stripes": StripesSection,
+    "protocol": ProtocolSection,
+    "model": ModelSection,
+    "solver": SolverSection,
+    "dynamics": DynamicsSection,
+    "electrodes": ElectrodesSection,
+    "gauge": GaugeSection,
+}
+SECTION_OF = {key: name for name, section in SECTIONS.items() for key in section.model_fields}

@@ -1,0 +1,125 @@
+"""Capacitors on stripes folded by hand: what is measured, and what has a status instead."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from knitlab.capacitance.boundary_elements import VACUUM_PERMITTIVITY
+from knitlab.capacitance.capacitor import Capacitor, capacitances
+from knitlab.capacitance.capacitor_status import CapacitorStatus
+from knitlab.model.electrode_layout import Layout, laid_electrodes
+from knitlab.model.pattern import patch_map
+from tests.fabrics import CLAMPED, ENDLESS, pure, stripe
+
+PERIODS = 2
+RIDGES = Layout(along="course")
+CAPACITOR = Capacitor(
+    layout=RIDGES,
+    electrode_length=100.0,
+    permittivity=1.0,
+    clearance=0.1,
+    accuracy=0.01,
+    linearity=0.99,
+    unfolded=0.1,
+)
+STRIPE = stripe("garter", 8)
+
+
+def folded(net, fabric, angles):
+    """A corrugated stripe at several interior fold angles, ridges at its lines 2 and 6."""
+    shape, (across, along) = net.shape, np.asarray(fabric.cell)
+    rows, columns = np.arange(shape.nodes_y), np.arange(shape.nodes_x)
+    states = []
+    for angle in angles:
+        height = np.abs((rows + 2) % 4 - 2)
+        nodes = np.zeros((rows.size, columns.size, 3))
+        nodes[..., 0] = across * columns
+        nodes[..., 1] = along * np.sin(angle / 2) * rows[:, None]
+        nodes[..., 2] = along * np.cos(angle / 2) * height[:, None]
+        lengths = across * shape.cells_x, along * np.sin(angle / 2) * shape.cells_y
+        states.append(np.append(nodes.ravel(), lengths))
+    return np.array(states)
+
+
+def measured(angles, reading=ENDLESS, **changes):
+    net, fabric = pure(STRIPE, reading, PERIODS, ridges="G")
+    capacitor = replace(CAPACITOR, **changes)
+    pattern = patch_map(["G"], PERIODS)
+    electrodes = laid_electrodes(capacitor.layout, pattern, reading, (4.0, 4.0))
+    return capacitances(electrodes, net, fabric, folded(net, fabric, angles), capacitor)
+
+
+def test_capacitance_falls_as_the_stripe_unfolds():
+    found = measured([0.6, 1.2, 2.0, 3.0, np.pi])
+    assert (found.status == CapacitorStatus.measured).all()
+    assert (np.diff(found.capacitance) < 0).all()
+    assert (np.diff(found.gap) >= 0).all()
+    assert (found.error <= CAPACITOR.accuracy).all()
+
+
+def test_flat_it_is_that_of_coplanar_strips():
+    from scipy.special import ellipk
+
+    found = measured([np.pi])
+    net, fabric = pure(STRIPE, ENDLESS, PERIODS, ridges="G")
+    # Strips of two cells, two cells apart.
+    modulus = 2 / (2 + 2 * 2)
+    exact = ellipk(1 - modulus**2) / ellipk(modulus**2)
+    length = float(fabric.cell[0]) * net.shape.cells_x
+    assert found.capacitance[0] == pytest.approx(VACUUM_PERMITTIVITY * length * exact, rel=4e-3)
+
+
+def test_the_stated_error_is_no_less_than_the_true_one():
+    angles = [1.0, 2.0]
+    rough, fine = measured(angles), measured(angles, accuracy=3e-3)
+    assert (fine.error < rough.error).all()
+    true = np.abs(rough.capacitance / fine.capacitance - 1)
+    assert (true <= rough.error).all()
+
+
+def test_a_tightly_closed_ridge_has_a_status_and_no_number():
+    found = measured([0.01, 0.03, 1.0])
+    assert found.status.tolist() == [
+        CapacitorStatus.touching,
+        CapacitorStatus.touching,
+        CapacitorStatus.measured,
+    ]
+    assert np.isnan(found.capacitance[:2]).all()
+    assert (found.gap[:2] < CAPACITOR.clearance).all()
+
+
+def test_a_fold_past_half_a_turn_has_a_status_and_no_number():
+    found = measured([-0.2, 1.0])
+    assert found.status[0] == CapacitorStatus.folded_through
+    assert np.isnan(found.capacitance[0])
+
+
+def test_what_cannot_be_resolved_is_told():
+    found = measured([0.25], clearance=1e-6, accuracy=1e-5)
+    assert found.status[0] == CapacitorStatus.unresolved
+    assert np.isnan(found.capacitance[0])
+    assert found.error[0] > 1e-5
+
+
+def test_the_surroundings_multiply_it():
+    assert measured([1.0], permittivity=2.5).capacitance == pytest.approx(
+        2.5 * measured([1.0]).capacitance
+    )
+
+
+def test_a_state_is_measured_alike_alone_and_among_others():
+    alone = [measured([angle]).capacitance[0] for angle in (0.8, 1.6)]
+    np.testing.assert_allclose(measured([0.8, 1.6]).capacitance, alone, rtol=1e-5)
+
+
+def test_an_open_sample_has_a_mutual_capacitance_below_that_of_its_terminals():
+    found = measured([1.0], CLAMPED)
+    assert 0 < found.mutual[0] < found.capacitance[0]
+    assert np.isnan(measured([1.0]).mutual[0])
+
+
+def test_electrodes_drawn_cell_by_cell_are_those_laid_along_ridges():
+    mask = tuple(8 * letter for letter in ".BB..AA.")
+    drawn = measured([1.0], layout=replace(RIDGES, mask=mask))
+    assert drawn.capacitance == pytest.approx(measured([1.0]).capacitance, rel=1e-6)

@@ -1,0 +1,153 @@
+"""A cheap stand-in for the simulation: case files of the real shape, in milliseconds.
+
+Run as a program it does what the fault tests need another process for.
+"""
+
+import hashlib
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from knitlab.execution.run import RunOptions, run_plan
+from knitlab.io.case_file import write_case_file
+from knitlab.io.design_status import Status
+from knitlab.io.fingerprint import code_fingerprint
+from knitlab.io.schema import described
+from knitlab.linalg.threads import allowed_threads
+from knitlab.measure.sensitivity import STRIPE_PARAMETERS
+from knitlab.measure.wavelength import POINTS
+from knitlab.simulation.measurement import variables_of
+from knitlab.study.plan import make_plan
+
+ONE_OF_XLA = os.environ.get("PJRT_NPROC")
+POISONED = 8
+"""n_stripe of the designs that the bad stand-ins fail on."""
+FACTORS = 40
+
+
+def plan_of(factors=FACTORS):
+    """Ten designs under so many factors of k_t."""
+    values = ",".join(f"{1 + k / 1000:g}" for k in range(factors))
+    return make_plan("preview", ("strain_max=0.06", f"k_t_factor={values}"))
+
+
+def write(results, case, status=Status.ok):
+    """A case file with made-up numbers that only the case decides."""
+    seed = int(hashlib.sha256(case.case_id.encode()).hexdigest()[:8], 16)
+    numbers = np.random.default_rng(seed)
+    sizes = {"applied_strain": len(case.applied_strain)}
+    sizes |= dict(zip(("cell_y", "cell_x"), case.unit_cells, strict=True))
+    sizes |= {"stripe_parameter": len(STRIPE_PARAMETERS), "boundary_point": POINTS}
+    values = {
+        name: (variable.dims, numbers.normal(size=[sizes[dim] for dim in variable.dims]))
+        for name, variable in variables_of(case).items()
+        if variable.in_cube
+    }
+    values["status"] = ((), np.int8(status))
+    values["periods"] = ((), case.periods)
+    values["case_id"] = ((), case.case_id)
+    values["code"] = ((), code_fingerprint())
+    values["iterations"] = (("applied_strain",), np.ones(sizes["applied_strain"]))
+    coordinates = {**case.design, "applied_strain": list(case.applied_strain)}
+    dataset = described(xr.Dataset(values, coordinates))
+    dataset.attrs["reason"] = "" if status is Status.ok else "made up to be so"
+    write_case_file(results, case.case_id, dataset)
+
+
+def simulate(results, cases, progress):
+    for case in cases:
+        write(results, case)
+        progress(case.case_id, len(case.applied_strain))
+
+
+def simulate_slowly(results, cases, progress):
+    time.sleep(0.005 * len(cases))
+    simulate(results, cases, progress)
+
+
+def _with(bad):
+    def simulate_or_not(results, cases, progress):
+        if any(case.design["n_stripe"] == POISONED for case in cases):
+            bad()
+        simulate(results, cases, progress)
+
+    return simulate_or_not
+
+
+def simulate_poisoned(results, cases, progress):
+    def bad():
+        raise FloatingPointError("poisoned on purpose")
+
+    _with(bad)(results, cases, progress)
+
+
+def simulate_deadly(results, cases, progress):
+    _with(lambda: os.kill(os.getpid(), signal.SIGKILL))(results, cases, progress)
+
+
+def simulate_endlessly(results, cases, progress):
+    _with(lambda: time.sleep(600))(results, cases, progress)
+
+
+def simulate_once_lost(results, cases, progress):
+    """The worker dies once, and not when the batch is tried again."""
+    mark = results / "died-once"
+    if any(case.design["n_stripe"] == POISONED for case in cases) and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    simulate(results, cases, progress)
+
+
+def simulate_and_tell_threads(results, cases, progress):
+    simulate(results, cases, progress)
+    (results / f"threads-{cases[0].case_id}").write_text(f"{allowed_threads()} {ONE_OF_XLA}")
+
+
+def simulate_unconverged(results, cases, progress):
+    for case in cases:
+        bad = case.design["n_stripe"] == POISONED
+        write(results, case, Status.not_converged if bad else Status.ok)
+
+
+def kill_again_and_again(results, kills):
+    """Run and kill in turns, each run a fork of this process; then say how often each was hit.
+
+    After every kill the sound case files must be no fewer than before.
+    """
+    from knitlab.io.case_file import Kept, kept
+
+    plan = plan_of()
+    random = np.random.default_rng(1)
+    before, hit = set(), 0
+    for _ in range(kills):
+        child = os.fork()
+        if not child:
+            options = RunOptions(simulate=simulate_slowly)
+            while True:  # what is done is done: then the cube alone is written, over and over
+                run_plan(plan, results, options)
+        time.sleep(random.uniform(0, 0.4))
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        after = {case_id for case_id in plan.cases if kept(results, case_id) is Kept.sound}
+        if not after >= before:
+            sys.exit(f"lost {sorted(before - after)}")
+        hit += len(after) < len(plan.cases)
+        before = after
+    print(f"{kills} kills, {hit} of them before all was done, {len(before)} cases sound")
+
+
+def run_here(results, workers):
+    run_plan(plan_of(), results, RunOptions(workers=workers, simulate=simulate_slowly))
+
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[2])
+    if sys.argv[1] == "kills":
+        kill_again_and_again(folder, int(sys.argv[3]))
+    elif sys.argv[1] == "run":
+        run_here(folder, int(sys.argv[3]))

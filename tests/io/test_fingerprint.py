@@ -1,0 +1,98 @@
+"""The fingerprint of code: whatever can change a number changes it."""
+
+import ast
+import shutil
+
+import pytest
+
+import knitlab.execution.survey as survey_module
+from knitlab.execution.survey import Standing, survey
+from knitlab.io.design_status import Status
+from knitlab.io.fingerprint import code_fingerprint, computing_files, fingerprint_of
+from knitlab.io.shipped import PACKAGE
+from tests.execution.stand_in import plan_of, write
+
+COMPUTES_NOTHING = {
+    "measure/knit_size.py": "sizes of the cube alone, worked out anew for every cube",
+    "io/capacitor_schema.py": "names and units",
+    "io/design_status.py": "names of flags",
+    "io/errors.py": "messages",
+    "io/atomic_write.py": "how files are written",
+    "io/fingerprint.py": "this fingerprint",
+    "io/suggestions.py": "messages",
+    "io/provenance.py": "who computed",
+    "io/schema.py": "names and units",
+    "io/shipped.py": "where files lie",
+    "io/strict_model.py": "how settings are read",
+    "io/variable.py": "names and units",
+    "__init__.py": "enables float64, without which no test passes",
+}
+"""Modules that the simulation imports and whose text changes no number, and why."""
+
+
+def imported(name):
+    """Modules of the package that one of them imports, by their path in it."""
+    for node in ast.walk(ast.parse((PACKAGE / name).read_text(encoding="utf-8"))):
+        names = []
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        for module in names:
+            path = "/".join(module.split(".")[1:]) + ".py"
+            if module.startswith("knitlab.") and (PACKAGE / path).is_file():
+                yield path
+
+
+def reached_from(name):
+    found, left = set(), [name]
+    while left:
+        module = left.pop()
+        if module not in found:
+            found.add(module)
+            left += imported(module)
+    return found
+
+
+def test_every_module_of_the_simulation_is_hashed_or_known_to_compute_nothing():
+    reached = reached_from("simulation/simulate.py")
+    assert len(reached) > 50
+    assert reached - COMPUTES_NOTHING.keys() <= set(computing_files(PACKAGE))
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results")
+    plan = plan_of(factors=1)
+    case = next(iter(plan.cases.values()))
+    write(folder, case, Status.ok)
+    return folder, {case.case_id: plan.designs[case.case_id]}
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory):
+    copied = tmp_path_factory.mktemp("copy") / "knitlab"
+    shutil.copytree(PACKAGE, copied)
+    return copied
+
+
+@pytest.mark.parametrize("name", computing_files(PACKAGE))
+def test_an_edited_module_makes_results_stale(name, package, results, monkeypatch):
+    folder, designs = results
+    assert set(survey(designs, folder, None, check=True).values()) == {Standing.done}
+    module = package / name
+    before = module.read_text(encoding="utf-8")
+    try:
+        module.write_text(f"{before}\nEDITED = True\n", encoding="utf-8")
+        edited = fingerprint_of(package)
+    finally:
+        module.write_text(before, encoding="utf-8")
+    assert fingerprint_of(package) == code_fingerprint()
+    monkeypatch.setattr(survey_module, "code_fingerprint", lambda: edited)
+    assert set(survey(designs, folder, None, check=True).values()) == {Standing.stale_code}
+
+
+@pytest.mark.parametrize("name", ["query/query.py", "measure/knit_size.py"])
+def test_an_edited_module_that_computes_nothing_leaves_them(name, package):
+    (package / name).write_text("EDITED = True\n", encoding="utf-8")
+    assert fingerprint_of(package) == code_fingerprint()

@@ -1,0 +1,106 @@
+"""Companions: what they find is what this process would, and none outlives its use."""
+
+import gc
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from knitlab.linalg.threads import Threads
+from knitlab.mechanics import executor
+from knitlab.mechanics.domain_decomposition import block_settings
+from knitlab.mechanics.executor import Desk, settled_block
+from knitlab.mechanics.factorisation import one_thread_of_blas
+from knitlab.mechanics.second_process import Companion, Errand, Piece
+from knitlab.mechanics.solver import Evaluate, Settle
+from knitlab.mechanics.stiffness import free_stiffness
+from knitlab.mechanics.subdomains import blocks
+from tests.fabrics import DEFAULT
+
+
+@pytest.fixture
+def request_to_settle(sample, small_blocks):
+    """Of four small blocks."""
+    net, _, loading = sample
+    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
+    free = free_stiffness(net.shape, loading.unknowns)
+    return Settle(start, free, 0.3, block_settings(DEFAULT))
+
+
+def is_there(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def ends(pid: int) -> bool:
+    deadline = time.monotonic() + 60
+    while is_there(pid) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return not is_there(pid)
+
+
+def test_it_finds_what_this_process_finds(sample, request_to_settle):
+    _, fabric, _ = sample
+    at, companion = request_to_settle.at, Companion()
+    for number, block in enumerate(blocks(request_to_settle.free)):
+        piece = Piece(block.free.shape, block.free.unknowns, block.fabric(fabric), None)
+        # Sent twice, the second time by its name alone.
+        for start in (at.configuration, at.configuration + 1e-3):
+            errand = Errand(
+                (0, number), Evaluate(start[block.places]), 0.3, request_to_settle.settings
+            )
+            there = companion.settle(errand, piece)
+            with one_thread_of_blas():
+                here = settled_block(Desk(piece.shape, piece.fabric), block.free, errand)
+            assert there.outcome is here.outcome
+            assert there.iterations == here.iterations > 0
+            np.testing.assert_array_equal(there.configuration, here.configuration)
+
+
+def test_blocks_are_settled_though_a_companion_dies(sample, request_to_settle, monkeypatch):
+    net, fabric, _ = sample
+    dead = []
+
+    class Dying(Companion):
+        def settle(self, errand, piece):
+            os.kill(self.pid, signal.SIGKILL)
+            state = super().settle(errand, piece)
+            dead.append(state is None)
+            return state
+
+    alone = Desk(net.shape, fabric).answer(request_to_settle)
+    monkeypatch.setattr(executor, "Companion", Dying)
+    left = Desk(net.shape, fabric, threads=Threads(2)).answer(request_to_settle)
+    np.testing.assert_array_equal(left[0].configuration, alone[0].configuration)
+    assert dead
+    assert all(dead)
+
+
+def test_it_ends_when_nobody_holds_it():
+    companion = Companion()
+    pid = companion.pid
+    assert is_there(pid)
+    del companion
+    gc.collect()
+    assert not is_there(pid)
+
+
+def test_it_ends_when_what_started_it_is_killed():
+    script = (
+        "from knitlab.mechanics.second_process import Companion\n"
+        "companion = Companion()\nprint(companion.pid, flush=True)\ninput()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        pid = int(process.stdout.readline())
+        assert is_there(pid)
+        process.kill()
+    assert ends(pid)

@@ -1,0 +1,225 @@
+"""The tensile test: balance of forces, work, symmetry, readings, and honesty when it fails."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from knitlab.mechanics import tensile_test
+from knitlab.mechanics.domain_decomposition import find_settled
+from knitlab.mechanics.element_chunks import PortionedFabric
+from knitlab.mechanics.evaluation import WHOLE
+from knitlab.mechanics.executor import run
+from knitlab.mechanics.solver import SolverSettings
+from knitlab.mechanics.state import Outcome
+from knitlab.mechanics.tensile_test import _Path, stretch
+from knitlab.model.fabric import flat_sheet
+from knitlab.model.options import Reading
+from knitlab.model.pattern import Pattern, patch_map
+from tests.fabrics import (
+    CLAMPED,
+    DEFAULT,
+    ENDLESS,
+    FINE,
+    SHEET,
+    checkered,
+    endless_poisson_ratio,
+    patterned,
+    relaxed,
+    stretched,
+)
+
+LOW_WALL = replace(SHEET, z_max=0.9)
+
+
+def test_an_active_wall_converges_and_is_pressed_on():
+    net, fabric = patterned(4, patch_map(["GRG", "RGR"], 2), CLAMPED, LOW_WALL)
+    test = stretched(net, fabric, [0.0, 0.05, 0.1])
+    assert [state.outcome for state in test.states] == [Outcome.converged] * 3
+    assert max(state.residual for state in test.states) <= 1e-8
+    heights = np.abs(test.states[0].configuration[2:-2:3])
+    assert (heights > LOW_WALL.z_max).any()
+    assert float(test.states[0].energy.wall) > 0
+
+
+def test_reactions_at_top_and_bottom_cancel():
+    net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 1))
+    test = stretched(net, fabric, [0.0, 0.1, 0.2], FINE)
+    for state in test.states:
+        forces = state.gradient[:-2].reshape(net.shape.nodes_y, net.shape.nodes_x, 3)
+        assert np.abs(forces[0].sum(axis=0) + forces[-1].sum(axis=0)).max() < 1e-7
+        top = forces[-1, :, 1].sum()
+        assert test.loading.reaction_force(state.gradient) == pytest.approx(top, abs=1e-12)
+    assert top > 1e-3
+
+
+@pytest.mark.parametrize("reading", [CLAMPED, ENDLESS], ids=["clamped", "endless"])
+def test_the_reaction_force_does_the_work_that_the_energy_gains(reading):
+    net, fabric = checkered(2, 1, reading)
+    # Gauss–Legendre points between two strains integrate the smooth force to high order.
+    points, weights = np.polynomial.legendre.leggauss(5)
+    strains = [0.0, *(0.1 * (points + 1) / 2), 0.1]
+    test = stretched(net, fabric, strains, FINE)
+    forces = [test.loading.reaction_force(state.gradient) for state in test.states]
+    work = test.loading.length * 0.1 * (weights @ forces[1:-1]) / 2
+    gained = float(test.states[-1].energy.total - test.states[0].energy.total)
+    assert work == pytest.approx(gained, rel=1e-7)
+
+
+@pytest.mark.parametrize("flip", [np.fliplr, np.flipud], ids=["in x", "in y"])
+def test_mirrored_patterns_make_mirrored_shapes(flip):
+    pattern = patch_map(["RGG", "GRG"], 1)
+    net, fabric = patterned(4, pattern, CLAMPED)
+    _, mirrored = patterned(4, Pattern(flip(pattern.rib), 1), CLAMPED)
+    one, other = (relaxed(net, these, FINE) for these in (fabric, mirrored))
+    assert float(one.energy.total) == pytest.approx(float(other.energy.total), rel=1e-10)
+    axis = 0 if flip is np.fliplr else 1
+    shape = (net.shape.nodes_y, net.shape.nodes_x, 3)
+    nodes = flip(one.configuration[:-2].reshape(shape)).copy()
+    nodes[..., axis] *= -1
+    expected = other.configuration[:-2].reshape(shape)
+    offset = (expected - nodes).mean(axis=(0, 1))
+    assert np.abs(nodes + offset - expected).max() < 1e-6
+
+
+@pytest.mark.parametrize(("n_stripe", "strains"), [(4, [0, 0.04, 0.08]), (2, [0, 0.15, 0.3, 0.45])])
+def test_one_unit_cell_and_four_are_the_same_endless_fabric(n_stripe, strains):
+    one, four = (
+        endless_poisson_ratio(
+            stretched(*checkered(n_stripe, 2, ENDLESS, unit_cells=cells), strains)
+        )
+        for cells in ((1, 1), (2, 2))
+    )
+    assert one == pytest.approx(four, abs=1e-4)
+
+
+def test_the_curve_does_not_hang_on_the_strains_that_are_recorded():
+    net, fabric = checkered(4, 2, ENDLESS)
+    coarse = stretched(net, fabric, [0.0, 0.08, 0.16])
+    fine = stretched(net, fabric, [0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16])
+    # 0.1 and 0.11 lie on either side of a snap.
+    for one, other in zip(coarse.states, fine.states[::4], strict=True):
+        assert float(one.energy.total) == pytest.approx(float(other.energy.total), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("n_stripe", "periods", "reading", "first", "last"),
+    [
+        (4, 2, Reading(cell_size="flat", fold_phase="stripe_centre"), -0.38, -0.29),
+        (2, 4, Reading(cell_size="flat", fold_phase="stripe_border"), -0.08, 0.07),
+    ],
+    ids=["flat stripe_centre", "flat stripe_border"],
+)
+def test_readings_change_poisson_ratio_as_in_the_trial_runs(
+    n_stripe, periods, reading, first, last
+):
+    reading = replace(reading, boundary="periodic")
+    strains = list(np.linspace(0, 0.48, 9))
+    ratio = endless_poisson_ratio(stretched(*checkered(n_stripe, periods, reading), strains))
+    assert ratio[-1] == pytest.approx(last, abs=0.01)
+    assert ratio[0] == pytest.approx(first, abs=0.015)
+    assert (np.diff(ratio) > 0).all()
+
+
+def test_the_default_reading_is_auxetic_with_its_lowest_ratio_on_the_way():
+    ratio = endless_poisson_ratio(
+        stretched(*checkered(4, 2, ENDLESS), list(np.linspace(0, 0.45, 16)))
+    )
+    assert 0 < ratio.argmin() < len(ratio) - 1
+    assert ratio.min() == pytest.approx(-1.0, abs=0.1)
+
+
+def test_what_does_not_relax_says_so():
+    net, fabric = checkered(4, 1, ENDLESS)
+    test = stretched(net, fabric, [0.0, 0.1], SolverSettings(max_iterations=2))
+    assert test.loading is None
+    assert [state.outcome for state in test.states] == [Outcome.iteration_limit]
+    assert test.states[0].residual > 1e-8
+
+
+def test_a_step_that_fails_is_tried_in_halves(monkeypatch):
+    monkeypatch.setattr(tensile_test, "ROUGH", np.inf)  # so that a step is one search
+    net, fabric = checkered(4, 1, ENDLESS)
+    whole = SolverSettings(path_step=1.0, ramp_steps=60, branch_limit=1e9)
+    iterations = stretched(net, fabric, [0.0, 0.4], whole).states[1].iterations
+    # Too few for the whole step, enough for its halves or theirs.
+    tight = replace(whole, max_iterations=iterations - 1)
+    halved = stretched(net, fabric, [0.0, 0.4], tight)
+    assert halved.states[1].converged
+    assert halved.states[1].iterations > iterations
+    given_up = stretched(net, fabric, [0.0, 0.4, 0.5], replace(tight, smallest_step=1.0))
+    assert [state.converged for state in given_up.states] == [True, False]
+
+
+@pytest.mark.parametrize("reading", [ENDLESS, CLAMPED], ids=["endless", "clamped"])
+def test_a_rough_step_ends_where_a_smooth_one_does(reading, monkeypatch):
+    """Soft walls and a convexified stiffness are a way to a state; they are none of it."""
+    net, fabric = checkered(4, 1, reading)
+    ways = []
+    for iterations in (-1, np.inf):
+        monkeypatch.setattr(tensile_test, "ROUGH", iterations)
+        ways.append(stretched(net, fabric, [0.0, 0.01, 0.02, 0.03]).states)
+    for rough, smooth in zip(*ways, strict=True):
+        assert rough.converged
+        assert not rough.snapped
+        assert float(rough.energy.total) == pytest.approx(float(smooth.energy.total), rel=1e-8)
+    assert [state.iterations for state in ways[0]] != [state.iterations for state in ways[1]]
+
+
+def test_relaxation_does_not_shift_a_sample():
+    net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 1))
+    flat = np.asarray(flat_sheet(net, fabric))[:-2].reshape(-1, 3)
+    nodes = relaxed(net, fabric).configuration[:-2].reshape(-1, 3)
+    shift = np.abs(nodes.mean(axis=0) - flat.mean(axis=0))
+    assert shift[:2].max() < 1e-6
+    # Between walls that it does not touch nothing holds its height but the solver's own shift.
+    assert shift[2] < 1e-2
+
+
+def test_a_fabric_that_is_let_go_comes_back_through_the_states_it_went():
+    strains = 0.0, 0.02, 0.04, 0.06
+    net, fabric = checkered(4, 1, ENDLESS)
+    test = run(net.shape, fabric, stretch(net, fabric, strains, FINE, unload=True))
+    assert len(test.unloaded) == len(strains) - 1
+    for up, back in zip(test.states[-2::-1], test.unloaded, strict=True):
+        assert back.converged
+        assert not back.snapped
+        np.testing.assert_allclose(back.configuration, up.configuration, atol=1e-6)
+
+
+def test_only_a_test_that_reached_its_end_goes_back():
+    net, fabric = checkered(4, 1, ENDLESS)
+    hasty = SolverSettings(max_iterations=3)
+    test = run(net.shape, fabric, stretch(net, fabric, (0.0, 0.02), hasty, unload=True))
+    assert test.unloaded == ()
+
+
+@pytest.mark.parametrize(("shake", "parts"), [(0.0, {1.0, 0.5}), (2.0, {0.125, 0.0})])
+def test_many_blocks_start_from_where_on_the_line_ahead_the_energy_is_least(
+    small_blocks, sample, monkeypatch, shake, parts
+):
+    net, fabric, loading = sample
+    before, last = stretched(net, fabric, [0.0, 0.01]).states
+    # A state far off sends the line through it and the last one far off on the other side.
+    noise = np.random.default_rng(0).normal(size=net.shape.unknowns)
+    off = loading.holding(before.configuration + shake * noise, 0.0)
+    starts = []
+
+    def found(start, *rest):
+        starts.append(start)
+        return find_settled(start, *rest)
+
+    monkeypatch.setattr(tensile_test, "find_settled", found)
+    passed_states = [(0.0, replace(before, configuration=off)), (0.01, last)]
+    path = _Path(loading, passed_states, fabric, DEFAULT)
+    assert run(net.shape, fabric, path.to(0.02)).converged
+    passed = [(0.0, off), (0.01, last.configuration)]
+    near, far = (loading.ahead(of, 0.02) for of in (passed[1:], passed))
+    way = far - near
+    part = float((starts[0].configuration - near) @ way / (way @ way))
+    assert any(part == pytest.approx(one) for one in parts)
+    whole = PortionedFabric.of(net.shape, fabric)
+    taken, *others = (
+        float(whole.evaluate(WHOLE, at).energy.total) for at in (starts[0].configuration, near, far)
+    )
+    assert taken <= min(others)

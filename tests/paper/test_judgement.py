@@ -1,0 +1,268 @@
+"""How claims are judged: on what is there, by the paper's samples, and a quarter to each side."""
+
+import itertools
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from knitlab.io.cube_file import write_cube
+from knitlab.io.design_status import Status
+from knitlab.io.errors import BadInput
+from knitlab.paper.checks import EachDesignTest, Laboratory
+from knitlab.paper.claims import read_claims
+from knitlab.paper.judgement import judged
+from knitlab.paper.margin import Grade, Verdict
+from knitlab.paper.records import listed, records, summary
+from knitlab.paper.sample import preference
+from knitlab.paper.threshold import change
+from tests.paper.test_claims import LOWEST, good_checkerboards, good_stripes
+
+CLAIMS = {claim.name: claim for claim in read_claims()}
+DESIGNS = sorted(LOWEST)
+OF_ALL = "wide_stripes_reach_minus_02_to_minus_07"
+
+
+def without(cube, designs):
+    """The cube with designs that never came to an end, and whose values are nonsense."""
+    cube = cube.copy(deep=True)
+    for n, m in designs:
+        at = {"n_stripe": n, "n_subunit": m}
+        cube["status"].loc[at] = Status.not_converged
+        for name in ("poisson_ratio_min", "rib_width_centre", "gauge_factor"):
+            cube[name].loc[at] = 1e9
+    return cube
+
+
+def finding(name, cube):
+    return CLAIMS[name].test.finding(cube)
+
+
+def bad_checkerboards():
+    """Designs that miss some of the claims by something."""
+    cube = good_checkerboards()
+    random = np.random.default_rng(1)
+    for name in ("poisson_ratio_min", "applied_strain_at_min", "rib_width_centre"):
+        cube[name] = cube[name] * random.uniform(0.3, 2, cube[name].shape)
+    return cube
+
+
+CUBES = {"good": good_checkerboards(), "bad": bad_checkerboards()}
+EACH = [name for name, claim in CLAIMS.items() if isinstance(claim.test, EachDesignTest)]
+
+
+@given(st.sampled_from(sorted(CUBES)), st.sampled_from(EACH), st.sets(st.sampled_from(DESIGNS)))
+@settings(deadline=None, max_examples=30)
+def test_missing_designs_never_change_the_margin_of_the_rest(kind, name, missing):
+    whole, part = finding(name, CUBES[kind]), finding(name, without(CUBES[kind], missing))
+    kept = [design for design in whole.at if design not in missing]
+    assert list(part.at) == kept
+    assert (part.verdict is Verdict.not_measured) == (not kept)
+    if kept:
+        alone = [finding(name, without(CUBES[kind], set(DESIGNS) - {its})).margin for its in kept]
+        assert part.margin == min(alone) >= whole.margin
+    assert (part.judged, part.wanted) == (len(kept), whole.wanted)
+
+
+def test_a_claim_is_judged_on_the_designs_there_are_and_says_so():
+    gone = [design for design in DESIGNS if design[0] == 8][:3]
+    found = finding("longer_cells_are_less_auxetic", without(good_checkerboards(), gone))
+    assert found.verdict is Verdict.holds
+    assert (found.judged, found.wanted) == (12, 15)
+    assert found.measured.endswith("judged on 12 of 15 designs")
+
+
+@pytest.mark.parametrize(
+    ("name", "left", "verdict"),
+    [
+        ("design_4_16_is_the_lowest", [(4, 16), (8, 32)], Verdict.holds),
+        ("design_4_16_is_the_lowest", [(4, 16)], Verdict.not_measured),
+        ("design_4_16_is_the_lowest", [(8, 32), (6, 24)], Verdict.not_measured),
+        ("longer_cells_are_less_auxetic", [(4, 16), (4, 24)], Verdict.holds),
+        ("longer_cells_are_less_auxetic", [(4, 16), (6, 24)], Verdict.not_measured),
+        ("strain_of_the_lowest_ratio_varies", [(4, 16)], Verdict.not_measured),
+        ("wavelength_along_weft_is_linear", [(4, 16), (4, 24), (4, 32)], Verdict.holds),
+        ("wavelength_along_weft_is_linear", [(4, 16), (4, 24)], Verdict.not_measured),
+        ("slopes_along_weft_are_common", [(4, 16), (4, 24), (4, 32)], Verdict.not_measured),
+        ("three_samples_are_auxetic", [(4, 32)], Verdict.holds),
+        ("capacitor_4_32_is_the_steepest", [(4, 16), (4, 32)], Verdict.holds),
+        ("capacitor_4_32_is_the_steepest", [(4, 16)], Verdict.not_measured),
+        ("steeper_capacitors_are_narrower", [(4, 16), (4, 24)], Verdict.not_measured),
+    ],
+)
+def test_too_few_designs_say_nothing(name, left, verdict):
+    found = finding(name, without(good_checkerboards(), set(DESIGNS) - set(left)))
+    assert found.verdict is verdict
+    assert (found.margin is None) == (verdict is Verdict.not_measured)
+
+
+def quarters(name, cube):
+    found = change(CLAIMS[name].test, cube, finding(name, cube).verdict)
+    return found.less, found.more, str(found)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "expected"),
+    [
+        (-0.745, (Verdict.fails, Verdict.holds, "would fail at -25%")),
+        (-0.755, (Verdict.fails, Verdict.holds, "would hold at +25%")),
+        (-0.77, (Verdict.fails, Verdict.fails, "the same at -25% and at +25%")),
+        (-0.5, (Verdict.holds, Verdict.holds, "the same at -25% and at +25%")),
+    ],
+)
+def test_a_quarter_of_the_slack_moves_both_limits_by_a_quarter_of_it(ratio, expected):
+    """The limits -0.75 and -0.15 hold 0.05 of knitlab's: at 1.25 of it -0.7625 and -0.1375."""
+    cube = good_checkerboards()
+    cube["poisson_ratio_min"].loc[{"n_stripe": 6, "n_subunit": 24}] = ratio
+    assert quarters(OF_ALL, cube) == expected
+
+
+def test_a_quarter_of_a_coefficient_of_determination_is_of_what_it_leaves():
+    test = CLAIMS["wavelength_along_warp_is_linear"].test
+    assert test.scaled(1.25).r_squared == pytest.approx(0.975)
+    assert test.scaled(0.75).r_squared == pytest.approx(0.985)
+
+
+def test_a_quarter_on_a_plain_number_scales_it():
+    cube = good_checkerboards()
+    cube["poisson_ratio"].loc[{"n_stripe": 2, "n_subunit": 16, "applied_strain": 0.2}] = 0.35
+    assert quarters("narrowest_is_slightly_positive", cube)[:2] == (Verdict.fails, Verdict.holds)
+    cube["poisson_ratio"].loc[{"n_stripe": 2, "n_subunit": 16, "applied_strain": 0.2}] = 0.25
+    assert quarters("narrowest_is_slightly_positive", cube)[:2] == (Verdict.fails, Verdict.holds)
+
+
+def test_thresholds_are_the_papers_unless_a_number_of_ours_is_named():
+    for claim in CLAIMS.values():
+        scaled = claim.test.scaled(1.25)
+        assert (scaled == claim.test) == (claim.test.threshold_of == "paper")
+        assert set(claim.test.ours) <= set(type(claim.test).model_fields)
+
+
+@pytest.mark.parametrize(
+    ("lines", "problem"),
+    [
+        ('threshold_of = "knitlab"', "names the numbers"),
+        ('threshold_of = "paper"\nours = ["highest"]', "names the numbers"),
+        ('threshold_of = "knitlab"\nours = ["of"]', "no number of this test"),
+        ("", "threshold_of"),
+    ],
+)
+def test_a_claim_must_say_whose_its_threshold_is(tmp_path, lines, problem):
+    path = tmp_path / "claims.toml"
+    path.write_text(
+        '[one]\ntext = "x"\nplace = "y"\ntopic = "tension"\ntest = "value_within"\n'
+        f'of = "gauge_factor"\nhighest = 1.0\n{lines}\n'
+    )
+    with pytest.raises(BadInput, match=problem):
+        read_claims(path)
+
+
+def sample(boundary, cells, ratio, gone=()):
+    """A cube of samples of one size, in which one design has a ratio of its own."""
+    cube = without(good_checkerboards(), gone)
+    cube["poisson_ratio_min"].loc[{"n_stripe": 6, "n_subunit": 24}] = ratio
+    cells_y, cells_x = cells
+    field = cube["strain_xx"].isel(cell_y=slice(cells_y), cell_x=slice(cells_x))
+    cube = cube.drop_vars("strain_xx").assign(strain_xx=field)
+    reading = {"reading_boundary": boundary, "reading_cell_size": "flat"}
+    return cube.assign_attrs(reading, parameters=json.dumps({"sheet": {"z_max": 6.0}}))
+
+
+NEARER_FIRST = {
+    "larger": sample("clamped", (6, 3), -0.61),
+    "smaller": sample("clamped", (4, 2), -0.62),
+    "fewer designs": sample("clamped", (6, 3), -0.63, gone=[(6, 48), (6, 60)]),
+    "larger and endless": sample("periodic", (6, 3), -0.64),
+    "endless": sample("periodic", (1, 1), -0.65),
+}
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("cubes")
+    for name, cube in NEARER_FIRST.items():
+        write_cube(cube, folder / f"{name}.nc")
+    return folder
+
+
+@pytest.mark.parametrize("pair", list(itertools.combinations(NEARER_FIRST, 2)))
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_papers_sample_decides_whatever_the_order(written, pair, turned):
+    paths = [written / f"{name}.nc" for name in (pair[::-1] if turned else pair)]
+    (its,) = judged([CLAIMS[OF_ALL]], paths)
+    assert its.cubes == (written / f"{pair[0]}.nc",)
+
+
+def test_of_equals_the_first_decides(written, tmp_path):
+    write_cube(NEARER_FIRST["smaller"], tmp_path / "same.nc")
+    paths = [tmp_path / "same.nc", written / "smaller.nc"]
+    for order in (paths, paths[::-1]):
+        assert judged([CLAIMS[OF_ALL]], order)[0].cubes == (order[0],)
+
+
+def test_stated_sample_sizes_go_before_those_of_the_strains():
+    cube = NEARER_FIRST["endless"]
+    sizes = {
+        name: xr.full_like(cube["poisson_ratio_min"], cells)
+        for name, cells in {"unit_cells_y": 10.0, "unit_cells_x": 5.0}.items()
+    }
+    assert preference(cube.assign(sizes), [(4, 16)], "clamped") == (True, -1, -50.0)
+    assert preference(cube, [(4, 16)], "clamped") == (True, -1, -1.0)
+
+
+def test_a_row_names_its_sample_and_what_other_cubes_say(written, tmp_path):
+    write_cube(sample("periodic", (1, 1), -0.9), tmp_path / "worse.nc")
+    judgements = judged([CLAIMS[OF_ALL]], [tmp_path / "worse.nc", written / "smaller.nc"])
+    (row,) = records(judgements)
+    assert (row["verdict"], row["grade"]) == ("holds", "holds")
+    assert row["cube"] == str(written / "smaller.nc")
+    assert (row["boundary"], row["unit_cells"]) == ("clamped", "2 × 4")
+    assert row["reading"] == "cell_size flat, z_max 6"
+    assert (row["judged"], row["wanted"]) == (14, 14)
+    assert (row["threshold_of"], row["ours"]) == ("knitlab", "slack")
+    assert row["contrary"] == f"fails at -0.20 on 14 of 14 designs of {tmp_path / 'worse.nc'}"
+
+
+def test_sizes_of_a_cube_are_given_from_the_smallest_to_the_largest(tmp_path):
+    cube = sample("clamped", (6, 3), -0.6)
+    widest = cube["strain_xx"].sel(n_stripe=8).values
+    widest[..., 2:, :] = widest[..., 1:] = np.nan
+    cube["strain_xx"].loc[{"n_stripe": 8}] = widest
+    write_cube(cube, tmp_path / "cube.nc")
+    (row,) = records(judged([CLAIMS[OF_ALL]], [tmp_path]))
+    assert row["unit_cells"] == "1 × 2 to 3 × 6"
+
+
+def test_samples_side_by_side_name_the_cubes_that_were_used(tmp_path, written):
+    write_cube(good_stripes(), tmp_path / "stripes.nc")
+    paths = [written / "endless.nc", tmp_path / "stripes.nc", written / "larger.nc"]
+    (its,) = judged([CLAIMS["capacitor_4_32_is_the_steepest"]], paths)
+    assert its.cubes == (tmp_path / "stripes.nc", written / "larger.nc")
+    assert (its.finding.judged, its.finding.wanted) == (4, 4)
+    assert records([its])[0]["boundary"] == "periodic | clamped"
+
+
+def test_rows_and_their_count(tmp_path):
+    cube = good_checkerboards()
+    cube["poisson_ratio_min"].loc[{"n_stripe": 4, "n_subunit": 48}] = -0.1
+    cube["kinetic_energy_left"].loc[{"n_stripe": 4, "n_subunit": 32}] = 0.1
+    write_cube(cube, tmp_path / "cube.nc")
+    judgements = judged(read_claims(), [tmp_path])
+    grades = {its.claim.name: its.finding.grade for its in judgements}
+    assert grades["n_stripe_4_n_subunit_48_is_not"] is Grade.near_miss
+    assert grades["kinetic_energy_vanishes"] is Grade.fails
+    assert summary(judgements) == "28 hold, 1 near miss, 1 fail, 9 not measured"
+    lines = listed(judgements).splitlines()
+    assert any("-0.10  n_stripe_4_n_subunit_48_is_not: " in line for line in lines)
+    assert lines[-1] == summary(judgements)
+    rows = records(judgements)
+    assert json.loads(json.dumps(rows, allow_nan=False)) == rows
+    assert {row["claim"] for row in rows if row["margin"] is None} == {
+        its.claim.name for its in judgements if its.finding.verdict is Verdict.not_measured
+    }
+    assert all(
+        row["margin"] is None for row in rows if isinstance(CLAIMS[row["claim"]].test, Laboratory)
+    )

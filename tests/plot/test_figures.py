@@ -1,0 +1,193 @@
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+from knitlab.io.errors import BadInput
+from knitlab.plot.auxetic import auxetic_map
+from knitlab.plot.curves import tension_curves
+from knitlab.plot.figures import draw_figure
+from knitlab.plot.network import spring_network
+from knitlab.plot.samples import stretched_samples
+from knitlab.plot.sensitivity import sensitivity_map
+from knitlab.plot.shapes import relaxed_shapes
+from tests.query.artificial_cubes import made_up_cube
+
+
+@pytest.fixture
+def cube_file(tmp_path):
+    made_up_cube().to_netcdf(tmp_path / "cube.nc")
+    return tmp_path / "cube.nc"
+
+
+def cell_pixels(figure, column, row):
+    """Pixels of one cell of the map, inside its border."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    image = np.asarray(canvas.buffer_rgba())[..., :3].astype(int)
+    transform = figure.axes[0].transData
+    (left, low), (right, high) = transform.transform(
+        [(column - 0.4, row - 0.4), (column + 0.4, row + 0.4)]
+    )
+    height = image.shape[0]
+    return image[int(height - high) : int(height - low), int(left) : int(right)].reshape(-1, 3)
+
+
+def test_failures_and_gaps_never_look_like_values():
+    figure = auxetic_map([made_up_cube()])
+    for column, row in ((1, 0), (1, 2), (2, 0), (0, 2)):
+        pixels = cell_pixels(figure, column, row)
+        assert np.ptp(pixels, axis=1).max() <= 2, "a cell without a value has a colour"
+    for column, row in ((0, 1), (1, 1)):
+        background = np.median(cell_pixels(figure, column, row), axis=0)
+        assert np.ptp(background) > 20, "a value has no colour"
+    looks = [cell_pixels(figure, *cell).mean() for cell in ((1, 0), (1, 2), (2, 0), (0, 2))]
+    assert len({round(look) for look in looks}) == 4
+
+
+def test_the_map_writes_each_value_with_its_strain():
+    texts = [text.get_text() for text in auxetic_map([made_up_cube()]).axes[0].texts]
+    assert texts == ["0.05\nat 10%", "-0.80\nat 10%", "-0.40\nat 10%"]
+
+
+def test_the_sensitivity_map_frames_the_largest_of_each_design():
+    axes = sensitivity_map(made_up_cube(sensitivities=True)).axes[0]
+    designs = [label.get_text().split("  ")[0] for label in axes.get_yticklabels()]
+    assert designs == ["(2, 16)", "(2, 32)", "(2, 64)", "(4, 16)", "(4, 32)", "(8, 32)"]
+    bold = [text.get_text() for text in axes.texts if text.get_weight() == "bold"]
+    assert bold == ["+0.10", "−1.60", "−0.80"]
+    frames = [patch for patch in axes.patches if patch.get_facecolor()[3] == 0]
+    assert [(round(of.get_x() + 0.5), of.get_y() + 0.5) for of in frames] == [
+        (1, 0),
+        (1, 3),
+        (1, 4),
+    ]
+    hatched = [patch.get_y() + 0.5 for patch in axes.patches if patch.get_hatch()]
+    assert sorted(set(hatched)) == [1, 2, 5], "a design without a value is not marked"
+
+
+def test_curves_have_a_line_for_every_run_and_a_cross_where_one_ended():
+    grid = np.array(tension_curves([made_up_cube()]).axes).reshape(3, 3)
+    ratio = grid[2]
+    lines = [[line for line in axes.lines if "(P = " in line.get_label()] for axes in ratio]
+    assert [len(column) for column in lines] == [1, 2, 1]
+    assert lines[1][0].get_ydata().tolist() == [-0.8, -0.4]
+    crosses = [line for axes in ratio for line in axes.lines if line.get_marker() == "x"]
+    assert [line.get_xdata().tolist() for line in crosses] == [[0.1]]
+
+
+@pytest.mark.parametrize("suffix", [".pdf", ".svg", ".png"])
+def test_a_figure_is_written_whole_in_the_format_of_its_suffix(cube_file, tmp_path, suffix):
+    output = tmp_path / "figures" / f"map{suffix}"
+    assert draw_figure("auxetic", [cube_file], output) == output
+    assert [path.name for path in output.parent.iterdir()] == [output.name]
+    start = output.read_bytes()[:300]
+    assert {".pdf": b"%PDF", ".svg": b"<svg", ".png": b"\x89PNG"}[suffix] in start
+
+
+@pytest.mark.parametrize(
+    ("kind", "output", "selections", "message"),
+    [
+        ("auxetic", "map.jpeg2", (), "has no format of this suffix; give one of .pdf, .svg, .png"),
+        ("auxetic", "map.pdf", ("n_stripe=3",), "no n_stripe = 3"),
+        ("shape", "shape.png", (), "holds no node position"),
+        ("curves", "curves.png", ("n_stripe=2", "n_subunit=64"), "no design of this selection"),
+        ("auxetic", "map.pdf", ("applied_strain=0.1",), "says nothing to auxetic"),
+        ("sensitivity", "map.pdf", (), "run with --set sensitivities=true"),
+        ("shapes", "map.pdf", (), r"none of the designs \(4, 16\), .*which shapes shows"),
+    ],
+)
+def test_a_figure_that_cannot_be_drawn_writes_nothing(
+    cube_file, tmp_path, kind, output, selections, message
+):
+    with pytest.raises(BadInput, match=message):
+        draw_figure(kind, [cube_file], tmp_path / output, selections)
+    assert list(tmp_path.iterdir()) == [cube_file]
+
+
+def made_up_case(endless: bool) -> xr.Dataset:
+    """A case of 2 × 1 unit cells of (4, 16), flat, and stretched with a cell of its own strain."""
+    rows, columns = (16, 16) if endless else (33, 17)
+    y, x = np.mgrid[:rows, :columns]
+    flat = np.stack([x, y, 0.1 * (x % 2)], axis=-1)
+    cells = (1, 1) if endless else (2, 1)
+    lengths = {name: ("applied_strain", [16.0, 16.0]) for name in ("length_x", "length_y")}
+    parameters = {
+        "unit_cells": cells,
+        "pattern": ["GR", "RG"],
+        "periods": 2,
+        "sheet": {"z_max": 6.0, "k_wall": 100.0},
+        "reading": {"boundary": "periodic" if endless else "clamped"},
+    }
+    return xr.Dataset(
+        {
+            "position": (("applied_strain", "node_y", "node_x", "component"), [flat, 1.2 * flat]),
+            "strain_xx": (
+                ("applied_strain", "cell_y", "cell_x"),
+                [np.zeros(cells), np.reshape([0.2, -0.1][: cells[0]], cells)],
+            ),
+            **(lengths if endless else {}),
+        },
+        {"applied_strain": [0.0, 0.2], "n_stripe": 4, "n_subunit": 16},
+        {"parameters": json.dumps(parameters)},
+    )
+
+
+@pytest.mark.parametrize("endless", [True, False])
+def test_the_network_shows_every_spring_and_fold_of_a_unit_cell(endless):
+    flat, scene = spring_network(made_up_case(endless)).axes
+    # A patch is 8 cells wide: mountains at its lines 2 and 6, a valley at 4, in four patches.
+    folds = {"mountain": 4 * 2 * 8, "valley": 4 * 8}
+    drawn = [2 * 16 * 16, 16 * 16, 16 * 16, *folds.values()]
+    assert [len(lines.get_segments()) for lines in flat.collections] == drawn
+    assert len(scene.collections) == len(drawn)
+    mountains = np.array(flat.collections[3].get_segments())
+    assert (np.abs(np.diff(mountains, axis=1)).sum(-1) == 1).all()
+    along_y = mountains[np.ptp(mountains[..., 0], axis=1) == 0]
+    assert sorted(set(along_y[:, 0, 0].tolist())) == [2, 6, 10, 14]
+
+
+def test_stretched_samples_have_the_colour_of_each_unit_cell():
+    relaxed, stretched, _ = stretched_samples([made_up_case(endless=False)]).axes
+    assert relaxed.get_title().endswith("relaxed")
+    assert stretched.get_title().endswith("pulled 20%")
+    faces = stretched.collections[0]
+    colours = faces.get_facecolors()
+    redder = colours[:, 0] > colours[:, 2]
+    middle = np.array([path.vertices[:4, 1].mean() for path in faces.get_paths()])
+    assert redder[middle < 16 * 1.2].all()
+    assert not redder[middle > 16 * 1.2].any()
+
+
+def test_stretched_samples_are_between_clamps():
+    with pytest.raises(BadInput, match="not endless fabric"):
+        stretched_samples([made_up_case(endless=True)])
+
+
+def test_relaxed_shapes_stand_side_by_side_with_their_sizes():
+    figure = relaxed_shapes([made_up_case(endless=True), made_up_case(endless=False)])
+    assert [axes.name for axes in figure.axes] == ["3d", "3d", "rectilinear"]
+    texts = [text.get_text() for text in figure.texts]
+    assert texts == ["(4, 16)\n32 × 32 mm", "(4, 16)\n16 × 32 mm"]
+
+
+@pytest.mark.parametrize("content", [None, b"not netCDF"])
+def test_a_cube_that_is_none_is_named(tmp_path, content):
+    path = tmp_path / "cube.nc"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(BadInput, match=r"does not exist|is not a netCDF file"):
+        draw_figure("auxetic", [path], tmp_path / "map.png")
+
+
+def test_maps_and_queries_never_import_jax():
+    modules = "knitlab.cli, knitlab.plot.figures, knitlab.query.query"
+    program = f"import sys, {modules}; print('jax' in sys.modules)"
+    told = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert told.stdout.strip() == "False"

@@ -1,0 +1,119 @@
+"""Maps of sensors on made-up cubes: the front, what has no value, and what there is to draw."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+from hypothesis import given
+from hypothesis import strategies as st
+
+from knitlab.cli import main
+from knitlab.io.errors import BadInput
+from knitlab.plot.capacitors import capacitors_figure
+from knitlab.plot.sensor import sensor_map
+from knitlab.plot.trade_off import figures_of, trade_off_front
+from knitlab.plot.wedge import wedge_figure
+from tests.query.artificial_cubes import made_up_cube
+
+FIGURE = st.floats(0, 10, width=16)
+
+
+def with_electrodes() -> xr.Dataset:
+    cube = made_up_cube()
+    designs, states = cube["status"].dims, cube["poisson_ratio"].dims
+    steep = np.array([[0.5, np.nan, np.nan], [2.0, 1.0, np.nan], [np.nan, 3.0, np.nan]])
+    wide = np.array([[0.3, np.nan, np.nan], [0.1, 0.05, np.nan], [np.nan, 0.2, np.nan]])
+    curve = np.broadcast_to([4.0, 3.0, 2.5], (*steep.shape, 3))
+    for name, values in {
+        "sensitivity": steep,
+        "working_range": wide,
+        "applied_strain_opened": np.zeros_like(steep),
+        "sensing_end": np.full_like(steep, 0.2),
+        "electrode_length": np.full_like(steep, 100.0),
+    }.items():
+        cube[name] = designs, values
+    for name, values in {
+        "capacitance": curve,
+        "capacitance_ratio": curve / 4,
+        "capacitance_wedge": 1.1 * curve,
+        "capacitor_status": np.zeros_like(curve),
+        "fold_between": np.broadcast_to([2.0, 1.0, 0.5], curve.shape),
+    }.items():
+        cube[name] = states, values
+    return cube
+
+
+def test_the_front_is_of_designs_that_are_ok():
+    figures = figures_of(with_electrodes(), "sensitivity", "working_range")
+    assert set(figures) == {(2, 16), (4, 16), (4, 32)}
+    assert trade_off_front(figures) == [(4, 16), (2, 16)]
+
+
+@given(st.lists(st.tuples(FIGURE, FIGURE), min_size=1, max_size=12))
+def test_no_design_beats_one_of_the_front_and_one_of_it_beats_every_other(points):
+    figures = {(k, k): point for k, point in enumerate(points)}
+    front = trade_off_front(figures)
+
+    def beats(one, other):
+        return one != other and one[0] >= other[0] and one[1] >= other[1]
+
+    assert front
+    for design, its in figures.items():
+        beaten = any(beats(other, its) for other in points)
+        assert beaten == (design not in front)
+
+
+def test_the_map_writes_both_figures_and_lists_the_front():
+    steep, wide, trade_off = sensor_map([with_electrodes()]).axes[:3]
+    assert [text.get_text() for text in steep.texts] == ["0.50", "2.00", "1.00"]
+    assert [text.get_text() for text in wide.texts] == ["30%", "10%", "5%"]
+    hatched = [patch for patch in steep.patches if patch.get_hatch()]
+    assert len(hatched) == 3, "failed, pending and not converged are not marked"
+    title = trade_off.get_title(loc="left")
+    assert title.endswith("(4, 16) 2.00 pF, 10%; (2, 16) 0.50 pF, 30%")
+
+
+def test_the_papers_checkerboards_are_drawn_with_their_slopes():
+    curves, absolute, slopes = capacitors_figure([with_electrodes()]).axes
+    assert absolute.get_ylabel() == "$C$ [pF]\nelectrodes of 100 mm"
+    names = [line.get_label() for line in curves.lines if line.get_label().startswith("(")]
+    assert names == ["(4, 16)", "(4, 32)"]
+    assert [patch.get_height() for patch in slopes.patches] == [2.0, 1.0]
+
+
+def test_the_wedge_integral_is_compared_state_by_state():
+    (axes,) = wedge_figure([with_electrodes()]).axes
+    points = [line.get_ydata() for line in axes.lines if len(line.get_xdata()) > 2]
+    assert len(points) == 3
+    np.testing.assert_allclose(np.concatenate(points), 0.1)
+
+
+@pytest.mark.parametrize("draw", [sensor_map, lambda cube: capacitors_figure([cube])])
+def test_a_cube_without_electrodes_is_told_so(draw):
+    with pytest.raises(BadInput, match="electrodes"):
+        draw(made_up_cube())
+
+
+def test_a_map_of_one_cube_refuses_two(tmp_path):
+    with_electrodes().to_netcdf(tmp_path / "cube.nc")
+    cube = str(tmp_path / "cube.nc")
+    output = str(tmp_path / "map.png")
+    for kind, problem in (
+        ("sensor", "shows one simulation, and experiments beside it"),
+        ("wavelength", "shows one cube, not 2"),
+    ):
+        told = CliRunner().invoke(main, ["map", kind, cube, cube, "-o", output])
+        assert told.exit_code == 2
+        assert problem in told.output
+    drawn = CliRunner().invoke(
+        main, ["map", "capacitors", cube, cube, "-o", str(tmp_path / "map.png")]
+    )
+    assert drawn.exit_code == 0, drawn.output
+
+
+def test_the_steepest_of_a_range_is_found_by_a_query(tmp_path):
+    with_electrodes().to_netcdf(tmp_path / "cube.nc")
+    asked = ("--where", "working_range >= 0.1 and status == 'ok'", "--sort", "-sensitivity")
+    columns = ("--columns", "n_stripe,n_subunit,sensitivity,working_range", "--format", "csv")
+    told = CliRunner().invoke(main, ["query", str(tmp_path / "cube.nc"), *asked, *columns])
+    assert told.output.splitlines()[1:] == ["4,16,2.0,0.1", "2,16,0.5,0.3"]

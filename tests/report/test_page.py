@@ -1,0 +1,136 @@
+"""The page of claims: what one may rely on, near misses apart, and one file to hand on."""
+
+import base64
+import re
+from html.parser import HTMLParser
+
+import pytest
+from click.testing import CliRunner
+
+from knitlab.cli import main
+from knitlab.io.cube_file import write_cube
+from knitlab.paper.claims import TOPICS, read_claims
+from knitlab.paper.judgement import judged
+from knitlab.report.introduction import introduction, reliance
+from knitlab.report.page import write_page
+from tests.paper.test_claims import good_checkerboards, good_stripes
+
+
+@pytest.fixture(scope="module")
+def cubes(tmp_path_factory):
+    """Checkerboards that miss one claim, and stripes that miss one by little and one by much."""
+    folder = tmp_path_factory.mktemp("cubes")
+    boards, stripes = good_checkerboards(), good_stripes()
+    boards["poisson_ratio_min"].loc[{"n_stripe": 4, "n_subunit": 48}] = -0.1
+    stripes["zigzag_force"] *= 2
+    stripes["row_force"].loc[{"knit": "rib", "n": 8, "applied_strain": slice(0.04, 0.06)}] *= 5
+    write_cube(boards, folder / "boards.nc")
+    write_cube(stripes, folder / "stripes.nc")
+    return [folder / "boards.nc", folder / "stripes.nc"]
+
+
+@pytest.fixture(scope="module")
+def judgements(cubes):
+    return judged(read_claims(), cubes)
+
+
+class References(HTMLParser):
+    def __init__(self):
+        super().__init__()
+        self.found, self.anchors = [], set()
+
+    def handle_starttag(self, tag, attrs):
+        self.found += [value for name, value in attrs if name in ("src", "href")]
+        self.anchors |= {value for name, value in attrs if name == "id"}
+
+
+def test_an_html_page_is_one_file_that_needs_no_other(cubes, tmp_path):
+    page = tmp_path / "page.html"
+    ran = CliRunner().invoke(main, ["claims", str(cubes[1]), "-o", str(page)])
+    assert ran.exit_code == 0
+    assert list(tmp_path.iterdir()) == [page]
+    text = page.read_text()
+    parser = References()
+    parser.feed(text)
+    embedded = [its for its in parser.found if its.startswith("data:image/png;base64,")]
+    inside = [its.removeprefix("#") for its in parser.found if its.startswith("#")]
+    assert embedded
+    assert inside
+    assert len(embedded) + len(inside) == len(parser.found)
+    assert set(inside) <= parser.anchors
+    assert all(base64.b64decode(its.partition(",")[2])[1:4] == b"PNG" for its in embedded)
+    assert "url(" not in text
+
+
+def test_a_markdown_page_has_its_figures_in_a_folder(cubes, tmp_path):
+    page = tmp_path / "page.md"
+    ran = CliRunner().invoke(main, ["claims", str(cubes[1]), "-o", str(page)])
+    assert ran.exit_code == 0
+    assert "4 hold, 1 near miss, 1 fail, 33 not measured" in ran.output
+    figures = list((tmp_path / "page").glob("*.png"))
+    assert figures
+    assert all(f"page/{path.name}" in page.read_text() for path in figures)
+
+
+def test_the_page_begins_with_what_to_rely_on_and_sets_near_misses_apart(cubes, tmp_path):
+    page = tmp_path / "page.md"
+    write_page(judged(read_claims(), cubes[1:]), page)
+    text = page.read_text()
+    heads = re.findall("^## (.*)$", text, re.MULTILINE)
+    assert heads == [
+        "What you may rely on, and what not",
+        "What holds",
+        "Near misses: they fail by at most 0.25",
+        "What fails by more than 0.25",
+        "What was not measured",
+    ]
+    parts = dict(zip(heads, re.split("^## .*$", text, flags=re.MULTILINE)[1:], strict=True))
+    assert "lower n is stiffer at first" in parts["Near misses: they fail by at most 0.25"]
+    failed = parts["What fails by more than 0.25"]
+    assert "for pure rib and garter the 3D model gives the same curves" in failed
+    assert "one more row of springs than of hinges" in failed
+    assert "one more row of springs than of hinges" not in parts["What holds"]
+
+
+def test_every_claim_is_spoken_of_once_under_its_topic(judgements):
+    passages = introduction(judgements)
+    assert [passage.topic for passage in passages] == list(TOPICS)
+    said = {
+        passage.topic: " ".join(claims for _, claims in passage.sentences) for passage in passages
+    }
+    for its in judgements:
+        words = its.claim.words
+        assert said[words.topic].count(f"“{words.statement}”") == 1
+    assert sum(text.count("“") for text in said.values()) == len(judgements)
+
+
+def test_what_to_rely_on_holds_by_a_good_margin(judgements):
+    for its in judgements:
+        margin, group = its.finding.margin, reliance(its)
+        assert (group == "not measured") == (margin is None)
+        if margin is not None:
+            assert (group in ("good", "reserved")) == (margin >= 0.25)
+            assert (group == "narrow") == (0 <= margin < 0.25)
+            assert (group == "near") == (-0.25 <= margin < 0)
+            assert (group == "gross") == (margin < -0.25)
+
+
+def test_what_another_cube_denies_is_not_to_be_relied_on(cubes, tmp_path):
+    boards = good_checkerboards().assign_attrs(reading_boundary="periodic")
+    boards["rib_width_centre"] += 10
+    write_cube(boards, tmp_path / "other.nc")
+    claims = [claim for claim in read_claims() if claim.name == "rib_centre_contracts_more"]
+    (alone,) = judged(claims, cubes)
+    (its,) = judged(claims, [*cubes, tmp_path / "other.nc"])
+    assert reliance(alone) == reliance(its) == "narrow"
+    assert its.contrary
+    assert "but it fails at -1.80 on 20 of 20 designs of" in introduction([its])[0].sentences[0][1]
+
+
+def test_rows_along_weft_and_warp_say_so(judgements):
+    twins = [its.claim for its in judgements if "_along_w" in its.claim.name]
+    assert len(twins) == 8
+    for claim in twins:
+        along = claim.words.measured_along
+        assert f"_along_{along}" in claim.name
+        assert claim.words.statement == f"{claim.words.text} (here along the {along})"

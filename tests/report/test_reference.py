@@ -1,0 +1,39 @@
+"""The committed reference results: their figures and the page of claims come of them anew."""
+
+from pathlib import Path
+
+import pytest
+
+from knitlab.paper.claims import read_claims
+from knitlab.paper.judgement import judged
+from knitlab.plot.figures import draw_figure
+from knitlab.report.page import write_page
+
+REFERENCE = Path(__file__).parents[2] / "results" / "reference"
+JUDGED = ("paper", "stripes", "relaxation", "sensor_stripes", "sensor")
+DRAWN = {
+    "paper": ("auxetic", "curves", "tension", "wavelength"),
+    "lengths": ("readings",),
+    "preview": ("auxetic", "curves", "shape", "shapes", "network"),
+    "readings": ("readings",),
+    "readings_samples": ("readings",),
+    "readings_stripes": ("readings",),
+    "stripes": ("stripes", "departure"),
+    "sensor": ("sensor", "capacitors", "wedge", "electrodes"),
+    "sensor_stripes": ("capacitors", "wedge"),
+}
+
+
+@pytest.mark.parametrize("results", DRAWN)
+def test_figures_are_drawn_from_the_committed_cube_alone(results, tmp_path):
+    for kind in DRAWN[results]:
+        drawn = draw_figure(kind, [REFERENCE / results], tmp_path / f"{kind}.svg")
+        assert b"</svg>" in drawn.read_bytes()[-20:]
+
+
+def test_the_committed_page_of_claims_is_that_of_the_committed_cubes(tmp_path):
+    cubes = [REFERENCE / name for name in JUDGED]
+    judgements = judged(read_claims(), cubes)
+    write_page(judgements, tmp_path / "claims.md")
+    committed = (REFERENCE / "claims.md").read_text(encoding="utf-8")
+    assert (tmp_path / "claims.md").read_text(encoding="utf-8") == committed

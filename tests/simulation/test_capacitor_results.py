@@ -1,0 +1,100 @@
+"""Electrodes in a workflow: what is refused before anything runs, and what the cube then holds."""
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+from knitlab.capacitance.boundary_elements import VACUUM_PERMITTIVITY
+from knitlab.capacitance.capacitor_status import CapacitorStatus
+from knitlab.execution.run import RunOptions, run_plan
+from knitlab.io.errors import BadInput
+from knitlab.io.schema import VARIABLES
+from knitlab.simulation.capacitor_results import sensing
+from knitlab.simulation.case import case_of
+from knitlab.study.plan import make_plan
+
+SMALL = ("strain_max=0.2", "strain_step=0.05", "knit=rib")
+NAMES = {name for name, its in VARIABLES.items() if its.of in ("capacitor", "unloading")}
+
+
+@pytest.fixture(scope="module")
+def cube(tmp_path_factory):
+    plan = make_plan("sensor_stripes", SMALL)
+    return run_plan(plan, tmp_path_factory.mktemp("sensor_stripes"), RunOptions()).cube
+
+
+def test_a_cube_holds_all_that_is_said_of_a_capacitor(cube):
+    assert set(cube.data_vars) >= NAMES
+    rib = cube.sel(knit="rib", n=4, boundary="periodic")
+    assert (rib["capacitor_status"] == CapacitorStatus.measured).all()
+    assert (np.diff(rib["capacitance"]) < 0).all()
+    assert float(rib["capacitance_ratio"][0]) == 1
+    assert float(rib["electrode_length"]) == 100
+    assert float(rib["applied_strain_opened"]) == 0
+    assert float(rib["sensing_end"]) == 0.2
+    assert np.isnan(rib["applied_strain_unfolded"])
+    slope = -np.gradient(rib["capacitance"], rib["applied_strain"])[2]
+    assert float(rib["sensitivity"]) == pytest.approx(slope, rel=0.02)
+    assert rib["mutual_capacitance"].isnull().all()
+
+
+def test_a_stripe_that_does_not_snap_comes_back_as_it_went(cube):
+    rib = cube.sel(knit="rib", n=4, boundary="periodic")
+    np.testing.assert_allclose(rib["capacitance_unloading"], rib["capacitance"], rtol=1e-4)
+    assert float(rib["hysteresis"]) < 1e-3
+
+
+def test_capacitance_is_of_the_length_that_was_asked_for(cube, tmp_path):
+    plan = make_plan("sensor_stripes", (*SMALL, "electrode_length=50", "permittivity=3"))
+    other = run_plan(plan, tmp_path, RunOptions()).cube
+    np.testing.assert_allclose(other["capacitance"], 1.5 * cube["capacitance"], rtol=1e-6)
+    # Relaxed and still folded, it is more than that of the same strips laid flat.
+    modulus = 2 / 6
+    flat = VACUUM_PERMITTIVITY * 100 * ellipk(1 - modulus**2) / ellipk(modulus**2)
+    assert float(cube["capacitance"][0, 0, 0, 0]) > 1.2 * flat
+
+
+def test_a_case_with_electrodes_is_read_back_whole():
+    (case,) = make_plan("sensor_stripes", SMALL).cases.values()
+    assert case_of(case.record) == case
+    (drawn,) = make_plan("sensor_stripes", (*SMALL, "width=2", "ridges=2,1")).cases.values()
+    assert drawn.capacitor.layout.width == 2
+    assert drawn.capacitor.layout.ridges == (2, 1)
+    assert drawn.case_id != case.case_id
+
+
+def test_layouts_can_be_a_dimension():
+    plan = make_plan("sensor", ("layout=checkerboard,checkerboard_faces", "n_stripe=4"))
+    assert plan.dims == ("n_stripe", "n_subunit", "layout")
+    assert len(plan.cases) == 10
+    widths = make_plan("sensor", ("width=1,2", "n_stripe=4"))
+    assert {case.capacitor.layout.width for case in widths.cases.values()} == {1, 2}
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (("layout=nowhere",), r"there is no layout 'nowhere'; choose of stripe, checkerboard"),
+        (("ridges=1,9",), r"there is no ridge 9: its middle patch has \d+ on face front"),
+        (
+            ("width=20",),
+            r"the electrodes touch, a short circuit: columns .* \(in n_stripe 2  n_subunit 16\)",
+        ),
+        (("mask=AB,A",), r"a mask is a rectangle of letters; give rows of equal length"),
+        (("mask=AX,AB",), r"a mask holds A, B and '.', not X"),
+        (("mask=AB,AB", "n_stripe=4", "n_subunit=16"), r"the fabric 16 rows of 16 grid cells"),
+        (("span=0.1,0.9",), r"endless fabric has no ends"),
+        (("permittivity=0.5",), r"permittivity"),
+        (("unloading=true", "method=dynamics"), r"has no unloading by method = dynamics"),
+    ],
+)
+def test_electrodes_that_cannot_be_are_refused_by_the_plan(overrides, message):
+    with pytest.raises(BadInput, match=message):
+        make_plan("sensor", overrides)
+
+
+def test_the_longest_run_without_a_gap_is_the_one_that_senses():
+    able = np.array([True, False, True, True, True, False, True, True])
+    assert np.flatnonzero(sensing(able)).tolist() == [2, 3, 4]
+    assert not sensing(np.zeros(3, dtype=bool)).any()
+    assert sensing(np.ones(3, dtype=bool)).all()

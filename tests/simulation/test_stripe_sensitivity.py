@@ -1,0 +1,106 @@
+"""Sensitivities as cube variables: there on request, and what the derivatives are."""
+
+from dataclasses import replace
+
+import pytest
+import xarray as xr
+
+from knitlab.execution.run import RunOptions, run_plan
+from knitlab.io.design_status import Status
+from knitlab.io.errors import BadInput
+from knitlab.io.schema import VARIABLES
+from knitlab.mechanics.linear_response import NoDerivative, Responses
+from knitlab.simulation.case import case_of
+from knitlab.study.plan import make_plan
+from tests.execution import stand_in
+
+SMALL = ("n_stripe=4", "n_subunit=8", "strain_max=0.06")
+ASKED = ("sensitivities=true",)
+NAMES = {name for name, its in VARIABLES.items() if its.of == "sensitivities"}
+
+
+@pytest.fixture(scope="module")
+def cube(tmp_path_factory):
+    results = tmp_path_factory.mktemp("sensitivities")
+    return run_plan(make_plan("preview", (*SMALL, *ASKED)), results, RunOptions()).cube
+
+
+def test_they_are_in_the_cube_at_every_strain_but_zero(cube):
+    assert {"poisson_ratio_sensitivity", "reaction_force_sensitivity"} == NAMES
+    for name in NAMES:
+        assert cube[name].dims[-2:] == ("applied_strain", "stripe_parameter")
+        assert cube[name].sel(applied_strain=0).isnull().all()
+        assert cube[name].sel(applied_strain=slice(0.01, None)).notnull().all()
+    assert cube["poisson_ratio_sensitivity"].attrs["units"] == "1"
+    assert cube["reaction_force_sensitivity"].attrs["units"] == "N"
+    assert cube["stripe_parameter"].values.tolist() == [
+        f"{knit}_{name}"
+        for knit in ("rib", "garter")
+        for name in ("k_s", "k_t", "theta_0", "period")
+    ]
+
+
+def test_they_are_by_what_the_results_of_other_parameters_differ(cube, tmp_path):
+    step = 1e-3
+    factors = f"rib_theta_0_factor={1 - step},{1 + step}"
+    other = run_plan(make_plan("preview", (*SMALL, factors)), tmp_path, RunOptions()).cube
+    for name in ("poisson_ratio", "reaction_force"):
+        below, above = other[name].squeeze().isel(applied_strain=-1).values
+        found = cube[f"{name}_sensitivity"].squeeze()
+        found = found.sel(stripe_parameter="rib_theta_0").isel(applied_strain=-1)
+        assert float(found) == pytest.approx((above - below) / (2 * step), rel=1e-4)
+
+
+def test_a_cube_has_none_unasked(tmp_path):
+    plain = run_plan(make_plan("preview", SMALL), tmp_path, RunOptions(simulate=stand_in.simulate))
+    assert not NAMES & set(plain.cube.data_vars)
+    assert "stripe_parameter" not in plain.cube.coords
+
+
+def test_asking_makes_another_case_that_is_read_back():
+    (plain,), (asked,) = (
+        make_plan("preview", (*SMALL, *more)).cases.values() for more in ((), ASKED)
+    )
+    assert asked == replace(plain, sensitivities=True)
+    assert asked.case_id != plain.case_id
+    assert case_of(asked.record) == asked
+
+
+def test_designs_with_and_without_share_a_cube(tmp_path):
+    options = RunOptions(simulate=stand_in.simulate)
+    more = make_plan("preview", ("n_stripe=6", "n_subunit=24", "strain_max=0.06", *ASKED))
+    run_plan(make_plan("preview", SMALL), tmp_path, options)
+    first = run_plan(more, tmp_path, options).cube
+    other = make_plan("preview", ("n_stripe=8", "n_subunit=32", "strain_max=0.12"))
+    cube = run_plan(other, tmp_path, options).cube
+    assert (cube["status"] == Status.ok).sum() == 3
+    found = cube["poisson_ratio_sensitivity"]
+    assert found.sel(n_stripe=[4, 8]).isnull().all()
+    xr.testing.assert_equal(
+        found.sel(n_stripe=6, n_subunit=24, applied_strain=slice(0, 0.06)),
+        first["poisson_ratio_sensitivity"].sel(n_stripe=6, n_subunit=24),
+    )
+
+
+def test_where_there_is_no_derivative_it_is_missing(monkeypatch, tmp_path):
+    at = Responses.at
+
+    def not_beyond(self, fabric, configuration):
+        if len(self.free.unknowns) < len(configuration) and configuration[-1] > 2.69:
+            raise NoDerivative
+        return at(self, fabric, configuration)
+
+    monkeypatch.setattr(Responses, "at", not_beyond)
+    cube = run_plan(make_plan("preview", (*SMALL, *ASKED)), tmp_path, RunOptions()).cube
+    found = cube["poisson_ratio_sensitivity"].squeeze().isnull().all("stripe_parameter")
+    assert found.values.tolist() == [True, False, True]
+    assert cube["status"] == Status.ok
+
+
+@pytest.mark.parametrize(
+    ("workflow", "message"),
+    [("relaxation", "no sensitivities by method = dynamics"), ("stripes", "of pure stripes")],
+)
+def test_where_there_are_none_asking_is_refused(workflow, message):
+    with pytest.raises(BadInput, match=message):
+        make_plan(workflow, ASKED)
