@@ -4,25 +4,25 @@ import jax.numpy as jnp
 import numpy as np
 
 from knitlab.io.shipped import shipped
-from knitlab.mechanics.dynamic_tensile_test import Batch
+from knitlab.mechanics.dynamic_tensile_test import MovingBatch
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.executor import run
 from knitlab.mechanics.relaxation import relax
 from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.state import State, TensileTest
 from knitlab.mechanics.tensile_test import stretch
-from knitlab.model.fabric import Fabric, Sheet, weave
+from knitlab.model.fabric import Fabric, Sheet, assemble_fabric
 from knitlab.model.inertia import MassAndDrag, inertia
 from knitlab.model.network import Network
-from knitlab.model.options import Reading
+from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import Pattern, checkerboard, patch_map
 from knitlab.model.stripe import Knit, Stripe
 from knitlab.study.parameters import read_parameters
 
 PARAMETERS = read_parameters(shipped("params"))
 SHEET = Sheet(z_max=6.0, k_wall=100.0)
-ENDLESS = Reading(cell_size="relaxed", boundary="periodic")
-CLAMPED = Reading(cell_size="relaxed", boundary="clamped")
+PERIODIC = ModelOptions(cell_size="relaxed", boundary="periodic")
+CLAMPED = ModelOptions(cell_size="relaxed", boundary="clamped")
 """Longer cells than those of the default reading: softer to fold, they snap, and so try solvers
 harder."""
 DEFAULT = SolverSettings()
@@ -40,23 +40,25 @@ ALL_STRIPES = [stripe("rib", n) for n in (2, 4, 6, 8)] + [
 
 
 def patterned(
-    n_stripe: int, pattern: Pattern, reading: Reading, sheet: Sheet = SHEET
+    n_stripe: int, pattern: Pattern, reading: ModelOptions, sheet: Sheet = SHEET
 ) -> tuple[Network, Fabric]:
-    return weave(pattern, stripe("rib", n_stripe), stripe("garter", 2 * n_stripe), sheet, reading)
+    return assemble_fabric(
+        pattern, stripe("rib", n_stripe), stripe("garter", 2 * n_stripe), sheet, reading
+    )
 
 
 def checkered(
-    n_stripe: int, periods: int, reading: Reading, unit_cells: tuple[int, int] = (1, 1)
+    n_stripe: int, periods: int, reading: ModelOptions, unit_cells: tuple[int, int] = (1, 1)
 ) -> tuple[Network, Fabric]:
     return patterned(n_stripe, checkerboard(periods, unit_cells), reading)
 
 
 def pure(
-    of: Stripe, reading: Reading, periods: int = 1, ridges: str | None = None
+    of: Stripe, reading: ModelOptions, periods: int = 1, ridges: str | None = None
 ) -> tuple[Network, Fabric]:
     """A pure stripe; ``ridges`` "R" or "G" lays them along y or x, whatever its knit."""
     letter = ridges or ("R" if of.knit == "rib" else "G")
-    return weave(patch_map([letter], periods), of, of, SHEET, reading)
+    return assemble_fabric(patch_map([letter], periods), of, of, SHEET, reading)
 
 
 def relaxed(net: Network, fabric: Fabric, settings: SolverSettings = DEFAULT) -> State:
@@ -74,18 +76,18 @@ def stretched(
 
 def moving(
     designs: list[tuple[int, int]],
-    reading: Reading,
+    reading: ModelOptions,
     settings: DynamicsSettings,
     unit_cells: tuple[int, int] = (1, 1),
     mass_and_drag: MassAndDrag = MASS_AND_DRAG,
-) -> Batch:
+) -> MovingBatch:
     """Checkerboards (n_stripe, periods) of one mesh shape, ready to move."""
     woven = [checkered(*design, reading, unit_cells) for design in designs]
     inertias = [
         inertia(stripe("rib", n), stripe("garter", 2 * n), reading, mass_and_drag)
         for n, _ in designs
     ]
-    return Batch(woven[0][0].shape, [fabric for _, fabric in woven], inertias, settings)
+    return MovingBatch(woven[0][0].shape, [fabric for _, fabric in woven], inertias, settings)
 
 
 def endless_poisson_ratio(test: TensileTest) -> np.ndarray:

@@ -17,7 +17,7 @@ from knitlab.capacitance.capacitor_status import CapacitorStatus
 from knitlab.capacitance.gap import crosses_itself, gap_between
 from knitlab.capacitance.panels import PanelChart, panel_chart, panels_on
 from knitlab.measure.folds import fold_angles
-from knitlab.model.electrode_layout import Layout
+from knitlab.model.electrode_layout import ElectrodeLayout
 from knitlab.model.electrodes import Electrodes
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, Network
@@ -46,7 +46,7 @@ class Capacitor:
         unfolded: part of the relaxed fold angle that is left where unfolding is complete [1].
     """
 
-    layout: Layout
+    layout: ElectrodeLayout
     electrode_length: float
     permittivity: float
     clearance: float

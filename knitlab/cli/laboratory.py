@@ -15,7 +15,7 @@ from knitlab.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from knitlab.laboratory.description import Kind
+    from knitlab.laboratory.description import RecordKind
 
 
 @click.group(name="import")
@@ -23,7 +23,7 @@ def import_group() -> None:
     """Bring what a laboratory recorded into a cube, beside simulations."""
 
 
-def _importing(kind: "Kind", summary: str) -> click.Command:
+def _importing(kind: "RecordKind", summary: str) -> click.Command:
     @click.command(name=kind, help=summary)
     @click.argument("description", type=click.Path(path_type=Path, dir_okay=False))
     @results_option
@@ -39,10 +39,10 @@ def _importing(kind: "Kind", summary: str) -> click.Command:
     return command
 
 
-_SUMMARIES: "dict[Kind, str]" = {
-    "markers": "Import the tracked markers that DESCRIPTION, a TOML file, tells of.",
-    "tensile": "Import the tensile test that DESCRIPTION, a TOML file, tells of.",
-    "capacitance": "Import the LCR meter's log that DESCRIPTION, a TOML file, tells of.",
+_SUMMARIES: "dict[RecordKind, str]" = {
+    "markers": "Import the tracked markers described by DESCRIPTION, a TOML file.",
+    "tensile": "Import the tensile test described by DESCRIPTION, a TOML file.",
+    "capacitance": "Import the LCR meter's log described by DESCRIPTION, a TOML file.",
 }
 for _kind, _summary in _SUMMARIES.items():
     import_group.add_command(_importing(_kind, _summary))
@@ -117,12 +117,12 @@ def fit(
     case = case_for(make_plan(workflow, overrides), cube)
     target = target_of(cube, case, model_error)
 
-    def tell(tests: int, chi_squared: float) -> None:
+    def report_step(tests: int, chi_squared: float) -> None:
         click.echo(f"test {tests}: chi² {chi_squared:.4g}", err=True)
 
     try:
         found = fit_stripes(
-            at_strains_of(case, target), target, looseness, starts=starts, step=tell
+            at_strains_of(case, target), target, looseness, starts=starts, step=report_step
         )
     except NoFit as problem:
         raise fault(workflow, f"{problem}; --set strain_max or another sample") from problem

@@ -33,7 +33,7 @@ MOST_NAMED = 5
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RecordedCase:
     """A case as a results folder has it.
 
     Attributes:
@@ -54,7 +54,7 @@ class Recorded:
         return read_case(self.folder, self.case_id)
 
 
-def find_case(results: Path, case_id: str) -> Recorded:
+def find_case(results: Path, case_id: str) -> RecordedCase:
     """The case of an identifier, from the plans, failures and case files under a folder.
 
     Args:
@@ -79,7 +79,7 @@ def find_case(results: Path, case_id: str) -> Recorded:
         raise fault(case_id, f"{len(found)} cases begin so ({some}, …); give more of it")
     ((name, (folder, record)),) = found.items()
     try:
-        return Recorded(case_of(record), name, folder)
+        return RecordedCase(case_of(record), name, folder)
     except (ValidationError, KeyError, TypeError) as error:
         raise fault(name, f"was recorded by another version of knitlab ({error})") from error
 
@@ -97,7 +97,7 @@ def _records(folder: Path, begins: str) -> Iterator[tuple[str, dict[str, Any]]]:
             yield path.stem, dict(json.loads(read_case(folder, path.stem).attrs["parameters"]))
 
 
-def reproduce(recorded: Recorded, say: Callable[[str], None]) -> bool:
+def reproduce(recorded: RecordedCase, say: Callable[[str], None]) -> bool:
     """Run a case alone and say how every state was reached; nothing is written.
 
     Args:

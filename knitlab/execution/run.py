@@ -13,9 +13,9 @@ from knitlab.execution.cube import build_cube
 from knitlab.execution.interruption import interrupted_by_signals
 from knitlab.execution.progress import ProgressBar
 from knitlab.execution.status import FAILURES, PLAN, earlier_failures
-from knitlab.execution.survey import Standing, cells, check_dims, survey
+from knitlab.execution.survey import CaseState, cells, check_dims, survey
 from knitlab.execution.workers import BatchError, Pool, Simulate, Task, connected, pool_of
-from knitlab.io.atomic_write import clear_unfinished, written_whole
+from knitlab.io.atomic_write import atomic_write, clear_unfinished
 from knitlab.io.case_file import case_path, read_case
 from knitlab.io.cube_file import open_cube, write_cube
 from knitlab.io.design_status import Status
@@ -79,42 +79,42 @@ class Run:
 
     cube: xr.Dataset
     simulated: tuple[str, ...]
-    standing: dict[str, Standing]
+    standing: dict[str, CaseState]
     failures: tuple[dict[str, Any], ...]
     stopped: bool
     changed: tuple[str, ...] = ()
 
-    def standing_at(self, standing: Standing) -> tuple[str, ...]:
+    def in_state(self, standing: CaseState) -> tuple[str, ...]:
         """Cases that were of one standing before, by identifier."""
         return tuple(case_id for case_id, its in self.standing.items() if its is standing)
 
     @property
     def reused(self) -> tuple[str, ...]:
         """Cases whose results were there, be it of other code."""
-        there = {*self.standing_at(Standing.done), *self.standing_at(Standing.stale_code)}
+        there = {*self.in_state(CaseState.done), *self.in_state(CaseState.stale_code)}
         return tuple(there - set(self.simulated))
 
     @property
     def stale_code(self) -> tuple[str, ...]:
         """Cases that are still of other code."""
-        return tuple(set(self.standing_at(Standing.stale_code)) - set(self.simulated))
+        return tuple(set(self.in_state(CaseState.stale_code)) - set(self.simulated))
 
     @property
     def stale_parameters(self) -> tuple[str, ...]:
         """Cases that are still of other parameters."""
-        return tuple(set(self.standing_at(Standing.stale_parameters)) - set(self.simulated))
+        return tuple(set(self.in_state(CaseState.stale_parameters)) - set(self.simulated))
 
     @property
     def unfinished(self) -> tuple[str, ...]:
         """Cases that have no result."""
-        without = {*self.standing_at(Standing.pending), *self.standing_at(Standing.damaged)}
+        without = {*self.in_state(CaseState.pending), *self.in_state(CaseState.damaged)}
         return tuple(without - set(self.simulated))
 
     def remarks(self, folder: Path) -> list[str]:
         """What is to be said of a run whose results are not all as they should be."""
         said = [
             f"damaged: {case_path(folder, case_id)} was not as it had been written"
-            for case_id in self.standing_at(Standing.damaged)
+            for case_id in self.in_state(CaseState.damaged)
         ]
         if self.failures:
             said.append(f"one alone, in detail: knitlab reproduce CASE_ID (see {FAILURES})")
@@ -136,7 +136,7 @@ class Run:
 
 
 @dataclass
-class Progress:
+class RunProgress:
     """How far a run has come; it outlives a Ctrl-C."""
 
     ended: set[str] = field(default_factory=set)
@@ -169,27 +169,27 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
         missing = {
             case_id: plan.cases[case_id]
             for case_id, its in standing.items()
-            if its in (Standing.pending, Standing.damaged) or (its.stale and options.refresh)
+            if its in (CaseState.pending, CaseState.damaged) or (its.stale and options.refresh)
         }
         plan.write(results / PLAN)
-        progress = Progress()
+        progress = RunProgress()
         with interrupted_by_signals():
             stopped = _simulate_all(plan, results, missing, options, progress)
         simulated = tuple(case_id for case_id in missing if case_id in progress.ended)
         stale = {
             case_id
             for case_id, its in standing.items()
-            if its is Standing.stale_parameters and case_id not in simulated
+            if its is CaseState.stale_parameters and case_id not in simulated
         }
         damaged = {
             case_id
             for case_id, its in standing.items()
-            if its is Standing.damaged and case_id not in simulated
+            if its is CaseState.damaged and case_id not in simulated
         }
         cube = build_cube(plan, results, old, simulated, stale, progress.failed, damaged)
         write_cube(cube, results / CUBE)
         failures = tuple(_failures(plan, results, cube, simulated, progress.failed))
-        with written_whole(results / FAILURES) as temporary:
+        with atomic_write(results / FAILURES) as temporary:
             temporary.write_text("".join(json.dumps(entry) + "\n" for entry in failures))
     mine = tuple(entry for entry in failures if entry["case_id"] in plan.cases)
     changed = () if old is None else differences(parameters_of(old), plan.common)
@@ -219,7 +219,7 @@ def _old_cube(plan: Plan, path: Path) -> xr.Dataset | None:
 
 
 def _simulate_all(
-    plan: Plan, results: Path, missing: dict[str, Case], options: RunOptions, progress: Progress
+    plan: Plan, results: Path, missing: dict[str, Case], options: RunOptions, progress: RunProgress
 ) -> bool:
     """Simulate what is missing; whether it was broken off."""
     batches = [
@@ -250,7 +250,7 @@ def _in_rounds(
     batches: Sequence[Sequence[Case]],
     results: Path,
     options: RunOptions,
-    progress: Progress,
+    progress: RunProgress,
     bar: ProgressBar,
 ) -> bool:
     """Simulate batches, then those again that need it, until none does.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from knitlab.execution.survey import Design, Standing, cells, survey
+from knitlab.execution.survey import CaseState, Design, cells, survey
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
 from knitlab.io.fingerprint import digests
@@ -111,10 +111,10 @@ def folder_status(
     words = {}
     for case_id, standing in survey(designs, folder, cube, check).items():
         cell = there.get(designs[case_id])
-        if standing is Standing.done:
+        if standing is CaseState.done:
             in_cube = cell is not None and cell.case_id == case_id
             words[case_id] = cell.status.name if cell and in_cube else "done, not yet in the cube"
-        elif standing is Standing.pending and case_id in failures:
+        elif standing is CaseState.pending and case_id in failures:
             words[case_id] = Status.failed.name
         else:
             words[case_id] = standing.value

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from knitlab.io.case_file import Kept, case_path, checksum_path, kept, read_code
+from knitlab.io.case_file import StoredCase, case_path, checksum_path, kept, read_code
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
 from knitlab.io.fingerprint import code_fingerprint
@@ -17,7 +17,7 @@ from knitlab.io.plain_cube import PlainCube
 Design = tuple[Any, ...]
 
 
-class Standing(Enum):
+class CaseState(Enum):
     """What there is of a planned case."""
 
     done = "done"
@@ -29,7 +29,7 @@ class Standing(Enum):
     @property
     def stale(self) -> bool:
         """Whether its results are of other code or parameters."""
-        return self in (Standing.stale_code, Standing.stale_parameters)
+        return self in (CaseState.stale_code, CaseState.stale_parameters)
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def check_dims(cube: PlainCube, dims: tuple[str, ...], path: Path) -> None:
 
 def survey(
     cases: Mapping[str, Design], folder: Path, cube: PlainCube | None, check: bool
-) -> dict[str, Standing]:
+) -> dict[str, CaseState]:
     """Standing of every planned case.
 
     Args:
@@ -106,22 +106,22 @@ def _survey(
     there: Mapping[Design, Cell],
     names: set[str],
     check: bool,
-) -> Iterator[tuple[str, Standing]]:
+) -> Iterator[tuple[str, CaseState]]:
     for case_id, design in cases.items():
         cell = there.get(design)
         result, checksum = case_path(folder, case_id).name, checksum_path(folder, case_id).name
         if result not in names:
             stale = cell is not None and cell.case_id != case_id and cell.has_results
-            yield case_id, Standing.stale_parameters if stale else Standing.pending
-        elif checksum not in names or (check and kept(folder, case_id) is not Kept.sound):
-            yield case_id, Standing.damaged
+            yield case_id, CaseState.stale_parameters if stale else CaseState.pending
+        elif checksum not in names or (check and kept(folder, case_id) is not StoredCase.sound):
+            yield case_id, CaseState.damaged
         else:
             if cell is not None and cell.case_id == case_id and cell.code:
                 code: str | None = cell.code
             else:
                 code = read_code(folder, case_id)
             if code is None:
-                yield case_id, Standing.damaged
+                yield case_id, CaseState.damaged
             else:
                 current = code == code_fingerprint()
-                yield case_id, Standing.done if current else Standing.stale_code
+                yield case_id, CaseState.done if current else CaseState.stale_code

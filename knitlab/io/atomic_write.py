@@ -14,7 +14,7 @@ PROBE_BYTES = 1 << 20
 
 
 @contextmanager
-def written_whole(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path) -> Iterator[Path]:
     """Give a temporary path to write to, and put it in place of ``path`` when all went well.
 
     Raises:

@@ -8,7 +8,7 @@ import netCDF4
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.io.atomic_write import written_whole
+from knitlab.io.atomic_write import atomic_write
 from knitlab.io.fingerprint import file_digest
 from knitlab.io.schema import encoding
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-class Kept(Enum):
+class StoredCase(Enum):
     """What there is of a case in a results folder."""
 
     nothing = "pending"
@@ -43,23 +43,23 @@ def write_case_file(results: Path, case_id: str, dataset: "xr.Dataset") -> None:
         CannotWrite: if they cannot be written.
     """
     path = case_path(results, case_id)
-    with written_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         dataset.to_netcdf(temporary, encoding=encoding(dataset))
-        with written_whole(checksum_path(results, case_id)) as checksum:
+        with atomic_write(checksum_path(results, case_id)) as checksum:
             checksum.write_text(f"{file_digest(temporary)}  {path.name}\n")
 
 
-def kept(results: Path, case_id: str) -> Kept:
+def kept(results: Path, case_id: str) -> StoredCase:
     """Whether a case file is there and has the contents that were written."""
     try:
         stated = checksum_path(results, case_id).read_bytes().split(b" ")[0]
         found = file_digest(case_path(results, case_id))
     except FileNotFoundError:
         there = case_path(results, case_id).exists()
-        return Kept.damaged if there else Kept.nothing
+        return StoredCase.damaged if there else StoredCase.nothing
     except OSError:
-        return Kept.damaged
-    return Kept.sound if found.encode() == stated else Kept.damaged
+        return StoredCase.damaged
+    return StoredCase.sound if found.encode() == stated else StoredCase.damaged
 
 
 def read_code(results: Path, case_id: str) -> str | None:

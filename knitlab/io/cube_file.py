@@ -4,7 +4,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from knitlab.io.atomic_write import written_whole
+from knitlab.io.atomic_write import atomic_write
 from knitlab.io.plain_cube import base_of, check_is_cube, cube_path, read_as_cube
 from knitlab.io.schema import SIMULATION, SOURCE, encoding
 
@@ -31,7 +31,7 @@ def write_cube(cube: xr.Dataset, path: Path) -> None:
     Raises:
         CannotWrite: if it cannot be written.
     """
-    with written_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         cube.to_netcdf(temporary, encoding=encoding(cube))
 
 

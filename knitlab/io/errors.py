@@ -37,7 +37,7 @@ class CannotWrite(BadInput):
     """A file that cannot be written, so that going on is no use."""
 
 
-class Gathered:
+class ErrorCollector:
     """Collects the faults of several checks; ``with gathered:`` ends each at its first raise."""
 
     def __init__(self) -> None:
@@ -78,11 +78,11 @@ def faults_of(error: ValidationError, source: str, known: Collection[str] = ()) 
             if known and entry["type"] == "extra_forbidden"
             else _problem(entry["type"], entry["msg"], entry["input"]),
         )
-        for entry in _told(error)
+        for entry in _reported(error)
     ]
 
 
-def _told(error: ValidationError) -> list[ErrorDetails]:
+def _reported(error: ValidationError) -> list[ErrorDetails]:
     """What pydantic found, without what only follows from it: that a list of faults is empty."""
     found = error.errors()
     inner = {entry["loc"][:-1] for entry in found}

@@ -51,7 +51,7 @@ class PlainCube:
             {str(name): cube[name].values for name in cube.coords if name in cube.dims},
             lambda name: cube[name].values,
             str(cube.attrs.get("workflow", "")),
-            stated_reading(cube.attrs),
+            stated_options(cube.attrs),
         )
 
 
@@ -68,7 +68,7 @@ def open_plain_cube(path: str | Path) -> PlainCube:
     with read_as_cube(path), netCDF4.Dataset(path) as dataset:
         dims = {name: its.dimensions for name, its in dataset.variables.items()}
         coordinates = {name: dataset[name][...] for name in dims if dims[name] == (name,)}
-        reading = stated_reading({name: dataset.getncattr(name) for name in dataset.ncattrs()})
+        reading = stated_options({name: dataset.getncattr(name) for name in dataset.ncattrs()})
     cube = PlainCube(
         {name: its for name, its in dims.items() if name not in coordinates},
         {name: np.ma.getdata(values) for name, values in coordinates.items()},
@@ -80,7 +80,7 @@ def open_plain_cube(path: str | Path) -> PlainCube:
     return cube
 
 
-def stated_reading(attributes: Mapping[Any, Any]) -> dict[str, Any]:
+def stated_options(attributes: Mapping[Any, Any]) -> dict[str, Any]:
     """The reading that the attributes of a cube state, by setting."""
     return {
         str(name).removeprefix(READING): value

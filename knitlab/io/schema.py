@@ -198,7 +198,7 @@ VARIABLES = {
         "1",
         "whether the fabric snapped on the way to a strain",
         "1 where the fabric left its branch of equilibria: more than branch_limit (by dynamics,"
-        " haste_limit) of the work of even the smallest strain step went astray",
+        " quasi_static_limit) of the work of even the smallest strain step went astray",
     ),
     "hinges_past_pi": Variable(
         _STATE,

@@ -5,7 +5,7 @@ from typing import Any
 
 import tomli_w
 
-from knitlab.io.atomic_write import written_whole
+from knitlab.io.atomic_write import atomic_write
 from knitlab.measure.calibration import UNITS, Calibration
 from knitlab.model.options import CellSize
 from knitlab.model.stripe import Knit
@@ -45,5 +45,5 @@ def write_stripe_file(
     table: dict[str, Any] = {
         knit: {"source": source, "unit": ENTRY_UNITS, "n": {str(stitches): row}}
     }
-    with written_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         temporary.write_text(tomli_w.dumps(table), encoding="utf-8")

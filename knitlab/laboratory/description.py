@@ -7,7 +7,7 @@ from pydantic import Field, PositiveInt, ValidationError, model_validator
 
 from knitlab.io.errors import BadInput, Fault, faults_of
 from knitlab.io.schema import SIMULATION
-from knitlab.io.strict_model import Strict
+from knitlab.io.strict_model import StrictModel
 from knitlab.io.toml import read_toml
 from knitlab.laboratory.quantities import (
     CapacitanceColumn,
@@ -23,11 +23,11 @@ from knitlab.model.stripe import periods_per_patch
 from knitlab.study.workflow import MOST_STEPS, even_strains
 
 Towards = Literal["right", "left", "up", "down"]
-Kind = Literal["markers", "tensile", "capacitance"]
+RecordKind = Literal["markers", "tensile", "capacitance"]
 UPRIGHT = ("up", "down")
 
 
-class SampleTable(Strict):
+class SampleTable(StrictModel):
     """``[sample]``: the fabric between the clamps, relaxed.
 
     Its ``unit_cells`` are those along (y, x); ``length`` is that between the clamps, over which
@@ -46,7 +46,7 @@ class SampleTable(Strict):
         return self
 
 
-class ProtocolTable(Strict):
+class ProtocolTable(StrictModel):
     """``[protocol]``: the applied strains at which results are asked for, from 0 up.
 
     A turn of the machine by less than ``least_turn`` of the whole extension is no cycle, and the
@@ -74,7 +74,7 @@ class ProtocolTable(Strict):
         return even_strains(self.strain_max, self.strain_step)
 
 
-class Recorded(Strict):
+class RecordedTable(StrictModel):
     """A record with a clock of its own, brought to the machine's.
 
     Either ``starts`` says at which time of the machine its clock was at 0, or both records have a
@@ -85,7 +85,7 @@ class Recorded(Strict):
     starts: Time | None = None
 
 
-class TensileTable(Strict):
+class TensileTable(StrictModel):
     """``[tensile]``: the machine's log, whose clock all other records are brought to."""
 
     file: str = Field(min_length=1)
@@ -95,7 +95,7 @@ class TensileTable(Strict):
     trigger: PlainColumn | None = None
 
 
-class CapacitanceTable(Recorded):
+class CapacitanceTable(RecordedTable):
     """``[capacitance]``: the log of an LCR meter."""
 
     time: TimeColumn
@@ -109,7 +109,7 @@ class CapacitanceTable(Recorded):
         return self
 
 
-class MarkersTable(Recorded):
+class MarkersTable(RecordedTable):
     """``[markers]``: tracked points, in pixels.
 
     ``file`` is an array (frame, marker, 2) with x to the right and y down, as tracking-markers
@@ -155,7 +155,7 @@ class MarkersTable(Recorded):
         return self
 
 
-class Description(Strict):
+class Description(StrictModel):
     """A description: a sample, what is asked for, and the records there are.
 
     ``source`` is what the sample is called beside simulations; ``synthetic`` says that it was
@@ -172,7 +172,7 @@ class Description(Strict):
     capacitance: CapacitanceTable | None = None
 
     @model_validator(mode="after")
-    def _has_what_it_hangs_on(self) -> "Description":
+    def _has_dependencies(self) -> "Description":
         if self.source == SIMULATION:
             raise ValueError(f"source = {SIMULATION} is a simulation's; give another name")
         if self.tensile is None and self.capacitance is not None:
@@ -185,7 +185,7 @@ class Description(Strict):
         return self
 
 
-def read_description(path: Path, kind: Kind) -> Description:
+def read_description(path: Path, kind: RecordKind) -> Description:
     """Read a description that says what there is of a kind.
 
     Raises:

@@ -18,7 +18,7 @@ from knitlab.io.plain_cube import CUBE
 from knitlab.io.provenance import provenance
 from knitlab.io.schema import CYCLE, DESIGN_DIMS, SOURCE, VARIABLES, described
 from knitlab.io.shipped import shipped
-from knitlab.laboratory.description import Description, Kind, read_description
+from knitlab.laboratory.description import Description, RecordKind, read_description
 from knitlab.laboratory.machine import (
     Pulls,
     Values,
@@ -58,7 +58,7 @@ class Imported:
     summary: tuple[str, ...]
 
 
-def import_records(kind: Kind, path: Path, results: Path) -> Imported:
+def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
     """Import what a description says of one kind of records into the experiment's cube.
 
     The cube lies in a folder of the description's name. What it has of other kinds is kept, if it
@@ -215,7 +215,7 @@ def _counted(pulls: Pulls) -> str:
     return f"{count} cycle{'s' if count > 1 else ''} of the machine"
 
 
-def _files(description: Description, kind: Kind) -> list[str]:
+def _files(description: Description, kind: RecordKind) -> list[str]:
     """Files that an import of a kind reads."""
     markers, capacitance, tensile = (
         description.markers,

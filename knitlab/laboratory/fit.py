@@ -20,7 +20,12 @@ from jaxtyping import Bool, Float
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm, qmc
 
-from knitlab.laboratory.virtual_test import QUANTITIES, VirtualTest, virtual_test, with_factors
+from knitlab.laboratory.simulated_test import (
+    QUANTITIES,
+    SimulatedTest,
+    simulated_test,
+    with_factors,
+)
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.mechanics.linear_response import NoDerivative
 from knitlab.simulation.case import Case
@@ -58,8 +63,8 @@ class Target:
 
     Attributes:
         applied_strain: above 0, ascending [1].
-        values: of :data:`~knitlab.laboratory.virtual_test.QUANTITIES`, NaN where not measured; the
-            force is over the width of the simulated sample.
+        values: of :data:`~knitlab.laboratory.simulated_test.QUANTITIES`, NaN where not measured;
+            the force is over the width of the simulated sample.
         errors: standard errors of the values, above 0.
     """
 
@@ -178,8 +183,8 @@ class _Found:
     """
 
     result: OptimizeResult
-    fitted: VirtualTest
-    confirmed: VirtualTest | None
+    fitted: SimulatedTest
+    confirmed: SimulatedTest | None
     room: Float[np.ndarray, " name"]
     chi_squared: float
 
@@ -201,19 +206,19 @@ class _Search:
         self.places = [list(STRIPE_PARAMETERS).index(name) for name in names]
         self.bounds = _bounds(case, names)
         self.tests = self.underivable = 0
-        self.near: VirtualTest | None = None
+        self.near: SimulatedTest | None = None
         self.at = b""
 
-    def begin(self, logarithms: Float[np.ndarray, " name"]) -> VirtualTest | None:
+    def begin(self, logarithms: Float[np.ndarray, " name"]) -> SimulatedTest | None:
         """Test from the start; the search goes on from there."""
-        self.near = virtual_test(with_factors(self.case, self.factors(logarithms)))
+        self.near = simulated_test(with_factors(self.case, self.factors(logarithms)))
         self.at = logarithms.tobytes()
         self.tests += 1
         return self.near
 
     def found(self, at: Float[np.ndarray, " name"]) -> _Found:
         """What the search from a start that was begun comes to."""
-        confirmed: VirtualTest | None = None
+        confirmed: SimulatedTest | None = None
         for _ in range(MOST_SEARCHES):
             result = self._on_branch(at)
             at, fitted = result.x, self.converged(result.x)
@@ -239,7 +244,7 @@ class _Search:
             max_nfev=MOST_TESTS,
         )
 
-    def same(self, one: VirtualTest, other: VirtualTest) -> bool:
+    def same(self, one: SimulatedTest, other: SimulatedTest) -> bool:
         """Whether two tests are of the same states."""
         apart = self.misfit(one.values) - self.misfit(other.values)
         return bool(np.abs(apart).max() < SAME)
@@ -247,17 +252,17 @@ class _Search:
     def factors(self, logarithms: Float[np.ndarray, " name"]) -> Factors:
         return dict(zip(self.names, np.exp(logarithms).tolist(), strict=True))
 
-    def test(self, logarithms: Float[np.ndarray, " name"]) -> VirtualTest | None:
+    def test(self, logarithms: Float[np.ndarray, " name"]) -> SimulatedTest | None:
         """The test at some logarithms of factors; its neighbours start from it if it converged."""
         if logarithms.tobytes() == self.at:
             return self.near
-        found = virtual_test(with_factors(self.case, self.factors(logarithms)), self.near)
+        found = simulated_test(with_factors(self.case, self.factors(logarithms)), self.near)
         self.tests += 1
         if found is not None:
             self.near, self.at = found, logarithms.tobytes()
         return found
 
-    def converged(self, logarithms: Float[np.ndarray, " name"]) -> VirtualTest:
+    def converged(self, logarithms: Float[np.ndarray, " name"]) -> SimulatedTest:
         """The test at some logarithms where one has converged before."""
         found = self.test(logarithms)
         if found is None:
@@ -274,7 +279,7 @@ class _Search:
         self.step(self.tests, float(misfit @ misfit))
         return np.append(misfit, logarithms / self.looseness)
 
-    def chi_squared(self, test: VirtualTest) -> float:
+    def chi_squared(self, test: SimulatedTest) -> float:
         misfit = self.misfit(test.values)
         return float(misfit @ misfit)
 
@@ -296,7 +301,7 @@ class _Search:
         rows = (slopes / self.target.errors[..., None])[self.target.there]
         return np.concatenate([rows, np.eye(len(self.names)) / self.looseness])
 
-    def concluded(self, first: VirtualTest, best: _Found) -> Fit:
+    def concluded(self, first: SimulatedTest, best: _Found) -> Fit:
         """The fit that the best of the searches came to.
 
         Args:

@@ -7,11 +7,11 @@ from typing import Any
 
 import tomli_w
 
-from knitlab.io.atomic_write import written_whole
+from knitlab.io.atomic_write import atomic_write
 from knitlab.io.schema import VARIABLES
 from knitlab.io.stripe_file import DIGITS, ENTRY_UNITS
 from knitlab.laboratory.fit import Fit, root_mean_square
-from knitlab.laboratory.virtual_test import QUANTITIES
+from knitlab.laboratory.simulated_test import QUANTITIES
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.model.stripe import Stripe
 from knitlab.simulation.case import Case
@@ -82,5 +82,5 @@ def write_stripes(path: Path, fit: Fit, experiment: Path) -> None:
             "unit": ENTRY_UNITS,
             "n": {str(stripe.n): row},
         }
-    with written_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         temporary.write_text(tomli_w.dumps(table), encoding="utf-8")

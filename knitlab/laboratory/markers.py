@@ -30,7 +30,7 @@ MOST_UNLIKE = 1.6
 
 
 @dataclass(frozen=True)
-class Marked:
+class MarkedSample:
     """The corners of a sample's unit cells in every frame, along the fabric's axes.
 
     Attributes:
@@ -66,7 +66,7 @@ class Marked:
         return "; ".join(parts)
 
 
-def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marked:
+def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> MarkedSample:
     """Read the markers of a description.
 
     Args:
@@ -93,12 +93,12 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
     places = slice(None, None, every_y), slice(None, None, every_x)
     relaxed = grid.corners(first[None])[(0, *places)]
     corners = grid.corners(tracks)[(slice(None), *places)]
-    marked = Marked(relaxed, corners, grid, table.relaxed_frames, sample.unit_cells)
+    marked = MarkedSample(relaxed, corners, grid, table.relaxed_frames, sample.unit_cells)
     _check_fits(path, marked, sample)
     return marked
 
 
-def _check_fits(path: Path, marked: Marked, sample: SampleTable) -> None:
+def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
     """See that unit cells lie as the description says, and are as many and as large.
 
     Raises:
@@ -137,7 +137,9 @@ def _check_fits(path: Path, marked: Marked, sample: SampleTable) -> None:
             )
 
 
-def along_pull(path: Path, marked: Marked, strain: Float[np.ndarray, " frame"]) -> Marked:
+def along_pull(
+    path: Path, marked: MarkedSample, strain: Float[np.ndarray, " frame"]
+) -> MarkedSample:
     """The same markers, turned so that the pull is along y.
 
     Where one clamp moves, so does the middle of the sample, and along the pull: what a sample does
@@ -192,7 +194,10 @@ def _direction(moved: Float[np.ndarray, "2"]) -> float:
 
 
 def marker_values(
-    marked: Marked, at: Sequence[float], strain: Float[np.ndarray, " frame"], frames: np.ndarray
+    marked: MarkedSample,
+    at: Sequence[float],
+    strain: Float[np.ndarray, " frame"],
+    frames: np.ndarray,
 ) -> dict[str, Any]:
     """What markers say of a pull, under the registry's names.
 

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from knitlab.io.strict_model import Strict
+from knitlab.io.strict_model import StrictModel
 from knitlab.io.table_file import factor_of
 
 REMEDIES = {
@@ -18,13 +18,13 @@ REMEDIES = {
 """Units that knitlab counts in, and what may be given in their stead."""
 
 
-class _WithUnit(Strict):
+class _WithUnit(StrictModel):
     """What has a unit."""
 
     unit: str = Field(min_length=1)
 
 
-class Quantity(_WithUnit):
+class MeasuredQuantity(_WithUnit):
     """A number and its unit."""
 
     value: float
@@ -36,7 +36,7 @@ class Column(_WithUnit):
     column: str = Field(min_length=1)
 
 
-class PlainColumn(Strict):
+class PlainColumn(StrictModel):
     """A column of a table that needs no unit."""
 
     column: str = Field(min_length=1)
@@ -54,8 +54,8 @@ def conversion(unit: str, target: str) -> float:
     return factor
 
 
-def _positive(target: str) -> Callable[[Quantity], Quantity]:
-    def checked(quantity: Quantity) -> Quantity:
+def _positive(target: str) -> Callable[[MeasuredQuantity], MeasuredQuantity]:
+    def checked(quantity: MeasuredQuantity) -> MeasuredQuantity:
         conversion(quantity.unit, target)
         if not quantity.value > 0:
             raise ValueError(f"is {quantity.value:g}; give one above 0")
@@ -72,15 +72,15 @@ def _in(target: str) -> Callable[[Any], Any]:
     return checked
 
 
-Length = Annotated[Quantity, AfterValidator(_positive("mm"))]
-Frequency = Annotated[Quantity, AfterValidator(_positive("Hz"))]
-Time = Annotated[Quantity, AfterValidator(_in("s"))]
+Length = Annotated[MeasuredQuantity, AfterValidator(_positive("mm"))]
+Frequency = Annotated[MeasuredQuantity, AfterValidator(_positive("Hz"))]
+Time = Annotated[MeasuredQuantity, AfterValidator(_in("s"))]
 TimeColumn = Annotated[Column, AfterValidator(_in("s"))]
 LengthColumn = Annotated[Column, AfterValidator(_in("mm"))]
 ForceColumn = Annotated[Column, AfterValidator(_in("N"))]
 CapacitanceColumn = Annotated[Column, AfterValidator(_in("pF"))]
 
 
-def number(quantity: Quantity, target: str) -> float:
+def number(quantity: MeasuredQuantity, target: str) -> float:
     """A quantity as a number in one of the units of :data:`REMEDIES`."""
     return quantity.value * conversion(quantity.unit, target)

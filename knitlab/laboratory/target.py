@@ -10,7 +10,7 @@ from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
 from knitlab.io.schema import CYCLE, DESIGN_DIMS
 from knitlab.laboratory.fit import Target
-from knitlab.laboratory.virtual_test import QUANTITIES
+from knitlab.laboratory.simulated_test import QUANTITIES
 from knitlab.simulation.case import Case
 from knitlab.study.common_settings import parameters_of
 from knitlab.study.plan import Plan

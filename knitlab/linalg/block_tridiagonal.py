@@ -25,7 +25,7 @@ REACH = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class BlockLayout:
     """Where the unknowns lie in blocks padded to one size, the border after the last.
 
     Attributes:
@@ -41,7 +41,7 @@ class Layout:
     border: int
 
 
-class Factors(eqx.Module):
+class BlockFactors(eqx.Module):
     """Cholesky factor L of one matrix, or of a batch of them from a vmapped ``factorise``.
 
     Attributes:
@@ -56,7 +56,7 @@ class Factors(eqx.Module):
     panels: Float[Array, "*batch block width+border width"]
     corner: Float[Array, "*batch border border"]
     positive: Bool[Array, "*batch"]
-    layout: Layout = eqx.field(static=True)
+    layout: BlockLayout = eqx.field(static=True)
 
     def solve(self, right: Float[Array, " unknown"]) -> Float[Array, " unknown"]:
         """Solution x of K x = right, for one matrix; of no use unless ``positive``.
@@ -98,7 +98,7 @@ class Factors(eqx.Module):
 )
 @dataclass(frozen=True, eq=False)
 class BlockTridiagonal:
-    """Where the non-zeros of a sparsity go in the blocks of :class:`Factors`.
+    """Where the non-zeros of a sparsity go in the blocks of :class:`BlockFactors`.
 
     Non-zeros are numbered as they are stored; after the last, one number stands for 0 and the
     next for 1. ``jax.jit(plan.factorise)`` compiles these maps in; for a large mesh they can be
@@ -113,9 +113,9 @@ class BlockTridiagonal:
 
     columns: Int[np.ndarray, "block 2*width+border width"]
     corner: Int[np.ndarray, "border border"]
-    layout: Layout
+    layout: BlockLayout
 
-    def factorise(self, entries: Float[Array, " nonzero"]) -> Factors:
+    def factorise(self, entries: Float[Array, " nonzero"]) -> BlockFactors:
         """Factor the matrix with these entries in the lower triangle, column by column.
 
         For a batch: ``jax.vmap(plan.factorise)(entries)``; a matrix in it that is not positive
@@ -147,7 +147,7 @@ class BlockTridiagonal:
         corner = _cholesky(values[self.corner] - taken)
         # Every pivot is asked, as a triangular solve may skip zeros and so lose what is not finite.
         diagonals = jnp.append(jnp.diagonal(pivots, axis1=1, axis2=2), jnp.diagonal(corner))
-        return Factors(pivots, panels, corner, jnp.isfinite(diagonals).all(), self.layout)
+        return BlockFactors(pivots, panels, corner, jnp.isfinite(diagonals).all(), self.layout)
 
 
 def _cholesky(matrix: Float[Array, "row row"]) -> Float[Array, "row row"]:
@@ -205,7 +205,7 @@ def block_tridiagonal(
     return BlockTridiagonal(columns, corner, layout)
 
 
-def _layout(ends: Int[np.ndarray, "2 nonzero"], lines: Int[np.ndarray, " unknown"]) -> Layout:
+def _layout(ends: Int[np.ndarray, "2 nonzero"], lines: Int[np.ndarray, " unknown"]) -> BlockLayout:
     bordering = lines < 0
     line = np.searchsorted(np.unique(lines[~bordering]), lines)
     apart = abs(line[ends[0]] - line[ends[1]])[~bordering[ends].any(axis=0)]
@@ -225,4 +225,4 @@ def _layout(ends: Int[np.ndarray, "2 nonzero"], lines: Int[np.ndarray, " unknown
     ).repeat(members)
     unknowns = np.full(blocks * width + border, len(lines))
     unknowns[places] = np.arange(len(lines))
-    return Layout(unknowns, places, blocks, width, border)
+    return BlockLayout(unknowns, places, blocks, width, border)

@@ -16,7 +16,7 @@ and more work in each."""
 
 
 @dataclass(frozen=True, eq=False)
-class Axis:
+class GridAxis:
     """One axis of the grid.
 
     Attributes:
@@ -46,11 +46,11 @@ class Axis:
         return [cut], [(start, middle), (cut[1], stop)]
 
 
-def axis(
+def grid_axis(
     line: Int[np.ndarray, " unknown"],
     nodal: Int[np.ndarray, " nodal"],
     distance: Int[np.ndarray, " coupling"],
-) -> Axis:
+) -> GridAxis:
     """An axis, from the lines that its unknowns lie on.
 
     Args:
@@ -62,14 +62,14 @@ def axis(
     lines = int(last - first) + 1
     ring = bool((distance > lines / 2).any())
     across = np.minimum(distance, lines - distance) if ring else distance
-    return Axis(line - first, lines, ring, max(1, int(across.max())))
+    return GridAxis(line - first, lines, ring, max(1, int(across.max())))
 
 
 _Rectangle = tuple[int, int, int, int]
 
 
-def places_in_order(
-    vertical: Axis, horizontal: Axis
+def elimination_order(
+    vertical: GridAxis, horizontal: GridAxis
 ) -> tuple[Int[np.ndarray, " unknown"], Int[np.ndarray, " unknown"]]:
     """Number of every unknown's front, children before parents, and its key within it."""
     label = np.zeros((vertical.lines, horizontal.lines), dtype=np.int64)
@@ -94,7 +94,7 @@ def places_in_order(
 
 
 def _dissected(
-    region: _Rectangle, vertical: Axis, horizontal: Axis
+    region: _Rectangle, vertical: GridAxis, horizontal: GridAxis
 ) -> Iterator[Sequence[_Rectangle]]:
     """The leaves and cuts of a rectangle of the grid, in the order of elimination."""
     top, bottom, left, right = region

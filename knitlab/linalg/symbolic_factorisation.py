@@ -14,13 +14,13 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.linalg.elimination_order import axis, places_in_order
+from knitlab.linalg.elimination_order import elimination_order, grid_axis
 
 Columns = tuple[Float[np.ndarray, "pivot pivot"], Float[np.ndarray, "boundary pivot"]]
 
 
 @dataclass(frozen=True, eq=False)
-class Transfer:
+class ExtendAdd:
     """A block of a child's update, and where its parent takes it up.
 
     Attributes:
@@ -50,7 +50,7 @@ class Front:
     boundary: Int[np.ndarray, " boundary"]
     stored: int
     update: int
-    children: tuple[tuple["Front", tuple[Transfer, ...]], ...]
+    children: tuple[tuple["Front", tuple[ExtendAdd, ...]], ...]
 
     @property
     def size(self) -> int:
@@ -110,10 +110,10 @@ def nested_dissection(
     nodal = rows >= 0
     between = (nodal[lower] & nodal[upper]).nonzero()
     vertical, horizontal = (
-        axis(line, line[nodal], np.abs(line[lower] - line[upper])[between])
+        grid_axis(line, line[nodal], np.abs(line[lower] - line[upper])[between])
         for line in (rows, columns)
     )
-    label, key = places_in_order(vertical, horizontal)
+    label, key = elimination_order(vertical, horizontal)
     order = np.lexsort((key, label))
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
@@ -200,7 +200,7 @@ def _fronts(
         pivots = slice(int(starts[number]), int(starts[number + 1]))
         bottom = stack if number == middle else bottom
         update = _first_gap(waiting, len(boundary) ** 2, bottom)
-        taken = tuple((child, _transfers(child, pivots, boundary)) for child in children[number])
+        taken = tuple((child, _extend_adds(child, pivots, boundary)) for child in children[number])
         front = Front(pivots, boundary, stored, update, taken)
         fronts.append(front)
         stored += front.size * (front.size + len(boundary))
@@ -224,9 +224,9 @@ def _first_gap(waiting: Sequence[Front], size: int, bottom: int) -> int:
     return end
 
 
-def _transfers(
+def _extend_adds(
     child: Front, pivots: slice, boundary: Int[np.ndarray, " boundary"]
-) -> tuple[Transfer, ...]:
+) -> tuple[ExtendAdd, ...]:
     """Blocks of the lower triangle of a child's update that are contiguous in its parent too."""
     passed = child.boundary >= pivots.stop
     place = np.where(
@@ -237,7 +237,7 @@ def _transfers(
     into = [slice(int(place[run.start]), int(place[run.stop - 1]) + 1) for run in runs]
     part = [int(passed[run.start]) for run in runs]
     return tuple(
-        Transfer(part[i] + part[j], (into[i], into[j]), (runs[i], runs[j]))
+        ExtendAdd(part[i] + part[j], (into[i], into[j]), (runs[i], runs[j]))
         for i in range(len(runs))
         for j in range(i + 1)
     )

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from knitlab.measure.wavelength import FEWEST_WAVES, Wave, wave_of
 from knitlab.model.network import MeshShape
 
-ENDLESS_CELLS = 8
+PERIODIC_CELLS = 8
 """Unit cells of endless fabric that its boundary is followed across."""
 
 Direction = Literal["x", "y"]
@@ -26,7 +26,7 @@ def boundary_line(
         shape: mesh of the configuration.
         unit_cells: number of unit cells along (y, x).
         configuration: node coordinates, then L_x and L_y. In endless fabric the boundary is
-            followed across :data:`ENDLESS_CELLS` cells.
+            followed across :data:`PERIODIC_CELLS` cells.
         direction: that it runs along, the weft x or the warp y.
 
     Returns:
@@ -41,7 +41,7 @@ def boundary_line(
         length = configuration[-1]
     if not shape.periodic:
         return line
-    turns = np.stack([length * np.arange(ENDLESS_CELLS), np.zeros(ENDLESS_CELLS)], axis=-1)
+    turns = np.stack([length * np.arange(PERIODIC_CELLS), np.zeros(PERIODIC_CELLS)], axis=-1)
     return (turns[:, None] + line).reshape(-1, 2)
 
 
@@ -57,7 +57,7 @@ def boundary_wave(
     """
     cells = unit_cells[1] if direction == "x" else unit_cells[0]
     if shape.periodic:
-        cells *= ENDLESS_CELLS
+        cells *= PERIODIC_CELLS
     if cells < FEWEST_WAVES:
         return None
     return wave_of(boundary_line(shape, unit_cells, configuration, direction), cells)

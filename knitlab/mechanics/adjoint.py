@@ -21,10 +21,10 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from knitlab.mechanics.linear_response import Responses
-from knitlab.mechanics.loading import all_free, drive_along, free_under_tension, squared_up
+from knitlab.mechanics.linear_response import LinearResponses
+from knitlab.mechanics.loading import all_free, drive_along, free_under_tension, rigidly_aligned
 from knitlab.model.energy import energy
-from knitlab.model.fabric import Fabric, StripePair, Weave, flat_sheet
+from knitlab.model.fabric import Fabric, FabricLayout, StripePair, flat_sheet
 from knitlab.model.network import MeshShape, network
 
 Configuration = Float[Array, " unknown"]
@@ -52,16 +52,19 @@ class Adjoint:
 
     def __init__(
         self,
-        weave: Weave,
+        layout: FabricLayout,
         stripes: StripePair,
         relaxed: Float[np.ndarray, " unknown"],
         method: str | None = None,
     ) -> None:
-        self._shape, self._relaxed = weave.net.shape, relaxed
-        self._fabric, self._slope = weave.fabric(stripes), _slope(weave, stripes)
+        self._shape, self._relaxed = layout.net.shape, relaxed
+        self._fabric, self._slope = (
+            layout.fabric(stripes),
+            _slope(layout, stripes),
+        )
         self._numbers = jax.tree.structure(stripes)
-        self._pulled = Responses.of(self._shape, free_under_tension(self._shape), method)
-        at_rest = Responses.of(self._shape, all_free(self._shape), method)
+        self._pulled = LinearResponses.of(self._shape, free_under_tension(self._shape), method)
+        at_rest = LinearResponses.of(self._shape, all_free(self._shape), method)
         self._rest = at_rest.at(self._fabric, relaxed)
 
     def of_relaxed(self, quantities: Quantities) -> StripePair:
@@ -112,7 +115,7 @@ class Adjoint:
         """The derivatives, from those by the relaxed shape and by the fabric."""
         # How a sample lies is decided by squaring it up, where no force decides it.
         rigid = self._rest.rigid_part(by_relaxed)
-        by_fabric, squared = _squared_back(self._shape)(
+        by_fabric, squared = _aligned_back(self._shape)(
             self._fabric, self._relaxed, rigid, by_fabric
         )
         yielding = self._rest.to(by_relaxed - rigid + np.asarray(squared))
@@ -124,10 +127,12 @@ class Adjoint:
         return derivatives
 
 
-def _slope(weave: Weave, stripes: StripePair) -> Float[np.ndarray, "fabric_number stripe_number"]:
+def _slope(
+    layout: FabricLayout, stripes: StripePair
+) -> Float[np.ndarray, "fabric_number stripe_number"]:
     """Derivatives of all numbers of a fabric by those of its stripes."""
     numbers, pair = ravel_pytree(stripes)
-    return np.asarray(jax.jacfwd(lambda of: ravel_pytree(weave.fabric(pair(of)))[0])(numbers))
+    return np.asarray(jax.jacfwd(lambda of: ravel_pytree(layout.fabric(pair(of)))[0])(numbers))
 
 
 @lru_cache(maxsize=16)
@@ -162,12 +167,12 @@ def _placed_back(shape: MeshShape) -> Callable[..., Rows]:
 
 
 @lru_cache(maxsize=16)
-def _squared_back(shape: MeshShape) -> Callable[..., tuple[Fabric, Rows]]:
+def _aligned_back(shape: MeshShape) -> Callable[..., tuple[Fabric, Rows]]:
     """Program that takes what J feels of rigid motion back through the squaring up."""
     net = network(shape)
 
     def square(fabric: Fabric, relaxed: Configuration) -> Configuration:
-        return squared_up(shape, flat_sheet(net, fabric), relaxed)
+        return rigidly_aligned(shape, flat_sheet(net, fabric), relaxed)
 
     def back(
         fabric: Fabric, relaxed: Configuration, rigid: Rows, by_fabric: Fabric

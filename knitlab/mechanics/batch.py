@@ -19,13 +19,13 @@ import scipy.sparse as sp
 from jaxtyping import Array, Bool, Float
 
 from knitlab.linalg.block_tridiagonal import (
+    BlockFactors,
     BlockTridiagonal,
-    Factors,
     block_tridiagonal,
     narrower,
 )
 from knitlab.mechanics.evaluation import Stage, element_hessians, evaluate
-from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Request, Settle, Solver
+from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Request, Solver, SolveSubdomains
 from knitlab.mechanics.stiffness import FreeStiffness
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
@@ -62,14 +62,14 @@ class _Bench:
 
         def factors(
             plan: BlockTridiagonal, entries: Float[Array, " nonzero"], shift: Float[Array, ""]
-        ) -> Factors:
+        ) -> BlockFactors:
             return plan.factorise(entries.at[diagonal].add(shift))
 
         self._plan, self._assemble = plan, jax.jit(jax.vmap(entries))
         self._factorise = jax.jit(jax.vmap(factors, (None, 0, 0)))
-        self._solve = jax.jit(jax.vmap(Factors.solve))
+        self._solve = jax.jit(jax.vmap(BlockFactors.solve))
         self.entries = jnp.zeros((cases, len(free.indices)))
-        self.factors: Factors | None = None
+        self.factors: BlockFactors | None = None
 
     def assemble(self, whose: Bool[Array, " case"], *at: Any) -> None:
         self.entries = _chosen(whose, self._assemble(*at), self.entries)
@@ -132,7 +132,7 @@ class _Batch:
         groups: dict[Any, dict[int, Request]] = {}
         results: dict[int, Any] = {}
         for case, request in requests.items():
-            if isinstance(request, Settle):
+            if isinstance(request, SolveSubdomains):
                 # Blocks, one after the other, would leave an accelerator idle: they stay.
                 self._at[case], results[case] = request.at, (request.at, 0.0)
                 continue
@@ -175,7 +175,7 @@ def _unstacked(batch: Numbers, cases: int) -> list[Numbers]:
     return [jax.tree.unflatten(structure, [leaf[case] for leaf in leaves]) for case in range(cases)]
 
 
-def run_in_step(
+def run_in_lockstep(
     shape: MeshShape, fabrics: Sequence[Fabric], solvers: Sequence[Solver[Result]]
 ) -> list[Result]:
     """Run one solver a fabric to its end, all in step, and return what each returns, in order.

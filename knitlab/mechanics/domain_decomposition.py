@@ -16,12 +16,16 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.mechanics.equilibrium import by_one_factorisation, find_equilibrium, to_rest
+from knitlab.mechanics.equilibrium import (
+    find_equilibrium,
+    minimise,
+    minimise_with_one_factorisation,
+)
 from knitlab.mechanics.equilibrium_search import Search, SearchRules
 from knitlab.mechanics.evaluation import Evaluation
-from knitlab.mechanics.solver import Evaluate, Settle, Solver, SolverSettings
+from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings, SolveSubdomains
 from knitlab.mechanics.state import Outcome, State
-from knitlab.mechanics.subdomains import are_many
+from knitlab.mechanics.subdomains import worth_dividing
 
 PATIENCE = 10
 """Iterations of the whole after which its blocks settle again, where it snaps here and there."""
@@ -42,7 +46,7 @@ LONGEST_SLIDE = 2.5
 """Of a slide, in longest steps."""
 
 
-def find_settled(
+def find_equilibrium_by_subdomains(
     start: Evaluate, rules: SearchRules, patience: int | None = PATIENCE
 ) -> Solver[State]:
     """As :func:`~knitlab.mechanics.equilibrium.find_equilibrium`, by blocks where there are many.
@@ -57,11 +61,11 @@ def find_settled(
             longer pays, it is often for the sake of few places. That is best where the sample
             folds as a whole.
     """
-    if not are_many(rules.free.shape):
+    if not worth_dividing(rules.free.shape):
         return (yield from find_equilibrium(start, rules))
     began = yield start
     search = Search(start, began, rules)
-    settling = Settling(search)
+    settling = SubdomainSolution(search)
     if patience is not None:
         search.shift = SETTLED_SHIFT
     while True:
@@ -71,12 +75,14 @@ def find_settled(
         left = rules.settings.max_iterations - round(settling.share)
         until = left if patience is None else min(search.iterations + patience, left)
         search.rules = rules.up_to(until)
-        outcome = yield from (by_one_factorisation if patience is None else to_rest)(search)
+        outcome = yield from (minimise_with_one_factorisation if patience is None else minimise)(
+            search
+        )
         if outcome is Outcome.stalled:
             # What its blocks came to is no place to go on from: cells may have folded to nothing.
             search.rules = rules.up_to(left)
             search.begin(start, began)
-            outcome = yield from to_rest(search)
+            outcome = yield from minimise(search)
         elif outcome is Outcome.iteration_limit and search.iterations < left:
             continue
         if outcome is not None:
@@ -84,7 +90,7 @@ def find_settled(
             return replace(state, iterations=round(settling.share) + state.iterations)
 
 
-class Settling:
+class SubdomainSolution:
     """Blocks that settle, round after round.
 
     Args:
@@ -104,8 +110,8 @@ class Settling:
     def settled(self, at: Evaluate) -> Solver[tuple[Evaluate, Evaluation]]:
         """Where the blocks come to from a configuration, and what it costs there."""
         rules = self._rules
-        of_blocks = block_settings(rules.settings)
-        there, share = yield Settle(at, rules.free, rules.step_length, of_blocks)
+        of_blocks = subdomain_settings(rules.settings)
+        there, share = yield SolveSubdomains(at, rules.free, rules.step_length, of_blocks)
         self.share += share
         return there, (yield there)
 
@@ -134,7 +140,7 @@ class Settling:
         return way * min(REACH, LONGEST_SLIDE * rules.longest_part(way[rules.free.unknowns]))
 
 
-def block_settings(settings: SolverSettings) -> SolverSettings:
+def subdomain_settings(settings: SolverSettings) -> SolverSettings:
     """Settings for a block, which need only come near to rest."""
     tolerance = max(settings.tolerance, FORCE_LEFT)
     return replace(settings, tolerance=tolerance, max_iterations=MOST_ITERATIONS)

@@ -11,13 +11,13 @@ from jaxtyping import Float
 from knitlab.mechanics.batch import stacked
 from knitlab.mechanics.dynamics import (
     PEAK_OF_SMOOTH_RAMP,
-    Drive,
     DynamicsSettings,
     Motion,
+    PrescribedMotion,
     Trajectory,
     batch_integrator,
 )
-from knitlab.mechanics.loading import Loading, all_free, squared_up, tensile
+from knitlab.mechanics.loading import Loading, all_free, rigidly_aligned, tensile
 from knitlab.mechanics.state import History, Outcome, State, TensileTest
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.inertia import Inertia
@@ -30,7 +30,7 @@ SLOWING = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Batch:
+class MovingBatch:
     """Fabrics of one mesh shape that move together.
 
     Attributes:
@@ -47,7 +47,7 @@ class Batch:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class MotionPath:
     """Where one fabric starts from rest, and how it is driven from one strain to the next.
 
     Attributes:
@@ -70,11 +70,11 @@ class Course:
         """How long the strain changes [ms]."""
         return PEAK_OF_SMOOTH_RAMP * (self.after - self.before) / self.rate
 
-    def drive(self, shape: MeshShape) -> Drive:
+    def drive(self, shape: MeshShape) -> PrescribedMotion:
         """The course as the dynamics take it."""
         free = all_free(shape) if self.loading is None else self.loading.unknowns
         direction = np.zeros(shape.unknowns) if self.loading is None else self.loading.drive
-        return Drive(
+        return PrescribedMotion(
             free=jnp.asarray(np.isin(np.arange(shape.unknowns), free)),
             reference=jnp.asarray(self.start if self.loading is None else self.loading.reference),
             direction=jnp.asarray(direction),
@@ -86,7 +86,7 @@ class Course:
 
 
 @dataclass(frozen=True)
-class Arrival:
+class MotionResult:
     """Where a course led, and how the fabric moved on the way.
 
     Attributes:
@@ -103,7 +103,7 @@ class Arrival:
     settling: float
 
 
-def move(batch: Batch, courses: Sequence[Course]) -> list[Arrival]:
+def move(batch: MovingBatch, courses: Sequence[MotionPath]) -> list[MotionResult]:
     """Move every fabric of a batch along its course until it is at rest, in one call."""
     start = jnp.array([course.start for course in courses])
     nothing = jnp.zeros(len(courses))
@@ -120,13 +120,13 @@ def move(batch: Batch, courses: Sequence[Course]) -> list[Arrival]:
     )
     leaves, structure = jax.tree.flatten(trajectories)
     return [
-        _arrival(jax.tree.unflatten(structure, parts), drive, batch.settings)
+        _motion_result(jax.tree.unflatten(structure, parts), drive, batch.settings)
         for drive, *parts in zip(drives, *leaves, strict=True)
     ]
 
 
 def _kept_times(
-    settings: DynamicsSettings, course: Course, count: int
+    settings: DynamicsSettings, course: MotionPath, count: int
 ) -> Float[np.ndarray, " time"]:
     """Even times of the ramp if there is one; after it, times even in their logarithm."""
     driven = count // 2 if course.ramp_time else 1
@@ -135,7 +135,9 @@ def _kept_times(
     return np.append(ramp, course.ramp_time + np.minimum(after, settings.settling_time))
 
 
-def _arrival(trajectory: Trajectory, drive: Drive, settings: DynamicsSettings) -> Arrival:
+def _motion_result(
+    trajectory: Trajectory, drive: PrescribedMotion, settings: DynamicsSettings
+) -> MotionResult:
     if not np.isfinite(trajectory.end.configuration).all():
         outcome = Outcome.diverged
     elif trajectory.force_left <= settings.force_left:
@@ -166,7 +168,7 @@ def _arrival(trajectory: Trajectory, drive: Drive, settings: DynamicsSettings) -
     )
     spent = state.kinetic_peak + float(trajectory.end.dissipated)
     work = np.abs(np.asarray(trajectory.energies.supplied)[kept]).max(initial=0.0)
-    return Arrival(
+    return MotionResult(
         state,
         history,
         haste=spent / work if work else np.nan,
@@ -175,14 +177,14 @@ def _arrival(trajectory: Trajectory, drive: Drive, settings: DynamicsSettings) -
 
 
 def stretch_by_dynamics(
-    batch: Batch,
+    batch: MovingBatch,
     applied_strain: Sequence[Sequence[float]],
     progress: Callable[[int, int], None] = lambda case, done: None,
 ) -> list[TensileTest]:
     """Relax a batch from flat sheets at rest, then take it through a tensile test.
 
     To every applied strain the driven end moves at no more than ``settings.ramp_rate``; then the
-    fabric comes to rest. A strain step whose haste exceeds ``settings.haste_limit`` is taken
+    fabric comes to rest. A strain step whose haste exceeds ``settings.quasi_static_limit`` is taken
     again at a quarter of the rate, which lowers the drag's work as much and the kinetic energy
     more. If haste does not even halve, though both drives lasted longer than the settling after
     them, the fabric snaps, for which no rate is slow enough, and the step stands. A test ends at
@@ -195,17 +197,17 @@ def stretch_by_dynamics(
     """
     shape = batch.shape
     sheets = [np.asarray(flat_sheet(network(shape), fabric)) for fabric in batch.fabrics]
-    arrivals = move(batch, [Course(sheet) for sheet in sheets])
+    arrivals = move(batch, [MotionPath(sheet) for sheet in sheets])
     tests = []
     for case, (relaxed, arrival) in enumerate(
-        zip(_squared_up(batch, sheets, arrivals), arrivals, strict=True)
+        zip(_rigidly_aligned(batch, sheets, arrivals), arrivals, strict=True)
     ):
         loading = tensile(shape, relaxed.configuration) if relaxed.converged else None
         tests.append(TensileTest(loading, [relaxed], arrival.history))
         progress(case, 1)
     for place in range(1, len(applied_strain[0])):
         courses = [
-            Course(
+            MotionPath(
                 start=test.states[-1].configuration if test.loading else sheet,
                 loading=test.loading,
                 before=strains[place - 1],
@@ -221,17 +223,19 @@ def stretch_by_dynamics(
     return tests
 
 
-def _squared_up(
-    batch: Batch, sheets: Sequence[Float[np.ndarray, " unknown"]], arrivals: Sequence[Arrival]
+def _rigidly_aligned(
+    batch: MovingBatch,
+    sheets: Sequence[Float[np.ndarray, " unknown"]],
+    arrivals: Sequence[MotionResult],
 ) -> list[State]:
     """Relaxed states, samples squared up and at rest again as the walls may resist that."""
     relaxed = [arrival.state for arrival in arrivals]
     if batch.shape.periodic:
         return relaxed
     courses = [
-        Course(np.asarray(squared_up(batch.shape, sheet, state.configuration)))
+        MotionPath(np.asarray(rigidly_aligned(batch.shape, sheet, state.configuration)))
         if state.converged
-        else Course(sheet, ended=True)
+        else MotionPath(sheet, ended=True)
         for sheet, state in zip(sheets, relaxed, strict=True)
     ]
     return [
@@ -242,10 +246,10 @@ def _squared_up(
     ]
 
 
-def _quasi_static(batch: Batch, courses: Sequence[Course]) -> dict[int, State]:
+def _quasi_static(batch: MovingBatch, courses: Sequence[MotionPath]) -> dict[int, State]:
     """Move along courses that have not ended, each again and slower while it was too fast."""
     settings = batch.settings
-    courses, reached, hasty = list(courses), dict[int, State](), dict[int, Arrival]()
+    courses, reached, hasty = list(courses), dict[int, State](), dict[int, MotionResult]()
     while pending := [case for case, course in enumerate(courses) if not course.ended]:
         arrivals = move(batch, courses)
         for case in pending:
@@ -253,7 +257,7 @@ def _quasi_static(batch: Batch, courses: Sequence[Course]) -> dict[int, State]:
             if earlier is not None:
                 arrival = replace(arrival, state=arrival.state.after(earlier.state))
             slower = courses[case].rate / SLOWING
-            if not arrival.state.converged or arrival.haste <= settings.haste_limit:
+            if not arrival.state.converged or arrival.haste <= settings.quasi_static_limit:
                 reached[case] = arrival.state
             elif earlier is not None and _snapped(courses[case], earlier, arrival):
                 reached[case] = replace(arrival.state, snapped=True)
@@ -265,7 +269,7 @@ def _quasi_static(batch: Batch, courses: Sequence[Course]) -> dict[int, State]:
     return reached
 
 
-def _snapped(slower: Course, faster: Arrival, arrival: Arrival) -> bool:
+def _snapped(slower: MotionPath, faster: MotionResult, arrival: MotionResult) -> bool:
     """Whether work is lost at any rate: haste is not even halved at a quarter of a slow rate.
 
     A rate is slow if the drive outlasts the settling after it. A sudden pull loses the same work at

@@ -39,8 +39,8 @@ class DynamicsSettings:
         fixed_steps: how many equal steps, where they end a motion.
         time_step: their size [ms].
         ramp_rate: fastest applied strain rate of a tensile test [1/ms].
-        haste_limit: kinetic energy and work against the drag, over the work of a strain step,
-            above which it was not quasi-static.
+        quasi_static_limit: kinetic energy and work against the drag, over the work of a strain
+            step, above which it was not quasi-static.
         smallest_rate: part of ``ramp_rate`` down to which a step that was not is slowed.
         snapshots: configurations kept of a relaxation.
     """
@@ -55,7 +55,7 @@ class DynamicsSettings:
     fixed_steps: int = 1600
     time_step: float = 1e-3
     ramp_rate: float = 0.02
-    haste_limit: float = 0.05
+    quasi_static_limit: float = 0.05
     smallest_rate: float = 1 / 16
     snapshots: int = 60
 
@@ -87,7 +87,7 @@ class Motion(eqx.Module):
     supplied: Float[Array, "*batch"]
 
 
-class Drive(eqx.Module):
+class PrescribedMotion(eqx.Module):
     """Which unknowns are free, and how the held ones are moved from one strain to the next.
 
     The strain runs from ``before`` to ``after`` within ``ramp_time``, starting and ending at rest,
@@ -147,7 +147,7 @@ def forces(
 
 
 def largest_force(
-    net: Network, fabric: Fabric, inertia: Inertia, drive: Drive, motion: Motion
+    net: Network, fabric: Fabric, inertia: Inertia, drive: PrescribedMotion, motion: Motion
 ) -> Float[Array, ""]:
     """Largest elastic force or drag on a free node or length: how far from rest a motion is [N].
 
@@ -160,7 +160,12 @@ def largest_force(
 
 
 def equations_of_motion(
-    net: Network, fabric: Fabric, inertia: Inertia, drive: Drive, time: Array, motion: Motion
+    net: Network,
+    fabric: Fabric,
+    inertia: Inertia,
+    drive: PrescribedMotion,
+    time: Array,
+    motion: Motion,
 ) -> Motion:
     """Time derivative of a motion (paper, equations of motion)."""
     moving = drive.holding(time, motion)
@@ -226,7 +231,7 @@ SMALLEST_STEP = 1e-9
 """Time step below which a motion counts as diverged [ms]."""
 
 
-class Numbers(eqx.Module):
+class IntegratorNumbers(eqx.Module):
     """The numbers among the settings: traced, so that no change of one compiles anew."""
 
     steady_force: Float[Array, ""]
@@ -236,7 +241,7 @@ class Numbers(eqx.Module):
     settling_time: Float[Array, ""]
 
     @classmethod
-    def of(cls, settings: DynamicsSettings) -> "Numbers":
+    def of(cls, settings: DynamicsSettings) -> "IntegratorNumbers":
         """Those of some settings."""
         return cls(*(jnp.asarray(getattr(settings, field.name)) for field in fields(cls)))
 
@@ -245,10 +250,10 @@ def integrate(
     net: Network,
     steady_ending: bool,
     max_steps: int,
-    settings: Numbers,
+    settings: IntegratorNumbers,
     fabric: Fabric,
     inertia: Inertia,
-    drive: Drive,
+    drive: PrescribedMotion,
     start: Motion,
     times: Float[Array, " time"],
     snapshot_times: Float[Array, " snapshot"],
@@ -342,7 +347,14 @@ def integrate(
 
 
 Integrator = Callable[
-    [Fabric, Inertia, Drive, Motion, Float[Array, "case time"], Float[Array, "case snapshot"]],
+    [
+        Fabric,
+        Inertia,
+        PrescribedMotion,
+        Motion,
+        Float[Array, "case time"],
+        Float[Array, "case snapshot"],
+    ],
     Trajectory,
 ]
 
@@ -350,12 +362,12 @@ Integrator = Callable[
 def batch_integrator(shape: MeshShape, settings: DynamicsSettings) -> Integrator:
     """Compiled :func:`integrate` for a batch: fabrics, motions and times stacked along axis 0."""
     compiled = _compiled(shape, settings.ending == "steady", settings.max_steps)
-    return partial(compiled, Numbers.of(settings))
+    return partial(compiled, IntegratorNumbers.of(settings))
 
 
 @lru_cache(maxsize=8)
 def _compiled(shape: MeshShape, steady_ending: bool, max_steps: int) -> Callable[..., Trajectory]:
-    def one(settings: Numbers, *arguments: Any) -> Trajectory:
+    def one(settings: IntegratorNumbers, *arguments: Any) -> Trajectory:
         return integrate(network(shape), steady_ending, max_steps, settings, *arguments)
 
     over_settings_once = (None, *[0] * 6)

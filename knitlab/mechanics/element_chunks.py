@@ -57,7 +57,7 @@ Acting = Float[np.ndarray, "3"]
 
 
 @dataclass(frozen=True, eq=False)
-class Share:
+class ThreadChunks:
     """Portions that one thread works on.
 
     Attributes:
@@ -85,7 +85,7 @@ class Share:
 
 
 @dataclass(frozen=True, eq=False)
-class Portions:
+class ElementChunks:
     """A mesh shape in portions.
 
     Attributes:
@@ -96,11 +96,11 @@ class Portions:
 
     shape: MeshShape
     count: int
-    shares: tuple[Share, ...]
+    shares: tuple[ThreadChunks, ...]
 
 
 @lru_cache(maxsize=16)
-def portions(shape: MeshShape) -> Portions:
+def portions(shape: MeshShape) -> ElementChunks:
     """Cut the network of a mesh shape into portions."""
     net = network(shape)
     count = -(-shape.nodes // HEIGHTS)
@@ -115,12 +115,12 @@ def portions(shape: MeshShape) -> Portions:
     incidence = sp.csr_array((values, (rows, columns)), shape=(count * VECTORS, shape.unknowns))
     incidence.eliminate_zeros()
     ends = [0, count] if count < WORTH_SHARING else [0, count // 2, count]
-    return Portions(shape, count, tuple(_share(incidence, *ends) for ends in pairwise(ends)))
+    return ElementChunks(shape, count, tuple(_share(incidence, *ends) for ends in pairwise(ends)))
 
 
-def _share(incidence: sp.csr_array, first: int, end: int) -> Share:
+def _share(incidence: sp.csr_array, first: int, end: int) -> ThreadChunks:
     own = incidence[first * VECTORS : end * VECTORS]
-    return Share(first, end - first, own, own.T.tocsr())
+    return ThreadChunks(first, end - first, own, own.T.tocsr())
 
 
 def _first_row(place: Places, per_portion: int, offset: int) -> Places:
@@ -148,7 +148,7 @@ def _terms(
 
 
 @dataclass(frozen=True, eq=False)
-class PortionedFabric:
+class ChunkedFabric:
     """A fabric laid out in portions, to be looked at in one configuration after the other.
 
     Attributes:
@@ -159,14 +159,14 @@ class PortionedFabric:
         threads: that look at it.
     """
 
-    portions: Portions
+    portions: ElementChunks
     stiffnesses: tuple[Stiffnesses, ...]
     walls: tuple[float, float]
     fold_angle: FoldAngle
     threads: Threads = ALONE
 
     @classmethod
-    def of(cls, shape: MeshShape, fabric: Fabric, threads: Threads = ALONE) -> "PortionedFabric":
+    def of(cls, shape: MeshShape, fabric: Fabric, threads: Threads = ALONE) -> "ChunkedFabric":
         """Lay out a fabric, for some threads to look at."""
         its = portions(shape)
         numbers = [
@@ -191,7 +191,7 @@ class PortionedFabric:
         return Evaluation(Energy(*np.sum(energies, axis=0)), np.sum(gradients, axis=0))
 
     def _evaluated(
-        self, acting: Acting, configuration: Float[np.ndarray, " unknown"], share: Share
+        self, acting: Acting, configuration: Float[np.ndarray, " unknown"], share: ThreadChunks
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, " unknown"]]:
         """Energies of a share of the portions, and the gradient of their sum."""
         vectors = share.vectors(configuration)
@@ -227,7 +227,7 @@ class PortionedFabric:
         filled: ElementHessians,
         acting: Acting,
         configuration: Float[np.ndarray, " unknown"],
-        share: Share,
+        share: ThreadChunks,
     ) -> None:
         """Fill in the element Hessians of a share of the portions."""
         for portion, here in zip(share.portions, share.vectors(configuration), strict=True):

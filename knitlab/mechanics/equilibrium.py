@@ -25,7 +25,7 @@ LARGEST_SHIFT = 1e6
 
 
 @dataclass(frozen=True)
-class Thrift:
+class RefactorisationPolicy:
     """How sparing a search is with factorisations.
 
     Attributes:
@@ -39,8 +39,8 @@ class Thrift:
     patience: int
 
 
-CONVEXIFIED = Thrift(cost=8, most_steps=30, patience=2)
-RAISED = Thrift(cost=16, most_steps=60, patience=3)
+CONVEXIFIED = RefactorisationPolicy(cost=8, most_steps=30, patience=2)
+RAISED = RefactorisationPolicy(cost=16, most_steps=60, patience=3)
 """Where μ is raised, a factorisation is as good as two: often some fail before one does not."""
 BACKTRACKS = 5
 SUFFICIENT_DECREASE = 1e-4
@@ -67,18 +67,18 @@ def find_equilibrium(start: Evaluate, rules: SearchRules) -> Solver[State]:
         rules: that the search keeps to.
     """
     search = Search(start, (yield start), rules)
-    return search.state((yield from to_rest(search)))
+    return search.state((yield from minimise(search)))
 
 
-def to_rest(search: Search) -> Solver[Outcome]:
+def minimise(search: Search) -> Solver[Outcome]:
     """Take a search to its end, factorisation by factorisation."""
     while True:
-        outcome = yield from by_one_factorisation(search)
+        outcome = yield from minimise_with_one_factorisation(search)
         if outcome is not None:
             return outcome
 
 
-def by_one_factorisation(search: Search) -> Solver[Outcome | None]:
+def minimise_with_one_factorisation(search: Search) -> Solver[Outcome | None]:
     """Take a search as far as it pays to go on one factorisation; say how it ended, if it did.
 
     Factorisations that fail, or from which no step leads down, are followed by others.

@@ -11,14 +11,22 @@ import numpy as np
 from jaxtyping import Bool
 
 from knitlab.linalg.threads import ALONE, Threads, allowed_threads
-from knitlab.mechanics.batch import run_in_step
-from knitlab.mechanics.element_chunks import PortionedFabric
+from knitlab.mechanics.batch import run_in_lockstep
+from knitlab.mechanics.element_chunks import ChunkedFabric
 from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.equilibrium_search import SearchRules
 from knitlab.mechanics.evaluation import Evaluation
 from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser, one_thread_of_blas
-from knitlab.mechanics.second_process import Companion, Errand, Piece
-from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Request, Settle, Solve, Solver
+from knitlab.mechanics.second_process import SecondProcess, SubdomainData, SubdomainTask
+from knitlab.mechanics.solver import (
+    Assemble,
+    Evaluate,
+    Factorise,
+    Request,
+    Solve,
+    Solver,
+    SolveSubdomains,
+)
 from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import FreeStiffness
 from knitlab.mechanics.subdomains import Block, blocks, meet, rounds
@@ -40,7 +48,7 @@ class Runner(Protocol):
         """Run one solver a fabric and return what each returns, in order."""
 
 
-class Desk:
+class Executor:
     """Answers the requests of one fabric's solver on this processor.
 
     Args:
@@ -60,7 +68,7 @@ class Desk:
         threads: Threads = ALONE,
     ) -> None:
         self._whole, self._method, self._threads = fabric, method, threads
-        self._fabric = PortionedFabric.of(shape, fabric, threads)
+        self._fabric = ChunkedFabric.of(shape, fabric, threads)
         self._factorisers = {} if factorisers is None else factorisers
         self._pieces: dict[FreeStiffness, _Pieces] = {}
         self._free: FreeStiffness | None = None
@@ -82,7 +90,7 @@ class Desk:
                 if self._factors is None:
                     raise RuntimeError("nothing is factorised")
                 return self._factors.solve(right)
-            case Settle():
+            case SolveSubdomains():
                 return self._settled(request)
 
     def _factorise(self, shift: float, convexified: bool) -> bool:
@@ -94,7 +102,7 @@ class Desk:
         self._factors = self._factorisers[free](free.shifted(self._entries, shift), convexified)
         return self._factors is not None
 
-    def _settled(self, request: Settle) -> tuple[Evaluate, float]:
+    def _settled(self, request: SolveSubdomains) -> tuple[Evaluate, float]:
         pieces = self._in_pieces(request.free)
         at, share = request.at.configuration.copy(), 0.0
         gradient = np.asarray(self._fabric.evaluate(request.at.stage, at).gradient)
@@ -105,11 +113,11 @@ class Desk:
             part = pieces.parts[place]
             start = Evaluate(at[part.block.places], request.at.stage)
             name = pieces.number, place
-            errand = Errand(name, start, request.step_length, request.settings)
+            subdomain_task = SubdomainTask(name, start, request.step_length, request.settings)
             side = sides.get()
             try:
-                state = side.settle(errand, part.piece) if side else None
-                return state or settled_block(part.desk, part.block.free, errand)
+                state = side.settle(subdomain_task, part.piece) if side else None
+                return state or solve_subdomain(part.executor, part.block.free, subdomain_task)
             finally:
                 sides.put(side)
 
@@ -133,16 +141,16 @@ class Desk:
 
     def _part(self, block: Block) -> "_Part":
         shape, fabric = block.free.shape, block.fabric(self._whole)
-        piece = Piece(shape, block.free.unknowns, fabric, self._method)
-        return _Part(block, piece, Desk(shape, fabric, self._method, self._factorisers))
+        piece = SubdomainData(shape, block.free.unknowns, fabric, self._method)
+        return _Part(block, piece, Executor(shape, fabric, self._method, self._factorisers))
 
     @cached_property
-    def _sides(self) -> "SimpleQueue[Companion | None]":
+    def _sides(self) -> "SimpleQueue[SecondProcess | None]":
         """Who can settle a block now: this process (``None``) and its companions."""
-        sides = SimpleQueue[Companion | None]()
+        sides = SimpleQueue[SecondProcess | None]()
         sides.put(None)
         for _ in range(min(self._threads.count - 1, MOST_COMPANIONS)):
-            sides.put(Companion())
+            sides.put(SecondProcess())
         return sides
 
 
@@ -157,8 +165,8 @@ class _Part:
     """
 
     block: Block
-    piece: Piece
-    desk: Desk
+    piece: SubdomainData
+    executor: Executor
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,10 +184,14 @@ class _Pieces:
     meeting: Bool[np.ndarray, "block block"]
 
 
-def settled_block(desk: Desk, free: FreeStiffness, errand: Errand) -> State:
+def solve_subdomain(
+    executor: Executor, free: FreeStiffness, subdomain_task: SubdomainTask
+) -> State:
     """Where a block comes to rest by itself."""
-    rules = SearchRules(free, errand.step_length, errand.settings, convexified=False)
-    return attended(desk, find_equilibrium(errand.start, rules))
+    rules = SearchRules(
+        free, subdomain_task.step_length, subdomain_task.settings, convexified=False
+    )
+    return run_to_end(executor, find_equilibrium(subdomain_task.start, rules))
 
 
 def run(
@@ -190,15 +202,17 @@ def run(
     As many threads as this process may use share the work; they change no bit of the result.
     """
     with one_thread_of_blas():
-        return attended(Desk(shape, fabric, method, threads=Threads(allowed_threads())), solver)
+        return run_to_end(
+            Executor(shape, fabric, method, threads=Threads(allowed_threads())), solver
+        )
 
 
-def attended(desk: Desk, solver: Solver[Result]) -> Result:
+def run_to_end(executor: Executor, solver: Solver[Result]) -> Result:
     """Run a solver to its end at a desk and return what it returns."""
     answer: Evaluation | Any = None
     while True:
         try:
-            answer = desk.answer(solver.send(answer))
+            answer = executor.answer(solver.send(answer))
         except StopIteration as end:
             return end.value
 
@@ -218,5 +232,5 @@ def run_all(
     On a processor one after the other is faster than any batch; where JAX sees an accelerator
     they run in step, vmapped, factorisation included.
     """
-    runner: Runner = run_in_turn if jax.default_backend() == "cpu" else run_in_step
+    runner: Runner = run_in_turn if jax.default_backend() == "cpu" else run_in_lockstep
     return runner(shape, fabrics, solvers)

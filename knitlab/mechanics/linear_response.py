@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from knitlab.mechanics.element_chunks import PortionedFabric
+from knitlab.mechanics.element_chunks import ChunkedFabric
 from knitlab.mechanics.evaluation import WHOLE
 from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser, one_thread_of_blas
 from knitlab.mechanics.loading import all_free
@@ -34,7 +34,7 @@ class NoDerivative(ArithmeticError):
 
 
 @dataclass(frozen=True, eq=False)
-class Responses:
+class LinearResponses:
     """What a mesh shape and a choice of free unknowns need to have responses.
 
     Attributes:
@@ -50,7 +50,7 @@ class Responses:
     @classmethod
     def of(
         cls, shape: MeshShape, unknowns: Int[np.ndarray, " free"], method: str | None = None
-    ) -> "Responses":
+    ) -> "LinearResponses":
         """Those of a mesh shape.
 
         Args:
@@ -61,13 +61,13 @@ class Responses:
         free = free_stiffness(shape, unknowns)
         return cls(free, free_stiffness(shape, all_free(shape)), factoriser(free, method))
 
-    def at(self, fabric: Fabric, configuration: Float[np.ndarray, " unknown"]) -> "Response":
+    def at(self, fabric: Fabric, configuration: Float[np.ndarray, " unknown"]) -> "LinearResponse":
         """The response of one equilibrium; that of the one before can no longer be had.
 
         Raises:
             NoDerivative: if K is not positive definite but for rigid motions.
         """
-        whole = PortionedFabric.of(self.free.shape, fabric)
+        whole = ChunkedFabric.of(self.free.shape, fabric)
         hessians = whole.element_hessians(WHOLE, configuration)
         with one_thread_of_blas():
             factors = self.factorise(self.free.shifted(self.free.entries(hessians), SHIFT))
@@ -80,11 +80,11 @@ class Responses:
         motions = np.linalg.qr(rigid_motions(configuration)[unknowns])[0]
         energies, combined = np.linalg.eigh(motions.T @ (within @ motions))
         rigid = motions @ combined[:, energies < RIGID]
-        return Response(unknowns, stiffness, within, factors, rigid)
+        return LinearResponse(unknowns, stiffness, within, factors, rigid)
 
 
 @dataclass(frozen=True, eq=False)
-class Response:
+class LinearResponse:
     """How one equilibrium gives way.
 
     Attributes:

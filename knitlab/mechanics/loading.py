@@ -108,7 +108,7 @@ def reaction_force(
 
 
 @partial(jax.jit, static_argnums=0)
-def squared_up(
+def rigidly_aligned(
     shape: MeshShape,
     flat: Float[Array, " unknown"],
     relaxed: Float[Array, " unknown"],

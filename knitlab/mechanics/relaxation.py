@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.mechanics.domain_decomposition import find_settled
+from knitlab.mechanics.domain_decomposition import find_equilibrium_by_subdomains
 from knitlab.mechanics.equilibrium_search import SearchRules
 from knitlab.mechanics.evaluation import WHOLE, Stage
-from knitlab.mechanics.loading import all_free, between_walls, squared_up
+from knitlab.mechanics.loading import all_free, between_walls, rigidly_aligned
 from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
 from knitlab.mechanics.state import State
 from knitlab.model.fabric import Fabric, flat_sheet
@@ -44,7 +44,7 @@ def relax(
     whole = SearchRules.of(shape, all_free(shape), fabric, settings)
     flat = np.asarray(flat_sheet(net, fabric))
     begin = flat if start is None else start
-    waypoint = on_the_way(settings, fabric)
+    waypoint = intermediate_settings(settings, fabric)
     stages = [(stage, waypoint) for stage in _stages(settings)] + [(WHOLE, settings)]
     passed: list[State] = []
     # Convexified, the stiffness of a sample with free edges would turn it a little at every step.
@@ -52,16 +52,18 @@ def relax(
         configuration = begin
         for stage, its in stages:
             rules = replace(whole, settings=its, convexified=convexified)
-            found = find_settled(Evaluate(configuration, stage), rules, patience=None)
+            found = find_equilibrium_by_subdomains(
+                Evaluate(configuration, stage), rules, patience=None
+            )
             passed.append((yield from found))
             configuration = passed[-1].configuration
         if passed[-1].converged:
             break
     if passed[-1].converged and not shape.periodic:
-        square = np.asarray(squared_up(shape, flat, passed[-1].configuration))
+        square = np.asarray(rigidly_aligned(shape, flat, passed[-1].configuration))
         fitting = Evaluate(between_walls(square, float(fabric.z_max)))
         rules = replace(whole, convexified=False)
-        passed.append((yield from find_settled(fitting, rules, patience=None)))
+        passed.append((yield from find_equilibrium_by_subdomains(fitting, rules, patience=None)))
     return passed[-1].after(*passed[:-1])
 
 
@@ -81,10 +83,10 @@ def relax_near(
     """
     rules = SearchRules.of(net.shape, all_free(net.shape), fabric, settings)
     rules = replace(rules, convexified=False)
-    return (yield from find_settled(Evaluate(start), rules))
+    return (yield from find_equilibrium_by_subdomains(Evaluate(start), rules))
 
 
-def on_the_way(settings: SolverSettings, fabric: Fabric) -> SolverSettings:
+def intermediate_settings(settings: SolverSettings, fabric: Fabric) -> SolverSettings:
     """Settings for a state that is only passed: near equilibrium is enough."""
     moments = np.asarray(fabric.fold_stiffness * abs(fabric.rest_fold))
     near = settings.waypoint_force * float(moments.max() / fabric.cell.min())

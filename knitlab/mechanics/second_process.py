@@ -27,7 +27,7 @@ PROGRAM = "knitlab.mechanics.second_process_program"
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class SubdomainData:
     """A block as its companion has to know it.
 
     Attributes:
@@ -44,7 +44,7 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class Errand:
+class SubdomainTask:
     """A block to settle.
 
     Attributes:
@@ -60,7 +60,7 @@ class Errand:
     settings: SolverSettings
 
 
-class Companion:
+class SecondProcess:
     """Another process, given one errand after the other.
 
     Attributes:
@@ -79,11 +79,11 @@ class Companion:
         self._known: set[tuple[int, int]] = set()
         weakref.finalize(self, _part, self._pipe, process)
 
-    def settle(self, errand: Errand, piece: Piece) -> State | None:
+    def settle(self, subdomain_task: SubdomainTask, piece: SubdomainData) -> State | None:
         """Where a block comes to rest; ``None`` if the process has died."""
         try:
-            self._pipe.send((errand, None if errand.name in self._known else piece))
-            self._known.add(errand.name)
+            self._pipe.send((subdomain_task, None if subdomain_task.name in self._known else piece))
+            self._known.add(subdomain_task.name)
             return self._pipe.recv()
         except (EOFError, OSError):
             return None

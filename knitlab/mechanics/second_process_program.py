@@ -4,29 +4,29 @@ import signal
 import sys
 from multiprocessing.connection import Connection
 
-from knitlab.mechanics.executor import Desk, settled_block
+from knitlab.mechanics.executor import Executor, solve_subdomain
 from knitlab.mechanics.factorisation import Factoriser, one_thread_of_blas
-from knitlab.mechanics.second_process import Errand, Piece
+from knitlab.mechanics.second_process import SubdomainData, SubdomainTask
 from knitlab.mechanics.stiffness import FreeStiffness
-from knitlab.mechanics.subdomains import block_stiffness
+from knitlab.mechanics.subdomains import subdomain_stiffness
 
 
 def serve(pipe: Connection) -> None:
     """Settle what comes through the pipe until it is closed at the other end."""
     factorisers: dict[FreeStiffness, Factoriser] = {}
-    desks: dict[tuple[int, int], tuple[Desk, FreeStiffness]] = {}
+    desks: dict[tuple[int, int], tuple[Executor, FreeStiffness]] = {}
     while True:
-        errand: Errand
-        piece: Piece | None
+        subdomain_task: SubdomainTask
+        piece: SubdomainData | None
         try:
-            errand, piece = pipe.recv()
+            subdomain_task, piece = pipe.recv()
         except EOFError:
             return
         if piece is not None:
-            desk = Desk(piece.shape, piece.fabric, piece.method, factorisers)
-            free = block_stiffness(piece.shape, piece.unknowns.tobytes())
-            desks[errand.name] = desk, free
-        pipe.send(settled_block(*desks[errand.name], errand))
+            executor = Executor(piece.shape, piece.fabric, piece.method, factorisers)
+            free = subdomain_stiffness(piece.shape, piece.unknowns.tobytes())
+            desks[subdomain_task.name] = executor, free
+        pipe.send(solve_subdomain(*desks[subdomain_task.name], subdomain_task))
 
 
 if __name__ == "__main__":

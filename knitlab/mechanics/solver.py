@@ -56,7 +56,7 @@ class Solve:
 
 
 @dataclass(frozen=True)
-class Settle:
+class SolveSubdomains:
     """Ask for the blocks of a sample to come near to rest, one after the other.
 
     It is answered by where they came to, and by the iterations that took, each as the part of one
@@ -76,7 +76,7 @@ class Settle:
 
 
 Start = Literal["endless", "flat"]
-Request = Evaluate | Assemble | Factorise | Solve | Settle
+Request = Evaluate | Assemble | Factorise | Solve | SolveSubdomains
 Solver = Generator[Request, Any, Result]
 
 

@@ -57,7 +57,7 @@ class Block:
         return float(np.abs(gradient[self.places[self.free.unknowns]]).max(initial=0.0))
 
 
-def are_many(shape: MeshShape) -> bool:
+def worth_dividing(shape: MeshShape) -> bool:
     """Whether a sheet has so many blocks that they are worth while; endless fabric has none."""
     return not shape.periodic and len(_spans(shape.cells_y)) * len(_spans(shape.cells_x)) >= FEWEST
 
@@ -86,7 +86,7 @@ def blocks(free: FreeStiffness) -> Iterator[Block]:
             within[nodes] = True
             yield Block(
                 places,
-                block_stiffness(own, np.flatnonzero(able).tobytes()),
+                subdomain_stiffness(own, np.flatnonzero(able).tobytes()),
                 *(
                     np.flatnonzero(within[elements.nodes].all(axis=1))
                     for elements in (net.springs, net.hinges)
@@ -136,7 +136,7 @@ def rounds(
 
 
 @lru_cache(maxsize=64)
-def block_stiffness(shape: MeshShape, unknowns: bytes) -> FreeStiffness:
+def subdomain_stiffness(shape: MeshShape, unknowns: bytes) -> FreeStiffness:
     """Sparsity of a block.
 
     It is kept apart from that of whole samples, which many blocks would drive out.

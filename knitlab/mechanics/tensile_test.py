@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.mechanics.domain_decomposition import find_settled
+from knitlab.mechanics.domain_decomposition import find_equilibrium_by_subdomains
 from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.equilibrium_search import SearchRules
 from knitlab.mechanics.evaluation import Stage
 from knitlab.mechanics.loading import Loading, tensile
-from knitlab.mechanics.relaxation import on_the_way, relax
+from knitlab.mechanics.relaxation import intermediate_settings, relax
 from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
 from knitlab.mechanics.state import Outcome, State, TensileTest
-from knitlab.mechanics.subdomains import are_many
+from knitlab.mechanics.subdomains import worth_dividing
 from knitlab.mechanics.viscous import Drag, against_drag
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
@@ -106,7 +106,7 @@ class _Path:
             strain = target if towards * (target - strain) <= ROUND_OFF else strain
             last = step <= smallest
             # Where many blocks come to rest by themselves, the whole meets few walls.
-            many = are_many(self.loading.shape)
+            many = worth_dividing(self.loading.shape)
             rough = self.last[-1][1].iterations > ROUGH and not many and not self.settings.drag
             find = self._sought_fast(strain) if rough else self._sought_slowly(strain, last)
             state = yield from find
@@ -139,7 +139,7 @@ class _Path:
         if self.settings.drag:
             return (yield from self._against_drag(strain))
         floor = -math.inf if to_the_end else self._least_energy(strain)
-        convexified = are_many(self.loading.shape)
+        convexified = worth_dividing(self.loading.shape)
         start = yield from self._ahead(strain)
         return (yield from self._found(start, self.settings, floor, convexified))
 
@@ -148,7 +148,7 @@ class _Path:
         floor, start = self._least_energy(strain), (yield from self._ahead(strain))
         soft = yield from self._found(
             replace(start, stage=Stage(wall=ROUGH_WALL)),
-            on_the_way(self.settings, self.fabric),
+            intermediate_settings(self.settings, self.fabric),
             floor,
             convexified=True,
         )
@@ -177,7 +177,7 @@ class _Path:
         """
         passed = [(at, state.configuration) for at, state in self.last]
         far = self.loading.ahead(passed, strain)
-        if len(passed) == 1 or not are_many(self.loading.shape):
+        if len(passed) == 1 or not worth_dividing(self.loading.shape):
             return Evaluate(far)
         near = self.loading.ahead(passed[-1:], strain)
         starts = [Evaluate(near + part * (far - near)) for part in PARTS_AHEAD]
@@ -191,7 +191,7 @@ class _Path:
     ) -> Solver[State]:
         free = self.loading.unknowns
         rules = SearchRules.of(self.loading.shape, free, self.fabric, settings, floor, convexified)
-        return find_settled(start, rules)
+        return find_equilibrium_by_subdomains(start, rules)
 
     def _least_energy(self, strain: float) -> float:
         """Energy below which a state at a strain cannot be on the branch, by what is expected."""

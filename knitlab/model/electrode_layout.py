@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from knitlab.model.electrodes import NAMES, Along, Electrodes, Strip
 from knitlab.model.fabric import patch_senses
 from knitlab.model.network import MeshShape, mesh_shape
-from knitlab.model.options import Reading
+from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import Pattern
 
 Face = Literal["front", "back", "both"]
@@ -36,7 +36,7 @@ class BadLayout(ValueError):
 
 
 @dataclass(frozen=True)
-class Layout:
+class ElectrodeLayout:
     """Where the two electrodes of a fabric run: along two of its ridges, or as drawn.
 
     Attributes:
@@ -61,8 +61,8 @@ class Layout:
     mask: tuple[str, ...] = ()
 
 
-def laid_electrodes(
-    layout: Layout, pattern: Pattern, reading: Reading, stitches: tuple[float, float]
+def place_electrodes(
+    layout: ElectrodeLayout, pattern: Pattern, reading: ModelOptions, stitches: tuple[float, float]
 ) -> Electrodes:
     """The electrodes of a layout on a fabric.
 
@@ -87,7 +87,7 @@ def laid_electrodes(
     return electrodes
 
 
-def ridge_lines(layout: Layout, pattern: Pattern, reading: Reading) -> list[int]:
+def ridge_lines(layout: ElectrodeLayout, pattern: Pattern, reading: ModelOptions) -> list[int]:
     """Grid lines of the ridges that a layout counts."""
     rib_senses, garter_senses = patch_senses(pattern, reading)
     senses = rib_senses if layout.along == "wale" else garter_senses.T
@@ -100,9 +100,9 @@ def ridge_lines(layout: Layout, pattern: Pattern, reading: Reading) -> list[int]
 
 
 def _along_ridges(
-    layout: Layout,
+    layout: ElectrodeLayout,
     pattern: Pattern,
-    reading: Reading,
+    reading: ModelOptions,
     shape: MeshShape,
     stitches: tuple[float, float],
 ) -> Electrodes:
@@ -128,7 +128,7 @@ def _along_ridges(
     return Electrodes((strips[0], strips[1]), layout.along)
 
 
-def _drawn(layout: Layout, shape: MeshShape) -> Electrodes:
+def _drawn(layout: ElectrodeLayout, shape: MeshShape) -> Electrodes:
     drawing = np.array([list(row.upper()) for row in layout.mask[::-1]])
     if drawing.shape != (shape.cells_y, shape.cells_x):
         columns = len(layout.mask[0])

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from knitlab.model.network import Network, mesh_shape, network
-from knitlab.model.options import FoldAngle, Reading
+from knitlab.model.options import FoldAngle, ModelOptions
 from knitlab.model.pattern import CELLS_PER_PERIOD, Pattern, fold_senses, inside_runs
 from knitlab.model.stripe import Stripe
 
@@ -92,14 +92,14 @@ class StripePair(eqx.Module):
         return cls(StripeNumbers.of(weft), StripeNumbers.of(warp))
 
 
-def cell_length(stripe: Stripe | StripeNumbers, reading: Reading) -> Float[Array, ""]:
+def cell_length(stripe: Stripe | StripeNumbers, reading: ModelOptions) -> Float[Array, ""]:
     """Flat length of a grid cell across a stripe's ridges [mm]: the reading's ``cell_size``."""
     quarter = jnp.asarray(reading.length_scale * stripe.period / CELLS_PER_PERIOD)
     return quarter if reading.cell_size == "flat" else quarter / jnp.sin(stripe.theta_0 / 2)
 
 
 @dataclass(frozen=True, eq=False)
-class Weave:
+class FabricLayout:
     """How a patterned fabric takes its numbers from its stripes: all of it but the numbers.
 
     Attributes:
@@ -114,7 +114,7 @@ class Weave:
 
     net: Network
     sheet: Sheet
-    reading: Reading
+    reading: ModelOptions
     spring_kind: Int[np.ndarray, " spring"]
     hinge_kind: Int[np.ndarray, " hinge"]
     fold_sense: Int[np.ndarray, " hinge"]
@@ -147,7 +147,7 @@ class Weave:
 
 
 def patch_senses(
-    pattern: Pattern, reading: Reading
+    pattern: Pattern, reading: ModelOptions
 ) -> tuple[Float[np.ndarray, "row column"], Float[np.ndarray, "row column"]]:
     """Senses of the folds of rib and of garter patches, 1 for a mountain and −1 for a valley.
 
@@ -162,7 +162,7 @@ def patch_senses(
     )
 
 
-def laid_out(pattern: Pattern, sheet: Sheet, reading: Reading) -> Weave:
+def fabric_layout(pattern: Pattern, sheet: Sheet, reading: ModelOptions) -> FabricLayout:
     """Where a patterned fabric has which spring, hinge and fold (paper, Sec. "3D model").
 
     Springs and hinges take their values by direction: those across the wales (springs along x,
@@ -187,7 +187,7 @@ def laid_out(pattern: Pattern, sheet: Sheet, reading: Reading) -> Weave:
         in_rib = inside_runs(rib, shape.periodic)
         in_garter = inside_runs(~rib.T, shape.periodic).T
         hinged = np.where(net.wale, in_rib[at], in_garter[at])
-    return Weave(
+    return FabricLayout(
         net=net,
         sheet=sheet,
         reading=reading,
@@ -198,10 +198,10 @@ def laid_out(pattern: Pattern, sheet: Sheet, reading: Reading) -> Weave:
     )
 
 
-def weave(
-    pattern: Pattern, weft: Stripe, warp: Stripe, sheet: Sheet, reading: Reading
+def assemble_fabric(
+    pattern: Pattern, weft: Stripe, warp: Stripe, sheet: Sheet, reading: ModelOptions
 ) -> tuple[Network, Fabric]:
-    """Network and numbers of a patterned fabric, see :func:`laid_out`.
+    """Network and numbers of a patterned fabric, see :func:`fabric_layout`.
 
     Args:
         pattern: which patch is rib and which garter.
@@ -210,7 +210,7 @@ def weave(
         sheet: the walls.
         reading: the choices that the paper leaves open.
     """
-    laid = laid_out(pattern, sheet, reading)
+    laid = fabric_layout(pattern, sheet, reading)
     return laid.net, laid.fabric(StripePair.of(weft, warp))
 
 

@@ -2,7 +2,7 @@
 
 A cell is no plane, so that the cross product of its diagonals, its normal, may lean along the
 edge. The paper does not say what becomes of that part of it;
-:attr:`~knitlab.model.options.Reading.fold_angle` does.
+:attr:`~knitlab.model.options.ModelOptions.fold_angle` does.
 """
 
 from functools import partial

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, Network
-from knitlab.model.options import Reading
+from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import CELLS_PER_PERIOD
 from knitlab.model.stripe import Stripe
 
@@ -42,7 +42,9 @@ class Inertia(eqx.Module):
     damping: Float[Array, ""]
 
 
-def inertia(weft: Stripe, warp: Stripe, reading: Reading, mass_and_drag: MassAndDrag) -> Inertia:
+def inertia(
+    weft: Stripe, warp: Stripe, reading: ModelOptions, mass_and_drag: MassAndDrag
+) -> Inertia:
     """Inertia of a fabric: m = ρ_s (w/4)(h/4) (paper, Sec. "3D model").
 
     Args:

@@ -13,7 +13,7 @@ Boundary = Literal["clamped", "periodic"]
 
 
 @dataclass(frozen=True)
-class Reading:
+class ModelOptions:
     """One way to read the paper's model.
 
     Attributes:

@@ -13,11 +13,11 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from knitlab.model.fabric import cell_length
-from knitlab.model.options import Reading
+from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import CELLS_PER_PERIOD
 from knitlab.model.stripe import Stripe
 
-AS_CALIBRATED = Reading(cell_size="relaxed", hinge_stiffness="per_edge", length_scale=1.0)
+AS_CALIBRATED = ModelOptions(cell_size="relaxed", hinge_stiffness="per_edge", length_scale=1.0)
 """The reading in which a measured curve is fitted."""
 
 
@@ -42,7 +42,7 @@ class Zigzag(eqx.Module):
         return self.period / (CELLS_PER_PERIOD * jnp.sin(self.theta_0 / 2))
 
 
-def zigzag(stripe: Stripe, reading: Reading = AS_CALIBRATED) -> Zigzag:
+def zigzag(stripe: Stripe, reading: ModelOptions = AS_CALIBRATED) -> Zigzag:
     """The zigzag of a calibrated stripe: one row of its pure sheet in a reading.
 
     Args:
@@ -124,7 +124,7 @@ def tension(chain: Zigzag, strain: Float[Array, " point"]) -> Float[Array, " poi
             optx.Bisection(rtol=1e-14, atol=1e-14),  # type: ignore[call-arg]
             jnp.asarray(1.0),
             args=(chain, target),
-            options={"lower": -1e-9, "upper": LEAST_LEAN},
+            options={"lower": -1e-9, "upper": LARGEST_LOG_TILT},
             max_steps=200,
             throw=False,
         )
@@ -133,5 +133,5 @@ def tension(chain: Zigzag, strain: Float[Array, " point"]) -> Float[Array, " poi
     return jax.vmap(lambda target: force_at(chain, lean_at(target)))(strain)
 
 
-LEAST_LEAN = 40.0
+LARGEST_LOG_TILT = 40.0
 """Largest −log(lean / relaxed lean) searched."""

@@ -18,7 +18,7 @@ from knitlab.io.schema import DESIGN_DIMS, VARIABLES
 from knitlab.measure.central import central
 from knitlab.paper.finding import Finding, not_measured
 from knitlab.paper.margin import above, below, within, worst
-from knitlab.paper.threshold import ClaimTest
+from knitlab.paper.threshold import ClaimCheck
 
 Pair = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]
 Pairs = Annotated[tuple[Pair, ...], Field(strict=False)]
@@ -33,7 +33,7 @@ def unit_of(name: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-class DesignTest(ClaimTest):
+class DesignCheck(ClaimCheck):
     """A test over designs (n_stripe, n_subunit) of a checkerboard.
 
     Attributes:
@@ -104,7 +104,7 @@ class Measured:
     figure: str
 
 
-class EachDesignTest(DesignTest):
+class EachDesignCheck(DesignCheck):
     """A test that every design bears out by itself."""
 
     def judge(self, cube: xr.Dataset) -> Finding:
@@ -144,7 +144,7 @@ def _measured(margin: float | None, figure: str) -> Measured | None:
     return None if margin is None else Measured(margin, figure)
 
 
-class CurveTest(EachDesignTest):
+class CurveCheck(EachDesignCheck):
     """A test of a curve over the applied strain.
 
     Attributes:
@@ -165,7 +165,7 @@ class CurveTest(EachDesignTest):
         """How far a curve bears the claim out, and its figure; ``None`` if it has none."""
 
 
-class Limits(EachDesignTest):
+class Limits(EachDesignCheck):
     """A test of two limits; one of 0 is itself excluded.
 
     Attributes:
@@ -198,7 +198,7 @@ class ValueWithin(Limits):
         return _measured(within(value, self.lowest, self.highest), f"{value:.3g}")
 
 
-class CurveWithin(Limits, CurveTest):
+class CurveWithin(Limits, CurveCheck):
     """All values of a curve over the applied strain lie between two limits."""
 
     fewest: ClassVar[int] = 1
@@ -211,7 +211,7 @@ class CurveWithin(Limits, CurveTest):
         return _measured(margin, f"{ends[0]:.2f} to {ends[1]:.2f}")
 
 
-class LessThan(EachDesignTest):
+class LessThan(EachDesignCheck):
     """One value of a design is less than another."""
 
     test: Literal["less_than"]
@@ -225,7 +225,7 @@ class LessThan(EachDesignTest):
         return _measured(margin, f"{one:.3g} to {other:.3g}{unit_of(self.of)}")
 
 
-class RisesAndFalls(CurveTest):
+class RisesAndFalls(CurveCheck):
     """A curve rises to a peak within the test and falls behind it.
 
     The fall of a curve that has no peak within the test is 0.
@@ -245,7 +245,7 @@ class RisesAndFalls(CurveTest):
         )
 
 
-class Follows(CurveTest):
+class Follows(CurveCheck):
     """A strain rises with the applied strain and stays close to it.
 
     Its margin is the smaller of two: that of its largest departure, over the largest applied
@@ -265,7 +265,7 @@ class Follows(CurveTest):
         return _measured(margin, f"off by {off:.1%}{falls}")
 
 
-class LargestAtCentre(EachDesignTest):
+class LargestAtCentre(EachDesignCheck):
     """A local strain is positive at the centre, and larger there than anywhere along the sample."""
 
     test: Literal["largest_at_centre"]
@@ -297,7 +297,7 @@ class LargestAtCentre(EachDesignTest):
         return _measured(margin, f"{centre:.3f} in the central cells, {beside:.3f} beside them")
 
 
-class Laboratory(ClaimTest):
+class Laboratory(ClaimCheck):
     """A claim that compares with what the laboratory has and the paper's text does not give."""
 
     test: Literal["laboratory"]

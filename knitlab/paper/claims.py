@@ -8,7 +8,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from knitlab.io.errors import BadInput, Fault, faults_of
 from knitlab.io.shipped import shipped
-from knitlab.io.strict_model import Strict
+from knitlab.io.strict_model import StrictModel
 from knitlab.io.toml import read_toml
 from knitlab.paper.checks import (
     CurveWithin,
@@ -53,7 +53,7 @@ Topic = Literal[
 TOPICS: tuple[Topic, ...] = get_args(Topic)
 
 
-class Words(Strict):
+class ClaimText(StrictModel):
     """What stands beside the test of a claim.
 
     Attributes:
@@ -84,7 +84,7 @@ class Claim:
     """A statement of the paper and its test."""
 
     name: str
-    words: Words
+    words: ClaimText
     test: Test
 
 
@@ -101,10 +101,12 @@ def read_claims(path: Path | None = None) -> list[Claim]:
         if not isinstance(table, dict):
             faults.append(Fault(source, "is not a table; give each claim one"))
             continue
-        words = {key: value for key, value in table.items() if key in Words.model_fields}
+        words = {key: value for key, value in table.items() if key in ClaimText.model_fields}
         rest = {key: value for key, value in table.items() if key not in words}
         try:
-            claims.append(Claim(name, Words.model_validate(words), _TESTS.validate_python(rest)))
+            claims.append(
+                Claim(name, ClaimText.model_validate(words), _TESTS.validate_python(rest))
+            )
         except ValidationError as error:
             faults += faults_of(error, source)
     if faults:

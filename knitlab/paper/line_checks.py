@@ -10,14 +10,14 @@ from pydantic import Field, PositiveFloat, PositiveInt
 
 from knitlab.io.design_status import Status
 from knitlab.measure.linear_fit import LinearFit, common_slope_probability, linear_fit
-from knitlab.paper.checks import DesignTest
+from knitlab.paper.checks import DesignCheck
 from knitlab.paper.finding import Finding, not_measured
 from knitlab.paper.margin import above, below, worst
 
 FEWEST_ON_A_LINE = 3
 
 
-class LineTest(DesignTest):
+class LineCheck(DesignCheck):
     """A test of straight lines: a value against n_subunit for every n_stripe.
 
     It is judged on the n_stripe of which three designs are measured.
@@ -66,7 +66,7 @@ def _slopes(lines: Mapping[int, LinearFit]) -> str:
     )
 
 
-class Linear(LineTest):
+class Linear(LineCheck):
     """A value lies on a straight line against n_subunit, for every n_stripe."""
 
     test: Literal["linear"]
@@ -88,7 +88,7 @@ class Linear(LineTest):
         return worst(margins), figures
 
 
-class CommonSlope(LineTest):
+class CommonSlope(LineCheck):
     """The slopes of several n_stripe agree."""
 
     test: Literal["common_slope"]
@@ -103,7 +103,7 @@ class CommonSlope(LineTest):
         return below(spread, self.spread), figures
 
 
-class DepartsMost(LineTest):
+class DepartsMost(LineCheck):
     """The slope of one n_stripe is farther from the others' mean than each of theirs."""
 
     test: Literal["departs_most"]

@@ -8,7 +8,7 @@ import xarray as xr
 from pydantic import PositiveFloat
 
 from knitlab.io.schema import DESIGN_DIMS
-from knitlab.paper.checks import MOST_LISTED, Design, DesignTest, unit_of
+from knitlab.paper.checks import MOST_LISTED, Design, DesignCheck, unit_of
 from knitlab.paper.finding import Finding
 from knitlab.paper.margin import above, worst
 
@@ -16,7 +16,7 @@ FEWEST = 2
 """Designs without which there is nothing to compare."""
 
 
-class OrderTest(DesignTest):
+class OrderCheck(DesignCheck):
     """A test that compares one value of each design.
 
     Attributes:
@@ -43,7 +43,7 @@ class OrderTest(DesignTest):
         return float(of.max() if self.reduced == "max" else of.min())
 
 
-class LowestOfAll(OrderTest):
+class LowestOfAll(OrderCheck):
     """A design has the lowest value of all, of those that were measured."""
 
     test: Literal["lowest_of_all"]
@@ -70,7 +70,7 @@ class LowestOfAll(OrderTest):
         )
 
 
-class Monotonic(OrderTest):
+class Monotonic(OrderCheck):
     """A value rises, or falls, from design to design along n_stripe or n_subunit."""
 
     test: Literal["monotonic"]
@@ -108,7 +108,7 @@ class Monotonic(OrderTest):
         return Finding(worst(margins.values()), said, len(values), wanted, at=tuple(values))
 
 
-class Spread(OrderTest):
+class Spread(OrderCheck):
     """A value differs between designs."""
 
     test: Literal["spread"]

@@ -12,7 +12,7 @@ import xarray as xr
 
 from knitlab.io.cube_file import base_dims, swept_dims
 from knitlab.io.design_status import Status
-from knitlab.io.plain_cube import stated_reading
+from knitlab.io.plain_cube import stated_options
 from knitlab.io.schema import DESIGN_DIMS
 from knitlab.paper.claims import Claim, read_claims
 from knitlab.paper.finding import Finding
@@ -131,7 +131,7 @@ def settings_of(cube: xr.Dataset) -> Settings:
         "damping_factor": 1.0,
         "drag": solver.get("drag", 0.0),
         **parameters.get("sheet", {}),
-        **stated_reading(cube.attrs),
+        **stated_options(cube.attrs),
         **{str(key): its.item() for key, its in cube.coords.items() if not its.dims},
     }
     if stated["ending"] == "steady":

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.io.cube_file import base_dims, is_measured, source_of
-from knitlab.io.plain_cube import READING, stated_reading
+from knitlab.io.plain_cube import READING, stated_options
 from knitlab.io.schema import SOURCE
 from knitlab.paper.finding import Labels
 
@@ -111,7 +111,7 @@ def preference(cube: xr.Dataset, at: Sequence[Labels], boundary: str) -> tuple[b
 
 def _reading(cube: xr.Dataset) -> str:
     """The choices of the model in words, those swept and the gap between the walls among them."""
-    choices = stated_reading(cube.attrs)
+    choices = stated_options(cube.attrs)
     if z_max := _parameters(cube).get("sheet", {}).get("z_max"):
         choices["z_max"] = z_max
     swept = {

@@ -13,15 +13,15 @@ from scipy import stats
 from knitlab.io.cube_file import base_dims
 from knitlab.io.design_status import Status
 from knitlab.io.schema import DESIGN_DIMS, STRIPE_DIMS
-from knitlab.io.strict_model import Strict
+from knitlab.io.strict_model import StrictModel
 from knitlab.paper.checks import Pair, unit_of
 from knitlab.paper.finding import Finding, Labels, not_measured
 from knitlab.paper.margin import below, worst
 from knitlab.paper.sample import preference
-from knitlab.paper.threshold import ClaimTest
+from knitlab.paper.threshold import ClaimCheck
 
 
-class StripeSample(Strict):
+class StripeSample(StrictModel):
     """A pure stripe of n stitches."""
 
     knit: Literal["rib", "garter"]
@@ -51,7 +51,7 @@ class Place:
     value: float
 
 
-class SampleOrder(ClaimTest):
+class SampleOrder(ClaimCheck):
     """One value a sample is less for each of some samples than for each of others."""
 
     test: Literal["sample_order"]
@@ -127,7 +127,7 @@ class SampleOrder(ClaimTest):
         return found
 
 
-class TradesOff(ClaimTest):
+class TradesOff(ClaimCheck):
     """Of two figures of all designs, one is less where the other is more.
 
     Attributes:

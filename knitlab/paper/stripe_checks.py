@@ -13,13 +13,13 @@ from knitlab.io.design_status import Status
 from knitlab.io.schema import STRIPE_DIMS
 from knitlab.paper.finding import Finding, not_measured
 from knitlab.paper.margin import above, below, worst
-from knitlab.paper.threshold import ClaimTest
+from knitlab.paper.threshold import ClaimCheck
 
 Stripe = tuple[str, int]
 Margins = dict[Stripe, float | None]
 
 
-class StripeTest(ClaimTest):
+class StripeCheck(ClaimCheck):
     """A test over the tension curves of pure stripes.
 
     Attributes:
@@ -98,7 +98,7 @@ def _finite(values: Mapping[Stripe, float]) -> dict[Stripe, float]:
     return {stripe: value for stripe, value in values.items() if np.isfinite(value)}
 
 
-class StripeToe(StripeTest):
+class StripeToe(StripeCheck):
     """Whether a curve begins much softer than it ends, as a J does.
 
     Attributes:
@@ -134,7 +134,7 @@ class StripeToe(StripeTest):
         return margins, {place: f"{ratio:.2f}" for place, ratio in ratios.items()}
 
 
-class StripeOrder(StripeTest):
+class StripeOrder(StripeCheck):
     """A figure of the curves rises, or falls, with the stitches across the stripe.
 
     Attributes:
@@ -167,7 +167,7 @@ class StripeOrder(StripeTest):
         return stiffening_strain(stripe, self.stiffened)
 
 
-class SameCurves(StripeTest):
+class SameCurves(StripeCheck):
     """Two curves of each stripe are the same."""
 
     test: Literal["same_curves"]

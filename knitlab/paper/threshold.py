@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Literal, Self
 import xarray as xr
 from pydantic import Field, model_validator
 
-from knitlab.io.strict_model import Strict
+from knitlab.io.strict_model import StrictModel
 from knitlab.paper.finding import Finding
 from knitlab.paper.margin import Verdict
 
@@ -14,7 +14,7 @@ QUARTER = (0.75, 1.25)
 """Factors on knitlab's own numbers, to see whether a verdict hangs on them."""
 
 
-class ClaimTest(Strict):
+class ClaimCheck(StrictModel):
     """What the tests of claims have in common.
 
     Attributes:
@@ -89,7 +89,7 @@ _WOULD = {
 }
 
 
-def change(test: ClaimTest, cube: xr.Dataset, now: Verdict) -> Change | None:
+def change(test: ClaimCheck, cube: xr.Dataset, now: Verdict) -> Change | None:
     """The verdicts of a test with knitlab's own numbers a quarter smaller and larger.
 
     Args:

@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 
 from knitlab.io.errors import fault
 from knitlab.plot.cells import (
-    Look,
+    CellStyle,
     draw_cells,
     frame,
     marks_legend,
@@ -46,7 +46,7 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
         said = f"{value:.2f}\nat {float(its['applied_strain_at_min']):.0%}"
         return f"{said}\nspread {spread:.2f}" if (spread := _spread(its)) > LARGE_SPREAD else said
 
-    look = Look("poisson_ratio_min", lambda value: colours(norm(value)), words)
+    look = CellStyle("poisson_ratio_min", lambda value: colours(norm(value)), words)
     rows = row_count(cubes)
     figure = Figure(figsize=(TWO_COLUMNS, max(2.4, 1.1 + 0.5 * rows)), layout="constrained")
     axes = figure.add_subplot()

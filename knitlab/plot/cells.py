@@ -45,7 +45,7 @@ Colour = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
-class Look:
+class CellStyle:
     """How the cells of a map show a value.
 
     Attributes:
@@ -59,7 +59,7 @@ class Look:
     words: Callable[[float, xr.Dataset], str]
 
 
-def draw_cells(axes: Axes, cubes: Sequence[xr.Dataset], look: Look) -> set[Status]:
+def draw_cells(axes: Axes, cubes: Sequence[xr.Dataset], look: CellStyle) -> set[Status]:
     """Draw a map of cells, and return the statuses that are marked in it.
 
     A design that is measured has a dashed frame; where it is simulated too, that is the strip

@@ -11,7 +11,7 @@ from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from knitlab.io.atomic_write import written_whole
+from knitlab.io.atomic_write import atomic_write
 from knitlab.io.case_file import case_path, read_case
 from knitlab.io.cube_file import (
     base_dims,
@@ -50,7 +50,7 @@ Drawing = Figure | FuncAnimation
 
 
 @dataclass(frozen=True)
-class Kind:
+class FigureKind:
     """One kind of figure.
 
     Attributes:
@@ -74,24 +74,24 @@ class Kind:
 
 
 FIGURES = {
-    "auxetic": Kind(auxetic_map, several="designs"),
-    "curves": Kind(tension_curves, coordinates=("applied_strain",), several="experiments"),
-    "shape": Kind(relaxed_shape, needs="position"),
-    "sensitivity": Kind(sensitivity_map),
-    "wavelength": Kind(wavelength_figure),
-    "tension": Kind(tension_maps, several="experiments"),
-    "samples": Kind(stretched_samples, needs="position", designs=PAPER_DESIGNS),
-    "shapes": Kind(relaxed_shapes, needs="position", designs=PAPER_SHAPES),
-    "network": Kind(spring_network, needs="position"),
-    "relaxation": Kind(relaxation_figure, needs="snapshot_position"),
-    "folding": Kind(folding_animation, needs="snapshot_position"),
-    "stripes": Kind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),
-    "departure": Kind(stripe_departure, STRIPE_DIMS, coordinates=("applied_strain",)),
-    "readings": Kind(readings_figure, dims=None, several="any"),
-    "sensor": Kind(sensor_map, several="designs"),
-    "capacitors": Kind(capacitors_figure, dims=None, several="any"),
-    "wedge": Kind(wedge_figure, dims=None, several="any"),
-    "electrodes": Kind(electrodes_figure, dims=None, needs="position"),
+    "auxetic": FigureKind(auxetic_map, several="designs"),
+    "curves": FigureKind(tension_curves, coordinates=("applied_strain",), several="experiments"),
+    "shape": FigureKind(relaxed_shape, needs="position"),
+    "sensitivity": FigureKind(sensitivity_map),
+    "wavelength": FigureKind(wavelength_figure),
+    "tension": FigureKind(tension_maps, several="experiments"),
+    "samples": FigureKind(stretched_samples, needs="position", designs=PAPER_DESIGNS),
+    "shapes": FigureKind(relaxed_shapes, needs="position", designs=PAPER_SHAPES),
+    "network": FigureKind(spring_network, needs="position"),
+    "relaxation": FigureKind(relaxation_figure, needs="snapshot_position"),
+    "folding": FigureKind(folding_animation, needs="snapshot_position"),
+    "stripes": FigureKind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),
+    "departure": FigureKind(stripe_departure, STRIPE_DIMS, coordinates=("applied_strain",)),
+    "readings": FigureKind(readings_figure, dims=None, several="any"),
+    "sensor": FigureKind(sensor_map, several="designs"),
+    "capacitors": FigureKind(capacitors_figure, dims=None, several="any"),
+    "wedge": FigureKind(wedge_figure, dims=None, several="any"),
+    "electrodes": FigureKind(electrodes_figure, dims=None, needs="position"),
 }
 RUN_THERE = "shapes are in case files, not in the cube: run the designs into this folder"
 
@@ -200,7 +200,7 @@ def _drawn(
     return drawing
 
 
-def _check_sources(name: str, kind: Kind, cubes: Sequence[xr.Dataset]) -> None:
+def _check_sources(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> None:
     """Refuse experiments that a kind cannot show, and simulations that it would mix up.
 
     Raises:
@@ -249,7 +249,7 @@ def save(drawing: Drawing, output: Path, fingerprint: str = "") -> None:
         fingerprint: of all that it shows, for :func:`~knitlab.plot.drawn.is_drawn`.
     """
     mark = f"{MARK}{fingerprint}"
-    with written_whole(output) as temporary:
+    with atomic_write(output) as temporary:
         if isinstance(drawing, FuncAnimation):
             drawing.save(temporary, writer=_MarkedFilm(mark))
         else:

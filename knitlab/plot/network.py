@@ -18,7 +18,7 @@ from knitlab.plot.perspective import FOLDED_SHEET_FITS, frame_sheet
 from knitlab.plot.style import TWO_COLUMNS
 
 if TYPE_CHECKING:
-    from knitlab.model.fabric import Weave
+    from knitlab.model.fabric import FabricLayout
     from knitlab.model.network import Elements
 
 ROLES: dict[str, dict[str, Any]] = {
@@ -45,15 +45,15 @@ def spring_network(case: xr.Dataset) -> Figure:
     """
     # Only who draws this figure waits for JAX.
     from knitlab.measure.patches import central_cell
-    from knitlab.model.fabric import Sheet, laid_out
+    from knitlab.model.fabric import Sheet, fabric_layout
     from knitlab.model.network import MeshShape
-    from knitlab.model.options import Reading
+    from knitlab.model.options import ModelOptions
     from knitlab.model.pattern import patch_map
 
     parameters = json.loads(case.attrs["parameters"])
-    reading = Reading(**parameters["reading"] | {"boundary": "periodic"})
+    reading = ModelOptions(**parameters["reading"] | {"boundary": "periodic"})
     pattern = patch_map(parameters["pattern"], parameters["periods"])
-    lines = _by_role(laid_out(pattern, Sheet(**parameters["sheet"]), reading))
+    lines = _by_role(fabric_layout(pattern, Sheet(**parameters["sheet"]), reading))
 
     endless = "length_x" in case
     cells_y, cells_x = (case.sizes[dim] - (not endless) for dim in ("node_y", "node_x"))
@@ -73,14 +73,14 @@ def spring_network(case: xr.Dataset) -> Figure:
     return figure
 
 
-def _by_role(weave: "Weave") -> dict[str, np.ndarray]:
+def _by_role(layout: "FabricLayout") -> dict[str, np.ndarray]:
     """Grid places (line, end, (y, x)) of the lines of every role, in a closed unit cell."""
-    springs, hinges = _ends(weave.net.springs), _ends(weave.net.hinges)
-    sense = weave.fold_sense * weave.hinged
+    springs, hinges = _ends(layout.net.springs), _ends(layout.net.hinges)
+    sense = layout.fold_sense * layout.hinged
     return {
-        "diagonal spring": springs[weave.spring_kind == 2],
-        "weft spring": springs[weave.spring_kind == 0],
-        "warp spring": springs[weave.spring_kind == 1],
+        "diagonal spring": springs[layout.spring_kind == 2],
+        "weft spring": springs[layout.spring_kind == 0],
+        "warp spring": springs[layout.spring_kind == 1],
         "mountain fold": hinges[sense > 0],
         "valley fold": hinges[sense < 0],
     }

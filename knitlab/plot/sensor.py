@@ -13,7 +13,7 @@ from knitlab.io.cube_file import is_measured
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
 from knitlab.plot.cells import (
-    Look,
+    CellStyle,
     draw_cells,
     frame,
     marks_legend,
@@ -68,7 +68,9 @@ def _map(
 ) -> set[Status]:
     norm = mpl.colors.Normalize(0, float(max(values_of(cubes, name), default=1.0)))
     colours = mpl.colormaps[SEQUENCE_COLOURS]
-    look = Look(name, lambda value: colours(norm(value)), lambda value, its: number.format(value))
+    look = CellStyle(
+        name, lambda value: colours(norm(value)), lambda value, its: number.format(value)
+    )
     marked = draw_cells(axes, cubes, look)
     frame(figure, axes, mpl.cm.ScalarMappable(norm, colours), label=label)
     return marked

@@ -12,7 +12,7 @@ from matplotlib.patheffects import withStroke
 from knitlab.plot.relief import draw_relief, faces_of
 from knitlab.plot.style import ONE_COLUMN, SEQUENCE_COLOURS
 
-ENDLESS_REPEATS = 2
+PERIODIC_REPEATS = 2
 """Unit cells of endless fabric that are drawn each way."""
 
 
@@ -61,10 +61,10 @@ def whole_sheet(case: xr.Dataset) -> np.ndarray:
         return nodes
     across = np.array([float(case["length_x"][0]), 0, 0])
     along = np.array([0, float(case["length_y"][0]), 0])
-    row = np.concatenate([nodes + k * across for k in range(ENDLESS_REPEATS)], axis=1)
-    row = np.concatenate([row, row[:, :1] + ENDLESS_REPEATS * across], axis=1)
-    sheet = np.concatenate([row + k * along for k in range(ENDLESS_REPEATS)], axis=0)
-    return np.concatenate([sheet, sheet[:1] + ENDLESS_REPEATS * along], axis=0)
+    row = np.concatenate([nodes + k * across for k in range(PERIODIC_REPEATS)], axis=1)
+    row = np.concatenate([row, row[:, :1] + PERIODIC_REPEATS * across], axis=1)
+    sheet = np.concatenate([row + k * along for k in range(PERIODIC_REPEATS)], axis=0)
+    return np.concatenate([sheet, sheet[:1] + PERIODIC_REPEATS * along], axis=0)
 
 
 def _name_patches(axes: Axes, nodes: np.ndarray, pattern: list[str], spans: int) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from knitlab.report.figures import Key, figure_key
-from knitlab.report.introduction import EXPLAINED, Passage, cube_name
+from knitlab.report.introduction import EXPLAINED, TopicSummary, cube_name
 from knitlab.report.table import Page, Section
 
 STYLE = """
@@ -45,7 +45,7 @@ def _safe(text: str) -> str:
     return html.escape(text)
 
 
-def _passage(passage: Passage) -> str:
+def _passage(passage: TopicSummary) -> str:
     lines = [
         f"<li><b>{_safe(opening)}:</b> {_safe(claims)}</li>"
         for opening, claims in passage.sentences

@@ -26,7 +26,7 @@ OPENINGS = {
 
 
 @dataclass(frozen=True)
-class Passage:
+class TopicSummary:
     """What is said of a topic.
 
     Attributes:
@@ -38,7 +38,7 @@ class Passage:
     sentences: tuple[tuple[str, str], ...]
 
 
-def introduction(judgements: Sequence[Judgement]) -> list[Passage]:
+def introduction(judgements: Sequence[Judgement]) -> list[TopicSummary]:
     """Say topic by topic which claims a user may rely on.
 
     Claims that hold with a good margin are to be relied on if all designs that they are about were
@@ -54,7 +54,7 @@ def introduction(judgements: Sequence[Judgement]) -> list[Passage]:
             (OPENINGS[group], "; ".join(claims) + ".") for group, claims in groups.items() if claims
         )
         if sentences:
-            passages.append(Passage(topic, sentences))
+            passages.append(TopicSummary(topic, sentences))
     return passages
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from knitlab.io.atomic_write import written_whole
+from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import Fault, fault
 from knitlab.paper.judgement import Judgement
 from knitlab.paper.records import summary
@@ -64,5 +64,5 @@ def write_page(
 
 
 def _write(page: Path, text: str) -> None:
-    with written_whole(page) as temporary:
+    with atomic_write(page) as temporary:
         temporary.write_text(text, encoding="utf-8")

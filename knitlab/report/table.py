@@ -7,7 +7,7 @@ from knitlab.paper.judgement import Judgement
 from knitlab.paper.margin import NEAR, Grade, Verdict, signed
 from knitlab.paper.records import contrary
 from knitlab.paper.sample import JudgedSamples
-from knitlab.report.introduction import Passage, cube_name
+from knitlab.report.introduction import TopicSummary, cube_name
 
 COLUMNS = {
     "margin": "margin",
@@ -64,7 +64,7 @@ class Page:
 
     title: str
     said: str
-    passages: Sequence[Passage]
+    passages: Sequence[TopicSummary]
     sections: Sequence[Section]
     readings: Mapping[str, str]
 

@@ -12,12 +12,12 @@ from pydantic import TypeAdapter
 from knitlab.capacitance.capacitor import Capacitor
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.solver import SolverSettings
-from knitlab.model.electrode_layout import CELLS_PER_STRIPE, laid_electrodes
+from knitlab.model.electrode_layout import CELLS_PER_STRIPE, place_electrodes
 from knitlab.model.electrodes import Electrodes
-from knitlab.model.fabric import Fabric, Sheet, weave
+from knitlab.model.fabric import Fabric, Sheet, assemble_fabric
 from knitlab.model.inertia import MassAndDrag
 from knitlab.model.network import MeshShape, Network, mesh_shape
-from knitlab.model.options import Boundary, Reading
+from knitlab.model.options import Boundary, ModelOptions
 from knitlab.model.pattern import Pattern, patch_map
 from knitlab.model.stripe import Stripe
 
@@ -52,7 +52,7 @@ class Case:
     warp: Stripe
     sheet: Sheet
     mass_and_drag: MassAndDrag | None
-    reading: Reading
+    reading: ModelOptions
     pattern: tuple[str, ...]
     periods: int
     unit_cells: tuple[int, int]
@@ -116,7 +116,7 @@ class Case:
         return self.reading.boundary == "clamped" and self.unit_cells[0] == 1
 
     @property
-    def endless_cell(self) -> "Case":
+    def periodic_cell(self) -> "Case":
         """One unit cell of the same fabric without end, of which a clamped sample is laid out."""
         endless = replace(self.reading, boundary="periodic")
         return replace(self, unit_cells=(1, 1), reading=endless)
@@ -132,7 +132,7 @@ class Case:
         if self.capacitor is None:
             raise TypeError(f"case {self.case_id} has no capacitor")
         cells_per_stitch = self.weft.n / CELLS_PER_STRIPE, self.warp.n / CELLS_PER_STRIPE
-        return laid_electrodes(self.capacitor.layout, self.sample, self.reading, cells_per_stitch)
+        return place_electrodes(self.capacitor.layout, self.sample, self.reading, cells_per_stitch)
 
     @property
     def equilibrium_solver(self) -> SolverSettings:
@@ -147,7 +147,7 @@ class Case:
 
     def woven(self) -> tuple[Network, Fabric]:
         """Its network and fabric."""
-        return weave(self.sample, self.weft, self.warp, self.sheet, self.reading)
+        return assemble_fabric(self.sample, self.weft, self.warp, self.sheet, self.reading)
 
 
 def case_of(record: dict[str, Any]) -> Case:

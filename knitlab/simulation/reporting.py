@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from knitlab.mechanics.solver import Factorise, Result, Settle, Solver
+from knitlab.mechanics.solver import Factorise, Result, Solver, SolveSubdomains
 
 Progress = Callable[[str, float], None]
 """Takes a case's identifier and how many of its states are done, with the part of the next one."""
@@ -41,7 +41,7 @@ class Reporter:
                 request = solver.send(answer)
             except StopIteration as end:
                 return end.value
-            if isinstance(request, Factorise | Settle):
+            if isinstance(request, Factorise | SolveSubdomains):
                 self._factorised()
             answer = yield request
 

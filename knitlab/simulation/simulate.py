@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from knitlab.io.case_file import write_case_file
 from knitlab.io.provenance import provenance
-from knitlab.mechanics.dynamic_tensile_test import Batch, stretch_by_dynamics
+from knitlab.mechanics.dynamic_tensile_test import MovingBatch, stretch_by_dynamics
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.executor import Runner, run_all
 from knitlab.mechanics.relaxation import relax, relax_near, tiled
@@ -147,14 +147,14 @@ def starts(
         imperfection: seed of the imperfections of all flat sheets, if any.
     """
     found = [_sheet(*its, imperfection) for its in woven]
-    laid_out = [
+    fabric_layout = [
         place
         for place, case in enumerate(cases)
         if not case.mesh_shape.periodic and case.equilibrium_solver.start == "endless"
     ]
-    if not laid_out:
+    if not fabric_layout:
         return found
-    cells = [cases[place].endless_cell for place in laid_out]
+    cells = [cases[place].periodic_cell for place in fabric_layout]
     endless = [cell.woven() for cell in cells]
     relaxed = runner(
         cells[0].mesh_shape,
@@ -164,7 +164,7 @@ def starts(
             for cell, its in zip(cells, endless, strict=True)
         ],
     )
-    for place, (net, _), state in zip(laid_out, endless, relaxed, strict=True):
+    for place, (net, _), state in zip(fabric_layout, endless, relaxed, strict=True):
         if state.converged:
             found[place] = tiled(*woven[place], net, state.configuration)
     return found
@@ -191,7 +191,7 @@ def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest
     ]
     fabrics = [case.woven()[1] for case in cases]
     return stretch_by_dynamics(
-        Batch(cases[0].mesh_shape, fabrics, inertias, settings),
+        MovingBatch(cases[0].mesh_shape, fabrics, inertias, settings),
         [case.applied_strain for case in cases],
         lambda place, done: progress(cases[place].case_id, done),
     )

@@ -7,14 +7,14 @@ from typing import Any
 from pydantic import PositiveFloat
 
 from knitlab.io.errors import fault
-from knitlab.io.strict_model import Strict
+from knitlab.io.strict_model import StrictModel
 from knitlab.model.stripe import Stripe
 
 STRIPE_QUANTITIES = ("period", "k_s", "k_t", "theta_0")
 SHEET_QUANTITIES = ("z_max", "k_wall", "surface_density", "damping")
 
 
-class Changes(Strict):
+class Changes(StrictModel):
     """What a ``[model]`` may say of stripes and sheet; factors multiply what else is said."""
 
     period_factor: PositiveFloat | None = None

@@ -19,7 +19,7 @@ from knitlab.mechanics.linear_response import NoDerivative
 from knitlab.mechanics.loading import drive_along, reaction_force
 from knitlab.mechanics.state import State
 from knitlab.model.energy import energy
-from knitlab.model.fabric import Fabric, StripePair, laid_out
+from knitlab.model.fabric import Fabric, StripePair, fabric_layout
 from knitlab.model.network import MeshShape, network
 from knitlab.simulation.case import Case
 
@@ -65,8 +65,8 @@ def sensitivities(
     found = np.full((len(QUANTITIES), len(reached), len(STRIPE_PARAMETERS)), np.nan)
     relaxed, *strained = reached
     try:
-        weave = laid_out(case.sample, case.sheet, case.reading)
-        adjoint = Adjoint(weave, stripes, relaxed.configuration)
+        layout = fabric_layout(case.sample, case.sheet, case.reading)
+        adjoint = Adjoint(layout, stripes, relaxed.configuration)
     except NoDerivative:
         strained = []
     for place, state in enumerate(strained, start=1):

@@ -18,7 +18,7 @@ SAMPLE_SIZE = "unit_cells"
 
 
 @dataclass(frozen=True)
-class Axis:
+class SweepAxis:
     """One setting and the values that it takes.
 
     Attributes:
@@ -62,7 +62,7 @@ class Axis:
 
 
 def combinations(
-    workflow: Workflow, axes: tuple[Axis, ...]
+    workflow: Workflow, axes: tuple[SweepAxis, ...]
 ) -> Iterator[tuple[dict[str, Label], Workflow]]:
     """Every combination of the axes' values: its labels, and the workflow that it makes."""
     labelled = [tuple(zip(axis.labels, axis.values, strict=True)) for axis in axes]

@@ -7,13 +7,13 @@ from typing import Any
 
 from knitlab.capacitance.capacitor import Capacitor
 from knitlab.io.errors import fault
-from knitlab.io.strict_model import Strict
+from knitlab.io.strict_model import StrictModel
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.solver import SolverSettings
-from knitlab.model.electrode_layout import Layout
+from knitlab.model.electrode_layout import ElectrodeLayout
 from knitlab.model.fabric import Sheet
 from knitlab.model.inertia import MassAndDrag
-from knitlab.model.options import Boundary, Reading
+from knitlab.model.options import Boundary, ModelOptions
 from knitlab.model.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
     Knit,
@@ -22,7 +22,7 @@ from knitlab.model.stripe import (
 )
 from knitlab.simulation.case import Case, Label
 from knitlab.simulation.stripe_changes import changed_sheet, changed_stripe
-from knitlab.study.axes import Axis, combinations
+from knitlab.study.axes import SweepAxis, combinations
 from knitlab.study.design_space import DesignSpace
 from knitlab.study.parameters import ElectrodeParameters, Parameters, read_stripe_file
 from knitlab.study.sample_size import sample_size
@@ -54,7 +54,7 @@ def stripe_files(section: ModelSection, text: WorkflowText) -> list[Path]:
 
 
 def cases(
-    workflow: Workflow, axes: tuple[Axis, ...], space: DesignSpace, parameters: Parameters
+    workflow: Workflow, axes: tuple[SweepAxis, ...], space: DesignSpace, parameters: Parameters
 ) -> Iterator[Case]:
     """Every case of a workflow: every design under every combination of the axes' values."""
     for labels, chosen in combinations(workflow, axes):
@@ -94,7 +94,7 @@ def _cases(
                 design={"n_stripe": n, "n_subunit": m, **labels},
                 weft=stripe("rib", n),
                 warp=stripe("garter", GARTER_STITCHES_PER_RIB_STITCH * n),
-                reading=Reading(**reading),
+                reading=ModelOptions(**reading),
                 pattern=workflow.design.pattern,
                 periods=periods_per_patch(n, m),
                 unit_cells=sample_size(workflow.design, m),
@@ -107,7 +107,7 @@ def _cases(
                 design={"knit": knit, "n": stitches, "boundary": boundary, **labels},
                 weft=pure,
                 warp=pure,
-                reading=Reading(**reading | {"boundary": boundary}),
+                reading=ModelOptions(**reading | {"boundary": boundary}),
                 pattern=PULLED_ACROSS,
                 periods=workflow.stripes.stripe_periods,
                 unit_cells=(1, 1),
@@ -141,10 +141,10 @@ def _capacitor(
         known = ", ".join(parameters.layouts)
         problem = f"there is no layout {section.layout!r}; choose of {known}, or give a mask"
         raise fault("electrodes.layout", problem)
-    layout = Layout()
+    layout = ElectrodeLayout()
     if section.layout is not None:
         named = parameters.layouts[section.layout].model_dump(exclude={"source"})
-        layout = Layout(**named)
+        layout = ElectrodeLayout(**named)
     layout = replace(layout, **{key: its for key, its in given.items() if hasattr(layout, key)})
     numbers = {
         name: given.get(name, getattr(parameters, name).value)
@@ -154,13 +154,13 @@ def _capacitor(
     return Capacitor(layout=layout, **numbers)
 
 
-def merged(parameters: Strict, section: Strict) -> dict[str, Any]:
+def merged(parameters: StrictModel, section: StrictModel) -> dict[str, Any]:
     """Values of a parameter file, each replaced where the workflow's section has one."""
     given = section.model_dump(exclude_none=True)
     return {key: given.get(key, value) for key, value in _values(parameters).items()}
 
 
-def _values(parameters: Strict) -> dict[str, Any]:
+def _values(parameters: StrictModel) -> dict[str, Any]:
     return {key: getattr(parameters, key).value for key in type(parameters).model_fields}
 
 

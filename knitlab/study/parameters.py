@@ -15,8 +15,8 @@ from pydantic import (
     ValidationError,
 )
 
-from knitlab.io.errors import BadInput, Fault, Gathered, faults_of
-from knitlab.io.strict_model import Strict
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, faults_of
+from knitlab.io.strict_model import StrictModel
 from knitlab.io.toml import read_toml
 from knitlab.mechanics.dynamics import Ending
 from knitlab.mechanics.solver import Start
@@ -47,7 +47,7 @@ Relative = Annotated[float, Field(ge=1)]
 Angle = Annotated[float, Field(gt=0, lt=3.141592653589793)]
 
 
-class Quantity(Strict, Generic[Value, Unit]):
+class ParameterValue(StrictModel, Generic[Value, Unit]):
     """A value with the unit that it must have, and where it comes from."""
 
     value: Value
@@ -55,7 +55,7 @@ class Quantity(Strict, Generic[Value, Unit]):
     source: str = Field(min_length=1)
 
 
-class StripeUnits(Strict):
+class StripeUnits(StrictModel):
     """Units of a stripe table."""
 
     period: Literal["mm"]
@@ -64,7 +64,7 @@ class StripeUnits(Strict):
     k_t: Literal["N"]
 
 
-class StripeRow(Strict):
+class StripeRow(StrictModel):
     """Fitted values of one stripe (paper, Tables 1 and 2)."""
 
     period: PositiveFloat
@@ -87,7 +87,7 @@ def _drawing(rows: tuple[str, ...]) -> tuple[str, ...]:
     return rows
 
 
-class StripeTable(Strict):
+class StripeTable(StrictModel):
     """All stripes of one knit, by stitches across a stripe."""
 
     source: str = Field(min_length=1)
@@ -95,7 +95,7 @@ class StripeTable(Strict):
     n: dict[Annotated[str, AfterValidator(_stitches)], StripeRow] = Field(min_length=1)
 
 
-class Stripes(Strict):
+class Stripes(StrictModel):
     """``stripes.toml``."""
 
     rib: StripeTable
@@ -110,7 +110,7 @@ class Stripes(Strict):
         return Stripe(knit=knit, n=stitches, **self.table(knit).n[str(stitches)].model_dump())
 
 
-class StripeFile(Strict):
+class StripeFile(StrictModel):
     """Stripes that a user adds or replaces, as ``knitlab calibrate`` writes them."""
 
     rib: StripeTable | None = None
@@ -125,68 +125,68 @@ class StripeFile(Strict):
         return Stripes(**tables)
 
 
-class SheetParameters(Strict):
+class SheetParameters(StrictModel):
     """``sheet.toml``: walls, mass and damping."""
 
-    z_max: Quantity[PositiveFloat, Literal["mm"]]
-    k_wall: Quantity[PositiveFloat, Literal["N/mm"]]
-    surface_density: Quantity[PositiveFloat, Literal["g/mm^2"]]
-    damping: Quantity[PositiveFloat, Literal["g/ms"]]
+    z_max: ParameterValue[PositiveFloat, Literal["mm"]]
+    k_wall: ParameterValue[PositiveFloat, Literal["N/mm"]]
+    surface_density: ParameterValue[PositiveFloat, Literal["g/mm^2"]]
+    damping: ParameterValue[PositiveFloat, Literal["g/ms"]]
 
 
-class ReadingParameters(Strict):
+class ModelOptionParameters(StrictModel):
     """``reading.toml``: what the paper leaves open."""
 
-    cell_size: Quantity[CellSize, Literal["1"]]
-    fold_phase: Quantity[FoldPhase, Literal["1"]]
-    hinges: Quantity[Hinges, Literal["1"]]
-    hinge_stiffness: Quantity[HingeStiffness, Literal["1"]]
-    garter_start: Quantity[GarterStart, Literal["1"]]
-    fold_angle: Quantity[FoldAngle, Literal["1"]]
-    length_scale: Quantity[PositiveFloat, Literal["1"]]
-    boundary: Quantity[Boundary, Literal["1"]]
+    cell_size: ParameterValue[CellSize, Literal["1"]]
+    fold_phase: ParameterValue[FoldPhase, Literal["1"]]
+    hinges: ParameterValue[Hinges, Literal["1"]]
+    hinge_stiffness: ParameterValue[HingeStiffness, Literal["1"]]
+    garter_start: ParameterValue[GarterStart, Literal["1"]]
+    fold_angle: ParameterValue[FoldAngle, Literal["1"]]
+    length_scale: ParameterValue[PositiveFloat, Literal["1"]]
+    boundary: ParameterValue[Boundary, Literal["1"]]
 
 
-class SolverParameters(Strict):
+class SolverParameters(StrictModel):
     """``solver.toml``: how equilibria are searched for."""
 
-    tolerance: Quantity[PositiveFloat, Literal["N"]]
-    max_iterations: Quantity[PositiveInt, Literal["1"]]
-    step_limit: Quantity[Fraction, Literal["1"]]
-    smallest_shift: Quantity[PositiveFloat, Literal["N/mm"]]
-    start: Quantity[Start, Literal["1"]]
-    ramp_steps: Quantity[PositiveInt, Literal["1"]]
-    waypoint_force: Quantity[Fraction, Literal["1"]]
-    path_step: Quantity[Fraction, Literal["1"]]
-    smallest_step: Quantity[Fraction, Literal["1"]]
-    soft_wall: Quantity[Fraction, Literal["1"]]
-    branch_limit: Quantity[PositiveFloat, Literal["1"]]
-    drag: Quantity[NonNegativeFloat, Literal["N/mm"]]
+    tolerance: ParameterValue[PositiveFloat, Literal["N"]]
+    max_iterations: ParameterValue[PositiveInt, Literal["1"]]
+    step_limit: ParameterValue[Fraction, Literal["1"]]
+    smallest_shift: ParameterValue[PositiveFloat, Literal["N/mm"]]
+    start: ParameterValue[Start, Literal["1"]]
+    ramp_steps: ParameterValue[PositiveInt, Literal["1"]]
+    waypoint_force: ParameterValue[Fraction, Literal["1"]]
+    path_step: ParameterValue[Fraction, Literal["1"]]
+    smallest_step: ParameterValue[Fraction, Literal["1"]]
+    soft_wall: ParameterValue[Fraction, Literal["1"]]
+    branch_limit: ParameterValue[PositiveFloat, Literal["1"]]
+    drag: ParameterValue[NonNegativeFloat, Literal["N/mm"]]
 
 
-class DynamicsParameters(Strict):
+class DynamicsParameters(StrictModel):
     """``dynamics.toml``: how motion is integrated."""
 
-    ending: Quantity[Ending, Literal["1"]]
-    steady_force: Quantity[PositiveFloat, Literal["N"]]
-    fixed_steps_force: Quantity[PositiveFloat, Literal["N"]]
-    duration: Quantity[PositiveFloat, Literal["ms"]]
-    max_steps: Quantity[PositiveInt, Literal["1"]]
-    relative_tolerance: Quantity[Fraction, Literal["1"]]
-    absolute_tolerance: Quantity[PositiveFloat, Literal["1"]]
-    fixed_steps: Quantity[PositiveInt, Literal["1"]]
-    time_step: Quantity[PositiveFloat, Literal["ms"]]
-    ramp_rate: Quantity[PositiveFloat, Literal["1/ms"]]
-    haste_limit: Quantity[PositiveFloat, Literal["1"]]
-    smallest_rate: Quantity[Fraction, Literal["1"]]
-    snapshots: Quantity[Snapshots, Literal["1"]]
+    ending: ParameterValue[Ending, Literal["1"]]
+    steady_force: ParameterValue[PositiveFloat, Literal["N"]]
+    fixed_steps_force: ParameterValue[PositiveFloat, Literal["N"]]
+    duration: ParameterValue[PositiveFloat, Literal["ms"]]
+    max_steps: ParameterValue[PositiveInt, Literal["1"]]
+    relative_tolerance: ParameterValue[Fraction, Literal["1"]]
+    absolute_tolerance: ParameterValue[PositiveFloat, Literal["1"]]
+    fixed_steps: ParameterValue[PositiveInt, Literal["1"]]
+    time_step: ParameterValue[PositiveFloat, Literal["ms"]]
+    ramp_rate: ParameterValue[PositiveFloat, Literal["1/ms"]]
+    quasi_static_limit: ParameterValue[PositiveFloat, Literal["1"]]
+    smallest_rate: ParameterValue[Fraction, Literal["1"]]
+    snapshots: ParameterValue[Snapshots, Literal["1"]]
 
 
 Mask = Annotated[tuple[str, ...], Field(strict=False), AfterValidator(_drawing)]
 """A drawing of the chart, one letter a grid cell."""
 
 
-class LayoutRow(Strict):
+class LayoutRow(StrictModel):
     """A layout of electrodes, see :class:`~knitlab.model.electrode_layout.Layout`."""
 
     source: str = Field(min_length=1)
@@ -199,33 +199,33 @@ class LayoutRow(Strict):
     mask: Mask = ()
 
 
-class ElectrodeParameters(Strict):
+class ElectrodeParameters(StrictModel):
     """``electrodes.toml``: layouts of electrodes, and what their capacitance hangs on."""
 
-    permittivity: Quantity[Relative, Literal["1"]]
-    electrode_length: Quantity[PositiveFloat, Literal["mm"]]
-    clearance: Quantity[PositiveFloat, Literal["mm"]]
-    accuracy: Quantity[Fraction, Literal["1"]]
-    linearity: Quantity[Fraction, Literal["1"]]
-    unfolded: Quantity[Fraction, Literal["1"]]
+    permittivity: ParameterValue[Relative, Literal["1"]]
+    electrode_length: ParameterValue[PositiveFloat, Literal["mm"]]
+    clearance: ParameterValue[PositiveFloat, Literal["mm"]]
+    accuracy: ParameterValue[Fraction, Literal["1"]]
+    linearity: ParameterValue[Fraction, Literal["1"]]
+    unfolded: ParameterValue[Fraction, Literal["1"]]
     layouts: dict[str, LayoutRow]
 
 
-class GaugeParameters(Strict):
+class GaugeParameters(StrictModel):
     """``gauge.toml``: how large a stitch is in cloth."""
 
-    stitch_width: Quantity[PositiveFloat, Literal["mm"]]
-    stitch_height: Quantity[PositiveFloat, Literal["mm"]]
+    stitch_width: ParameterValue[PositiveFloat, Literal["mm"]]
+    stitch_height: ParameterValue[PositiveFloat, Literal["mm"]]
 
 
-class DesignGrid(Strict):
+class DesignGrid(StrictModel):
     """Every combination of the listed values."""
 
     n_stripe: tuple[PositiveInt, ...] = Field(min_length=1, strict=False)
     n_subunit: tuple[PositiveInt, ...] = Field(min_length=1, strict=False)
 
 
-class DesignSet(Strict):
+class DesignSet(StrictModel):
     """A named set of designs: several grids, each of which must be possible as a whole."""
 
     unit: Literal["stitches"]
@@ -248,7 +248,7 @@ class Parameters:
 
     stripes: Stripes
     sheet: SheetParameters
-    reading: ReadingParameters
+    reading: ModelOptionParameters
     solver: SolverParameters
     dynamics: DynamicsParameters
     electrodes: ElectrodeParameters
@@ -300,14 +300,14 @@ def read_parameters(folder: Path) -> Parameters:
     files: dict[str, type[BaseModel]] = {
         "stripes": Stripes,
         "sheet": SheetParameters,
-        "reading": ReadingParameters,
+        "reading": ModelOptionParameters,
         "solver": SolverParameters,
         "dynamics": DynamicsParameters,
         "electrodes": ElectrodeParameters,
         "gauge": GaugeParameters,
         "designs": DesignSets,
     }
-    faults = Gathered()
+    faults = ErrorCollector()
     read: dict[str, Any] = {}
     for name, schema in files.items():
         path = folder / f"{name}.toml"

@@ -8,8 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from knitlab.io.atomic_write import written_whole
-from knitlab.io.errors import BadInput, Fault, Gathered
+from knitlab.io.atomic_write import atomic_write
+from knitlab.io.errors import BadInput, ErrorCollector, Fault
 from knitlab.io.fingerprint import (
     code_fingerprint,
     digests,
@@ -24,7 +24,7 @@ from knitlab.model.network import MeshShape
 from knitlab.model.options import FoldAngle
 from knitlab.simulation.case import Case
 from knitlab.simulation.stripe_changes import Changes
-from knitlab.study.axes import Axis
+from knitlab.study.axes import SweepAxis
 from knitlab.study.cases import cases, merged, stripe_files, with_stripe_files
 from knitlab.study.common_settings import common_parameters
 from knitlab.study.design_space import Design, DesignSpace, design_space, stripe_space
@@ -135,7 +135,7 @@ class Plan:
         cases = record.pop("cases").items()
         lines = (f"  {json.dumps(case_id)}: {json.dumps(case)}" for case_id, case in cases)
         head = json.dumps(record, indent=1).removesuffix("\n}")
-        with written_whole(path) as temporary:
+        with atomic_write(path) as temporary:
             temporary.write_text(f'{head},\n "cases": {{\n' + ",\n".join(lines) + "\n }\n}\n")
 
 
@@ -154,9 +154,9 @@ def make_plan(
     """
     text = read_workflow(workflow_file(workflow), overrides)
     folder = parameter_folder or shipped("params")
-    faults = Gathered()
+    faults = ErrorCollector()
     parameters = shipped_parameters = read = None
-    axes: tuple[Axis, ...] = ()
+    axes: tuple[SweepAxis, ...] = ()
     space = DesignSpace((), {})
     made: dict[str, Case] = {}
     inputs = [text.path, *folder.glob("*.toml")]
@@ -223,7 +223,9 @@ def _misplaced_electrodes(made: dict[str, Case], text: WorkflowText) -> list[Fau
     ]
 
 
-def _stripes_fingerprint(parameters: Parameters, read: Workflow, axes: tuple[Axis, ...]) -> str:
+def _stripes_fingerprint(
+    parameters: Parameters, read: Workflow, axes: tuple[SweepAxis, ...]
+) -> str:
     swept = {axis.name for axis in axes}
     changes = read.model.model_dump(include=set(Changes.model_fields) - swept)
     return text_fingerprint(json.dumps([parameters.stripes.model_dump(), changes]))

@@ -12,7 +12,7 @@ from pydantic import (
     model_validator,
 )
 
-from knitlab.io.strict_model import Strict
+from knitlab.io.strict_model import StrictModel
 from knitlab.io.suggestions import unknown
 from knitlab.mechanics.dynamics import Ending
 from knitlab.mechanics.solver import Start
@@ -56,7 +56,7 @@ def even_strains(strain_max: float, strain_step: float) -> tuple[float, ...]:
     return tuple(round(step * strain_step, 12) for step in range(steps + 1))
 
 
-class DesignSection(Strict):
+class DesignSection(StrictModel):
     """``[design]``: which designs, as a named set or as a grid, and the sample they make.
 
     With a set, ``n_stripe`` or ``n_subunit`` alone keep those members of it; both together
@@ -88,7 +88,7 @@ class DesignSection(Strict):
         return self
 
 
-class StripesSection(Strict):
+class StripesSection(StrictModel):
     """``[stripes]``: pure stripes, pulled across their ridges, in place of ``[design]``.
 
     Each is run under every boundary, as a sheet of ``stripe_periods`` periods.
@@ -100,7 +100,7 @@ class StripesSection(Strict):
     stripe_periods: PositiveInt = 1
 
 
-class ProtocolSection(Strict):
+class ProtocolSection(StrictModel):
     """``[protocol]``: the strains of the tensile test, and how its states are reached.
 
     The strains are the multiples of ``strain_step`` and the ``further_strains``, up to
@@ -168,7 +168,7 @@ class ModelSection(Changes):
     boundary: Boundary | None = None
 
 
-class SolverSection(Strict):
+class SolverSection(StrictModel):
     """``[solver]``: what replaces the values of ``solver.toml``; a list is a dimension."""
 
     tolerance: PositiveFloat | None = None
@@ -185,7 +185,7 @@ class SolverSection(Strict):
     drag: NonNegativeFloat | None = None
 
 
-class DynamicsSection(Strict):
+class DynamicsSection(StrictModel):
     """``[dynamics]``: what replaces the values of ``dynamics.toml``; a list is a dimension."""
 
     ending: Ending | None = None
@@ -198,12 +198,12 @@ class DynamicsSection(Strict):
     fixed_steps: PositiveInt | None = None
     time_step: PositiveFloat | None = None
     ramp_rate: PositiveFloat | None = None
-    haste_limit: PositiveFloat | None = None
+    quasi_static_limit: PositiveFloat | None = None
     smallest_rate: Fraction | None = None
     snapshots: Snapshots | None = None
 
 
-class ElectrodesSection(Strict):
+class ElectrodesSection(StrictModel):
     """``[electrodes]``: the layout of a capacitor, and what replaces ``electrodes.toml``.
 
     What it says of along, ridges, face, within, width, span and mask changes the layout that it
@@ -226,14 +226,14 @@ class ElectrodesSection(Strict):
     unfolded: Fraction | None = None
 
 
-class GaugeSection(Strict):
+class GaugeSection(StrictModel):
     """``[gauge]``: what replaces the values of ``gauge.toml``; a cube has one gauge."""
 
     stitch_width: PositiveFloat | None = None
     stitch_height: PositiveFloat | None = None
 
 
-class Workflow(Strict):
+class Workflow(StrictModel):
     """A workflow file, with what ``--set`` changed."""
 
     title: str = Field(min_length=1)
@@ -256,7 +256,7 @@ class Workflow(Strict):
         return self
 
 
-SECTIONS: dict[str, type[Strict]] = {
+SECTIONS: dict[str, type[StrictModel]] = {
     "design": DesignSection,
     "stripes": StripesSection,
     "protocol": ProtocolSection,

@@ -8,10 +8,10 @@ from typing import Any
 from pydantic import ValidationError
 
 from knitlab.io.errors import BadInput, Fault, faults_of
-from knitlab.io.strict_model import Strict
+from knitlab.io.strict_model import StrictModel
 from knitlab.io.suggestions import unknown
 from knitlab.io.toml import read_toml
-from knitlab.study.axes import SAMPLE_SIZE, SWEPT_SECTIONS, Axis
+from knitlab.study.axes import SAMPLE_SIZE, SWEPT_SECTIONS, SweepAxis
 from knitlab.study.workflow import SECTION_OF, SECTIONS, Workflow
 
 
@@ -29,7 +29,7 @@ class WorkflowText:
 
     path: Path
     table: dict[str, Any]
-    axes: tuple[Axis, ...]
+    axes: tuple[SweepAxis, ...]
     overrides: dict[str, str]
     faults: tuple[Fault, ...]
 
@@ -62,7 +62,7 @@ class WorkflowText:
             raise BadInput(faults)
         return workflow
 
-    def checked_axes(self) -> tuple[Axis, ...]:
+    def checked_axes(self) -> tuple[SweepAxis, ...]:
         """Its axes.
 
         Raises:
@@ -84,7 +84,7 @@ class WorkflowText:
                 faults.append(Fault(source, "has a value twice; keep one"))
             if axis.name == "boundary" and "stripes" in self.table:
                 faults.append(Fault(source, "lists boundaries; list them in stripes.boundaries"))
-            axes.append(Axis(axis.section, axis.name, tuple(values)))
+            axes.append(SweepAxis(axis.section, axis.name, tuple(values)))
         if faults:
             raise BadInput(faults)
         return tuple(axes)
@@ -131,7 +131,7 @@ def read_workflow(path: Path, overrides: tuple[str, ...] = ()) -> WorkflowText:
     return WorkflowText(path, table, axes, sources, tuple(faults))
 
 
-def _axes(table: dict[str, Any]) -> tuple[dict[str, Any], tuple[Axis, ...]]:
+def _axes(table: dict[str, Any]) -> tuple[dict[str, Any], tuple[SweepAxis, ...]]:
     """Split a table into one with single values and the axes along which it has several."""
     single, axes = dict(table), []
     for section in (*SWEPT_SECTIONS, "design"):
@@ -143,7 +143,7 @@ def _axes(table: dict[str, Any]) -> tuple[dict[str, Any], tuple[Axis, ...]]:
                 several = isinstance(value, list) and not _takes_list(SECTIONS[section], name)
             if several and value:
                 single[section] = single[section] | {name: value[0]}
-                axes.append(Axis(section, name, tuple(value)))
+                axes.append(SweepAxis(section, name, tuple(value)))
     # By name, so that a cube's dimensions do not hang on the order of what is said.
     return single, tuple(sorted(axes, key=lambda axis: axis.name))
 
@@ -163,7 +163,7 @@ def _with_lists(table: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _lists(section: type[Strict]) -> set[str]:
+def _lists(section: type[StrictModel]) -> set[str]:
     """Settings of a section that are lists, of any length."""
     return {
         name
@@ -176,12 +176,12 @@ def _is_list_of_lists(value: Any) -> bool:
     return isinstance(value, list) and all(isinstance(part, list) for part in value)
 
 
-def _takes_list(section: type[Strict], name: str) -> bool:
+def _takes_list(section: type[StrictModel], name: str) -> bool:
     field = section.model_fields.get(name)
     return field is None or "tuple" in str(field.annotation)
 
 
-def _value(text: str, section: type[Strict], name: str) -> Any:
+def _value(text: str, section: type[StrictModel], name: str) -> Any:
     if text.startswith("["):
         return _scalar(text)
     values = [_scalar(part.strip()) for part in text.split(",")]

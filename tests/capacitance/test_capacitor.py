@@ -8,12 +8,12 @@ import pytest
 from knitlab.capacitance.boundary_elements import VACUUM_PERMITTIVITY
 from knitlab.capacitance.capacitor import Capacitor, capacitances
 from knitlab.capacitance.capacitor_status import CapacitorStatus
-from knitlab.model.electrode_layout import Layout, laid_electrodes
+from knitlab.model.electrode_layout import ElectrodeLayout, place_electrodes
 from knitlab.model.pattern import patch_map
-from tests.fabrics import CLAMPED, ENDLESS, pure, stripe
+from tests.fabrics import CLAMPED, PERIODIC, pure, stripe
 
 PERIODS = 2
-RIDGES = Layout(along="course")
+RIDGES = ElectrodeLayout(along="course")
 CAPACITOR = Capacitor(
     layout=RIDGES,
     electrode_length=100.0,
@@ -42,11 +42,11 @@ def folded(net, fabric, angles):
     return np.array(states)
 
 
-def measured(angles, reading=ENDLESS, **changes):
+def measured(angles, reading=PERIODIC, **changes):
     net, fabric = pure(STRIPE, reading, PERIODS, ridges="G")
     capacitor = replace(CAPACITOR, **changes)
     pattern = patch_map(["G"], PERIODS)
-    electrodes = laid_electrodes(capacitor.layout, pattern, reading, (4.0, 4.0))
+    electrodes = place_electrodes(capacitor.layout, pattern, reading, (4.0, 4.0))
     return capacitances(electrodes, net, fabric, folded(net, fabric, angles), capacitor)
 
 
@@ -62,7 +62,7 @@ def test_flat_it_is_that_of_coplanar_strips():
     from scipy.special import ellipk
 
     found = measured([np.pi])
-    net, fabric = pure(STRIPE, ENDLESS, PERIODS, ridges="G")
+    net, fabric = pure(STRIPE, PERIODIC, PERIODS, ridges="G")
     # Strips of two cells, two cells apart.
     modulus = 2 / (2 + 2 * 2)
     exact = ellipk(1 - modulus**2) / ellipk(modulus**2)

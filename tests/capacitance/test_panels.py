@@ -8,7 +8,7 @@ from knitlab.capacitance.panels import graded, panel_chart, panels_on
 from knitlab.model.electrodes import Electrodes, Strip
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.network import MeshShape
-from tests.fabrics import CLAMPED, ENDLESS, pure, shaken, stripe
+from tests.fabrics import CLAMPED, PERIODIC, pure, shaken, stripe
 
 LEVELS = (1, 2, 3)
 
@@ -57,7 +57,7 @@ def panel_area(panels):
 
 
 @pytest.mark.parametrize("level", LEVELS)
-@pytest.mark.parametrize("reading", [CLAMPED, ENDLESS], ids=["clamped", "endless"])
+@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "endless"])
 @pytest.mark.parametrize("laid", [up_the_warp, along_the_weft])
 @given(low=st.floats(0, 0.9), width=st.floats(0.2, 1.9))
 def test_panels_cover_their_electrode(laid, reading, level, low, width):
@@ -90,7 +90,7 @@ def test_panels_stay_in_their_grid_cells():
     assert corners.max() == 1
 
 
-@pytest.mark.parametrize("reading", [CLAMPED, ENDLESS], ids=["clamped", "endless"])
+@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "endless"])
 def test_on_a_flat_sheet_panels_are_as_large_as_their_electrode(reading):
     shape, cell, flat = rib(reading)
     electrodes = up_the_warp(shape, 0.7, 1.5)
@@ -103,7 +103,7 @@ def test_on_a_flat_sheet_panels_are_as_large_as_their_electrode(reading):
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_strip_is_cut_by_level_and_finer_where_it_ends(level):
     shape, *_ = rib(CLAMPED)
-    endless, *_ = rib(ENDLESS)
+    endless, *_ = rib(PERIODIC)
     lengthwise = (shape.cells_y + 2) * level
     within = Electrodes(((Strip(0.0, 1.0, 0.0, 8.0),), (Strip(4.0, 6.0, 0.0, 8.0),)), "wale")
     one, other = np.bincount(panel_chart(within, shape, level).electrode)
@@ -143,7 +143,7 @@ def lines_up_the_warp(shape, electrodes):
 
 
 def test_an_endless_electrode_does_not_end_at_the_seam():
-    shape, *_ = rib(ENDLESS)
+    shape, *_ = rib(PERIODIC)
     for electrodes in (up_the_warp(shape), drawn(up_the_warp(shape, 0.0))):
         for lines in lines_up_the_warp(shape, electrodes):
             assert lines.tolist() == [0, 0.5, 1]
@@ -159,7 +159,7 @@ def test_an_open_electrode_ends_at_the_edges_of_the_fabric():
 
 
 def test_endless_fabric_goes_on_along_its_electrodes_alone():
-    shape, *_ = rib(ENDLESS)
+    shape, *_ = rib(PERIODIC)
     around = Electrodes(((Strip(0.0, 1.0, 0.0, 8.0),), (Strip(7.0, 8.0, 0.0, 8.0),)), "wale")
     chart = panel_chart(around, shape, 1)
     for number in (0, 1):
@@ -168,7 +168,7 @@ def test_endless_fabric_goes_on_along_its_electrodes_alone():
 
 
 @pytest.mark.parametrize("level", LEVELS)
-@pytest.mark.parametrize("reading", [CLAMPED, ENDLESS], ids=["clamped", "endless"])
+@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "endless"])
 @pytest.mark.parametrize("width", [1.0, 2.0])
 @pytest.mark.parametrize("laid", [up_the_warp, along_the_weft])
 def test_a_drawn_electrode_has_the_panels_of_a_strip(laid, width, reading, level):
@@ -222,7 +222,7 @@ def test_panels_at_the_middle_of_a_cell_lie_between_its_nodes():
 
 @pytest.mark.parametrize("laid", [up_the_warp, along_the_weft])
 def test_beyond_the_seam_panels_lie_on_the_images_of_nodes(laid):
-    shape, _, flat = rib(ENDLESS)
+    shape, _, flat = rib(PERIODIC)
     configuration = np.array(shaken(flat, 0.3))
     electrodes = laid(shape, 3.5)
     open_shape = MeshShape(2 * shape.cells_y, 2 * shape.cells_x, periodic=False)
@@ -239,7 +239,7 @@ def test_beyond_the_seam_panels_lie_on_the_images_of_nodes(laid):
 
 @pytest.mark.parametrize("laid", [up_the_warp, along_the_weft])
 def test_an_electrode_a_period_on_has_its_panels_a_period_on(laid):
-    shape, _, flat = rib(ENDLESS)
+    shape, _, flat = rib(PERIODIC)
     configuration = np.array(shaken(flat, 0.3))
     here, on = (
         panels_on(panel_chart(laid(shape, low), shape, 1), shape, configuration)
@@ -251,7 +251,7 @@ def test_an_electrode_a_period_on_has_its_panels_a_period_on(laid):
 
 
 def test_panels_of_many_states_are_those_of_each():
-    shape, _, flat = rib(ENDLESS)
+    shape, _, flat = rib(PERIODIC)
     states = np.stack([shaken(flat, 0.3, seed) for seed in range(3)])
     chart = panel_chart(up_the_warp(shape), shape, 1)
     alone = [panels_on(chart, shape, state) for state in states]
@@ -259,7 +259,7 @@ def test_panels_of_many_states_are_those_of_each():
 
 
 def test_panels_are_carried_alike_in_numpy_and_in_jax():
-    shape, _, flat = rib(ENDLESS)
+    shape, _, flat = rib(PERIODIC)
     chart = panel_chart(up_the_warp(shape), shape, 1)
     found = panels_on(chart, shape, jnp.asarray(flat))
     assert isinstance(found, jnp.ndarray)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from knitlab.mechanics.batch import run_in_step
+from knitlab.mechanics.batch import run_in_lockstep
 from knitlab.simulation.measurement import measured
 from knitlab.simulation.simulate import equilibrium_tests
 from knitlab.study.plan import make_plan
@@ -80,7 +80,7 @@ def test_threads_and_kernels_leave_every_ratio_of_the_preview(usual, kernel, thr
 
 def test_a_case_alone_has_the_ratios_that_it_has_in_a_batch():
     together = next(batch for batch in batches() if len(batch) > 2)
-    in_batch = ratios(together, run_in_step)
+    in_batch = ratios(together, run_in_lockstep)
     alone = {}
     for case in together:
         alone |= ratios([case])

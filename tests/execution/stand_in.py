@@ -119,7 +119,7 @@ def kill_again_and_again(results, kills):
 
     After every kill the sound case files must be no fewer than before.
     """
-    from knitlab.io.case_file import Kept, kept
+    from knitlab.io.case_file import StoredCase, kept
 
     plan = plan_of()
     random = np.random.default_rng(1)
@@ -133,7 +133,7 @@ def kill_again_and_again(results, kills):
         time.sleep(random.uniform(0, 0.4))
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
-        after = {case_id for case_id in plan.cases if kept(results, case_id) is Kept.sound}
+        after = {case_id for case_id in plan.cases if kept(results, case_id) is StoredCase.sound}
         if not after >= before:
             sys.exit(f"lost {sorted(before - after)}")
         hit += len(after) < len(plan.cases)

@@ -13,7 +13,7 @@ import knitlab.execution.survey as survey_module
 from knitlab.execution.cube import build_cube
 from knitlab.execution.run import RunOptions, run_plan
 from knitlab.execution.status import changed_inputs, folder_status, read_plan
-from knitlab.execution.survey import Standing
+from knitlab.execution.survey import CaseState
 from knitlab.io.case_file import case_path, write_case_file
 from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput
@@ -167,7 +167,7 @@ def test_results_of_other_parameters_stay_until_refreshed(tmp_path):
     assert sorted(kept.stale_parameters) == sorted(other.cases)
     xr.testing.assert_identical(kept.cube.drop_attrs(), first.cube.drop_attrs())
     words = folder_status(tmp_path, read_plan(tmp_path), other.designs, check=True).words
-    assert set(words.values()) == {Standing.stale_parameters.value}
+    assert set(words.values()) == {CaseState.stale_parameters.value}
     fresh = ran(other, tmp_path, refresh=True)
     assert sorted(fresh.simulated) == sorted(other.cases)
     assert fresh.stale_parameters == ()
@@ -217,7 +217,7 @@ def test_results_of_other_code_are_told_and_computed_anew_only_when_asked(tmp_pa
     assert kept.simulated == ()
     assert sorted(kept.stale_code) == sorted(plan.cases)
     words = folder_status(tmp_path, read_plan(tmp_path), plan.designs, check=False).words
-    assert set(words.values()) == {Standing.stale_code.value}
+    assert set(words.values()) == {CaseState.stale_code.value}
     assert sorted(ran(plan, tmp_path, refresh=True).simulated) == sorted(plan.cases)
 
 

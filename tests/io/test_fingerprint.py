@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 import knitlab.execution.survey as survey_module
-from knitlab.execution.survey import Standing, survey
+from knitlab.execution.survey import CaseState, survey
 from knitlab.io.design_status import Status
 from knitlab.io.fingerprint import code_fingerprint, computing_files, fingerprint_of
 from knitlab.io.shipped import PACKAGE
@@ -79,7 +79,7 @@ def package(tmp_path_factory):
 @pytest.mark.parametrize("name", computing_files(PACKAGE))
 def test_an_edited_module_makes_results_stale(name, package, results, monkeypatch):
     folder, designs = results
-    assert set(survey(designs, folder, None, check=True).values()) == {Standing.done}
+    assert set(survey(designs, folder, None, check=True).values()) == {CaseState.done}
     module = package / name
     before = module.read_text(encoding="utf-8")
     try:
@@ -89,7 +89,7 @@ def test_an_edited_module_makes_results_stale(name, package, results, monkeypatc
         module.write_text(before, encoding="utf-8")
     assert fingerprint_of(package) == code_fingerprint()
     monkeypatch.setattr(survey_module, "code_fingerprint", lambda: edited)
-    assert set(survey(designs, folder, None, check=True).values()) == {Standing.stale_code}
+    assert set(survey(designs, folder, None, check=True).values()) == {CaseState.stale_code}
 
 
 @pytest.mark.parametrize("name", ["query/query.py", "measure/knit_size.py"])

@@ -11,8 +11,8 @@ from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
 from knitlab.laboratory.fit import FITTED, NoFit, Target, fit_stripes, root_mean_square
 from knitlab.laboratory.fit_report import report, write_stripes
+from knitlab.laboratory.simulated_test import QUANTITIES, simulated_test, with_factors
 from knitlab.laboratory.target import at_strains_of, case_for, target_of
-from knitlab.laboratory.virtual_test import QUANTITIES, virtual_test, with_factors
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.mechanics.executor import run
 from knitlab.mechanics.tensile_test import stretch
@@ -28,7 +28,7 @@ TRUTH = {
     "garter_k_t": 0.8,
     "garter_theta_0": 0.94,
 }
-ENDLESS = ("boundary=periodic", "unit_cells=1,1")
+PERIODIC = ("boundary=periodic", "unit_cells=1,1")
 
 
 def one_case(*overrides):
@@ -38,12 +38,12 @@ def one_case(*overrides):
 
 @pytest.fixture(scope="module")
 def case():
-    return one_case(*ENDLESS)
+    return one_case(*PERIODIC)
 
 
 @pytest.fixture(scope="module")
 def truth(case):
-    return virtual_test(with_factors(case, TRUTH))
+    return simulated_test(with_factors(case, TRUTH))
 
 
 def noisy(truth, relative, seed):
@@ -81,7 +81,7 @@ def test_the_match_is_as_good_as_the_noise(fit):
 
 
 def test_the_fitted_curves_are_those_of_a_test_from_the_start(fit):
-    again = virtual_test(fit.after)
+    again = simulated_test(fit.after)
     np.testing.assert_allclose(again.values, fit.curves[1], rtol=1e-6, atol=1e-9)
 
 
@@ -90,9 +90,9 @@ def test_derivatives_are_those_of_finite_differences(case, name):
     # Short of the snap, where the fabric has one state alone.
     fine = replace(case.equilibrium_solver, tolerance=1e-11)
     short = replace(case, applied_strain=STRAINS[:3], solver=fine)
-    truth, step = virtual_test(with_factors(short, TRUTH)), 1e-4
+    truth, step = simulated_test(with_factors(short, TRUTH)), 1e-4
     up, down = (
-        virtual_test(with_factors(short, {**TRUTH, name: TRUTH[name] * np.exp(by)}), truth)
+        simulated_test(with_factors(short, {**TRUTH, name: TRUTH[name] * np.exp(by)}), truth)
         for by in (step, -step)
     )
     expected = (up.values - down.values) / (2 * step)
@@ -103,8 +103,8 @@ def test_derivatives_are_those_of_finite_differences(case, name):
 
 def test_a_test_near_another_comes_to_what_a_test_from_the_start_does(case):
     short = replace(case, applied_strain=STRAINS[:3])
-    near = virtual_test(short, virtual_test(with_factors(short, {"rib_k_t": 1.03})))
-    np.testing.assert_allclose(near.values, virtual_test(short).values, rtol=1e-5, atol=1e-8)
+    near = simulated_test(short, simulated_test(with_factors(short, {"rib_k_t": 1.03})))
+    np.testing.assert_allclose(near.values, simulated_test(short).values, rtol=1e-5, atol=1e-8)
 
 
 def test_without_data_the_tables_stay(case, truth):
@@ -133,7 +133,7 @@ def test_a_sample_that_does_not_come_to_rest_is_refused(case, truth):
 
 def test_a_test_that_fails_midway_is_passed_over(case, truth):
     # So far from it that no state converges: the search has to turn back, not to break off.
-    assert virtual_test(with_factors(case, {"rib_k_s": 1e-9}), truth) is None
+    assert simulated_test(with_factors(case, {"rib_k_s": 1e-9}), truth) is None
 
 
 def test_the_report_and_the_stripes_say_what_changed(tmp_path, fit):
@@ -147,7 +147,7 @@ def test_the_report_and_the_stripes_say_what_changed(tmp_path, fit):
     assert table["rib"]["n"]["4"]["k_t"] == pytest.approx(fit.after.weft.k_t, rel=1e-5)
     # They can be used as they are.
     read_parameters(shipped("params"))
-    (used,) = make_plan("laboratory", (*ENDLESS, f"stripe_files={path}")).cases.values()
+    (used,) = make_plan("laboratory", (*PERIODIC, f"stripe_files={path}")).cases.values()
     assert used.warp.theta_0 == pytest.approx(fit.after.warp.theta_0, rel=1e-5)
 
 
@@ -180,7 +180,7 @@ def test_a_target_is_of_the_same_sample_with_the_errors_that_are_asked_for(case,
 
 
 def test_what_cannot_be_fitted_is_told(case, truth):
-    plan = make_plan("laboratory", ENDLESS)
+    plan = make_plan("laboratory", PERIODIC)
     cube = experiment(case, truth)
     assert case_for(plan, cube).design == case.design
     with pytest.raises(BadInput, match="this cube was simulated"):
@@ -188,7 +188,7 @@ def test_what_cannot_be_fitted_is_told(case, truth):
     with pytest.raises(BadInput, match="one case of \\(6, 24\\), and has 0"):
         case_for(plan, experiment(case, truth, n_stripe=[6], n_subunit=[24]))
     with pytest.raises(BadInput, match="and has 2; --set one value of each"):
-        case_for(make_plan("laboratory", (*ENDLESS, "k_wall=50,100")), cube)
+        case_for(make_plan("laboratory", (*PERIODIC, "k_wall=50,100")), cube)
     with pytest.raises(BadInput, match="give one above 0"):
         target_of(cube, case, model_error=0.0)
     with pytest.raises(BadInput, match="at least 3 strains"):
@@ -199,4 +199,4 @@ def test_a_virtual_test_reads_what_a_sweep_does(case):
     net, fabric = case.woven()
     test = run(net.shape, fabric, stretch(net, fabric, STRAINS, case.equilibrium_solver))
     force = [test.loading.reaction_force(state.gradient) for state in test.states[1:]]
-    np.testing.assert_allclose(virtual_test(case).values[2], force, rtol=1e-9)
+    np.testing.assert_allclose(simulated_test(case).values[2], force, rtol=1e-9)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from knitlab.laboratory.description import MarkersTable, SampleTable
 from knitlab.laboratory.experiment import import_records
-from knitlab.laboratory.markers import Marked, along_pull, marker_values, read_marked
+from knitlab.laboratory.markers import MarkedSample, along_pull, marker_values, read_marked
 from knitlab.laboratory.synthetic import Camera
 from knitlab.laboratory.trajectories import in_fabric_axes, read_trajectories
 from knitlab.measure.marker_grid import find_grid
@@ -57,7 +57,9 @@ def test_rotated_scaled_shuffled_and_missing_markers_give_the_same_strains(
     fabric = in_fabric_axes(tracks, table(pixel={"value": pixel, "unit": "mm"}))
     grid = find_grid(fabric[0])
     marked = along_pull(
-        PATH, Marked(grid.corners(fabric[:1])[0], grid.corners(fabric), grid, 1, CELLS), strain
+        PATH,
+        MarkedSample(grid.corners(fabric[:1])[0], grid.corners(fabric), grid, 1, CELLS),
+        strain,
     )
     assert np.degrees(marked.turn) == pytest.approx(turn, abs=1e-6)
     values = marker_values(marked, strain[::5], strain, np.arange(31))
@@ -94,7 +96,9 @@ def test_a_lost_marker_takes_only_its_own_quadrilaterals_and_is_counted():
     lost[20:41, 2, 1] = np.nan
     grid = find_grid(corners[0].reshape(-1, 2))
     at = np.linspace(0, 0.3, 13)
-    values = marker_values(Marked(corners[0], lost, grid, 1, CELLS), at, strain, np.arange(61))
+    values = marker_values(
+        MarkedSample(corners[0], lost, grid, 1, CELLS), at, strain, np.arange(61)
+    )
     gone = (at > 0.12) & (at < 0.18)
     np.testing.assert_array_equal(values["cells_lost"][gone], 4)
     np.testing.assert_array_equal(values["markers_lost"][gone], 1)
@@ -114,7 +118,7 @@ def test_the_mean_is_over_the_central_cells_that_are_left():
     corners[20:, 1, 1] = np.nan
     grid = find_grid(corners[0].reshape(-1, 2))
     values = marker_values(
-        Marked(corners[0], corners, grid, 1, CELLS), strain[::5], strain, np.arange(61)
+        MarkedSample(corners[0], corners, grid, 1, CELLS), strain[::5], strain, np.arange(61)
     )
     np.testing.assert_allclose(values["mean_strain_yy"], strain[::5], atol=1e-9)
     assert values["cells_lost"][-1] == 4

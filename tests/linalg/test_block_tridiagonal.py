@@ -7,8 +7,8 @@ import pytest
 import scipy.sparse as sp
 
 from knitlab.linalg.block_tridiagonal import (
+    BlockFactors,
     BlockTridiagonal,
-    Factors,
     block_tridiagonal,
     narrower,
 )
@@ -16,7 +16,7 @@ from knitlab.model.network import MeshShape, network
 
 factorise = jax.jit(BlockTridiagonal.factorise)
 factorise_all = jax.jit(jax.vmap(BlockTridiagonal.factorise, (None, 0)))
-solve, solve_all = jax.jit(Factors.solve), jax.jit(jax.vmap(Factors.solve))
+solve, solve_all = jax.jit(BlockFactors.solve), jax.jit(jax.vmap(BlockFactors.solve))
 
 
 @dataclass

@@ -4,7 +4,7 @@ import pytest
 from knitlab.measure.boundaries import boundary_line, boundary_wave
 from knitlab.measure.patches import central_cell, widths_across_folds
 from knitlab.model.fabric import flat_sheet
-from tests.fabrics import CLAMPED, ENDLESS, checkered, relaxed
+from tests.fabrics import CLAMPED, PERIODIC, checkered, relaxed
 
 
 def waved(net, fabric, cells, amplitude=0.4):
@@ -16,7 +16,7 @@ def waved(net, fabric, cells, amplitude=0.4):
     return flat, width
 
 
-@pytest.mark.parametrize(("reading", "cells"), [(CLAMPED, (3, 5)), (ENDLESS, (1, 1))])
+@pytest.mark.parametrize(("reading", "cells"), [(CLAMPED, (3, 5)), (PERIODIC, (1, 1))])
 def test_boundary_of_a_waved_sheet_has_its_wavelength_and_amplitude(reading, cells):
     net, fabric = checkered(4, 2, reading, cells)
     configuration, width = waved(net, fabric, cells[1])
@@ -42,7 +42,7 @@ def test_boundary_across_a_single_unit_cell_has_no_wave():
 
 
 def test_wavelength_of_relaxed_endless_fabric_is_its_unit_cell():
-    net, fabric = checkered(4, 2, ENDLESS)
+    net, fabric = checkered(4, 2, PERIODIC)
     state = relaxed(net, fabric)
     for direction, length in zip("xy", state.configuration[-2:], strict=True):
         wave = boundary_wave(net.shape, (1, 1), state.configuration, direction)
@@ -50,7 +50,7 @@ def test_wavelength_of_relaxed_endless_fabric_is_its_unit_cell():
         assert wave.amplitude > 0.5
 
 
-@pytest.mark.parametrize(("reading", "cells"), [(CLAMPED, (3, 4)), (ENDLESS, (1, 1))])
+@pytest.mark.parametrize(("reading", "cells"), [(CLAMPED, (3, 4)), (PERIODIC, (1, 1))])
 def test_central_cell_is_a_whole_unit_cell(reading, cells):
     net, fabric = checkered(4, 2, reading, cells)
     flat = np.asarray(flat_sheet(net, fabric))

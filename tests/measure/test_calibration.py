@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from knitlab.measure.calibration import FITTED, calibrate
-from knitlab.model.options import Reading
+from knitlab.model.options import ModelOptions
 from knitlab.model.zigzag import tension, zigzag
 from tests.fabrics import ALL_STRIPES, stripe
 
@@ -37,7 +37,7 @@ def test_a_fitted_stripe_has_the_measured_curve_in_the_reading_it_is_tabulated_f
     strain, force = curve(of, noise=0.0)
     fit = calibrate(of.period, strain, force)
     tabulated = replace(of, period=fit.tabulated_period(cell_size), **fit.values)
-    read = zigzag(tabulated, Reading(cell_size=cell_size))
+    read = zigzag(tabulated, ModelOptions(cell_size=cell_size))
     np.testing.assert_allclose(
         tension(read, jnp.asarray(strain)), force, rtol=1e-5, atol=1e-6 * force.max()
     )

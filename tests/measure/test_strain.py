@@ -14,7 +14,7 @@ from knitlab.measure.strain import (
     poisson_ratio,
 )
 from knitlab.model.fabric import flat_sheet
-from tests.fabrics import CLAMPED, ENDLESS, checkered
+from tests.fabrics import CLAMPED, PERIODIC, checkered
 
 ENTRY = st.floats(-1, 1)
 MATRIX = st.tuples(ENTRY, ENTRY, ENTRY, ENTRY).map(
@@ -78,7 +78,7 @@ def test_poisson_ratio_is_undefined_without_axial_strain():
     assert np.isnan(ratio[1])
 
 
-@pytest.mark.parametrize("reading", [CLAMPED, ENDLESS], ids=["clamped", "endless"])
+@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "endless"])
 def test_corners_of_the_flat_sheet_are_its_lattice(reading):
     net, fabric = checkered(4, 1, reading, unit_cells=(3, 2))
     corners = np.asarray(unit_cell_corners(net.shape, (3, 2), flat_sheet(net, fabric)))

@@ -18,14 +18,14 @@ from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.equilibrium_search import SearchRules
 from knitlab.mechanics.executor import run
 from knitlab.mechanics.linear_response import NoDerivative, rigid_motions
-from knitlab.mechanics.loading import all_free, squared_up, tensile
+from knitlab.mechanics.loading import all_free, rigidly_aligned, tensile
 from knitlab.mechanics.solver import Evaluate
 from knitlab.mechanics.tensile_test import stretch
-from knitlab.model.fabric import Fabric, Sheet, StripePair, Weave, flat_sheet, laid_out
-from knitlab.model.options import Reading
+from knitlab.model.fabric import Fabric, FabricLayout, Sheet, StripePair, fabric_layout, flat_sheet
+from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import checkerboard
 from knitlab.simulation.stripe_sensitivity import measured_by
-from tests.fabrics import CLAMPED, ENDLESS, FINE, stripe
+from tests.fabrics import CLAMPED, FINE, PERIODIC, stripe
 
 NAMES = (
     "poisson_ratio",
@@ -42,7 +42,7 @@ WALLS_FAR, WALLS_NEAR = Sheet(6.0, 100.0), Sheet(1.5, 100.0)
 class Pulled:
     """A small design, relaxed and at one strain."""
 
-    weave: Weave
+    layout: FabricLayout
     unit_cells: tuple[int, int]
     stripes: StripePair
     strain: float
@@ -51,11 +51,11 @@ class Pulled:
 
     @property
     def measure(self):
-        return measured_by(self.weave.net.shape, self.unit_cells, NAMES)
+        return measured_by(self.layout.net.shape, self.unit_cells, NAMES)
 
     def under(self, stripes: StripePair) -> tuple[np.ndarray, np.ndarray, Fabric]:
         """Its states under slightly other stripes, each found from the one it has."""
-        net, fabric = self.weave.net, self.weave.fabric(stripes)
+        net, fabric = self.layout.net, self.layout.fabric(stripes)
 
         def found(start: np.ndarray, unknowns: np.ndarray) -> np.ndarray:
             rules = SearchRules.of(net.shape, unknowns, fabric, FINE, convexified=False)
@@ -64,7 +64,7 @@ class Pulled:
             return state.configuration
 
         relaxed = found(self.relaxed, all_free(net.shape))
-        square = np.asarray(squared_up(net.shape, flat_sheet(net, fabric), relaxed))
+        square = np.asarray(rigidly_aligned(net.shape, flat_sheet(net, fabric), relaxed))
         relaxed = found(square, all_free(net.shape))
         loading = tensile(net.shape, relaxed)
         start = loading.holding(self.strained, self.strain)
@@ -72,14 +72,14 @@ class Pulled:
 
     def measured_here(self) -> np.ndarray:
         return np.asarray(
-            self.measure(self.relaxed, self.strained, self.weave.fabric(self.stripes))
+            self.measure(self.relaxed, self.strained, self.layout.fabric(self.stripes))
         )
 
     def measured(self, stripes: StripePair) -> np.ndarray:
         return np.asarray(self.measure(*self.under(stripes)))
 
     def adjoint(self) -> Adjoint:
-        return Adjoint(self.weave, self.stripes, self.relaxed)
+        return Adjoint(self.layout, self.stripes, self.relaxed)
 
     def sensitivities(self) -> np.ndarray:
         found = self.adjoint().of_strained(self.strain, self.strained, self.measure)
@@ -87,13 +87,16 @@ class Pulled:
 
 
 def pulled(
-    n_stripe: int, reading: Reading, unit_cells: tuple[int, int] = (1, 1), sheet: Sheet = WALLS_FAR
+    n_stripe: int,
+    reading: ModelOptions,
+    unit_cells: tuple[int, int] = (1, 1),
+    sheet: Sheet = WALLS_FAR,
 ) -> Pulled:
     strain = 0.05
-    weave = laid_out(checkerboard(1, unit_cells), sheet, reading)
+    layout = fabric_layout(checkerboard(1, unit_cells), sheet, reading)
     stripes = StripePair.of(stripe("rib", n_stripe), stripe("garter", 2 * n_stripe))
-    fabric = weave.fabric(stripes)
-    test = run(weave.net.shape, fabric, stretch(weave.net, fabric, [0, strain], FINE))
+    fabric = layout.fabric(stripes)
+    test = run(layout.net.shape, fabric, stretch(layout.net, fabric, [0, strain], FINE))
     relaxed, strained = test.states
     assert strained.converged
     assert not strained.snapped
@@ -101,12 +104,14 @@ def pulled(
     for state in test.states:
         heights = np.abs(state.configuration[2:-2:3])
         assert np.abs(heights - sheet.z_max).min() > 1e-6
-    return Pulled(weave, unit_cells, stripes, strain, relaxed.configuration, strained.configuration)
+    return Pulled(
+        layout, unit_cells, stripes, strain, relaxed.configuration, strained.configuration
+    )
 
 
 @pytest.fixture(scope="module")
 def endless() -> Pulled:
-    return pulled(4, ENDLESS)
+    return pulled(4, PERIODIC)
 
 
 @pytest.fixture(scope="module")
@@ -186,7 +191,7 @@ def test_the_relaxed_shape_alone_has_the_same_derivatives(endless):
 def test_any_scalar_of_the_states_has_a_gradient(endless):
     """The chain rule holds for a loss made of several quantities."""
 
-    strains = measured_by(endless.weave.net.shape, endless.unit_cells, NAMES[1:3])
+    strains = measured_by(endless.layout.net.shape, endless.unit_cells, NAMES[1:3])
 
     def loss(relaxed, strained, fabric):
         return jnp.sum(strains(relaxed, strained, fabric) ** 2)
@@ -199,10 +204,10 @@ def test_any_scalar_of_the_states_has_a_gradient(endless):
 def test_how_the_free_sample_lay_before_it_was_squared_up_changes_nothing(clamped):
     """Whatever rigid motion a derivative of the relaxed shape is mixed with, it comes out."""
     adjoint = clamped.adjoint()
-    shape = clamped.weave.net.shape
-    flat = flat_sheet(clamped.weave.net, clamped.weave.fabric(clamped.stripes))
+    shape = clamped.layout.net.shape
+    flat = flat_sheet(clamped.layout.net, clamped.layout.fabric(clamped.stripes))
     motions = rigid_motions(clamped.relaxed)
-    squared = jax.jacfwd(lambda q: squared_up(shape, flat, q))(jnp.asarray(clamped.relaxed))
+    squared = jax.jacfwd(lambda q: rigidly_aligned(shape, flat, q))(jnp.asarray(clamped.relaxed))
     left = np.asarray(squared) @ motions
     height = np.tile([0, 0, 1.0], shape.nodes)
     assert np.abs(np.delete(left, 2, axis=1)).max() < 1e-9
@@ -226,7 +231,7 @@ def test_how_the_free_sample_lay_before_it_was_squared_up_changes_nothing(clampe
 
 
 def test_no_derivative_is_made_up_where_there_is_no_stable_equilibrium(endless):
-    flat = np.asarray(flat_sheet(endless.weave.net, endless.weave.fabric(endless.stripes)))
+    flat = np.asarray(flat_sheet(endless.layout.net, endless.layout.fabric(endless.stripes)))
     squeezed = flat.copy()
     squeezed[1:-2:3] *= 0.5
     squeezed[-1] *= 0.5

@@ -10,30 +10,30 @@ from hypothesis import strategies as st
 
 from knitlab.linalg.threads import ALONE, Threads
 from knitlab.mechanics import domain_decomposition, executor, subdomains
-from knitlab.mechanics.batch import run_in_step
+from knitlab.mechanics.batch import run_in_lockstep
 from knitlab.mechanics.domain_decomposition import (
     LONGEST_SLIDE,
-    Settling,
-    block_settings,
-    find_settled,
+    SubdomainSolution,
+    find_equilibrium_by_subdomains,
+    subdomain_settings,
 )
-from knitlab.mechanics.element_chunks import PortionedFabric
+from knitlab.mechanics.element_chunks import ChunkedFabric
 from knitlab.mechanics.equilibrium import (
     BACKTRACKS,
-    by_one_factorisation,
     find_equilibrium,
-    to_rest,
+    minimise,
+    minimise_with_one_factorisation,
 )
 from knitlab.mechanics.equilibrium_search import Search, SearchRules
 from knitlab.mechanics.evaluation import WHOLE, Evaluation
-from knitlab.mechanics.executor import Desk, attended, run
+from knitlab.mechanics.executor import Executor, run, run_to_end
 from knitlab.mechanics.loading import all_free, free_under_tension
-from knitlab.mechanics.solver import Evaluate, Factorise, Settle
+from knitlab.mechanics.solver import Evaluate, Factorise, SolveSubdomains
 from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import free_stiffness
-from knitlab.mechanics.subdomains import are_many, blocks, meet, rounds
+from knitlab.mechanics.subdomains import blocks, meet, rounds, worth_dividing
 from knitlab.model.energy import Energy
-from tests.fabrics import CLAMPED, DEFAULT, ENDLESS, checkered
+from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered
 
 
 def slow(sample, step_length=0.3, settings=DEFAULT) -> SearchRules:
@@ -48,12 +48,12 @@ def test_a_block_feels_the_forces_of_the_whole(small_blocks, sample, places):
     net, fabric, loading = sample
     random = np.random.default_rng(0)
     at = loading.reference + 0.1 * random.normal(size=net.shape.unknowns)
-    whole = PortionedFabric.of(net.shape, fabric).evaluate(WHOLE, at)
+    whole = ChunkedFabric.of(net.shape, fabric).evaluate(WHOLE, at)
     free = free_stiffness(net.shape, places(net.shape))
     found = list(blocks(free))
     assert len(found) == 4
     for block in found:
-        own = PortionedFabric.of(block.free.shape, block.fabric(fabric))
+        own = ChunkedFabric.of(block.free.shape, block.fabric(fabric))
         gradient = np.asarray(own.evaluate(WHOLE, at[block.places]).gradient)
         movable = block.free.unknowns
         np.testing.assert_allclose(
@@ -64,8 +64,8 @@ def test_a_block_feels_the_forces_of_the_whole(small_blocks, sample, places):
 def test_a_move_within_a_block_costs_it_what_it_costs_the_whole(small_blocks, sample):
     net, fabric, loading = sample
     block = list(blocks(free_stiffness(net.shape, loading.unknowns)))[1]
-    whole = PortionedFabric.of(net.shape, fabric)
-    own = PortionedFabric.of(block.free.shape, block.fabric(fabric))
+    whole = ChunkedFabric.of(net.shape, fabric)
+    own = ChunkedFabric.of(block.free.shape, block.fabric(fabric))
     before = loading.reference
     after = before.copy()
     movable = block.places[block.free.unknowns]
@@ -119,11 +119,12 @@ def test_two_threads_settle_blocks_as_one_does(small_blocks, sample, monkeypatch
     monkeypatch.setattr(subdomains, "OVERLAP", 1)
     free = free_stiffness(net.shape, loading.unknowns)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
-    request = Settle(start, free, 0.3, block_settings(DEFAULT))
+    request = SolveSubdomains(start, free, 0.3, subdomain_settings(DEFAULT))
     found = list(blocks(free))
     assert not meet(found, net.shape.unknowns).all()
     alone, shared = (
-        Desk(net.shape, fabric, threads=threads).answer(request) for threads in (ALONE, Threads(2))
+        Executor(net.shape, fabric, threads=threads).answer(request)
+        for threads in (ALONE, Threads(2))
     )
     np.testing.assert_array_equal(shared[0].configuration, alone[0].configuration)
     assert shared[1] == alone[1] > 0
@@ -132,12 +133,12 @@ def test_two_threads_settle_blocks_as_one_does(small_blocks, sample, monkeypatch
 def test_settling_lowers_the_energy_and_counts_what_it_cost(small_blocks, sample):
     net, fabric, loading = sample
     free = free_stiffness(net.shape, loading.unknowns)
-    desk = Desk(net.shape, fabric)
+    executor = Executor(net.shape, fabric)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
-    settings = block_settings(DEFAULT)
+    settings = subdomain_settings(DEFAULT)
     longest = DEFAULT.step_limit * float(fabric.cell.min())
-    settled, share = desk.answer(Settle(start, free, longest, settings))
-    energies = [float(desk.answer(at).energy.total) for at in (start, settled)]
+    settled, share = executor.answer(SolveSubdomains(start, free, longest, settings))
+    energies = [float(executor.answer(at).energy.total) for at in (start, settled)]
     assert energies[1] < energies[0]
     assert share > 0
     held = loading.held
@@ -152,7 +153,7 @@ def test_a_sample_comes_to_the_same_rest_by_blocks_and_as_a_whole(
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
 
     def found():
-        return run(net.shape, fabric, find_settled(start, rules))
+        return run(net.shape, fabric, find_equilibrium_by_subdomains(start, rules))
 
     by_blocks = found()
     assert by_blocks.outcome is Outcome.converged
@@ -165,7 +166,9 @@ def test_a_sample_comes_to_the_same_rest_by_blocks_and_as_a_whole(
 def test_in_a_batch_on_the_device_blocks_stay_and_the_whole_comes_to_rest(small_blocks, sample):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
-    (state,) = run_in_step(net.shape, [fabric], [find_settled(start, slow(sample))])
+    (state,) = run_in_lockstep(
+        net.shape, [fabric], [find_equilibrium_by_subdomains(start, slow(sample))]
+    )
     assert state.outcome is Outcome.converged
 
 
@@ -173,15 +176,15 @@ def test_the_limit_of_iterations_holds_for_blocks_too(small_blocks, sample):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.2))
     hasty = replace(DEFAULT, max_iterations=5)
-    state = run(net.shape, fabric, find_settled(start, slow(sample, 0.1, hasty)))
+    state = run(net.shape, fabric, find_equilibrium_by_subdomains(start, slow(sample, 0.1, hasty)))
     assert state.outcome is Outcome.iteration_limit
     assert state.iterations >= 5
 
 
 def test_endless_fabric_and_small_samples_have_no_blocks():
-    assert not are_many(checkered(4, 6, ENDLESS)[0].shape)
-    assert not are_many(checkered(4, 2, CLAMPED, unit_cells=(3, 3))[0].shape)
-    assert are_many(checkered(4, 2, CLAMPED, unit_cells=(5, 3))[0].shape)
+    assert not worth_dividing(checkered(4, 6, PERIODIC)[0].shape)
+    assert not worth_dividing(checkered(4, 2, CLAMPED, unit_cells=(3, 3))[0].shape)
+    assert worth_dividing(checkered(4, 2, CLAMPED, unit_cells=(5, 3))[0].shape)
 
 
 def test_where_a_search_stalls_after_its_blocks_the_whole_begins_anew_without_them(
@@ -193,16 +196,18 @@ def test_where_a_search_stalls_after_its_blocks_the_whole_begins_anew_without_th
 
     def stalling_in_the_second_round(search):
         starts.append(search.at)
-        outcome = yield from by_one_factorisation(search)
+        outcome = yield from minimise_with_one_factorisation(search)
         return Outcome.stalled if len(starts) == 2 else outcome
 
     def beginning_anew(search):
         starts.append(search.at)
-        return to_rest(search)
+        return minimise(search)
 
-    monkeypatch.setattr(domain_decomposition, "by_one_factorisation", stalling_in_the_second_round)
-    monkeypatch.setattr(domain_decomposition, "to_rest", beginning_anew)
-    solver = find_settled(start, slow(sample), patience=None)
+    monkeypatch.setattr(
+        domain_decomposition, "minimise_with_one_factorisation", stalling_in_the_second_round
+    )
+    monkeypatch.setattr(domain_decomposition, "minimise", beginning_anew)
+    solver = find_equilibrium_by_subdomains(start, slow(sample), patience=None)
     state = run(net.shape, fabric, solver)
     assert state.outcome is Outcome.converged
     assert len(starts) == 3
@@ -210,7 +215,7 @@ def test_where_a_search_stalls_after_its_blocks_the_whole_begins_anew_without_th
     assert starts[2] is start
 
 
-class Counting(Desk):
+class Counting(Executor):
     """A desk that counts what it is asked for."""
 
     def answer(self, request):
@@ -222,20 +227,20 @@ class Counting(Desk):
 def test_what_all_rounds_cost_is_counted(small_blocks, sample, patience):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
-    desk = Counting(net.shape, fabric)
-    desk.counts = Counter()
-    solver = find_settled(start, slow(sample), patience=patience)
-    state = attended(desk, solver)
+    executor = Counting(net.shape, fabric)
+    executor.counts = Counter()
+    solver = find_equilibrium_by_subdomains(start, slow(sample), patience=patience)
+    state = run_to_end(executor, solver)
     assert state.converged
-    assert desk.counts[Settle] > 1
-    assert state.factorisations == desk.counts[Factorise] > 1
+    assert executor.counts[SolveSubdomains] > 1
+    assert state.factorisations == executor.counts[Factorise] > 1
 
 
-class Noting(Desk):
+class Noting(Executor):
     """A desk that notes how often the whole was evaluated before its blocks settled."""
 
     def answer(self, request):
-        if isinstance(request, Settle):
+        if isinstance(request, SolveSubdomains):
             self.evaluated.append(0)
         elif isinstance(request, Evaluate):
             self.evaluated[-1] += 1
@@ -247,22 +252,22 @@ def test_blocks_settle_again_when_patience_is_at_its_end(small_blocks, sample):
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
 
     def longest_round(patience):
-        desk = Noting(net.shape, fabric)
-        desk.evaluated = [0]
-        solver = find_settled(start, slow(sample), patience=patience)
-        assert attended(desk, solver).converged
-        return max(desk.evaluated)
+        executor = Noting(net.shape, fabric)
+        executor.evaluated = [0]
+        solver = find_equilibrium_by_subdomains(start, slow(sample), patience=patience)
+        assert run_to_end(executor, solver).converged
+        return max(executor.evaluated)
 
     # What they settled to is looked at once; the last step may be tried at several lengths.
     assert longest_round(3) <= 3 + BACKTRACKS
     assert longest_round(None) > 3 + BACKTRACKS
 
 
-class FoldedToNothing(Desk):
+class FoldedToNothing(Executor):
     """A desk whose blocks come to a sheet in one point, where no hinge has an angle."""
 
     def answer(self, request):
-        if isinstance(request, Settle):
+        if isinstance(request, SolveSubdomains):
             nowhere = np.zeros_like(request.at.configuration)
             return replace(request.at, configuration=nowhere), 1.0
         return super().answer(request)
@@ -271,8 +276,8 @@ class FoldedToNothing(Desk):
 def test_where_blocks_fold_a_cell_to_nothing_the_whole_goes_on_without_them(small_blocks, sample):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
-    solver = find_settled(start, slow(sample))
-    state = attended(FoldedToNothing(net.shape, fabric), solver)
+    solver = find_equilibrium_by_subdomains(start, slow(sample))
+    state = run_to_end(FoldedToNothing(net.shape, fabric), solver)
     assert state.outcome is Outcome.converged
     whole = run(net.shape, fabric, find_equilibrium(start, slow(sample)))
     np.testing.assert_allclose(state.configuration, whole.configuration, atol=1e-7)
@@ -294,8 +299,8 @@ def test_a_block_that_comes_to_no_rest_stays_where_it_was(
         return State(nowhere, evaluation.energy, evaluation.gradient, outcome, residual, 7)
 
     monkeypatch.setattr(executor, "find_equilibrium", stalling)
-    request = Settle(start, free, 0.3, block_settings(DEFAULT))
-    settled, share = Desk(net.shape, fabric).answer(request)
+    request = SolveSubdomains(start, free, 0.3, subdomain_settings(DEFAULT))
+    settled, share = Executor(net.shape, fabric).answer(request)
     np.testing.assert_array_equal(settled.configuration, start.configuration)
     assert share > 0
 
@@ -316,7 +321,7 @@ def slid(sample, energy, passed, step_length=1e6, waiting=domain_decomposition.R
         return Evaluation(Energy(stretch, np.zeros(()), np.zeros(())), sample[2].reference)
 
     search = Search(at(passed[0]), cost(at(passed[0])), rules)
-    by_blocks = Settling(search)
+    by_blocks = SubdomainSolution(search)
     for where in [passed[0]] * waiting + list(passed):
         search.move(at(where), cost(at(where)))
         sliding, answer = by_blocks.slide(), None
@@ -325,8 +330,8 @@ def slid(sample, energy, passed, step_length=1e6, waiting=domain_decomposition.R
                 request = sliding.send(answer)
             except StopIteration:
                 break
-            settled += isinstance(request, Settle)
-            answer = (request.at, 1.0) if isinstance(request, Settle) else cost(request)
+            settled += isinstance(request, SolveSubdomains)
+            answer = (request.at, 1.0) if isinstance(request, SolveSubdomains) else cost(request)
     assert by_blocks.share == settled
     return search.at.configuration[place], settled
 

@@ -12,14 +12,14 @@ from scipy.spatial.transform import Rotation
 
 from knitlab.measure.corners import unit_cell_corners
 from knitlab.measure.strain import central_mean, local_strain, poisson_ratio
-from knitlab.mechanics.dynamic_tensile_test import Course, move, stretch_by_dynamics
+from knitlab.mechanics.dynamic_tensile_test import MotionPath, move, stretch_by_dynamics
 from knitlab.mechanics.dynamics import DynamicsSettings
-from knitlab.mechanics.loading import squared_up, tensile
+from knitlab.mechanics.loading import rigidly_aligned, tensile
 from knitlab.mechanics.state import Outcome
 from knitlab.model.energy import energy
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.network import network
-from tests.fabrics import CLAMPED, ENDLESS, checkered, moving, relaxed, shaken, stretched
+from tests.fabrics import CLAMPED, PERIODIC, checkered, moving, relaxed, shaken, stretched
 
 SETTINGS = DynamicsSettings()
 STRAINS = [0.0, 0.05, 0.1, 0.15, 0.2]
@@ -34,7 +34,7 @@ def patch_poisson_ratio(shape, test):
     return np.asarray(poisson_ratio(central_mean(strain_xx), central_mean(strain_yy)))[1:]
 
 
-@pytest.mark.parametrize("reading", [CLAMPED, ENDLESS], ids=["clamped", "endless"])
+@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "endless"])
 def test_both_methods_reach_the_same_states(reading):
     net, fabric = checkered(4, 2, reading)
     in_equilibrium = stretched(net, fabric, STRAINS)
@@ -58,7 +58,7 @@ def test_both_methods_reach_the_same_states(reading):
         [[state.snapped for state in test.states] for test in (in_equilibrium, by_dynamics)]
     )
     assert flagged[0].any()
-    assert flagged[1].any() == (reading is ENDLESS)
+    assert flagged[1].any() == (reading is PERIODIC)
     assert not (flagged[1] & ~flagged[0]).any()
     np.testing.assert_allclose(energies[1], energies[0], rtol=1e-4)
     np.testing.assert_allclose(ratios[1], ratios[0], rtol=0.01, atol=1e-4)
@@ -66,11 +66,11 @@ def test_both_methods_reach_the_same_states(reading):
 
 def haste_of_a_pull(design, rate):
     """Work and losses of pulling endless fabric from rest to 5 % strain at one rate."""
-    batch = moving([design], ENDLESS, SETTINGS)
+    batch = moving([design], PERIODIC, SETTINGS)
     net = network(batch.shape)
     relaxed_state = relaxed(net, batch.fabrics[0])
     loading = tensile(batch.shape, relaxed_state.configuration)
-    course = Course(relaxed_state.configuration, loading, after=0.05, rate=rate)
+    course = MotionPath(relaxed_state.configuration, loading, after=0.05, rate=rate)
     (arrival,) = move(batch, [course])
     rise = float(arrival.state.energy.total - relaxed_state.energy.total)
     return arrival, rise
@@ -89,20 +89,20 @@ def test_haste_is_the_work_that_did_not_go_into_the_fabric():
         haste.append(arrival.haste)
     assert haste[0] > 0.3
     assert haste[1] / haste[2] > 3  # drag's work is as fast as the pull
-    assert haste[2] < SETTINGS.haste_limit
+    assert haste[2] < SETTINGS.quasi_static_limit
 
 
 def test_a_hasty_pull_is_told_and_is_no_snap():
     hasty = replace(SETTINGS, ramp_rate=20.0, smallest_rate=1 / 16)
-    (test,) = stretch_by_dynamics(moving([(8, 1)], ENDLESS, hasty), [[0.0, 0.05, 0.1]])
+    (test,) = stretch_by_dynamics(moving([(8, 1)], PERIODIC, hasty), [[0.0, 0.05, 0.1]])
     assert [state.outcome for state in test.states] == [Outcome.converged, Outcome.too_fast]
     assert not test.states[-1].snapped
 
 
 def test_the_papers_fixed_steps_carry_a_whole_test():
     fixed = replace(SETTINGS, ending="fixed_steps")
-    (test,) = stretch_by_dynamics(moving([(4, 1)], ENDLESS, fixed), [[0.0, 0.1, 0.2]])
-    (steady,) = stretch_by_dynamics(moving([(4, 1)], ENDLESS, SETTINGS), [[0.0, 0.1, 0.2]])
+    (test,) = stretch_by_dynamics(moving([(4, 1)], PERIODIC, fixed), [[0.0, 0.1, 0.2]])
+    (steady,) = stretch_by_dynamics(moving([(4, 1)], PERIODIC, SETTINGS), [[0.0, 0.1, 0.2]])
     assert test.states[0].residual > 1e-7
     for state, rest in zip(test.states, steady.states, strict=True):
         assert state.converged
@@ -111,7 +111,9 @@ def test_the_papers_fixed_steps_carry_a_whole_test():
 
 
 def test_one_test_that_ends_does_not_end_its_neighbour():
-    batch = moving([(4, 1), (8, 1)], ENDLESS, replace(SETTINGS, ramp_rate=0.2, haste_limit=10.0))
+    batch = moving(
+        [(4, 1), (8, 1)], PERIODIC, replace(SETTINGS, ramp_rate=0.2, quasi_static_limit=10.0)
+    )
     told = []
     strains = [0.0, 0.05]
     tests = stretch_by_dynamics(
@@ -120,7 +122,7 @@ def test_one_test_that_ends_does_not_end_its_neighbour():
     assert len(tests[0].states) == 2
     assert not tests[0].states[-1].converged
     assert [state.converged for state in tests[1].states] == [True] * 2
-    alone = moving([(8, 1)], ENDLESS, batch.settings)
+    alone = moving([(8, 1)], PERIODIC, batch.settings)
     (honest,) = stretch_by_dynamics(alone, [strains])
     assert float(tests[1].states[-1].energy.total) == pytest.approx(
         float(honest.states[-1].energy.total), rel=1e-5
@@ -135,8 +137,8 @@ def test_a_sample_is_squared_up_however_it_turned_and_tilted(turn):
     shape = np.array(shaken(jnp.asarray(flat), 0.05))
     nodes = np.array([3, -2, 1]) + Rotation.from_rotvec(turn).apply(shape[:-2].reshape(-1, 3))
     skewed = np.concatenate([nodes.ravel(), shape[-2:]])
-    square = np.asarray(squared_up(net.shape, flat, shape))
-    again = np.asarray(squared_up(net.shape, flat, skewed))
+    square = np.asarray(rigidly_aligned(net.shape, flat, shape))
+    again = np.asarray(rigidly_aligned(net.shape, flat, skewed))
     np.testing.assert_allclose(
         np.diff(again[:-2].reshape(-1, 3), axis=0),
         np.diff(square[:-2].reshape(-1, 3), axis=0),

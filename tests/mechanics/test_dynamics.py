@@ -7,20 +7,20 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from knitlab.mechanics.dynamic_tensile_test import Batch, Course, move
+from knitlab.mechanics.dynamic_tensile_test import MotionPath, MovingBatch, move
 from knitlab.mechanics.dynamics import DynamicsSettings, integrate
 from knitlab.mechanics.state import Outcome
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.inertia import Inertia, nodes_moved
 from knitlab.model.network import MeshShape, network
-from tests.fabrics import CLAMPED, ENDLESS, checkered, moving, relaxed, shaken
+from tests.fabrics import CLAMPED, PERIODIC, checkered, moving, relaxed, shaken
 
 SETTINGS = DynamicsSettings()
 STIFFNESS, MASS, LENGTH, PULL = 2.0, 1e-3, 1.0, 1e-3
 
 
-def two_nodes(damping: float, settings: DynamicsSettings) -> tuple[Batch, Course]:
+def two_nodes(damping: float, settings: DynamicsSettings) -> tuple[MovingBatch, MotionPath]:
     """One spring along x between two free nodes, let go stretched by ``PULL``."""
     shape = MeshShape(cells_y=0, cells_x=1, periodic=False)
     none = jnp.zeros(0)
@@ -36,7 +36,7 @@ def two_nodes(damping: float, settings: DynamicsSettings) -> tuple[Batch, Course
     )
     inertia = Inertia(jnp.array(MASS), jnp.array(damping))
     start = np.array([0, 0, 0, LENGTH + PULL, 0, 0, 0, 0])
-    return Batch(shape, [fabric], [inertia], settings), Course(start)
+    return MovingBatch(shape, [fabric], [inertia], settings), MotionPath(start)
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.01])
@@ -62,9 +62,9 @@ def test_an_undamped_spring_never_comes_to_rest():
 
 
 def test_energy_is_kept_account_of_over_a_relaxation():
-    batch = moving([(8, 1)], ENDLESS, SETTINGS)
+    batch = moving([(8, 1)], PERIODIC, SETTINGS)
     sheet = np.asarray(flat_sheet(network(batch.shape), batch.fabrics[0]))
-    (arrival,) = move(batch, [Course(sheet)])
+    (arrival,) = move(batch, [MotionPath(sheet)])
     history = arrival.history
     total = history.kinetic + history.potential + history.dissipated
     assert arrival.state.converged
@@ -82,7 +82,7 @@ def test_the_error_falls_with_the_fifth_power_of_the_time_step():
         )
         batch = moving([(8, 1)], CLAMPED, settings)
         sheet = flat_sheet(network(batch.shape), batch.fabrics[0])
-        (arrival,) = move(batch, [Course(np.asarray(sheet))])
+        (arrival,) = move(batch, [MotionPath(np.asarray(sheet))])
         assert arrival.state.iterations == steps
         ends.append(arrival.state.configuration)
     errors = [np.abs(end - ends[-1]).max() for end in ends[:-1]]
@@ -98,16 +98,16 @@ def test_the_error_falls_with_the_tolerance():
         )
         batch = moving([(8, 1)], CLAMPED, settings)
         sheet = flat_sheet(network(batch.shape), batch.fabrics[0])
-        (arrival,) = move(batch, [Course(np.asarray(sheet))])
+        (arrival,) = move(batch, [MotionPath(np.asarray(sheet))])
         ends.append(arrival.state.configuration)
     errors = [np.abs(end - ends[-1]).max() for end in ends[:-1]]
     assert errors[0] > 10 * errors[1], errors
 
 
 def test_damping_is_near_critical_for_the_softest_mode():
-    net, fabric = checkered(4, 2, ENDLESS)
+    net, fabric = checkered(4, 2, PERIODIC)
     state = relaxed(net, fabric)
-    (inertia,) = moving([(4, 2)], ENDLESS, SETTINGS).inertias
+    (inertia,) = moving([(4, 2)], PERIODIC, SETTINGS).inertias
     mass = np.asarray(inertia.node_mass * nodes_moved(net.shape))
     hessian = jax.jit(jax.hessian(lambda q: energy(net, fabric, q).total))
     stiffness = np.asarray(hessian(jnp.asarray(state.configuration)))
@@ -126,19 +126,19 @@ def test_a_batch_moves_as_its_cases_do_alone_and_is_traced_once(monkeypatch):
 
     designs = [(2, 1), (8, 1)]
     settings = replace(SETTINGS, max_steps=999_999)  # an integrator of its own
-    batch = moving(designs, ENDLESS, settings)
+    batch = moving(designs, PERIODIC, settings)
     sheets = [np.asarray(flat_sheet(network(batch.shape), fabric)) for fabric in batch.fabrics]
     with monkeypatch.context() as patch:
         patch.setattr("knitlab.mechanics.dynamics.integrate", counted)
-        together = move(batch, [Course(sheet) for sheet in sheets])
-        again = move(batch, [Course(np.asarray(shaken(sheet, 1e-3))) for sheet in sheets])
+        together = move(batch, [MotionPath(sheet) for sheet in sheets])
+        again = move(batch, [MotionPath(np.asarray(shaken(sheet, 1e-3))) for sheet in sheets])
     assert all(arrival.state.converged for arrival in again)
     assert len(traced) == 1
     for case, sheet in enumerate(sheets):
         one = replace(
             batch, fabrics=batch.fabrics[case : case + 1], inertias=batch.inertias[case : case + 1]
         )
-        (alone,) = move(one, [Course(sheet)])
+        (alone,) = move(one, [MotionPath(sheet)])
         assert together[case].state.outcome is alone.state.outcome is Outcome.converged
         assert float(together[case].state.energy.total) == pytest.approx(
             float(alone.state.energy.total), rel=1e-6
@@ -153,14 +153,14 @@ def test_a_batch_moves_as_its_cases_do_alone_and_is_traced_once(monkeypatch):
 )
 def test_a_design_that_diverges_does_not_disturb_its_neighbour(ending, outcome):
     settings = replace(SETTINGS, ending=ending)
-    batch = moving([(4, 1), (8, 1)], ENDLESS, settings)
+    batch = moving([(4, 1), (8, 1)], PERIODIC, settings)
     sheets = [np.asarray(flat_sheet(network(batch.shape), fabric)) for fabric in batch.fabrics]
-    honest = move(batch, [Course(sheet) for sheet in sheets])
+    honest = move(batch, [MotionPath(sheet) for sheet in sheets])
     # A mass far too light for any step diverges with fixed ones, one that is no number with all.
     mass = jnp.array(1e-12 if ending == "fixed_steps" else np.nan)
     light = Inertia(mass, batch.inertias[0].damping)
     spoiled = move(
-        replace(batch, inertias=[light, batch.inertias[1]]), [Course(sheet) for sheet in sheets]
+        replace(batch, inertias=[light, batch.inertias[1]]), [MotionPath(sheet) for sheet in sheets]
     )
     assert spoiled[0].state.outcome is outcome
     assert spoiled[1].state.outcome is honest[1].state.outcome
@@ -182,9 +182,9 @@ def test_a_design_that_diverges_does_not_disturb_its_neighbour(ending, outcome):
     ],
 )
 def test_the_end_of_a_motion_is_told(changes, outcome):
-    batch = moving([(8, 1)], ENDLESS, replace(SETTINGS, **changes))
+    batch = moving([(8, 1)], PERIODIC, replace(SETTINGS, **changes))
     sheet = np.asarray(flat_sheet(network(batch.shape), batch.fabrics[0]))
-    (arrival,) = move(batch, [Course(sheet)])
+    (arrival,) = move(batch, [MotionPath(sheet)])
     assert arrival.state.outcome is outcome
     assert np.isfinite(arrival.state.residual)
     assert (arrival.state.residual <= batch.settings.force_left) == arrival.state.converged

@@ -6,10 +6,10 @@ import pytest
 
 from knitlab.linalg.threads import ALONE, Threads
 from knitlab.mechanics import element_chunks
-from knitlab.mechanics.element_chunks import HEIGHTS, PortionedFabric, portions
+from knitlab.mechanics.element_chunks import HEIGHTS, ChunkedFabric, portions
 from knitlab.mechanics.evaluation import Stage, element_hessians, evaluate
 from knitlab.model.fabric import flat_sheet
-from knitlab.model.options import Reading
+from knitlab.model.options import ModelOptions
 from tests.fabrics import checkered, shaken
 
 PART = Stage(fold=0.7, wall=0.3)
@@ -29,13 +29,13 @@ def shared(monkeypatch):
 @pytest.mark.parametrize(("boundary", "periods"), SHEETS)
 @pytest.mark.parametrize("angle", ["whole_normals", "across_edge"])
 def test_energy_forces_and_hessians_are_those_of_the_whole(boundary, periods, angle):
-    net, fabric = checkered(4, periods, Reading(boundary=boundary, fold_angle=angle))
+    net, fabric = checkered(4, periods, ModelOptions(boundary=boundary, fold_angle=angle))
     full, spare = divmod(net.shape.nodes, HEIGHTS)
     assert (full > 0) == (periods > 1)
     assert spare or boundary == "periodic"
     at = np.array(shaken(flat_sheet(net, fabric), 0.1))
     at[2:-2:6] += float(fabric.z_max)
-    portioned = PortionedFabric.of(net.shape, fabric)
+    portioned = ChunkedFabric.of(net.shape, fabric)
     pairs = [
         (portioned.evaluate(PART, at), evaluate(net, fabric, PART, at)),
         (portioned.element_hessians(PART, at), element_hessians(net, fabric, PART, at)),
@@ -50,7 +50,7 @@ def test_energy_forces_and_hessians_are_those_of_the_whole(boundary, periods, an
 
 def test_the_incidence_of_any_motion_of_the_whole_is_none():
     """Vectors are differences: moved as a whole, a sheet has the same, but for its heights."""
-    its = portions(checkered(4, 1, Reading(boundary="clamped"))[0].shape)
+    its = portions(checkered(4, 1, ModelOptions(boundary="clamped"))[0].shape)
     for axis in (0, 1):
         moved = np.zeros(its.shape.unknowns)
         moved[axis:-2:3] = 1.0
@@ -61,15 +61,15 @@ def test_the_incidence_of_any_motion_of_the_whole_is_none():
 
 
 def test_shares_make_up_all_portions_and_threads_change_no_bit(shared):
-    net, fabric = checkered(4, 4, Reading(boundary="clamped", hinges="all"))
+    net, fabric = checkered(4, 4, ModelOptions(boundary="clamped", hinges="all"))
     its = portions(net.shape)
     assert [portion for share in its.shares for portion in share.portions] == [*range(its.count)]
     assert len(its.shares) == 2
     at = np.array(shaken(flat_sheet(net, fabric), 0.1))
     alone, threads = (
-        PortionedFabric.of(net.shape, fabric, threads) for threads in (ALONE, Threads(2))
+        ChunkedFabric.of(net.shape, fabric, threads) for threads in (ALONE, Threads(2))
     )
-    for look in (PortionedFabric.evaluate, PortionedFabric.element_hessians):
+    for look in (ChunkedFabric.evaluate, ChunkedFabric.element_hessians):
         pairs = (jax.tree.leaves(look(of, PART, at)) for of in (alone, threads))
         for one, other in zip(*pairs, strict=True):
             assert np.array_equal(one, other)

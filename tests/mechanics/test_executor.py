@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from knitlab.mechanics.batch import run_in_step
+from knitlab.mechanics.batch import run_in_lockstep
 from knitlab.mechanics.executor import run, run_in_turn
 from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.tensile_test import stretch
-from tests.fabrics import CLAMPED, ENDLESS, FINE, checkered, stretched
+from tests.fabrics import CLAMPED, FINE, PERIODIC, checkered, stretched
 
 STRAINS = [0.0, 0.05, 0.1]
 
@@ -18,13 +18,13 @@ def stretches(net, fabrics):
     return [stretch(net, fabric, STRAINS, SolverSettings()) for fabric in fabrics]
 
 
-@pytest.mark.parametrize("reading", [ENDLESS, CLAMPED], ids=["endless", "clamped"])
+@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["endless", "clamped"])
 def test_a_batch_on_the_device_gives_what_its_fabrics_give_alone(reading):
     net, four = checkered(4, 1, reading)
     _, eight = checkered(8, 1, reading)
     # Close to a snap the energy is told to 1e-7 by a finer tolerance alone.
     solvers = [stretch(net, fabric, STRAINS, FINE) for fabric in (four, eight)]
-    batch = run_in_step(net.shape, [four, eight], solvers)
+    batch = run_in_lockstep(net.shape, [four, eight], solvers)
     for fabric, together in zip((four, eight), batch, strict=True):
         alone = stretched(net, fabric, STRAINS, FINE)
         for state, other in zip(alone.states, together.states, strict=True):
@@ -34,10 +34,10 @@ def test_a_batch_on_the_device_gives_what_its_fabrics_give_alone(reading):
 
 
 def test_a_poisoned_fabric_disturbs_no_neighbour():
-    net, sound = checkered(4, 1, ENDLESS)
+    net, sound = checkered(4, 1, PERIODIC)
     poisoned = eqx.tree_at(lambda f: f.rest_length, sound, sound.rest_length.at[3].set(jnp.nan))
     fabrics = [sound, poisoned, sound]
-    for runner in (run_in_turn, run_in_step):
+    for runner in (run_in_turn, run_in_lockstep):
         first, broken, last = runner(net.shape, fabrics, stretches(net, fabrics))
         assert all(state.converged for state in first.states)
         assert first.states[-1].residual == last.states[-1].residual
@@ -45,7 +45,7 @@ def test_a_poisoned_fabric_disturbs_no_neighbour():
         assert broken.loading is None
 
 
-@pytest.mark.parametrize("reading", [ENDLESS, CLAMPED], ids=["endless", "clamped"])
+@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["endless", "clamped"])
 def test_every_factorisation_that_is_installed_leads_to_the_same_states(reading):
     pytest.importorskip("cvxopt")
     net, fabric = checkered(4, 1, reading)

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from scipy.optimize import root
 
-from knitlab.model.options import Reading
+from knitlab.model.options import ModelOptions
 from knitlab.model.zigzag import tension, zigzag
 from tests.fabrics import (
     ALL_STRIPES,
     CLAMPED,
     DEFAULT,
-    ENDLESS,
     FINE,
+    PERIODIC,
     pure,
     relaxed,
     stretched,
@@ -68,7 +68,7 @@ def along_the_ridges(of, strain):
     return found.x[0] / cell, cell_forces(of, found.x[0], height)[1]
 
 
-@pytest.mark.parametrize("reading", [ENDLESS, CLAMPED], ids=["endless", "clamped"])
+@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["endless", "clamped"])
 @pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
 def test_a_pure_stripe_relaxes_to_the_sine_of_half_its_rest_angle(of, reading):
     net, fabric = pure(of, reading)
@@ -76,7 +76,7 @@ def test_a_pure_stripe_relaxes_to_the_sine_of_half_its_rest_angle(of, reading):
     assert state.converged
     assert float(state.energy.total) == pytest.approx(0, abs=1e-15)
     cells, cell = 4, float(fabric.cell[0])
-    if reading is ENDLESS:
+    if reading is PERIODIC:
         lengths = state.configuration[-2:] / (cells * cell)
         across, straight = lengths if of.knit == "rib" else lengths[::-1]
     else:
@@ -92,7 +92,7 @@ def test_a_pure_stripe_relaxes_to_the_sine_of_half_its_rest_angle(of, reading):
 
 @pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
 def test_tension_across_the_ridges_is_that_of_three_unknowns(of):
-    net, fabric = pure(of, ENDLESS, ridges="G")
+    net, fabric = pure(of, PERIODIC, ridges="G")
     test = stretched(net, fabric, STRAINS, FINE)
     assert len(test.states) == len(STRAINS)
     for strain, state in zip(STRAINS[1:], test.states[1:], strict=True):
@@ -103,7 +103,7 @@ def test_tension_across_the_ridges_is_that_of_three_unknowns(of):
 
 @pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
 def test_tension_along_the_ridges_is_that_of_three_unknowns(of):
-    net, fabric = pure(of, ENDLESS, ridges="R")
+    net, fabric = pure(of, PERIODIC, ridges="R")
     strains = [0.0, 0.1, 0.2, 0.45]
     test = stretched(net, fabric, strains, FINE)
     for strain, state in zip(strains[1:], test.states[1:], strict=True):
@@ -116,7 +116,7 @@ def test_tension_along_the_ridges_is_that_of_three_unknowns(of):
 @pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
 @pytest.mark.parametrize(("boundary", "periods"), [("periodic", 1), ("clamped", 1), ("clamped", 2)])
 def test_the_sheet_is_the_zigzag_within_five_percent_while_it_unfolds(of, boundary, periods):
-    reading = Reading(cell_size="relaxed", boundary=boundary, fold_phase="stripe_centre")
+    reading = ModelOptions(cell_size="relaxed", boundary=boundary, fold_phase="stripe_centre")
     net, fabric = pure(of, reading, periods=periods, ridges="G")
     test = stretched(net, fabric, [0.0, 0.1, 0.3])
     assert all(state.converged for state in test.states)
@@ -129,7 +129,7 @@ def test_the_sheet_is_the_zigzag_within_five_percent_while_it_unfolds(of, bounda
 )
 def test_the_zigzag_is_read_as_the_sheet_is(choice):
     of = stripe("garter", 12)
-    reading = replace(ENDLESS, fold_phase="stripe_centre", **choice)
+    reading = replace(PERIODIC, fold_phase="stripe_centre", **choice)
     test = stretched(*pure(of, reading, ridges="G"), [0.0, 0.1])
     (force,) = row_force(pure(of, reading)[0], test)
     assert force == pytest.approx(
@@ -143,7 +143,7 @@ def test_without_its_diagonals_an_endless_sheet_is_the_zigzag(of):
     """First of the two reasons why 3D is stiffer than 2D at large strain."""
     force = [across_the_ridges(of, strain, diagonals=0.0)[1] for strain in STRAINS[1:]]
     np.testing.assert_allclose(force, tension(zigzag(of), jnp.array(STRAINS[1:])), rtol=1e-8)
-    net, fabric = weakly_braced(of, ENDLESS, 0.01)
+    net, fabric = weakly_braced(of, PERIODIC, 0.01)
     test = stretched(net, fabric, [0.0, 0.3, 1.0, 1.5], LONG_STEPS)
     expected = tension(zigzag(of), jnp.array([0.3, 1.0, 1.5]))
     np.testing.assert_allclose(row_force(net, test), expected, rtol=0.01)
@@ -152,7 +152,7 @@ def test_without_its_diagonals_an_endless_sheet_is_the_zigzag(of):
 @pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
 def test_without_its_diagonals_an_open_sheet_is_a_zigzag_with_one_more_row_of_springs(of):
     """The second reason: R cells side by side have R hinges on a fold, but R + 1 springs."""
-    reading = Reading(cell_size="relaxed", boundary="clamped", fold_phase="stripe_centre")
+    reading = ModelOptions(cell_size="relaxed", boundary="clamped", fold_phase="stripe_centre")
     net, fabric = weakly_braced(of, reading, 1e-3)
     test = stretched(net, fabric, [0.0, 1.0, 2.0], LONG_STEPS)
     rows = net.shape.cells_x

@@ -7,22 +7,22 @@ import pytest
 from knitlab.mechanics.executor import run
 from knitlab.mechanics.relaxation import relax, tiled
 from knitlab.model.energy import energy
-from tests.fabrics import CLAMPED, DEFAULT, ENDLESS, checkered, relaxed
+from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered, relaxed
 
 REACH = 2
 """Lines of nodes within which a node feels the edge of a sample."""
 
 
-def laid_out(n_stripe, periods, unit_cells):
+def fabric_layout(n_stripe, periods, unit_cells):
     """A sample of relaxed endless fabric."""
-    cell_net, cell = checkered(n_stripe, periods, ENDLESS)
+    cell_net, cell = checkered(n_stripe, periods, PERIODIC)
     net, fabric = checkered(n_stripe, periods, CLAMPED, unit_cells)
     state = relaxed(cell_net, cell)
     return net, fabric, tiled(net, fabric, cell_net, state.configuration), state
 
 
 def test_a_sample_of_endless_fabric_is_in_equilibrium_but_for_its_edges():
-    net, fabric, start, cell = laid_out(4, 1, (3, 2))
+    net, fabric, start, cell = fabric_layout(4, 1, (3, 2))
     gradient = np.asarray(jax.grad(lambda q: energy(net, fabric, q).total)(start))
     forces = gradient[:-2].reshape(net.shape.nodes_y, net.shape.nodes_x, 3)
     inner = forces[REACH:-REACH, REACH:-REACH]
@@ -31,7 +31,7 @@ def test_a_sample_of_endless_fabric_is_in_equilibrium_but_for_its_edges():
 
 
 def test_flat_and_endless_starts_reach_one_state():
-    net, fabric, start, _ = laid_out(4, 2, (2, 2))
+    net, fabric, start, _ = fabric_layout(4, 2, (2, 2))
     laid = run(net.shape, fabric, relax(net, fabric, DEFAULT, start))
     flat = relaxed(net, fabric)
     assert laid.converged
@@ -45,9 +45,9 @@ def test_flat_and_endless_starts_reach_one_state():
 )
 def test_a_relaxation_takes_fewer_than_sixty_factorisations(n_stripe, periods, unit_cells):
     if unit_cells is None:
-        state = relaxed(*checkered(n_stripe, periods, ENDLESS))
+        state = relaxed(*checkered(n_stripe, periods, PERIODIC))
     else:
-        net, fabric, start, _ = laid_out(n_stripe, periods, unit_cells)
+        net, fabric, start, _ = fabric_layout(n_stripe, periods, unit_cells)
         state = run(net.shape, fabric, relax(net, fabric, DEFAULT, start))
         assert float(state.energy.wall) > 0
     assert state.residual <= 1e-8

@@ -12,11 +12,11 @@ import pytest
 
 from knitlab.linalg.threads import Threads
 from knitlab.mechanics import executor
-from knitlab.mechanics.domain_decomposition import block_settings
-from knitlab.mechanics.executor import Desk, settled_block
+from knitlab.mechanics.domain_decomposition import subdomain_settings
+from knitlab.mechanics.executor import Executor, solve_subdomain
 from knitlab.mechanics.factorisation import one_thread_of_blas
-from knitlab.mechanics.second_process import Companion, Errand, Piece
-from knitlab.mechanics.solver import Evaluate, Settle
+from knitlab.mechanics.second_process import SecondProcess, SubdomainData, SubdomainTask
+from knitlab.mechanics.solver import Evaluate, SolveSubdomains
 from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.mechanics.subdomains import blocks
 from tests.fabrics import DEFAULT
@@ -28,7 +28,7 @@ def request_to_settle(sample, small_blocks):
     net, _, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
     free = free_stiffness(net.shape, loading.unknowns)
-    return Settle(start, free, 0.3, block_settings(DEFAULT))
+    return SolveSubdomains(start, free, 0.3, subdomain_settings(DEFAULT))
 
 
 def is_there(pid: int) -> bool:
@@ -48,17 +48,19 @@ def ends(pid: int) -> bool:
 
 def test_it_finds_what_this_process_finds(sample, request_to_settle):
     _, fabric, _ = sample
-    at, companion = request_to_settle.at, Companion()
+    at, companion = request_to_settle.at, SecondProcess()
     for number, block in enumerate(blocks(request_to_settle.free)):
-        piece = Piece(block.free.shape, block.free.unknowns, block.fabric(fabric), None)
+        piece = SubdomainData(block.free.shape, block.free.unknowns, block.fabric(fabric), None)
         # Sent twice, the second time by its name alone.
         for start in (at.configuration, at.configuration + 1e-3):
-            errand = Errand(
+            subdomain_task = SubdomainTask(
                 (0, number), Evaluate(start[block.places]), 0.3, request_to_settle.settings
             )
-            there = companion.settle(errand, piece)
+            there = companion.settle(subdomain_task, piece)
             with one_thread_of_blas():
-                here = settled_block(Desk(piece.shape, piece.fabric), block.free, errand)
+                here = solve_subdomain(
+                    Executor(piece.shape, piece.fabric), block.free, subdomain_task
+                )
             assert there.outcome is here.outcome
             assert there.iterations == here.iterations > 0
             np.testing.assert_array_equal(there.configuration, here.configuration)
@@ -68,23 +70,23 @@ def test_blocks_are_settled_though_a_companion_dies(sample, request_to_settle, m
     net, fabric, _ = sample
     dead = []
 
-    class Dying(Companion):
-        def settle(self, errand, piece):
+    class Dying(SecondProcess):
+        def settle(self, subdomain_task, piece):
             os.kill(self.pid, signal.SIGKILL)
-            state = super().settle(errand, piece)
+            state = super().settle(subdomain_task, piece)
             dead.append(state is None)
             return state
 
-    alone = Desk(net.shape, fabric).answer(request_to_settle)
-    monkeypatch.setattr(executor, "Companion", Dying)
-    left = Desk(net.shape, fabric, threads=Threads(2)).answer(request_to_settle)
+    alone = Executor(net.shape, fabric).answer(request_to_settle)
+    monkeypatch.setattr(executor, "SecondProcess", Dying)
+    left = Executor(net.shape, fabric, threads=Threads(2)).answer(request_to_settle)
     np.testing.assert_array_equal(left[0].configuration, alone[0].configuration)
     assert dead
     assert all(dead)
 
 
 def test_it_ends_when_nobody_holds_it():
-    companion = Companion()
+    companion = SecondProcess()
     pid = companion.pid
     assert is_there(pid)
     del companion

@@ -27,7 +27,7 @@ from knitlab.model.energy import (
 )
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.network import HINGE_VECTORS, Network
-from knitlab.model.options import Reading
+from knitlab.model.options import ModelOptions
 from tests.fabrics import checkered, shaken
 
 
@@ -40,7 +40,7 @@ def whole_stiffness(
 
 @pytest.mark.parametrize("angle", ["whole_normals", "across_edge"])
 def test_element_hessians_are_those_of_automatic_differentiation(angle):
-    net, fabric = checkered(4, 1, Reading(boundary="periodic", hinges="all", fold_angle=angle))
+    net, fabric = checkered(4, 1, ModelOptions(boundary="periodic", hinges="all", fold_angle=angle))
     at = shaken(flat_sheet(net, fabric), 0.1)
     springs = element_vectors(net.springs, at)
     numbers = fabric.rest_length, fabric.stretch_stiffness
@@ -61,7 +61,7 @@ def test_element_hessians_are_those_of_automatic_differentiation(angle):
 @pytest.mark.parametrize("hinges", ["all", "fold_lines"])
 @pytest.mark.parametrize("boundary", ["clamped", "periodic"])
 def test_stiffness_is_the_slope_of_the_gradient(boundary, hinges):
-    net, fabric = checkered(4, 1, Reading(boundary=boundary, hinges=hinges))
+    net, fabric = checkered(4, 1, ModelOptions(boundary=boundary, hinges=hinges))
     at = shaken(flat_sheet(net, fabric), 0.1)
     free = free_stiffness(net.shape, all_free(net.shape))
     part = Stage(fold=0.7, wall=0.3)
@@ -76,7 +76,7 @@ def test_stiffness_is_the_slope_of_the_gradient(boundary, hinges):
 
 
 def test_walls_and_held_unknowns_enter_the_stiffness():
-    net, fabric = checkered(4, 1, Reading(boundary="clamped"))
+    net, fabric = checkered(4, 1, ModelOptions(boundary="clamped"))
     at = shaken(flat_sheet(net, fabric), 0.1).at[2:-2:3].add(6.0)
     loading = tensile(net.shape, np.asarray(at))
     free = free_stiffness(net.shape, loading.unknowns)

@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 
 from knitlab.mechanics import tensile_test
-from knitlab.mechanics.domain_decomposition import find_settled
-from knitlab.mechanics.element_chunks import PortionedFabric
+from knitlab.mechanics.domain_decomposition import find_equilibrium_by_subdomains
+from knitlab.mechanics.element_chunks import ChunkedFabric
 from knitlab.mechanics.evaluation import WHOLE
 from knitlab.mechanics.executor import run
 from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.state import Outcome
 from knitlab.mechanics.tensile_test import _Path, stretch
 from knitlab.model.fabric import flat_sheet
-from knitlab.model.options import Reading
+from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import Pattern, patch_map
 from tests.fabrics import (
     CLAMPED,
     DEFAULT,
-    ENDLESS,
     FINE,
+    PERIODIC,
     SHEET,
     checkered,
     endless_poisson_ratio,
@@ -53,7 +53,7 @@ def test_reactions_at_top_and_bottom_cancel():
     assert top > 1e-3
 
 
-@pytest.mark.parametrize("reading", [CLAMPED, ENDLESS], ids=["clamped", "endless"])
+@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "endless"])
 def test_the_reaction_force_does_the_work_that_the_energy_gains(reading):
     net, fabric = checkered(2, 1, reading)
     # Gauss–Legendre points between two strains integrate the smooth force to high order.
@@ -86,7 +86,7 @@ def test_mirrored_patterns_make_mirrored_shapes(flip):
 def test_one_unit_cell_and_four_are_the_same_endless_fabric(n_stripe, strains):
     one, four = (
         endless_poisson_ratio(
-            stretched(*checkered(n_stripe, 2, ENDLESS, unit_cells=cells), strains)
+            stretched(*checkered(n_stripe, 2, PERIODIC, unit_cells=cells), strains)
         )
         for cells in ((1, 1), (2, 2))
     )
@@ -94,7 +94,7 @@ def test_one_unit_cell_and_four_are_the_same_endless_fabric(n_stripe, strains):
 
 
 def test_the_curve_does_not_hang_on_the_strains_that_are_recorded():
-    net, fabric = checkered(4, 2, ENDLESS)
+    net, fabric = checkered(4, 2, PERIODIC)
     coarse = stretched(net, fabric, [0.0, 0.08, 0.16])
     fine = stretched(net, fabric, [0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16])
     # 0.1 and 0.11 lie on either side of a snap.
@@ -105,8 +105,8 @@ def test_the_curve_does_not_hang_on_the_strains_that_are_recorded():
 @pytest.mark.parametrize(
     ("n_stripe", "periods", "reading", "first", "last"),
     [
-        (4, 2, Reading(cell_size="flat", fold_phase="stripe_centre"), -0.38, -0.29),
-        (2, 4, Reading(cell_size="flat", fold_phase="stripe_border"), -0.08, 0.07),
+        (4, 2, ModelOptions(cell_size="flat", fold_phase="stripe_centre"), -0.38, -0.29),
+        (2, 4, ModelOptions(cell_size="flat", fold_phase="stripe_border"), -0.08, 0.07),
     ],
     ids=["flat stripe_centre", "flat stripe_border"],
 )
@@ -123,14 +123,14 @@ def test_readings_change_poisson_ratio_as_in_the_trial_runs(
 
 def test_the_default_reading_is_auxetic_with_its_lowest_ratio_on_the_way():
     ratio = endless_poisson_ratio(
-        stretched(*checkered(4, 2, ENDLESS), list(np.linspace(0, 0.45, 16)))
+        stretched(*checkered(4, 2, PERIODIC), list(np.linspace(0, 0.45, 16)))
     )
     assert 0 < ratio.argmin() < len(ratio) - 1
     assert ratio.min() == pytest.approx(-1.0, abs=0.1)
 
 
 def test_what_does_not_relax_says_so():
-    net, fabric = checkered(4, 1, ENDLESS)
+    net, fabric = checkered(4, 1, PERIODIC)
     test = stretched(net, fabric, [0.0, 0.1], SolverSettings(max_iterations=2))
     assert test.loading is None
     assert [state.outcome for state in test.states] == [Outcome.iteration_limit]
@@ -139,7 +139,7 @@ def test_what_does_not_relax_says_so():
 
 def test_a_step_that_fails_is_tried_in_halves(monkeypatch):
     monkeypatch.setattr(tensile_test, "ROUGH", np.inf)  # so that a step is one search
-    net, fabric = checkered(4, 1, ENDLESS)
+    net, fabric = checkered(4, 1, PERIODIC)
     whole = SolverSettings(path_step=1.0, ramp_steps=60, branch_limit=1e9)
     iterations = stretched(net, fabric, [0.0, 0.4], whole).states[1].iterations
     # Too few for the whole step, enough for its halves or theirs.
@@ -151,7 +151,7 @@ def test_a_step_that_fails_is_tried_in_halves(monkeypatch):
     assert [state.converged for state in given_up.states] == [True, False]
 
 
-@pytest.mark.parametrize("reading", [ENDLESS, CLAMPED], ids=["endless", "clamped"])
+@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["endless", "clamped"])
 def test_a_rough_step_ends_where_a_smooth_one_does(reading, monkeypatch):
     """Soft walls and a convexified stiffness are a way to a state; they are none of it."""
     net, fabric = checkered(4, 1, reading)
@@ -178,7 +178,7 @@ def test_relaxation_does_not_shift_a_sample():
 
 def test_a_fabric_that_is_let_go_comes_back_through_the_states_it_went():
     strains = 0.0, 0.02, 0.04, 0.06
-    net, fabric = checkered(4, 1, ENDLESS)
+    net, fabric = checkered(4, 1, PERIODIC)
     test = run(net.shape, fabric, stretch(net, fabric, strains, FINE, unload=True))
     assert len(test.unloaded) == len(strains) - 1
     for up, back in zip(test.states[-2::-1], test.unloaded, strict=True):
@@ -188,7 +188,7 @@ def test_a_fabric_that_is_let_go_comes_back_through_the_states_it_went():
 
 
 def test_only_a_test_that_reached_its_end_goes_back():
-    net, fabric = checkered(4, 1, ENDLESS)
+    net, fabric = checkered(4, 1, PERIODIC)
     hasty = SolverSettings(max_iterations=3)
     test = run(net.shape, fabric, stretch(net, fabric, (0.0, 0.02), hasty, unload=True))
     assert test.unloaded == ()
@@ -207,9 +207,9 @@ def test_many_blocks_start_from_where_on_the_line_ahead_the_energy_is_least(
 
     def found(start, *rest):
         starts.append(start)
-        return find_settled(start, *rest)
+        return find_equilibrium_by_subdomains(start, *rest)
 
-    monkeypatch.setattr(tensile_test, "find_settled", found)
+    monkeypatch.setattr(tensile_test, "find_equilibrium_by_subdomains", found)
     passed_states = [(0.0, replace(before, configuration=off)), (0.01, last)]
     path = _Path(loading, passed_states, fabric, DEFAULT)
     assert run(net.shape, fabric, path.to(0.02)).converged
@@ -218,7 +218,7 @@ def test_many_blocks_start_from_where_on_the_line_ahead_the_energy_is_least(
     way = far - near
     part = float((starts[0].configuration - near) @ way / (way @ way))
     assert any(part == pytest.approx(one) for one in parts)
-    whole = PortionedFabric.of(net.shape, fabric)
+    whole = ChunkedFabric.of(net.shape, fabric)
     taken, *others = (
         float(whole.evaluate(WHOLE, at).energy.total) for at in (starts[0].configuration, near, far)
     )

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from knitlab.mechanics.element_chunks import PortionedFabric
+from knitlab.mechanics.element_chunks import ChunkedFabric
 from knitlab.mechanics.evaluation import WHOLE
 from knitlab.mechanics.executor import run
 from knitlab.mechanics.tensile_test import stretch
-from knitlab.model.options import Reading
+from knitlab.model.options import ModelOptions
 from tests.fabrics import FINE, checkered
 
-READING = Reading(boundary="clamped")
+READING = ModelOptions(boundary="clamped")
 STRAINS = [0.0, 0.1, 0.2]
 DRAG = 2e-3
 """Large enough for a sample of one unit cell to lag [N/mm]."""
@@ -34,7 +34,7 @@ def integrated(sample, test, drag):
     """The same pull by a Runge–Kutta integrator, along the applied strain in place of the time."""
     net, fabric = sample
     loading, free = test.loading, test.loading.unknowns
-    portioned = PortionedFabric.of(net.shape, fabric)
+    portioned = ChunkedFabric.of(net.shape, fabric)
 
     def velocity(strain, moving):
         here = loading.holding(loading.reference, strain)

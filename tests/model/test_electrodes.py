@@ -7,20 +7,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.model.electrode_layout import BadLayout, Layout, laid_electrodes, ridge_lines
+from knitlab.model.electrode_layout import BadLayout, ElectrodeLayout, place_electrodes, ridge_lines
 from knitlab.model.electrodes import Electrodes, Strip, pieces
 from knitlab.model.network import MeshShape
-from knitlab.model.options import Reading
+from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import checkerboard, patch_map
-from tests.fabrics import CLAMPED, ENDLESS
+from tests.fabrics import CLAMPED, PERIODIC
 
 STITCHES = 2.0, 4.0
 """Wales and courses in a grid cell of n_stripe 4."""
-RIDGES = Layout()
+RIDGES = ElectrodeLayout()
 
 
-def laid(layout, periods=2, reading=ENDLESS, unit_cells=(1, 1)):
-    return laid_electrodes(layout, checkerboard(periods, unit_cells), reading, STITCHES)
+def laid(layout, periods=2, reading=PERIODIC, unit_cells=(1, 1)):
+    return place_electrodes(layout, checkerboard(periods, unit_cells), reading, STITCHES)
 
 
 def test_neighbouring_rib_ridges_of_the_first_patch_carry_a_stripe_each():
@@ -34,7 +34,7 @@ def test_neighbouring_rib_ridges_of_the_first_patch_carry_a_stripe_each():
     [("stripe_border", [2, 6], [4]), ("stripe_centre", [1, 5], [3, 7])],
 )
 def test_ridges_are_the_folds_of_the_middle_patch(phase, front, back):
-    reading = replace(ENDLESS, fold_phase=phase)
+    reading = replace(PERIODIC, fold_phase=phase)
     for face, lines in {"front": front, "back": back, "both": sorted(front + back)}.items():
         assert ridge_lines(replace(RIDGES, face=face), checkerboard(2), reading) == lines
 
@@ -42,7 +42,7 @@ def test_ridges_are_the_folds_of_the_middle_patch(phase, front, back):
 def test_garter_ridges_run_along_courses():
     layout = replace(RIDGES, along="course")
     assert laid(layout).strips[0] == (Strip(0, 16, 1, 3),)
-    valley = Reading(boundary="periodic", garter_start="valley")
+    valley = ModelOptions(boundary="periodic", garter_start="valley")
     assert ridge_lines(layout, checkerboard(2), valley) == [4]
 
 
@@ -54,7 +54,7 @@ def test_a_sample_is_plated_in_its_middle_and_as_far_as_its_span():
 
 
 def test_within_the_fabric_ridges_of_all_patches_count():
-    lines = ridge_lines(replace(RIDGES, within="fabric"), checkerboard(2), ENDLESS)
+    lines = ridge_lines(replace(RIDGES, within="fabric"), checkerboard(2), PERIODIC)
     assert lines == [2, 6, 10, 14]
 
 
@@ -62,7 +62,7 @@ def test_within_the_fabric_ridges_of_all_patches_count():
 def test_a_width_in_stitches_is_centred_on_its_ridge(width):
     for along, across in (("wale", 2.0), ("course", 4.0)):
         layout = replace(RIDGES, along=along, width=width)
-        strips = laid(layout, reading=ENDLESS).strips if width / across < 4 else None
+        strips = laid(layout, reading=PERIODIC).strips if width / across < 4 else None
         for number, (strip,) in enumerate(strips or ()):
             low, high = strip.extents[0 if along == "wale" else 1]
             assert high - low == pytest.approx(width / across)
@@ -79,18 +79,18 @@ SQUARE = patch_map(["R"], 1)
 @pytest.mark.parametrize(
     ("layout", "reading", "message"),
     [
-        (replace(RIDGES, width=8.0), ENDLESS, r"short circuit: columns 4 to 4, rows 0 to 16"),
-        (replace(RIDGES, width=9.0), ENDLESS, r"short circuit: columns 3\.75 to 4\.25"),
-        (replace(RIDGES, width=40.0), ENDLESS, r"electrode A leaves the fabric: columns -8 to 12"),
+        (replace(RIDGES, width=8.0), PERIODIC, r"short circuit: columns 4 to 4, rows 0 to 16"),
+        (replace(RIDGES, width=9.0), PERIODIC, r"short circuit: columns 3\.75 to 4\.25"),
+        (replace(RIDGES, width=40.0), PERIODIC, r"electrode A leaves the fabric: columns -8 to 12"),
         (replace(RIDGES, width=5.0), CLAMPED, None),
         (
             replace(RIDGES, width=9.0),
             CLAMPED,
             r"electrode A leaves the fabric: columns -0\.25 to 4\.25, rows 0 to 16",
         ),
-        (replace(RIDGES, ridges=(1, 3)), ENDLESS, "there is no ridge 3: its middle patch has 2"),
-        (replace(RIDGES, ridges=(1, 1)), ENDLESS, "short circuit: columns 1 to 3"),
-        (replace(RIDGES, span=(0.0, 0.5)), ENDLESS, "endless fabric has no ends"),
+        (replace(RIDGES, ridges=(1, 3)), PERIODIC, "there is no ridge 3: its middle patch has 2"),
+        (replace(RIDGES, ridges=(1, 1)), PERIODIC, "short circuit: columns 1 to 3"),
+        (replace(RIDGES, span=(0.0, 0.5)), PERIODIC, "endless fabric has no ends"),
     ],
 )
 def test_a_layout_that_cannot_be_is_refused_with_its_place(layout, reading, message):
@@ -107,19 +107,19 @@ def test_a_layout_that_cannot_be_is_refused_with_its_place(layout, reading, mess
         (("A..B", "A..B", "A..B"), CLAMPED, "3 rows of 4 letters, the fabric 4 rows of 4"),
         (("A...",) * 4, CLAMPED, "no letter B"),
         (("A..B", "A..B", "...B", "A..B"), CLAMPED, "A is in 2 pieces, one of them at column 0"),
-        (("A..B", "A..B", "...B", "...B"), ENDLESS, "A does not run on over the seam"),
+        (("A..B", "A..B", "...B", "...B"), PERIODIC, "A does not run on over the seam"),
         (("ABBB", "A..B", "A..B", "A..B"), CLAMPED, "short circuit: columns 1 to 1, rows 3 to 4"),
         ((".A.B", "..AB", "A..B", "A..B"), CLAMPED, "A is in 3 pieces"),
     ],
 )
 def test_a_drawing_that_cannot_be_is_refused_with_its_place(rows, reading, message):
     with pytest.raises(BadLayout, match=message):
-        laid_electrodes(drawn(*rows), SQUARE, reading, STITCHES)
+        place_electrodes(drawn(*rows), SQUARE, reading, STITCHES)
 
 
-@pytest.mark.parametrize("reading", [CLAMPED, ENDLESS])
+@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC])
 def test_a_drawn_electrode_may_wander(reading):
-    electrodes = laid_electrodes(drawn("a..b", "aa.b", ".a.b", "aa.b"), SQUARE, reading, STITCHES)
+    electrodes = place_electrodes(drawn("a..b", "aa.b", ".a.b", "aa.b"), SQUARE, reading, STITCHES)
     assert sum(strip.area for strip in electrodes.strips[0]) == 6
     # The first row of the drawing is the top of the fabric.
     assert Strip(0, 1, 3, 4) in electrodes.strips[0]

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from knitlab.model.energy import energy, positions
 from knitlab.model.fabric import flat_sheet
-from knitlab.model.options import Reading
-from tests.fabrics import ALL_STRIPES, CLAMPED, ENDLESS, checkered, pure, shaken
+from knitlab.model.options import ModelOptions
+from tests.fabrics import ALL_STRIPES, CLAMPED, PERIODIC, checkered, pure, shaken
 
 
 def zigzag(net, fabric, of):
@@ -28,7 +28,7 @@ def zigzag(net, fabric, of):
     return jnp.asarray(np.concatenate([nodes, lengths]))
 
 
-@pytest.mark.parametrize("reading", [ENDLESS, CLAMPED], ids=["endless", "clamped"])
+@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["endless", "clamped"])
 @pytest.mark.parametrize("of", ALL_STRIPES, ids=lambda of: f"{of.knit} {of.n}")
 def test_the_folded_zigzag_costs_no_energy(of, reading):
     net, fabric = pure(of, reading, periods=2)
@@ -40,7 +40,7 @@ def test_the_folded_zigzag_costs_no_energy(of, reading):
 @pytest.mark.parametrize("stiffness", ["per_edge", "per_length"])
 @pytest.mark.parametrize("angle", ["whole_normals", "across_edge"])
 def test_gradient_is_the_slope_of_the_energy(boundary, stiffness, angle):
-    reading = Reading(boundary=boundary, hinge_stiffness=stiffness, fold_angle=angle)
+    reading = ModelOptions(boundary=boundary, hinge_stiffness=stiffness, fold_angle=angle)
     net, fabric = checkered(4, 1, reading)
     at = shaken(flat_sheet(net, fabric), 0.1)
     toward = shaken(jnp.zeros_like(at), 1.0, seed=1)
@@ -66,7 +66,7 @@ def test_rigid_motion_changes_no_energy(turn, shift):
 
 
 def test_endless_fabric_may_slide_and_be_cut_anywhere():
-    net, fabric = checkered(4, 1, ENDLESS)
+    net, fabric = checkered(4, 1, PERIODIC)
     at = shaken(flat_sheet(net, fabric), 0.1)
     nodes = positions(at).at[:, :2].add(jnp.array([0.7, -1.3]))
     # One column of nodes is counted in the next period instead of this one.

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from knitlab.model.fabric import cell_length
-from knitlab.model.options import Reading
+from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import checkerboard
 from knitlab.model.stripe import periods_per_patch
 from tests.fabrics import CLAMPED, checkered, patterned, stripe
@@ -10,14 +10,14 @@ from tests.fabrics import CLAMPED, checkered, patterned, stripe
 
 def test_a_relaxed_cell_folds_to_the_measured_period():
     rib = stripe("rib", 4)
-    flat = cell_length(rib, Reading(cell_size="relaxed"))
+    flat = cell_length(rib, ModelOptions(cell_size="relaxed"))
     assert 4 * flat * np.sin(rib.theta_0 / 2) == pytest.approx(rib.period)
-    assert 4 * cell_length(rib, Reading(cell_size="flat")) == pytest.approx(rib.period)
+    assert 4 * cell_length(rib, ModelOptions(cell_size="flat")) == pytest.approx(rib.period)
 
 
 def test_lengths_scale_and_the_wall_does_not():
-    _, one = checkered(4, 1, Reading())
-    _, ten = checkered(4, 1, Reading(length_scale=10))
+    _, one = checkered(4, 1, ModelOptions())
+    _, ten = checkered(4, 1, ModelOptions(length_scale=10))
     assert np.allclose(ten.rest_length, 10 * one.rest_length)
     assert float(ten.z_max) == float(one.z_max)
 
@@ -30,16 +30,16 @@ def test_diagonals_take_the_smaller_stiffness():
 
 
 def test_k_t_per_length_is_k_t_times_the_length_of_the_edge():
-    net, edge = checkered(4, 1, Reading(hinge_stiffness="per_edge"))
-    _, length = checkered(4, 1, Reading(hinge_stiffness="per_length"))
+    net, edge = checkered(4, 1, ModelOptions(hinge_stiffness="per_edge"))
+    _, length = checkered(4, 1, ModelOptions(hinge_stiffness="per_length"))
     ratio = np.asarray(length.fold_stiffness / edge.fold_stiffness)
     assert np.allclose(ratio[net.wale], edge.cell[1])
     assert np.allclose(ratio[~net.wale], edge.cell[0])
 
 
 def test_fold_lines_alone_leave_no_hinge_against_the_folds_or_on_borders():
-    net, every = checkered(4, 2, Reading(hinges="all"))
-    _, lines = checkered(4, 2, Reading(hinges="fold_lines"))
+    net, every = checkered(4, 2, ModelOptions(hinges="all"))
+    _, lines = checkered(4, 2, ModelOptions(hinges="fold_lines"))
     rib = checkerboard(2).rib_cells
     after = rib[tuple(net.hinge_cells.T)]
     before = rib[tuple((net.hinge_cells - np.where(net.wale[:, None], [0, 1], [1, 0])).T)]
@@ -51,7 +51,7 @@ def test_fold_lines_alone_leave_no_hinge_against_the_folds_or_on_borders():
 
 @pytest.mark.parametrize(("start", "sense"), [("mountain", 1), ("valley", -1)])
 def test_the_first_garter_fold_points_where_the_reading_says(start, sense):
-    net, fabric = patterned(4, checkerboard(2), Reading(garter_start=start))
+    net, fabric = patterned(4, checkerboard(2), ModelOptions(garter_start=start))
     first = (~net.wale) & (net.hinge_cells == [2, 8]).all(axis=1)
     assert np.sign(float(fabric.rest_fold[first][0])) == sense
     first_rib = net.wale & (net.hinge_cells == [0, 2]).all(axis=1)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from knitlab.io.cube_file import write_cube
 from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput
-from knitlab.paper.checks import EachDesignTest, Laboratory
+from knitlab.paper.checks import EachDesignCheck, Laboratory
 from knitlab.paper.claims import read_claims
 from knitlab.paper.judgement import judged
 from knitlab.paper.margin import Grade, Verdict
@@ -51,7 +51,7 @@ def bad_checkerboards():
 
 
 CUBES = {"good": good_checkerboards(), "bad": bad_checkerboards()}
-EACH = [name for name, claim in CLAIMS.items() if isinstance(claim.test, EachDesignTest)]
+EACH = [name for name, claim in CLAIMS.items() if isinstance(claim.test, EachDesignCheck)]
 
 
 @given(st.sampled_from(sorted(CUBES)), st.sampled_from(EACH), st.sets(st.sampled_from(DESIGNS)))

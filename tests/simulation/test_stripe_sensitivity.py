@@ -9,7 +9,7 @@ from knitlab.execution.run import RunOptions, run_plan
 from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput
 from knitlab.io.schema import VARIABLES
-from knitlab.mechanics.linear_response import NoDerivative, Responses
+from knitlab.mechanics.linear_response import LinearResponses, NoDerivative
 from knitlab.simulation.case import case_of
 from knitlab.study.plan import make_plan
 from tests.execution import stand_in
@@ -83,14 +83,14 @@ def test_designs_with_and_without_share_a_cube(tmp_path):
 
 
 def test_where_there_is_no_derivative_it_is_missing(monkeypatch, tmp_path):
-    at = Responses.at
+    at = LinearResponses.at
 
     def not_beyond(self, fabric, configuration):
         if len(self.free.unknowns) < len(configuration) and configuration[-1] > 2.69:
             raise NoDerivative
         return at(self, fabric, configuration)
 
-    monkeypatch.setattr(Responses, "at", not_beyond)
+    monkeypatch.setattr(LinearResponses, "at", not_beyond)
     cube = run_plan(make_plan("preview", (*SMALL, *ASKED)), tmp_path, RunOptions()).cube
     found = cube["poisson_ratio_sensitivity"].squeeze().isnull().all("stripe_parameter")
     assert found.values.tolist() == [True, False, True]

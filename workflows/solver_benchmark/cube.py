@@ -14,7 +14,7 @@ import pandas as pd
 import xarray as xr
 from threadpoolctl import ThreadpoolController
 
-from knitlab.io.atomic_write import written_whole
+from knitlab.io.atomic_write import atomic_write
 from workflows.solver_benchmark.methods import RESIDUAL_LEVELS
 
 DIMS = {
@@ -276,7 +276,7 @@ def _version(name: str) -> str:
 
 def write_cube(cube: xr.Dataset, path: Path) -> None:
     """Replace the cube's file whole."""
-    with written_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         packed = {name: {"zlib": True} for name in cube.data_vars if cube[name].dtype.kind in "fi"}
         cube.to_netcdf(temporary, encoding=packed)
 

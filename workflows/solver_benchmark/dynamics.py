@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from knitlab.mechanics.batch import stacked
-from knitlab.mechanics.dynamics import Drive, DynamicsSettings, Motion, batch_integrator
+from knitlab.mechanics.dynamics import DynamicsSettings, Motion, PrescribedMotion, batch_integrator
 from knitlab.mechanics.loading import all_free
 from workflows.solver_benchmark.problem import Configuration, Free, Problem, Search
 from workflows.solver_benchmark.watch import GivenUp, Watch
@@ -76,10 +76,10 @@ def prepare(settings: DynamicsSettings, problem: Problem) -> None:
     dynamics(settings, 1.0)(once, problem.flat, all_free(problem.shape), Watch(np.inf))
 
 
-def _held(start: Configuration, free: Bool[np.ndarray, " unknown"]) -> Drive:
+def _held(start: Configuration, free: Bool[np.ndarray, " unknown"]) -> PrescribedMotion:
     """What is not free stays where it is."""
     zero, at = jnp.asarray(0.0), jnp.asarray(start)
-    return Drive(
+    return PrescribedMotion(
         free=jnp.asarray(free),
         reference=at,
         direction=jnp.zeros_like(at),

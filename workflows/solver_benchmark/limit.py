@@ -14,7 +14,7 @@ from jaxtyping import Float
 from scipy.sparse.linalg import splu
 
 from knitlab.linalg.threads import Threads, allowed_threads
-from knitlab.mechanics.element_chunks import PortionedFabric
+from knitlab.mechanics.element_chunks import ChunkedFabric
 from knitlab.mechanics.evaluation import WHOLE
 from knitlab.mechanics.factorisation import factoriser, one_thread_of_blas
 from knitlab.mechanics.loading import tensile
@@ -106,7 +106,7 @@ def measure(measurement: Measurement) -> Record:
     if start is None:
         raise RuntimeError("endless fabric did not relax")
     shape = net.shape
-    sample = PortionedFabric.of(shape, fabric, Threads(allowed_threads()))
+    sample = ChunkedFabric.of(shape, fabric, Threads(allowed_threads()))
     free = free_stiffness(shape, tensile(shape, start).unknowns)
 
     def assembled() -> np.ndarray:

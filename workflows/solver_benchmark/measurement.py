@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from knitlab.io.atomic_write import written_whole
+from knitlab.io.atomic_write import atomic_write
 from knitlab.model.options import Boundary
 from knitlab.simulation.case import Case
 from knitlab.study.plan import make_plan
@@ -94,5 +94,5 @@ class Measurement:
 
     def write(self, results: Path, values: Record) -> None:
         """Leave its record, whole or not at all."""
-        with written_whole(self.path(results)) as temporary:
+        with atomic_write(self.path(results)) as temporary:
             temporary.write_text(json.dumps(asdict(self) | values, indent=1))

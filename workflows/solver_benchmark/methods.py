@@ -51,7 +51,7 @@ def method(measurement: Measurement) -> Method:
         case "knitlab":
             return ours.knitlab(still, PLAIN)
         case _ if solver in SWEPT:
-            return ours.knitlab(still, PLAIN, endless=measurement.case().endless_cell)
+            return ours.knitlab(still, PLAIN, endless=measurement.case().periodic_cell)
         case "knitlab_direct":
             return ours.knitlab(still, PLAIN, direct=True)
         case "knitlab_cholmod":

@@ -11,7 +11,7 @@ from knitlab.linalg.threads import Threads, allowed_threads
 from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.equilibrium_search import SearchRules
 from knitlab.mechanics.evaluation import WHOLE
-from knitlab.mechanics.executor import Desk
+from knitlab.mechanics.executor import Executor
 from knitlab.mechanics.factorisation import one_thread_of_blas
 from knitlab.mechanics.loading import all_free
 from knitlab.mechanics.relaxation import relax, tiled
@@ -95,7 +95,7 @@ def shipped_relaxation(case: Case, factorisation: str, watch: Watch) -> State:
     settings = case.equilibrium_solver
     problem, start = Problem.of(case, settings.tolerance), None
     if not (case.mesh_shape.periodic or settings.start == "flat"):
-        start = _laid_out(problem, case.endless_cell, settings, factorisation, watch)
+        start = _laid_out(problem, case.periodic_cell, settings, factorisation, watch)
     solver = relax(problem.net, problem.fabric, settings, start)
     with watch.paused():
         prepare(problem)
@@ -124,14 +124,14 @@ def driven(problem: Problem, solver: Solver[Result], factorisation: str, watch: 
 
 def _driven(problem: Problem, solver: Solver[Result], factorisation: str, watch: Watch) -> Result:
     threads = Threads(allowed_threads())
-    desk = Desk(problem.shape, problem.fabric, factorisation, threads=threads)
+    executor = Executor(problem.shape, problem.fabric, factorisation, threads=threads)
     free, answer = all_free(problem.shape), None
     while True:
         try:
             request = solver.send(answer)
         except StopIteration as end:
             return end.value
-        answer = desk.answer(request)
+        answer = executor.answer(request)
         match request:
             case Assemble():
                 free = request.free.unknowns

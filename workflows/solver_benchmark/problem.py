@@ -7,9 +7,9 @@ from functools import cached_property, partial
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from knitlab.mechanics.element_chunks import PortionedFabric
+from knitlab.mechanics.element_chunks import ChunkedFabric
 from knitlab.mechanics.evaluation import WHOLE, Evaluation
-from knitlab.mechanics.loading import all_free, squared_up, tensile
+from knitlab.mechanics.loading import all_free, rigidly_aligned, tensile
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.inertia import Inertia, inertia
 from knitlab.model.network import MeshShape, Network
@@ -56,9 +56,9 @@ class Problem:
         return np.asarray(flat_sheet(self.net, self.fabric))
 
     @cached_property
-    def portioned(self) -> PortionedFabric:
+    def portioned(self) -> ChunkedFabric:
         """Its fabric in portions."""
-        return PortionedFabric.of(self.shape, self.fabric)
+        return ChunkedFabric.of(self.shape, self.fabric)
 
     def which(self, free: Free) -> Bool[np.ndarray, " unknown"]:
         """Of every unknown, whether it is free."""
@@ -102,7 +102,7 @@ def relax_by(search: Search, problem: Problem, watch: Watch) -> Configuration:
     relaxed = search(problem, problem.flat, free, watch)
     if problem.shape.periodic:
         return relaxed
-    square = np.asarray(squared_up(problem.shape, problem.flat, relaxed))
+    square = np.asarray(rigidly_aligned(problem.shape, problem.flat, relaxed))
     return search(problem, square, free, watch)
 
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.mechanics.adjoint import Adjoint
-from knitlab.mechanics.domain_decomposition import find_settled
+from knitlab.mechanics.domain_decomposition import find_equilibrium_by_subdomains
 from knitlab.mechanics.equilibrium_search import SearchRules
 from knitlab.mechanics.executor import run
 from knitlab.mechanics.loading import tensile
@@ -17,7 +17,7 @@ from knitlab.mechanics.relaxation import relax
 from knitlab.mechanics.solver import Evaluate, Solver
 from knitlab.mechanics.state import State, TensileTest
 from knitlab.mechanics.tensile_test import stretch
-from knitlab.model.fabric import Fabric, StripePair, laid_out
+from knitlab.model.fabric import Fabric, StripePair, fabric_layout
 from knitlab.model.network import Network
 from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import starts
@@ -28,7 +28,7 @@ QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")
 
 
 @dataclass(frozen=True)
-class VirtualTest:
+class SimulatedTest:
     """A test of a case whose every state converged.
 
     Attributes:
@@ -49,8 +49,8 @@ class VirtualTest:
         """
         case, (relaxed, *strained) = self.case, self.test.states
         stripes = StripePair.of(case.weft, case.warp)
-        weave = laid_out(case.sample, case.sheet, case.reading)
-        adjoint = Adjoint(weave, stripes, relaxed.configuration)
+        layout = fabric_layout(case.sample, case.sheet, case.reading)
+        adjoint = Adjoint(layout, stripes, relaxed.configuration)
         measure = measured_by(case.mesh_shape, case.unit_cells, QUANTITIES)
         found = [
             logarithmic(adjoint.of_strained(strain, state.configuration, measure), stripes)
@@ -74,7 +74,7 @@ def with_factors(case: Case, factors: Mapping[str, float]) -> Case:
     return replace(case, weft=stripes["weft"], warp=stripes["warp"])
 
 
-def virtual_test(case: Case, near: VirtualTest | None = None) -> VirtualTest | None:
+def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTest | None:
     """Test a case; ``None`` if a state does not converge.
 
     Args:
@@ -98,10 +98,10 @@ def virtual_test(case: Case, near: VirtualTest | None = None) -> VirtualTest | N
         return None
     first = jnp.asarray(relaxed.configuration)
     values = [measure(first, jnp.asarray(its.configuration), fabric) for its in strained]
-    return VirtualTest(case, test, np.array(values).T)
+    return SimulatedTest(case, test, np.array(values).T)
 
 
-def _retested(case: Case, net: Network, fabric: Fabric, near: VirtualTest) -> Solver[TensileTest]:
+def _retested(case: Case, net: Network, fabric: Fabric, near: SimulatedTest) -> Solver[TensileTest]:
     settings = case.equilibrium_solver
     first, *others = near.test.states
     relaxed = yield from relax(net, fabric, replace(settings, soft_wall=1.0), first.configuration)
@@ -114,7 +114,7 @@ def _retested(case: Case, net: Network, fabric: Fabric, near: VirtualTest) -> So
         # The sample as a whole may have grown: what is new of the relaxed shape comes along.
         moved = other.configuration + relaxed.configuration - first.configuration
         start = Evaluate(loading.holding(moved, strain))
-        states.append((yield from find_settled(start, rules)))
+        states.append((yield from find_equilibrium_by_subdomains(start, rules)))
         if not states[-1].converged:
             break
     return TensileTest(loading, states)
