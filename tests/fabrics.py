@@ -90,8 +90,8 @@ def moving(
     return MovingBatch(woven[0][0].shape, [fabric for _, fabric in woven], inertias, settings)
 
 
-def endless_poisson_ratio(test: TensileTest) -> np.ndarray:
-    """ν of endless fabric straight from L_x and L_y."""
+def periodic_poisson_ratio(test: TensileTest) -> np.ndarray:
+    """ν of periodic fabric straight from L_x and L_y."""
     lengths = np.array([state.configuration[-2:] for state in test.states])
     strain = lengths[1:] / lengths[0] - 1
     return -strain[:, 0] / strain[:, 1]

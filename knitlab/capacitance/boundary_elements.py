@@ -40,7 +40,7 @@ IMAGES_AN_EXTENT = 3
 
 
 class Images(eqx.Module):
-    """Endless repetition of all conductors along one axis.
+    """Periodic repetition of all conductors along one axis.
 
     Attributes:
         count: images on either side that are summed one by one.
@@ -162,7 +162,7 @@ def two_terminal(
 ) -> Float[Array | np.ndarray, "*state"]:
     """Capacitance between two conductors whose charges are opposite, as a meter reads it [pF].
 
-    A shift of all potentials by the total charge, as endless conductors leave open, changes the
+    A shift of all potentials by the total charge, as periodic conductors leave open, changes the
     matrix but not this.
     """
     one, other, mutual = matrix[..., 0, 0], matrix[..., 1, 1], matrix[..., 0, 1]

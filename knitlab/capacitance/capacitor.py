@@ -34,11 +34,11 @@ MOST_PANELS = 2400
 
 @dataclass(frozen=True)
 class Capacitor:
-    """Electrodes on a fabric, and what their capacitance hangs on beside its shape.
+    """Electrodes on a fabric, and what their capacitance depends on beside its shape.
 
     Attributes:
         layout: where the electrodes run.
-        electrode_length: relaxed length of the electrodes on endless fabric [mm].
+        electrode_length: relaxed length of the electrodes on periodic fabric [mm].
         permittivity: of what is around the electrodes, over that of vacuum [1].
         clearance: distance at which electrodes count as touching [mm].
         accuracy: largest estimated error of a capacitance, over itself [1].
@@ -61,7 +61,7 @@ class Capacitances:
 
     Attributes:
         status: what there is of it in each state.
-        capacitance: two-terminal, NaN where it is not measured; of one period if endless [pF].
+        capacitance: two-terminal, NaN where it is not measured; of one period if periodic [pF].
         mutual: the mutual capacitance −C₁₂ of Maxwell's matrix, of open samples alone [pF].
         error: estimated error of the capacitance, over itself; there too where it is too large.
         gap: shortest distance between the electrodes, looked for up to :attr:`reach` [mm].
@@ -93,7 +93,7 @@ def capacitances(
         net: network of the fabric.
         fabric: its numbers.
         configurations: of every state.
-        capacitor: what else it hangs on.
+        capacitor: what else it depends on.
     """
     shape, states = net.shape, len(configurations)
     status = np.full(states, CapacitorStatus.measured)
@@ -191,7 +191,7 @@ def hinges_at(electrodes: Electrodes, net: Network) -> Bool[np.ndarray, " hinge"
     row, column = net.hinge_cells.T
     beside = (column >= np.floor(left)) & (column < np.ceil(right))
     above = (row >= np.floor(bottom)) & (row < np.ceil(top))
-    # On endless fabric electrodes may lie beyond the seam.
+    # On periodic fabric electrodes may lie beyond the seam.
     beside |= (column + net.shape.cells_x < np.ceil(right)) & net.shape.periodic
     above |= (row + net.shape.cells_y < np.ceil(top)) & net.shape.periodic
     return beside & above

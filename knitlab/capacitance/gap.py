@@ -25,7 +25,7 @@ def gap_between(
         panels: corners of the panels, each of which is taken as two triangles.
         electrode: 0 or 1, which one each panel is a part of.
         reach: how far to look; the answer is no larger [mm].
-        period: of endless electrodes, from one image to the next [mm].
+        period: of periodic electrodes, from one image to the next [mm].
     """
     triangles = panels[:, HALVES].reshape(-1, 3, 3)
     owner = np.repeat(electrode, len(HALVES))
@@ -45,7 +45,7 @@ def crosses_itself(
 
     Args:
         panels: corners of the panels; neighbours have a corner in common.
-        period: of an endless surface, from one image to the next [mm].
+        period: of a periodic surface, from one image to the next [mm].
     """
     triangles = panels[:, HALVES].reshape(-1, 3, 3)
     one, other = _near(triangles, _with_images(triangles, period), 0.0)

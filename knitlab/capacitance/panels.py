@@ -39,7 +39,7 @@ def panel_chart(electrodes: Electrodes, shape: MeshShape, level: int) -> PanelCh
 
     Args:
         electrodes: what is plated.
-        shape: mesh of the fabric, which tells where endless electrodes go on.
+        shape: mesh of the fabric, which tells where periodic electrodes go on.
         level: of refinement.
     """
     cells: list[tuple[int, int]] = []
@@ -118,9 +118,9 @@ def points_on(
 class _Sides:
     """Where the pieces of one electrode meet."""
 
-    def __init__(self, plated: list[Strip], endless: int, shape: MeshShape) -> None:
-        self.endless = endless
-        self.around = (shape.cells_x, shape.cells_y)[endless] if shape.periodic else None
+    def __init__(self, plated: list[Strip], wrapped_axis: int, shape: MeshShape) -> None:
+        self.wrapped_axis = wrapped_axis
+        self.around = (shape.cells_x, shape.cells_y)[wrapped_axis] if shape.periodic else None
         self.begin = {self._side(piece, axis, 0) for piece in plated for axis in (0, 1)}
         self.end = {self._side(piece, axis, 1) for piece in plated for axis in (0, 1)}
 
@@ -134,6 +134,6 @@ class _Sides:
     def _side(self, piece: Strip, axis: int, which: int) -> tuple[int, float, float, float]:
         at = piece.extents[axis][which]
         low, high = piece.extents[1 - axis]
-        if self.around is not None and axis == self.endless:
+        if self.around is not None and axis == self.wrapped_axis:
             at %= self.around
         return axis, round(at, 9), round(low, 9), round(high, 9)

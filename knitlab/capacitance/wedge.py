@@ -49,7 +49,7 @@ def wedge_capacitance(
 ) -> Float[Array, "*state"]:
     """Capacitance between two strips in vacuum, by the wedge integral [pF].
 
-    It can be differentiated by the configuration. Of endless fabric it is that of one period.
+    It can be differentiated by the configuration. Of periodic fabric it is that of one period.
 
     Args:
         electrodes: two strips, see :func:`side_by_side`.
@@ -82,7 +82,7 @@ def wedge_capacitance(
     length = sum(jnp.linalg.norm(plate[2], axis=-1) for plate in plates) / 2
     total = jnp.zeros(chord.shape[:-2])
     for wedge in (angle, 2 * jnp.pi - angle):
-        # An arc is chord × (θ/2)/sin(θ/2) long, and endless about the back of parallel plates.
+        # An arc is chord × (θ/2)/sin(θ/2) long, and periodic about the back of parallel plates.
         across_gap = jnp.sinc(wedge / (2 * jnp.pi)) / chord
         ratio = (reach_weight * (area / length) * across_gap).sum(axis=-1)
         total += (run_weight * length.mean(axis=-1) * with_ends(ratio)).sum(axis=-1)

@@ -122,7 +122,7 @@ def claims(cubes: tuple[Path, ...], selections: tuple[str, ...], output: Path | 
 
     Its margin says how far it is from its threshold, below 0 if it fails; from -0.25 to 0 it is a
     near miss. Of several cubes that measure a claim the one with the paper's samples decides it:
-    clamped before endless, then with more of the designs, then with more unit cells.
+    clamped before periodic, then with more of the designs, then with more unit cells.
     """
     from knitlab.paper.claims import read_claims
     from knitlab.paper.judgement import judged

@@ -139,4 +139,4 @@ def earlier_failures(folder: Path) -> dict[str, dict[str, Any]]:
         entries = [json.loads(line) for line in lines]
         return {entry["case_id"]: entry for entry in entries if entry["reason"] and entry["case"]}
     except (OSError, ValueError, TypeError, KeyError):
-        return {}  # it is written anew by every run, and nothing hangs on it
+        return {}  # it is written anew by every run, and nothing depends on it

@@ -23,7 +23,7 @@ CAPACITOR_VARIABLES = {
         "where it is not measured there is no capacitance",
     ),
     "capacitance": _of_capacitor(
-        "pF", "capacitance", "between the electrodes; on endless fabric, of electrode_length"
+        "pF", "capacitance", "between the electrodes; on periodic fabric, of electrode_length"
     ),
     "capacitance_ratio": _of_capacitor(
         "1", "capacitance over that at applied_strain_opened", "C over C0"
@@ -31,7 +31,7 @@ CAPACITOR_VARIABLES = {
     "mutual_capacitance": _of_capacitor(
         "pF",
         "mutual capacitance",
-        "minus C12 of Maxwell's matrix; on endless fabric it is the capacitance, and missing here",
+        "minus C12 of Maxwell's matrix; on periodic fabric it is the capacitance, and missing here",
     ),
     "capacitance_error": _of_capacitor(
         "1",

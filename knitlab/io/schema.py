@@ -27,7 +27,7 @@ COORDINATES = {
     "n_subunit": Variable(("n_subunit",), "1", "stitches along a garter stripe"),
     "knit": Variable(("knit",), "1", "knit of a pure stripe"),
     "n": Variable(("n",), "1", "stitches across a stripe"),
-    "boundary": Variable(("boundary",), "1", "clamped sample or periodic, endless fabric"),
+    "boundary": Variable(("boundary",), "1", "clamped sample, or periodic fabric"),
     "source": Variable((), "1", "simulation, or what an experiment is called"),
     "cycle": Variable(("cycle",), "1", "cycle of a tensile test"),
     "applied_strain": Variable(
@@ -62,7 +62,7 @@ _LOGARITHMIC = (
     " Missing at zero strain, and where the state is no stable equilibrium"
 )
 _CELLS = ("applied_strain", "cell_y", "cell_x")
-_SAMPLE = "of the simulated sample, or of the cell that endless fabric repeats"
+_SAMPLE = "of the simulated sample, or of the cell that periodic fabric repeats"
 _POINTS = ("boundary_point",)
 _TRACED = "between unit cells, nearest the middle of the relaxed fabric"
 _WAVE = f"{_TRACED}; missing where it crosses a single unit cell"
@@ -82,7 +82,7 @@ _KNIT_WAVE = (
     "wavelength of the boundary in the proportion of the knit cell to the relaxed one; missing"
     f" where it crosses a single unit cell; {_BY_GAUGE}"
 )
-_KNIT_SAMPLE = f"knit cell times unit cells; missing for endless fabric; {_BY_GAUGE}"
+_KNIT_SAMPLE = f"knit cell times unit cells; missing for periodic fabric; {_BY_GAUGE}"
 
 
 def _of_cloth(long_name: str, description: str) -> Variable:
@@ -276,8 +276,8 @@ VARIABLES = {
     "position": Variable(
         ("applied_strain", "node_y", "node_x", "component"), "mm", "node position", in_cube=False
     ),
-    "length_x": Variable(_STATE, "mm", "length of endless fabric along the weft", in_cube=False),
-    "length_y": Variable(_STATE, "mm", "length of endless fabric along the warp", in_cube=False),
+    "length_x": Variable(_STATE, "mm", "length of the fabric along the weft", in_cube=False),
+    "length_y": Variable(_STATE, "mm", "length of the fabric along the warp", in_cube=False),
     "kinetic_energy": Variable(("time",), "N mm", "kinetic energy", in_cube=False, of="dynamics"),
     "potential_energy": Variable(("time",), "N mm", "elastic energy", in_cube=False, of="dynamics"),
     "dissipated_work": Variable(
@@ -291,10 +291,18 @@ VARIABLES = {
         of="dynamics",
     ),
     "snapshot_length_x": Variable(
-        ("snapshot",), "mm", "length of endless fabric along the weft", in_cube=False, of="dynamics"
+        ("snapshot",),
+        "mm",
+        "length of periodic fabric along the weft",
+        in_cube=False,
+        of="dynamics",
     ),
     "snapshot_length_y": Variable(
-        ("snapshot",), "mm", "length of endless fabric along the warp", in_cube=False, of="dynamics"
+        ("snapshot",),
+        "mm",
+        "length of periodic fabric along the warp",
+        in_cube=False,
+        of="dynamics",
     ),
 }
 

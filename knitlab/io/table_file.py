@@ -53,7 +53,7 @@ def numbers_of(
         first = column.iloc[bad[0]]
         more = f", and {len(bad) - 1} more" if len(bad) > 1 else ""
         value = repr(first) if first else "empty"
-        problem = f"point {bad[0] + 1} is {value}{more}, not a finite number; mend or remove it"
+        problem = f"point {bad[0] + 1} is {value}{more}, not a finite number; correct or remove it"
         faults.append(Fault(f"{path}: column {name}", problem))
     return values, faults
 

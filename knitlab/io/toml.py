@@ -18,4 +18,4 @@ def read_toml(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise fault(str(path), f"is not TOML ({error}); mend that line") from error
+        raise fault(str(path), f"is not TOML ({error}); correct that line") from error

@@ -50,7 +50,7 @@ def read_trajectories(path: Path) -> Trajectories:
     if half_known.any():
         frame, marker = np.argwhere(half_known)[0]
         raise fault(
-            str(path), f"has only one coordinate of marker {marker} in frame {frame}; mend it"
+            str(path), f"has only one coordinate of marker {marker} in frame {frame}; correct it"
         )
     empty = np.flatnonzero(np.isnan(tracks).all(axis=(1, 2)))
     if len(empty):

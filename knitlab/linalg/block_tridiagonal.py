@@ -1,7 +1,7 @@
 """Cholesky factorisation of a sheet's stiffness in JAX, for a batch of fabrics of one mesh shape.
 
 Two neighbouring lines of the grid make a block, and as no coupling reaches further, the matrix is
-block-tridiagonal. What couples to everywhere, the lengths of endless fabric, makes a border that
+block-tridiagonal. What couples to everywhere, the lengths of periodic fabric, makes a border that
 is eliminated last; so do two lines of a ring, which is cut open there. All blocks are of one
 size, so that a factorisation is one scan of dense steps, each for the whole batch.
 """

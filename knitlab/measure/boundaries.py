@@ -9,7 +9,7 @@ from knitlab.measure.wavelength import FEWEST_WAVES, Wave, wave_of
 from knitlab.model.network import MeshShape
 
 PERIODIC_CELLS = 8
-"""Unit cells of endless fabric that its boundary is followed across."""
+"""Unit cells of periodic fabric that its boundary is followed across."""
 
 Direction = Literal["x", "y"]
 
@@ -25,7 +25,7 @@ def boundary_line(
     Args:
         shape: mesh of the configuration.
         unit_cells: number of unit cells along (y, x).
-        configuration: node coordinates, then L_x and L_y. In endless fabric the boundary is
+        configuration: node coordinates, then L_x and L_y. In periodic fabric the boundary is
             followed across :data:`PERIODIC_CELLS` cells.
         direction: that it runs along, the weft x or the warp y.
 

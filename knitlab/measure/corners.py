@@ -17,7 +17,7 @@ def unit_cell_corners(
     Args:
         shape: mesh of the configuration.
         unit_cells: number of unit cells along (y, x).
-        configuration: node coordinates, then L_x and L_y; in endless fabric the last corners
+        configuration: node coordinates, then L_x and L_y; in periodic fabric the last corners
             are the first ones' images.
     """
     steps = shape.cells_y // unit_cells[0], shape.cells_x // unit_cells[1]

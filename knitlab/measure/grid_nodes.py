@@ -1,4 +1,4 @@
-"""Nodes at places of the grid, beyond the seam of endless fabric too."""
+"""Nodes at places of the grid, beyond the seam of periodic fabric too."""
 
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -16,7 +16,7 @@ def nodes_at(
 
     Args:
         shape: mesh of the configuration.
-        configuration: node coordinates, then L_x and L_y; in endless fabric nodes beyond the
+        configuration: node coordinates, then L_x and L_y; in periodic fabric nodes beyond the
             last are images of the first.
         rows: numbers of rows, 0 at the bottom.
         columns: numbers of columns, 0 on the left.

@@ -75,12 +75,12 @@ def knit_sizes(
             of the registry; not a number where missing [mm].
         patches: of a unit cell along (y, x).
         n_subunit: stitches along a garter stripe.
-        unit_cells: of the sample along (y, x), or None for endless fabric.
+        unit_cells: of the sample along (y, x), or None for periodic fabric.
         gauge: size of a stitch.
 
     Returns:
         By name, those of :data:`ALONG_X` and :data:`ALONG_Y`: size of a unit cell, wavelength of
-        the boundary, and size of the sample, which is missing of endless fabric [mm].
+        the boundary, and size of the sample, which is missing of periodic fabric [mm].
     """
     courses, wales = stitches_of_cell(patches, n_subunit)
     cells_y, cells_x = unit_cells or (float("nan"), float("nan"))

@@ -19,7 +19,7 @@ def central_cell(
     Args:
         shape: mesh of the configuration.
         unit_cells: number of unit cells along (y, x).
-        configuration: node coordinates, then L_x and L_y; the cell of endless fabric is closed
+        configuration: node coordinates, then L_x and L_y; the cell of periodic fabric is closed
             by images of its first nodes.
     """
     ranges = []

@@ -3,7 +3,7 @@
 XLA takes seconds to compile a network's energy and its derivatives, and would do so anew for every
 mesh shape. But shapes differ only in which nodes an element joins, and that is a constant sparse
 matrix: it takes a configuration to the vectors of all elements, and its transpose takes their
-gradients back. What lies between hangs on one element at a time. It is compiled for a portion of a
+gradients back. What lies between depends on one element at a time. It is compiled for a chunk of a
 fixed number of elements, of which a fabric has as many as it needs; the last is filled up with
 elements of no stiffness.
 """
@@ -35,11 +35,11 @@ from knitlab.model.network import Elements, MeshShape, network
 from knitlab.model.options import FoldAngle
 
 HEIGHTS = 512
-"""Nodes in a portion. It also holds the springs and hinges that so many nodes have in endless
+"""Nodes in a portion. It also holds the springs and hinges that so many nodes have in periodic
 fabric, where they are most."""
 SPRINGS, HINGES = 4 * HEIGHTS, 2 * HEIGHTS
 VECTORS = 3 * SPRINGS + 15 * HINGES + HEIGHTS
-"""Numbers that the energy of a portion hangs on."""
+"""Numbers that the energy of a portion depends on."""
 WORTH_SHARING = 8
 """Portions from which on a second thread brings more than it costs."""
 

@@ -1,7 +1,7 @@
 """Second derivatives of the energies of elements: of springs and hinges in closed form.
 
 Automatic differentiation gives the same numbers (the tests compare them) at five times the cost,
-and this is the part of a Newton step that hangs on nothing but elements.
+and this is the part of a Newton step that depends on nothing but elements.
 """
 
 import jax

@@ -73,18 +73,18 @@ class Loading:
         """Force that drives the test, conjugate to the displacement of its driven end [N].
 
         It is ∂V/∂(displacement) at fixed free unknowns: for a clamped sample the sum of the y
-        forces on the top row, for endless fabric ∂V/∂L_y.
+        forces on the top row, for periodic fabric ∂V/∂L_y.
         """
         return float(reaction_force(self.shape, self.drive, self.length, gradient))
 
 
 def all_free(shape: MeshShape) -> Int[np.ndarray, " free"]:
-    """Free unknowns while a fabric relaxes: every coordinate, and the lengths if endless."""
+    """Free unknowns while a fabric relaxes: every coordinate, and the lengths if periodic."""
     return np.arange(shape.unknowns if shape.periodic else 3 * shape.nodes)
 
 
 def free_under_tension(shape: MeshShape) -> Int[np.ndarray, " free"]:
-    """Free unknowns of the tensile test: all but L_y if endless, else those between the clamps."""
+    """Free unknowns of the tensile test: all but L_y if periodic, else those between the clamps."""
     if shape.periodic:
         return np.arange(shape.unknowns - 1)
     return np.arange(3 * shape.nodes_x, 3 * (shape.nodes - shape.nodes_x))
@@ -115,9 +115,9 @@ def rigidly_aligned(
 ) -> Float[Array, " unknown"]:
     """A relaxed sample turned so that the rows to be clamped lie as on its flat sheet, at best.
 
-    A free sample turns, tilts and drifts as it folds, by amounts that hang on how it came there;
+    A free sample turns, tilts and drifts as it folds, by amounts that depend on how it came there;
     whoever clamps it squares it up and levels it, for pulled askew it takes other states. Walls
-    are not regarded, and its height between them is left. Endless fabric cannot turn.
+    are not regarded, and its height between them is left. Periodic fabric cannot turn.
     """
     if shape.periodic:
         return relaxed
@@ -177,7 +177,7 @@ def tensile(shape: MeshShape, relaxed: Float[np.ndarray, " unknown"]) -> Loading
     """The paper's tensile test on a relaxed shape (Sec. "Kinematics under tension").
 
     A clamped sample has its bottom row held and its top row displaced along y; the applied
-    strain is that displacement over the relaxed distance between the rows. Endless fabric has
+    strain is that displacement over the relaxed distance between the rows. Periodic fabric has
     L_y prescribed and L_x free; the applied strain is the relative change of L_y.
     """
     drive, length = drive_along(shape, relaxed)

@@ -31,7 +31,7 @@ def relax(
     the last is only solved to near equilibrium, ``settings.waypoint_force`` of the largest
     force that a fold exerts on the flat sheet. A sample for clamping relaxes with all its edges
     free; no coordinate is pinned. It is then squared up, as far as the walls let it, and solved
-    again. Endless fabric goes the quick way, convexified; should that end in a cell that
+    again. Periodic fabric goes the quick way, convexified; should that end in a cell that
     is folded to nothing, where no hinge has an angle, it starts again the slow way.
 
     Args:
@@ -107,12 +107,12 @@ def tiled(
     cell: Network,
     relaxed: Float[np.ndarray, " cell_unknown"],
 ) -> Float[np.ndarray, " unknown"]:
-    """A sample laid out of relaxed endless fabric: a start that is right but for its edges [mm].
+    """A sample laid out of relaxed periodic fabric: a start that is right but for its edges [mm].
 
     Args:
         net: network of the sample.
         fabric: its numbers.
-        cell: network of the endless fabric.
+        cell: network of the periodic fabric.
         relaxed: its relaxed configuration.
     """
     rows, columns = np.mgrid[: net.shape.nodes_y, : net.shape.nodes_x]

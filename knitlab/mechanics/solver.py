@@ -91,8 +91,8 @@ class SolverSettings:
             fraction of the shorter side of a grid cell; keeps hinges from being thrown past ±π.
         smallest_shift: floor of the shift, which also steadies the modes that cost no energy
             [N/mm].
-        start: where the relaxation of a clamped sample starts from: ``endless``, laid out of
-            relaxed endless fabric, or ``flat``; endless fabric always starts flat.
+        start: where the relaxation of a clamped sample starts from: ``periodic``, laid out of
+            relaxed periodic fabric, or ``flat``; periodic fabric always starts flat.
         ramp_steps: equal steps in which relaxation raises the rest fold angles.
         soft_wall: fraction of the walls' stiffness that relaxation begins with, to be raised
             tenfold from stage to stage; 1 for hard walls from the start.

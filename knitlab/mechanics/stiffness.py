@@ -1,7 +1,7 @@
 """Stiffness of the free unknowns, summed from element Hessians on a fixed sparsity.
 
 A node of an element moves with its three coordinates and, where the element crosses the seam of
-endless fabric, with L_x and L_y. So the non-zeros of the stiffness are a constant sparse matrix
+periodic fabric, with L_x and L_y. So the non-zeros of the stiffness are a constant sparse matrix
 times the entries of the element Hessians: it is built once for a mesh shape and a choice of free
 unknowns, and after that an assembly is one sparse product.
 """

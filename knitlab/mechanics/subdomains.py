@@ -58,7 +58,7 @@ class Block:
 
 
 def worth_dividing(shape: MeshShape) -> bool:
-    """Whether a sheet has so many blocks that they are worth while; endless fabric has none."""
+    """Whether a sheet has so many blocks that they are worth while; periodic fabric has none."""
     return not shape.periodic and len(_spans(shape.cells_y)) * len(_spans(shape.cells_x)) >= FEWEST
 
 

@@ -46,7 +46,7 @@ class ElectrodeLayout:
         face: on which face ridges are counted.
         within: whether they are counted in the middle patch, or in the whole fabric.
         width: of each electrode, about its ridge; ``"stripe"`` is a whole stripe [stitches].
-        span: from where to where they run, as parts of the fabric's length; endless fabric is
+        span: from where to where they run, as parts of the fabric's length; periodic fabric is
             plated from 0 to 1.
         mask: instead of ridges, a drawing of the chart: a letter for each grid cell, A or B where
             it is plated and ``.`` where not, top course first.
@@ -69,7 +69,7 @@ def place_electrodes(
     Args:
         layout: the layout.
         pattern: which patch is rib and which garter.
-        reading: it says where folds lie and whether the fabric is endless.
+        reading: it says where folds lie and whether the fabric is periodic.
         stitches: wales and courses that a grid cell stands for.
 
     Raises:
@@ -77,7 +77,7 @@ def place_electrodes(
     """
     shape = mesh_shape(pattern, reading.boundary)
     if shape.periodic and layout.span != (0.0, 1.0):
-        raise BadLayout(["endless fabric has no ends; leave span, or take boundary = clamped"])
+        raise BadLayout(["periodic fabric has no ends; leave span, or take boundary = clamped"])
     if layout.mask:
         electrodes = _drawn(layout, shape)
     else:
@@ -156,7 +156,7 @@ def _drawn(layout: ElectrodeLayout, shape: MeshShape) -> Electrodes:
 def _broken(
     name: str, plated: Bool[np.ndarray, "row column"], along: Along, shape: MeshShape
 ) -> list[str]:
-    """Why a drawn electrode is not one piece that, on endless fabric, runs on."""
+    """Why a drawn electrode is not one piece that, on periodic fabric, runs on."""
     if not plated.any():
         return [f"the mask has no letter {name}; draw both electrodes"]
     axis = 0 if along == "wale" else 1
@@ -169,7 +169,7 @@ def _broken(
         seam[(slice(None),) * direction + (-1,)] = True
         meets = (number >= 0) & (ahead >= 0)
         if shape.periodic and direction == axis and not (meets & seam).any():
-            return [f"electrode {name} does not run on over the seam of endless fabric"]
+            return [f"electrode {name} does not run on over the seam of periodic fabric"]
         if not (shape.periodic and direction == axis):
             meets &= ~seam
         joined.append(np.stack([number[meets], ahead[meets]]))

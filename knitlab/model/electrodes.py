@@ -64,7 +64,7 @@ class Electrodes:
 
     Attributes:
         strips: what is plated for each; strips of one electrode meet at whole edges, if at all.
-        along: what they run along. On endless fabric they go on without end in that direction,
+        along: what they run along. On periodic fabric they go on without end in that direction,
             and are alone in the other.
     """
 
@@ -101,7 +101,7 @@ class Electrodes:
         return found
 
     def _images(self, strip: Strip, shape: MeshShape) -> list[Strip]:
-        """A strip, and on endless fabric those before and after it along the electrodes."""
+        """A strip, and on periodic fabric those before and after it along the electrodes."""
         if not shape.periodic:
             return [strip]
         x, y = (shape.cells_x, 0) if self.axis == 0 else (0, shape.cells_y)

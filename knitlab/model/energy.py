@@ -1,7 +1,7 @@
 """Energies of a fabric: stretch, fold and wall, and the elements they are summed from.
 
 A configuration is one vector: the coordinates of every node, then L_x and L_y, the lengths of
-endless fabric (they have no influence on a sheet with open edges). Units are mm, N and rad.
+periodic fabric (they have no influence on a sheet with open edges). Units are mm, N and rad.
 """
 
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ def positions(configuration: Float[Array, " unknown"]) -> Float[Array, "node 3"]
 def element_vectors(
     elements: Elements, configuration: Float[Array, " unknown"]
 ) -> Float[Array, "vector 3 element"]:
-    """The vectors that every element's energy hangs on [mm]; elements last, for speed."""
+    """The vectors that every element's energy depends on [mm]; elements last, for speed."""
     columns = positions(configuration).T
     corners = [columns[:, nodes] for nodes in elements.nodes.T]
     vectors = [corners[end] - corners[start] for start, end in elements.ends]

@@ -16,7 +16,7 @@ from knitlab.model.pattern import Pattern
 
 @dataclass(frozen=True)
 class MeshShape:
-    """Grid cells along y (courses) and along x (wales), and whether the sheet is endless."""
+    """Grid cells along y (courses) and along x (wales), and whether the sheet is periodic."""
 
     cells_y: int
     cells_x: int
@@ -51,11 +51,11 @@ def mesh_shape(pattern: Pattern, boundary: Boundary) -> MeshShape:
 
 @dataclass(frozen=True, eq=False)
 class Elements:
-    """Elements of one kind, whose energy hangs on a few vectors between their nodes.
+    """Elements of one kind, whose energy depends on a few vectors between their nodes.
 
     Attributes:
         nodes: node numbers of every element.
-        images: periods of endless fabric along (x, y) by which each node is shifted; zero unless
+        images: periods of periodic fabric along (x, y) by which each node is shifted; zero unless
             the element crosses the seam.
         incidence: the vectors as differences of nodes, −1 where one starts and 1 where it ends.
         shape: the mesh they belong to.
@@ -73,7 +73,7 @@ class Elements:
 
     @cached_property
     def periods(self) -> Float[np.ndarray, "vector 2 element"]:
-        """Periods of endless fabric along (x, y) that each vector spans."""
+        """Periods of periodic fabric along (x, y) that each vector spans."""
         return np.einsum("vn,enk->vke", self.incidence, self.images).astype(float)
 
 

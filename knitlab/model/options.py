@@ -28,7 +28,7 @@ class ModelOptions:
         hinge_stiffness: ``"per_edge"`` takes k_t for each edge; ``"per_length"`` takes
             k_t × edge length, as its tabulated unit, N, suggests.
         garter_start: side to which the first fold of a garter patch points; the first fold of a
-            rib patch is a mountain, later ones alternate. An endless checkerboard with folds at
+            rib patch is a mountain, later ones alternate. A periodic checkerboard with folds at
             stripe centres, whose number in a patch is even, is the same either way.
         fold_angle: what of the normals of two cells the angle about their shared edge is taken
             between; a cell is no plane, and its normal may lean along the edge.
@@ -36,7 +36,7 @@ class ModelOptions:
             far that both vanish; ``"across_edge"`` takes their parts across the edge, so that a
             cell that turns about the edge changes the fold by just that.
         length_scale: factor on the stripes' periods, and so on every grid length [1].
-        boundary: ``"clamped"`` sample or ``"periodic"`` endless fabric.
+        boundary: ``"clamped"`` sample or ``"periodic"`` fabric without edges.
     """
 
     cell_size: CellSize = "flat"

@@ -78,7 +78,7 @@ def fold_senses(
     """Sense of the fold on the edge before each cell: +1 and −1 in turn, 0 where it rests flat.
 
     Lines are counted from the start of each run of like cells, so neighbouring patches of one
-    knit fold as one piece and no fold lies on the border between two knits. In endless fabric
+    knit fold as one piece and no fold lies on the border between two knits. In periodic fabric
     a run may wrap around; one that fills the whole line is counted from line 0.
 
     Args:

@@ -11,7 +11,7 @@ from knitlab.paper.finding import Finding
 from knitlab.paper.margin import Verdict
 
 QUARTER = (0.75, 1.25)
-"""Factors on knitlab's own numbers, to see whether a verdict hangs on them."""
+"""Factors on knitlab's own numbers, to see whether a verdict depends on them."""
 
 
 class ClaimCheck(StrictModel):

@@ -55,9 +55,9 @@ def spring_network(case: xr.Dataset) -> Figure:
     pattern = patch_map(parameters["pattern"], parameters["periods"])
     lines = _by_role(fabric_layout(pattern, Sheet(**parameters["sheet"]), reading))
 
-    endless = "length_x" in case
-    cells_y, cells_x = (case.sizes[dim] - (not endless) for dim in ("node_y", "node_x"))
-    shape = MeshShape(cells_y, cells_x, endless)
+    periodic = "length_x" in case
+    cells_y, cells_x = (case.sizes[dim] - (not periodic) for dim in ("node_y", "node_x"))
+    shape = MeshShape(cells_y, cells_x, periodic)
     cell = central_cell(shape, tuple(parameters["unit_cells"]), configurations(case)[0])
 
     figure = Figure(figsize=(TWO_COLUMNS, HEIGHT))

@@ -14,7 +14,7 @@ FLAT_SHEET_FITS, FOLDED_SHEET_FITS = 1.0, 1.1
 
 
 def snapshot_nodes(case: xr.Dataset) -> np.ndarray:
-    """Node positions (snapshot, y, x, component) of a relaxation, endless fabric closed [mm]."""
+    """Node positions (snapshot, y, x, component) of a relaxation, periodic fabric closed [mm]."""
     nodes = case["snapshot_position"].values
     if "snapshot_length_x" not in case:
         return nodes

@@ -32,7 +32,7 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
         BadInput: if they are not samples between clamps.
     """
     if any("length_x" in case for case in cases):
-        problem = "shows samples between clamps, not endless fabric; draw shape or shapes"
+        problem = "shows samples between clamps, not periodic fabric; draw shape or shapes"
         raise fault("samples", problem)
     at = shown_strain(cases[0])
     shown = [case.sel(applied_strain=[0.0, at]) for case in cases]

@@ -1,4 +1,4 @@
-"""The sensitivity map: which stripe parameter the Poisson's ratio of each design hangs on."""
+"""The sensitivity map: which stripe parameter the Poisson's ratio of each design depends on."""
 
 import matplotlib as mpl
 import numpy as np

@@ -13,7 +13,7 @@ from knitlab.plot.relief import draw_relief, faces_of
 from knitlab.plot.style import ONE_COLUMN, SEQUENCE_COLOURS
 
 PERIODIC_REPEATS = 2
-"""Unit cells of endless fabric that are drawn each way."""
+"""Unit cells of periodic fabric that are drawn each way."""
 
 
 def relaxed_shape(case: xr.Dataset) -> Figure:
@@ -24,8 +24,8 @@ def relaxed_shape(case: xr.Dataset) -> Figure:
     """
     parameters = json.loads(case.attrs["parameters"])
     nodes = whole_sheet(case)
-    endless = parameters["reading"]["boundary"] == "periodic"
-    cells_y = case.sizes["node_y"] - (not endless)
+    periodic = parameters["reading"]["boundary"] == "periodic"
+    cells_y = case.sizes["node_y"] - (not periodic)
     spans = cells_y // (parameters["unit_cells"][0] * len(parameters["pattern"]))
 
     faces = faces_of(nodes)
@@ -42,7 +42,7 @@ def relaxed_shape(case: xr.Dataset) -> Figure:
     draw_relief(axes, faces, colours, borders)
     _name_patches(axes, nodes, parameters["pattern"], spans)
     design = f"n_stripe = {int(case['n_stripe'])}, n_subunit = {int(case['n_subunit'])}"
-    axes.set_title(f"{design}, endless" if endless else design)
+    axes.set_title(f"{design}, periodic" if periodic else design)
     figure.colorbar(
         mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS), ax=axes, label="height z [mm]", shrink=0.8
     )
@@ -55,7 +55,7 @@ def _segments(line: np.ndarray) -> np.ndarray:
 
 
 def whole_sheet(case: xr.Dataset) -> np.ndarray:
-    """Nodes (y, x, component) of the relaxed sheet; endless fabric is repeated and closed."""
+    """Nodes (y, x, component) of the relaxed sheet; periodic fabric is repeated and closed."""
     nodes = case["position"].isel(applied_strain=0).values
     if "length_x" not in case:
         return nodes

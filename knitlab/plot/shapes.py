@@ -20,7 +20,7 @@ def relaxed_shapes(cases: Sequence[xr.Dataset]) -> Figure:
     """Relaxed shapes in perspective, each filling its frame, with its size in numbers.
 
     Args:
-        cases: case files, with their node positions; of endless fabric a few cells are drawn.
+        cases: case files, with their node positions; of periodic fabric a few cells are drawn.
     """
     sheets = [whole_sheet(case) for case in cases]
     for sheet in sheets:

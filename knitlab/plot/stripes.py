@@ -14,7 +14,7 @@ from knitlab.io.design_status import Status
 from knitlab.plot.style import SEQUENCE_COLOURS, TWO_COLUMNS
 
 SHEETS: dict[str, dict[str, Any]] = {
-    "periodic": {"label": "3D sheet, endless", "marker": "o", "ms": 2.5, "ls": "-"},
+    "periodic": {"label": "3D sheet, periodic", "marker": "o", "ms": 2.5, "ls": "-"},
     "clamped": {"label": "3D sheet, clamped", "marker": "s", "ms": 5, "ls": "--"},
 }
 EVERY = 4

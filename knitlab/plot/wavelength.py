@@ -34,7 +34,7 @@ def wavelength_figure(cube: xr.Dataset) -> Figure:
     """
     if "wavelength_x" not in cube or not cube["wavelength_y"].notnull().any():
         problem = "no design of this selection has a wavelength; run samples of 2 unit cells or"
-        raise fault("wavelength", f"{problem} more, or endless fabric, with this version")
+        raise fault("wavelength", f"{problem} more, or periodic fabric, with this version")
     figure = Figure(figsize=(TWO_COLUMNS, 4.2), layout="constrained")
     grid = figure.subplots(2, 3)
     for row, direction in zip(grid, DIRECTIONS, strict=True):

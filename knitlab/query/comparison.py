@@ -73,8 +73,8 @@ def compared(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> pd.Da
     """Differences of every curve of every design that a simulation and an experiment both have.
 
     The simulation is taken at the measured strains on straight lines between its own, and its
-    force for as many unit cells across as the measured sample has. Capacitances, which hang on the
-    length of the electrodes, are compared over that at the first strain that both have.
+    force for as many unit cells across as the measured sample has. Capacitances, which depend on
+    the length of the electrodes, are compared over that at the first strain that both have.
 
     Returns:
         A row for each: where it is from, strains, RMS difference, its uncertainty, the noise, and

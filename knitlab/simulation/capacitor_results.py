@@ -89,7 +89,7 @@ def _on_the_way_back(
     up: Float[np.ndarray, "state unknown"],
     capacitance: Float[np.ndarray, " any"],
 ) -> Float[np.ndarray, " state"]:
-    """Capacitance on the way back, of one period if endless [pF].
+    """Capacitance on the way back, of one period if periodic [pF].
 
     Where the fabric comes back to what it was at the same strain, its capacitance is what it was.
     """

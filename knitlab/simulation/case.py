@@ -41,7 +41,7 @@ class Case:
         applied_strain: strains of the tensile test, ascending from 0.
         method: how its states are reached.
         solver: settings of that method.
-        sensitivities: whether it is told how its results hang on the stripe parameters.
+        sensitivities: whether it is told how its results depend on the stripe parameters.
         unloading: whether the fabric is let go again, through the same strains.
         capacitor: the electrodes on it, if any.
         robustness: siblings that are tested beside it, to see how far its results spread.
@@ -118,8 +118,8 @@ class Case:
     @property
     def periodic_cell(self) -> "Case":
         """One unit cell of the same fabric without end, of which a clamped sample is laid out."""
-        endless = replace(self.reading, boundary="periodic")
-        return replace(self, unit_cells=(1, 1), reading=endless)
+        periodic = replace(self.reading, boundary="periodic")
+        return replace(self, unit_cells=(1, 1), reading=periodic)
 
     @property
     def electrodes(self) -> Electrodes:

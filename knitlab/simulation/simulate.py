@@ -143,7 +143,7 @@ def starts(
     Args:
         cases: the samples.
         woven: network and fabric of each.
-        runner: what runs the solvers of the endless fabrics they are laid out of.
+        runner: what runs the solvers of the periodic fabrics they are laid out of.
         imperfection: seed of the imperfections of all flat sheets, if any.
     """
     found = [_sheet(*its, imperfection) for its in woven]
@@ -155,16 +155,16 @@ def starts(
     if not fabric_layout:
         return found
     cells = [cases[place].periodic_cell for place in fabric_layout]
-    endless = [cell.woven() for cell in cells]
+    periodic = [cell.woven() for cell in cells]
     relaxed = runner(
         cells[0].mesh_shape,
-        [fabric for _, fabric in endless],
+        [fabric for _, fabric in periodic],
         [
             relax(*its, cell.equilibrium_solver, _sheet(*its, imperfection))
-            for cell, its in zip(cells, endless, strict=True)
+            for cell, its in zip(cells, periodic, strict=True)
         ],
     )
-    for place, (net, _), state in zip(fabric_layout, endless, relaxed, strict=True):
+    for place, (net, _), state in zip(fabric_layout, periodic, relaxed, strict=True):
         if state.converged:
             found[place] = tiled(*woven[place], net, state.configuration)
     return found

@@ -1,4 +1,4 @@
-"""Sensitivities of a finished test: how its results hang on the stripe parameters."""
+"""Sensitivities of a finished test: how its results depend on the stripe parameters."""
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache

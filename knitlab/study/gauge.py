@@ -28,12 +28,12 @@ def sizes_of(case: Case, values: Mapping[str, Any], gauge: Gauge) -> dict[str, f
         f"{kind}_{axis}" for kind in ("relaxed_cell", "flat_cell", "wavelength") for axis in "xy"
     )
     lengths = {name: float(values[name]) for name in names}
-    endless = case.reading.boundary == "periodic"
+    periodic = case.reading.boundary == "periodic"
     return knit_sizes(
         lengths,
         (len(case.pattern), len(case.pattern[0])),
         int(case.design["n_subunit"]),
-        None if endless else case.unit_cells,
+        None if periodic else case.unit_cells,
         gauge,
     )
 

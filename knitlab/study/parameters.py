@@ -200,7 +200,7 @@ class LayoutRow(StrictModel):
 
 
 class ElectrodeParameters(StrictModel):
-    """``electrodes.toml``: layouts of electrodes, and what their capacitance hangs on."""
+    """``electrodes.toml``: layouts of electrodes, and what their capacitance depends on."""
 
     permittivity: ParameterValue[Relative, Literal["1"]]
     electrode_length: ParameterValue[PositiveFloat, Literal["mm"]]

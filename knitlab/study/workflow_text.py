@@ -144,7 +144,7 @@ def _axes(table: dict[str, Any]) -> tuple[dict[str, Any], tuple[SweepAxis, ...]]
             if several and value:
                 single[section] = single[section] | {name: value[0]}
                 axes.append(SweepAxis(section, name, tuple(value)))
-    # By name, so that a cube's dimensions do not hang on the order of what is said.
+    # By name, so that a cube's dimensions do not depend on the order of what is said.
     return single, tuple(sorted(axes, key=lambda axis: axis.name))
 
 

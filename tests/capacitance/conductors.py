@@ -66,7 +66,7 @@ def prism(outline, length, count):
 
 
 def strips(ends, count, length):
-    """Endless flat strips along y, each given by its ends (x, z)."""
+    """Periodic flat strips along y, each given by its ends (x, z)."""
     return [
         plate(
             [x, 0, z], [to_x - x, 0, to_z - z], [0, length, 0], crowded(count), evenly(count // 3)
@@ -116,7 +116,7 @@ def extrapolated(coarse, fine):
 
 
 def by_series(one, other, terms=80):
-    """Capacitance a length between two endless flat strips, by Chebyshev's series.
+    """Capacitance a length between two periodic flat strips, by Chebyshev's series.
 
     Each strip is given by its ends (x, z). Its charge is Σ aₙ Tₙ(s)/√(1 − s²), s from −1 to 1,
     whose own potential is in closed form; terms are found from as many points on each strip.

@@ -36,7 +36,7 @@ from tests.capacitance.conductors import (
 SEED = st.integers(0, 10_000)
 OF_A_SPHERE = 4 * np.pi * VACUUM_PERMITTIVITY
 LENGTH = 4.0
-"""Period of endless conductors [mm]."""
+"""Period of periodic conductors [mm]."""
 ALIKE = 1e-9
 
 
@@ -51,7 +51,7 @@ def three_conductors():
     return tuple(bent(moved(panels, askew, 0)) for panels in conductors)
 
 
-def endless_pair(length=LENGTH):
+def periodic_pair(length=LENGTH):
     return [bent(panels) for panels in strips(hinged(1.0), 12, length)]
 
 
@@ -174,7 +174,7 @@ def test_how_long_a_period_of_endless_strips_is_does_not_matter(length):
 
 
 def test_endless_conductors_may_run_along_either_axis():
-    pair = endless_pair()
+    pair = periodic_pair()
     turned = [panels[..., [1, 0, 2]] for panels in pair]
     found = two_terminal(maxwell(*turned, period=LENGTH, axis=0))
     assert found == pytest.approx(between(*pair, period=LENGTH), rel=ALIKE)
@@ -192,10 +192,10 @@ def test_an_endless_pair_is_as_a_long_one():
         ]
         return between(*pair)
 
-    endless = by_series(*ends)
-    assert long_pair(32.0) / 32 == pytest.approx(endless, rel=0.03)
+    periodic = by_series(*ends)
+    assert long_pair(32.0) / 32 == pytest.approx(periodic, rel=0.03)
     # What the ends add is the same for both.
-    assert (long_pair(32.0) - long_pair(16.0)) / 16 == pytest.approx(endless, rel=0.01)
+    assert (long_pair(32.0) - long_pair(16.0)) / 16 == pytest.approx(periodic, rel=0.01)
 
 
 @pytest.mark.parametrize("distance", [0.1, 0.5, 2.0])
@@ -251,7 +251,7 @@ def test_a_rigid_motion_changes_nothing(seed):
 @given(st.floats(-100, 100), st.floats(-10, 10), st.floats(0, 2 * np.pi))
 @settings(max_examples=5)
 def test_endless_conductors_may_be_moved_and_turned_about_their_axis(along, across, angle):
-    pair = endless_pair()
+    pair = periodic_pair()
     turn, shift = Rotation.from_rotvec([0, angle, 0]), np.array([across, along, -across])
     found = between(*(moved(each, turn, shift) for each in pair), period=LENGTH)
     assert found == pytest.approx(between(*pair, period=LENGTH), rel=ALIKE)
@@ -259,7 +259,7 @@ def test_endless_conductors_may_be_moved_and_turned_about_their_axis(along, acro
 
 @pytest.mark.parametrize("cut", [1.0, 2.0, 3.0])
 def test_where_a_period_begins_does_not_matter(cut):
-    pair = endless_pair()
+    pair = periodic_pair()
     elsewhere = [panels.copy() for panels in pair]
     for panels in elsewhere:
         panels[panels[..., 1].mean(axis=-1) < cut, :, 1] += LENGTH
@@ -270,11 +270,11 @@ def test_where_a_period_begins_does_not_matter(cut):
 @given(st.floats(1e-3, 1e3))
 @settings(max_examples=5)
 def test_capacitance_grows_with_size(scale):
-    conductors, pair = three_conductors(), endless_pair()
+    conductors, pair = three_conductors(), periodic_pair()
     grown = maxwell(*(scale * each for each in conductors))
     assert np.allclose(grown, scale * maxwell(*conductors), rtol=ALIKE)
-    endless = between(*(scale * each for each in pair), period=scale * LENGTH)
-    assert endless == pytest.approx(scale * between(*pair, period=LENGTH), rel=ALIKE)
+    periodic = between(*(scale * each for each in pair), period=scale * LENGTH)
+    assert periodic == pytest.approx(scale * between(*pair, period=LENGTH), rel=ALIKE)
 
 
 def order(coarse, middle, fine):
@@ -347,7 +347,7 @@ def test_endless_states_of_a_batch_are_as_each_alone():
 
 @pytest.mark.parametrize("length", [2.0, 8.0])
 def test_the_number_of_images_does_not_matter(length):
-    pair = endless_pair(length)
+    pair = periodic_pair(length)
 
     def with_images(count, beyond):
         return two_terminal(maxwell(*pair, period=length, images=Images(count, beyond, axis=1)))

@@ -57,7 +57,7 @@ def panel_area(panels):
 
 
 @pytest.mark.parametrize("level", LEVELS)
-@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "endless"])
+@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
 @pytest.mark.parametrize("laid", [up_the_warp, along_the_weft])
 @given(low=st.floats(0, 0.9), width=st.floats(0.2, 1.9))
 def test_panels_cover_their_electrode(laid, reading, level, low, width):
@@ -90,7 +90,7 @@ def test_panels_stay_in_their_grid_cells():
     assert corners.max() == 1
 
 
-@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "endless"])
+@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
 def test_on_a_flat_sheet_panels_are_as_large_as_their_electrode(reading):
     shape, cell, flat = rib(reading)
     electrodes = up_the_warp(shape, 0.7, 1.5)
@@ -103,14 +103,14 @@ def test_on_a_flat_sheet_panels_are_as_large_as_their_electrode(reading):
 @pytest.mark.parametrize("level", LEVELS)
 def test_a_strip_is_cut_by_level_and_finer_where_it_ends(level):
     shape, *_ = rib(CLAMPED)
-    endless, *_ = rib(PERIODIC)
+    periodic, *_ = rib(PERIODIC)
     lengthwise = (shape.cells_y + 2) * level
     within = Electrodes(((Strip(0.0, 1.0, 0.0, 8.0),), (Strip(4.0, 6.0, 0.0, 8.0),)), "wale")
     one, other = np.bincount(panel_chart(within, shape, level).electrode)
     # Of one column both sides end; of two columns each ends at one.
     assert one == 4 * level * lengthwise
     assert other == (2 + 2) * level * lengthwise
-    one, other = np.bincount(panel_chart(within, endless, level).electrode)
+    one, other = np.bincount(panel_chart(within, periodic, level).electrode)
     assert one == other == 4 * level * shape.cells_y * level
 
 
@@ -168,7 +168,7 @@ def test_endless_fabric_goes_on_along_its_electrodes_alone():
 
 
 @pytest.mark.parametrize("level", LEVELS)
-@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "endless"])
+@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
 @pytest.mark.parametrize("width", [1.0, 2.0])
 @pytest.mark.parametrize("laid", [up_the_warp, along_the_weft])
 def test_a_drawn_electrode_has_the_panels_of_a_strip(laid, width, reading, level):

@@ -44,7 +44,7 @@ def outline(turns):
 
 
 def rolled(turns):
-    """Endless fabric that is straight along y, and folded between its columns."""
+    """Periodic fabric that is straight along y, and folded between its columns."""
     line = outline(turns)
     nodes = np.zeros((SHAPE.nodes_y, SHAPE.nodes_x, 3))
     nodes[..., 0], nodes[..., 2] = line[:-1].T

@@ -54,13 +54,13 @@ def fronts(plan: NestedDissection) -> list[Front]:
     return [front for part in plan.parts for front in part]
 
 
-def sheet(height: int, width: int, endless: bool = False, held: int = 0) -> Case:
+def sheet(height: int, width: int, periodic: bool = False, held: int = 0) -> Case:
     """Nodes coupled as in fabric; ``held`` rows at either end are not free."""
     row, column = (place.ravel() for place in np.indices((height, width)))
     pairs = []
     for down, across in OFFSETS:
         to_row, to_column = row + down, column + across
-        if endless:
+        if periodic:
             to_row, to_column = to_row % height, to_column % width
         inside = (to_row >= 0) & (to_row < height) & (to_column >= 0) & (to_column < width)
         pairs.append(np.stack([np.flatnonzero(inside), (to_row * width + to_column)[inside]]))
@@ -68,7 +68,7 @@ def sheet(height: int, width: int, endless: bool = False, held: int = 0) -> Case
     blocks = (np.ones(len(one)), (one, other))
     pattern = sp.kron(sp.coo_array(blocks, shape=(row.size,) * 2), np.ones((3, 3)))
     rows, columns = np.repeat(row, 3), np.repeat(column, 3)
-    if endless:
+    if periodic:
         seams = np.stack([columns < 2, rows < 2]).astype(float)
         pattern = sp.block_array([[pattern, seams.T], [seams, np.ones((2, 2))]])
         rows, columns = (np.append(line, [-1, -1]) for line in (rows, columns))
@@ -98,11 +98,11 @@ CASES = {
     "held": sheet(25, 18, held=1),
     "held twice": sheet(21, 40, held=2),
     "half free": half_free(),
-    "endless 3 × 3": sheet(3, 3, endless=True),
-    "endless 4 × 30": sheet(4, 30, endless=True),
-    "endless 7 × 8": sheet(7, 8, endless=True),
-    "endless": sheet(24, 37, endless=True),
-    "endless, tall": sheet(41, 20, endless=True),
+    "periodic 3 × 3": sheet(3, 3, periodic=True),
+    "periodic 4 × 30": sheet(4, 30, periodic=True),
+    "periodic 7 × 8": sheet(7, 8, periodic=True),
+    "periodic": sheet(24, 37, periodic=True),
+    "periodic, tall": sheet(41, 20, periodic=True),
 }
 
 
@@ -153,7 +153,7 @@ def test_indefinite_matrices_are_told(case: Case) -> None:
 
 
 def test_one_bad_pivot_anywhere_is_told() -> None:
-    case = sheet(12, 17, endless=True)
+    case = sheet(12, 17, periodic=True)
     factors, lower = case.factors(), case.lower
     for column in range(0, len(case.rows), 7):
         for bad in (0.0, -1.0, np.nan):
@@ -204,7 +204,7 @@ def test_a_single_front_is_convexified_to_its_absolute_eigenvalues() -> None:
 
 
 def test_what_is_not_finite_cannot_be_convexified() -> None:
-    case = sheet(12, 17, endless=True)
+    case = sheet(12, 17, periodic=True)
     factors, lower = case.factors(), case.lower
     for column in range(0, len(case.rows), 31):
         entries = lower.data.copy()
@@ -245,17 +245,17 @@ def test_the_halves_hand_nothing_to_each_other(case: Case) -> None:
     assert not np.intersect1d(*places).size
 
 
-@pytest.mark.parametrize("endless", [False, True])
-def test_a_front_hands_on_few_blocks(endless: bool) -> None:
+@pytest.mark.parametrize("periodic", [False, True])
+def test_a_front_hands_on_few_blocks(periodic: bool) -> None:
     """A rectangle borders on four cuts; in a ring, on some of them from both sides."""
-    plan = sheet(48, 48, endless=endless).plan
+    plan = sheet(48, 48, periodic=periodic).plan
     handed = [len(transfers) for front in fronts(plan) for _, transfers in front.children]
     assert max(handed) <= 28
 
 
-@pytest.mark.parametrize("endless", [False, True])
-def test_the_halves_of_a_sheet_have_as_much_to_do(endless: bool) -> None:
-    first, second, _ = sheet(41, 60, endless=endless).plan.parts
+@pytest.mark.parametrize("periodic", [False, True])
+def test_the_halves_of_a_sheet_have_as_much_to_do(periodic: bool) -> None:
+    first, second, _ = sheet(41, 60, periodic=periodic).plan.parts
     work = [
         sum(front.size * len(front.boundary) ** 2 for front in half) for half in (first, second)
     ]
@@ -280,7 +280,7 @@ def test_two_threads_change_no_bit(case: Case, monkeypatch: pytest.MonkeyPatch) 
 @pytest.mark.parametrize("leaf", [1, 4, 10_000])
 def test_the_size_of_the_leaves_does_not_matter(leaf: int, monkeypatch) -> None:
     monkeypatch.setattr(elimination_order, "LEAF_NODES", leaf)
-    case = sheet(17, 22, endless=True)
+    case = sheet(17, 22, periodic=True)
     rhs = np.ones(len(case.rows))
     np.testing.assert_allclose(case.matrix @ case.factors().solve(rhs), rhs, rtol=1e-12)
 
@@ -309,5 +309,5 @@ def test_ill_conditioned_matrices_are_solved_as_well_as_by_dense_cholesky() -> N
 
 
 def test_fill_grows_no_faster_than_the_size_times_its_logarithm() -> None:
-    small, large = sheet(24, 24, endless=True), sheet(48, 48, endless=True)
+    small, large = sheet(24, 24, periodic=True), sheet(48, 48, periodic=True)
     assert large.plan.stored < 4 * 1.6 * small.plan.stored

@@ -78,7 +78,7 @@ def test_poisson_ratio_is_undefined_without_axial_strain():
     assert np.isnan(ratio[1])
 
 
-@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "endless"])
+@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
 def test_corners_of_the_flat_sheet_are_its_lattice(reading):
     net, fabric = checkered(4, 1, reading, unit_cells=(3, 2))
     corners = np.asarray(unit_cell_corners(net.shape, (3, 2), flat_sheet(net, fabric)))

@@ -110,7 +110,7 @@ def pulled(
 
 
 @pytest.fixture(scope="module")
-def endless() -> Pulled:
+def periodic() -> Pulled:
     return pulled(4, PERIODIC)
 
 
@@ -141,8 +141,8 @@ def assert_agree(found: np.ndarray, expected: np.ndarray) -> None:
     assert (np.abs(found - expected) <= 1e-5 * scale + 1e-9).all()
 
 
-def test_derivatives_of_endless_fabric_are_those_of_differences(endless):
-    found, expected = endless.sensitivities(), by_differences(endless)
+def test_derivatives_of_endless_fabric_are_those_of_differences(periodic):
+    found, expected = periodic.sensitivities(), by_differences(periodic)
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-9)
 
 
@@ -156,7 +156,7 @@ def test_derivatives_of_a_sample_pressed_by_walls_are_those_of_differences():
     assert_agree(pressed.sensitivities(), by_differences(pressed))
 
 
-@pytest.mark.parametrize("name", ["endless", "clamped"])
+@pytest.mark.parametrize("name", ["periodic", "clamped"])
 def test_derivatives_scale_as_the_model_does(name, request):
     """Exact while no wall is touched.
 
@@ -183,22 +183,22 @@ def test_derivatives_scale_as_the_model_does(name, request):
     assert grown == pytest.approx(values["relaxed_cell_x"], rel=1e-8)
 
 
-def test_the_relaxed_shape_alone_has_the_same_derivatives(endless):
-    alone = logarithmic(endless.adjoint().of_relaxed(endless.measure), endless.stripes)
-    np.testing.assert_allclose(alone[4:], endless.sensitivities()[4:], rtol=1e-9)
+def test_the_relaxed_shape_alone_has_the_same_derivatives(periodic):
+    alone = logarithmic(periodic.adjoint().of_relaxed(periodic.measure), periodic.stripes)
+    np.testing.assert_allclose(alone[4:], periodic.sensitivities()[4:], rtol=1e-9)
 
 
-def test_any_scalar_of_the_states_has_a_gradient(endless):
+def test_any_scalar_of_the_states_has_a_gradient(periodic):
     """The chain rule holds for a loss made of several quantities."""
 
-    strains = measured_by(endless.layout.net.shape, endless.unit_cells, NAMES[1:3])
+    strains = measured_by(periodic.layout.net.shape, periodic.unit_cells, NAMES[1:3])
 
     def loss(relaxed, strained, fabric):
         return jnp.sum(strains(relaxed, strained, fabric) ** 2)
 
-    gradient = endless.adjoint().of_strained(endless.strain, endless.strained, loss)
-    expected = 2 * endless.measured_here()[1:3] @ endless.sensitivities()[1:3]
-    np.testing.assert_allclose(logarithmic(gradient, endless.stripes)[0], expected, rtol=1e-9)
+    gradient = periodic.adjoint().of_strained(periodic.strain, periodic.strained, loss)
+    expected = 2 * periodic.measured_here()[1:3] @ periodic.sensitivities()[1:3]
+    np.testing.assert_allclose(logarithmic(gradient, periodic.stripes)[0], expected, rtol=1e-9)
 
 
 def test_how_the_free_sample_lay_before_it_was_squared_up_changes_nothing(clamped):
@@ -230,13 +230,13 @@ def test_how_the_free_sample_lay_before_it_was_squared_up_changes_nothing(clampe
     )
 
 
-def test_no_derivative_is_made_up_where_there_is_no_stable_equilibrium(endless):
-    flat = np.asarray(flat_sheet(endless.layout.net, endless.layout.fabric(endless.stripes)))
+def test_no_derivative_is_made_up_where_there_is_no_stable_equilibrium(periodic):
+    flat = np.asarray(flat_sheet(periodic.layout.net, periodic.layout.fabric(periodic.stripes)))
     squeezed = flat.copy()
     squeezed[1:-2:3] *= 0.5
     squeezed[-1] *= 0.5
     with pytest.raises(NoDerivative):
-        replace(endless, relaxed=squeezed).adjoint()
+        replace(periodic, relaxed=squeezed).adjoint()
 
 
 @given(seed=st.integers(0, 1000), flat=st.booleans(), mirrored=st.booleans())

@@ -34,7 +34,7 @@ def patch_poisson_ratio(shape, test):
     return np.asarray(poisson_ratio(central_mean(strain_xx), central_mean(strain_yy)))[1:]
 
 
-@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "endless"])
+@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
 def test_both_methods_reach_the_same_states(reading):
     net, fabric = checkered(4, 2, reading)
     in_equilibrium = stretched(net, fabric, STRAINS)
@@ -65,7 +65,7 @@ def test_both_methods_reach_the_same_states(reading):
 
 
 def haste_of_a_pull(design, rate):
-    """Work and losses of pulling endless fabric from rest to 5 % strain at one rate."""
+    """Work and losses of pulling periodic fabric from rest to 5 % strain at one rate."""
     batch = moving([design], PERIODIC, SETTINGS)
     net = network(batch.shape)
     relaxed_state = relaxed(net, batch.fabrics[0])

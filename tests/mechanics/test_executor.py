@@ -18,7 +18,7 @@ def stretches(net, fabrics):
     return [stretch(net, fabric, STRAINS, SolverSettings()) for fabric in fabrics]
 
 
-@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["endless", "clamped"])
+@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
 def test_a_batch_on_the_device_gives_what_its_fabrics_give_alone(reading):
     net, four = checkered(4, 1, reading)
     _, eight = checkered(8, 1, reading)
@@ -45,7 +45,7 @@ def test_a_poisoned_fabric_disturbs_no_neighbour():
         assert broken.loading is None
 
 
-@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["endless", "clamped"])
+@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
 def test_every_factorisation_that_is_installed_leads_to_the_same_states(reading):
     pytest.importorskip("cvxopt")
     net, fabric = checkered(4, 1, reading)

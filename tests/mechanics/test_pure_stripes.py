@@ -68,7 +68,7 @@ def along_the_ridges(of, strain):
     return found.x[0] / cell, cell_forces(of, found.x[0], height)[1]
 
 
-@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["endless", "clamped"])
+@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
 @pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
 def test_a_pure_stripe_relaxes_to_the_sine_of_half_its_rest_angle(of, reading):
     net, fabric = pure(of, reading)

@@ -1,4 +1,4 @@
-"""Relaxation: its start from endless fabric, what it costs, and walls that are pressed on."""
+"""Relaxation: its start from periodic fabric, what it costs, and walls that are pressed on."""
 
 import jax
 import numpy as np
@@ -14,7 +14,7 @@ REACH = 2
 
 
 def fabric_layout(n_stripe, periods, unit_cells):
-    """A sample of relaxed endless fabric."""
+    """A sample of relaxed periodic fabric."""
     cell_net, cell = checkered(n_stripe, periods, PERIODIC)
     net, fabric = checkered(n_stripe, periods, CLAMPED, unit_cells)
     state = relaxed(cell_net, cell)

@@ -23,8 +23,8 @@ from tests.fabrics import (
     PERIODIC,
     SHEET,
     checkered,
-    endless_poisson_ratio,
     patterned,
+    periodic_poisson_ratio,
     relaxed,
     stretched,
 )
@@ -53,7 +53,7 @@ def test_reactions_at_top_and_bottom_cancel():
     assert top > 1e-3
 
 
-@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "endless"])
+@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
 def test_the_reaction_force_does_the_work_that_the_energy_gains(reading):
     net, fabric = checkered(2, 1, reading)
     # Gauss–Legendre points between two strains integrate the smooth force to high order.
@@ -85,7 +85,7 @@ def test_mirrored_patterns_make_mirrored_shapes(flip):
 @pytest.mark.parametrize(("n_stripe", "strains"), [(4, [0, 0.04, 0.08]), (2, [0, 0.15, 0.3, 0.45])])
 def test_one_unit_cell_and_four_are_the_same_endless_fabric(n_stripe, strains):
     one, four = (
-        endless_poisson_ratio(
+        periodic_poisson_ratio(
             stretched(*checkered(n_stripe, 2, PERIODIC, unit_cells=cells), strains)
         )
         for cells in ((1, 1), (2, 2))
@@ -115,14 +115,14 @@ def test_readings_change_poisson_ratio_as_in_the_trial_runs(
 ):
     reading = replace(reading, boundary="periodic")
     strains = list(np.linspace(0, 0.48, 9))
-    ratio = endless_poisson_ratio(stretched(*checkered(n_stripe, periods, reading), strains))
+    ratio = periodic_poisson_ratio(stretched(*checkered(n_stripe, periods, reading), strains))
     assert ratio[-1] == pytest.approx(last, abs=0.01)
     assert ratio[0] == pytest.approx(first, abs=0.015)
     assert (np.diff(ratio) > 0).all()
 
 
 def test_the_default_reading_is_auxetic_with_its_lowest_ratio_on_the_way():
-    ratio = endless_poisson_ratio(
+    ratio = periodic_poisson_ratio(
         stretched(*checkered(4, 2, PERIODIC), list(np.linspace(0, 0.45, 16)))
     )
     assert 0 < ratio.argmin() < len(ratio) - 1
@@ -151,7 +151,7 @@ def test_a_step_that_fails_is_tried_in_halves(monkeypatch):
     assert [state.converged for state in given_up.states] == [True, False]
 
 
-@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["endless", "clamped"])
+@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
 def test_a_rough_step_ends_where_a_smooth_one_does(reading, monkeypatch):
     """Soft walls and a convexified stiffness are a way to a state; they are none of it."""
     net, fabric = checkered(4, 1, reading)

@@ -90,7 +90,7 @@ SQUARE = patch_map(["R"], 1)
         ),
         (replace(RIDGES, ridges=(1, 3)), PERIODIC, "there is no ridge 3: its middle patch has 2"),
         (replace(RIDGES, ridges=(1, 1)), PERIODIC, "short circuit: columns 1 to 3"),
-        (replace(RIDGES, span=(0.0, 0.5)), PERIODIC, "endless fabric has no ends"),
+        (replace(RIDGES, span=(0.0, 0.5)), PERIODIC, "periodic fabric has no ends"),
     ],
 )
 def test_a_layout_that_cannot_be_is_refused_with_its_place(layout, reading, message):

@@ -18,7 +18,7 @@ def zigzag(net, fabric, of):
     along = x if of.knit == "rib" else y
     other = y if of.knit == "rib" else x
     cell = float(fabric.cell[0])
-    # Line 2 of an open run is its first mountain, line 0 of an endless one a valley before it.
+    # Line 2 of an open run is its first mountain, line 0 of a periodic one a valley before it.
     height = cell * np.cos(of.theta_0 / 2) * (2 - np.abs((along % 4) - 2))
     across, straight = cell * np.sin(of.theta_0 / 2) * along, cell * other
     in_plane = (across, straight) if of.knit == "rib" else (straight, across)
@@ -28,7 +28,7 @@ def zigzag(net, fabric, of):
     return jnp.asarray(np.concatenate([nodes, lengths]))
 
 
-@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["endless", "clamped"])
+@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
 @pytest.mark.parametrize("of", ALL_STRIPES, ids=lambda of: f"{of.knit} {of.n}")
 def test_the_folded_zigzag_costs_no_energy(of, reading):
     net, fabric = pure(of, reading, periods=2)

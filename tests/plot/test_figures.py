@@ -109,19 +109,19 @@ def test_a_figure_that_cannot_be_drawn_writes_nothing(
     assert list(tmp_path.iterdir()) == [cube_file]
 
 
-def made_up_case(endless: bool) -> xr.Dataset:
+def made_up_case(periodic: bool) -> xr.Dataset:
     """A case of 2 × 1 unit cells of (4, 16), flat, and stretched with a cell of its own strain."""
-    rows, columns = (16, 16) if endless else (33, 17)
+    rows, columns = (16, 16) if periodic else (33, 17)
     y, x = np.mgrid[:rows, :columns]
     flat = np.stack([x, y, 0.1 * (x % 2)], axis=-1)
-    cells = (1, 1) if endless else (2, 1)
+    cells = (1, 1) if periodic else (2, 1)
     lengths = {name: ("applied_strain", [16.0, 16.0]) for name in ("length_x", "length_y")}
     parameters = {
         "unit_cells": cells,
         "pattern": ["GR", "RG"],
         "periods": 2,
         "sheet": {"z_max": 6.0, "k_wall": 100.0},
-        "reading": {"boundary": "periodic" if endless else "clamped"},
+        "reading": {"boundary": "periodic" if periodic else "clamped"},
     }
     return xr.Dataset(
         {
@@ -130,16 +130,16 @@ def made_up_case(endless: bool) -> xr.Dataset:
                 ("applied_strain", "cell_y", "cell_x"),
                 [np.zeros(cells), np.reshape([0.2, -0.1][: cells[0]], cells)],
             ),
-            **(lengths if endless else {}),
+            **(lengths if periodic else {}),
         },
         {"applied_strain": [0.0, 0.2], "n_stripe": 4, "n_subunit": 16},
         {"parameters": json.dumps(parameters)},
     )
 
 
-@pytest.mark.parametrize("endless", [True, False])
-def test_the_network_shows_every_spring_and_fold_of_a_unit_cell(endless):
-    flat, scene = spring_network(made_up_case(endless)).axes
+@pytest.mark.parametrize("periodic", [True, False])
+def test_the_network_shows_every_spring_and_fold_of_a_unit_cell(periodic):
+    flat, scene = spring_network(made_up_case(periodic)).axes
     # A patch is 8 cells wide: mountains at its lines 2 and 6, a valley at 4, in four patches.
     folds = {"mountain": 4 * 2 * 8, "valley": 4 * 8}
     drawn = [2 * 16 * 16, 16 * 16, 16 * 16, *folds.values()]
@@ -152,7 +152,7 @@ def test_the_network_shows_every_spring_and_fold_of_a_unit_cell(endless):
 
 
 def test_stretched_samples_have_the_colour_of_each_unit_cell():
-    relaxed, stretched, _ = stretched_samples([made_up_case(endless=False)]).axes
+    relaxed, stretched, _ = stretched_samples([made_up_case(periodic=False)]).axes
     assert relaxed.get_title().endswith("relaxed")
     assert stretched.get_title().endswith("pulled 20%")
     faces = stretched.collections[0]
@@ -164,12 +164,12 @@ def test_stretched_samples_have_the_colour_of_each_unit_cell():
 
 
 def test_stretched_samples_are_between_clamps():
-    with pytest.raises(BadInput, match="not endless fabric"):
-        stretched_samples([made_up_case(endless=True)])
+    with pytest.raises(BadInput, match="not periodic fabric"):
+        stretched_samples([made_up_case(periodic=True)])
 
 
 def test_relaxed_shapes_stand_side_by_side_with_their_sizes():
-    figure = relaxed_shapes([made_up_case(endless=True), made_up_case(endless=False)])
+    figure = relaxed_shapes([made_up_case(periodic=True), made_up_case(periodic=False)])
     assert [axes.name for axes in figure.axes] == ["3d", "3d", "rectilinear"]
     texts = [text.get_text() for text in figure.texts]
     assert texts == ["(4, 16)\n32 × 32 mm", "(4, 16)\n16 × 32 mm"]

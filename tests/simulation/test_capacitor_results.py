@@ -83,7 +83,7 @@ def test_layouts_can_be_a_dimension():
         (("mask=AB,A",), r"a mask is a rectangle of letters; give rows of equal length"),
         (("mask=AX,AB",), r"a mask holds A, B and '.', not X"),
         (("mask=AB,AB", "n_stripe=4", "n_subunit=16"), r"the fabric 16 rows of 16 grid cells"),
-        (("span=0.1,0.9",), r"endless fabric has no ends"),
+        (("span=0.1,0.9",), r"periodic fabric has no ends"),
         (("permittivity=0.5",), r"permittivity"),
         (("unloading=true", "method=dynamics"), r"has no unloading by method = dynamics"),
     ],

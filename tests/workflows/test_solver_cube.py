@@ -210,7 +210,7 @@ def test_what_a_sweep_does_on_two_threads_is_drawn(cube):
     ]
     figure = FIGURES["time_against_size"](cube_of([*made_up_records(), *swept]))
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert "knitlab, from endless fabric, 2 threads, $s$ = 1.00" in labels
+    assert "knitlab, from periodic fabric, 2 threads, $s$ = 1.00" in labels
 
 
 def test_a_record_stands_unless_it_was_given_up_too_soon(tmp_path):

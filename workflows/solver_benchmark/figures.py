@@ -18,7 +18,7 @@ from workflows.solver_benchmark.methods import SWEPT
 # white paper swallows; the marker says it once more.
 LOOKS = {
     "knitlab": ("#0072B2", "o", "knitlab"),
-    "knitlab_as_swept": ("#CC79A7", "*", "knitlab, from endless fabric, 2 threads"),
+    "knitlab_as_swept": ("#CC79A7", "*", "knitlab, from periodic fabric, 2 threads"),
     "knitlab_across_edge": ("#882255", "o", "the same, fold angles across the edge"),
     "knitlab_direct": ("#56B4E9", "s", "knitlab, 3 % steps"),
     "knitlab_cholmod": ("#009E73", "^", "knitlab, CHOLMOD"),

@@ -1,7 +1,7 @@
 """How close to the limit one iteration is: its parts, and other sparse Cholesky factorisations.
 
 Every method factors one and the same matrix, the stiffness of a clamped sample laid out of relaxed
-endless fabric. Its plan, which is made once for a sparsity, is timed apart.
+periodic fabric. Its plan, which is made once for a sparsity, is timed apart.
 """
 
 import time
@@ -104,7 +104,7 @@ def measure(measurement: Measurement) -> Record:
     net, fabric = case.woven()
     (start,) = starts([case], [(net, fabric)])
     if start is None:
-        raise RuntimeError("endless fabric did not relax")
+        raise RuntimeError("periodic fabric did not relax")
     shape = net.shape
     sample = ChunkedFabric.of(shape, fabric, Threads(allowed_threads()))
     free = free_stiffness(shape, tensile(shape, start).unknowns)

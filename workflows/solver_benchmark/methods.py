@@ -26,7 +26,7 @@ PLAIN = "nested_dissection"
 SOLVERS = ("knitlab", "knitlab_direct", "knitlab_cholmod", "dynamics", "fire", "lbfgs")
 """Methods that start from the flat sheet."""
 AS_SWEPT = "knitlab_as_swept"
-"""knitlab, starting as a sweep does from relaxed endless fabric."""
+"""knitlab, starting as a sweep does from relaxed periodic fabric."""
 SWEPT = (AS_SWEPT, ACROSS_EDGE)
 """Methods that run as a sweep runs one case, on as many threads as a measurement says."""
 RESIDUAL_LEVELS = 10.0 ** np.arange(0, -6.01, -0.25)
@@ -51,7 +51,7 @@ def method(measurement: Measurement) -> Method:
         case "knitlab":
             return ours.knitlab(still, PLAIN)
         case _ if solver in SWEPT:
-            return ours.knitlab(still, PLAIN, endless=measurement.case().periodic_cell)
+            return ours.knitlab(still, PLAIN, periodic=measurement.case().periodic_cell)
         case "knitlab_direct":
             return ours.knitlab(still, PLAIN, direct=True)
         case "knitlab_cholmod":

@@ -36,7 +36,7 @@ def knitlab(
     settings: SolverSettings,
     factorisation: str,
     direct: bool = False,
-    endless: Case | None = None,
+    periodic: Case | None = None,
 ) -> Method:
     """The equilibrium solver as it is shipped, from the flat sheet or as a sweep starts it.
 
@@ -45,7 +45,7 @@ def knitlab(
         factorisation: method of factorisation.
         direct: whether a load step is one search, as for the other methods, and not a path of
             small steps along which branches are watched.
-        endless: a cell of the fabric without end; if given it is relaxed first, and the sample
+        periodic: a cell of the fabric without end; if given it is relaxed first, and the sample
             is laid out of it.
     """
 
@@ -53,9 +53,9 @@ def knitlab(
         return replace(settings, tolerance=problem.tolerance)
 
     def start(problem: Problem, watch: Watch) -> Configuration | None:
-        if endless is None:
+        if periodic is None:
             return None
-        return _laid_out(problem, endless, its(problem), factorisation, watch)
+        return _laid_out(problem, periodic, its(problem), factorisation, watch)
 
     def relaxed(problem: Problem, watch: Watch) -> Configuration:
         solver = relax(problem.net, problem.fabric, its(problem), start(problem, watch))
@@ -91,7 +91,7 @@ def _search(its: Callable[[Problem], SolverSettings], factorisation: str) -> Sea
 
 
 def shipped_relaxation(case: Case, factorisation: str, watch: Watch) -> State:
-    """Relax a sample as a sweep does: between clamps it starts as relaxed endless fabric."""
+    """Relax a sample as a sweep does: between clamps it starts as relaxed periodic fabric."""
     settings = case.equilibrium_solver
     problem, start = Problem.of(case, settings.tolerance), None
     if not (case.mesh_shape.periodic or settings.start == "flat"):
@@ -103,9 +103,9 @@ def shipped_relaxation(case: Case, factorisation: str, watch: Watch) -> State:
 
 
 def _laid_out(
-    problem: Problem, endless: Case, settings: SolverSettings, factorisation: str, watch: Watch
+    problem: Problem, periodic: Case, settings: SolverSettings, factorisation: str, watch: Watch
 ) -> Configuration:
-    cell = Problem.of(endless, settings.tolerance)
+    cell = Problem.of(periodic, settings.tolerance)
     with watch.paused():
         prepare(cell)
     solver = relax(cell.net, cell.fabric, settings)
