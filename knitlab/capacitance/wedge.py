@@ -82,7 +82,7 @@ def wedge_capacitance(
     length = sum(jnp.linalg.norm(plate[2], axis=-1) for plate in plates) / 2
     total = jnp.zeros(chord.shape[:-2])
     for wedge in (angle, 2 * jnp.pi - angle):
-        # An arc is chord × (θ/2)/sin(θ/2) long, and periodic about the back of parallel plates.
+        # An arc is chord × (θ/2)/sin(θ/2) long, and infinite about the back of parallel plates.
         across_gap = jnp.sinc(wedge / (2 * jnp.pi)) / chord
         ratio = (reach_weight * (area / length) * across_gap).sum(axis=-1)
         total += (run_weight * length.mean(axis=-1) * with_ends(ratio)).sum(axis=-1)
