@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from knitlab.measure.grid_nodes import nodes_at
-from knitlab.measure.near_pairs import NearPairs, near_pairs
+from knitlab.measure.overlapping_boxes import BoxPairs, overlapping_boxes
 from knitlab.model.network import MeshShape
 
 CORNERS = np.array([[0, 0], [0, 1], [1, 1], [1, 0]])
@@ -56,7 +56,7 @@ def _intersections(
     tolerance = TOUCHING * np.linalg.norm(cells[0] - cells[2], axis=0).max()
     low, high = cells.min(axis=0) - tolerance, cells.max(axis=0)
     periods = configurations[:, :-3:-1].T
-    pairs = near_pairs(shape, low, high, periods)
+    pairs = overlapping_boxes(shape, low, high, periods)
     state = pairs.one // place.shape[1]
     ours, theirs = (cells.reshape(4, 3, -1).take(each, -1) for each in (pairs.one, pairs.other))
     theirs[:, 1::-1] += pairs.turns * periods[:, state]
@@ -67,7 +67,7 @@ def _intersections(
 
 
 def _separated(
-    shape: MeshShape, pairs: NearPairs, cells: Cells, others: Cells, tolerance: float
+    shape: MeshShape, pairs: BoxPairs, cells: Cells, others: Cells, tolerance: float
 ) -> Bool[np.ndarray, " pair"]:
     """Which cells lie on two sides of a plane, to the tolerance; others may do so too.
 
@@ -92,7 +92,7 @@ def _separated(
     return last - first < tolerance * np.sqrt((normal**2).sum(axis=0))
 
 
-def _common_side(shape: MeshShape, pairs: NearPairs) -> Int[np.ndarray, " pair"]:
+def _common_side(shape: MeshShape, pairs: BoxPairs) -> Int[np.ndarray, " pair"]:
     """Number of the side of one cell across which the other is its neighbour, else -1."""
     rows = pairs.other // shape.cells_x - pairs.one // shape.cells_x
     columns = pairs.other % shape.cells_x - pairs.one % shape.cells_x

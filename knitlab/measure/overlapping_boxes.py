@@ -10,7 +10,7 @@ from knitlab.model.network import MeshShape
 
 
 @dataclass(frozen=True)
-class NearPairs:
+class BoxPairs:
     """Pairs of cells, and of cells and periodic images, of any states of one fabric.
 
     Attributes:
@@ -44,12 +44,12 @@ class _Bins:
     turns: Int[np.ndarray, "2 cell"]
 
 
-def near_pairs(
+def overlapping_boxes(
     shape: MeshShape,
     low: Float[np.ndarray, "3 state cell"],
     high: Float[np.ndarray, "3 state cell"],
     periods: Float[np.ndarray, "2 state"],
-) -> NearPairs:
+) -> BoxPairs:
     """Pairs of cells, and of cells and images, whose bounding boxes overlap; each once a period.
 
     Cells are sorted into bins over y and x, no smaller than a box, so that only those of
@@ -73,7 +73,7 @@ def near_pairs(
     found = [
         _overlapping(bins, np.array(step), low, high, periods) for step in steps if step >= (0, 0)
     ]
-    return NearPairs(
+    return BoxPairs(
         *(
             np.concatenate([getattr(pairs, name) for pairs in found], axis=-1)
             for name in ("one", "other", "turns")
@@ -106,7 +106,7 @@ def _overlapping(
     low: Float[np.ndarray, "3 state cell"],
     high: Float[np.ndarray, "3 state cell"],
     periods: Float[np.ndarray, "2 state"],
-) -> NearPairs:
+) -> BoxPairs:
     """Pairs with overlapping boxes, the other one of each so many bins (y, x) further on."""
     around, there = np.divmod(bins.bin + step[:, None], bins.number)
     key = bins.start + there[0] * bins.number[1] + there[1]
@@ -126,4 +126,4 @@ def _overlapping(
             moved = turns * np.repeat(periods[along], low.shape[2])[one]
         kept = (bottom[other] + moved < top[one]) & (top[other] + moved > bottom[one])
         one, other = one[kept], other[kept]
-    return NearPairs(one, other, around[:, one] + bins.turns[:, one] - bins.turns[:, other])
+    return BoxPairs(one, other, around[:, one] + bins.turns[:, one] - bins.turns[:, other])

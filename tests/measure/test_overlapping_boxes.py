@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.measure.near_pairs import near_pairs
+from knitlab.measure.overlapping_boxes import overlapping_boxes
 from knitlab.model.network import mesh_shape
 from knitlab.model.pattern import patch_map
 
@@ -47,7 +47,7 @@ def test_boxes_that_overlap_are_found_once(seed, boundary, period, extent):
     low = rng.uniform(-2, 2, size=(3, 2, cells))
     high = low + rng.uniform(0.01, extent, size=low.shape)
     periods = period * np.array([[1.0, 1.2], [0.9, 1.5]])
-    pairs = near_pairs(shape, low, high, periods)
+    pairs = overlapping_boxes(shape, low, high, periods)
     found = [
         one_of_two_sides(*each) for each in zip(pairs.one, pairs.other, *pairs.turns, strict=True)
     ]
