@@ -25,8 +25,8 @@ TRUTH = {
     "rib_k_t": 1.2,
     "rib_theta_0": 1.08,
     "garter_k_s": 1.2,
-    "garter_k_t": 0.8,
-    "garter_theta_0": 0.94,
+    "garter_k_t": 1.2,
+    "garter_theta_0": 1.06,
 }
 PERIODIC = ("boundary=periodic", "unit_cells=1,1")
 

@@ -96,8 +96,8 @@ def test_it_ends_when_nobody_holds_it():
 
 def test_it_ends_when_what_started_it_is_killed():
     script = (
-        "from knitlab.mechanics.second_process import Companion\n"
-        "companion = Companion()\nprint(companion.pid, flush=True)\ninput()"
+        "from knitlab.mechanics.second_process import SecondProcess\n"
+        "companion = SecondProcess()\nprint(companion.pid, flush=True)\ninput()"
     )
     with subprocess.Popen(
         [sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

@@ -173,7 +173,7 @@ def test_a_missing_workflow_comes_with_the_nearest():
         "strain_max=0.42",
         "tolerance=1e-9",
         "unit_cells=1,2",
-        "garter_start=valley",
+        "garter_start=mountain",
         "pattern=RG,GR",
     ],
 )

@@ -24,7 +24,7 @@ from workflows.solver_benchmark.measurement import Measurement, Record
 
 TIMED, LONG = 5, 30.0
 """Times that a part is done after a first that is not counted, and time after which no more [s]."""
-SHIFT = 1e-2
+SHIFT = 0.1
 """Added to the diagonal, so that the matrix is positive definite whatever buckles [N/mm]."""
 SUPERNODAL = 2
 SYMMETRIC_DEFINITE, SYMBOLIC, NUMERIC, BACKWARD = 2, 11, 22, 33
