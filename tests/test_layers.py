@@ -20,7 +20,7 @@ LAYERS = (
     "laboratory",
     "query",
     "paper",
-    "plot",
+    "figures",
     "report",
     "cli",
 )

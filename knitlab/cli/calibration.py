@@ -56,13 +56,13 @@ def calibrate(
         raise fault(f"output {output}", "has no suffix .toml; give it one")
     measured = read_tension_curve(curve, width, thickness)
 
+    from knitlab.figures.calibration import calibration_figure
+    from knitlab.figures.drawing import save
+    from knitlab.figures.style import print_style
     from knitlab.io.shipped import shipped
     from knitlab.io.stripe_file import write_stripe_file
     from knitlab.measure.calibration import calibrate as fit
     from knitlab.measure.calibration import report
-    from knitlab.plot.calibration import calibration_figure
-    from knitlab.plot.figures import save
-    from knitlab.plot.style import print_style
     from knitlab.study.parameters import read_parameters
 
     title = f"{stitches} × {stitches} {knit}, period {period:g} mm"

@@ -96,13 +96,13 @@ def compare(
 @explains_bad_input
 def draw_map(kind: str, cubes: tuple[Path, ...], output: Path, selections: tuple[str, ...]) -> None:
     """Draw a figure of a cube, unless it is drawn already."""
-    from knitlab.plot.drawn import fingerprint_of_figure, is_drawn
+    from knitlab.figures.drawn import fingerprint_of_figure, is_drawn
 
     with suppress(OSError):  # a cube that cannot be read is explained where it is drawn
         if is_drawn(output, fingerprint_of_figure(kind, cubes, selections)):
             click.echo(f"figure  {output}")
             return
-    from knitlab.plot.figures import draw_figure
+    from knitlab.figures.drawing import draw_figure
 
     click.echo(f"figure  {draw_figure(kind, cubes, output, selections)}")
 

@@ -106,12 +106,12 @@ def fit(
         raise fault(f"output {output}", "has no suffix .toml; give it one")
     cube = selected(open_cube(experiment), selections)
 
+    from knitlab.figures.drawing import save
+    from knitlab.figures.fit import Fitted, fit_figure
+    from knitlab.figures.style import print_style
     from knitlab.laboratory.fit import NoFit, fit_stripes
     from knitlab.laboratory.fit_report import report, write_stripes
     from knitlab.laboratory.target import at_strains_of, case_for, target_of
-    from knitlab.plot.figures import save
-    from knitlab.plot.fit import Fitted, fit_figure
-    from knitlab.plot.style import print_style
     from knitlab.study.plan import make_plan
 
     case = case_for(make_plan(workflow, overrides), cube)

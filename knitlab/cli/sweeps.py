@@ -159,8 +159,8 @@ def run(
     if _is_finished(workflow, overrides, results):
         return
     from knitlab.execution.run import RunOptions, run_plan
+    from knitlab.figures.drawing import draw_figures
     from knitlab.io.plain_cube import CUBE
-    from knitlab.plot.figures import draw_figures
     from knitlab.study.plan import make_plan
 
     made = make_plan(workflow, overrides)
@@ -197,8 +197,8 @@ def run(
 def _is_finished(workflow: str, overrides: tuple[str, ...], results: Path) -> bool:
     """Whether there is nothing to run or draw, and if so, say what there is."""
     from knitlab.execution.finished import finished_plan
+    from knitlab.figures.drawn import asked_figures, fingerprint_of_figure, is_drawn
     from knitlab.io.plain_cube import CUBE, open_plain_cube
-    from knitlab.plot.drawn import asked_figures, fingerprint_of_figure, is_drawn
 
     record = finished_plan(workflow, overrides, results)
     if record is None:

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from knitlab.figures.drawing import draw_figure
 from knitlab.io.errors import BadInput, Fault
 from knitlab.paper.judgement import Judgement
 from knitlab.paper.margin import Verdict
-from knitlab.plot.figures import draw_figure
 from knitlab.report.introduction import cube_name
 
 Key = tuple[str | None, tuple[Path, ...]]

@@ -9,8 +9,8 @@ from click.testing import CliRunner
 
 from knitlab.cli import main
 from knitlab.execution.finished import finished_plan
-from knitlab.plot.drawn import is_drawn
-from knitlab.plot.figures import draw_figure
+from knitlab.figures.drawing import draw_figure
+from knitlab.figures.drawn import is_drawn
 
 SETTINGS = ("n_stripe=4", "n_subunit=8", "strain_max=0.06", "robustness=0")
 WORDS = ["run", "preview", *(word for text in SETTINGS for word in ("--set", text))]

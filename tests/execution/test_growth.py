@@ -14,11 +14,11 @@ from knitlab.execution.cube import build_cube
 from knitlab.execution.run import RunOptions, run_plan
 from knitlab.execution.status import changed_inputs, folder_status, read_plan
 from knitlab.execution.survey import CaseState
+from knitlab.figures.drawing import draw_figure, draw_figures
 from knitlab.io.case_file import case_path, write_case_file
 from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
-from knitlab.plot.figures import draw_figure, draw_figures
 from knitlab.simulation.case import Case, case_of
 from knitlab.study.plan import make_plan
 from tests.execution import stand_in

@@ -12,6 +12,7 @@ from knitlab.io.cube_file import open_cube
 from knitlab.io.schema import COORDINATES, VARIABLES
 from knitlab.laboratory.experiment import import_records
 from knitlab.laboratory.synthetic import tracked
+from tests.figures.test_sensor import with_electrodes
 from tests.laboratory.recorded import (
     LENGTH,
     NU,
@@ -22,7 +23,6 @@ from tests.laboratory.recorded import (
     Laboratory,
     positions,
 )
-from tests.plot.test_sensor import with_electrodes
 
 KINDS = ("markers", "tensile", "capacitance")
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from knitlab.figures.drawing import draw_figure, draw_figures
 from knitlab.io.cube_file import open_cube, write_cube
 from knitlab.paper.margin import Grade, Verdict
 from knitlab.paper.reading_ranking import differing, ranked_readings, settings_of
-from knitlab.plot.figures import draw_figure, draw_figures
 from tests.paper.test_claims import good_checkerboards, good_stripes
 
 DIMS = ("n_stripe", "n_subunit", "fold_phase")

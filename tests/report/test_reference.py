@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from knitlab.figures.drawing import draw_figure
 from knitlab.paper.claims import read_claims
 from knitlab.paper.judgement import judged
-from knitlab.plot.figures import draw_figure
 from knitlab.report.page import write_page
 
 REFERENCE = Path(__file__).parents[2] / "results" / "reference"

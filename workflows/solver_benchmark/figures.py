@@ -9,8 +9,8 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.plot.figures import save
-from knitlab.plot.style import ONE_COLUMN, print_style
+from knitlab.figures.drawing import save
+from knitlab.figures.style import ONE_COLUMN, print_style
 from workflows.solver_benchmark.cube import NOT_MEASURED, NOT_REACHED
 from workflows.solver_benchmark.methods import SWEPT
 

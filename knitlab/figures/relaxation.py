@@ -8,8 +8,8 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.plot.perspective import by_height, draw_sheet, frame_sheet, snapshot_nodes
-from knitlab.plot.style import ONE_COLUMN, SEQUENCE_COLOURS, TWO_COLUMNS
+from knitlab.figures.perspective import by_height, draw_sheet, frame_sheet, snapshot_nodes
+from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS, TWO_COLUMNS
 
 CONTRACTED = (0.0, 0.15, 0.5)
 """Parts of the contraction in the plane at which snapshots are shown, before the last."""

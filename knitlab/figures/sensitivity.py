@@ -6,11 +6,11 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from knitlab.figures.cells import MARKS, cell, frame, ink_on, marks_legend
+from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
 from knitlab.io.schema import DESIGN_DIMS
-from knitlab.plot.cells import MARKS, cell, frame, ink_on, marks_legend
-from knitlab.plot.style import STRAIN_COLOURS, TWO_COLUMNS
 
 QUANTITY = "poisson_ratio_sensitivity"
 SYMBOLS = {"k_s": "$k_s$", "k_t": "$k_t$", "theta_0": "$\\theta_0$"}

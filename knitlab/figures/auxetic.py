@@ -8,8 +8,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from knitlab.io.errors import fault
-from knitlab.plot.cells import (
+from knitlab.figures.cells import (
     CellStyle,
     draw_cells,
     frame,
@@ -18,7 +17,8 @@ from knitlab.plot.cells import (
     row_count,
     values_of,
 )
-from knitlab.plot.style import STRAIN_COLOURS, TWO_COLUMNS
+from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS
+from knitlab.io.errors import fault
 
 LARGE_SPREAD = 0.05
 """Spread of Poisson's ratio over the siblings of a design from which on a map shows it."""

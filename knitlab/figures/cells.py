@@ -11,10 +11,10 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
+from knitlab.figures.sources import on_one_grid
 from knitlab.io.cube_file import is_measured, source_of
 from knitlab.io.design_status import Status
 from knitlab.io.schema import DESIGN_DIMS
-from knitlab.plot.sources import on_one_grid
 
 MARKS: dict[Status, dict[str, Any]] = {
     Status.ok: {"facecolor": "white", "edgecolor": "0.6"},

@@ -8,12 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from knitlab.figures.cells import cell
+from knitlab.figures.style import TWO_COLUMNS
 from knitlab.io.errors import fault
 from knitlab.paper.claims import TOPICS, Claim, read_claims
 from knitlab.paper.margin import Grade, signed
 from knitlab.paper.reading_ranking import RankedReading, differing, ranked_readings
-from knitlab.plot.cells import cell
-from knitlab.plot.style import TWO_COLUMNS
 
 MOST = 16
 """Readings that the figure shows."""

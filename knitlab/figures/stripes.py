@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from knitlab.figures.style import SEQUENCE_COLOURS, TWO_COLUMNS
 from knitlab.io.design_status import Status
-from knitlab.plot.style import SEQUENCE_COLOURS, TWO_COLUMNS
 
 SHEETS: dict[str, dict[str, Any]] = {
     "periodic": {"label": "3D sheet, periodic", "marker": "o", "ms": 2.5, "ls": "-"},

@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS
 from knitlab.io.cube_file import is_measured, source_of
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
 from knitlab.measure.central import central
-from knitlab.plot.style import STRAIN_COLOURS, TWO_COLUMNS
 
 SHOWN_STRAIN = 0.23
 PAPER_DESIGNS = ((8, 48), (4, 16), (4, 32))

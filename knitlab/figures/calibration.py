@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from knitlab.plot.style import ONE_COLUMN
+from knitlab.figures.style import ONE_COLUMN
 
 
 def calibration_figure(

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.cli import main
+from knitlab.figures.capacitors import capacitors_figure
+from knitlab.figures.sensor import sensor_map
+from knitlab.figures.trade_off import figures_of, trade_off_front
+from knitlab.figures.wedge import wedge_figure
 from knitlab.io.errors import BadInput
-from knitlab.plot.capacitors import capacitors_figure
-from knitlab.plot.sensor import sensor_map
-from knitlab.plot.trade_off import figures_of, trade_off_front
-from knitlab.plot.wedge import wedge_figure
 from tests.query.artificial_cubes import made_up_cube
 
 FIGURE = st.floats(0, 10, width=16)

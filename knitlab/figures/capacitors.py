@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 
 from knitlab.capacitance.capacitor_status import CapacitorStatus
 from knitlab.capacitance.sensor import CENTRAL_PART
+from knitlab.figures.sources import lines_of
+from knitlab.figures.style import TWO_COLUMNS
 from knitlab.io.cube_file import base_dims, is_measured, source_of
 from knitlab.io.design_status import RUN
 from knitlab.io.errors import fault
 from knitlab.io.schema import DESIGN_DIMS
-from knitlab.plot.sources import lines_of
-from knitlab.plot.style import TWO_COLUMNS
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "black", "0.5")
 LINES = ("-", "--", "-.", (0, (1, 1)))

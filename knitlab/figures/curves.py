@@ -9,12 +9,12 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from knitlab.figures.cells import Colour, values_of
+from knitlab.figures.sources import lines_of, on_one_grid
+from knitlab.figures.style import SEQUENCE_COLOURS, TWO_COLUMNS
 from knitlab.io.cube_file import is_measured, source_of
 from knitlab.io.design_status import RUN, Status
 from knitlab.io.errors import fault
-from knitlab.plot.cells import Colour, values_of
-from knitlab.plot.sources import lines_of, on_one_grid
-from knitlab.plot.style import SEQUENCE_COLOURS, TWO_COLUMNS
 
 ENDS = ("low", "high")
 ROWS = {

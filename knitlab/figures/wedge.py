@@ -7,10 +7,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS
 from knitlab.io.cube_file import base_dims
 from knitlab.io.errors import fault
 from knitlab.io.schema import DESIGN_DIMS
-from knitlab.plot.style import ONE_COLUMN, SEQUENCE_COLOURS
 
 MARKERS = "osD^vP*X"
 GOOD = 0.1

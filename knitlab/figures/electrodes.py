@@ -14,11 +14,11 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from scipy.interpolate import interp1d
 
+from knitlab.figures.perspective import frame_sheet
+from knitlab.figures.relief import faces_of
+from knitlab.figures.style import TWO_COLUMNS
 from knitlab.io.case_file import configurations
 from knitlab.io.errors import fault
-from knitlab.plot.perspective import frame_sheet
-from knitlab.plot.relief import faces_of
-from knitlab.plot.style import TWO_COLUMNS
 
 if TYPE_CHECKING:
     from knitlab.simulation.case import Case

@@ -8,10 +8,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from knitlab.figures.relief import draw_relief, faces_of
+from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS
+from knitlab.figures.tension import shown_strain
 from knitlab.io.errors import fault
-from knitlab.plot.relief import draw_relief, faces_of
-from knitlab.plot.style import STRAIN_COLOURS, TWO_COLUMNS
-from knitlab.plot.tension import shown_strain
 
 MARGIN = 1.1
 """Width and height of a panel over those of what it shows."""

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from knitlab.plot.relief import draw_relief, faces_of
-from knitlab.plot.style import ONE_COLUMN, SEQUENCE_COLOURS
+from knitlab.figures.relief import draw_relief, faces_of
+from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS
 
 PERIODIC_REPEATS = 2
 """Unit cells of periodic fabric that are drawn each way."""

@@ -6,12 +6,12 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from knitlab.figures.style import TWO_COLUMNS
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
 from knitlab.io.schema import DESIGN_DIMS
 from knitlab.measure.linear_fit import linear_fit
 from knitlab.measure.wavelength import spectrum
-from knitlab.plot.style import TWO_COLUMNS
 
 DIRECTIONS = {"x": "weft x", "y": "warp y"}
 # Okabe and Ito's colours and a marker, by n_stripe.

@@ -11,6 +11,24 @@ from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from knitlab.figures.auxetic import auxetic_map
+from knitlab.figures.capacitors import capacitors_figure
+from knitlab.figures.curves import tension_curves
+from knitlab.figures.drawn import MARK, MOST_SLICES, asked_figures, fingerprint_of_figure, is_drawn
+from knitlab.figures.electrodes import electrodes_figure
+from knitlab.figures.network import spring_network
+from knitlab.figures.readings import readings_figure
+from knitlab.figures.relaxation import FRAMES_PER_SECOND, folding_animation, relaxation_figure
+from knitlab.figures.samples import stretched_samples
+from knitlab.figures.sensitivity import sensitivity_map
+from knitlab.figures.sensor import sensor_map
+from knitlab.figures.shape import relaxed_shape
+from knitlab.figures.shapes import PAPER_SHAPES, relaxed_shapes
+from knitlab.figures.stripes import stripe_departure, stripe_tension
+from knitlab.figures.style import print_style
+from knitlab.figures.tension import PAPER_DESIGNS, tension_maps
+from knitlab.figures.wavelength import wavelength_figure
+from knitlab.figures.wedge import wedge_figure
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.case_file import case_path, read_case
 from knitlab.io.cube_file import (
@@ -25,24 +43,6 @@ from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.plain_cube import PlainCube
 from knitlab.io.schema import DESIGN_DIMS, STRIPE_DIMS, VARIABLES
 from knitlab.io.suggestions import unknown
-from knitlab.plot.auxetic import auxetic_map
-from knitlab.plot.capacitors import capacitors_figure
-from knitlab.plot.curves import tension_curves
-from knitlab.plot.drawn import MARK, MOST_SLICES, asked_figures, fingerprint_of_figure, is_drawn
-from knitlab.plot.electrodes import electrodes_figure
-from knitlab.plot.network import spring_network
-from knitlab.plot.readings import readings_figure
-from knitlab.plot.relaxation import FRAMES_PER_SECOND, folding_animation, relaxation_figure
-from knitlab.plot.samples import stretched_samples
-from knitlab.plot.sensitivity import sensitivity_map
-from knitlab.plot.sensor import sensor_map
-from knitlab.plot.shape import relaxed_shape
-from knitlab.plot.shapes import PAPER_SHAPES, relaxed_shapes
-from knitlab.plot.stripes import stripe_departure, stripe_tension
-from knitlab.plot.style import print_style
-from knitlab.plot.tension import PAPER_DESIGNS, tension_maps
-from knitlab.plot.wavelength import wavelength_figure
-from knitlab.plot.wedge import wedge_figure
 from knitlab.query.selection import choices, refuse_others, selected, selections_along
 from knitlab.study.figure_names import COMPARING, suffixes
 
@@ -246,7 +246,7 @@ def save(drawing: Drawing, output: Path, fingerprint: str = "") -> None:
     Args:
         drawing: the figure or film.
         output: the file; its suffix sets the format.
-        fingerprint: of all that it shows, for :func:`~knitlab.plot.drawn.is_drawn`.
+        fingerprint: of all that it shows, for :func:`~knitlab.figures.drawn.is_drawn`.
     """
     mark = f"{MARK}{fingerprint}"
     with atomic_write(output) as temporary:

@@ -7,9 +7,9 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from knitlab.plot.perspective import FOLDED_SHEET_FITS, draw_sheet, frame_sheet
-from knitlab.plot.shape import whole_sheet
-from knitlab.plot.style import SEQUENCE_COLOURS, TWO_COLUMNS
+from knitlab.figures.perspective import FOLDED_SHEET_FITS, draw_sheet, frame_sheet
+from knitlab.figures.shape import whole_sheet
+from knitlab.figures.style import SEQUENCE_COLOURS, TWO_COLUMNS
 
 PAPER_SHAPES = ((4, 16), (2, 32), (2, 16))
 HEIGHT = 2.6

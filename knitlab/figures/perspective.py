@@ -5,7 +5,7 @@ import numpy as np
 import xarray as xr
 from mpl_toolkits.mplot3d import Axes3D
 
-from knitlab.plot.style import SEQUENCE_COLOURS
+from knitlab.figures.style import SEQUENCE_COLOURS
 
 VIEW = {"elev": 38.0, "azim": -58.0}
 MARGIN = 0.02

@@ -9,10 +9,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.io.cube_file import is_measured
-from knitlab.io.design_status import Status
-from knitlab.io.errors import fault
-from knitlab.plot.cells import (
+from knitlab.figures.cells import (
     CellStyle,
     draw_cells,
     frame,
@@ -21,8 +18,11 @@ from knitlab.plot.cells import (
     row_count,
     values_of,
 )
-from knitlab.plot.style import SEQUENCE_COLOURS, TWO_COLUMNS
-from knitlab.plot.trade_off import Design, figures_of, trade_off_front
+from knitlab.figures.style import SEQUENCE_COLOURS, TWO_COLUMNS
+from knitlab.figures.trade_off import Design, figures_of, trade_off_front
+from knitlab.io.cube_file import is_measured
+from knitlab.io.design_status import Status
+from knitlab.io.errors import fault
 
 STEEPNESS, RANGE = "sensitivity", "working_range"
 MARKERS = "osD^vP*X"

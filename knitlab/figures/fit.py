@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from knitlab.plot.style import TWO_COLUMNS
+from knitlab.figures.style import TWO_COLUMNS
 
 LABELS = (
     "transverse strain\nmean $\\varepsilon_{xx}$ [1]",

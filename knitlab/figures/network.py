@@ -13,9 +13,9 @@ from matplotlib.ticker import MultipleLocator
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
+from knitlab.figures.perspective import FOLDED_SHEET_FITS, frame_sheet
+from knitlab.figures.style import TWO_COLUMNS
 from knitlab.io.case_file import configurations
-from knitlab.plot.perspective import FOLDED_SHEET_FITS, frame_sheet
-from knitlab.plot.style import TWO_COLUMNS
 
 if TYPE_CHECKING:
     from knitlab.model.fabric import FabricLayout
