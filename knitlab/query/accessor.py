@@ -1,6 +1,7 @@
-"""The verbs of the command line on an xarray Dataset: ``cube.knitlab.query(...)``."""
+"""Queries as methods of an xarray Dataset: ``cube.knitlab.query(...)``."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import pandas as pd
 import xarray as xr
@@ -8,42 +9,72 @@ import xarray as xr
 from knitlab.io.cube_file import open_cube
 from knitlab.io.plain_cube import PlainCube
 from knitlab.query.query import designs_table, queried
-from knitlab.query.selection import selected
+from knitlab.query.selection import selected, selection_texts
 
 __all__ = ["KnitlabAccessor", "open_cube"]
 
 
 @xr.register_dataset_accessor("knitlab")
 class KnitlabAccessor:
-    """What ``knitlab query`` does with a cube that is open."""
+    """Queries of a cube that is open; ``cube.knitlab`` makes it.
+
+    Args:
+        cube: a cube of results, see :func:`knitlab.open_cube`.
+    """
 
     def __init__(self, cube: xr.Dataset) -> None:
         self._cube = cube
 
-    def select(self, *selections: str) -> xr.Dataset:
-        """The cube at the coordinate values named, as ``"n_stripe=4,6"``; every dimension stays.
+    def select(self, **selections: Any) -> xr.Dataset:
+        """The cube at some values of its coordinates; every dimension stays.
+
+        Args:
+            selections: a value or a list of values for each coordinate: ``n_stripe=[4, 6]``.
+
+        Returns:
+            The slice of the cube.
 
         Raises:
-            BadInput: with every selection at fault.
+            BadInput: with every selection that the cube does not have.
+
+        Example:
+            >>> import knitlab as kl
+            >>> cube = kl.open_cube("results/reference/preview")
+            >>> cube.knitlab.select(n_stripe=8).sizes["n_stripe"]
+            1
         """
-        return selected(self._cube, selections)
+        return selected(self._cube, selection_texts(selections))
 
     def query(
         self,
-        *selections: str,
         where: str | None = None,
+        *,
         sort: str | Sequence[str] | None = None,
         columns: Sequence[str] | None = None,
+        **selections: Any,
     ) -> pd.DataFrame:
-        """Its designs as a table, a row each; the arguments are those of ``knitlab query``.
+        """The designs of the cube as a table, one row for each.
+
+        Variables along the applied strain appear once it is selected.
 
         Args:
-            selections: texts ``NAME=VALUE``.
-            where: expression over the columns, such as ``"poisson_ratio_min < -0.3"``.
+            where: expression over the columns that the rows must meet.
             sort: column to sort by, or several; a leading minus sorts descending.
-            columns: columns to keep, by default all but the stripe numbers.
+            columns: columns to keep, by default all but the stripe parameters.
+            selections: a value or a list of values for each coordinate.
+
+        Returns:
+            The table, in the units of the cube's variables.
 
         Raises:
-            BadInput: with every fault of these.
+            BadInput: with everything that is wrong in these arguments.
+
+        Example:
+            >>> import knitlab as kl
+            >>> cube = kl.open_cube("results/reference/preview")
+            >>> table = cube.knitlab.query("poisson_ratio < -0.6", applied_strain=0.15)
+            >>> table[["n_stripe", "n_subunit"]].values.tolist()
+            [[8, 48], [8, 64]]
         """
-        return queried(designs_table(PlainCube.of(self._cube), selections), where, sort, columns)
+        texts = selection_texts(selections)
+        return queried(designs_table(PlainCube.of(self._cube), texts), where, sort, columns)

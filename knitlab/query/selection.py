@@ -1,7 +1,7 @@
 """Selections: ``NAME=VALUE`` texts that slice a cube along its coordinates."""
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -27,6 +27,22 @@ def selected(cube: "xr.Dataset", selections: Sequence[str]) -> "xr.Dataset":
         BadInput: with every selection that is malformed or names what is not there.
     """
     return cube.isel(chosen_places(PlainCube.of(cube).coordinates, selections))
+
+
+def selection_texts(selections: Mapping[str, Any]) -> tuple[str, ...]:
+    """Keyword arguments as selection texts.
+
+    Args:
+        selections: a value, or a list of them, by the coordinate: ``{"n_stripe": [4, 6]}``.
+
+    Returns:
+        Texts ``NAME=VALUE,VALUE``.
+    """
+    texts = []
+    for name, value in selections.items():
+        values = [value] if isinstance(value, str) else np.atleast_1d(value).tolist()
+        texts.append(f"{name}={','.join(map(str, values))}")
+    return tuple(texts)
 
 
 def coordinate_of(text: str) -> str:

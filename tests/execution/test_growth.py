@@ -268,10 +268,10 @@ def test_the_status_of_a_folder_before_its_first_cube(tmp_path):
 def test_query_and_figures_slice_swept_settings(tmp_path):
     ran(planned(*PAIRS, "k_t_factor=0.8,1.2"), tmp_path)
     cube = knitlab.open_cube(tmp_path)
-    table = cube.knitlab.query("k_t_factor=1.2", where="n_subunit == 16", columns=["k_t_factor"])
+    table = cube.knitlab.query("n_subunit == 16", k_t_factor=1.2, columns=["k_t_factor"])
     assert table["k_t_factor"].tolist() == [1.2]
     assert len(cube.knitlab.query()) == 4
-    assert cube.knitlab.select("k_t_factor=0.8").sizes["k_t_factor"] == 1
+    assert cube.knitlab.select(k_t_factor=0.8).sizes["k_t_factor"] == 1
     with pytest.raises(BadInput, match=r"select k_t_factor of 0\.8, 1\.2"):
         draw_figure("auxetic", [tmp_path], tmp_path / "map.png")
     drawn = draw_figure("auxetic", [tmp_path], tmp_path / "map.png", ["k_t_factor=0.8"])

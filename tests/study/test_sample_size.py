@@ -64,7 +64,7 @@ def test_a_cube_says_of_every_design_how_large_its_sample_is(tmp_path, monkeypat
             assert dataset[name].dtype == np.int32
             assert dataset[name].units == "1"
             assert dataset[name].long_name
-    (row,) = knitlab.open_cube(tmp_path).knitlab.query("n_subunit=24").to_dict("records")
+    (row,) = knitlab.open_cube(tmp_path).knitlab.query(n_subunit=24).to_dict("records")
     assert (row["unit_cells_y"], row["unit_cells_x"]) == (4, 2)
 
 
