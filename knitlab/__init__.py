@@ -1,23 +1,83 @@
 """knitlab simulates folding knits and finds the one an engineer needs.
 
-Results are netCDF cubes: ``knitlab.open_cube`` reads one as an xarray Dataset, on which
-``cube.knitlab`` has the verbs of the command line.
+All that it offers is listed in ``dir(knitlab)``: designs, simulations and sweeps give xarray
+datasets, which ``cube.knitlab.query`` and ``knitlab.plot`` turn into tables and figures.
+
+Example:
+    >>> import knitlab as kl
+    >>> cube = kl.open_cube("results/reference/preview")
+    >>> len(cube.knitlab.query("poisson_ratio_min < -0.6"))
+    4
 """
 
+from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from knitlab import plot
+    from knitlab.api.calibration import calibrate
+    from knitlab.api.claims import claims
+    from knitlab.api.comparison import compare, query
+    from knitlab.api.design import Design
+    from knitlab.api.laboratory import fit, import_records
+    from knitlab.api.simulation import NotConverged, simulate
+    from knitlab.api.sweeps import NotAllOk, plan, reproduce, run, status
+    from knitlab.io.errors import BadInput
+    from knitlab.model.stripe import Stripe
     from knitlab.query.accessor import open_cube
 
 __version__ = version("knitlab")
-__all__ = ["__version__", "open_cube"]
+__all__ = [
+    "BadInput",
+    "Design",
+    "NotAllOk",
+    "NotConverged",
+    "Stripe",
+    "__version__",
+    "calibrate",
+    "claims",
+    "compare",
+    "fit",
+    "import_records",
+    "open_cube",
+    "plan",
+    "plot",
+    "query",
+    "reproduce",
+    "run",
+    "simulate",
+    "status",
+]
+_MODULES = {
+    "BadInput": "knitlab.io.errors",
+    "Design": "knitlab.api.design",
+    "NotAllOk": "knitlab.api.sweeps",
+    "NotConverged": "knitlab.api.simulation",
+    "Stripe": "knitlab.model.stripe",
+    "calibrate": "knitlab.api.calibration",
+    "claims": "knitlab.api.claims",
+    "compare": "knitlab.api.comparison",
+    "fit": "knitlab.api.laboratory",
+    "import_records": "knitlab.api.laboratory",
+    "open_cube": "knitlab.query.accessor",
+    "plan": "knitlab.api.sweeps",
+    "query": "knitlab.api.comparison",
+    "reproduce": "knitlab.api.sweeps",
+    "run": "knitlab.api.sweeps",
+    "simulate": "knitlab.api.simulation",
+    "status": "knitlab.api.sweeps",
+}
+"""Where each name is defined; it is imported when it is first used, for a query needs no JAX."""
 
 
 def __getattr__(name: str) -> Any:
-    # Only who opens a cube in Python waits for xarray.
-    if name == "open_cube":
-        from knitlab.query.accessor import open_cube
-
-        return open_cube
+    if name == "plot":
+        return import_module("knitlab.plot")
+    if name in _MODULES:
+        return getattr(import_module(_MODULES[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

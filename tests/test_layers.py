@@ -22,6 +22,7 @@ LAYERS = (
     "paper",
     "figures",
     "report",
+    "api",
     "cli",
 )
 

@@ -94,7 +94,9 @@ def build_cube(
         readable = case_id not in damaged and path.is_file()
         complete = untouched and not (readable and entries[design].of_earlier_version)
         if complete:
-            entries[design] = replace(entries[design], values=entries[design].values | _known(case))
+            entries[design] = replace(
+                entries[design], values=entries[design].values | known_in_advance(case)
+            )
         if complete or case_id in kept_stale:
             continue
         if case_id in failed:
@@ -149,8 +151,8 @@ def _attributes(
     return provenance() | seeds | attributes | reading
 
 
-def _known(case: Case) -> Values:
-    """What is known of a case before it is simulated."""
+def known_in_advance(case: Case) -> Values:
+    """Sample size, periods and stripe parameters of a case, under the registry's names."""
     sizes = dict(zip(UNIT_CELLS, case.unit_cells, strict=True))
     stripes = {
         f"{stripe.knit}_{name}": getattr(stripe, name)
@@ -162,12 +164,12 @@ def _known(case: Case) -> Values:
 
 
 def _empty_entry(case: Case, status: Status) -> Entry:
-    return Entry(_known(case) | {"code": "", "status": status}, case.applied_strain)
+    return Entry(known_in_advance(case) | {"code": "", "status": status}, case.applied_strain)
 
 
 def _read_entry(path: Path, case: Case, gauge: Gauge) -> Entry:
     # By netCDF4 itself and unmasked: through xarray, reading takes several times as long.
-    values = _known(case)
+    values = known_in_advance(case)
     with netCDF4.Dataset(path) as dataset:
         dataset.set_auto_maskandscale(False)
         for name, variable in variables_of(case).items():

@@ -22,7 +22,7 @@ from knitlab.figures.relaxation import FRAMES_PER_SECOND, folding_animation, rel
 from knitlab.figures.samples import stretched_samples
 from knitlab.figures.sensitivity import sensitivity_map
 from knitlab.figures.sensor import sensor_map
-from knitlab.figures.shape import relaxed_shape
+from knitlab.figures.shape import fabric_shape
 from knitlab.figures.shapes import PAPER_SHAPES, relaxed_shapes
 from knitlab.figures.stripes import stripe_departure, stripe_tension
 from knitlab.figures.style import print_style
@@ -32,8 +32,10 @@ from knitlab.figures.wedge import wedge_figure
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.case_file import case_path, read_case
 from knitlab.io.cube_file import (
+    as_cube,
     base_dims,
     design_dims,
+    is_case,
     is_measured,
     open_cube,
     source_of,
@@ -76,13 +78,13 @@ class FigureKind:
 FIGURES = {
     "auxetic": FigureKind(auxetic_map, several="designs"),
     "curves": FigureKind(tension_curves, coordinates=("applied_strain",), several="experiments"),
-    "shape": FigureKind(relaxed_shape, needs="position"),
+    "shape": FigureKind(fabric_shape, needs="position", coordinates=("applied_strain",)),
     "sensitivity": FigureKind(sensitivity_map),
     "wavelength": FigureKind(wavelength_figure),
     "tension": FigureKind(tension_maps, several="experiments"),
     "samples": FigureKind(stretched_samples, needs="position", designs=PAPER_DESIGNS),
     "shapes": FigureKind(relaxed_shapes, needs="position", designs=PAPER_SHAPES),
-    "network": FigureKind(spring_network, needs="position"),
+    "network": FigureKind(spring_network, needs="position", coordinates=("applied_strain",)),
     "relaxation": FigureKind(relaxation_figure, needs="snapshot_position"),
     "folding": FigureKind(folding_animation, needs="snapshot_position"),
     "stripes": FigureKind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),
@@ -165,6 +167,47 @@ def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     return saved, faults
 
 
+def draw(kind: str, cubes: Sequence[xr.Dataset], selections: Sequence[str] = ()) -> Drawing:
+    """Draw one figure from cubes in memory.
+
+    Args:
+        kind: a name of :data:`FIGURES`.
+        cubes: cubes or single cases. A figure that needs node positions takes them from a case,
+            or from the case files beside the file that the cube was opened from.
+        selections: texts ``NAME=VALUE`` that slice the cubes first.
+
+    Returns:
+        The figure, or a film where the kind moves.
+
+    Raises:
+        BadInput: if a cube or a selection is at fault.
+    """
+    if not cubes:
+        raise fault(kind, "shows a cube; give one")
+    if len(cubes) > 1 and not FIGURES[kind].several:
+        raise fault(kind, f"shows one cube, not {len(cubes)}; give one")
+    with print_style():
+        if all(is_case(cube) for cube in cubes):
+            return _drawn_of_cases(kind, cubes, selections)
+        paths = [
+            Path(cube.encoding.get("source", f"cube {number}"))
+            for number, cube in enumerate(cubes, start=1)
+        ]
+        return _drawn(kind, paths, cubes, selections)
+
+
+def _drawn_of_cases(name: str, cases: Sequence[xr.Dataset], selections: Sequence[str]) -> Drawing:
+    kind = FIGURES[name]
+    if kind.needs is None:
+        paths = [Path(case.attrs["title"]) for case in cases]
+        return _drawn(name, paths, [as_cube(case) for case in cases], selections)
+    known = kind.coordinates
+    remedy = f"select of {', '.join(known)}" if known else "select nothing of a single case"
+    refuse_others(selections, known, f"is no coordinate that {name} can be sliced along; {remedy}")
+    sliced = [selected(case, selections) for case in cases]
+    return kind.draw(sliced if kind.designs else sliced[0])
+
+
 def _drawn(
     name: str,
     cube_paths: Sequence[Path],
@@ -193,7 +236,8 @@ def _drawn(
     elif kind.designs:
         drawing = kind.draw(_cases(name, cube, folder))
     else:
-        drawing = kind.draw(_most_auxetic_case(cube, folder, kind.needs))
+        case = _most_auxetic_case(cube, folder, kind.needs)
+        drawing = kind.draw(selected(case, selections_along(selections, kind.coordinates)))
     if slice_shown and isinstance(drawing, Figure):
         title = drawing.get_suptitle()
         drawing.suptitle(f"{title}\n{slice_shown}" if title else slice_shown, fontsize="small")

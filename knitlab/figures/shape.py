@@ -1,4 +1,4 @@
-"""The relaxed shape of one design, as a shaded relief seen from the technical face."""
+"""The shape of one design, as a shaded relief seen from the technical face."""
 
 import json
 
@@ -16,11 +16,11 @@ PERIODIC_REPEATS = 2
 """Unit cells of periodic fabric that are drawn each way."""
 
 
-def relaxed_shape(case: xr.Dataset) -> Figure:
-    """Relief of a relaxed fabric: colour is height, shading is slope, lines are patch borders.
+def fabric_shape(case: xr.Dataset) -> Figure:
+    """Relief of a fabric: colour is height, shading is slope, lines are patch borders.
 
     Args:
-        case: a case file, with its node positions.
+        case: a case file, with its node positions, of which the first strain is shown.
     """
     parameters = json.loads(case.attrs["parameters"])
     nodes = whole_sheet(case)
@@ -42,7 +42,9 @@ def relaxed_shape(case: xr.Dataset) -> Figure:
     draw_relief(axes, faces, colours, borders)
     _name_patches(axes, nodes, parameters["pattern"], spans)
     design = f"n_stripe = {int(case['n_stripe'])}, n_subunit = {int(case['n_subunit'])}"
-    axes.set_title(f"{design}, periodic" if periodic else design)
+    strain = float(case["applied_strain"][0])
+    notes = [design, *(["periodic"] if periodic else []), *([f"at {strain:.0%}"] if strain else [])]
+    axes.set_title(", ".join(notes))
     figure.colorbar(
         mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS), ax=axes, label="height z [mm]", shrink=0.8
     )
@@ -55,7 +57,7 @@ def _segments(line: np.ndarray) -> np.ndarray:
 
 
 def whole_sheet(case: xr.Dataset) -> np.ndarray:
-    """Nodes (y, x, component) of the relaxed sheet; periodic fabric is repeated and closed."""
+    """Nodes (y, x, component) at the first strain; periodic fabric is repeated and closed."""
     nodes = case["position"].isel(applied_strain=0).values
     if "length_x" not in case:
         return nodes

@@ -6,7 +6,7 @@ import xarray as xr
 
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.plain_cube import base_of, check_is_cube, cube_path, read_as_cube
-from knitlab.io.schema import SIMULATION, SOURCE, encoding
+from knitlab.io.schema import SIMULATION, SOURCE, VARIABLES, encoding
 
 
 def open_cube(path: str | Path) -> xr.Dataset:
@@ -58,3 +58,15 @@ def source_of(cube: xr.Dataset) -> str:
 def is_measured(cube: xr.Dataset) -> bool:
     """Whether a cube is of an experiment."""
     return source_of(cube) != SIMULATION
+
+
+def is_case(dataset: xr.Dataset) -> bool:
+    """Whether a dataset is of a single case, with nothing along the dimensions of designs."""
+    return not dataset["status"].dims
+
+
+def as_cube(case: xr.Dataset) -> xr.Dataset:
+    """A single case as a cube of one design, without what only case files hold."""
+    dims = [str(name) for name, its in case.coords.items() if not its.dims]
+    names = [name for name in case.data_vars if VARIABLES[str(name)].in_cube]
+    return case[names].expand_dims(dims)

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 from jaxtyping import Float
 
 from knitlab.io.case_file import write_case_file
@@ -42,7 +43,8 @@ def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> 
     chains = [_zigzag_test(case) if case.pure else [] for case in cases]
     wall_seconds = time.perf_counter() - began
     for case, test, chain, its in zip(cases, tests, chains, siblings, strict=True):
-        write_case(results, case, test, chain, its, wall_seconds)
+        dataset = case_dataset(case, test, chain, its, wall_seconds)
+        write_case_file(results, case.case_id, dataset)
 
 
 def tensile_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
@@ -201,15 +203,30 @@ def _zigzag_test(case: Case) -> list[ChainState]:
     return pull_chain(zigzag(case.weft, case.reading), case.periods, case.applied_strain)
 
 
-def write_case(
-    results: Path,
+def simulated(case: Case, progress: Progress) -> xr.Dataset:
+    """Relax and stretch one case in this process.
+
+    Args:
+        case: the case.
+        progress: told how many of its states are done.
+
+    Returns:
+        What its case file would hold.
+    """
+    began = time.perf_counter()
+    (test,), (siblings,) = tensile_tests([case], progress), sibling_tests([case], progress)
+    chain = _zigzag_test(case) if case.pure else []
+    return case_dataset(case, test, chain, siblings, time.perf_counter() - began)
+
+
+def case_dataset(
     case: Case,
     test: TensileTest,
     chain: Sequence[ChainState],
     siblings: Sequence[SiblingTest],
     wall_seconds: float,
-) -> None:
-    """Measure a finished test, write its case file."""
+) -> xr.Dataset:
+    """Measure a finished test; the dataset is what its case file holds."""
     dataset = measured(case, test, chain, siblings)
     dataset.attrs |= provenance() | {
         "title": f"knitlab case {case.case_id}",
@@ -217,7 +234,7 @@ def write_case(
         "reason": failure_reason(case, test),
         "batch_wall_seconds": wall_seconds,
     }
-    write_case_file(results, case.case_id, dataset)
+    return dataset
 
 
 WHY = {

@@ -1,0 +1,43 @@
+"""The paper's claims, judged by cubes."""
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from knitlab.paper.claims import read_claims
+from knitlab.paper.judgement import judged
+from knitlab.paper.records import records
+from knitlab.query.selection import selection_texts
+
+
+def claims(*cubes: str | Path, output: str | Path | None = None, **selections: Any) -> pd.DataFrame:
+    """Judge what the paper says by cubes: each claim holds, nearly holds, fails, or is not measured.
+
+    Args:
+        cubes: cubes or results folders; of several that measure a claim, the one with the
+            paper's samples decides it.
+        output: page to write too, ``.html`` or ``.md``.
+        selections: a value for each coordinate that a setting was swept along.
+
+    Returns:
+        One row for each claim, with its verdict, margin, and the cube that decided it.
+
+    Raises:
+        BadInput: if a cube, a selection or the suffix of the page is at fault.
+
+    Example:
+        >>> import knitlab as kl
+        >>> table = kl.claims("results/reference/paper")
+        >>> len(table)
+        39
+    """
+    texts = selection_texts(selections)
+    judgements = judged(read_claims(), [Path(cube) for cube in cubes], texts)
+    if output is not None:
+        # Only who writes a page waits for matplotlib.
+        from knitlab.report.page import check_suffix, write_page
+
+        check_suffix(Path(output))
+        write_page(judgements, Path(output), texts)
+    return pd.DataFrame(records(judgements))

@@ -1,0 +1,70 @@
+"""A design: one checkerboard of rib and garter patches, as a user names it."""
+
+import math
+from dataclasses import dataclass
+
+from knitlab.io.errors import BadInput, Fault
+from knitlab.model.options import Boundary
+from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe
+
+
+@dataclass(frozen=True, kw_only=True)
+class Design:
+    """One knit: its pattern, its sample, and its stripes where they are not those of the tables.
+
+    Attributes:
+        n_stripe: stitches across a rib stripe; the garter stripe has twice as many courses.
+        n_subunit: stitches along a garter stripe, a multiple of ``2 * n_stripe``.
+        boundary: ``"periodic"`` for fabric without edges, ``"clamped"`` for a sample whose first
+            and last row are held, as the paper tests it.
+        pattern: map of the patches of a unit cell, top course first, R for rib and G for garter.
+        unit_cells: unit cells of the sample along the warp (y) and the weft (x); 1 × 1 by default.
+        needles: needles of the machine, in place of ``unit_cells``: the sample is as wide as
+            whole unit cells fit on them, and twice as long.
+        rib: stripe of the rib patches; by default that of ``params/stripes.toml`` [mm, N, rad].
+        garter: stripe of the garter patches, likewise.
+
+    Raises:
+        BadInput: if a stripe is of the other knit or of another number of stitches, or if one of
+            its numbers is out of range. What else is wrong is reported by
+            :func:`knitlab.simulate`, which knows the tables.
+
+    Example:
+        >>> import knitlab as kl
+        >>> design = kl.Design(n_stripe=4, n_subunit=16, boundary="periodic")
+        >>> design.rib is None
+        True
+    """
+
+    n_stripe: int
+    n_subunit: int
+    boundary: Boundary = "clamped"
+    pattern: tuple[str, ...] = ("GR", "RG")
+    unit_cells: tuple[int, int] | None = None
+    needles: int | None = None
+    rib: Stripe | None = None
+    garter: Stripe | None = None
+
+    def __post_init__(self) -> None:
+        stitches = {"rib": self.n_stripe, "garter": GARTER_STITCHES_PER_RIB_STITCH * self.n_stripe}
+        faults: list[Fault] = []
+        for knit, n in stitches.items():
+            stripe: Stripe | None = getattr(self, knit)
+            if stripe is None:
+                continue
+            if (stripe.knit, stripe.n) != (knit, n):
+                given = f"a {stripe.knit} stripe of {stripe.n} stitches"
+                wanted = f"n_stripe = {self.n_stripe} takes a {knit} stripe of {n}"
+                faults.append(Fault(knit, f"is {given}, and {wanted}"))
+            for name in ("period", "k_s", "k_t", "theta_0"):
+                value, largest = getattr(stripe, name), math.pi if name == "theta_0" else math.inf
+                if not 0 < value < largest:
+                    bound = f"between 0 and {largest:.4g}" if name == "theta_0" else "above 0"
+                    faults.append(Fault(f"{knit}.{name}", f"is {value}; give one {bound}"))
+        if faults:
+            raise BadInput(faults)
+
+    @property
+    def stripes(self) -> tuple[Stripe, ...]:
+        """Its own stripes."""
+        return tuple(stripe for stripe in (self.rib, self.garter) if stripe is not None)

@@ -1,0 +1,73 @@
+"""What a laboratory recorded: imported beside simulations, and fitted to."""
+
+from pathlib import Path
+from typing import Any
+
+from knitlab.api.comparison import Cube, opened
+from knitlab.io.errors import fault
+from knitlab.laboratory.description import RecordKind
+from knitlab.laboratory.experiment import Imported
+from knitlab.laboratory.experiment import import_records as import_kind
+from knitlab.laboratory.fit import Fit, NoFit, Step, fit_stripes
+from knitlab.laboratory.target import at_strains_of, case_for, target_of
+from knitlab.study.plan import make_plan
+
+
+def import_records(
+    kind: RecordKind, description: str | Path, *, results: str | Path = "results"
+) -> Imported:
+    """Import what a TOML file describes into a cube.
+
+    Args:
+        kind: ``"markers"``, ``"tensile"`` or ``"capacitance"``.
+        description: TOML file that says which records, of which sample, in which units.
+        results: folder that holds a folder of results for each experiment.
+
+    Returns:
+        Path of the cube and a summary of what was read, in lines of text.
+
+    Raises:
+        BadInput: with everything that is wrong in the description and its records.
+    """
+    return import_kind(kind, Path(description), Path(results))
+
+
+def fit(
+    experiment: Cube,
+    workflow: str | Path,
+    *,
+    looseness: float = 0.2,
+    model_error: float = 0.01,
+    starts: int = 4,
+    step: Step = lambda tests, chi_squared: None,
+    **settings: Any,
+) -> Fit:
+    """Fit k_s, k_t and θ0 of both stripes to a test of a whole fabric.
+
+    The sample is the one case of the workflow that is of the experiment's design. It is simulated
+    some ten to thirty times.
+
+    Args:
+        experiment: cube of one experiment on one design, in one cycle.
+        workflow: name or path of a workflow that has the design.
+        looseness: relative standard deviation that the tabulated stripes are trusted to.
+        model_error: part of a curve's largest value that the model is trusted to.
+        starts: most starts that are tried until the test is met.
+        step: called after every test with their number and χ² of the last.
+        settings: settings of the workflow to replace.
+
+    Returns:
+        The fitted stripes with their standard errors, curves and warnings.
+
+    Raises:
+        BadInput: if the experiment cannot be fitted, or the workflow has no such design.
+    """
+    cube = opened(experiment)
+    case = case_for(make_plan(str(workflow), settings), cube)
+    target = target_of(cube, case, model_error)
+    try:
+        return fit_stripes(at_strains_of(case, target), target, looseness, starts=starts, step=step)
+    except NoFit as problem:
+        raise fault(
+            str(workflow), f"{problem}; choose a smaller strain_max, or another sample"
+        ) from problem

@@ -1,0 +1,222 @@
+"""Sweeps: workflows planned, run, surveyed, and single cases of them reproduced."""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from knitlab.execution.reproduce import find_case
+from knitlab.execution.reproduce import reproduce as run_alone
+from knitlab.execution.run import Run, RunOptions, run_plan
+from knitlab.execution.status import (
+    FolderStatus,
+    changed_inputs,
+    folder_status,
+    planned_designs,
+    read_plan,
+)
+from knitlab.io.errors import Fault
+from knitlab.io.plain_cube import CUBE
+from knitlab.study.plan import Plan, make_plan
+
+RESULTS = Path("results")
+"""Folder that holds a folder of results for each workflow, unless another is named."""
+
+
+class NotAllOk(UserWarning):
+    """A run some of whose cases are not ok, stale or unfinished."""
+
+
+@dataclass(frozen=True)
+class WorkflowRun:
+    """What a run of a workflow left behind.
+
+    Attributes:
+        plan: what was to be run.
+        folder: results folder of the workflow.
+        run: what was run, and the cube.
+        figures: files of the figures that were drawn.
+        faults: why a figure could not be drawn.
+    """
+
+    plan: Plan
+    folder: Path
+    run: Run
+    figures: tuple[Path, ...] = ()
+    faults: tuple[Fault, ...] = ()
+
+    @property
+    def failures(self) -> list[str]:
+        """One line for each case that is not ok: its status, design and reason."""
+        return [
+            f"{entry['status']}: {self._label(entry)}: {entry['reason']}"
+            for entry in self.run.failures
+        ]
+
+    @property
+    def all_ok(self) -> bool:
+        """Whether every case is ok and of the parameters that were asked for."""
+        return not (self.run.failures or self.run.stale_parameters or self.run.stopped)
+
+    def _label(self, entry: dict[str, Any]) -> str:
+        return "  ".join(f"{name} {entry[name]}" for name in self.plan.dims)
+
+
+def run_workflow(
+    plan: Plan, results: Path, options: RunOptions, *, figures: bool = True
+) -> WorkflowRun:
+    """Simulate what is missing of a plan, write its cube, draw its figures.
+
+    Args:
+        plan: the plan.
+        results: folder that holds a folder of results for each workflow.
+        options: how to run it.
+        figures: whether to draw the workflow's figures.
+
+    Raises:
+        BadInput: if another run holds the folder, or its cube is of other dimensions.
+        CannotWrite: if the folder cannot be written; what is done is kept.
+    """
+    folder = results / plan.workflow
+    done = run_plan(plan, folder, options)
+    if not figures:
+        return WorkflowRun(plan, folder, done)
+    # Only a run that draws waits for matplotlib.
+    from knitlab.figures.drawing import draw_figures
+
+    drawn, faults = draw_figures(plan.figures, folder)
+    return WorkflowRun(plan, folder, done, tuple(drawn), tuple(faults))
+
+
+def run(
+    workflow: str | Path,
+    *,
+    results: str | Path = RESULTS,
+    workers: int = 0,
+    scheduler: str | None = None,
+    retries: int = 0,
+    fail_fast: bool = False,
+    case_timeout: float | None = None,
+    refresh: bool = False,
+    figures: bool = False,
+    progress: bool = False,
+    **settings: Any,
+) -> xr.Dataset:
+    """Run a workflow: simulate the cases that are missing and build its cube.
+
+    Args:
+        workflow: name of a shipped workflow, such as ``"preview"``, or path of a TOML file.
+        results: folder that holds a folder of results for each workflow.
+        workers: processes on this machine; 0 simulates in this process. A script that asks for
+            workers needs the guard ``if __name__ == "__main__":``, as they are spawned.
+        scheduler: address of an existing dask scheduler, used in place of ``workers``.
+        retries: how often a batch that raised an error is tried again.
+        fail_fast: whether to stop at the first case that is not ok.
+        case_timeout: longest time for a case [s].
+        refresh: whether to compute stale results anew.
+        figures: whether to draw the workflow's figures into the results folder.
+        progress: whether to draw a progress bar.
+        settings: settings of the workflow to replace; a list makes a dimension of the cube:
+            ``k_t_factor=[0.8, 1.0, 1.2]``.
+
+    Returns:
+        The cube, with every design that the results folder knows.
+
+    Raises:
+        BadInput: with everything that is wrong in the workflow and its settings, or if the
+            folder is in use or of other dimensions.
+
+    Warns:
+        NotAllOk: if a case is not ok, stale, or left undone.
+
+    Example:
+        >>> import knitlab as kl
+        >>> cube = kl.run("preview", n_stripe=4, n_subunit=8, strain_max=0.06, results=folder)
+        >>> cube["status"].item() == 1
+        True
+    """
+    options = RunOptions(
+        workers=workers,
+        scheduler=scheduler,
+        retries=retries,
+        fail_fast=fail_fast,
+        case_timeout=case_timeout,
+        refresh=refresh,
+        show_progress=progress,
+    )
+    made = plan(workflow, **settings)
+    for warning in made.warnings:
+        warnings.warn(warning, UserWarning, stacklevel=2)
+    done = run_workflow(made, Path(results), options, figures=figures)
+    for remark in [*done.failures, *done.run.remarks(done.folder), *map(str, done.faults)]:
+        warnings.warn(remark, NotAllOk, stacklevel=2)
+    cube = done.run.cube
+    cube.encoding["source"] = str(done.folder / CUBE)
+    return cube
+
+
+def plan(workflow: str | Path, **settings: Any) -> Plan:
+    """Resolve a workflow and its settings into the cases that it would run.
+
+    Args:
+        workflow: name of a shipped workflow, or path of a TOML file.
+        settings: settings to replace, see :func:`run`.
+
+    Returns:
+        The plan, with its ``cases``, ``excluded`` designs, and ``batches`` with estimates of
+        time [s] and memory [byte].
+
+    Raises:
+        BadInput: with everything that is wrong in the workflow and its settings.
+
+    Example:
+        >>> import knitlab as kl
+        >>> len(kl.plan("preview").cases)
+        10
+    """
+    return make_plan(str(workflow), settings)
+
+
+def status(
+    workflow: str | Path, *, results: str | Path = RESULTS, check: bool = False
+) -> FolderStatus:
+    """How far the last plan of a workflow has come, and what of it is stale.
+
+    If a file that the plan was made of has changed, the workflow is resolved anew.
+
+    Args:
+        workflow: name of a shipped workflow, or path of a TOML file.
+        results: folder that holds a folder of results for each workflow.
+        check: whether to compare every case file with its checksum.
+
+    Raises:
+        BadInput: if the workflow was never planned there.
+    """
+    folder = Path(results) / Path(workflow).stem
+    record = read_plan(folder)
+    designs = planned_designs(record)
+    if changed_inputs(record):
+        designs = make_plan(str(workflow), tuple(record["overrides"])).designs
+    return folder_status(folder, record, designs, check)
+
+
+def reproduce(
+    case_id: str, *, results: str | Path = RESULTS, report: Callable[[str], None] = print
+) -> bool:
+    """Run one case alone, in this process, and report how every state was reached.
+
+    Args:
+        case_id: identifier of the case, or the beginning of it.
+        results: folder that holds a folder of results for each workflow, or one of these.
+        report: takes each line of the report.
+
+    Returns:
+        Whether every state converged and agrees with the case file, if there is one.
+
+    Raises:
+        BadInput: if there is no such case, or several.
+    """
+    return run_alone(find_case(Path(results), case_id), report)

@@ -1,0 +1,123 @@
+"""A single case from a design and settings, without a workflow file."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.shipped import shipped
+from knitlab.io.suggestions import unknown
+from knitlab.measure.knit_size import Gauge
+from knitlab.model.electrode_layout import BadLayout
+from knitlab.model.stripe import Knit, Stripe
+from knitlab.simulation.case import Case
+from knitlab.study.cases import cases, merged, with_stripe_files
+from knitlab.study.design_space import design_space
+from knitlab.study.parameters import Parameters, StripeRow, StripeTable, read_parameters
+from knitlab.study.workflow import SECTION_OF, SECTIONS
+from knitlab.study.workflow_text import WorkflowText
+
+OF_THE_DESIGN = ("design", "stripes")
+"""Sections of a workflow that the design itself takes the place of."""
+OF_THE_STRAINS = ("strain_max", "strain_step", "further_strains")
+SOURCE = "given to knitlab.Design"
+
+
+@dataclass(frozen=True)
+class SingleCase:
+    """A case that belongs to no sweep.
+
+    Attributes:
+        case: the case.
+        gauge: size of a stitch in cloth.
+    """
+
+    case: Case
+    gauge: Gauge
+
+
+def single_case(
+    design: Mapping[str, Any],
+    stripes: Sequence[Stripe],
+    applied_strain: Sequence[float],
+    settings: Mapping[str, Any],
+) -> SingleCase:
+    """Resolve one design, with settings that replace those of ``params/*.toml``.
+
+    Args:
+        design: keys of a workflow's ``[design]``, with one ``n_stripe`` and one ``n_subunit``.
+        stripes: stripes that replace or complete the tables of ``params/stripes.toml``.
+        applied_strain: strains of the tensile test, ascending from 0 [1].
+        settings: one value for each of some keys of a workflow's other sections.
+
+    Raises:
+        BadInput: with everything that is wrong in the design, the strains and the settings.
+    """
+    faults = [*_refused(settings), *_bad_strains(applied_strain)]
+    if faults:
+        raise BadInput(faults)
+    table: dict[str, Any] = {"title": "single design", "design": dict(design)}
+    sources = {f"design.{name}": f"{name} = {value!r}" for name, value in design.items()}
+    for name, value in settings.items():
+        table.setdefault(SECTION_OF[name], {})[name] = value
+        sources[f"{SECTION_OF[name]}.{name}"] = f"{name} = {value!r}"
+    text = WorkflowText(Path("settings"), table, (), sources, ())
+    read = text.checked()
+    if read.design is None:
+        raise TypeError("a table with [design] was read as one without")
+    parameters = with_stripe_files(read.model, read_parameters(shipped("params")), text)
+    parameters = _with_stripes(parameters, stripes)
+    space = design_space(read.design, parameters, text.source)
+    (case,) = cases(read, (), space, parameters)
+    if case.capacitor is not None:
+        try:
+            case.electrodes  # noqa: B018  (it raises)
+        except BadLayout as error:
+            raise fault("layout", "; ".join(error.problems)) from error
+    strains = tuple(float(strain) for strain in applied_strain)
+    gauge = Gauge(**merged(parameters.gauge, read.gauge))
+    return SingleCase(replace(case, applied_strain=strains), gauge)
+
+
+def _refused(settings: Mapping[str, Any]) -> Iterator[Fault]:
+    """Settings that are none, or that a single case has no use for."""
+    for name, value in settings.items():
+        section = SECTION_OF.get(name)
+        if section is None:
+            yield Fault(name, unknown(name, SECTION_OF, "setting"))
+        elif section in OF_THE_DESIGN:
+            yield Fault(name, "belongs to the design; give it to knitlab.Design")
+        elif name in OF_THE_STRAINS:
+            yield Fault(name, "is not used where the strains are given; leave it out")
+        elif isinstance(value, list) and "tuple" not in _annotation(section, name):
+            yield Fault(name, f"takes one value, not {value!r}; knitlab.run takes lists")
+
+
+def _annotation(section: str, name: str) -> str:
+    return str(SECTIONS[section].model_fields[name].annotation)
+
+
+def _bad_strains(strains: Sequence[float]) -> Iterator[Fault]:
+    listed = [float(strain) for strain in strains]
+    if not listed or listed[0] != 0:
+        yield Fault("applied_strain", f"begins at 0, the relaxed fabric, but is {listed}")
+    elif any(later <= earlier for earlier, later in zip(listed, listed[1:], strict=False)):
+        yield Fault("applied_strain", f"ascends, but is {listed}; sort it and keep each once")
+
+
+def _with_stripes(parameters: Parameters, stripes: Sequence[Stripe]) -> Parameters:
+    """The parameters with some stripes replaced or added.
+
+    Raises:
+        BadInput: if a number of a stripe is out of range.
+    """
+    tables = parameters.stripes
+    for stripe in stripes:
+        knit: Knit = stripe.knit
+        numbers = {name: its for name, its in asdict(stripe).items() if name not in ("knit", "n")}
+        row = StripeRow.model_validate(numbers)
+        table: StripeTable = tables.table(knit)
+        changed = table.model_copy(update={"n": table.n | {str(stripe.n): row}, "source": SOURCE})
+        tables = tables.model_copy(update={knit: changed})
+    return parameters.having(tables)
