@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from knitlab.api.sweeps import NotAllOk, plan, reproduce, run, status
     from knitlab.io.errors import BadInput
     from knitlab.model.stripe import Stripe
-    from knitlab.query.accessor import open_cube
+    from knitlab.tables.accessor import open_cube
 
 __version__ = version("knitlab")
 __all__ = [
@@ -60,7 +60,7 @@ _MODULES = {
     "compare": "knitlab.api.comparison",
     "fit": "knitlab.api.laboratory",
     "import_records": "knitlab.api.laboratory",
-    "open_cube": "knitlab.query.accessor",
+    "open_cube": "knitlab.tables.accessor",
     "plan": "knitlab.api.sweeps",
     "query": "knitlab.api.comparison",
     "reproduce": "knitlab.api.sweeps",

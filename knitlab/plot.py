@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 
 from knitlab.api.comparison import Cube, opened
 from knitlab.figures.drawing import Drawing, draw
-from knitlab.query.selection import selection_texts
+from knitlab.tables.selection import selection_texts
 
 __all__ = [
     "auxetic",
@@ -60,7 +60,7 @@ def auxetic(*cubes: Cube, **selections: Any) -> Figure:
 
 
 def curves(*cubes: Cube, **selections: Any) -> Figure:
-    """ε_xx, ε_yy and ν against applied strain, a column for each n_stripe (paper, Fig. "tension plots").
+    """ε_xx, ε_yy and ν against applied strain (paper, Fig. "tension plots").
 
     Args:
         cubes: one simulated cube or test, and experiments beside it; or their paths.

@@ -18,7 +18,7 @@ LAYERS = (
     "study",
     "execution",
     "laboratory",
-    "query",
+    "tables",
     "paper",
     "figures",
     "report",

@@ -8,11 +8,11 @@ import pandas as pd
 from knitlab.paper.claims import read_claims
 from knitlab.paper.judgement import judged
 from knitlab.paper.records import records
-from knitlab.query.selection import selection_texts
+from knitlab.tables.selection import selection_texts
 
 
 def claims(*cubes: str | Path, output: str | Path | None = None, **selections: Any) -> pd.DataFrame:
-    """Judge what the paper says by cubes: each claim holds, nearly holds, fails, or is not measured.
+    """Judge the paper's claims by cubes: each holds, nearly holds, fails, or is not measured.
 
     Args:
         cubes: cubes or results folders; of several that measure a claim, the one with the

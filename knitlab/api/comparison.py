@@ -9,9 +9,9 @@ import xarray as xr
 
 from knitlab.io.cube_file import open_cube
 from knitlab.io.plain_cube import PlainCube
-from knitlab.query.comparison import compared
-from knitlab.query.query import designs_of_all, queried
-from knitlab.query.selection import refuse_others, selected, selection_texts, selections_along
+from knitlab.tables.comparison import compared
+from knitlab.tables.query import designs_of_all, queried
+from knitlab.tables.selection import refuse_others, selected, selection_texts, selections_along
 
 Cube = str | Path | xr.Dataset
 """A cube, its file, or the results folder that holds it."""

@@ -68,6 +68,5 @@ def fit(
     try:
         return fit_stripes(at_strains_of(case, target), target, looseness, starts=starts, step=step)
     except NoFit as problem:
-        raise fault(
-            str(workflow), f"{problem}; choose a smaller strain_max, or another sample"
-        ) from problem
+        remedy = "choose a smaller strain_max, or another sample"
+        raise fault(str(workflow), f"{problem}; {remedy}") from problem

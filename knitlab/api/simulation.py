@@ -78,7 +78,8 @@ def simulate(
             bar.update(int(states) - bar.n)
 
         results = simulated(case, report)
-    sizes = sizes_of(case, results, resolved.gauge)
+    values = {str(name): its.values for name, its in results.data_vars.items()}
+    sizes = sizes_of(case, values, resolved.gauge)
     results = results.assign(known_in_advance(case) | sizes)
     results.attrs |= stated(resolved.gauge)
     if results["status"] != Status.ok:

@@ -44,7 +44,7 @@ def query(
     Variables along the applied strain appear once it is selected: --select applied_strain=0.15
     """
     from knitlab.io.plain_cube import open_plain_cube
-    from knitlab.query.query import designs_of_all, formatted, queried
+    from knitlab.tables.query import designs_of_all, formatted, queried
 
     table = designs_of_all([open_plain_cube(cube) for cube in cubes], selections)
     names = tuple(name.strip() for name in columns.split(",")) if columns else None
@@ -66,9 +66,9 @@ def compare(
     that are one, the RMS difference would be the noise.
     """
     from knitlab.io.cube_file import open_cube
-    from knitlab.query.comparison import compared
-    from knitlab.query.query import formatted
-    from knitlab.query.selection import refuse_others, selected, selections_along
+    from knitlab.tables.comparison import compared
+    from knitlab.tables.query import formatted
+    from knitlab.tables.selection import refuse_others, selected, selections_along
 
     opened = [open_cube(path) for path in (simulation, *experiments)]
     known = {str(name) for cube in opened for name in cube.dims if name in cube.coords}

@@ -100,7 +100,7 @@ def fit(
     """
     from knitlab.io.cube_file import open_cube
     from knitlab.io.errors import fault
-    from knitlab.query.selection import selected
+    from knitlab.tables.selection import selected
 
     if output.suffix != ".toml":
         raise fault(f"output {output}", "has no suffix .toml; give it one")

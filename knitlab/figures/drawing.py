@@ -45,8 +45,8 @@ from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.plain_cube import PlainCube
 from knitlab.io.schema import DESIGN_DIMS, STRIPE_DIMS, VARIABLES
 from knitlab.io.suggestions import unknown
-from knitlab.query.selection import choices, refuse_others, selected, selections_along
 from knitlab.study.figure_names import COMPARING, suffixes
+from knitlab.tables.selection import choices, refuse_others, selected, selections_along
 
 Drawing = Figure | FuncAnimation
 

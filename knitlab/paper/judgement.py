@@ -14,7 +14,7 @@ from knitlab.paper.margin import Verdict
 from knitlab.paper.sample import JudgedSamples, judged_samples, preference
 from knitlab.paper.sample_checks import SampleOrder
 from knitlab.paper.threshold import Change, change
-from knitlab.query.selection import choices, refuse_others, selected, selections_along
+from knitlab.tables.selection import choices, refuse_others, selected, selections_along
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -102,7 +103,7 @@ def _bad_strains(strains: Sequence[float]) -> Iterator[Fault]:
     listed = [float(strain) for strain in strains]
     if not listed or listed[0] != 0:
         yield Fault("applied_strain", f"begins at 0, the relaxed fabric, but is {listed}")
-    elif any(later <= earlier for earlier, later in zip(listed, listed[1:], strict=False)):
+    elif any(later <= earlier for earlier, later in pairwise(listed)):
         yield Fault("applied_strain", f"ascends, but is {listed}; sort it and keep each once")
 
 

@@ -15,7 +15,7 @@ from knitlab.figures.samples import stretched_samples
 from knitlab.figures.sensitivity import sensitivity_map
 from knitlab.figures.shapes import relaxed_shapes
 from knitlab.io.errors import BadInput
-from tests.query.artificial_cubes import made_up_cube
+from tests.tables.artificial_cubes import made_up_cube
 
 
 @pytest.fixture
@@ -185,7 +185,7 @@ def test_a_cube_that_is_none_is_named(tmp_path, content):
 
 
 def test_maps_and_queries_never_import_jax():
-    modules = "knitlab.cli, knitlab.figures.drawing, knitlab.query.query"
+    modules = "knitlab.cli, knitlab.figures.drawing, knitlab.tables.query"
     program = f"import sys, {modules}; print('jax' in sys.modules)"
     told = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True

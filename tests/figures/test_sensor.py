@@ -13,7 +13,7 @@ from knitlab.figures.sensor import sensor_map
 from knitlab.figures.trade_off import figures_of, trade_off_front
 from knitlab.figures.wedge import wedge_figure
 from knitlab.io.errors import BadInput
-from tests.query.artificial_cubes import made_up_cube
+from tests.tables.artificial_cubes import made_up_cube
 
 FIGURE = st.floats(0, 10, width=16)
 

@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from knitlab.cli import main
 from tests.laboratory.recorded import Laboratory
-from tests.query.artificial_cubes import made_up_cube
+from tests.tables.artificial_cubes import made_up_cube
 
 
 @pytest.fixture(scope="module")

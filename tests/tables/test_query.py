@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from knitlab.io.errors import BadInput
 from knitlab.io.plain_cube import PlainCube
-from knitlab.query.expression import holds
-from knitlab.query.query import designs_of_all, designs_table, formatted, queried
-from tests.query.artificial_cubes import made_up_cube
+from knitlab.tables.expression import holds
+from knitlab.tables.query import designs_of_all, designs_table, formatted, queried
+from tests.tables.artificial_cubes import made_up_cube
 
 TABLE = designs_table(PlainCube.of(made_up_cube()))
 

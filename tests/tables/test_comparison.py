@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.io.errors import BadInput
-from knitlab.query.comparison import compared, difference
-from tests.query.artificial_cubes import made_up_cube
+from knitlab.tables.comparison import compared, difference
+from tests.tables.artificial_cubes import made_up_cube
 
 NUMBER = st.floats(-10, 10)
 

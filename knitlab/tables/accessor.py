@@ -8,8 +8,8 @@ import xarray as xr
 
 from knitlab.io.cube_file import open_cube
 from knitlab.io.plain_cube import PlainCube
-from knitlab.query.query import designs_table, queried
-from knitlab.query.selection import selected, selection_texts
+from knitlab.tables.query import designs_table, queried
+from knitlab.tables.selection import selected, selection_texts
 
 __all__ = ["KnitlabAccessor", "open_cube"]
 

@@ -11,8 +11,8 @@ from knitlab.io.cube_file import is_measured, source_of, swept_dims
 from knitlab.io.design_status import RUN, Status
 from knitlab.io.errors import fault
 from knitlab.io.schema import CYCLE, DESIGN_DIMS, VARIABLES
-from knitlab.query.selection import choices
 from knitlab.study.common_settings import parameters_of
+from knitlab.tables.selection import choices
 
 COMPARED = (
     "mean_strain_xx",

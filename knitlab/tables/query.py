@@ -10,8 +10,8 @@ from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput, Fault
 from knitlab.io.plain_cube import PlainCube
 from knitlab.io.schema import FLAGS, SIMULATION, SOURCE, VARIABLES, WHOLE
-from knitlab.query.expression import holds, no_column
-from knitlab.query.selection import chosen_places, refuse_others, selections_along
+from knitlab.tables.expression import holds, no_column
+from knitlab.tables.selection import chosen_places, refuse_others, selections_along
 
 STRIPE_NUMBERS = [name for name, variable in VARIABLES.items() if variable.of == "stripes"]
 """Columns that are shown when they are asked for."""
@@ -25,7 +25,7 @@ def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFra
 
     Args:
         cube: the cube.
-        selections: texts ``NAME=VALUE``, see :func:`~knitlab.query.selection.chosen_places`.
+        selections: texts ``NAME=VALUE``, see :func:`~knitlab.tables.selection.chosen_places`.
 
     Raises:
         BadInput: if a selection is at fault.
@@ -112,7 +112,7 @@ def queried(
 
     Args:
         table: of :func:`designs_table`.
-        where: expression over its columns, see :func:`~knitlab.query.expression.holds`.
+        where: expression over its columns, see :func:`~knitlab.tables.expression.holds`.
         sort: column to sort by, or several, the first one first; a leading minus sorts descending.
         columns: columns to keep, by default all but the stripe numbers.
 
