@@ -29,6 +29,7 @@ from knitlab.study.cases import cases, merged, stripe_files, with_stripe_files
 from knitlab.study.common_settings import common_parameters
 from knitlab.study.design_space import Design, DesignSpace, design_space, stripe_space
 from knitlab.study.estimate import bytes_needed, seconds
+from knitlab.study.overrides import Overrides, as_text
 from knitlab.study.parameters import Parameters, read_parameters
 from knitlab.study.unusual import unusual_values
 from knitlab.study.workflow import Workflow
@@ -140,13 +141,14 @@ class Plan:
 
 
 def make_plan(
-    workflow: str, overrides: tuple[str, ...] = (), parameter_folder: Path | None = None
+    workflow: str, overrides: Overrides = (), parameter_folder: Path | None = None
 ) -> Plan:
     """Resolve a workflow, its overrides and the parameters into a plan.
 
     Args:
         workflow: name of a shipped workflow, or path of a file of the same form.
-        overrides: ``KEY=VALUE`` settings that replace the workflow's.
+        overrides: settings that replace the workflow's, as ``KEY=VALUE`` text or as Python values
+            by their names, such as ``{"n_stripe": 4, "k_t_factor": [0.8, 1.0]}``.
         parameter_folder: where the parameter files lie; by default knitlab's own.
 
     Raises:
@@ -190,7 +192,7 @@ def make_plan(
         batches=batched(made),
         excluded=space.excluded,
         coordinates={axis.name: axis.coordinate(parameters) for axis in axes},
-        overrides=overrides,
+        overrides=as_text(overrides),
         inputs=digests(inputs),
         stripes=_stripes_fingerprint(parameters, read, axes),
         gauge=Gauge(**merged(parameters.gauge, read.gauge)),

@@ -1,6 +1,5 @@
 """The text of a workflow: its file, with the overrides of ``--set`` laid over it."""
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from knitlab.io.strict_model import StrictModel
 from knitlab.io.suggestions import unknown
 from knitlab.io.toml import read_toml
 from knitlab.study.axes import SAMPLE_SIZE, SWEPT_SECTIONS, SweepAxis
+from knitlab.study.overrides import Overrides, as_text, read_value
 from knitlab.study.workflow import SECTION_OF, SECTIONS, Workflow
 
 
@@ -101,18 +101,18 @@ class WorkflowText:
         return Path() if key in self.overrides else self.path.parent
 
 
-def read_workflow(path: Path, overrides: tuple[str, ...] = ()) -> WorkflowText:
-    """Read a workflow's file and lay the ``KEY=VALUE`` overrides over it.
+def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
+    """Read a workflow's file and lay overrides over it.
 
     A key is the name of a setting, with its section before it or not; a comma makes a list.
 
     Raises:
-        BadInput: if the file cannot be read.
+        BadInput: if the file cannot be read, or an override has a value of no such type.
     """
     table = _with_lists(read_toml(path))
     faults: list[Fault] = []
     sources: dict[str, str] = {}
-    for override in overrides:
+    for override in as_text(overrides):
         key, equals, text = (part.strip() for part in override.partition("="))
         name = key.rpartition(".")[2]
         section = SECTION_OF.get(name)
@@ -182,14 +182,5 @@ def _takes_list(section: type[StrictModel], name: str) -> bool:
 
 
 def _value(text: str, section: type[StrictModel], name: str) -> Any:
-    if text.startswith("["):
-        return _scalar(text)
-    values = [_scalar(part.strip()) for part in text.split(",")]
-    return values if _takes_list(section, name) or len(values) > 1 else values[0]
-
-
-def _scalar(text: str) -> Any:
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        return text
+    value = read_value(text)
+    return [value] if _takes_list(section, name) and not isinstance(value, list) else value
