@@ -1,0 +1,57 @@
+"""The public surface: what ``dir(knitlab)`` lists, documented, with examples that run."""
+
+import doctest
+import inspect
+import subprocess
+import sys
+from typing import get_args
+
+import pytest
+
+import knitlab
+from knitlab.study.figure_names import FigureName
+from knitlab.tables.accessor import KnitlabAccessor
+
+PUBLIC = {name: getattr(knitlab, name) for name in knitlab.__all__ if not name.startswith("_")}
+DOCUMENTED = PUBLIC | {"cube.knitlab": KnitlabAccessor, "knitlab": knitlab}
+
+
+def examples() -> list[doctest.DocTest]:
+    finder = doctest.DocTestFinder(recurse=True)
+    found = [
+        finder.find(public, name, module=inspect.getmodule(public), globs={})
+        for name, public in DOCUMENTED.items()
+    ]
+    return [test for tests in found for test in tests if test.examples]
+
+
+def test_dir_lists_what_all_does():
+    assert dir(knitlab) == sorted(knitlab.__all__)
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_every_public_name_is_documented(name):
+    assert inspect.getdoc(PUBLIC[name])
+
+
+@pytest.mark.parametrize("example", examples(), ids=lambda example: example.name)
+def test_examples_run(example, tmp_path, monkeypatch):
+    monkeypatch.chdir(knitlab.__path__[0] + "/..")
+    example.globs = {"folder": tmp_path}
+    failed = doctest.DocTestRunner(verbose=False).run(example).failed
+    assert not failed
+
+
+def test_every_figure_has_a_function():
+    assert sorted(knitlab.plot.__all__) == sorted(get_args(FigureName))
+    assert all(inspect.getdoc(getattr(knitlab.plot, name)) for name in knitlab.plot.__all__)
+
+
+def test_a_query_waits_for_no_solver():
+    script = (
+        "import sys, knitlab; cube = knitlab.open_cube('results/reference/preview');"
+        "cube.knitlab.query('poisson_ratio_min < -0.6');"
+        "assert not {'jax', 'matplotlib'} & set(sys.modules)"
+    )
+    root = knitlab.__path__[0] + "/.."
+    subprocess.run([sys.executable, "-c", script], check=True, cwd=root)
