@@ -70,10 +70,14 @@ def compare(simulation: Cube, *experiments: Cube, **selections: Any) -> pd.DataF
     Raises:
         BadInput: if the cubes have no design in common, or a selection is at fault.
     """
-    texts = selection_texts(selections)
     cubes = [opened(cube) for cube in (simulation, *experiments)]
+    return compare_selected(cubes, selection_texts(selections))
+
+
+def compare_selected(cubes: Sequence[xr.Dataset], selections: Sequence[str]) -> pd.DataFrame:
+    """How far the first cube is from the others, with selections as text; see :func:`compare`."""
     known = {str(name) for cube in cubes for name in cube.dims if name in cube.coords}
     remedy = f"select of {', '.join(sorted(known))}"
-    refuse_others(texts, known, f"is of none of these cubes; {remedy}")
-    chosen = [selected(cube, selections_along(texts, cube.dims)) for cube in cubes]
+    refuse_others(selections, known, f"is of none of these cubes; {remedy}")
+    chosen = [selected(cube, selections_along(selections, cube.dims)) for cube in cubes]
     return compared(chosen[0], chosen[1:])

@@ -65,17 +65,12 @@ def compare(
     The uncertainty is that of the RMS difference, by the scatter of the records; of two curves
     that are one, the RMS difference would be the noise.
     """
+    from knitlab.api.comparison import compare_selected
     from knitlab.io.cube_file import open_cube
-    from knitlab.tables.comparison import compared
     from knitlab.tables.query import formatted
-    from knitlab.tables.selection import refuse_others, selected, selections_along
 
     opened = [open_cube(path) for path in (simulation, *experiments)]
-    known = {str(name) for cube in opened for name in cube.dims if name in cube.coords}
-    remedy = f"select of {', '.join(sorted(known))}"
-    refuse_others(selections, known, f"is of none of these cubes; {remedy}")
-    cubes = [selected(cube, selections_along(selections, cube.dims)) for cube in opened]
-    click.echo(formatted(compared(cubes[0], cubes[1:]), style))
+    click.echo(formatted(compare_selected(opened, selections), style))
 
 
 @click.command(
