@@ -1,6 +1,6 @@
 """Fabrics that several tests share, made of the shipped stripe tables."""
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 
 from knitlab.io.shipped import shipped
@@ -11,6 +11,7 @@ from knitlab.mechanics.relaxation import relax
 from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.state import State, TensileTest
 from knitlab.mechanics.tensile_test import stretch
+from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, Sheet, assemble_fabric
 from knitlab.model.inertia import MassAndDrag, inertia
 from knitlab.model.network import Network
@@ -92,11 +93,13 @@ def moving(
 
 def periodic_poisson_ratio(test: TensileTest) -> np.ndarray:
     """ν of periodic fabric straight from L_x and L_y."""
-    lengths = np.array([state.configuration[-2:] for state in test.states])
+    lengths = np.array([state.configuration.lengths for state in test.states])
     strain = lengths[1:] / lengths[0] - 1
     return -strain[:, 0] / strain[:, 1]
 
 
-def shaken(configuration: jnp.ndarray, amplitude: float, seed: int = 0) -> jnp.ndarray:
-    noise = np.random.default_rng(seed).normal(size=configuration.shape)
-    return configuration + amplitude * jnp.asarray(noise)
+def shaken(configuration: Configuration, amplitude: float, seed: int = 0) -> Configuration:
+    random = np.random.default_rng(seed)
+    return jax.tree.map(
+        lambda part: part + amplitude * random.normal(size=part.shape), configuration
+    )

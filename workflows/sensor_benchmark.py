@@ -52,7 +52,7 @@ def capacitances_of(results: Path, case_id: str, steps: int) -> tuple[int, int, 
     if case.capacitor is None:
         raise click.UsageError(f"case {case_id} has no electrodes")
     states = configurations(dataset)
-    there = np.flatnonzero(np.isfinite(states).all(axis=1))
+    there = np.flatnonzero(np.isfinite(states.flattened()).all(axis=1))
     chosen = there[np.linspace(0, len(there) - 1, min(steps, len(there))).round().astype(int)]
     began = time.perf_counter()
     found = capacitances(case.electrodes, *case.woven(), states[chosen], case.capacitor)

@@ -17,6 +17,7 @@ from knitlab.capacitance.capacitor_status import CapacitorStatus
 from knitlab.capacitance.gap import crosses_itself, gap_between
 from knitlab.capacitance.panels import PanelChart, panel_chart, panels_on
 from knitlab.measure.folds import fold_angles
+from knitlab.model.configuration import Configuration
 from knitlab.model.electrode_layout import ElectrodeLayout
 from knitlab.model.electrodes import Electrodes
 from knitlab.model.fabric import Fabric
@@ -78,7 +79,7 @@ def capacitances(
     electrodes: Electrodes,
     net: Network,
     fabric: Fabric,
-    configurations: Float[np.ndarray, "state unknown"],
+    configurations: Configuration,
     capacitor: Capacitor,
 ) -> Capacitances:
     """Capacitance in every state, by the boundary-element method at two or more panel sizes.
@@ -92,10 +93,10 @@ def capacitances(
         electrodes: what is plated.
         net: network of the fabric.
         fabric: its numbers.
-        configurations: of every state.
+        configurations: of every state, along a leading axis.
         capacitor: what else it depends on.
     """
-    shape, states = net.shape, len(configurations)
+    shape, states = net.shape, len(configurations.lengths)
     status = np.full(states, CapacitorStatus.measured)
     gap, through = _obstacles(electrodes, net, fabric, configurations)
     status[through] = CapacitorStatus.folded_through
@@ -129,11 +130,11 @@ def _pair(
     electrodes: Electrodes,
     chart: PanelChart,
     shape: MeshShape,
-    configurations: Float[np.ndarray, "state unknown"],
+    configurations: Configuration,
 ) -> Float[np.ndarray, "state 2"]:
     """Two-terminal and mutual capacitance in vacuum [pF]."""
     panels = np.asarray(panels_on(chart, shape, configurations))
-    period = configurations[:, -2 + electrodes.axis]
+    period = np.asarray(configurations.lengths)[:, electrodes.axis]
     images = images_along(electrodes.axis, panels, period) if shape.periodic else None
     near = near_pairs(panels, images, period)
     found = []
@@ -155,7 +156,7 @@ def _obstacles(
     electrodes: Electrodes,
     net: Network,
     fabric: Fabric,
-    configurations: Float[np.ndarray, "state unknown"],
+    configurations: Configuration,
 ) -> tuple[Float[np.ndarray, " state"], Bool[np.ndarray, " state"]]:
     """How near the electrodes come in every state, and whether a fold at them is passed through."""
     shape = net.shape
@@ -165,7 +166,7 @@ def _obstacles(
     along = np.eye(3)[electrodes.axis]
     periods = [
         length * along if shape.periodic else None
-        for length in configurations[:, -2 + electrodes.axis]
+        for length in np.asarray(configurations.lengths)[:, electrodes.axis]
     ]
     gap = np.array(
         [

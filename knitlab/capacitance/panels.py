@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from knitlab.measure.grid_nodes import nodes_at
+from knitlab.model.configuration import Configuration
 from knitlab.model.electrodes import Electrodes, Strip, pieces
 from knitlab.model.network import MeshShape
 
@@ -76,14 +77,14 @@ def graded(level: int, low_free: bool, high_free: bool) -> Float[np.ndarray, " l
 def panels_on(
     chart: PanelChart,
     shape: MeshShape,
-    configuration: Float[Array | np.ndarray, "*state unknown"],
+    configuration: Configuration,
 ) -> Float[Array | np.ndarray, "*state panel 4 3"]:
     """Corners of the panels on a deformed fabric, bilinear between the nodes of each cell [mm].
 
     Args:
         chart: the panels.
         shape: mesh of the configuration.
-        configuration: node coordinates, then L_x and L_y.
+        configuration: of one state or several.
     """
     places = chart.cell[:, None, ::-1] + chart.corners
     cells = np.repeat(chart.cell, 4, axis=0)
@@ -95,7 +96,7 @@ def points_on(
     places: Float[np.ndarray, "point 2"],
     cells: Int[np.ndarray, "point 2"],
     shape: MeshShape,
-    configuration: Float[Array | np.ndarray, "*state unknown"],
+    configuration: Configuration,
 ) -> Float[Array | np.ndarray, "*state point 3"]:
     """Points of the flat chart on a deformed fabric, bilinear between nodes [mm].
 
@@ -103,7 +104,7 @@ def points_on(
         places: their (x, y) on the chart [grid cells].
         cells: grid cell (y, x) that each belongs to, which decides for those on a border.
         shape: mesh of the configuration.
-        configuration: node coordinates, then L_x and L_y.
+        configuration: of one state or several.
     """
     first, last = cells.min(axis=0), cells.max(axis=0)
     rows, columns = (np.arange(low, high + 2) for low, high in zip(first, last, strict=True))

@@ -21,6 +21,7 @@ from jaxtyping import Array, Float
 
 from knitlab.capacitance.boundary_elements import VACUUM_PERMITTIVITY
 from knitlab.capacitance.panels import points_on
+from knitlab.model.configuration import Configuration
 from knitlab.model.electrodes import Electrodes
 from knitlab.model.network import MeshShape
 
@@ -45,7 +46,7 @@ def side_by_side(electrodes: Electrodes) -> bool:
 
 @partial(jax.jit, static_argnames=("electrodes", "shape"))
 def wedge_capacitance(
-    electrodes: Electrodes, shape: MeshShape, configuration: Float[Array, "*state unknown"]
+    electrodes: Electrodes, shape: MeshShape, configuration: Configuration
 ) -> Float[Array, "*state"]:
     """Capacitance between two strips in vacuum, by the wedge integral [pF].
 
@@ -54,7 +55,7 @@ def wedge_capacitance(
     Args:
         electrodes: two strips, see :func:`side_by_side`.
         shape: mesh of the configuration.
-        configuration: node coordinates, then L_x and L_y.
+        configuration: of one state or several.
 
     Raises:
         ValueError: if the electrodes are not two such strips.
@@ -110,7 +111,7 @@ def _plate(
     run: Float[np.ndarray, " run"],
     axis: int,
     shape: MeshShape,
-    configuration: Float[Array, "*state unknown"],
+    configuration: Configuration,
 ) -> tuple[Float[Array, "*state run reach 3"], ...]:
     """Points of a strip, and the tangents across and along it, by a step of the chart [mm]."""
     grid = np.stack(np.broadcast_arrays(at[None, :], run[:, None]), axis=-1).reshape(-1, 2)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import netCDF4
 import numpy as np
-from jaxtyping import Float
 
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.fingerprint import file_digest
@@ -14,6 +13,8 @@ from knitlab.io.schema import encoding
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from knitlab.model.configuration import Configuration
 
 
 class StoredCase(Enum):
@@ -71,16 +72,17 @@ def read_code(results: Path, case_id: str) -> str | None:
         return None
 
 
-def configurations(case: "xr.Dataset") -> Float[np.ndarray, "state unknown"]:
-    """Configurations of a case at every strain: node coordinates, then L_x and L_y [mm].
+def configurations(case: "xr.Dataset") -> "Configuration":
+    """Configurations of a case at every strain, along a leading axis.
 
     The lengths, which open samples do not have, are 0 there.
     """
-    nodes = case["position"].values.reshape(case.sizes["applied_strain"], -1)
-    names = ("length_x", "length_y")
-    none = np.zeros(len(nodes))
-    lengths = [case[name].values if name in case else none for name in names]
-    return np.column_stack([nodes, *lengths])
+    from knitlab.model.configuration import Configuration
+
+    positions = case["position"].transpose("applied_strain", "node_y", "node_x", "component").values
+    none = np.zeros(len(positions))
+    lengths = [case[name].values if name in case else none for name in ("length_x", "length_y")]
+    return Configuration(positions, np.stack(lengths, axis=-1))
 
 
 def read_case(results: Path, case_id: str) -> "xr.Dataset":

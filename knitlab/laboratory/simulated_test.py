@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -96,8 +97,10 @@ def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTe
     relaxed, *strained = test.states
     if len(strained) < len(case.applied_strain) - 1:
         return None
-    first = jnp.asarray(relaxed.configuration)
-    values = [measure(first, jnp.asarray(its.configuration), fabric) for its in strained]
+    first = jax.tree.map(jnp.asarray, relaxed.configuration)
+    values = [
+        measure(first, jax.tree.map(jnp.asarray, its.configuration), fabric) for its in strained
+    ]
     return SimulatedTest(case, test, np.array(values).T)
 
 
@@ -108,11 +111,11 @@ def _retested(case: Case, net: Network, fabric: Fabric, near: SimulatedTest) -> 
     if not relaxed.converged:
         return TensileTest(None, [relaxed])
     loading = tensile(net.shape, relaxed.configuration)
-    rules = SearchRules.of(net.shape, loading.unknowns, fabric, settings, convexified=False)
+    rules = SearchRules.of(net.shape, loading.free, fabric, settings, convexified=False)
     states: list[State] = [relaxed]
     for strain, other in zip(case.applied_strain[1:], others, strict=True):
         # The sample as a whole may have grown: what is new of the relaxed shape comes along.
-        moved = other.configuration + relaxed.configuration - first.configuration
+        moved = other.unknowns + relaxed.unknowns - first.unknowns
         start = Evaluate(loading.holding(moved, strain))
         states.append((yield from find_equilibrium_by_subdomains(start, rules)))
         if not states[-1].converged:

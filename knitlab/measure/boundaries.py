@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.measure.wavelength import FEWEST_WAVES, Wave, wave_of
+from knitlab.model.configuration import Configuration
 from knitlab.model.network import MeshShape
 
 PERIODIC_CELLS = 8
@@ -17,7 +18,7 @@ Direction = Literal["x", "y"]
 def boundary_line(
     shape: MeshShape,
     unit_cells: tuple[int, int],
-    configuration: Float[np.ndarray, " unknown"],
+    configuration: Configuration,
     direction: Direction,
 ) -> Float[np.ndarray, "point 2"]:
     """The boundary between unit cells nearest the middle of the fabric, from edge to edge [mm].
@@ -25,20 +26,20 @@ def boundary_line(
     Args:
         shape: mesh of the configuration.
         unit_cells: number of unit cells along (y, x).
-        configuration: node coordinates, then L_x and L_y. In periodic fabric the boundary is
-            followed across :data:`PERIODIC_CELLS` cells.
+        configuration: of one state. In periodic fabric the boundary is followed across
+            :data:`PERIODIC_CELLS` cells.
         direction: that it runs along, the weft x or the warp y.
 
     Returns:
         Its places along that direction and across it, seen from above.
     """
-    nodes = configuration[:-2].reshape(shape.nodes_y, shape.nodes_x, 3)[..., :2]
+    nodes, sides = np.asarray(configuration.positions)[..., :2], configuration.lengths
     if direction == "x":
         line = nodes[shape.cells_y // unit_cells[0] * (unit_cells[0] // 2)]
-        length = configuration[-2]
+        length = sides[0]
     else:
         line = nodes[:, shape.cells_x // unit_cells[1] * (unit_cells[1] // 2), ::-1]
-        length = configuration[-1]
+        length = sides[1]
     if not shape.periodic:
         return line
     turns = np.stack([length * np.arange(PERIODIC_CELLS), np.zeros(PERIODIC_CELLS)], axis=-1)
@@ -48,7 +49,7 @@ def boundary_line(
 def boundary_wave(
     shape: MeshShape,
     unit_cells: tuple[int, int],
-    configuration: Float[np.ndarray, " unknown"],
+    configuration: Configuration,
     direction: Direction,
 ) -> Wave | None:
     """The wave in that boundary; ``None`` where it crosses too few unit cells to have one.

@@ -4,21 +4,22 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from knitlab.measure.grid_nodes import nodes_at
+from knitlab.model.configuration import Configuration
 from knitlab.model.network import MeshShape
 
 
 def unit_cell_corners(
     shape: MeshShape,
     unit_cells: tuple[int, int],
-    configuration: Float[Array | np.ndarray, "*state unknown"],
+    configuration: Configuration,
 ) -> Float[Array | np.ndarray, "*state cell_y+1 cell_x+1 2"]:
     """Positions (x, y) of the corners of the unit cells [mm].
 
     Args:
         shape: mesh of the configuration.
         unit_cells: number of unit cells along (y, x).
-        configuration: node coordinates, then L_x and L_y; in periodic fabric the last corners
-            are the first ones' images.
+        configuration: of one state or several; in periodic fabric the last corners are the
+            first ones' images.
     """
     steps = shape.cells_y // unit_cells[0], shape.cells_x // unit_cells[1]
     rows = steps[0] * np.arange(unit_cells[0] + 1)

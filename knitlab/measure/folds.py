@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from knitlab.model.configuration import Configuration
 from knitlab.model.energy import element_vectors
 from knitlab.model.fabric import Fabric
 from knitlab.model.fold_angle import fold_from_rest
@@ -15,7 +16,7 @@ from knitlab.model.network import Network
 
 @partial(jax.jit, static_argnums=0)
 def fold_angles(
-    net: Network, fabric: Fabric, configuration: Float[Array | np.ndarray, "*state unknown"]
+    net: Network, fabric: Fabric, configuration: Configuration
 ) -> Float[Array, "*state hinge"]:
     """Signed fold angle of every hinge, on the branch nearest its rest angle [rad].
 
@@ -23,16 +24,20 @@ def fold_angles(
     the angle, like the energy, goes on smoothly there.
     """
 
-    def angles(q: Float[Array, " unknown"]) -> Float[Array, " hinge"]:
-        vectors = element_vectors(net.hinges, q)
+    def angles(
+        positions: Float[Array, "node_y node_x 3"], lengths: Float[Array, "2"]
+    ) -> Float[Array, " hinge"]:
+        vectors = element_vectors(net.hinges, Configuration(positions, lengths))
         from_rest = fold_from_rest(vectors, fabric.rest_fold, fabric.fold_angle)
         return fabric.rest_fold + from_rest
 
-    return jnp.vectorize(angles, signature="(n)->(h)")(configuration)
+    return jnp.vectorize(angles, signature="(y,x,c),(l)->(h)")(
+        configuration.positions, configuration.lengths
+    )
 
 
 def hinges_past_pi(
-    net: Network, fabric: Fabric, configuration: Float[Array | np.ndarray, "*state unknown"]
+    net: Network, fabric: Fabric, configuration: Configuration
 ) -> Int[np.ndarray, "*state"]:
     """How many hinges have folded past ±π, where the fabric passes through itself [1].
 

@@ -3,12 +3,13 @@
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from knitlab.model.configuration import Configuration
 from knitlab.model.network import MeshShape
 
 
 def nodes_at(
     shape: MeshShape,
-    configuration: Float[Array | np.ndarray, "*state unknown"],
+    configuration: Configuration,
     rows: Int[np.ndarray, " row"],
     columns: Int[np.ndarray, " column"],
 ) -> Float[Array | np.ndarray, "*state row column 3"]:
@@ -16,16 +17,15 @@ def nodes_at(
 
     Args:
         shape: mesh of the configuration.
-        configuration: node coordinates, then L_x and L_y; in periodic fabric nodes beyond the
-            last are images of the first.
+        configuration: of one state or several; in periodic fabric nodes beyond the last are
+            images of the first.
         rows: numbers of rows, 0 at the bottom.
         columns: numbers of columns, 0 on the left.
     """
     turns_y, rows = np.divmod(rows, shape.nodes_y)
     turns_x, columns = np.divmod(columns, shape.nodes_x)
-    nodes = configuration[..., :-2].reshape(*configuration.shape[:-1], shape.nodes, 3)
     # How often L_x moves x, and L_y moves y.
     turns = np.zeros((len(rows), len(columns), 3, 2))
     turns[..., 0, 0], turns[..., 1, 1] = turns_x[None, :], turns_y[:, None]
-    images = (turns * configuration[..., None, None, None, -2:]).sum(-1)
-    return nodes[..., shape.nodes_x * rows[:, None] + columns[None, :], :] + images
+    images = (turns * configuration.lengths[..., None, None, None, :]).sum(-1)
+    return configuration.positions[..., rows[:, None], columns[None, :], :] + images

@@ -5,6 +5,7 @@ from jaxtyping import Bool, Float, Int
 
 from knitlab.measure.grid_nodes import nodes_at
 from knitlab.measure.overlapping_boxes import BoxPairs, overlapping_boxes
+from knitlab.model.configuration import Configuration
 from knitlab.model.network import MeshShape
 
 CORNERS = np.array([[0, 0], [0, 1], [1, 1], [1, 0]])
@@ -26,7 +27,7 @@ Cells = Float[np.ndarray, "4 3 pair"]
 
 
 def self_intersections(
-    shape: MeshShape, configurations: Float[np.ndarray, "state unknown"]
+    shape: MeshShape, configurations: Configuration
 ) -> Int[np.ndarray, " state"]:
     """How many pairs of grid cells pass through each other in each state [1].
 
@@ -36,26 +37,24 @@ def self_intersections(
 
     Args:
         shape: mesh of the fabric.
-        configurations: node coordinates of each state, then L_x and L_y [mm].
+        configurations: of several states, along a leading axis.
     """
     together = max(1, TOGETHER // (shape.cells_y * shape.cells_x))
     counts = [
         _intersections(shape, configurations[first : first + together])
-        for first in range(0, len(configurations), together)
+        for first in range(0, len(configurations.lengths), together)
     ]
     return np.concatenate([np.zeros(0, int), *counts])
 
 
-def _intersections(
-    shape: MeshShape, configurations: Float[np.ndarray, "state unknown"]
-) -> Int[np.ndarray, " state"]:
+def _intersections(shape: MeshShape, configurations: Configuration) -> Int[np.ndarray, " state"]:
     rows, columns = np.arange(shape.cells_y + 1), np.arange(shape.cells_x + 1)
     nodes = np.moveaxis(np.asarray(nodes_at(shape, configurations, rows, columns)), -1, 0)
     place = np.indices((shape.cells_y, shape.cells_x)).reshape(2, -1)
     cells = np.stack([nodes[:, :, row, column] for row, column in CORNERS[:, :, None] + place])
     tolerance = TOUCHING * np.linalg.norm(cells[0] - cells[2], axis=0).max()
     low, high = cells.min(axis=0) - tolerance, cells.max(axis=0)
-    periods = configurations[:, :-3:-1].T
+    periods = np.asarray(configurations.lengths)[:, ::-1].T
     pairs = overlapping_boxes(shape, low, high, periods)
     state = pairs.one // place.shape[1]
     ours, theirs = (cells.reshape(4, 3, -1).take(each, -1) for each in (pairs.one, pairs.other))
@@ -63,7 +62,7 @@ def _intersections(
     open_to = np.flatnonzero(~_separated(shape, pairs, ours, theirs, tolerance))
     ours, theirs = ours.take(open_to, -1), theirs.take(open_to, -1)
     crossing = _pierced(ours, theirs, tolerance) | _pierced(theirs, ours, tolerance)
-    return np.bincount(state[open_to][crossing], minlength=len(configurations))
+    return np.bincount(state[open_to][crossing], minlength=len(configurations.lengths))
 
 
 def _separated(

@@ -6,21 +6,22 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.measure.grid_nodes import nodes_at
+from knitlab.model.configuration import Configuration
 from knitlab.model.network import MeshShape
 
 
 def central_cell(
     shape: MeshShape,
     unit_cells: tuple[int, int],
-    configuration: Float[np.ndarray, " unknown"],
+    configuration: Configuration,
 ) -> Float[np.ndarray, "row column 3"]:
     """Nodes of the unit cell nearest the middle, its last row and column included [mm].
 
     Args:
         shape: mesh of the configuration.
         unit_cells: number of unit cells along (y, x).
-        configuration: node coordinates, then L_x and L_y; the cell of periodic fabric is closed
-            by images of its first nodes.
+        configuration: of one state; the cell of periodic fabric is closed by images of its first
+            nodes.
     """
     ranges = []
     for cells, count in zip((shape.cells_y, shape.cells_x), unit_cells, strict=True):

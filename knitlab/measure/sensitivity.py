@@ -9,10 +9,10 @@ from jaxtyping import Array, Float
 
 from knitlab.measure.corners import unit_cell_corners
 from knitlab.measure.strain import central_mean, lattice_vectors, local_strain, poisson_ratio
+from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, StripePair
 from knitlab.model.network import MeshShape
 
-Configuration = Float[Array, " unknown"]
 Quantity = Callable[[Configuration, Configuration, Fabric], Float[Array, ""]]
 """A number read off the relaxed configuration, that under strain and the fabric."""
 

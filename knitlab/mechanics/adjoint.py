@@ -23,15 +23,17 @@ from jaxtyping import Array, Float
 
 from knitlab.mechanics.linear_response import LinearResponses
 from knitlab.mechanics.loading import all_free, drive_along, free_under_tension, rigidly_aligned
+from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric, FabricLayout, StripePair, flat_sheet
 from knitlab.model.network import MeshShape, network
 
-Configuration = Float[Array, " unknown"]
+Unknowns = Float[Array, " unknown"]
+"""A configuration, flattened [mm]."""
 Rows = Float[Array, "quantity unknown"]
-Quantities = Callable[[Configuration, Configuration, Fabric], Float[Array, "*quantity"]]
-"""What is read off the relaxed configuration, that under strain and the fabric, in pure JAX: a
-number or several."""
+Measure = Callable[[Configuration, Configuration, Fabric], Float[Array, "*quantity"]]
+"""A function of the relaxed configuration, of that under strain and of the fabric, in pure JAX;
+it gives a number or several."""
 
 
 class Adjoint:
@@ -41,9 +43,9 @@ class Adjoint:
     too. Its height between the walls is taken to stay as long as it touches none.
 
     Args:
-        weave: the fabric but for its numbers.
+        layout: the fabric but for its numbers.
         stripes: the numbers to take derivatives by, at their values.
-        relaxed: the relaxed shape of that fabric, an equilibrium [mm].
+        relaxed: the relaxed shape of that fabric, an equilibrium.
         method: of factorisation; nested dissection by default.
 
     Raises:
@@ -54,10 +56,10 @@ class Adjoint:
         self,
         layout: FabricLayout,
         stripes: StripePair,
-        relaxed: Float[np.ndarray, " unknown"],
+        relaxed: Configuration,
         method: str | None = None,
     ) -> None:
-        self._shape, self._relaxed = layout.net.shape, relaxed
+        self._shape, self._relaxed = layout.net.shape, np.asarray(relaxed.flattened())
         self._fabric, self._slope = (
             layout.fabric(stripes),
             _slope(layout, stripes),
@@ -65,15 +67,18 @@ class Adjoint:
         self._numbers = jax.tree.structure(stripes)
         self._pulled = LinearResponses.of(self._shape, free_under_tension(self._shape), method)
         at_rest = LinearResponses.of(self._shape, all_free(self._shape), method)
-        self._rest = at_rest.at(self._fabric, relaxed)
+        self._rest = at_rest.at(self._fabric, self._relaxed)
 
-    def of_relaxed(self, quantities: Quantities) -> StripePair:
-        """Derivatives of quantities of the relaxed shape, which is given as the strained one too.
+    def of_relaxed(self, measure: Measure) -> StripePair:
+        """Derivatives of a measure of the relaxed shape, which is given as the strained one too.
+
+        Args:
+            measure: what to take derivatives of, see :meth:`of_strained`.
 
         Returns:
-            Of every quantity by each number of the stripes.
+            Of every number that the measure gives, by each number of the stripes.
         """
-        by_relaxed, by_strained, by_fabric = _jacobian(quantities)(
+        by_relaxed, by_strained, by_fabric = _jacobian(measure, self._shape)(
             self._relaxed, self._relaxed, self._fabric
         )
         return self._through_relaxed(np.asarray(by_relaxed + by_strained), by_fabric)
@@ -81,31 +86,34 @@ class Adjoint:
     def of_strained(
         self,
         applied_strain: float,
-        strained: Float[np.ndarray, " unknown"],
-        quantities: Quantities,
+        strained: Configuration,
+        measure: Measure,
     ) -> StripePair:
-        """Derivatives of quantities of the state at one applied strain.
+        """Derivatives of a measure of the state at one applied strain.
 
         Args:
             applied_strain: the strain, held as the stripes change [1].
-            strained: the equilibrium there [mm].
-            quantities: what to take derivatives of. JAX traces it once, so give one and the same
+            strained: the equilibrium there.
+            measure: what to take derivatives of: a function of the relaxed configuration, the
+                strained one and the fabric, such as ``lambda relaxed, strained, fabric:
+                jnp.ptp(strained.positions[..., 0])``. JAX traces it once, so give one and the same
                 function for all fabrics of a mesh shape.
 
         Returns:
-            Of every quantity by each number of the stripes.
+            Of every number that the measure gives, by each number of the stripes.
 
         Raises:
             NoDerivative: if the state is no stable equilibrium.
         """
-        by_relaxed, by_strained, by_fabric = _jacobian(quantities)(
-            self._relaxed, strained, self._fabric
+        unknowns = np.asarray(strained.flattened())
+        by_relaxed, by_strained, by_fabric = _jacobian(measure, self._shape)(
+            self._relaxed, unknowns, self._fabric
         )
-        felt, response = np.asarray(by_strained), self._pulled.at(self._fabric, strained)
+        felt, response = np.asarray(by_strained), self._pulled.at(self._fabric, unknowns)
         yielding = response.to(felt)
-        by_fabric = _forced_back(self._shape)(self._fabric, strained, yielding, by_fabric)
+        by_fabric = _forced_back(self._shape)(self._fabric, unknowns, yielding, by_fabric)
         by_held = felt - response.forces_of(yielding)
-        by_held[:, response.unknowns] = 0
+        by_held[:, response.free] = 0
         by_relaxed += _placed_back(self._shape)(self._relaxed, applied_strain, by_held)
         return self._through_relaxed(np.asarray(by_relaxed), by_fabric)
 
@@ -136,8 +144,14 @@ def _slope(
 
 
 @lru_cache(maxsize=16)
-def _jacobian(quantities: Quantities) -> Callable[..., tuple[Rows, Rows, Fabric]]:
-    return jax.jit(jax.jacrev(lambda *of: jnp.ravel(quantities(*of)), argnums=(0, 1, 2)))
+def _jacobian(measure: Measure, shape: MeshShape) -> Callable[..., tuple[Rows, Rows, Fabric]]:
+    """Program for the derivatives of a measure by both vectors of unknowns and by the fabric."""
+
+    def numbers(relaxed: Unknowns, strained: Unknowns, fabric: Fabric) -> Float[Array, " quantity"]:
+        pair = Configuration.of(relaxed, shape), Configuration.of(strained, shape)
+        return jnp.ravel(measure(*pair, fabric))
+
+    return jax.jit(jax.jacrev(numbers, argnums=(0, 1, 2)))
 
 
 @lru_cache(maxsize=16)
@@ -145,9 +159,12 @@ def _forced_back(shape: MeshShape) -> Callable[..., Fabric]:
     """Program that takes −λᵀ ∂g/∂(fabric) into what J feels of the fabric."""
     net = network(shape)
 
-    def back(fabric: Fabric, at: Configuration, yielding: Rows, by_fabric: Fabric) -> Fabric:
-        def work(of: Fabric, along: Configuration) -> Array:
-            return jax.jvp(lambda q: energy(net, of, q).total, (at,), (along,))[1]
+    def back(fabric: Fabric, at: Unknowns, yielding: Rows, by_fabric: Fabric) -> Fabric:
+        def stored(unknowns: Unknowns, of: Fabric) -> Array:
+            return energy(net, of, Configuration.of(unknowns, shape)).total
+
+        def work(of: Fabric, along: Unknowns) -> Array:
+            return jax.jvp(lambda q: stored(q, of), (at,), (along,))[1]
 
         felt = jax.vmap(jax.grad(work), (None, 0))(fabric, yielding)
         return jax.tree.map(jnp.subtract, by_fabric, felt)
@@ -159,8 +176,12 @@ def _forced_back(shape: MeshShape) -> Callable[..., Fabric]:
 def _placed_back(shape: MeshShape) -> Callable[..., Rows]:
     """Program from what J feels of the held unknowns to what it feels of the relaxed shape."""
 
-    def back(relaxed: Configuration, applied_strain: Array, by_held: Rows) -> Rows:
-        _, pull = jax.vjp(lambda q: q + applied_strain * drive_along(shape, q)[0], relaxed)
+    def back(relaxed: Unknowns, applied_strain: Array, by_held: Rows) -> Rows:
+        def placed(unknowns: Unknowns) -> Unknowns:
+            drive, _ = drive_along(shape, Configuration.of(unknowns, shape))
+            return unknowns + applied_strain * drive
+
+        _, pull = jax.vjp(placed, relaxed)
         return jax.vmap(pull)(by_held)[0]
 
     return jax.jit(back)
@@ -171,13 +192,14 @@ def _aligned_back(shape: MeshShape) -> Callable[..., tuple[Fabric, Rows]]:
     """Program that takes what J feels of rigid motion back through the squaring up."""
     net = network(shape)
 
-    def square(fabric: Fabric, relaxed: Configuration) -> Configuration:
-        return rigidly_aligned(shape, flat_sheet(net, fabric), relaxed)
+    def aligned(fabric: Fabric, relaxed: Unknowns) -> Unknowns:
+        configuration = Configuration.of(relaxed, shape)
+        return rigidly_aligned(shape, flat_sheet(net, fabric), configuration).flattened()
 
     def back(
-        fabric: Fabric, relaxed: Configuration, rigid: Rows, by_fabric: Fabric
+        fabric: Fabric, relaxed: Unknowns, rigid: Rows, by_fabric: Fabric
     ) -> tuple[Fabric, Rows]:
-        _, pull = jax.vjp(square, fabric, relaxed)
+        _, pull = jax.vjp(aligned, fabric, relaxed)
         felt_of_fabric, felt = jax.vmap(pull)(rigid)
         return jax.tree.map(jnp.add, by_fabric, felt_of_fabric), felt
 

@@ -54,9 +54,9 @@ class _Bench:
         diagonal = jnp.asarray(free.diagonal)
 
         def entries(
-            fabric: Fabric, stage: Stage, configuration: Float[Array, " unknown"]
+            fabric: Fabric, stage: Stage, unknowns: Float[Array, " unknown"]
         ) -> Float[Array, " nonzero"]:
-            hessians = element_hessians(net, fabric, stage, configuration)
+            hessians = element_hessians(net, fabric, stage, unknowns)
             parts = hessians.springs, hessians.hinges, hessians.walls
             return sum((of(part) for of, part in zip(maps, parts, strict=True)), jnp.zeros(()))
 
@@ -160,14 +160,14 @@ class _Batch:
         if kind is Factorise:
             shifts = [group[c].shift if c in group else 1.0 for c in range(self._cases)]
             return bench.factorise(whose, jnp.asarray(shifts))
-        nothing = np.zeros(len(free.unknowns))
+        nothing = np.zeros(len(free.places))
         right = [group[c].right if c in group else nothing for c in range(self._cases)]
         return bench.solve(jnp.asarray(np.array(right)))
 
     def _places(self) -> tuple[Stage, Float[Array, "case unknown"]]:
         at = [request for request in self._at if request is not None]
         stages = stacked([Stage(jnp.asarray(a.stage.fold), jnp.asarray(a.stage.wall)) for a in at])
-        return stages, jnp.asarray(np.array([a.configuration for a in at]))
+        return stages, jnp.asarray(np.array([a.unknowns for a in at]))
 
 
 def _unstacked(batch: Numbers, cases: int) -> list[Numbers]:

@@ -125,19 +125,19 @@ class SubdomainSolution:
         slow = self._rounds >= ROUNDS and gain > SLOW * self._gain > 0
         self._gain, self._rounds = gain, self._rounds + 1
         while before is not None and slow and self.share < self._rules.settings.max_iterations:
-            here = search.at.configuration
-            ahead = replace(search.at, configuration=here + self._ahead(here - before))
+            here = search.at.unknowns
+            ahead = replace(search.at, unknowns=here + self._ahead(here - before))
             there, now = yield from self.settled(ahead)
             gained = search.energy - float(now.energy.total)
             slow = gained > gain / 2
             if slow:
                 before, gain = here, gained
                 search.move(there, now)
-        self._last, self._energy = search.at.configuration, search.energy
+        self._last, self._energy = search.at.unknowns, search.energy
 
     def _ahead(self, way: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " unknown"]:
         rules = self._rules
-        return way * min(REACH, LONGEST_SLIDE * rules.longest_part(way[rules.free.unknowns]))
+        return way * min(REACH, LONGEST_SLIDE * rules.longest_part(way[rules.free.places]))
 
 
 def subdomain_settings(settings: SolverSettings) -> SolverSettings:

@@ -19,6 +19,7 @@ from knitlab.mechanics.dynamics import (
 )
 from knitlab.mechanics.loading import Loading, all_free, rigidly_aligned, tensile
 from knitlab.mechanics.state import History, Outcome, State, TensileTest
+from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.inertia import Inertia
 from knitlab.model.network import MeshShape, network
@@ -51,7 +52,7 @@ class MotionPath:
     """Where one fabric starts from rest, and how it is driven from one strain to the next.
 
     Attributes:
-        start: the configuration [mm].
+        start: the unknowns there [mm].
         loading: what is held and driven; ``None`` if all is free.
         before, after: applied strains.
         rate: fastest strain rate on the way [1/ms].
@@ -72,7 +73,7 @@ class MotionPath:
 
     def drive(self, shape: MeshShape) -> PrescribedMotion:
         """The course as the dynamics take it."""
-        free = all_free(shape) if self.loading is None else self.loading.unknowns
+        free = all_free(shape) if self.loading is None else self.loading.free
         direction = np.zeros(shape.unknowns) if self.loading is None else self.loading.drive
         return PrescribedMotion(
             free=jnp.asarray(np.isin(np.arange(shape.unknowns), free)),
@@ -120,7 +121,7 @@ def move(batch: MovingBatch, courses: Sequence[MotionPath]) -> list[MotionResult
     )
     leaves, structure = jax.tree.flatten(trajectories)
     return [
-        _motion_result(jax.tree.unflatten(structure, parts), drive, batch.settings)
+        _motion_result(batch.shape, jax.tree.unflatten(structure, parts), drive, batch.settings)
         for drive, *parts in zip(drives, *leaves, strict=True)
     ]
 
@@ -136,9 +137,9 @@ def _kept_times(
 
 
 def _motion_result(
-    trajectory: Trajectory, drive: PrescribedMotion, settings: DynamicsSettings
+    shape: MeshShape, trajectory: Trajectory, drive: PrescribedMotion, settings: DynamicsSettings
 ) -> MotionResult:
-    if not np.isfinite(trajectory.end.configuration).all():
+    if not np.isfinite(trajectory.end.unknowns).all():
         outcome = Outcome.diverged
     elif trajectory.force_left <= settings.force_left:
         outcome = Outcome.converged
@@ -155,10 +156,11 @@ def _motion_result(
         potential=np.asarray(trajectory.energies.potential)[kept],
         dissipated=np.asarray(trajectory.energies.dissipated)[kept],
         snapshot_time=np.asarray(trajectory.snapshot_time)[pictured],
-        snapshots=np.asarray(trajectory.snapshots)[pictured],
+        snapshots=Configuration.of(np.asarray(trajectory.snapshots)[pictured], shape),
     )
     state = State(
-        configuration=np.asarray(trajectory.end.configuration),
+        shape=shape,
+        unknowns=np.asarray(trajectory.end.unknowns),
         energy=trajectory.energy,
         gradient=np.asarray(trajectory.gradient),
         outcome=outcome,
@@ -196,8 +198,9 @@ def stretch_by_dynamics(
         progress: told, for a place in the batch, how many of its states are done.
     """
     shape = batch.shape
-    sheets = [np.asarray(flat_sheet(network(shape), fabric)) for fabric in batch.fabrics]
-    arrivals = move(batch, [MotionPath(sheet) for sheet in sheets])
+    sheets = [flat_sheet(network(shape), fabric) for fabric in batch.fabrics]
+    starts = [np.asarray(sheet.flattened()) for sheet in sheets]
+    arrivals = move(batch, [MotionPath(start) for start in starts])
     tests = []
     for case, (relaxed, arrival) in enumerate(
         zip(_rigidly_aligned(batch, sheets, arrivals), arrivals, strict=True)
@@ -208,14 +211,14 @@ def stretch_by_dynamics(
     for place in range(1, len(applied_strain[0])):
         courses = [
             MotionPath(
-                start=test.states[-1].configuration if test.loading else sheet,
+                start=test.states[-1].unknowns if test.loading else start,
                 loading=test.loading,
                 before=strains[place - 1],
                 after=strains[place],
                 rate=batch.settings.ramp_rate,
                 ended=not test.states[-1].converged,
             )
-            for test, sheet, strains in zip(tests, sheets, applied_strain, strict=True)
+            for test, start, strains in zip(tests, starts, applied_strain, strict=True)
         ]
         for case, state in _quasi_static(batch, courses).items():
             tests[case].states.append(state)
@@ -225,19 +228,20 @@ def stretch_by_dynamics(
 
 def _rigidly_aligned(
     batch: MovingBatch,
-    sheets: Sequence[Float[np.ndarray, " unknown"]],
+    sheets: Sequence[Configuration],
     arrivals: Sequence[MotionResult],
 ) -> list[State]:
     """Relaxed states, samples squared up and at rest again as the walls may resist that."""
     relaxed = [arrival.state for arrival in arrivals]
     if batch.shape.periodic:
         return relaxed
-    courses = [
-        MotionPath(np.asarray(rigidly_aligned(batch.shape, sheet, state.configuration)))
-        if state.converged
-        else MotionPath(sheet, ended=True)
-        for sheet, state in zip(sheets, relaxed, strict=True)
-    ]
+    courses = []
+    for sheet, state in zip(sheets, relaxed, strict=True):
+        start = sheet
+        if state.converged:
+            start = rigidly_aligned(batch.shape, sheet, state.configuration)
+        unknowns = np.asarray(start.flattened())
+        courses.append(MotionPath(unknowns, ended=not state.converged))
     return [
         replace(again.state.after(state), kinetic_peak=state.kinetic_peak)
         if state.converged

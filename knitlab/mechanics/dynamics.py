@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from knitlab.model.configuration import Configuration
 from knitlab.model.energy import Energy, energy
 from knitlab.model.fabric import Fabric
 from knitlab.model.inertia import Inertia, drag, kinetic_energy, lagrangian, nodes_moved
@@ -75,13 +76,13 @@ class Motion(eqx.Module):
     """Where a fabric is and how it moves.
 
     Attributes:
-        configuration: node coordinates, then L_x and L_y [mm].
+        unknowns: its configuration, flattened [mm].
         velocity: of each [mm/ms].
         dissipated: work done against the drag since the start [N mm].
         supplied: work done by what drives the held unknowns since the start [N mm].
     """
 
-    configuration: Float[Array, "*batch unknown"]
+    unknowns: Float[Array, "*batch unknown"]
     velocity: Float[Array, "*batch unknown"]
     dissipated: Float[Array, "*batch"]
     supplied: Float[Array, "*batch"]
@@ -95,7 +96,7 @@ class PrescribedMotion(eqx.Module):
 
     Attributes:
         free: which unknowns are free.
-        reference: configuration at zero applied strain [mm].
+        reference: unknowns at zero applied strain [mm].
         direction: how far each unknown moves per unit of applied strain where it is held [mm].
         before, after: applied strains.
         ramp_time: how long the change takes [ms].
@@ -123,10 +124,10 @@ class PrescribedMotion(eqx.Module):
         strain, rate = jax.jvp(self.strain, (time,), (jnp.ones_like(time),))
         placed = self.reference + strain * self.direction
         return eqx.tree_at(
-            lambda moving: (moving.configuration, moving.velocity),
+            lambda moving: (moving.unknowns, moving.velocity),
             motion,
             (
-                jnp.where(self.free, motion.configuration, placed),
+                jnp.where(self.free, motion.unknowns, placed),
                 jnp.where(self.free, motion.velocity, rate * self.direction),
             ),
         )
@@ -140,10 +141,12 @@ def forces(
     net: Network, fabric: Fabric, inertia: Inertia, motion: Motion
 ) -> tuple[Float[Array, " unknown"], Float[Array, " unknown"]]:
     """Elastic force ∂L/∂u and drag −c u̇ on every unknown [N]."""
-    elastic = jax.grad(lagrangian, argnums=3)(
-        net, fabric, inertia, motion.configuration, motion.velocity
+    configuration, velocity = (
+        Configuration.of(vector, net.shape) for vector in (motion.unknowns, motion.velocity)
     )
-    return elastic, -drag(net, inertia, motion.velocity)
+    elastic = jax.grad(lagrangian, argnums=3)(net, fabric, inertia, configuration, velocity)
+    viscous = jnp.asarray(drag(net, inertia, velocity).flattened())
+    return elastic.flattened(), -viscous
 
 
 def largest_force(
@@ -154,9 +157,9 @@ def largest_force(
     A node's force is its magnitude, so that it is the same however the sample has turned.
     """
     pair = jnp.stack(forces(net, fabric, inertia, motion))
-    left = jnp.where(drive.free, pair, 0.0)
-    on_nodes = jnp.linalg.norm(left[:, :-2].reshape(2, -1, 3), axis=-1)
-    return jnp.maximum(on_nodes.max(), jnp.abs(left[:, -2:]).max())
+    left = Configuration.of(jnp.where(drive.free, pair, 0.0), net.shape)
+    on_nodes = jnp.linalg.norm(left.positions, axis=-1)
+    return jnp.maximum(on_nodes.max(), jnp.abs(left.lengths).max())
 
 
 def equations_of_motion(
@@ -170,9 +173,9 @@ def equations_of_motion(
     """Time derivative of a motion (paper, equations of motion)."""
     moving = drive.holding(time, motion)
     elastic, viscous = forces(net, fabric, inertia, moving)
-    acceleration = (elastic + viscous) / (inertia.node_mass * nodes_moved(net.shape))
+    acceleration = (elastic + viscous) / (inertia.node_mass * nodes_moved(net.shape).flattened())
     return Motion(
-        configuration=jnp.where(drive.free, moving.velocity, 0.0),
+        unknowns=jnp.where(drive.free, moving.velocity, 0.0),
         velocity=jnp.where(drive.free, acceleration, 0.0),
         dissipated=-jnp.sum(jnp.where(drive.free, viscous * moving.velocity, 0.0)),
         supplied=-jnp.sum(jnp.where(drive.free, 0.0, elastic * moving.velocity)),
@@ -201,12 +204,12 @@ class Trajectory(eqx.Module):
         end: the motion at its end.
         end_time: then [ms].
         energy: elastic energy then, in its parts.
-        gradient: ∂V/∂(configuration) then [N].
+        gradient: ∂V/∂(unknowns) then [N].
         force_left: largest elastic force or drag on a free node or length then [N].
         time: times of ``energies`` [ms].
         energies: on the way.
         snapshot_time: times of ``snapshots`` [ms].
-        snapshots: configurations on the way [mm].
+        snapshots: unknowns on the way [mm].
         steps: time steps tried.
         successful, steady, step_limit: how diffrax says that it ended: at the last time, at
             rest, or out of steps; if none of these, the step size vanished.
@@ -287,14 +290,14 @@ def integrate(
         moving = drive.holding(time, motion)
         free = jnp.where(drive.free, moving.velocity, 0.0)
         return Energies(
-            kinetic=kinetic_energy(net, inertia, free),
-            potential=energy(net, fabric, moving.configuration).total,
+            kinetic=kinetic_energy(net, inertia, Configuration.of(free, net.shape)),
+            potential=energy(net, fabric, Configuration.of(moving.unknowns, net.shape)).total,
             dissipated=motion.dissipated,
             supplied=motion.supplied,
         )
 
-    def configuration(time: Array, motion: Motion, _: Any) -> Float[Array, " unknown"]:
-        return drive.holding(time, motion).configuration
+    def unknowns(time: Array, motion: Motion, _: Any) -> Float[Array, " unknown"]:
+        return drive.holding(time, motion).unknowns
 
     controller: diffrax.AbstractStepSizeController = (
         diffrax.PIDController(
@@ -317,7 +320,7 @@ def integrate(
             subs=(
                 diffrax.SubSaveAt(t1=True, fn=lambda time, motion, _: drive.holding(time, motion)),
                 diffrax.SubSaveAt(ts=times, fn=energies),
-                diffrax.SubSaveAt(ts=snapshot_times, fn=configuration),
+                diffrax.SubSaveAt(ts=snapshot_times, fn=unknowns),
             )
         ),
         stepsize_controller=controller,
@@ -332,7 +335,7 @@ def integrate(
     return Trajectory(
         end=end,
         end_time=end_time[-1],
-        energy=energy(net, fabric, end.configuration),
+        energy=energy(net, fabric, Configuration.of(end.unknowns, net.shape)),
         gradient=-elastic,
         force_left=largest_force(net, fabric, inertia, drive, end),
         time=time,

@@ -78,10 +78,10 @@ class ThreadChunks:
         return range(self.first, self.first + self.count)
 
     def vectors(
-        self, configuration: Float[np.ndarray, " unknown"]
+        self, unknowns: Float[np.ndarray, " unknown"]
     ) -> Float[np.ndarray, "portion vector"]:
         """Their vectors in a configuration [mm]."""
-        return (self.incidence @ configuration).reshape(self.count, VECTORS)
+        return (self.incidence @ unknowns).reshape(self.count, VECTORS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,17 +184,17 @@ class ChunkedFabric:
         numbered = tuple(zip(*columns, strict=True))
         return cls(its, numbered, walls, fabric.fold_angle, threads)
 
-    def evaluate(self, stage: Stage, configuration: Float[np.ndarray, " unknown"]) -> Evaluation:
+    def evaluate(self, stage: Stage, unknowns: Float[np.ndarray, " unknown"]) -> Evaluation:
         """What :func:`~knitlab.mechanics.evaluation.evaluate` gives, as NumPy arrays."""
-        look = partial(self._evaluated, self._acting(stage), configuration)
+        look = partial(self._evaluated, self._acting(stage), unknowns)
         energies, gradients = zip(*self.threads.each(look, self.portions.shares), strict=True)
         return Evaluation(Energy(*np.sum(energies, axis=0)), np.sum(gradients, axis=0))
 
     def _evaluated(
-        self, acting: Acting, configuration: Float[np.ndarray, " unknown"], share: ThreadChunks
+        self, acting: Acting, unknowns: Float[np.ndarray, " unknown"], share: ThreadChunks
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, " unknown"]]:
         """Energies of a share of the portions, and the gradient of their sum."""
-        vectors = share.vectors(configuration)
+        vectors = share.vectors(unknowns)
         energies, gradient = np.zeros(3), np.empty_like(vectors)
         for portion, here, by_here in zip(share.portions, vectors, gradient, strict=True):
             own = self.stiffnesses[portion]
@@ -205,7 +205,7 @@ class ChunkedFabric:
         return energies, share.transposed @ gradient.ravel()
 
     def element_hessians(
-        self, stage: Stage, configuration: Float[np.ndarray, " unknown"]
+        self, stage: Stage, unknowns: Float[np.ndarray, " unknown"]
     ) -> ElementHessians:
         """What :func:`~knitlab.mechanics.evaluation.element_hessians` gives, as NumPy arrays."""
         count, net = self.portions.count, network(self.portions.shape)
@@ -214,7 +214,7 @@ class ChunkedFabric:
             np.empty((count * HINGES // LANES, len(HINGE_ENTRIES[0]), LANES)),
             np.empty(count * HEIGHTS),
         )
-        fill = partial(self._fill, filled, self._acting(stage), configuration)
+        fill = partial(self._fill, filled, self._acting(stage), unknowns)
         self.threads.each(fill, self.portions.shares)
         return ElementHessians(
             filled.springs[:, : len(net.springs.nodes)],
@@ -226,11 +226,11 @@ class ChunkedFabric:
         self,
         filled: ElementHessians,
         acting: Acting,
-        configuration: Float[np.ndarray, " unknown"],
+        unknowns: Float[np.ndarray, " unknown"],
         share: ThreadChunks,
     ) -> None:
         """Fill in the element Hessians of a share of the portions."""
-        for portion, here in zip(share.portions, share.vectors(configuration), strict=True):
+        for portion, here in zip(share.portions, share.vectors(unknowns), strict=True):
             own = self.stiffnesses[portion]
             part = _element_hessians(self.fold_angle, acting, own, _split(here))
             springs, hinges, heights = (

@@ -85,7 +85,7 @@ def minimise_with_one_factorisation(search: Search) -> Solver[Outcome | None]:
     """
     rules, smallest = search.rules, search.rules.settings.smallest_shift
     while (outcome := search.end()) is None:
-        yield Assemble(search.at.configuration, rules.free, search.at.stage)
+        yield Assemble(search.at.unknowns, rules.free, search.at.stage)
         raised = False
         while True:
             search.factorisations += 1
@@ -176,13 +176,13 @@ def _line_search(search: Search, step: Vector, slope: float) -> Solver[float]:
     length, energy, force = 1.0, search.energy, search.force
     noise = ENERGY_ROUND_OFF * abs(energy)
     for _ in range(BACKTRACKS):
-        configuration = search.at.configuration.copy()
-        configuration[search.unknowns] += length * step
-        trial = replace(search.at, configuration=configuration)
+        unknowns = search.at.unknowns.copy()
+        unknowns[search.places] += length * step
+        trial = replace(search.at, unknowns=unknowns)
         then: Evaluation = yield trial
         search.iterations += 1
         there = float(then.energy.total)
-        calmer = float(np.abs(np.asarray(then.gradient)[search.unknowns]).max()) <= force
+        calmer = float(np.abs(np.asarray(then.gradient)[search.places]).max()) <= force
         lower = there <= energy + SUFFICIENT_DECREASE * length * slope + noise
         if lower and (there < energy - noise or calmer):
             search.move(trial, then)

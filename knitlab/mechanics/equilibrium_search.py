@@ -9,6 +9,7 @@ from knitlab.mechanics.evaluation import Evaluation
 from knitlab.mechanics.solver import Evaluate, SolverSettings
 from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
+from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
 
@@ -39,7 +40,7 @@ class SearchRules:
     def of(
         cls,
         shape: MeshShape,
-        unknowns: Int[np.ndarray, " free"],
+        free: Int[np.ndarray, " free"],
         fabric: Fabric,
         settings: SolverSettings,
         floor: float = -np.inf,
@@ -47,7 +48,7 @@ class SearchRules:
     ) -> "SearchRules":
         """Rules for a fabric; no step is longer than ``settings.step_limit`` of a grid cell."""
         longest = settings.step_limit * float(fabric.cell.min())
-        return cls(free_stiffness(shape, unknowns), longest, settings, floor, convexified)
+        return cls(free_stiffness(shape, free), longest, settings, floor, convexified)
 
     def up_to(self, iterations: int) -> "SearchRules":
         """The same, with another limit of iterations."""
@@ -55,7 +56,7 @@ class SearchRules:
 
     def longest_part(self, step: Float[np.ndarray, " free"]) -> float:
         """The part of a step that is as long as any may be; above 1 where it is shorter."""
-        return self.step_length / _longest_change(self.free.shape, self.free.unknowns, step)
+        return self.step_length / _longest_change(self.free.shape, self.free.places, step)
 
 
 class Search:
@@ -68,7 +69,7 @@ class Search:
     """
 
     def __init__(self, at: Evaluate, now: Evaluation, rules: SearchRules) -> None:
-        self.rules, self.unknowns = rules, rules.free.unknowns
+        self.rules, self.places = rules, rules.free.places
         self.iterations, self.factorisations = 0, 0
         self.begin(at, now)
 
@@ -81,7 +82,7 @@ class Search:
         """Go on from another configuration, of which is known what it costs."""
         self.at, self.now = at, now
         self.energy = float(now.energy.total)
-        self.gradient: Float[np.ndarray, " free"] = np.asarray(now.gradient)[self.unknowns]
+        self.gradient: Float[np.ndarray, " free"] = np.asarray(now.gradient)[self.places]
         self.force = float(np.abs(self.gradient).max())
 
     def end(self) -> Outcome | None:
@@ -97,7 +98,8 @@ class Search:
     def state(self, outcome: Outcome) -> State:
         """The state that it has come to."""
         return State(
-            configuration=self.at.configuration,
+            shape=self.rules.free.shape,
+            unknowns=self.at.unknowns,
             energy=self.now.energy,
             gradient=np.asarray(self.now.gradient),
             outcome=outcome,
@@ -108,18 +110,18 @@ class Search:
 
 
 def _longest_change(
-    shape: MeshShape, unknowns: Int[np.ndarray, " free"], step: Float[np.ndarray, " free"]
+    shape: MeshShape, free: Int[np.ndarray, " free"], step: Float[np.ndarray, " free"]
 ) -> float:
     """Longest change, in a step, of the vector from a node to its neighbour [mm].
 
     A part of the sheet that moves or turns as a whole may go far in a step; what must not is one
     node against the next.
     """
-    move = np.zeros(shape.unknowns)
-    move[unknowns] = step
-    nodes = move[:-2].reshape(shape.nodes_y, shape.nodes_x, 3)
-    longest = 0.0
-    for axis, length in ((1, move[-2]), (0, move[-1])):
+    unknowns = np.zeros(shape.unknowns)
+    unknowns[free] = step
+    move, longest = Configuration.of(unknowns, shape), 0.0
+    nodes = np.asarray(move.positions)
+    for axis, length in ((1, move.lengths[0]), (0, move.lengths[1])):
         if shape.periodic:
             change = np.roll(nodes, -1, axis) - nodes
             seam = (-1, slice(None), 1) if axis == 0 else (slice(None), -1, 0)

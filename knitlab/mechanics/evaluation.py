@@ -8,11 +8,13 @@ from dataclasses import dataclass
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from knitlab.mechanics.element_stiffness import hinge_stiffness, spring_stiffness, wall_stiffness
-from knitlab.model.energy import Energy, element_vectors, energy, positions
+from knitlab.model.configuration import Configuration
+from knitlab.model.energy import Energy, element_vectors, energy
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
 
@@ -48,7 +50,7 @@ class Evaluation:
 
     Attributes:
         energy: its parts [N mm].
-        gradient: ∂V/∂(configuration), minus the force on every unknown [N].
+        gradient: ∂V/∂(unknowns), minus the force on every one of them [N].
     """
 
     energy: Energy
@@ -71,7 +73,7 @@ class ElementHessians(eqx.Module):
 
 
 def evaluate(
-    net: Network, fabric: Fabric, stage: Stage, configuration: Float[Array, " unknown"]
+    net: Network, fabric: Fabric, stage: Stage, unknowns: Float[Array, " unknown"]
 ) -> Evaluation:
     """Energy and gradient of one fabric in one configuration.
 
@@ -79,26 +81,26 @@ def evaluate(
         net: the network of the fabric's mesh shape.
         fabric: its numbers.
         stage: how much of it acts.
-        configuration: node coordinates, then L_x and L_y [mm].
+        unknowns: the configuration, flattened [mm].
     """
     acting = staged(fabric, stage)
 
     def total(q: Float[Array, " unknown"]) -> tuple[Array, Energy]:
-        parts = energy(net, acting, q)
+        parts = energy(net, acting, Configuration.of(q, net.shape))
         return parts.total, parts
 
-    gradient, parts = jax.grad(total, has_aux=True)(configuration)
+    gradient, parts = jax.grad(total, has_aux=True)(unknowns)
     return Evaluation(parts, gradient)
 
 
 def element_hessians(
-    net: Network, fabric: Fabric, stage: Stage, configuration: Float[Array, " unknown"]
+    net: Network, fabric: Fabric, stage: Stage, unknowns: Float[Array, " unknown"]
 ) -> ElementHessians:
     """Element Hessians of one fabric in one configuration; arguments as for :func:`evaluate`."""
-    acting = staged(fabric, stage)
+    acting, configuration = staged(fabric, stage), Configuration.of(unknowns, net.shape)
     springs = element_vectors(net.springs, configuration)[0]
     hinges = element_vectors(net.hinges, configuration)
-    heights = positions(configuration)[:, 2]
+    heights = jnp.asarray(configuration.positions[..., 2]).ravel()
     return ElementHessians(
         spring_stiffness(springs, acting.rest_length, acting.stretch_stiffness),
         hinge_stiffness(hinges, acting.rest_fold, acting.fold_stiffness, acting.fold_angle),

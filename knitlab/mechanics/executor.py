@@ -78,10 +78,10 @@ class Executor:
     def answer(self, request: Request) -> Any:
         """What a request asks for."""
         match request:
-            case Evaluate(configuration, stage):
-                return self._fabric.evaluate(stage, configuration)
-            case Assemble(configuration, free, stage):
-                hessians = self._fabric.element_hessians(stage, configuration)
+            case Evaluate(unknowns, stage):
+                return self._fabric.evaluate(stage, unknowns)
+            case Assemble(unknowns, free, stage):
+                hessians = self._fabric.element_hessians(stage, unknowns)
                 self._free, self._entries = free, free.entries(hessians, self._threads)
                 return None
             case Factorise(shift, convexified):
@@ -104,7 +104,7 @@ class Executor:
 
     def _settled(self, request: SolveSubdomains) -> tuple[Evaluate, float]:
         pieces = self._in_pieces(request.free)
-        at, share = request.at.configuration.copy(), 0.0
+        at, share = request.at.unknowns.copy(), 0.0
         gradient = np.asarray(self._fabric.evaluate(request.at.stage, at).gradient)
         forces = np.array([part.block.force(gradient) for part in pieces.parts])
         sides = self._sides
@@ -127,8 +127,8 @@ class Executor:
                 # A block that stalls, or ends further from rest than any was, may have folded a
                 # cell to nothing, where no hinge has an angle.
                 if state.outcome is not Outcome.stalled and state.residual <= forces.max():
-                    at[block.places] = state.configuration
-                share += state.iterations * len(block.free.unknowns) / len(request.free.unknowns)
+                    at[block.places] = state.unknowns
+                share += state.iterations * len(block.free.places) / len(request.free.places)
         return Evaluate(at, request.at.stage), share
 
     def _in_pieces(self, free: FreeStiffness) -> "_Pieces":
@@ -141,7 +141,7 @@ class Executor:
 
     def _part(self, block: Block) -> "_Part":
         shape, fabric = block.free.shape, block.fabric(self._whole)
-        piece = SubdomainData(shape, block.free.unknowns, fabric, self._method)
+        piece = SubdomainData(shape, block.free.places, fabric, self._method)
         return _Part(block, piece, Executor(shape, fabric, self._method, self._factorisers))
 
     @cached_property

@@ -99,7 +99,7 @@ class _CholmodFactors:
 def _cholmod(free: FreeStiffness, threads: Threads) -> Factoriser:
     from cvxopt import cholmod, matrix, spmatrix
 
-    size = len(free.unknowns)
+    size = len(free.places)
     columns = np.repeat(np.arange(size), np.diff(free.indptr))
     lower = spmatrix(1.0, free.indices.tolist(), columns.tolist(), (size, size))
     cholmod.options["supernodal"] = 2

@@ -15,6 +15,7 @@ from knitlab.mechanics.evaluation import WHOLE
 from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser, one_thread_of_blas
 from knitlab.mechanics.loading import all_free
 from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
+from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
 
@@ -49,38 +50,43 @@ class LinearResponses:
 
     @classmethod
     def of(
-        cls, shape: MeshShape, unknowns: Int[np.ndarray, " free"], method: str | None = None
+        cls, shape: MeshShape, free: Int[np.ndarray, " free"], method: str | None = None
     ) -> "LinearResponses":
         """Those of a mesh shape.
 
         Args:
             shape: the mesh shape.
-            unknowns: places of the free unknowns.
+            free: places of the free unknowns.
             method: of factorisation; nested dissection by default.
         """
-        free = free_stiffness(shape, unknowns)
-        return cls(free, free_stiffness(shape, all_free(shape)), factoriser(free, method))
+        own = free_stiffness(shape, free)
+        return cls(own, free_stiffness(shape, all_free(shape)), factoriser(own, method))
 
-    def at(self, fabric: Fabric, configuration: Float[np.ndarray, " unknown"]) -> "LinearResponse":
+    def at(self, fabric: Fabric, unknowns: Float[np.ndarray, " unknown"]) -> "LinearResponse":
         """The response of one equilibrium; that of the one before can no longer be had.
+
+        Args:
+            fabric: the fabric.
+            unknowns: its configuration in equilibrium, flattened [mm].
 
         Raises:
             NoDerivative: if K is not positive definite but for rigid motions.
         """
         whole = ChunkedFabric.of(self.free.shape, fabric)
-        hessians = whole.element_hessians(WHOLE, configuration)
+        hessians = whole.element_hessians(WHOLE, unknowns)
         with one_thread_of_blas():
             factors = self.factorise(self.free.shifted(self.free.entries(hessians), SHIFT))
         if factors is None:
             raise NoDerivative("the stiffness is not positive definite")
         lower = self.movable.lower(self.movable.entries(hessians))
         stiffness = sp.csr_array(lower + sp.tril(lower, -1).T)
-        unknowns = self.free.unknowns
-        within = stiffness[unknowns][:, unknowns]
-        motions = np.linalg.qr(rigid_motions(configuration)[unknowns])[0]
+        free = self.free.places
+        within = stiffness[free][:, free]
+        configuration = Configuration.of(unknowns, self.free.shape)
+        motions = np.linalg.qr(rigid_motions(configuration)[free])[0]
         energies, combined = np.linalg.eigh(motions.T @ (within @ motions))
         rigid = motions @ combined[:, energies < RIGID]
-        return LinearResponse(unknowns, stiffness, within, factors, rigid)
+        return LinearResponse(free, stiffness, within, factors, rigid)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,14 +94,14 @@ class LinearResponse:
     """How one equilibrium gives way.
 
     Attributes:
-        unknowns: places of the free unknowns.
+        free: places of the free unknowns.
         stiffness: K of all unknowns that a force can act on, which come first [N/mm].
         within: K of the free ones among themselves [N/mm].
         factors: of that and ``SHIFT``.
         rigid: rigid motions of the free unknowns that cost no energy, orthonormal.
     """
 
-    unknowns: Int[np.ndarray, " free"]
+    free: Int[np.ndarray, " free"]
     stiffness: sp.csr_array
     within: sp.csr_array
     factors: Factors
@@ -112,7 +118,7 @@ class LinearResponse:
         """
         displacements = np.zeros_like(forces)
         for row, force in zip(displacements, forces, strict=True):
-            row[self.unknowns] = self._solved(self._settled(force[self.unknowns]))
+            row[self.free] = self._solved(self._settled(force[self.free]))
         return displacements
 
     def forces_of(self, displacements: Rows) -> Rows:
@@ -124,7 +130,7 @@ class LinearResponse:
     def rigid_part(self, rows: Rows) -> Rows:
         """What rows hold along the rigid motions that cost no energy."""
         part = np.zeros_like(rows)
-        part[:, self.unknowns] = rows[:, self.unknowns] @ self.rigid @ self.rigid.T
+        part[:, self.free] = rows[:, self.free] @ self.rigid @ self.rigid.T
         return part
 
     def _solved(self, force: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
@@ -140,13 +146,11 @@ class LinearResponse:
         return vector - self.rigid @ (self.rigid.T @ vector)
 
 
-def rigid_motions(
-    configuration: Float[np.ndarray, " unknown"],
-) -> Float[np.ndarray, "unknown 6"]:
+def rigid_motions(configuration: Configuration) -> Float[np.ndarray, "unknown 6"]:
     """Three translations and three rotations about the middle, as velocities of the unknowns."""
-    nodes = configuration[:-2].reshape(-1, 3)
-    arms = nodes - nodes.mean(axis=0)
+    nodes = np.asarray(configuration.positions)
+    arms = nodes - nodes.reshape(-1, 3).mean(axis=0)
     moves = [np.broadcast_to(axis, arms.shape) for axis in np.eye(3)]
     turns = [np.cross(axis, arms) for axis in np.eye(3)]
-    motions = np.array([motion.ravel() for motion in (*moves, *turns)]).T
-    return np.concatenate([motions, np.zeros((2, 6))])
+    motions = Configuration(np.stack([*moves, *turns]), np.zeros((6, 2)))
+    return np.asarray(motions.flattened()).T

@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from knitlab.mechanics.alignment import aligning_rotation
+from knitlab.model.configuration import Configuration
 from knitlab.model.network import MeshShape
 
 ACCURACY = 1e-12
@@ -24,15 +25,15 @@ class Loading:
 
     Attributes:
         shape: the mesh shape.
-        unknowns: places of the free unknowns.
-        reference: the relaxed configuration [mm].
+        free: places of the free unknowns.
+        reference: the relaxed configuration, flattened [mm].
         drive: how far each unknown moves per unit of applied strain where it is held, and in an
             affine stretch where it is free [mm].
         length: the length that the applied strain refers to [mm].
     """
 
     shape: MeshShape
-    unknowns: Int[np.ndarray, " free"]
+    free: Int[np.ndarray, " free"]
     reference: Float[np.ndarray, " unknown"]
     drive: Float[np.ndarray, " unknown"]
     length: float
@@ -43,10 +44,10 @@ class Loading:
         return held_under_tension(self.shape)
 
     def holding(
-        self, configuration: Float[np.ndarray, " unknown"], applied_strain: float
+        self, unknowns: Float[np.ndarray, " unknown"], applied_strain: float
     ) -> Float[np.ndarray, " unknown"]:
-        """The configuration with its held unknowns where the applied strain puts them [mm]."""
-        held, moved = self.held, configuration.copy()
+        """The unknowns, those that are held where the applied strain puts them [mm]."""
+        held, moved = self.held, unknowns.copy()
         moved[held] = self.reference[held] + applied_strain * self.drive[held]
         return moved
 
@@ -58,7 +59,7 @@ class Loading:
         """Where a path goes on to at an applied strain, held unknowns in their places [mm].
 
         Args:
-            passed: strains and configurations that it came through. It goes on along the line
+            passed: strains and unknowns that it came through. It goes on along the line
                 through the last two, or, if there is but one, by an affine stretch.
             applied_strain: where to.
         """
@@ -110,38 +111,39 @@ def reaction_force(
 @partial(jax.jit, static_argnums=0)
 def rigidly_aligned(
     shape: MeshShape,
-    flat: Float[Array, " unknown"],
-    relaxed: Float[Array, " unknown"],
-) -> Float[Array, " unknown"]:
+    flat: Configuration,
+    relaxed: Configuration,
+) -> Configuration:
     """A relaxed sample turned so that the rows to be clamped lie as on its flat sheet, at best.
 
     A free sample turns, tilts and drifts as it folds, by amounts that depend on how it came there;
     whoever clamps it squares it up and levels it, for pulled askew it takes other states. Walls
     are not regarded, and its height between them is left. Periodic fabric cannot turn.
+
+    Args:
+        shape: mesh shape of the sample.
+        flat: its flat sheet.
+        relaxed: its relaxed configuration.
     """
     if shape.periodic:
         return relaxed
-    rows, flat_rows = (
-        of[:-2].reshape(shape.nodes_y, -1, 3)[np.array([0, -1])].reshape(-1, 3)
-        for of in (relaxed, flat)
-    )
+    rows, flat_rows = (of.positions[np.array([0, -1])].reshape(-1, 3) for of in (relaxed, flat))
     middle = rows.mean(axis=0)
     turn = aligning_rotation(flat_rows - flat_rows.mean(axis=0), rows - middle)
-    nodes = middle + (relaxed[:-2].reshape(-1, 3) - middle) @ turn.T
-    drift = (flat[:-2].reshape(-1, 3) - nodes).mean(axis=0)
-    return jnp.concatenate([(nodes + drift * np.array([1, 1, 0])).ravel(), relaxed[-2:]])
+    nodes = middle + (relaxed.positions.reshape(-1, 3) - middle) @ turn.T
+    drift = (flat.positions.reshape(-1, 3) - nodes).mean(axis=0)
+    level = nodes + drift * np.array([1, 1, 0])
+    return Configuration(level.reshape(relaxed.positions.shape), jnp.asarray(relaxed.lengths))
 
 
-def between_walls(
-    configuration: Float[np.ndarray, " unknown"], z_max: float
-) -> Float[np.ndarray, " unknown"]:
+def between_walls(configuration: Configuration, z_max: float) -> Configuration:
     """A sample tilted and lifted as a whole, from where it lies, until the walls push least [mm].
 
     Args:
         configuration: of the sample.
         z_max: half the gap between the walls [mm].
     """
-    nodes = configuration[:-2].reshape(-1, 3)
+    nodes = np.asarray(configuration.positions).reshape(-1, 3)
     middle = nodes.mean(axis=0)
 
     def moved(move: Float[np.ndarray, "3"]) -> Float[np.ndarray, "node 3"]:
@@ -152,28 +154,30 @@ def between_walls(
         return np.maximum(np.abs(moved(move)[:, 2]) - z_max, 0.0)
 
     least = least_squares(excess, np.zeros(3), xtol=ACCURACY, ftol=ACCURACY, gtol=ACCURACY)
-    return np.concatenate([moved(least.x).ravel(), configuration[-2:]])
+    positions = moved(least.x).reshape(configuration.positions.shape)
+    return Configuration(positions, np.asarray(configuration.lengths))
 
 
 @partial(jax.jit, static_argnums=0)
 def drive_along(
-    shape: MeshShape, relaxed: Float[Array, " unknown"]
+    shape: MeshShape, relaxed: Configuration
 ) -> tuple[Float[Array, " unknown"], Float[Array, ""]]:
     """How far each unknown moves per unit of applied strain, and the length that refers to [mm].
 
     Of a :class:`Loading`, what follows from the relaxed shape, as JAX takes derivatives of it.
     """
-    heights = relaxed[1:-2:3]
-    drive = jnp.zeros(shape.unknowns)
+    rows, moved = jnp.asarray(relaxed.positions[..., 1]), jnp.zeros(relaxed.positions.shape)
     if shape.periodic:
-        return drive.at[1:-2:3].set(heights).at[-1].set(relaxed[-1]), relaxed[-1]
-    rows = heights.reshape(shape.nodes_y, shape.nodes_x)
+        length = jnp.asarray(relaxed.lengths[1])
+        grown = jnp.zeros(2).at[1].set(length)
+        return jnp.asarray(Configuration(moved.at[..., 1].set(rows), grown).flattened()), length
     length = rows[-1].mean() - rows[0].mean()
     affine = jnp.clip(rows - rows[0].mean(), 0, length).at[0].set(0).at[-1].set(length)
-    return drive.at[1:-2:3].set(affine.ravel()), length
+    driven = Configuration(moved.at[..., 1].set(affine), jnp.zeros(2))
+    return jnp.asarray(driven.flattened()), length
 
 
-def tensile(shape: MeshShape, relaxed: Float[np.ndarray, " unknown"]) -> Loading:
+def tensile(shape: MeshShape, relaxed: Configuration) -> Loading:
     """The paper's tensile test on a relaxed shape (Sec. "Kinematics under tension").
 
     A clamped sample has its bottom row held and its top row displaced along y; the applied
@@ -182,4 +186,5 @@ def tensile(shape: MeshShape, relaxed: Float[np.ndarray, " unknown"]) -> Loading
     """
     drive, length = drive_along(shape, relaxed)
     free = free_under_tension(shape)
-    return Loading(shape, free, relaxed, np.asarray(drive), float(length))
+    reference = np.asarray(relaxed.flattened())
+    return Loading(shape, free, reference, np.asarray(drive), float(length))

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
 from knitlab.mechanics.domain_decomposition import find_equilibrium_by_subdomains
 from knitlab.mechanics.equilibrium_search import SearchRules
@@ -13,6 +12,7 @@ from knitlab.mechanics.evaluation import WHOLE, Stage
 from knitlab.mechanics.loading import all_free, between_walls, rigidly_aligned
 from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
 from knitlab.mechanics.state import State
+from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.network import Network
 
@@ -21,7 +21,7 @@ def relax(
     net: Network,
     fabric: Fabric,
     settings: SolverSettings,
-    start: Float[np.ndarray, " unknown"] | None = None,
+    start: Configuration | None = None,
 ) -> Solver[State]:
     """Solver for the relaxed shape (paper, Sec. "Relaxation of a pattern").
 
@@ -42,28 +42,28 @@ def relax(
     """
     shape = net.shape
     whole = SearchRules.of(shape, all_free(shape), fabric, settings)
-    flat = np.asarray(flat_sheet(net, fabric))
-    begin = flat if start is None else start
+    flat = flat_sheet(net, fabric)
+    begin = np.asarray((flat if start is None else start).flattened())
     waypoint = intermediate_settings(settings, fabric)
     stages = [(stage, waypoint) for stage in _stages(settings)] + [(WHOLE, settings)]
     passed: list[State] = []
     # Convexified, the stiffness of a sample with free edges would turn it a little at every step.
     for convexified in (True, False) if shape.periodic else (False,):
-        configuration = begin
+        unknowns = begin
         for stage, its in stages:
             rules = replace(whole, settings=its, convexified=convexified)
-            found = find_equilibrium_by_subdomains(
-                Evaluate(configuration, stage), rules, patience=None
-            )
+            found = find_equilibrium_by_subdomains(Evaluate(unknowns, stage), rules, patience=None)
             passed.append((yield from found))
-            configuration = passed[-1].configuration
+            unknowns = passed[-1].unknowns
         if passed[-1].converged:
             break
     if passed[-1].converged and not shape.periodic:
-        square = np.asarray(rigidly_aligned(shape, flat, passed[-1].configuration))
-        fitting = Evaluate(between_walls(square, float(fabric.z_max)))
+        aligned = rigidly_aligned(shape, flat, passed[-1].configuration)
+        fitting = between_walls(aligned, float(fabric.z_max))
         rules = replace(whole, convexified=False)
-        passed.append((yield from find_equilibrium_by_subdomains(fitting, rules, patience=None)))
+        begin = np.asarray(fitting.flattened())
+        found = find_equilibrium_by_subdomains(Evaluate(begin), rules, patience=None)
+        passed.append((yield from found))
     return passed[-1].after(*passed[:-1])
 
 
@@ -71,7 +71,7 @@ def relax_near(
     net: Network,
     fabric: Fabric,
     settings: SolverSettings,
-    start: Float[np.ndarray, " unknown"],
+    start: Configuration,
 ) -> Solver[State]:
     """Solver for the relaxed shape next to a configuration that is nearly in equilibrium.
 
@@ -83,7 +83,8 @@ def relax_near(
     """
     rules = SearchRules.of(net.shape, all_free(net.shape), fabric, settings)
     rules = replace(rules, convexified=False)
-    return (yield from find_equilibrium_by_subdomains(Evaluate(start), rules))
+    begin = Evaluate(np.asarray(start.flattened()))
+    return (yield from find_equilibrium_by_subdomains(begin, rules))
 
 
 def intermediate_settings(settings: SolverSettings, fabric: Fabric) -> SolverSettings:
@@ -105,8 +106,8 @@ def tiled(
     net: Network,
     fabric: Fabric,
     cell: Network,
-    relaxed: Float[np.ndarray, " cell_unknown"],
-) -> Float[np.ndarray, " unknown"]:
+    relaxed: Configuration,
+) -> Configuration:
     """A sample laid out of relaxed periodic fabric: a start that is right but for its edges [mm].
 
     Args:
@@ -118,7 +119,7 @@ def tiled(
     rows, columns = np.mgrid[: net.shape.nodes_y, : net.shape.nodes_x]
     turns_y, rows = np.divmod(rows, cell.shape.nodes_y)
     turns_x, columns = np.divmod(columns, cell.shape.nodes_x)
-    nodes = relaxed[:-2].reshape(cell.shape.nodes_y, cell.shape.nodes_x, 3)[rows, columns].copy()
-    nodes[..., 0] += turns_x * relaxed[-2]
-    nodes[..., 1] += turns_y * relaxed[-1]
-    return np.concatenate([nodes.ravel(), np.asarray(flat_sheet(net, fabric))[-2:]])
+    nodes = np.asarray(relaxed.positions)[rows, columns].copy()
+    nodes[..., 0] += turns_x * relaxed.lengths[0]
+    nodes[..., 1] += turns_y * relaxed.lengths[1]
+    return Configuration(nodes, np.asarray(flat_sheet(net, fabric).lengths))

@@ -22,7 +22,7 @@ Result = TypeVar("Result")
 class Evaluate:
     """Ask for energy and gradient: answered by an ``Evaluation`` of NumPy arrays."""
 
-    configuration: Float[np.ndarray, " unknown"]
+    unknowns: Float[np.ndarray, " unknown"]
     stage: Stage = field(default=WHOLE)
 
 
@@ -30,7 +30,7 @@ class Evaluate:
 class Assemble:
     """Ask for the stiffness of the free unknowns to be kept ready: answered by nothing."""
 
-    configuration: Float[np.ndarray, " unknown"]
+    unknowns: Float[np.ndarray, " unknown"]
     free: FreeStiffness
     stage: Stage = field(default=WHOLE)
 

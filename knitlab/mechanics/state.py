@@ -7,7 +7,9 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.mechanics.loading import Loading
+from knitlab.model.configuration import Configuration
 from knitlab.model.energy import Energy
+from knitlab.model.network import MeshShape
 
 
 class Outcome(IntEnum):
@@ -27,7 +29,8 @@ class State:
     """A configuration and how near it is to equilibrium.
 
     Attributes:
-        configuration: node coordinates, then L_x and L_y [mm].
+        shape: mesh shape of the fabric.
+        unknowns: its configuration, flattened [mm].
         energy: its parts there [N mm].
         gradient: minus the force on every unknown, held ones included [N].
         outcome: how the search ended.
@@ -38,7 +41,8 @@ class State:
         snapped: whether it is known that the fabric snapped on the way here.
     """
 
-    configuration: Float[np.ndarray, " unknown"]
+    shape: MeshShape
+    unknowns: Float[np.ndarray, " unknown"]
     energy: Energy
     gradient: Float[np.ndarray, " unknown"]
     outcome: Outcome
@@ -47,6 +51,11 @@ class State:
     factorisations: int = 0
     kinetic_peak: float = 0.0
     snapped: bool = False
+
+    @property
+    def configuration(self) -> Configuration:
+        """What the solvers' unknowns make of the fabric."""
+        return Configuration.of(self.unknowns, self.shape)
 
     @property
     def converged(self) -> bool:
@@ -72,7 +81,7 @@ class History:
         potential: V [N mm].
         dissipated: work done against the drag since time 0 [N mm].
         snapshot_time: of the snapshots [ms].
-        snapshots: configurations then [mm].
+        snapshots: configurations then, along a leading axis.
     """
 
     time: Float[np.ndarray, " time"]
@@ -80,7 +89,7 @@ class History:
     potential: Float[np.ndarray, " time"]
     dissipated: Float[np.ndarray, " time"]
     snapshot_time: Float[np.ndarray, " snapshot"]
-    snapshots: Float[np.ndarray, "snapshot unknown"]
+    snapshots: Configuration
 
 
 @dataclass(frozen=True)

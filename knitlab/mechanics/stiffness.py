@@ -27,7 +27,7 @@ class FreeStiffness:
 
     Attributes:
         shape: the mesh shape.
-        unknowns: places of the free unknowns, ascending.
+        places: of the free unknowns, ascending.
         indptr, indices: compressed-column sparsity of the lower triangle; the diagonal comes
             first in its column.
         from_springs, from_hinges, from_walls: constant matrices from entries of element Hessians
@@ -35,7 +35,7 @@ class FreeStiffness:
     """
 
     shape: MeshShape
-    unknowns: Int[np.ndarray, " free"]
+    places: Int[np.ndarray, " free"]
     indptr: Int[np.ndarray, " column"]
     indices: Int[np.ndarray, " nonzero"]
     from_springs: sp.csr_array
@@ -50,8 +50,8 @@ class FreeStiffness:
     @cached_property
     def grid(self) -> tuple[Int[np.ndarray, " free"], Int[np.ndarray, " free"]]:
         """Row and column of the node that every free unknown belongs to; −1 for L_x and L_y."""
-        rows, columns = np.divmod(self.unknowns // 3, self.shape.nodes_x)
-        length = self.unknowns >= 3 * self.shape.nodes
+        rows, columns = np.divmod(self.places // 3, self.shape.nodes_x)
+        length = self.places >= 3 * self.shape.nodes
         return np.where(length, -1, rows), np.where(length, -1, columns)
 
     @cached_property
@@ -85,7 +85,7 @@ class FreeStiffness:
 
     def lower(self, entries: Float[np.ndarray, " nonzero"]) -> sp.csc_array:
         """The lower triangle that has these non-zeros."""
-        size = len(self.unknowns)
+        size = len(self.places)
         return sp.csc_array((entries, self.indices, self.indptr), shape=(size, size))
 
 
@@ -99,34 +99,39 @@ def _rows(matrix: sp.csr_array, first: int, end: int) -> sp.csr_array:
     )
 
 
-def free_stiffness(shape: MeshShape, unknowns: Int[np.ndarray, " free"]) -> FreeStiffness:
+def free_stiffness(shape: MeshShape, free: Int[np.ndarray, " free"]) -> FreeStiffness:
     """As :func:`sparsity`, made once while it is one of the last that were asked for."""
-    return _free_stiffness(shape, unknowns.astype(np.int64).tobytes())
+    return _free_stiffness(shape, free.astype(np.int64).tobytes())
 
 
 @lru_cache(maxsize=8)
-def _free_stiffness(shape: MeshShape, unknown_bytes: bytes) -> FreeStiffness:
-    return sparsity(shape, np.frombuffer(unknown_bytes, dtype=np.int64))
+def _free_stiffness(shape: MeshShape, free_bytes: bytes) -> FreeStiffness:
+    return sparsity(shape, np.frombuffer(free_bytes, dtype=np.int64))
 
 
-def sparsity(shape: MeshShape, unknowns: Int[np.ndarray, " free"]) -> FreeStiffness:
-    """Sparsity of the stiffness of a mesh shape's network, restricted to free unknowns."""
+def sparsity(shape: MeshShape, free: Int[np.ndarray, " free"]) -> FreeStiffness:
+    """Sparsity of the stiffness of a mesh shape's network, restricted to free unknowns.
+
+    Args:
+        shape: the mesh shape.
+        free: places of the free unknowns, ascending.
+    """
     net = network(shape)
-    size = len(unknowns)
+    size = len(free)
     number = np.full(shape.unknowns, -1)
-    number[unknowns] = np.arange(size)
+    number[free] = np.arange(size)
     heights = number[3 * np.arange(shape.nodes) + 2]
-    free = np.flatnonzero(heights >= 0)
+    raised = np.flatnonzero(heights >= 0)
 
     springs = _terms(net.springs, number, size, _spring_entry(len(net.springs.nodes)))
     hinges = _terms(net.hinges, number, size, _hinge_entry(len(net.hinges.nodes)))
-    walls = _Terms(heights[free] * (size + 1), free, np.ones(len(free)))
+    walls = _Terms(heights[raised] * (size + 1), raised, np.ones(len(raised)))
     keys = np.unique(np.concatenate([springs.key, hinges.key, np.arange(size) * (size + 1)]))
     columns, rows = np.divmod(keys, size)
     blocks = -(-len(net.hinges.nodes) // LANES)
     return FreeStiffness(
         shape=shape,
-        unknowns=unknowns,
+        places=free,
         indptr=np.searchsorted(columns, np.arange(size + 1)).astype(np.int32),
         indices=rows.astype(np.int32),
         from_springs=springs.into(keys, len(SPRING_ENTRIES[0]) * len(net.springs.nodes)),

@@ -54,7 +54,7 @@ class Block:
 
     def force(self, gradient: Float[np.ndarray, " whole"]) -> float:
         """Largest force on what may move [N]."""
-        return float(np.abs(gradient[self.places[self.free.unknowns]]).max(initial=0.0))
+        return float(np.abs(gradient[self.places[self.free.places]]).max(initial=0.0))
 
 
 def worth_dividing(shape: MeshShape) -> bool:
@@ -66,7 +66,7 @@ def blocks(free: FreeStiffness) -> Iterator[Block]:
     """The blocks of a sample, of which some unknowns are free."""
     shape, net = free.shape, network(free.shape)
     movable = np.zeros(shape.unknowns, dtype=bool)
-    movable[free.unknowns] = True
+    movable[free.places] = True
     for rows in _spans(shape.cells_y):
         for columns in _spans(shape.cells_x):
             (bottom, top), (left, right) = (
@@ -101,7 +101,7 @@ def meet(found: Sequence[Block], unknowns: int) -> Bool[np.ndarray, "block block
         found: the blocks of a sample.
         unknowns: of the sample.
     """
-    places = [block.places for block in found], [b.places[b.free.unknowns] for b in found]
+    places = [block.places for block in found], [b.places[b.free.places] for b in found]
     feels, moves = (_membership(of, unknowns) for of in places)
     meeting = (feels @ moves.T).toarray() > 0
     return meeting | meeting.T | np.eye(len(found), dtype=bool)

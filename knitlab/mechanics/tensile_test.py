@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from knitlab.mechanics.domain_decomposition import find_equilibrium_by_subdomains
 from knitlab.mechanics.equilibrium import find_equilibrium
@@ -17,6 +16,7 @@ from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
 from knitlab.mechanics.state import Outcome, State, TensileTest
 from knitlab.mechanics.subdomains import worth_dividing
 from knitlab.mechanics.viscous import Drag, against_drag
+from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
 
@@ -37,7 +37,7 @@ def stretch(
     applied_strain: Sequence[float],
     settings: SolverSettings,
     progress: Callable[[int], None] = lambda done: None,
-    start: Float[np.ndarray, " unknown"] | None = None,
+    start: Configuration | None = None,
     unload: bool = False,
 ) -> Solver[TensileTest]:
     """Solver that relaxes a fabric and takes it through a tensile test.
@@ -154,18 +154,18 @@ class _Path:
         )
         if soft.outcome is Outcome.left_branch:
             return soft
-        start = Evaluate(soft.configuration)
+        start = Evaluate(soft.unknowns)
         state = yield from self._found(start, self.settings, floor, convexified=True)
         return state.after(soft)
 
     def _against_drag(self, strain: float) -> Solver[State]:
         """The state at a strain that is reached at a finite rate: a viscous step."""
         before_strain, before = self.last[-1]
-        free, settings = self.loading.unknowns, self.settings
+        free, settings = self.loading.free, self.settings
         step = settings.drag / abs(strain - before_strain)
         start = yield from self._ahead(strain)
         rules = SearchRules.of(self.loading.shape, free, self.fabric, settings)
-        drag = Drag(free, before.configuration, step)
+        drag = Drag(free, before.unknowns, step)
         return (yield from against_drag(find_equilibrium(start, rules), drag))
 
     def _ahead(self, strain: float) -> Solver[Evaluate]:
@@ -175,7 +175,7 @@ class _Path:
         into the walls, and cells are crushed on the way back; there it is followed as far as
         takes the least energy.
         """
-        passed = [(at, state.configuration) for at, state in self.last]
+        passed = [(at, state.unknowns) for at, state in self.last]
         far = self.loading.ahead(passed, strain)
         if len(passed) == 1 or not worth_dividing(self.loading.shape):
             return Evaluate(far)
@@ -189,7 +189,7 @@ class _Path:
     def _found(
         self, start: Evaluate, settings: SolverSettings, floor: float, convexified: bool
     ) -> Solver[State]:
-        free = self.loading.unknowns
+        free = self.loading.free
         rules = SearchRules.of(self.loading.shape, free, self.fabric, settings, floor, convexified)
         return find_equilibrium_by_subdomains(start, rules)
 

@@ -21,22 +21,20 @@ class Drag:
     """Drag on the free unknowns during one strain step.
 
     Attributes:
-        unknowns: places of the free unknowns.
-        before: configuration that the step starts from [mm].
+        free: places of the free unknowns.
+        before: unknowns that the step starts from [mm].
         stiffness: c ε̇ / Δε, damping of a node times strain rate over the step [N/mm].
     """
 
-    unknowns: Int[np.ndarray, " free"]
+    free: Int[np.ndarray, " free"]
     before: Float[np.ndarray, " unknown"]
     stiffness: float
 
-    def added(
-        self, evaluation: Evaluation, configuration: Float[np.ndarray, " unknown"]
-    ) -> Evaluation:
+    def added(self, evaluation: Evaluation, unknowns: Float[np.ndarray, " unknown"]) -> Evaluation:
         """The evaluation of the incremental potential, given that of the elastic energy."""
-        moved = configuration[self.unknowns] - self.before[self.unknowns]
+        moved = unknowns[self.free] - self.before[self.free]
         gradient: Any = np.array(evaluation.gradient)
-        gradient[self.unknowns] += self.stiffness * moved
+        gradient[self.free] += self.stiffness * moved
         potential = 0.5 * self.stiffness * float(moved @ moved)
         return Evaluation(replace(evaluation.energy, drag=potential), gradient)
 
@@ -60,11 +58,11 @@ def against_drag(search: Solver[State], drag: Drag) -> Solver[State]:
             state: State = end.value
             break
         match request:
-            case Evaluate(configuration):
-                answer = drag.added((yield request), configuration)
+            case Evaluate(unknowns):
+                answer = drag.added((yield request), unknowns)
             case Factorise(shift, convexified):
                 answer = yield Factorise(shift + drag.stiffness, convexified)
             case _:
                 answer = yield request
-    elastic = yield Evaluate(state.configuration)
+    elastic = yield Evaluate(state.unknowns)
     return replace(state, energy=elastic.energy, gradient=np.asarray(elastic.gradient))

@@ -1,7 +1,6 @@
 """Energies of a fabric: stretch, fold and wall, and the elements they are summed from.
 
-A configuration is one vector: the coordinates of every node, then L_x and L_y, the lengths of
-periodic fabric (they have no influence on a sheet with open edges). Units are mm, N and rad.
+Units are mm, N and rad.
 """
 
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric
 from knitlab.model.fold_angle import fold_from_rest
 from knitlab.model.network import Elements, Network
@@ -35,19 +35,14 @@ class Energy:
         return self.stretch + self.fold + self.wall + self.drag
 
 
-def positions(configuration: Float[Array, " unknown"]) -> Float[Array, "node 3"]:
-    """Node positions of a configuration [mm]."""
-    return configuration[:-2].reshape(-1, 3)
-
-
 def element_vectors(
-    elements: Elements, configuration: Float[Array, " unknown"]
+    elements: Elements, configuration: Configuration
 ) -> Float[Array, "vector 3 element"]:
     """The vectors that every element's energy depends on [mm]; elements last, for speed."""
-    columns = positions(configuration).T
+    columns = configuration.positions.reshape(-1, 3).T
     corners = [columns[:, nodes] for nodes in elements.nodes.T]
     vectors = [corners[end] - corners[start] for start, end in elements.ends]
-    across_seam = elements.periods * configuration[-2:, None]
+    across_seam = elements.periods * configuration.lengths[:, None]
     return jnp.stack(vectors) + jnp.pad(across_seam, ((0, 0), (0, 1), (0, 0)))
 
 
@@ -77,7 +72,7 @@ def wall_energy(
     return 0.5 * k_wall * jnp.maximum(jnp.abs(z) - z_max, 0.0) ** 2
 
 
-def energy(net: Network, fabric: Fabric, configuration: Float[Array, " unknown"]) -> Energy:
+def energy(net: Network, fabric: Fabric, configuration: Configuration) -> Energy:
     """Elastic energy of a configuration, split into its parts [N mm]."""
     springs = spring_energy(
         element_vectors(net.springs, configuration),
@@ -90,6 +85,6 @@ def energy(net: Network, fabric: Fabric, configuration: Float[Array, " unknown"]
         fabric.fold_stiffness,
         fabric.fold_angle,
     )
-    heights = positions(configuration)[:, 2]
+    heights = jnp.asarray(configuration.positions[..., 2]).ravel()
     walls = wall_energy(heights, fabric.z_max, fabric.k_wall)
     return Energy(springs.sum(), hinges.sum(), walls.sum())

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from knitlab.model.configuration import Configuration
 from knitlab.model.network import Network, mesh_shape, network
 from knitlab.model.options import FoldAngle, ModelOptions
 from knitlab.model.pattern import CELLS_PER_PERIOD, Pattern, fold_senses, inside_runs
@@ -214,10 +215,10 @@ def assemble_fabric(
     return laid.net, laid.fabric(StripePair.of(weft, warp))
 
 
-def flat_sheet(net: Network, fabric: Fabric) -> Float[Array, " unknown"]:
-    """Flat configuration: nodes on the grid in the plane z = 0, then L_x and L_y [mm]."""
+def flat_sheet(net: Network, fabric: Fabric) -> Configuration:
+    """Flat configuration: nodes on the grid in the plane z = 0 [mm]."""
     y, x = np.mgrid[: net.shape.nodes_y, : net.shape.nodes_x]
-    grid = jnp.asarray(np.stack([x, y], axis=-1).reshape(-1, 2)) * fabric.cell
-    positions = jnp.concatenate([grid, jnp.zeros((net.shape.nodes, 1))], axis=1)
+    grid = jnp.asarray(np.stack([x, y], axis=-1)) * fabric.cell
+    heights = jnp.zeros((*grid.shape[:-1], 1))
     lengths = fabric.cell * jnp.array([net.shape.cells_x, net.shape.cells_y])
-    return jnp.concatenate([positions.ravel(), lengths])
+    return Configuration(jnp.concatenate([grid, heights], axis=-1), lengths)

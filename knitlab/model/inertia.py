@@ -6,9 +6,11 @@ Units are mm, N, g and ms, in which 1 N = 1 g mm/ms².
 from dataclasses import dataclass
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, Network
@@ -60,36 +62,55 @@ def inertia(
     )
 
 
-def nodes_moved(shape: MeshShape) -> Float[Array, " unknown"]:
+def nodes_moved(shape: MeshShape) -> Configuration:
     """How many nodes' mass and drag each unknown carries.
 
     A coordinate carries its node's. L_x and L_y, which are knitlab's and not the paper's, move the
     images of a line of nodes, and carry that line's; at equilibrium it is all one.
     """
     lines = [float(shape.nodes_y), float(shape.nodes_x)]
-    return jnp.concatenate([jnp.ones(3 * shape.nodes), jnp.array(lines)])
+    return Configuration(jnp.ones((shape.nodes_y, shape.nodes_x, 3)), jnp.array(lines))
 
 
-def kinetic_energy(
-    net: Network, inertia: Inertia, velocity: Float[Array, " unknown"]
-) -> Float[Array, ""]:
-    """T = ½ Σ m ‖u̇‖² [N mm] (paper, nodal kinetic energy)."""
-    return 0.5 * inertia.node_mass * jnp.sum(nodes_moved(net.shape) * velocity**2)
+def kinetic_energy(net: Network, inertia: Inertia, velocity: Configuration) -> Float[Array, ""]:
+    """T = ½ Σ m ‖u̇‖² [N mm] (paper, nodal kinetic energy).
+
+    Args:
+        net: network of the fabric.
+        inertia: its mass.
+        velocity: rate at which its configuration changes [mm/ms].
+    """
+    nodes, rates = nodes_moved(net.shape).flattened(), velocity.flattened()
+    return 0.5 * inertia.node_mass * jnp.sum(nodes * rates**2)
 
 
 def lagrangian(
     net: Network,
     fabric: Fabric,
     inertia: Inertia,
-    configuration: Float[Array, " unknown"],
-    velocity: Float[Array, " unknown"],
+    configuration: Configuration,
+    velocity: Configuration,
 ) -> Float[Array, ""]:
-    """L = T − V [N mm] (paper, Lagrangian of the model)."""
+    """L = T − V [N mm] (paper, Lagrangian of the model).
+
+    Args:
+        net: network of the fabric.
+        fabric: its numbers.
+        inertia: its mass.
+        configuration: its shape [mm].
+        velocity: rate at which that changes [mm/ms].
+    """
     return kinetic_energy(net, inertia, velocity) - energy(net, fabric, configuration).total
 
 
-def drag(
-    net: Network, inertia: Inertia, velocity: Float[Array, " unknown"]
-) -> Float[Array, " unknown"]:
-    """Viscous force c u̇ on every unknown, against its velocity [N] (paper, equations of motion)."""
-    return inertia.damping * nodes_moved(net.shape) * velocity
+def drag(net: Network, inertia: Inertia, velocity: Configuration) -> Configuration:
+    """Viscous force c u̇ on every unknown, against its velocity [N] (paper, equations of motion).
+
+    Args:
+        net: network of the fabric.
+        inertia: its drag.
+        velocity: rate at which its configuration changes [mm/ms].
+    """
+    return jax.tree.map(
+        lambda nodes, rate: inertia.damping * nodes * rate, nodes_moved(net.shape), velocity
+    )

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -13,6 +12,7 @@ from knitlab.capacitance.sensor import hysteresis, sensor_of, strain_unfolded
 from knitlab.capacitance.wedge import side_by_side, wedge_capacitance
 from knitlab.measure.folds import fold_angles
 from knitlab.mechanics.state import State
+from knitlab.model.configuration import Configuration
 from knitlab.simulation.case import Case
 
 SAME = 1e-5
@@ -30,7 +30,7 @@ def capacitor_values(
         unloaded: those on the way back, from the last strain but one.
     """
     capacitor = _capacitor(case)
-    configurations = np.array([state.configuration for state in reached])
+    configurations = Configuration.stacked([state.configuration for state in reached])
     strain = np.array(case.applied_strain[: len(reached)])
     length, factor = _scale(case, configurations)
     found = _measured(case, configurations)
@@ -48,15 +48,16 @@ def capacitor_values(
         "applied_strain_unfolded": unfolded,
     }
     if side_by_side(case.electrodes):
-        wedge = wedge_capacitance(case.electrodes, case.mesh_shape, jnp.asarray(configurations))
+        wedge = wedge_capacitance(case.electrodes, case.mesh_shape, configurations)
         values["capacitance_wedge"] = factor * capacitor.permittivity * np.asarray(wedge)
     if case.unloading:
         back = np.full(len(reached), np.nan)
         back[-1:] = capacitance[-1:]
         if unloaded:
-            ways = np.array([state.configuration for state in unloaded])
-            back[-2 : -2 - len(ways) : -1] = factor * _on_the_way_back(
-                case, ways, configurations[-2 : -2 - len(ways) : -1], found.capacitance[-2::-1]
+            ways = Configuration.stacked([state.configuration for state in unloaded])
+            same = slice(-2, -2 - len(unloaded), -1)
+            back[same] = factor * _on_the_way_back(
+                case, ways, configurations[same], found.capacitance[same]
             )
         values["capacitance_unloading"] = back
         values["hysteresis"] = hysteresis(capacitance, back)
@@ -85,24 +86,23 @@ def sensing(able: Bool[np.ndarray, " state"]) -> Bool[np.ndarray, " state"]:
 
 def _on_the_way_back(
     case: Case,
-    ways: Float[np.ndarray, "state unknown"],
-    up: Float[np.ndarray, "state unknown"],
+    ways: Configuration,
+    up: Configuration,
     capacitance: Float[np.ndarray, " any"],
 ) -> Float[np.ndarray, " state"]:
     """Capacitance on the way back, of one period if periodic [pF].
 
     Where the fabric comes back to what it was at the same strain, its capacitance is what it was.
     """
-    values = capacitance[: len(ways)].copy()
-    apart = np.abs(ways - up).max(axis=1) > SAME * case.woven()[1].cell.min()
+    values = capacitance.copy()
+    moved = np.abs(ways.flattened() - up.flattened()).max(axis=1)
+    apart = moved > SAME * case.woven()[1].cell.min()
     if apart.any():
         values[apart] = _measured(case, ways[apart]).capacitance
     return values
 
 
-def _mean_fold(
-    case: Case, configurations: Float[np.ndarray, "state unknown"]
-) -> Float[np.ndarray, " state"]:
+def _mean_fold(case: Case, configurations: Configuration) -> Float[np.ndarray, " state"]:
     """Mean angle of the folds at and between the electrodes that run as they do [rad].
 
     Their opening is what moves the electrodes apart.
@@ -115,7 +115,7 @@ def _mean_fold(
     return (angles * np.sign(rest))[:, counted].mean(axis=1)
 
 
-def _measured(case: Case, configurations: Float[np.ndarray, "state unknown"]) -> Capacitances:
+def _measured(case: Case, configurations: Configuration) -> Capacitances:
     return capacitances(case.electrodes, *case.woven(), configurations, _capacitor(case))
 
 
@@ -125,13 +125,13 @@ def _capacitor(case: Case) -> Capacitor:
     return case.capacitor
 
 
-def _scale(case: Case, configurations: Float[np.ndarray, "state unknown"]) -> tuple[float, float]:
+def _scale(case: Case, configurations: Configuration) -> tuple[float, float]:
     """Relaxed length of the modelled electrodes [mm], and how many of them make the stated one."""
     axis, shape = case.electrodes.axis, case.mesh_shape
     if shape.periodic:
-        length = float(configurations[0, -2 + axis])
+        length = float(configurations.lengths[0, axis])
         return length, _capacitor(case).electrode_length / length
-    nodes = configurations[0, :-2].reshape(shape.nodes_y, shape.nodes_x, 3)[..., axis]
+    nodes = np.asarray(configurations.positions)[0, ..., axis]
     start, end = case.electrodes.strips[0][0].extents[axis]
     along = nodes.mean(axis=axis)
     at = np.interp([start, end], np.arange(len(along)), along)

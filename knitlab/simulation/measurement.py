@@ -24,6 +24,7 @@ from knitlab.measure.strain import (
 from knitlab.measure.wavelength import POINTS
 from knitlab.mechanics.state import History, State, TensileTest
 from knitlab.mechanics.zigzag_tension import ChainState
+from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import cell_length
 from knitlab.simulation.capacitor_results import capacitor_values
 from knitlab.simulation.case import Case
@@ -129,18 +130,17 @@ def _results(case: Case, test: TensileTest) -> dict[str, Any]:
 
 def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
     shape = case.mesh_shape
-    lengths = np.array([state.configuration[-2:] for state in reached])
-    nodes = np.array([state.configuration[:-2] for state in reached])
+    configurations = Configuration.stacked([state.configuration for state in reached])
     values: dict[str, Any] = {
         f"energy_{part}": [float(getattr(state.energy, part)) for state in reached]
         for part in ("stretch", "fold", "wall")
     }
     if shape.periodic:
-        values |= {"length_x": lengths[:, 0], "length_y": lengths[:, 1]}
-    configurations = np.array([state.configuration for state in reached])
+        length_x, length_y = configurations.lengths.T
+        values |= {"length_x": length_x, "length_y": length_y}
     values["hinges_past_pi"] = hinges_past_pi(*case.woven(), configurations).astype(float)
     values["self_intersections"] = self_intersections(shape, configurations).astype(float)
-    return values | {"position": nodes.reshape(-1, shape.nodes_y, shape.nodes_x, 3)}
+    return values | {"position": configurations.positions}
 
 
 def _boundaries(case: Case, relaxed: State) -> dict[str, Any]:
@@ -168,8 +168,6 @@ def _patches(case: Case, relaxed: State) -> dict[str, Any]:
 
 
 def _history(case: Case, history: History) -> dict[str, Any]:
-    shape = case.mesh_shape
-    nodes = history.snapshots[:, :-2].reshape(-1, shape.nodes_y, shape.nodes_x, 3)
     values: dict[str, Any] = {
         "time": history.time,
         "kinetic_energy": history.kinetic,
@@ -177,16 +175,16 @@ def _history(case: Case, history: History) -> dict[str, Any]:
         "potential_energy": history.potential,
         "dissipated_work": history.dissipated,
         "snapshot": history.snapshot_time,
-        "snapshot_position": nodes,
+        "snapshot_position": history.snapshots.positions,
     }
-    if shape.periodic:
-        values["snapshot_length_x"] = history.snapshots[:, -2]
-        values["snapshot_length_y"] = history.snapshots[:, -1]
+    if case.mesh_shape.periodic:
+        length_x, length_y = history.snapshots.lengths.T
+        values |= {"snapshot_length_x": length_x, "snapshot_length_y": length_y}
     return values
 
 
 def _strains(case: Case, reached: list[State], complete: bool) -> dict[str, Any]:
-    configurations = np.array([state.configuration for state in reached])
+    configurations = Configuration.stacked([state.configuration for state in reached])
     corners = unit_cell_corners(case.mesh_shape, case.unit_cells, configurations)
     strain_xx, strain_yy = local_strain(corners[0], corners)
     mean_xx, mean_yy = central_mean(strain_xx), central_mean(strain_yy)

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from knitlab.mechanics.solver import Start
 from knitlab.mechanics.state import TensileTest
+from knitlab.model.configuration import Configuration
 from knitlab.model.stripe import Stripe
 from knitlab.simulation.case import Case
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
@@ -78,19 +79,18 @@ def _scaled(stripe: Stripe, factors: Float[np.ndarray, " number"]) -> Stripe:
 
 
 def imperfect(
-    configuration: Float[np.ndarray, " unknown"], cell: Float[np.ndarray, " 2"], number: int
-) -> Float[np.ndarray, " unknown"]:
+    configuration: Configuration, cell: Float[np.ndarray, " 2"], number: int
+) -> Configuration:
     """A configuration with every node moved a little, at random [mm].
 
     Args:
-        configuration: node coordinates, then L_x and L_y.
+        configuration: of one state.
         cell: extents of a grid cell.
         number: seed of the random numbers.
     """
-    noise = np.random.default_rng(number).normal(size=len(configuration) - 2)
-    moved = configuration.copy()
-    moved[:-2] += IMPERFECTION * float(cell.min()) * noise
-    return moved
+    noise = np.random.default_rng(number).normal(size=configuration.positions.shape)
+    moved = np.asarray(configuration.positions) + IMPERFECTION * float(cell.min()) * noise
+    return Configuration(moved, np.asarray(configuration.lengths))
 
 
 def spread(

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
 
 from knitlab.io.case_file import write_case_file
 from knitlab.io.provenance import provenance
@@ -19,6 +18,7 @@ from knitlab.mechanics.relaxation import relax, relax_near, tiled
 from knitlab.mechanics.state import Outcome, TensileTest
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.mechanics.zigzag_tension import ChainState, pull_chain
+from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.inertia import inertia
 from knitlab.model.network import Network
@@ -139,7 +139,7 @@ def starts(
     woven: Sequence[tuple[Network, Fabric]],
     runner: Runner = run_all,
     imperfection: int | None = None,
-) -> list[Float[np.ndarray, " unknown"] | None]:
+) -> list[Configuration | None]:
     """What samples of one mesh shape relax from; ``None`` for the flat sheet [mm].
 
     Args:
@@ -172,13 +172,11 @@ def starts(
     return found
 
 
-def _sheet(
-    net: Network, fabric: Fabric, imperfection: int | None
-) -> Float[np.ndarray, " unknown"] | None:
+def _sheet(net: Network, fabric: Fabric, imperfection: int | None) -> Configuration | None:
     """An imperfect flat sheet; ``None`` stands for the perfect one."""
     if imperfection is None:
         return None
-    return imperfect(np.asarray(flat_sheet(net, fabric)), np.asarray(fabric.cell), imperfection)
+    return imperfect(flat_sheet(net, fabric), np.asarray(fabric.cell), imperfection)
 
 
 def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:

@@ -10,7 +10,6 @@ from jaxtyping import Array, Float
 
 from knitlab.measure.sensitivity import (
     STRIPE_PARAMETERS,
-    Configuration,
     logarithmic,
     quantities,
 )
@@ -18,6 +17,7 @@ from knitlab.mechanics.adjoint import Adjoint
 from knitlab.mechanics.linear_response import NoDerivative
 from knitlab.mechanics.loading import drive_along, reaction_force
 from knitlab.mechanics.state import State
+from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric, StripePair, fabric_layout
 from knitlab.model.network import MeshShape, network
@@ -41,7 +41,7 @@ def measured_by(
     def force(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
         gradient = jax.grad(lambda q: energy(network(shape), fabric, q).total)(strained)
         drive, length = drive_along(shape, relaxed)
-        return reaction_force(shape, drive, length, gradient)
+        return reaction_force(shape, drive, length, gradient.flattened())
 
     known = quantities(shape, unit_cells) | {"reaction_force": force}
     chosen = [known[name] for name in names]

@@ -8,6 +8,7 @@ import pytest
 from knitlab.capacitance.boundary_elements import VACUUM_PERMITTIVITY
 from knitlab.capacitance.capacitor import Capacitor, capacitances
 from knitlab.capacitance.capacitor_status import CapacitorStatus
+from knitlab.model.configuration import Configuration
 from knitlab.model.electrode_layout import ElectrodeLayout, place_electrodes
 from knitlab.model.pattern import patch_map
 from tests.fabrics import CLAMPED, PERIODIC, pure, stripe
@@ -38,8 +39,8 @@ def folded(net, fabric, angles):
         nodes[..., 1] = along * np.sin(angle / 2) * rows[:, None]
         nodes[..., 2] = along * np.cos(angle / 2) * height[:, None]
         lengths = across * shape.cells_x, along * np.sin(angle / 2) * shape.cells_y
-        states.append(np.append(nodes.ravel(), lengths))
-    return np.array(states)
+        states.append(Configuration(nodes, np.array(lengths)))
+    return Configuration.stacked(states)
 
 
 def measured(angles, reading=PERIODIC, **changes):

@@ -1,3 +1,4 @@
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -5,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.capacitance.panels import graded, panel_chart, panels_on
+from knitlab.model.configuration import Configuration
 from knitlab.model.electrodes import Electrodes, Strip
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.network import MeshShape
@@ -15,7 +17,7 @@ LEVELS = (1, 2, 3)
 
 def rib(reading, periods=2):
     net, fabric = pure(stripe("rib", 4), reading, periods)
-    return net.shape, np.asarray(fabric.cell), np.asarray(flat_sheet(net, fabric))
+    return net.shape, np.asarray(fabric.cell), jax.tree.map(np.asarray, flat_sheet(net, fabric))
 
 
 def up_the_warp(shape, low=0.5, width=1.0, apart=4.0):
@@ -197,25 +199,25 @@ def test_an_electrode_may_turn_a_corner():
 @pytest.mark.parametrize("laid", [up_the_warp, along_the_weft])
 def test_panels_at_the_corners_of_cells_lie_on_nodes(laid):
     shape, _, flat = rib(CLAMPED)
-    configuration = np.asarray(shaken(flat, 0.3))
+    configuration = shaken(flat, 0.3)
     chart = panel_chart(laid(shape), shape, 2)
     places = chart.cell[:, None, ::-1] + chart.corners
     on_node = np.isclose(places, places.round()).all(axis=-1)
     x, y = places[on_node].round().astype(int).T
-    nodes = configuration[:-2].reshape(shape.nodes_y, shape.nodes_x, 3)
+    nodes = configuration.positions
     assert on_node.sum() > 4 * (shape.cells_y + 1)
     assert np.allclose(panels_on(chart, shape, configuration)[on_node], nodes[y, x])
 
 
 def test_panels_at_the_middle_of_a_cell_lie_between_its_nodes():
     shape, _, flat = rib(CLAMPED)
-    configuration = np.asarray(shaken(flat, 0.3))
+    configuration = shaken(flat, 0.3)
     chart = panel_chart(up_the_warp(shape, 1.0), shape, 2)
     panels = panels_on(chart, shape, configuration)
     middle = (
         np.isclose(chart.corners, 0.5).all(axis=-1) & (chart.cell == [3, 1]).all(axis=-1)[:, None]
     )
-    nodes = configuration[:-2].reshape(shape.nodes_y, shape.nodes_x, 3)
+    nodes = configuration.positions
     assert middle.sum() == 4
     assert np.allclose(panels[middle], nodes[3:5, 1:3].mean(axis=(0, 1)))
 
@@ -223,44 +225,44 @@ def test_panels_at_the_middle_of_a_cell_lie_between_its_nodes():
 @pytest.mark.parametrize("laid", [up_the_warp, along_the_weft])
 def test_beyond_the_seam_panels_lie_on_the_images_of_nodes(laid):
     shape, _, flat = rib(PERIODIC)
-    configuration = np.array(shaken(flat, 0.3))
+    configuration = shaken(flat, 0.3)
     electrodes = laid(shape, 3.5)
     open_shape = MeshShape(2 * shape.cells_y, 2 * shape.cells_x, periodic=False)
     rows, columns = np.mgrid[: open_shape.nodes_y, : open_shape.nodes_x]
-    nodes = configuration[:-2].reshape(shape.nodes_y, shape.nodes_x, 3)
+    nodes = configuration.positions
     tiled = nodes[rows % shape.nodes_y, columns % shape.nodes_x]
-    tiled[..., 0] += columns // shape.nodes_x * configuration[-2]
-    tiled[..., 1] += rows // shape.nodes_y * configuration[-1]
+    tiled[..., 0] += columns // shape.nodes_x * configuration.lengths[0]
+    tiled[..., 1] += rows // shape.nodes_y * configuration.lengths[1]
     chart = panel_chart(electrodes, shape, 2)
     assert chart.cell.max() == 8
-    expected = panels_on(chart, open_shape, np.append(tiled.ravel(), [0, 0]))
+    expected = panels_on(chart, open_shape, Configuration(tiled, np.zeros(2)))
     assert np.allclose(panels_on(chart, shape, configuration), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("laid", [up_the_warp, along_the_weft])
 def test_an_electrode_a_period_on_has_its_panels_a_period_on(laid):
     shape, _, flat = rib(PERIODIC)
-    configuration = np.array(shaken(flat, 0.3))
+    configuration = shaken(flat, 0.3)
     here, on = (
         panels_on(panel_chart(laid(shape, low), shape, 1), shape, configuration)
         for low in (1.25, 9.25)
     )
     across = 0 if laid is up_the_warp else 1
-    shift = configuration[-2 + across] * np.eye(3)[across]
+    shift = configuration.lengths[across] * np.eye(3)[across]
     assert np.allclose(on, here + shift, atol=1e-12)
 
 
 def test_panels_of_many_states_are_those_of_each():
     shape, _, flat = rib(PERIODIC)
-    states = np.stack([shaken(flat, 0.3, seed) for seed in range(3)])
+    states = [shaken(flat, 0.3, seed) for seed in range(3)]
     chart = panel_chart(up_the_warp(shape), shape, 1)
     alone = [panels_on(chart, shape, state) for state in states]
-    assert np.array_equal(panels_on(chart, shape, states), np.stack(alone))
+    assert np.array_equal(panels_on(chart, shape, Configuration.stacked(states)), np.stack(alone))
 
 
 def test_panels_are_carried_alike_in_numpy_and_in_jax():
     shape, _, flat = rib(PERIODIC)
     chart = panel_chart(up_the_warp(shape), shape, 1)
-    found = panels_on(chart, shape, jnp.asarray(flat))
+    found = panels_on(chart, shape, jax.tree.map(jnp.asarray, flat))
     assert isinstance(found, jnp.ndarray)
     assert np.allclose(found, panels_on(chart, shape, flat), atol=1e-14)

@@ -9,9 +9,11 @@ from scipy.special import ellipk, ellipkm1
 from knitlab.capacitance.boundary_elements import VACUUM_PERMITTIVITY
 from knitlab.capacitance.panels import panel_chart, panels_on
 from knitlab.capacitance.wedge import side_by_side, wedge_capacitance, with_ends
+from knitlab.model.configuration import Configuration
 from knitlab.model.electrodes import Electrodes, Strip
 from knitlab.model.network import MeshShape
 from tests.capacitance.conductors import between, by_series, extrapolated, moved
+from tests.fabrics import shaken
 
 SHAPE = MeshShape(4, 8, periodic=True)
 CELL = 0.8
@@ -49,7 +51,7 @@ def rolled(turns):
     nodes = np.zeros((SHAPE.nodes_y, SHAPE.nodes_x, 3))
     nodes[..., 0], nodes[..., 2] = line[:-1].T
     nodes[..., 1] = CELL * np.arange(SHAPE.nodes_y)[:, None]
-    return np.append(nodes.ravel(), [line[-1, 0], LENGTH])
+    return Configuration(nodes, np.array([line[-1, 0], LENGTH]))
 
 
 def hinged(angle):
@@ -66,9 +68,12 @@ def corrugated(angle):
     return turns
 
 
-def shaken(configuration, amplitude=0.05, seed=0):
-    noise = np.random.default_rng(seed).normal(size=configuration.shape)
-    return configuration + amplitude * noise
+def grown(configuration, by):
+    return jax.tree.map(np.add, configuration, by)
+
+
+def scaled(configuration, factor):
+    return jax.tree.map(lambda part: factor * part, configuration)
 
 
 def wedge(configuration, electrodes=PAIR):
@@ -81,7 +86,7 @@ def by_panels(configuration, electrodes=PAIR):
         chart = panel_chart(electrodes, SHAPE, level)
         panels = panels_on(chart, SHAPE, configuration)
         pair = (panels[chart.electrode == number] for number in (0, 1))
-        found.append(between(*pair, period=configuration[-1]))
+        found.append(between(*pair, period=configuration.lengths[1]))
     return extrapolated(*found)
 
 
@@ -155,8 +160,8 @@ def test_nearly_parallel_plates_are_followed(tilt):
 def test_it_does_not_change_with_a_rigid_motion(seed):
     configuration = shaken(rolled(corrugated(1.5)), 0.02, seed)
     turn, shift = Rotation.from_euler("y", seed), np.random.default_rng(seed).normal(size=3)
-    nodes = moved(configuration[:-2].reshape(-1, 3), turn, shift)
-    again = np.append(nodes.ravel(), configuration[-2:])
+    nodes = moved(configuration.positions.reshape(-1, 3), turn, shift)
+    again = Configuration(nodes.reshape(configuration.positions.shape), configuration.lengths)
     assert wedge(again) == pytest.approx(wedge(configuration), rel=1e-9)
 
 
@@ -164,13 +169,14 @@ def test_it_does_not_change_with_a_rigid_motion(seed):
 @settings(max_examples=10)
 def test_it_grows_with_size(scale):
     configuration = shaken(rolled(corrugated(1.5)), 0.02)
-    assert wedge(scale * configuration) == pytest.approx(scale * wedge(configuration), rel=1e-9)
+    assert wedge(scaled(configuration, scale)) == pytest.approx(
+        scale * wedge(configuration), rel=1e-9
+    )
 
 
 def test_it_is_the_same_seen_from_behind():
     configuration = shaken(rolled(corrugated(1.5)), 0.02)
-    mirrored = configuration.copy()
-    mirrored[2:-2:3] *= -1
+    mirrored = Configuration(configuration.positions * [1, 1, -1], configuration.lengths)
     assert wedge(mirrored) == pytest.approx(wedge(configuration), rel=1e-12)
 
 
@@ -183,8 +189,8 @@ def test_it_does_not_matter_which_strip_is_named_first():
 def test_strips_along_the_weft_are_as_those_up_the_warp():
     configuration = shaken(rolled(corrugated(1.5)), 0.02)
     turned_shape = MeshShape(SHAPE.cells_x, SHAPE.cells_y, periodic=True)
-    nodes = configuration[:-2].reshape(SHAPE.nodes_y, SHAPE.nodes_x, 3)
-    turned = np.append(nodes.swapaxes(0, 1)[..., [1, 0, 2]].ravel(), configuration[:-3:-1])
+    nodes = configuration.positions.swapaxes(0, 1)[..., [1, 0, 2]]
+    turned = Configuration(nodes, configuration.lengths[::-1])
     electrodes = Electrodes(
         tuple((Strip(s.bottom, s.top, s.left, s.right),) for (s,) in PAIR.strips), "course"
     )
@@ -199,8 +205,8 @@ def test_a_period_on_it_is_the_same():
 
 
 def test_many_states_are_as_each_alone():
-    states = np.stack([rolled(corrugated(angle)) for angle in (2.5, 2.0, 1.0)])
-    together = wedge_capacitance(PAIR, SHAPE, states)
+    states = [rolled(corrugated(angle)) for angle in (2.5, 2.0, 1.0)]
+    together = wedge_capacitance(PAIR, SHAPE, Configuration.stacked(states))
     assert np.allclose(together, [wedge(state) for state in states], rtol=1e-12)
 
 
@@ -208,19 +214,23 @@ def test_many_states_are_as_each_alone():
 @settings(max_examples=5)
 def test_its_derivative_is_that_of_finite_differences(seed):
     configuration = shaken(rolled(corrugated(1.5)), 0.05, seed)
-    direction = np.random.default_rng(seed + 1).normal(size=configuration.shape)
+    direction = shaken(scaled(configuration, 0.0), 1.0, seed + 1)
     step = 1e-5
-    ahead, behind = (wedge(configuration + sign * step * direction) for sign in (1, -1))
-    gradient = np.asarray(jax.grad(wedge_capacitance, argnums=2)(PAIR, SHAPE, configuration))
+    ahead, behind = (
+        wedge(grown(configuration, scaled(direction, sign * step))) for sign in (1, -1)
+    )
+    gradient = jax.grad(wedge_capacitance, argnums=2)(PAIR, SHAPE, configuration).flattened()
     assert np.isfinite(gradient).all()
-    assert gradient @ direction == pytest.approx((ahead - behind) / (2 * step), rel=1e-6)
+    assert gradient @ direction.flattened() == pytest.approx(
+        (ahead - behind) / (2 * step), rel=1e-6
+    )
 
 
 def test_its_derivative_is_finite_where_the_fabric_is_flat():
-    gradient = np.asarray(jax.grad(wedge_capacitance, argnums=2)(PAIR, SHAPE, rolled(FLAT)))
+    gradient = jax.grad(wedge_capacitance, argnums=2)(PAIR, SHAPE, rolled(FLAT)).flattened()
     assert np.isfinite(gradient).all()
     # By size alone, capacitance grows with it.
-    assert gradient @ rolled(FLAT) == pytest.approx(wedge(rolled(FLAT)), rel=1e-9)
+    assert gradient @ rolled(FLAT).flattened() == pytest.approx(wedge(rolled(FLAT)), rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -3,17 +3,18 @@ import pytest
 
 from knitlab.measure.boundaries import boundary_line, boundary_wave
 from knitlab.measure.patches import central_cell, widths_across_folds
+from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import flat_sheet
 from tests.fabrics import CLAMPED, PERIODIC, checkered, relaxed
 
 
 def waved(net, fabric, cells, amplitude=0.4):
     """A flat sheet whose courses are waves along x, one a unit cell; and the cell's width."""
-    flat = np.asarray(flat_sheet(net, fabric)).copy()
-    nodes = flat[:-2].reshape(net.shape.nodes_y, net.shape.nodes_x, 3)
+    flat = flat_sheet(net, fabric)
+    nodes = np.array(flat.positions)
     width = float(np.diff(nodes[0, :2, 0])[0]) * net.shape.cells_x / cells
     nodes[..., 1] += amplitude * np.sin(2 * np.pi * nodes[..., 0] / width)
-    return flat, width
+    return Configuration(nodes, flat.lengths), width
 
 
 @pytest.mark.parametrize(("reading", "cells"), [(CLAMPED, (3, 5)), (PERIODIC, (1, 1))])
@@ -27,9 +28,9 @@ def test_boundary_of_a_waved_sheet_has_its_wavelength_and_amplitude(reading, cel
 
 def test_boundary_lies_between_unit_cells_next_to_the_middle():
     net, fabric = checkered(4, 2, CLAMPED, (4, 3))
-    flat = np.asarray(flat_sheet(net, fabric))
+    flat = flat_sheet(net, fabric)
     across_x = boundary_line(net.shape, (4, 3), flat, "x")[:, 1]
-    nodes = flat[:-2].reshape(net.shape.nodes_y, net.shape.nodes_x, 3)
+    nodes = flat.positions
     assert np.allclose(across_x, np.ptp(nodes[..., 1]) / 2 + nodes[..., 1].min())
     across_y = boundary_line(net.shape, (4, 3), flat, "y")[:, 1]
     assert np.allclose(across_y, np.ptp(nodes[..., 0]) / 3 + nodes[..., 0].min())
@@ -37,14 +38,14 @@ def test_boundary_lies_between_unit_cells_next_to_the_middle():
 
 def test_boundary_across_a_single_unit_cell_has_no_wave():
     net, fabric = checkered(4, 2, CLAMPED, (1, 1))
-    flat = np.asarray(flat_sheet(net, fabric))
+    flat = flat_sheet(net, fabric)
     assert boundary_wave(net.shape, (1, 1), flat, "x") is None
 
 
 def test_wavelength_of_relaxed_endless_fabric_is_its_unit_cell():
     net, fabric = checkered(4, 2, PERIODIC)
     state = relaxed(net, fabric)
-    for direction, length in zip("xy", state.configuration[-2:], strict=True):
+    for direction, length in zip("xy", state.configuration.lengths, strict=True):
         wave = boundary_wave(net.shape, (1, 1), state.configuration, direction)
         assert wave.wavelength == pytest.approx(length, rel=2e-3)
         assert wave.amplitude > 0.5
@@ -53,7 +54,7 @@ def test_wavelength_of_relaxed_endless_fabric_is_its_unit_cell():
 @pytest.mark.parametrize(("reading", "cells"), [(CLAMPED, (3, 4)), (PERIODIC, (1, 1))])
 def test_central_cell_is_a_whole_unit_cell(reading, cells):
     net, fabric = checkered(4, 2, reading, cells)
-    flat = np.asarray(flat_sheet(net, fabric))
+    flat = flat_sheet(net, fabric)
     cell = central_cell(net.shape, cells, flat)
     assert cell.shape == (17, 17, 3)
     steps = np.diff(cell[..., :2], axis=0)[..., 1], np.diff(cell[..., :2], axis=1)[..., 0]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from knitlab.measure.folds import fold_angles, hinges_past_pi
+from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
 from knitlab.model.fabric import flat_sheet
 from tests.fabrics import CLAMPED, pure, stripe
@@ -17,7 +18,7 @@ FOLD_LINE = 2
 def folded(angle: float) -> tuple:
     """A sheet folded by an angle about its third line of nodes, stress-free but for its hinges."""
     net, fabric = pure(stripe("rib", 4), CLAMPED)
-    nodes = np.array(flat_sheet(net, fabric))[:-2].reshape(net.shape.nodes_y, -1, 3)
+    nodes = np.array(flat_sheet(net, fabric).positions)
     line = nodes[0, FOLD_LINE, 0]
     arm = nodes[:, FOLD_LINE:, 0] - line
     nodes[:, FOLD_LINE:, 0] = line + arm * np.cos(angle)
@@ -25,7 +26,7 @@ def folded(angle: float) -> tuple:
     on_line = net.wale & (net.hinge_cells[:, 1] == FOLD_LINE)
     rest = jnp.where(jnp.asarray(on_line), 2.5, 0.0)
     fabric = eqx.tree_at(lambda f: (f.rest_fold, f.z_max), fabric, (rest, jnp.asarray(1e3)))
-    return net, fabric, jnp.concatenate([jnp.asarray(nodes.ravel()), jnp.zeros(2)]), on_line
+    return net, fabric, Configuration(nodes, np.zeros(2)), on_line
 
 
 @pytest.mark.parametrize("angle", [0.0, 1.0, 3.0, 3.3, 4.5])
@@ -43,7 +44,8 @@ def test_a_fold_is_followed_past_half_a_turn(angle):
 def test_forces_are_smooth_where_a_fold_passes_half_a_turn():
     def gradient(angle: float) -> np.ndarray:
         net, fabric, configuration, _ = folded(angle)
-        return np.asarray(jax.grad(lambda q: energy(net, fabric, q).total)(configuration))
+        total = jax.grad(lambda at: energy(net, fabric, at).total)
+        return np.asarray(total(configuration).flattened())
 
     before, after = gradient(np.pi - 1e-6), gradient(np.pi + 1e-6)
     assert np.abs(before).max() > 1e-3
@@ -53,6 +55,6 @@ def test_forces_are_smooth_where_a_fold_passes_half_a_turn():
 def test_hinges_without_stiffness_are_not_counted():
     net, fabric, configuration, _ = folded(3.3)
     floppy = eqx.tree_at(lambda f: f.fold_stiffness, fabric, 0 * fabric.fold_stiffness)
-    states = jnp.stack([configuration, configuration])
+    states = Configuration.stacked([configuration, configuration])
     assert hinges_past_pi(net, floppy, states).tolist() == [0, 0]
     assert (np.asarray(hinges_past_pi(net, fabric, states)) > 0).all()

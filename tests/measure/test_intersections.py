@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from knitlab.measure.grid_nodes import nodes_at
 from knitlab.measure.intersections import self_intersections
+from knitlab.model.configuration import Configuration
 from knitlab.model.network import MeshShape, mesh_shape
 from knitlab.model.pattern import patch_map
 
@@ -20,8 +21,9 @@ def sheet(boundary: str, periods: int = 1) -> MeshShape:
     return mesh_shape(patch_map(["R"], periods), boundary)
 
 
-def configuration(nodes: np.ndarray, period: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
-    return np.concatenate([nodes.ravel(), period])[None]
+def configuration(nodes: np.ndarray, period: tuple[float, float] = (0.0, 0.0)) -> Configuration:
+    """Of a single state."""
+    return Configuration(nodes[None], np.array([period], float))
 
 
 def extruded(shape: MeshShape, profile: np.ndarray) -> np.ndarray:
@@ -32,7 +34,7 @@ def extruded(shape: MeshShape, profile: np.ndarray) -> np.ndarray:
     return nodes
 
 
-def pairs_by_library(shape: MeshShape, state: np.ndarray, reach: int) -> int:
+def pairs_by_library(shape: MeshShape, state: Configuration, reach: int) -> int:
     """Pairs of cells that intersect, each pair given to ipctk as a mesh of its own."""
     rows = np.arange(-reach * shape.cells_y, (reach + 1) * shape.cells_y + 1)
     columns = np.arange(-reach * shape.cells_x, (reach + 1) * shape.cells_x + 1)
@@ -68,7 +70,7 @@ def test_a_flat_sheet_and_a_zigzag_do_not_intersect():
     along = np.arange(shape.nodes_x)
     flat = extruded(shape, np.stack([along, 0 * along], axis=-1))
     folded = extruded(shape, np.stack([0.1 * along, along % 2], axis=-1))
-    both = np.concatenate([configuration(flat), configuration(folded)])
+    both = Configuration(np.stack([flat, folded]), np.zeros((2, 2)))
     assert self_intersections(shape, both).tolist() == [0, 0]
 
 
@@ -118,5 +120,5 @@ def test_a_turned_and_moved_sheet_intersects_as_often(seed):
     nodes = rng.normal(size=(shape.nodes_y, shape.nodes_x, 3))
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     moved = nodes @ turn + rng.normal(size=3)
-    both = np.concatenate([configuration(nodes), configuration(moved)])
+    both = Configuration(np.stack([nodes, moved]), np.zeros((2, 2)))
     assert len(set(self_intersections(shape, both).tolist())) == 1

@@ -21,6 +21,7 @@ from knitlab.mechanics.linear_response import NoDerivative, rigid_motions
 from knitlab.mechanics.loading import all_free, rigidly_aligned, tensile
 from knitlab.mechanics.solver import Evaluate
 from knitlab.mechanics.tensile_test import stretch
+from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, FabricLayout, Sheet, StripePair, fabric_layout, flat_sheet
 from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import checkerboard
@@ -46,29 +47,29 @@ class Pulled:
     unit_cells: tuple[int, int]
     stripes: StripePair
     strain: float
-    relaxed: np.ndarray
-    strained: np.ndarray
+    relaxed: Configuration
+    strained: Configuration
 
     @property
     def measure(self):
         return measured_by(self.layout.net.shape, self.unit_cells, NAMES)
 
-    def under(self, stripes: StripePair) -> tuple[np.ndarray, np.ndarray, Fabric]:
+    def under(self, stripes: StripePair) -> tuple[Configuration, Configuration, Fabric]:
         """Its states under slightly other stripes, each found from the one it has."""
         net, fabric = self.layout.net, self.layout.fabric(stripes)
 
-        def found(start: np.ndarray, unknowns: np.ndarray) -> np.ndarray:
-            rules = SearchRules.of(net.shape, unknowns, fabric, FINE, convexified=False)
+        def found(start: np.ndarray, free: np.ndarray) -> Configuration:
+            rules = SearchRules.of(net.shape, free, fabric, FINE, convexified=False)
             state = run(net.shape, fabric, find_equilibrium(Evaluate(start), rules))
             assert state.converged
             return state.configuration
 
-        relaxed = found(self.relaxed, all_free(net.shape))
-        square = np.asarray(rigidly_aligned(net.shape, flat_sheet(net, fabric), relaxed))
-        relaxed = found(square, all_free(net.shape))
+        relaxed = found(self.relaxed.flattened(), all_free(net.shape))
+        aligned = rigidly_aligned(net.shape, flat_sheet(net, fabric), relaxed)
+        relaxed = found(np.asarray(aligned.flattened()), all_free(net.shape))
         loading = tensile(net.shape, relaxed)
-        start = loading.holding(self.strained, self.strain)
-        return relaxed, found(start, loading.unknowns), fabric
+        start = loading.holding(self.strained.flattened(), self.strain)
+        return relaxed, found(start, loading.free), fabric
 
     def measured_here(self) -> np.ndarray:
         return np.asarray(
@@ -102,7 +103,7 @@ def pulled(
     assert not strained.snapped
     # A node that is about to touch a wall, or to leave it, would spoil the differences.
     for state in test.states:
-        heights = np.abs(state.configuration[2:-2:3])
+        heights = np.abs(state.configuration.positions[..., 2])
         assert np.abs(heights - sheet.z_max).min() > 1e-6
     return Pulled(
         layout, unit_cells, stripes, strain, relaxed.configuration, strained.configuration
@@ -152,7 +153,7 @@ def test_derivatives_of_a_clamped_sample_are_those_of_differences(clamped):
 
 def test_derivatives_of_a_sample_pressed_by_walls_are_those_of_differences():
     pressed = pulled(4, CLAMPED, (2, 1), WALLS_NEAR)
-    assert (np.abs(pressed.strained[2:-2:3]) > WALLS_NEAR.z_max).any()
+    assert (np.abs(pressed.strained.positions[..., 2]) > WALLS_NEAR.z_max).any()
     assert_agree(pressed.sensitivities(), by_differences(pressed))
 
 
@@ -207,8 +208,11 @@ def test_how_the_free_sample_lay_before_it_was_squared_up_changes_nothing(clampe
     shape = clamped.layout.net.shape
     flat = flat_sheet(clamped.layout.net, clamped.layout.fabric(clamped.stripes))
     motions = rigid_motions(clamped.relaxed)
-    squared = jax.jacfwd(lambda q: rigidly_aligned(shape, flat, q))(jnp.asarray(clamped.relaxed))
-    left = np.asarray(squared) @ motions
+
+    def aligned(q):
+        return rigidly_aligned(shape, flat, Configuration.of(q, shape)).flattened()
+
+    left = np.asarray(jax.jacfwd(aligned)(jnp.asarray(clamped.relaxed.flattened()))) @ motions
     height = np.tile([0, 0, 1.0], shape.nodes)
     assert np.abs(np.delete(left, 2, axis=1)).max() < 1e-9
     np.testing.assert_allclose(left[:-2, 2], height, atol=1e-9)
@@ -217,11 +221,11 @@ def test_how_the_free_sample_lay_before_it_was_squared_up_changes_nothing(clampe
     weights = jnp.asarray(np.random.default_rng(0).normal(size=(shape.nodes, shape.nodes)))
 
     def distances(q):
-        nodes = q[:-2].reshape(-1, 3)
+        nodes = q.positions.reshape(-1, 3)
         return jnp.sum(weights * ((nodes[:, None] - nodes[None]) ** 2).sum(-1))
 
     def turned(q):
-        return jnp.concatenate([(q[:-2].reshape(-1, 3) @ turn.T).ravel(), q[-2:]])
+        return Configuration(q.positions @ turn.T, q.lengths)
 
     one = adjoint.of_relaxed(lambda q0, q, fabric: distances(q0))
     other = adjoint.of_relaxed(lambda q0, q, fabric: distances(turned(q0)))
@@ -231,10 +235,10 @@ def test_how_the_free_sample_lay_before_it_was_squared_up_changes_nothing(clampe
 
 
 def test_no_derivative_is_made_up_where_there_is_no_stable_equilibrium(periodic):
-    flat = np.asarray(flat_sheet(periodic.layout.net, periodic.layout.fabric(periodic.stripes)))
-    squeezed = flat.copy()
-    squeezed[1:-2:3] *= 0.5
-    squeezed[-1] *= 0.5
+    flat = flat_sheet(periodic.layout.net, periodic.layout.fabric(periodic.stripes))
+    squeezed = Configuration(
+        flat.positions * np.array([1, 0.5, 1]), flat.lengths * np.array([1, 0.5])
+    )
     with pytest.raises(NoDerivative):
         replace(periodic, relaxed=squeezed).adjoint()
 

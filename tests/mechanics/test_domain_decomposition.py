@@ -39,7 +39,7 @@ from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered
 def slow(sample, step_length=0.3, settings=DEFAULT) -> SearchRules:
     """Rules to pull the sample by, as tension does."""
     net, _, loading = sample
-    free = free_stiffness(net.shape, loading.unknowns)
+    free = free_stiffness(net.shape, loading.free)
     return SearchRules(free, step_length, settings, convexified=False)
 
 
@@ -55,7 +55,7 @@ def test_a_block_feels_the_forces_of_the_whole(small_blocks, sample, places):
     for block in found:
         own = ChunkedFabric.of(block.free.shape, block.fabric(fabric))
         gradient = np.asarray(own.evaluate(WHOLE, at[block.places]).gradient)
-        movable = block.free.unknowns
+        movable = block.free.places
         np.testing.assert_allclose(
             gradient[movable], np.asarray(whole.gradient)[block.places[movable]], atol=1e-10
         )
@@ -63,12 +63,12 @@ def test_a_block_feels_the_forces_of_the_whole(small_blocks, sample, places):
 
 def test_a_move_within_a_block_costs_it_what_it_costs_the_whole(small_blocks, sample):
     net, fabric, loading = sample
-    block = list(blocks(free_stiffness(net.shape, loading.unknowns)))[1]
+    block = list(blocks(free_stiffness(net.shape, loading.free)))[1]
     whole = ChunkedFabric.of(net.shape, fabric)
     own = ChunkedFabric.of(block.free.shape, block.fabric(fabric))
     before = loading.reference
     after = before.copy()
-    movable = block.places[block.free.unknowns]
+    movable = block.places[block.free.places]
     after[movable] += 0.05 * np.random.default_rng(1).normal(size=movable.size)
     costs = [
         float(of.evaluate(WHOLE, after[where]).energy.total)
@@ -81,15 +81,15 @@ def test_a_move_within_a_block_costs_it_what_it_costs_the_whole(small_blocks, sa
 
 def test_blocks_leave_no_free_unknown_out_and_move_no_held_one(small_blocks, sample):
     net, _, loading = sample
-    free = free_stiffness(net.shape, loading.unknowns)
-    moved = np.unique(np.concatenate([b.places[b.free.unknowns] for b in blocks(free)]))
-    np.testing.assert_array_equal(moved, loading.unknowns)
+    free = free_stiffness(net.shape, loading.free)
+    moved = np.unique(np.concatenate([b.places[b.free.places] for b in blocks(free)]))
+    np.testing.assert_array_equal(moved, loading.free)
 
 
 def test_blocks_meet_where_one_moves_what_the_other_feels(small_blocks, sample):
     net, _, loading = sample
-    found = list(blocks(free_stiffness(net.shape, loading.unknowns)))
-    moves = [set(block.places[block.free.unknowns].tolist()) for block in found]
+    found = list(blocks(free_stiffness(net.shape, loading.free)))
+    moves = [set(block.places[block.free.places].tolist()) for block in found]
     feels = [set(block.places.tolist()) for block in found]
     expected = [
         [bool(moves[i] & feels[j] or moves[j] & feels[i]) for j in range(len(found))]
@@ -117,7 +117,7 @@ def test_two_threads_settle_blocks_as_one_does(small_blocks, sample, monkeypatch
     # Smaller blocks yet, of which some do not meet.
     monkeypatch.setattr(subdomains, "CELLS", 4)
     monkeypatch.setattr(subdomains, "OVERLAP", 1)
-    free = free_stiffness(net.shape, loading.unknowns)
+    free = free_stiffness(net.shape, loading.free)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
     request = SolveSubdomains(start, free, 0.3, subdomain_settings(DEFAULT))
     found = list(blocks(free))
@@ -126,13 +126,13 @@ def test_two_threads_settle_blocks_as_one_does(small_blocks, sample, monkeypatch
         Executor(net.shape, fabric, threads=threads).answer(request)
         for threads in (ALONE, Threads(2))
     )
-    np.testing.assert_array_equal(shared[0].configuration, alone[0].configuration)
+    np.testing.assert_array_equal(shared[0].unknowns, alone[0].unknowns)
     assert shared[1] == alone[1] > 0
 
 
 def test_settling_lowers_the_energy_and_counts_what_it_cost(small_blocks, sample):
     net, fabric, loading = sample
-    free = free_stiffness(net.shape, loading.unknowns)
+    free = free_stiffness(net.shape, loading.free)
     executor = Executor(net.shape, fabric)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
     settings = subdomain_settings(DEFAULT)
@@ -142,14 +142,14 @@ def test_settling_lowers_the_energy_and_counts_what_it_cost(small_blocks, sample
     assert energies[1] < energies[0]
     assert share > 0
     held = loading.held
-    np.testing.assert_array_equal(settled.configuration[held], start.configuration[held])
+    np.testing.assert_array_equal(settled.unknowns[held], start.unknowns[held])
 
 
 def test_a_sample_comes_to_the_same_rest_by_blocks_and_as_a_whole(
     small_blocks, sample, monkeypatch
 ):
     net, fabric, loading = sample
-    rules = SearchRules.of(net.shape, loading.unknowns, fabric, DEFAULT, convexified=False)
+    rules = SearchRules.of(net.shape, loading.free, fabric, DEFAULT, convexified=False)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
 
     def found():
@@ -160,7 +160,7 @@ def test_a_sample_comes_to_the_same_rest_by_blocks_and_as_a_whole(
     assert by_blocks.residual <= DEFAULT.tolerance
     monkeypatch.setattr(subdomains, "FEWEST", 10**9)
     as_a_whole = found()
-    np.testing.assert_allclose(by_blocks.configuration, as_a_whole.configuration, atol=1e-5)
+    np.testing.assert_allclose(by_blocks.unknowns, as_a_whole.unknowns, atol=1e-5)
 
 
 def test_in_a_batch_on_the_device_blocks_stay_and_the_whole_comes_to_rest(small_blocks, sample):
@@ -268,8 +268,8 @@ class FoldedToNothing(Executor):
 
     def answer(self, request):
         if isinstance(request, SolveSubdomains):
-            nowhere = np.zeros_like(request.at.configuration)
-            return replace(request.at, configuration=nowhere), 1.0
+            nowhere = np.zeros_like(request.at.unknowns)
+            return replace(request.at, unknowns=nowhere), 1.0
         return super().answer(request)
 
 
@@ -280,7 +280,7 @@ def test_where_blocks_fold_a_cell_to_nothing_the_whole_goes_on_without_them(smal
     state = run_to_end(FoldedToNothing(net.shape, fabric), solver)
     assert state.outcome is Outcome.converged
     whole = run(net.shape, fabric, find_equilibrium(start, slow(sample)))
-    np.testing.assert_allclose(state.configuration, whole.configuration, atol=1e-7)
+    np.testing.assert_allclose(state.unknowns, whole.unknowns, atol=1e-7)
 
 
 @pytest.mark.parametrize(
@@ -290,18 +290,20 @@ def test_a_block_that_comes_to_no_rest_stays_where_it_was(
     small_blocks, sample, monkeypatch, outcome, residual
 ):
     net, fabric, loading = sample
-    free = free_stiffness(net.shape, loading.unknowns)
+    free = free_stiffness(net.shape, loading.free)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
 
     def stalling(at, *_, **__):
         evaluation = yield at
-        nowhere = np.zeros_like(at.configuration)
-        return State(nowhere, evaluation.energy, evaluation.gradient, outcome, residual, 7)
+        nowhere = np.zeros_like(at.unknowns)
+        return State(
+            rules.free.shape, nowhere, evaluation.energy, evaluation.gradient, outcome, residual, 7
+        )
 
     monkeypatch.setattr(executor, "find_equilibrium", stalling)
     request = SolveSubdomains(start, free, 0.3, subdomain_settings(DEFAULT))
     settled, share = Executor(net.shape, fabric).answer(request)
-    np.testing.assert_array_equal(settled.configuration, start.configuration)
+    np.testing.assert_array_equal(settled.unknowns, start.unknowns)
     assert share > 0
 
 
@@ -309,7 +311,7 @@ def slid(sample, energy, passed, step_length=1e6, waiting=domain_decomposition.R
     """Where a node comes to that passed some places, at an energy of its own, and may then slide;
     and how often blocks settled."""
     rules = slow(sample, step_length)
-    place, settled = rules.free.unknowns[0], 0
+    place, settled = rules.free.places[0], 0
 
     def at(where):
         configuration = sample[2].reference.copy()
@@ -317,7 +319,7 @@ def slid(sample, energy, passed, step_length=1e6, waiting=domain_decomposition.R
         return Evaluate(configuration)
 
     def cost(there):
-        stretch = np.asarray(energy(there.configuration[place]))
+        stretch = np.asarray(energy(there.unknowns[place]))
         return Evaluation(Energy(stretch, np.zeros(()), np.zeros(())), sample[2].reference)
 
     search = Search(at(passed[0]), cost(at(passed[0])), rules)
@@ -333,7 +335,7 @@ def slid(sample, energy, passed, step_length=1e6, waiting=domain_decomposition.R
             settled += isinstance(request, SolveSubdomains)
             answer = (request.at, 1.0) if isinstance(request, SolveSubdomains) else cost(request)
     assert by_blocks.share == settled
-    return search.at.configuration[place], settled
+    return search.at.unknowns[place], settled
 
 
 def test_down_a_long_slope_slides_grow_until_one_goes_too_far(sample):

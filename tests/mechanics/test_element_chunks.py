@@ -33,7 +33,7 @@ def test_energy_forces_and_hessians_are_those_of_the_whole(boundary, periods, an
     full, spare = divmod(net.shape.nodes, HEIGHTS)
     assert (full > 0) == (periods > 1)
     assert spare or boundary == "periodic"
-    at = np.array(shaken(flat_sheet(net, fabric), 0.1))
+    at = np.array(shaken(flat_sheet(net, fabric), 0.1).flattened())
     at[2:-2:6] += float(fabric.z_max)
     portioned = ChunkedFabric.of(net.shape, fabric)
     pairs = [
@@ -65,7 +65,7 @@ def test_shares_make_up_all_portions_and_threads_change_no_bit(shared):
     its = portions(net.shape)
     assert [portion for share in its.shares for portion in share.portions] == [*range(its.count)]
     assert len(its.shares) == 2
-    at = np.array(shaken(flat_sheet(net, fabric), 0.1))
+    at = np.array(shaken(flat_sheet(net, fabric), 0.1).flattened())
     alone, threads = (
         ChunkedFabric.of(net.shape, fabric, threads) for threads in (ALONE, Threads(2))
     )

@@ -77,10 +77,10 @@ def test_a_pure_stripe_relaxes_to_the_sine_of_half_its_rest_angle(of, reading):
     assert float(state.energy.total) == pytest.approx(0, abs=1e-15)
     cells, cell = 4, float(fabric.cell[0])
     if reading is PERIODIC:
-        lengths = state.configuration[-2:] / (cells * cell)
+        lengths = state.configuration.lengths / (cells * cell)
         across, straight = lengths if of.knit == "rib" else lengths[::-1]
     else:
-        nodes = state.configuration[:-2].reshape(net.shape.nodes_y, net.shape.nodes_x, 3)
+        nodes = state.configuration.positions
         if of.knit == "garter":
             nodes = nodes.swapaxes(0, 1)
         # An open sample's first fold is at line 2, so its ends lie level: the facets' chords.
@@ -97,7 +97,9 @@ def test_tension_across_the_ridges_is_that_of_three_unknowns(of):
     assert len(test.states) == len(STRAINS)
     for strain, state in zip(STRAINS[1:], test.states[1:], strict=True):
         width, force = across_the_ridges(of, strain)
-        assert state.configuration[-2] / (4 * fabric.cell[0]) == pytest.approx(width, rel=1e-6)
+        assert state.configuration.lengths[0] / (4 * fabric.cell[0]) == pytest.approx(
+            width, rel=1e-6
+        )
         assert test.loading.reaction_force(state.gradient) == pytest.approx(4 * force, rel=1e-6)
 
 
@@ -109,7 +111,7 @@ def test_tension_along_the_ridges_is_that_of_three_unknowns(of):
     for strain, state in zip(strains[1:], test.states[1:], strict=True):
         length, force = along_the_ridges(of, strain)
         width = 4 * float(fabric.cell[0]) * length * of.contraction
-        assert state.configuration[-2] == pytest.approx(width, rel=1e-6)
+        assert state.configuration.lengths[0] == pytest.approx(width, rel=1e-6)
         assert test.loading.reaction_force(state.gradient) == pytest.approx(4 * force, rel=1e-6)
 
 

@@ -27,7 +27,7 @@ def request_to_settle(sample, small_blocks):
     """Of four small blocks."""
     net, _, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
-    free = free_stiffness(net.shape, loading.unknowns)
+    free = free_stiffness(net.shape, loading.free)
     return SolveSubdomains(start, free, 0.3, subdomain_settings(DEFAULT))
 
 
@@ -50,9 +50,9 @@ def test_it_finds_what_this_process_finds(sample, request_to_settle):
     _, fabric, _ = sample
     at, companion = request_to_settle.at, SecondProcess()
     for number, block in enumerate(blocks(request_to_settle.free)):
-        piece = SubdomainData(block.free.shape, block.free.unknowns, block.fabric(fabric), None)
+        piece = SubdomainData(block.free.shape, block.free.places, block.fabric(fabric), None)
         # Sent twice, the second time by its name alone.
-        for start in (at.configuration, at.configuration + 1e-3):
+        for start in (at.unknowns, at.unknowns + 1e-3):
             subdomain_task = SubdomainTask(
                 (0, number), Evaluate(start[block.places]), 0.3, request_to_settle.settings
             )
@@ -63,7 +63,7 @@ def test_it_finds_what_this_process_finds(sample, request_to_settle):
                 )
             assert there.outcome is here.outcome
             assert there.iterations == here.iterations > 0
-            np.testing.assert_array_equal(there.configuration, here.configuration)
+            np.testing.assert_array_equal(there.unknowns, here.unknowns)
 
 
 def test_blocks_are_settled_though_a_companion_dies(sample, request_to_settle, monkeypatch):
@@ -80,7 +80,7 @@ def test_blocks_are_settled_though_a_companion_dies(sample, request_to_settle, m
     alone = Executor(net.shape, fabric).answer(request_to_settle)
     monkeypatch.setattr(executor, "SecondProcess", Dying)
     left = Executor(net.shape, fabric, threads=Threads(2)).answer(request_to_settle)
-    np.testing.assert_array_equal(left[0].configuration, alone[0].configuration)
+    np.testing.assert_array_equal(left[0].unknowns, alone[0].unknowns)
     assert dead
     assert all(dead)
 

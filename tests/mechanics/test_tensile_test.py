@@ -13,6 +13,7 @@ from knitlab.mechanics.executor import run
 from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.state import Outcome
 from knitlab.mechanics.tensile_test import _Path, stretch
+from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import Pattern, patch_map
@@ -37,7 +38,7 @@ def test_an_active_wall_converges_and_is_pressed_on():
     test = stretched(net, fabric, [0.0, 0.05, 0.1])
     assert [state.outcome for state in test.states] == [Outcome.converged] * 3
     assert max(state.residual for state in test.states) <= 1e-8
-    heights = np.abs(test.states[0].configuration[2:-2:3])
+    heights = np.abs(test.states[0].configuration.positions[..., 2])
     assert (heights > LOW_WALL.z_max).any()
     assert float(test.states[0].energy.wall) > 0
 
@@ -46,7 +47,7 @@ def test_reactions_at_top_and_bottom_cancel():
     net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 1))
     test = stretched(net, fabric, [0.0, 0.1, 0.2], FINE)
     for state in test.states:
-        forces = state.gradient[:-2].reshape(net.shape.nodes_y, net.shape.nodes_x, 3)
+        forces = Configuration.of(state.gradient, net.shape).positions
         assert np.abs(forces[0].sum(axis=0) + forces[-1].sum(axis=0)).max() < 1e-7
         top = forces[-1, :, 1].sum()
         assert test.loading.reaction_force(state.gradient) == pytest.approx(top, abs=1e-12)
@@ -74,10 +75,9 @@ def test_mirrored_patterns_make_mirrored_shapes(flip):
     one, other = (relaxed(net, these, FINE) for these in (fabric, mirrored))
     assert float(one.energy.total) == pytest.approx(float(other.energy.total), rel=1e-10)
     axis = 0 if flip is np.fliplr else 1
-    shape = (net.shape.nodes_y, net.shape.nodes_x, 3)
-    nodes = flip(one.configuration[:-2].reshape(shape)).copy()
+    nodes = flip(one.configuration.positions).copy()
     nodes[..., axis] *= -1
-    expected = other.configuration[:-2].reshape(shape)
+    expected = other.configuration.positions
     offset = (expected - nodes).mean(axis=(0, 1))
     assert np.abs(nodes + offset - expected).max() < 1e-6
 
@@ -168,9 +168,8 @@ def test_a_rough_step_ends_where_a_smooth_one_does(reading, monkeypatch):
 
 def test_relaxation_does_not_shift_a_sample():
     net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 1))
-    flat = np.asarray(flat_sheet(net, fabric))[:-2].reshape(-1, 3)
-    nodes = relaxed(net, fabric).configuration[:-2].reshape(-1, 3)
-    shift = np.abs(nodes.mean(axis=0) - flat.mean(axis=0))
+    flat, folded = flat_sheet(net, fabric), relaxed(net, fabric).configuration
+    shift = np.abs(np.mean(folded.positions - flat.positions, axis=(0, 1)))
     assert shift[:2].max() < 1e-6
     # Between walls that it does not touch nothing holds its height but the solver's own shift.
     assert shift[2] < 1e-2
@@ -184,7 +183,7 @@ def test_a_fabric_that_is_let_go_comes_back_through_the_states_it_went():
     for up, back in zip(test.states[-2::-1], test.unloaded, strict=True):
         assert back.converged
         assert not back.snapped
-        np.testing.assert_allclose(back.configuration, up.configuration, atol=1e-6)
+        np.testing.assert_allclose(back.unknowns, up.unknowns, atol=1e-6)
 
 
 def test_only_a_test_that_reached_its_end_goes_back():
@@ -202,7 +201,7 @@ def test_many_blocks_start_from_where_on_the_line_ahead_the_energy_is_least(
     before, last = stretched(net, fabric, [0.0, 0.01]).states
     # A state far off sends the line through it and the last one far off on the other side.
     noise = np.random.default_rng(0).normal(size=net.shape.unknowns)
-    off = loading.holding(before.configuration + shake * noise, 0.0)
+    off = loading.holding(before.unknowns + shake * noise, 0.0)
     starts = []
 
     def found(start, *rest):
@@ -210,16 +209,16 @@ def test_many_blocks_start_from_where_on_the_line_ahead_the_energy_is_least(
         return find_equilibrium_by_subdomains(start, *rest)
 
     monkeypatch.setattr(tensile_test, "find_equilibrium_by_subdomains", found)
-    passed_states = [(0.0, replace(before, configuration=off)), (0.01, last)]
+    passed_states = [(0.0, replace(before, unknowns=off)), (0.01, last)]
     path = _Path(loading, passed_states, fabric, DEFAULT)
     assert run(net.shape, fabric, path.to(0.02)).converged
-    passed = [(0.0, off), (0.01, last.configuration)]
+    passed = [(0.0, off), (0.01, last.unknowns)]
     near, far = (loading.ahead(of, 0.02) for of in (passed[1:], passed))
     way = far - near
-    part = float((starts[0].configuration - near) @ way / (way @ way))
+    part = float((starts[0].unknowns - near) @ way / (way @ way))
     assert any(part == pytest.approx(one) for one in parts)
     whole = ChunkedFabric.of(net.shape, fabric)
     taken, *others = (
-        float(whole.evaluate(WHOLE, at).energy.total) for at in (starts[0].configuration, near, far)
+        float(whole.evaluate(WHOLE, at).energy.total) for at in (starts[0].unknowns, near, far)
     )
     assert taken <= min(others)

@@ -33,7 +33,7 @@ def pulled(sample, drag, path_step=0.1):
 def integrated(sample, test, drag):
     """The same pull by a Runge–Kutta integrator, along the applied strain in place of the time."""
     net, fabric = sample
-    loading, free = test.loading, test.loading.unknowns
+    loading, free = test.loading, test.loading.free
     portioned = ChunkedFabric.of(net.shape, fabric)
 
     def velocity(strain, moving):
@@ -54,13 +54,12 @@ def integrated(sample, test, drag):
 
 def test_viscous_steps_come_to_the_integrated_motion_as_they_get_finer(sample):
     tests = [pulled(sample, DRAG, step) for step in (0.1, 0.025, 0.00625)]
-    free = tests[0].loading.unknowns
+    free = tests[0].loading.free
     expected = integrated(sample, tests[0], DRAG)
-    still = np.array([s.configuration[free] for s in pulled(sample, 0.0).states])
+    still = np.array([s.unknowns[free] for s in pulled(sample, 0.0).states])
     lag = np.abs(still - expected).max()
     errors = [
-        np.abs(np.array([s.configuration[free] for s in test.states]) - expected).max()
-        for test in tests
+        np.abs(np.array([s.unknowns[free] for s in test.states]) - expected).max() for test in tests
     ]
     assert lag > 0.05
     # Implicit Euler is of first order: a quarter of the step has about a quarter of the error.
@@ -71,10 +70,10 @@ def test_viscous_steps_come_to_the_integrated_motion_as_they_get_finer(sample):
 
 def test_forces_and_drag_balance_on_every_free_unknown(sample):
     test = pulled(sample, DRAG)
-    free = test.loading.unknowns
+    free = test.loading.free
     assert all(state.converged for state in test.states)
     for before, state in zip(test.states, test.states[1:], strict=False):
-        moved = state.configuration[free] - before.configuration[free]
+        moved = state.unknowns[free] - before.unknowns[free]
         left = state.gradient[free] + DRAG / 0.1 * moved
         assert np.abs(left).max() <= 1e-10
         assert np.abs(state.gradient[free]).max() > 1e-6
@@ -84,7 +83,7 @@ def test_forces_and_drag_balance_on_every_free_unknown(sample):
 def test_hardly_any_drag_gives_the_equilibria(sample):
     still, slow = pulled(sample, 0.0), pulled(sample, 1e-9)
     for one, other in zip(still.states, slow.states, strict=True):
-        np.testing.assert_allclose(other.configuration, one.configuration, atol=1e-5)
+        np.testing.assert_allclose(other.unknowns, one.unknowns, atol=1e-5)
 
 
 def test_the_pull_does_the_work_that_is_stored_and_dissipated(sample):
@@ -92,8 +91,8 @@ def test_the_pull_does_the_work_that_is_stored_and_dissipated(sample):
     strains = np.linspace(0.0, 0.1, 81)
     settings = replace(FINE, tolerance=1e-10, drag=DRAG, path_step=1.0)
     test = run(net.shape, fabric, stretch(net, fabric, list(strains), settings))
-    free, length = test.loading.unknowns, test.loading.length
-    moved = np.diff([state.configuration[free] for state in test.states], axis=0)
+    free, length = test.loading.free, test.loading.length
+    moved = np.diff([state.unknowns[free] for state in test.states], axis=0)
     dissipated = float(np.sum(DRAG * moved**2 / np.diff(strains)[:, None]))
     stored = float(test.states[-1].energy.total - test.states[0].energy.total)
     forces = np.array([test.loading.reaction_force(state.gradient) for state in test.states])

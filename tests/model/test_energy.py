@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from knitlab.model.energy import energy, positions
+from knitlab.model.configuration import Configuration
+from knitlab.model.energy import energy
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.options import ModelOptions
 from tests.fabrics import ALL_STRIPES, CLAMPED, PERIODIC, checkered, pure, shaken
@@ -22,10 +23,10 @@ def zigzag(net, fabric, of):
     height = cell * np.cos(of.theta_0 / 2) * (2 - np.abs((along % 4) - 2))
     across, straight = cell * np.sin(of.theta_0 / 2) * along, cell * other
     in_plane = (across, straight) if of.knit == "rib" else (straight, across)
-    nodes = np.stack([*in_plane, height], axis=-1).reshape(-1)
+    nodes = np.stack([*in_plane, height], axis=-1)
     contracted = np.array([of.contraction, 1.0]) if of.knit == "rib" else [1.0, of.contraction]
     lengths = cell * np.array([net.shape.cells_x, net.shape.cells_y]) * contracted
-    return jnp.asarray(np.concatenate([nodes, lengths]))
+    return Configuration(nodes, lengths)
 
 
 @pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
@@ -42,9 +43,9 @@ def test_the_folded_zigzag_costs_no_energy(of, reading):
 def test_gradient_is_the_slope_of_the_energy(boundary, stiffness, angle):
     reading = ModelOptions(boundary=boundary, hinge_stiffness=stiffness, fold_angle=angle)
     net, fabric = checkered(4, 1, reading)
-    at = shaken(flat_sheet(net, fabric), 0.1)
-    toward = shaken(jnp.zeros_like(at), 1.0, seed=1)
-    total = jax.jit(lambda q: energy(net, fabric, q).total)
+    at = shaken(flat_sheet(net, fabric), 0.1).flattened()
+    toward = np.random.default_rng(1).normal(size=at.shape)
+    total = jax.jit(lambda q: energy(net, fabric, Configuration.of(q, net.shape)).total)
     step = 1e-5
     slope = (total(at + step * toward) - total(at - step * toward)) / (2 * step)
     assert float(jax.grad(total)(at) @ toward) == pytest.approx(float(slope), rel=1e-7)
@@ -58,8 +59,8 @@ def test_gradient_is_the_slope_of_the_energy(boundary, stiffness, angle):
 def test_rigid_motion_changes_no_energy(turn, shift):
     net, fabric = checkered(6, 1, CLAMPED)
     at = shaken(flat_sheet(net, fabric), 0.2)
-    moved = Rotation.from_rotvec(turn).apply(np.array(positions(at))) + shift
-    there = jnp.concatenate([jnp.asarray(moved).ravel(), at[-2:]])
+    moved = Rotation.from_rotvec(turn).apply(np.array(at.positions).reshape(-1, 3)) + shift
+    there = Configuration(moved.reshape(at.positions.shape), at.lengths)
     before, after = energy(net, fabric, at), energy(net, fabric, there)
     assert float(after.stretch) == pytest.approx(float(before.stretch), rel=1e-10)
     assert float(after.fold) == pytest.approx(float(before.fold), rel=1e-10)
@@ -68,26 +69,20 @@ def test_rigid_motion_changes_no_energy(turn, shift):
 def test_endless_fabric_may_slide_and_be_cut_anywhere():
     net, fabric = checkered(4, 1, PERIODIC)
     at = shaken(flat_sheet(net, fabric), 0.1)
-    nodes = positions(at).at[:, :2].add(jnp.array([0.7, -1.3]))
-    # One column of nodes is counted in the next period instead of this one.
-    column = np.arange(net.shape.nodes) % net.shape.nodes_x == 0
-    slid = jnp.concatenate([nodes.ravel(), at[-2:]])
+    slid = Configuration(at.positions + np.array([0.7, -1.3, 0]), at.lengths)
     assert float(energy(net, fabric, slid).total) == pytest.approx(
         float(energy(net, fabric, at).total), rel=1e-12
     )
-    rolled = np.roll(np.arange(net.shape.nodes).reshape(net.shape.nodes_y, -1), -1, axis=1)
-    cut = positions(at)[rolled.ravel()]
-    last = np.arange(net.shape.nodes) % net.shape.nodes_x == net.shape.nodes_x - 1
-    cut = cut.at[last, 0].add(at[-2])
-    assert column.sum() == last.sum()
-    springs_only = energy(net, fabric, jnp.concatenate([cut.ravel(), at[-2:]])).stretch
+    # One column of nodes is counted in the next period instead of this one.
+    cut = jnp.roll(at.positions, -1, axis=1).at[:, -1, 0].add(at.lengths[0])
+    springs_only = energy(net, fabric, Configuration(cut, at.lengths)).stretch
     assert float(springs_only) == pytest.approx(float(energy(net, fabric, at).stretch), rel=1e-12)
 
 
 def test_the_wall_acts_beyond_z_max_on_both_sides():
     net, fabric = checkered(4, 1, CLAMPED)
-    flat = positions(flat_sheet(net, fabric))
+    flat = flat_sheet(net, fabric).positions
     for z, beyond in ((5.9, 0.0), (6.2, 0.2), (-6.2, 0.2)):
-        there = jnp.concatenate([flat.at[:, 2].set(z).ravel(), jnp.zeros(2)])
+        there = Configuration(flat.at[..., 2].set(z), jnp.zeros(2))
         expected = 0.5 * 100 * beyond**2 * net.shape.nodes
         assert float(energy(net, fabric, there).wall) == pytest.approx(expected)

@@ -7,7 +7,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from knitlab.model.energy import element_vectors, positions
+from knitlab.model.configuration import Configuration
+from knitlab.model.energy import element_vectors
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.fold_angle import fold_from_rest
 from tests.fabrics import CLAMPED, checkered, shaken
@@ -15,11 +16,11 @@ from tests.fabrics import CLAMPED, checkered, shaken
 
 def creased(net, fabric, axis=0, half=0.3):
     """A sheet folded along its middle to a mountain of twice an angle; its cells are planes."""
-    flat = positions(flat_sheet(net, fabric))
+    flat = flat_sheet(net, fabric).positions
     ridge = 4.0 * fabric.cell[axis]
-    folded = flat.at[:, axis].set(ridge + (flat[:, axis] - ridge) * jnp.cos(half))
-    folded = folded.at[:, 2].set(-jnp.abs(flat[:, axis] - ridge) * jnp.sin(half))
-    return jnp.concatenate([folded.ravel(), jnp.zeros(2)])
+    folded = flat.at[..., axis].set(ridge + (flat[..., axis] - ridge) * jnp.cos(half))
+    folded = folded.at[..., 2].set(-jnp.abs(flat[..., axis] - ridge) * jnp.sin(half))
+    return Configuration(folded, jnp.zeros(2))
 
 
 @pytest.mark.parametrize("axis", [0, 1])

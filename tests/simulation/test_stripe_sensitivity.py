@@ -10,6 +10,7 @@ from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput
 from knitlab.io.schema import VARIABLES
 from knitlab.mechanics.linear_response import LinearResponses, NoDerivative
+from knitlab.model.configuration import Configuration
 from knitlab.simulation.case import case_of
 from knitlab.study.plan import make_plan
 from tests.execution import stand_in
@@ -86,10 +87,11 @@ def test_where_there_is_no_derivative_it_is_missing(cube, monkeypatch, tmp_path)
     at = LinearResponses.at
     between = 1.045 * float(cube["relaxed_cell_y"].squeeze())
 
-    def not_beyond(self, fabric, configuration):
-        if len(self.free.unknowns) < len(configuration) and configuration[-1] > between:
+    def not_beyond(self, fabric, unknowns):
+        length_y = Configuration.of(unknowns, self.free.shape).lengths[1]
+        if len(self.free.places) < len(unknowns) and length_y > between:
             raise NoDerivative
-        return at(self, fabric, configuration)
+        return at(self, fabric, unknowns)
 
     monkeypatch.setattr(LinearResponses, "at", not_beyond)
     cube = run_plan(make_plan("preview", (*SMALL, *ASKED)), tmp_path, RunOptions()).cube

@@ -16,7 +16,7 @@ from jaxtyping import Bool
 from knitlab.mechanics.batch import stacked
 from knitlab.mechanics.dynamics import DynamicsSettings, Motion, PrescribedMotion, batch_integrator
 from knitlab.mechanics.loading import all_free
-from workflows.solver_benchmark.problem import Configuration, Free, Problem, Search
+from workflows.solver_benchmark.problem import Free, Problem, Search, Unknowns
 from workflows.solver_benchmark.watch import GivenUp, Watch
 
 PIECE = 0.25
@@ -45,7 +45,7 @@ def dynamics(settings: DynamicsSettings, damping: float, wider: float = 1.0) -> 
         absolute_tolerance=wider * settings.absolute_tolerance,
     )
 
-    def search(problem: Problem, start: Configuration, free: Free, watch: Watch) -> Configuration:
+    def search(problem: Problem, start: Unknowns, free: Free, watch: Watch) -> Unknowns:
         if problem.inertia is None:
             raise ValueError("the dynamics need a mass; pose the problem with method=dynamics")
         inertia = eqx.tree_at(lambda i: i.damping, problem.inertia, jnp.asarray(damping))
@@ -63,7 +63,7 @@ def dynamics(settings: DynamicsSettings, damping: float, wider: float = 1.0) -> 
             residual = float(np.abs(np.asarray(piece.gradient[0])[free]).max())
             watch.sees(residual, STAGES * int(piece.steps[0]))
             if piece.steady[0]:
-                return np.asarray(motion.configuration[0])
+                return np.asarray(motion.unknowns[0])
             if not piece.successful[0]:
                 raise GivenUp("the dynamics diverged")
 
@@ -76,7 +76,7 @@ def prepare(settings: DynamicsSettings, problem: Problem) -> None:
     dynamics(settings, 1.0)(once, problem.flat, all_free(problem.shape), Watch(np.inf))
 
 
-def _held(start: Configuration, free: Bool[np.ndarray, " unknown"]) -> PrescribedMotion:
+def _held(start: Unknowns, free: Bool[np.ndarray, " unknown"]) -> PrescribedMotion:
     """What is not free stays where it is."""
     zero, at = jnp.asarray(0.0), jnp.asarray(start)
     return PrescribedMotion(

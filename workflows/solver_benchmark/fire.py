@@ -19,7 +19,7 @@ from knitlab.mechanics.evaluation import WHOLE, evaluate
 from knitlab.mechanics.loading import all_free
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
-from workflows.solver_benchmark.problem import Configuration, Free, Problem, Search
+from workflows.solver_benchmark.problem import Free, Problem, Search, Unknowns
 from workflows.solver_benchmark.watch import GivenUp, Watch
 
 DELAY = 20
@@ -102,7 +102,7 @@ def _compiled(shape: MeshShape) -> Callable[..., tuple[_Motion, Array]]:
 def fire(first_step: float) -> Search:
     """FIRE from rest, with an initial time step in units of √(g mm/N) at unit masses."""
 
-    def search(problem: Problem, start: Configuration, free: Free, watch: Watch) -> Configuration:
+    def search(problem: Problem, start: Unknowns, free: Free, watch: Watch) -> Unknowns:
         motion, before = _at_rest(start, first_step), 0
         is_free = jnp.asarray(problem.which(free))
         numbers = jnp.asarray(first_step), jnp.asarray(problem.tolerance)
@@ -127,7 +127,7 @@ def prepare(problem: Problem) -> None:
     _compiled(problem.shape)(problem.fabric, is_free, *numbers, search_nothing)
 
 
-def _at_rest(start: Configuration, first_step: float) -> _Motion:
+def _at_rest(start: Unknowns, first_step: float) -> _Motion:
     zero, none = jnp.zeros(len(start)), jnp.asarray(0)
     numbers = jnp.asarray(first_step), jnp.asarray(FIRST_MIXING)
     return _Motion(jnp.asarray(start), zero, zero, *numbers, none, none, none)

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.optimize import minimize
 
-from workflows.solver_benchmark.problem import Configuration, Free, Problem, Search
+from workflows.solver_benchmark.problem import Free, Problem, Search, Unknowns
 from workflows.solver_benchmark.watch import GivenUp, Watch
 
 NO_LIMIT = 10**9
@@ -16,7 +16,7 @@ def lbfgs(memory: float) -> Search:
     Where its line search fails, in the round-off of the energy, it begins anew from there.
     """
 
-    def search(problem: Problem, start: Configuration, free: Free, watch: Watch) -> Configuration:
+    def search(problem: Problem, start: Unknowns, free: Free, watch: Watch) -> Unknowns:
         configuration = start.copy()
 
         def energy_and_gradient(unknowns: np.ndarray) -> tuple[float, np.ndarray]:

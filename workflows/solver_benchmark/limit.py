@@ -49,7 +49,7 @@ def _nested_dissection(free: FreeStiffness, entries: np.ndarray, right: Vector) 
 def _cholmod(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:
     from cvxopt import cholmod, matrix, spmatrix
 
-    size = len(free.unknowns)
+    size = len(free.places)
     columns = np.repeat(np.arange(size), np.diff(free.indptr))
     lower = spmatrix(entries.tolist(), free.indices.tolist(), columns.tolist(), (size, size))
     cholmod.options["supernodal"] = SUPERNODAL
@@ -105,15 +105,15 @@ def measure(measurement: Measurement) -> Record:
     (start,) = starts([case], [(net, fabric)])
     if start is None:
         raise RuntimeError("periodic fabric did not relax")
-    shape = net.shape
+    shape, unknowns = net.shape, np.asarray(start.flattened())
     sample = ChunkedFabric.of(shape, fabric, Threads(allowed_threads()))
-    free = free_stiffness(shape, tensile(shape, start).unknowns)
+    free = free_stiffness(shape, tensile(shape, start).free)
 
     def assembled() -> np.ndarray:
-        return free.shifted(free.entries(sample.element_hessians(WHOLE, start)), SHIFT)
+        return free.shifted(free.entries(sample.element_hessians(WHOLE, unknowns)), SHIFT)
 
     def evaluated() -> Vector:
-        return np.asarray(sample.evaluate(WHOLE, start).gradient)[free.unknowns]
+        return np.asarray(sample.evaluate(WHOLE, unknowns).gradient)[free.places]
 
     hessian_seconds, entries = _timed(assembled)
     evaluation_seconds, gradient = _timed(evaluated)
@@ -129,7 +129,7 @@ def measure(measurement: Measurement) -> Record:
         "reached": True,
         "reason": "",
         "nodes": shape.nodes,
-        "unknowns": len(free.unknowns),
+        "unknowns": len(free.places),
         "residual": float(np.abs(left).max()),
         "seconds": hessian_seconds + factorise_seconds + solve_seconds + evaluation_seconds,
         "symbolic_seconds": symbolic_seconds,

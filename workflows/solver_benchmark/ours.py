@@ -18,13 +18,14 @@ from knitlab.mechanics.relaxation import relax, tiled
 from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Solver, SolverSettings
 from knitlab.mechanics.state import State
 from knitlab.mechanics.tensile_test import stretch
+from knitlab.model.configuration import Configuration
 from knitlab.simulation.case import Case
 from workflows.solver_benchmark.problem import (
-    Configuration,
     Free,
     Method,
     Problem,
     Search,
+    Unknowns,
     pull_by,
 )
 from workflows.solver_benchmark.watch import GivenUp, Watch
@@ -57,11 +58,11 @@ def knitlab(
             return None
         return _laid_out(problem, periodic, its(problem), factorisation, watch)
 
-    def relaxed(problem: Problem, watch: Watch) -> Configuration:
+    def relaxed(problem: Problem, watch: Watch) -> Unknowns:
         solver = relax(problem.net, problem.fabric, its(problem), start(problem, watch))
         return _reached(driven(problem, solver, factorisation, watch))
 
-    def path(problem: Problem, watch: Watch) -> list[Configuration]:
+    def path(problem: Problem, watch: Watch) -> list[Unknowns]:
         def progress(done: int) -> None:
             watch.states = done
 
@@ -82,7 +83,7 @@ def knitlab(
 
 
 def _search(its: Callable[[Problem], SolverSettings], factorisation: str) -> Search:
-    def search(problem: Problem, start: Configuration, free: Free, watch: Watch) -> Configuration:
+    def search(problem: Problem, start: Unknowns, free: Free, watch: Watch) -> Unknowns:
         rules = SearchRules.of(problem.shape, free, problem.fabric, its(problem))
         solver = find_equilibrium(Evaluate(start), rules)
         return _reached(driven(problem, solver, factorisation, watch))
@@ -109,7 +110,7 @@ def _laid_out(
     with watch.paused():
         prepare(cell)
     solver = relax(cell.net, cell.fabric, settings)
-    relaxed = _reached(driven(cell, solver, factorisation, watch))
+    relaxed = Configuration.of(_reached(driven(cell, solver, factorisation, watch)), cell.shape)
     return tiled(problem.net, problem.fabric, cell.net, relaxed)
 
 
@@ -134,14 +135,14 @@ def _driven(problem: Problem, solver: Solver[Result], factorisation: str, watch:
         answer = executor.answer(request)
         match request:
             case Assemble():
-                free = request.free.unknowns
+                free = request.free.places
             case Factorise():
                 watch.factorisations += 1
-            case Evaluate(configuration, stage):
+            case Evaluate(unknowns, stage):
                 gradient = answer.gradient
                 if stage is not WHOLE:
                     with watch.paused():
-                        gradient = problem.evaluate(configuration).gradient
+                        gradient = problem.evaluate(unknowns).gradient
                 watch.sees(float(np.abs(gradient[free]).max()))
 
 
@@ -151,7 +152,7 @@ def prepare(problem: Problem) -> None:
     problem.portioned.element_hessians(WHOLE, problem.flat)
 
 
-def _reached(state: State) -> Configuration:
+def _reached(state: State) -> Unknowns:
     if not state.converged:
         raise GivenUp(f"the search {state.outcome.name.replace('_', ' ')}")
-    return state.configuration
+    return state.unknowns

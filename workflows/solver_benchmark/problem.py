@@ -10,13 +10,15 @@ from jaxtyping import Bool, Float, Int
 from knitlab.mechanics.element_chunks import ChunkedFabric
 from knitlab.mechanics.evaluation import WHOLE, Evaluation
 from knitlab.mechanics.loading import all_free, rigidly_aligned, tensile
+from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.inertia import Inertia, inertia
 from knitlab.model.network import MeshShape, Network
 from knitlab.simulation.case import Case
 from workflows.solver_benchmark.watch import Watch
 
-Configuration = Float[np.ndarray, " unknown"]
+Unknowns = Float[np.ndarray, " unknown"]
+"""A configuration, flattened [mm]."""
 Free = Int[np.ndarray, " free"]
 
 
@@ -51,9 +53,9 @@ class Problem:
         return self.net.shape
 
     @cached_property
-    def flat(self) -> Configuration:
+    def flat(self) -> Unknowns:
         """The flat sheet, from which everyone starts [mm]."""
-        return np.asarray(flat_sheet(self.net, self.fabric))
+        return np.asarray(flat_sheet(self.net, self.fabric).flattened())
 
     @cached_property
     def portioned(self) -> ChunkedFabric:
@@ -64,12 +66,12 @@ class Problem:
         """Of every unknown, whether it is free."""
         return np.isin(np.arange(self.shape.unknowns), free)
 
-    def evaluate(self, configuration: Configuration) -> Evaluation:
+    def evaluate(self, unknowns: Unknowns) -> Evaluation:
         """Energy and gradient."""
-        return self.portioned.evaluate(WHOLE, configuration)
+        return self.portioned.evaluate(WHOLE, unknowns)
 
 
-Search = Callable[[Problem, Configuration, Free, Watch], Configuration]
+Search = Callable[[Problem, Unknowns, Free, Watch], Unknowns]
 """Moves the free unknowns to where no force above the tolerance is left on them.
 
 It raises :class:`~workflows.solver_benchmark.watch.GivenUp` where it does not get there."""
@@ -85,8 +87,8 @@ class Method:
         prepare: compiles what there is to compile.
     """
 
-    relax: Callable[[Problem, Watch], Configuration]
-    pull: Callable[[Problem, Watch], list[Configuration]]
+    relax: Callable[[Problem, Watch], Unknowns]
+    pull: Callable[[Problem, Watch], list[Unknowns]]
     prepare: Callable[[Problem], None]
 
 
@@ -96,33 +98,34 @@ def by(search: Search, prepare: Callable[[Problem], None]) -> Method:
     return Method(relax, partial(pull_by, search, relax), prepare)
 
 
-def relax_by(search: Search, problem: Problem, watch: Watch) -> Configuration:
+def relax_by(search: Search, problem: Problem, watch: Watch) -> Unknowns:
     """Relax a flat sheet; a sample for clamping is squared up and relaxed again, as by knitlab."""
     free = all_free(problem.shape)
     relaxed = search(problem, problem.flat, free, watch)
     if problem.shape.periodic:
         return relaxed
-    square = np.asarray(rigidly_aligned(problem.shape, problem.flat, relaxed))
-    return search(problem, square, free, watch)
+    flat, shape = (Configuration.of(of, problem.shape) for of in (problem.flat, relaxed))
+    aligned = np.asarray(rigidly_aligned(problem.shape, flat, shape).flattened())
+    return search(problem, aligned, free, watch)
 
 
 def pull_by(
     search: Search,
-    relax: Callable[[Problem, Watch], Configuration],
+    relax: Callable[[Problem, Watch], Unknowns],
     problem: Problem,
     watch: Watch,
-) -> list[Configuration]:
+) -> list[Unknowns]:
     """Relax and pull in as many steps as there are strains.
 
     The first starts from an affine stretch, the others from the line through the last two states.
     """
     states = [relax(problem, watch)]
     watch.states = 1
-    loading = tensile(problem.shape, states[0])
+    loading = tensile(problem.shape, Configuration.of(states[0], problem.shape))
     strains = problem.applied_strain
     for place in range(1, len(strains)):
         passed = list(zip(strains[:place], states, strict=True))
         start = loading.ahead(passed, strains[place])
-        states.append(search(problem, start, loading.unknowns, watch))
+        states.append(search(problem, start, loading.free, watch))
         watch.states = len(states)
     return states

@@ -1,0 +1,78 @@
+"""Configurations: the shape of a fabric, as the positions of its nodes and the sides of its cell.
+
+Solvers search for one vector of unknowns instead. This module alone knows their order: the
+coordinates (x, y, z) of every node, row by row from the bottom left, then the two sides.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Float
+
+from knitlab.model.network import MeshShape
+
+SIDES = 2
+"""Unknowns behind the coordinates of the nodes: L_x and L_y."""
+
+
+class Configuration(eqx.Module):
+    """The shape of a fabric in one state, or in several along leading axes; a pytree.
+
+    What it is measured by may be written in JAX and then be differentiated, or in NumPy, which
+    compiles nothing: the arrays are of either kind. A velocity or a gradient by the shape has this
+    form too.
+
+    Attributes:
+        positions: (x, y, z) of every node, x along the courses and y along the wales; row 0 is the
+            bottom course, column 0 the left wale [mm].
+        lengths: sides L_x and L_y of the cell of periodic fabric. A sample with open edges has
+            none; there they are not used, and mostly hold its flat size [mm].
+
+    Example:
+        >>> import jax, jax.numpy as jnp
+        >>> from knitlab.model.configuration import Configuration
+        >>> def width(shape):
+        ...     return jnp.ptp(shape.positions[..., 0])
+        >>> nodes = jnp.array([[[0.0, 0, 0], [3, 0, 0]], [[0, 2, 0], [4, 2, 1]]])
+        >>> sheet = Configuration(nodes, jnp.zeros(2))
+        >>> float(width(sheet))
+        4.0
+        >>> jax.grad(width)(sheet).positions[1, 1].tolist()
+        [1.0, 0.0, 0.0]
+    """
+
+    positions: Float[Array | np.ndarray, "*state node_y node_x 3"]
+    lengths: Float[Array | np.ndarray, "*state 2"]
+
+    @classmethod
+    def of(
+        cls, unknowns: Float[Array | np.ndarray, "*state unknown"], shape: MeshShape
+    ) -> "Configuration":
+        """The configuration that a vector of unknowns holds; the inverse of :meth:`flattened`.
+
+        Args:
+            unknowns: the vector, or one a state along leading axes [mm].
+            shape: mesh shape of the fabric.
+        """
+        grid = *unknowns.shape[:-1], shape.nodes_y, shape.nodes_x, 3
+        return cls(unknowns[..., :-SIDES].reshape(grid), unknowns[..., -SIDES:])
+
+    @classmethod
+    def stacked(cls, states: Sequence["Configuration"]) -> "Configuration":
+        """Configurations of one mesh shape as the states of one, in NumPy."""
+        return cls(
+            np.stack([np.asarray(state.positions) for state in states]),
+            np.stack([np.asarray(state.lengths) for state in states]),
+        )
+
+    def flattened(self) -> Float[Array | np.ndarray, "*state unknown"]:
+        """The vector of unknowns: coordinates node by node, then L_x and L_y [mm]."""
+        library: Any = self.positions.__array_namespace__()
+        coordinates = self.positions.reshape(*self.lengths.shape[:-1], -1)
+        return library.concatenate([coordinates, self.lengths], axis=-1)
+
+    def __getitem__(self, state: Any) -> "Configuration":
+        """One state of several, or some: the index applies to the leading axis."""
+        return Configuration(self.positions[state], self.lengths[state])
