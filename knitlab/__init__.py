@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from knitlab.api.comparison import compare, query
     from knitlab.api.design import Design
     from knitlab.api.laboratory import fit, import_records
+    from knitlab.api.measures import evaluate
     from knitlab.api.simulation import NotConverged, simulate
     from knitlab.api.sweeps import NotAllOk, plan, reproduce, run, status
     from knitlab.io.errors import BadInput
@@ -38,6 +39,7 @@ __all__ = [
     "calibrate",
     "claims",
     "compare",
+    "evaluate",
     "fit",
     "import_records",
     "open_cube",
@@ -58,6 +60,7 @@ _MODULES = {
     "calibrate": "knitlab.api.calibration",
     "claims": "knitlab.api.claims",
     "compare": "knitlab.api.comparison",
+    "evaluate": "knitlab.api.measures",
     "fit": "knitlab.api.laboratory",
     "import_records": "knitlab.api.laboratory",
     "open_cube": "knitlab.tables.accessor",
