@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from knitlab.api.claims import claims
     from knitlab.api.comparison import compare, query
     from knitlab.api.design import Design
+    from knitlab.api.finding import find
     from knitlab.api.laboratory import fit, import_records
     from knitlab.api.measures import evaluate
     from knitlab.api.simulation import NotConverged, simulate
@@ -40,6 +41,7 @@ __all__ = [
     "claims",
     "compare",
     "evaluate",
+    "find",
     "fit",
     "import_records",
     "open_cube",
@@ -61,6 +63,7 @@ _MODULES = {
     "claims": "knitlab.api.claims",
     "compare": "knitlab.api.comparison",
     "evaluate": "knitlab.api.measures",
+    "find": "knitlab.api.finding",
     "fit": "knitlab.api.laboratory",
     "import_records": "knitlab.api.laboratory",
     "open_cube": "knitlab.tables.accessor",

@@ -10,7 +10,7 @@ import xarray as xr
 from knitlab.io.cube_file import open_cube
 from knitlab.io.plain_cube import PlainCube
 from knitlab.tables.comparison import compared
-from knitlab.tables.query import designs_of_all, queried
+from knitlab.tables.query import query_cubes
 from knitlab.tables.selection import refuse_others, selected, selection_texts, selections_along
 
 Cube = str | Path | xr.Dataset
@@ -52,7 +52,7 @@ def query(
         [8, 64]
     """
     plain = [PlainCube.of(opened(cube)) for cube in cubes]
-    return queried(designs_of_all(plain, selection_texts(selections)), where, sort, columns)
+    return query_cubes(plain, selection_texts(selections), where, sort, columns)
 
 
 def compare(simulation: Cube, *experiments: Cube, **selections: Any) -> pd.DataFrame:
