@@ -34,9 +34,9 @@ def design_space(section: DesignSection, parameters: Parameters, source: Source)
     Impossible combinations of a grid are excluded.
 
     Args:
-        section: what the workflow says.
-        parameters: the stripes and sets there are.
-        source: says where a ``section.key`` comes from, for a fault.
+        section: the workflow's section.
+        parameters: the stripe tables and the named sets.
+        source: names where a ``section.key`` comes from, for a fault.
 
     Raises:
         BadInput: if a set or a member asked for does not exist, if a single design that was
@@ -54,7 +54,7 @@ def _grid(
     n_stripe: tuple[int, ...], n_subunit: tuple[int, ...], parameters: Parameters, source: Source
 ) -> DesignSpace:
     pairs = sorted({(n, m) for n in n_stripe for m in n_subunit})
-    reasons = {pair: parameters.impossible(*pair) for pair in pairs}
+    reasons = {pair: parameters.stripes.impossible(*pair) for pair in pairs}
     excluded: dict[Design, str] = {pair: reason for pair, reason in reasons.items() if reason}
     if len(excluded) == len(pairs):
         asked = ", ".join(dict.fromkeys(map(source, ("design.n_stripe", "design.n_subunit"))))
