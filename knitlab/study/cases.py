@@ -56,7 +56,7 @@ def cases(
     axes: tuple[SweepAxis, ...],
     space: DesignSpace,
     parameters: Parameters,
-    source: Source = str,
+    source: Source,
 ) -> Iterator[Case]:
     """Every case of a workflow: every design under every combination of the axes' values.
 
@@ -166,7 +166,7 @@ def _capacitor(
     if section.layout is not None:
         if section.layout not in parameters.layouts:
             known = ", ".join(parameters.layouts)
-            problem = f"there is no layout {section.layout!r}; choose of {known}, or give a mask"
+            problem = f"there is no layout {section.layout!r}; choose from {known}, or give a mask"
             raise fault(source("electrodes.layout"), problem)
         layout = parameters.layouts[section.layout]
     # The section's ``layout`` is a name.

@@ -88,12 +88,14 @@ def with_defaults(table: type) -> Fields:
 def entries(types: Types) -> Fields:
     """Tables ``{value, unit, source}`` of a parameter file."""
     form: Any = ParameterValue
-    return {name: (form[_of_toml(kind), _only(unit_of(kind))], ...) for name, kind in types.items()}
+    return {
+        name: (form[_of_toml(kind), _literal(unit_of(kind))], ...) for name, kind in types.items()
+    }
 
 
 def units(types: Types) -> Fields:
     """The unit of each of some quantities."""
-    return {name: (_only(unit_of(kind)), ...) for name, kind in types.items()}
+    return {name: (_literal(unit_of(kind)), ...) for name, kind in types.items()}
 
 
 def with_fields(fields: Fields) -> Callable[[Model], Model]:
@@ -112,9 +114,9 @@ def with_fields(fields: Fields) -> Callable[[Model], Model]:
     return added
 
 
-def _only(text: str) -> Any:
-    literal: Any = Literal
-    return literal[text]
+def _literal(text: str) -> Any:
+    form: Any = Literal
+    return form[text]
 
 
 def _of_toml(kind: Any) -> Any:

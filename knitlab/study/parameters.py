@@ -89,7 +89,7 @@ class Stripes(StrictModel):
         if n_stripe not in pairing:
             garter = f"garter stripe of {GARTER_STITCHES_PER_RIB_STITCH * n_stripe} to pair with"
             missing = garter if n_stripe in ribs else "rib stripe"
-            return f"n_stripe = {n_stripe} has no {missing}; choose of {pairing}"
+            return f"n_stripe = {n_stripe} has no {missing}; choose from {pairing}"
         try:
             periods_per_patch(n_stripe, n_subunit)
         except ValueError as error:

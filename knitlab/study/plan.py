@@ -67,13 +67,13 @@ class Plan:
         figures: the figures that it draws.
         cases: what to simulate, by identifier.
         batches: the cases by mesh shape, as many together as memory allows.
-        excluded: designs of the grid that no fabric can have, with the reason.
-        coordinates: of the settings that it gives as lists.
+        excluded: impossible designs of the grid, with the reason.
+        coordinates: of the settings that are given as lists.
         overrides: the ``KEY=VALUE`` settings that it was made with.
-        inputs: SHA-256 of every file that it was made from, by path.
-        stripes: fingerprint of the stripes, with what the workflow changes of all of them.
-        gauge: size of a stitch, by which its cube tells sizes in cloth; no case depends on it.
-        warnings: what of its values may be a slip.
+        inputs: SHA-256 of every file that the plan was made from, by path.
+        stripes: fingerprint of the stripe tables, with the changes that all cases share.
+        gauge: size of a stitch, for the cube's sizes in cloth; no case depends on it.
+        warnings: values that may be mistakes.
     """
 
     workflow: str
@@ -91,7 +91,7 @@ class Plan:
 
     @property
     def dims(self) -> tuple[str, ...]:
-        """Dimensions of the cube that its designs lie along."""
+        """Dimensions of the cube along which its designs are ordered."""
         return tuple(next(iter(self.cases.values())).design)
 
     @property

@@ -1,8 +1,10 @@
-"""Settings: all that a workflow, a sweep and the documentation know of each.
+"""Settings: what a workflow, a sweep and the documentation know of each.
 
-The tables in which they are declared are the sections of
-:data:`~knitlab.study.workflow.SECTIONS`; most of these are derived from dataclasses such as
-:class:`~knitlab.mechanics.solver.SolverSettings` (:mod:`knitlab.study.declared_fields`).
+A setting is declared once, as a field of a table such as
+:class:`~knitlab.mechanics.solver.SolverSettings` with its range and unit as its type, or of a
+section of :mod:`knitlab.study.workflow`. To add one, add the field and, for a table of a parameter
+file, an entry with its value, unit and source there: ``--set``, sweeps, coordinates and the
+reference of settings follow (:mod:`knitlab.study.declared_fields`).
 """
 
 from dataclasses import asdict, dataclass

@@ -1,4 +1,4 @@
-"""Workflows: what the one short TOML file of an experiment may hold."""
+"""Workflows: the schema of the TOML file that describes one experiment."""
 
 from typing import Annotated, Any, get_args
 
@@ -58,8 +58,9 @@ class DesignSection(StrictModel):
     """``[design]``: which designs, as a named set or as a grid, and the sample they make.
 
     With a set, ``n_stripe`` or ``n_subunit`` alone keep those members of it; both together
-    replace it by their grid. The sample is so many ``unit_cells``, or as many as ``needles`` knit
-    of each design, of which ``scale`` takes a part; ``aspect`` is its length over its width.
+    replace it by their grid. The size of the sample is given in ``unit_cells``, or by ``needles``:
+    it is then as many unit cells as fit on that number of needles times ``scale``, and ``aspect``
+    times as long as wide.
     """
 
     set: str | None = None
@@ -78,7 +79,7 @@ class DesignSection(StrictModel):
         return rows
 
     @model_validator(mode="after")
-    def _says_once_how_large_the_sample_is(self) -> "DesignSection":
+    def _gives_one_sample_size(self) -> "DesignSection":
         if self.needles is not None and self.unit_cells is not None:
             raise ValueError("has both unit_cells and needles; give one of them")
         if self.needles is None and {"aspect", "scale"} & self.model_fields_set:
@@ -102,10 +103,10 @@ class ProtocolSection(StrictModel):
     """``[protocol]``: the strains of the tensile test, and how its states are reached.
 
     The strains are the multiples of ``strain_step`` and the ``further_strains``, up to
-    ``strain_max``.
-    With ``sensitivities``, also how Poisson's ratio and force depend on the stripe parameters; with
-    ``unloading``, also the way back through the same strains; with ``robustness``, also how far
-    they spread over so many siblings of each design, which are tested in equilibrium alone.
+    ``strain_max``. ``sensitivities`` adds how Poisson's ratio and force depend on the stripe
+    parameters, ``unloading`` the way back through the same strains, and ``robustness`` the spread
+    of results over this number of slightly different siblings of each design; siblings are tested
+    in equilibrium only.
     """
 
     method: Method = "equilibrium"
@@ -121,7 +122,7 @@ class ProtocolSection(StrictModel):
         for name in ("sensitivities", "unloading"):
             if getattr(self, name) and self.method != "equilibrium":
                 raise ValueError(
-                    f"has no {name} by method = {self.method}; take method = equilibrium"
+                    f"method = {self.method} gives no {name}; take method = equilibrium"
                 )
         return self
 
@@ -163,7 +164,8 @@ CHANGES: Types = {
     **SHEET_NUMBERS,
     **factors(SHEET_NUMBERS),
 }
-"""What may be changed of stripes and sheet, in the order that a cube's fingerprint has."""
+"""Numbers of stripes and sheet that may be replaced or multiplied, in the order of the fingerprint
+of stripes that a cube states."""
 
 
 @with_fields(optional(CHANGES | declared(ModelOptions)))
@@ -210,7 +212,7 @@ class GaugeSection(StrictModel):
 
 
 class Workflow(StrictModel):
-    """A workflow file, with what ``--set`` changed."""
+    """A workflow file, with the overrides of ``--set`` applied."""
 
     title: str = Field(min_length=1)
     figures: Annotated[tuple[Figure, ...], Field(strict=False)] = ()
@@ -226,9 +228,9 @@ class Workflow(StrictModel):
     @model_validator(mode="after")
     def _is_of_one_kind(self) -> "Workflow":
         if (self.design is None) == (self.stripes is None):
-            raise ValueError("needs either [design] or [stripes], not both and not neither")
+            raise ValueError("needs either [design] or [stripes], and not both")
         if self.stripes is not None and self.protocol.sensitivities:
-            raise ValueError("has no sensitivities of pure stripes; leave protocol.sensitivities")
+            raise ValueError("pure stripes have no sensitivities; leave out protocol.sensitivities")
         return self
 
 

@@ -143,7 +143,7 @@ def test_what_is_swept_is_not_among_the_common_settings():
         ("stitch_width=1,2", r"stitch_width=1,2: is a list, \[1, 2\]; give one value"),
         ("period_factor=[]", r"is a list, \[\]; give one value"),
         ("mask=AB..", "overrides mask=AB..: the mask has 1 rows of 4 letters"),
-        ("layout=none", "overrides layout=none: there is no layout 'none'; choose of stripe"),
+        ("layout=none", "overrides layout=none: there is no layout 'none'; choose from stripe"),
     ],
 )
 def test_a_bad_value_is_named_once_with_its_override(override, message):
