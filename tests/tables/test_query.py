@@ -162,11 +162,11 @@ def test_a_variable_along_the_strain_says_how_to_get_it():
 @pytest.mark.parametrize(
     ("selection", "message"),
     [
-        ("n_stripe=3", "no n_stripe = 3; choose of 2, 4, 8"),
+        ("n_stripe=3", "no n_stripe = 3; choose from 2, 4, 8"),
         ("n_stripes=4", "did you mean 'n_stripe'"),
         ("n_stripe=four", "not a number"),
         ("n_stripe", "not NAME=VALUE"),
-        ("status=1", "there is no 'status'; choose of applied_strain, n_stripe, n_subunit"),
+        ("status=1", "there is no 'status'; choose from applied_strain, n_stripe, n_subunit"),
     ],
 )
 def test_a_bad_selection_is_named(selection, message):
