@@ -52,6 +52,7 @@ def killed(folder, after):
     return len(list((folder / "results" / "preview" / "cases").glob("*.nc")))
 
 
+@pytest.mark.slow
 def test_a_killed_sweep_goes_on_and_ends_as_if_it_had_not_been(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = killed(tmp_path, after=1)

@@ -123,12 +123,13 @@ def test_ctrl_c_keeps_what_is_done_and_writes_the_cube(tmp_path, uninterrupted):
     same(ran(stand_in.plan_of(), tmp_path).cube, uninterrupted.cube)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("before", [None, ignoring_ctrl_c])
 def test_a_run_that_is_asked_to_end_does_so_as_by_ctrl_c(tmp_path, before):
     ended_by(signal.SIGTERM, tmp_path, preexec_fn=before)
 
 
-@pytest.mark.parametrize("workers", [0, WORKERS])
+@pytest.mark.parametrize("workers", [0, pytest.param(WORKERS, marks=pytest.mark.slow)])
 def test_a_poisoned_case_harms_no_other(tmp_path, workers):
     run = ran(plan_of(2), tmp_path, stand_in.simulate_poisoned, workers=workers)
     poisoned = [case for case in run.failures if case["n_stripe"] == stand_in.POISONED]
@@ -145,6 +146,7 @@ def test_a_poisoned_case_harms_no_other(tmp_path, workers):
     assert mended.failures == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n_stripe", "threads"), [("8", 4), ("4,8", 2)])
 def test_processors_that_no_batch_is_left_for_help_the_others(tmp_path, n_stripe, threads):
     plan = make_plan("preview", (f"n_stripe={n_stripe}", "n_subunit=32", "strain_max=0.06"))
@@ -153,6 +155,7 @@ def test_processors_that_no_batch_is_left_for_help_the_others(tmp_path, n_stripe
     assert told == [f"{threads} 1"] * len(n_stripe.split(","))
 
 
+@pytest.mark.slow
 def test_a_case_that_kills_its_worker_harms_no_other(tmp_path):
     run = ran(plan_of(), tmp_path, stand_in.simulate_deadly, workers=WORKERS)
     assert statuses(run)["failed"] == 3
@@ -161,13 +164,16 @@ def test_a_case_that_kills_its_worker_harms_no_other(tmp_path):
     assert "its worker died" in run.failures[0]["reason"]
 
 
+@pytest.mark.slow
 def test_a_worker_lost_once_costs_nothing(tmp_path):
     run = ran(plan_of(), tmp_path, stand_in.simulate_once_lost, workers=WORKERS)
     assert (tmp_path / "died-once").exists()
     assert run.failures == ()
 
 
-@pytest.mark.parametrize(("workers", "timeout"), [(0, 0.5), (WORKERS, 3.0)])
+@pytest.mark.parametrize(
+    ("workers", "timeout"), [(0, 0.5), pytest.param(WORKERS, 3.0, marks=pytest.mark.slow)]
+)
 def test_a_case_without_end_is_ended(tmp_path, workers, timeout):
     periodic = stand_in.simulate_endlessly
     run = ran(plan_of(), tmp_path, periodic, workers=workers, case_timeout=timeout)
@@ -176,6 +182,7 @@ def test_a_case_without_end_is_ended(tmp_path, workers, timeout):
     assert not list(tmp_path.glob(".timed-out-*"))
 
 
+@pytest.mark.slow
 def test_an_existing_scheduler_is_used(tmp_path):
     with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
         run = ran(plan_of(), tmp_path, scheduler=cluster.scheduler_address)
@@ -321,7 +328,7 @@ for path, contents in before.items():
 """
 
 
-@pytest.mark.parametrize("workers", [0, WORKERS])
+@pytest.mark.parametrize("workers", [0, pytest.param(WORKERS, marks=pytest.mark.slow)])
 def test_a_full_disk_is_one_sentence_and_harms_nothing(tmp_path, workers):
     mounting = f"mount -t tmpfs -o size=3m tmpfs {tmp_path}"
     namespace = ["unshare", "--user", "--map-root-user", "--mount", "bash", "-c"]

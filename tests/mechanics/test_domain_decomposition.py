@@ -111,6 +111,7 @@ def test_rounds_hold_every_block_once_and_none_that_meet(count, seed, density):
         assert forces[together[0]] == forces[waiting].max()
 
 
+@pytest.mark.slow
 def test_two_threads_settle_blocks_as_one_does(small_blocks, sample, monkeypatch):
     net, fabric, loading = sample
     # Smaller blocks yet, of which some do not meet.
@@ -162,6 +163,7 @@ def test_a_sample_comes_to_the_same_rest_by_blocks_and_as_a_whole(
     np.testing.assert_allclose(by_blocks.configuration, as_a_whole.configuration, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_in_a_batch_on_the_device_blocks_stay_and_the_whole_comes_to_rest(small_blocks, sample):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
@@ -212,6 +214,7 @@ class Counting(Executor):
         return super().answer(request)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("patience", [None, 3])
 def test_what_all_rounds_cost_is_counted(small_blocks, sample, patience):
     net, fabric, loading = sample
@@ -236,6 +239,7 @@ class Noting(Executor):
         return super().answer(request)
 
 
+@pytest.mark.slow
 def test_blocks_settle_again_when_patience_is_at_its_end(small_blocks, sample):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
@@ -272,6 +276,7 @@ def test_where_blocks_fold_a_cell_to_nothing_the_whole_goes_on_without_them(smal
     np.testing.assert_allclose(state.configuration, whole.configuration, atol=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("outcome", "residual"), [(Outcome.stalled, 1e-3), (Outcome.iteration_limit, 1e5)]
 )

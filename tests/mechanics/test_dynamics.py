@@ -74,6 +74,7 @@ def test_energy_is_kept_account_of_over_a_relaxation():
     assert (np.diff(history.dissipated) >= 0).all()
 
 
+@pytest.mark.slow
 def test_the_error_falls_with_the_fifth_power_of_the_time_step():
     ends = []
     for steps in (60, 120, 480):
@@ -90,6 +91,7 @@ def test_the_error_falls_with_the_fifth_power_of_the_time_step():
     assert (orders > 4.5).all(), (errors, orders)
 
 
+@pytest.mark.slow
 def test_the_error_falls_with_the_tolerance():
     ends = []
     for tolerance in (1e-4, 1e-6, 1e-9):
@@ -104,6 +106,7 @@ def test_the_error_falls_with_the_tolerance():
     assert errors[0] > 10 * errors[1], errors
 
 
+@pytest.mark.slow
 def test_damping_is_near_critical_for_the_softest_mode():
     net, fabric = checkered(4, 2, PERIODIC)
     state = relaxed(net, fabric)
@@ -117,6 +120,7 @@ def test_damping_is_near_critical_for_the_softest_mode():
     assert 0.5 < float(inertia.damping / inertia.node_mass) / (2 * softest) < 1.5
 
 
+@pytest.mark.slow
 def test_a_batch_moves_as_its_cases_do_alone():
     batch = moving([(2, 1), (8, 1)], PERIODIC, SETTINGS)
     sheets = [np.asarray(flat_sheet(network(batch.shape), fabric)) for fabric in batch.fabrics]
@@ -135,6 +139,7 @@ def test_a_batch_moves_as_its_cases_do_alone():
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ending", "outcome"), [("steady", Outcome.stalled), ("fixed_steps", Outcome.diverged)]
 )
@@ -161,10 +166,15 @@ def test_a_design_that_diverges_does_not_disturb_its_neighbour(ending, outcome):
     [
         ({"max_steps": 50}, Outcome.iteration_limit),
         ({"duration": 0.1}, Outcome.time_limit),
-        ({"ending": "fixed_steps", "fixed_steps": 100}, Outcome.time_limit),
-        (
+        pytest.param(
+            {"ending": "fixed_steps", "fixed_steps": 100},
+            Outcome.time_limit,
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
             {"ending": "fixed_steps", "fixed_steps": 100, "fixed_steps_force": 10.0},
             Outcome.converged,
+            marks=pytest.mark.slow,
         ),
     ],
 )

@@ -58,6 +58,7 @@ def test_it_finds_what_this_process_finds(sample, request_to_settle):
             np.testing.assert_array_equal(there.configuration, here.configuration)
 
 
+@pytest.mark.slow
 def test_blocks_are_settled_though_a_companion_dies(sample, request_to_settle, monkeypatch):
     net, fabric, _ = sample
     dead = []
