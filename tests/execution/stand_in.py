@@ -30,9 +30,9 @@ from tests.file_events import await_changes, kill, pause_before_changes
 ONE_OF_XLA = os.environ.get("PJRT_NPROC")
 POISONED = 8
 """n_stripe of the designs that the bad stand-ins fail on."""
-FACTORS = 8
-EVENT_BYTES = 256
-"""A pipe of one page holds sixteen of them: a process is no further ahead of who counts them."""
+FACTORS = 4
+EVENT_BYTES = 512
+"""A pipe of one page holds eight of them: a process is no further ahead of who counts them."""
 
 
 def plan_of(factors=FACTORS):
