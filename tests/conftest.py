@@ -1,6 +1,6 @@
 import os
 
-# As many processes as there are processors run the tests, so each has one thread.
+# One thread a process, so that as many processes as there are processors can share the tests.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("PJRT_NPROC", "1")
 
