@@ -11,10 +11,11 @@ from typing import Any, TypeVar, Union, get_args, get_origin
 
 import jax
 import numpy as np
-from beartype import beartype
+from beartype import BeartypeConf, beartype
 from jaxtyping import AbstractArray
 
 F = TypeVar("F", bound=Callable[..., Any])
+CHECKER = beartype(conf=BeartypeConf(is_pep484_tower=True))  # an int is a float
 ANY_LIBRARY = jax.Array | np.ndarray | np.generic
 
 
@@ -25,7 +26,7 @@ def checked(function: F) -> F:
     if not arrays:
         return function
     function.__annotations__ = arrays
-    return beartype(function)
+    return CHECKER(function)
 
 
 def _is_array(hint: Any) -> bool:

@@ -10,7 +10,9 @@ from jaxtyping import Array, Float
 
 from knitlab.measure.central import central
 
-CornerGrid = Float[Array | np.ndarray, "*state cell_y+1 cell_x+1 2"]
+CornerGrid = Float[Array | np.ndarray, "*state corner_y corner_x 2"]
+ReferenceGrid = Float[Array | np.ndarray, "... corner_y corner_x 2"]
+"""Of one state, or of as many as there are."""
 CellTensor = Float[Array | np.ndarray, "*state cell_y cell_x 2 2"]
 CellField = Float[Array | np.ndarray, "*state cell_y cell_x"]
 Series = Float[Array | np.ndarray, "*state"]
@@ -50,7 +52,7 @@ def deformation_gradient(reference: CellTensor, current: CellTensor) -> CellTens
     return xp.matrix_transpose(transposed)
 
 
-def local_strain(reference: CornerGrid, current: CornerGrid) -> tuple[CellField, CellField]:
+def local_strain(reference: ReferenceGrid, current: CornerGrid) -> tuple[CellField, CellField]:
     """Local normal strains ε_xx = ∂u_x/∂X and ε_yy = ∂u_y/∂Y of every unit cell [1].
 
     Args:
