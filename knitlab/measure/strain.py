@@ -12,7 +12,8 @@ from knitlab.measure.central import central
 
 CornerGrid = Float[Array | np.ndarray, "*state corner_y corner_x 2"]
 ReferenceGrid = Float[Array | np.ndarray, "... corner_y corner_x 2"]
-"""Of one state, or of as many as there are."""
+ReferenceTensor = Float[Array | np.ndarray, "... cell_y cell_x 2 2"]
+"""References are of one state, or of as many as there are."""
 CellTensor = Float[Array | np.ndarray, "*state cell_y cell_x 2 2"]
 CellField = Float[Array | np.ndarray, "*state cell_y cell_x"]
 Series = Float[Array | np.ndarray, "*state"]
@@ -40,7 +41,7 @@ def lattice_vectors(corners: CornerGrid) -> CellTensor:
     return xp.stack([v1, v2], axis=-1)
 
 
-def deformation_gradient(reference: CellTensor, current: CellTensor) -> CellTensor:
+def deformation_gradient(reference: ReferenceTensor, current: CellTensor) -> CellTensor:
     """F of every unit cell, from (w1 w2) = F (v1 v2) [1].
 
     Args:
