@@ -121,7 +121,7 @@ class FabricLayout:
     reading: ModelOptions
     spring_kind: Int[np.ndarray, " spring"]
     hinge_kind: Int[np.ndarray, " hinge"]
-    fold_sense: Int[np.ndarray, " hinge"]
+    fold_sense: Float[np.ndarray, " hinge"]
     hinged: Bool[np.ndarray, " hinge"]
 
     def fabric(self, stripes: StripePair) -> Fabric:

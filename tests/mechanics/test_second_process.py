@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -39,13 +38,6 @@ def is_there(pid: int) -> bool:
     return True
 
 
-def ends(pid: int) -> bool:
-    deadline = time.monotonic() + 60
-    while is_there(pid) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    return not is_there(pid)
-
-
 def test_it_finds_what_this_process_finds(sample, request_to_settle):
     _, fabric, _ = sample
     at, companion = request_to_settle.at, SecondProcess()
@@ -66,6 +58,7 @@ def test_it_finds_what_this_process_finds(sample, request_to_settle):
             np.testing.assert_array_equal(there.unknowns, here.unknowns)
 
 
+@pytest.mark.slow
 def test_blocks_are_settled_though_a_companion_dies(sample, request_to_settle, monkeypatch):
     net, fabric, _ = sample
     dead = []
@@ -105,4 +98,5 @@ def test_it_ends_when_what_started_it_is_killed():
         pid = int(process.stdout.readline())
         assert is_there(pid)
         process.kill()
-    assert ends(pid)
+        # Both write to one pipe, which ends when the last of them has.
+        assert process.stdout.read() == ""
