@@ -6,7 +6,7 @@ All of it is read off a curve C(ε), simulated or measured, of at least three po
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.interpolate import PchipInterpolator
 
 CENTRAL_PART = 0.2
@@ -16,6 +16,7 @@ RESOLUTION = 200
 FEWEST_POINTS = 3
 
 Curve = Float[np.ndarray, " point"]
+Kept = Bool[np.ndarray, " point"]
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,32 @@ def sensor_of(strain: Curve, capacitance: Curve, least_linearity: float) -> Sens
         working_start=low,
         working_slope=slope,
     )
+
+
+def sensing_range(strain: Curve, capacitance: Curve, unfolded: float) -> Kept:
+    """At which strains of a test a fabric can serve as a sensor.
+
+    It is the longest run of strains, the first of several, at which there is a capacitance and the
+    fabric is not yet unfolded.
+
+    Args:
+        strain: ascending from 0 [1].
+        capacitance: at these strains, NaN where there is none [pF].
+        unfolded: strain at which unfolding is complete, see :func:`strain_unfolded`; NaN if it is
+            not within the test [1].
+    """
+    return longest_run(np.isfinite(capacitance) & ~(strain > unfolded))
+
+
+def longest_run(able: Kept) -> Kept:
+    """The longest run of true values without a gap, the first of several."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], able, [False]])))
+    runs = edges.reshape(-1, 2)
+    kept = np.zeros_like(able)
+    if len(runs):
+        start, end = runs[np.argmax(runs[:, 1] - runs[:, 0])]
+        kept[start:end] = True
+    return kept
 
 
 def mean_slope(strain: Curve, capacitance: Curve) -> float:

@@ -100,26 +100,3 @@ def _stages(settings: SolverSettings) -> Iterator[Stage]:
         yield Stage(step / settings.ramp_steps, settings.soft_wall)
     for decade in range(math.ceil(-math.log10(settings.soft_wall))):
         yield Stage(1.0, settings.soft_wall * 10.0**decade)
-
-
-def tiled(
-    net: Network,
-    fabric: Fabric,
-    cell: Network,
-    relaxed: Configuration,
-) -> Configuration:
-    """A sample laid out of relaxed periodic fabric: a start that is right but for its edges [mm].
-
-    Args:
-        net: network of the sample.
-        fabric: its numbers.
-        cell: network of the periodic fabric.
-        relaxed: its relaxed configuration.
-    """
-    rows, columns = np.mgrid[: net.shape.nodes_y, : net.shape.nodes_x]
-    turns_y, rows = np.divmod(rows, cell.shape.nodes_y)
-    turns_x, columns = np.divmod(columns, cell.shape.nodes_x)
-    nodes = np.asarray(relaxed.positions)[rows, columns].copy()
-    nodes[..., 0] += turns_x * relaxed.lengths[0]
-    nodes[..., 1] += turns_y * relaxed.lengths[1]
-    return Configuration(nodes, np.asarray(flat_sheet(net, fabric).lengths))

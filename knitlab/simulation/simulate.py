@@ -14,19 +14,20 @@ from knitlab.io.provenance import provenance
 from knitlab.mechanics.dynamic_tensile_test import MovingBatch, stretch_by_dynamics
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.executor import Runner, run_all
-from knitlab.mechanics.relaxation import relax, relax_near, tiled
+from knitlab.mechanics.relaxation import relax_near
+from knitlab.mechanics.starting_shape import imperfect_sheet, starts_from_periodic
 from knitlab.mechanics.state import Outcome, TensileTest
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.mechanics.zigzag_tension import ChainState, pull_chain
 from knitlab.model.configuration import Configuration
-from knitlab.model.fabric import Fabric, flat_sheet
+from knitlab.model.fabric import Fabric
 from knitlab.model.inertia import inertia
 from knitlab.model.network import Network
 from knitlab.model.zigzag import zigzag
 from knitlab.simulation.case import Case
 from knitlab.simulation.measurement import measured
 from knitlab.simulation.reporting import Progress, Reporter
-from knitlab.simulation.robustness import SiblingTest, imperfect, sibling
+from knitlab.simulation.robustness import SiblingTest, sibling
 
 
 def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> None:
@@ -148,35 +149,28 @@ def starts(
         runner: what runs the solvers of the periodic fabrics they are laid out of.
         imperfection: seed of the imperfections of all flat sheets, if any.
     """
-    found = [_sheet(*its, imperfection) for its in woven]
-    fabric_layout = [
+    found: list[Configuration | None] = [None] * len(cases)
+    if imperfection is not None:
+        found = [imperfect_sheet(*its, imperfection) for its in woven]
+    tiled_places = [
         place
         for place, case in enumerate(cases)
         if not case.mesh_shape.periodic and case.equilibrium_solver.start == "endless"
     ]
-    if not fabric_layout:
+    if not tiled_places:
         return found
-    cells = [cases[place].periodic_cell for place in fabric_layout]
-    periodic = [cell.woven() for cell in cells]
-    relaxed = runner(
-        cells[0].mesh_shape,
-        [fabric for _, fabric in periodic],
-        [
-            relax(*its, cell.equilibrium_solver, _sheet(*its, imperfection))
-            for cell, its in zip(cells, periodic, strict=True)
-        ],
+    cells = [cases[place].periodic_cell for place in tiled_places]
+    tiled = starts_from_periodic(
+        [woven[place] for place in tiled_places],
+        [cell.woven() for cell in cells],
+        [cell.equilibrium_solver for cell in cells],
+        runner,
+        imperfection,
     )
-    for place, (net, _), state in zip(fabric_layout, periodic, relaxed, strict=True):
-        if state.converged:
-            found[place] = tiled(*woven[place], net, state.configuration)
+    for place, start in zip(tiled_places, tiled, strict=True):
+        if start is not None:
+            found[place] = start
     return found
-
-
-def _sheet(net: Network, fabric: Fabric, imperfection: int | None) -> Configuration | None:
-    """An imperfect flat sheet; ``None`` stands for the perfect one."""
-    if imperfection is None:
-        return None
-    return imperfect(flat_sheet(net, fabric), np.asarray(fabric.cell), imperfection)
 
 
 def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:

@@ -14,8 +14,9 @@ from knitlab.mechanics.evaluation import WHOLE
 from knitlab.mechanics.executor import Executor
 from knitlab.mechanics.factorisation import one_thread_of_blas
 from knitlab.mechanics.loading import all_free
-from knitlab.mechanics.relaxation import relax, tiled
+from knitlab.mechanics.relaxation import relax
 from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Solver, SolverSettings
+from knitlab.mechanics.starting_shape import tiled
 from knitlab.mechanics.state import State
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.configuration import Configuration
