@@ -42,7 +42,7 @@ def capacitor_values(
     factor = capacitor.electrode_length / length if case.mesh_shape.periodic else 1.0
     found = _measured(case, configurations)
     capacitance = factor * found.capacitance
-    fold = mean_fold(case.electrodes, *case.woven(), configurations)
+    fold = mean_fold(case.electrodes, *case.assemble(), configurations)
     unfolded = strain_unfolded(strain, fold, capacitor.unfolded)
     values: dict[str, Any] = {
         "capacitance": capacitance,
@@ -92,14 +92,14 @@ def _on_the_way_back(
     """
     values = capacitance.copy()
     moved = np.abs(ways.flattened() - up.flattened()).max(axis=1)
-    apart = moved > SAME * case.woven()[1].cell.min()
+    apart = moved > SAME * case.assemble()[1].cell.min()
     if apart.any():
         values[apart] = _measured(case, ways[apart]).capacitance
     return values
 
 
 def _measured(case: Case, configurations: Configuration) -> Capacitances:
-    return capacitances(case.electrodes, *case.woven(), configurations, _capacitor(case))
+    return capacitances(case.electrodes, *case.assemble(), configurations, _capacitor(case))
 
 
 def _capacitor(case: Case) -> Capacitor:

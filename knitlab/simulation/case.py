@@ -145,8 +145,8 @@ class Case:
             raise TypeError(f"case {self.case_id} has no settings of the equilibrium solver")
         return self.solver
 
-    def woven(self) -> tuple[Network, Fabric]:
-        """Its network and fabric."""
+    def assemble(self) -> tuple[Network, Fabric]:
+        """Its network, and its fabric: the numbers on that."""
         return assemble_fabric(self.sample, self.weft, self.warp, self.sheet, self.reading)
 
 

@@ -139,7 +139,7 @@ def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
     if shape.periodic:
         length_x, length_y = configurations.lengths.T
         values |= {"length_x": length_x, "length_y": length_y}
-    values["hinges_past_pi"] = hinges_past_pi(*case.woven(), configurations).astype(float)
+    values["hinges_past_pi"] = hinges_past_pi(*case.assemble(), configurations).astype(float)
     values["self_intersections"] = self_intersections(shape, configurations).astype(float)
     return values | {"position": configurations.positions}
 

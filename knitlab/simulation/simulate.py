@@ -87,13 +87,13 @@ def branch_energies(
         tests: a sibling's test of each.
         runner: what runs the solvers.
     """
-    woven = [case.woven() for case in cases]
+    assembled = [case.assemble() for case in cases]
     relaxed = runner(
         cases[0].mesh_shape,
-        [fabric for _, fabric in woven],
+        [fabric for _, fabric in assembled],
         [
             relax_near(*its, case.equilibrium_solver, test.states[0].configuration)
-            for case, its, test in zip(cases, woven, tests, strict=True)
+            for case, its, test in zip(cases, assembled, tests, strict=True)
         ],
     )
     return [
@@ -116,9 +116,9 @@ def equilibrium_tests(
         runner: what runs their solvers.
         imperfection: seed of the imperfections that they start from, if any.
     """
-    woven = [case.woven() for case in cases]
+    assembled = [case.assemble() for case in cases]
     reporters = [Reporter(partial(progress, case.case_id)) for case in cases]
-    found = starts(cases, woven, runner, imperfection)
+    found = starts(cases, assembled, runner, imperfection)
     tests = [
         reporter.over(
             stretch(
@@ -130,14 +130,14 @@ def equilibrium_tests(
                 unload=case.unloading,
             )
         )
-        for case, its, start, reporter in zip(cases, woven, found, reporters, strict=True)
+        for case, its, start, reporter in zip(cases, assembled, found, reporters, strict=True)
     ]
-    return runner(cases[0].mesh_shape, [fabric for _, fabric in woven], tests)
+    return runner(cases[0].mesh_shape, [fabric for _, fabric in assembled], tests)
 
 
 def starts(
     cases: Sequence[Case],
-    woven: Sequence[tuple[Network, Fabric]],
+    assembled: Sequence[tuple[Network, Fabric]],
     runner: Runner = run_all,
     imperfection: int | None = None,
 ) -> list[Configuration | None]:
@@ -145,13 +145,13 @@ def starts(
 
     Args:
         cases: the samples.
-        woven: network and fabric of each.
+        assembled: network and fabric of each.
         runner: what runs the solvers of the periodic fabrics they are laid out of.
         imperfection: seed of the imperfections of all flat sheets, if any.
     """
     found: list[Configuration | None] = [None] * len(cases)
     if imperfection is not None:
-        found = [imperfect_sheet(*its, imperfection) for its in woven]
+        found = [imperfect_sheet(*its, imperfection) for its in assembled]
     tiled_places = [
         place
         for place, case in enumerate(cases)
@@ -161,8 +161,8 @@ def starts(
         return found
     cells = [cases[place].periodic_cell for place in tiled_places]
     tiled = starts_from_periodic(
-        [woven[place] for place in tiled_places],
-        [cell.woven() for cell in cells],
+        [assembled[place] for place in tiled_places],
+        [cell.assemble() for cell in cells],
         [cell.equilibrium_solver for cell in cells],
         runner,
         imperfection,
@@ -183,7 +183,7 @@ def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest
         for case in cases
         if case.mass_and_drag is not None
     ]
-    fabrics = [case.woven()[1] for case in cases]
+    fabrics = [case.assemble()[1] for case in cases]
     return stretch_by_dynamics(
         MovingBatch(cases[0].mesh_shape, fabrics, inertias, settings),
         [case.applied_strain for case in cases],

@@ -150,7 +150,7 @@ def _driven(problem: Problem, solver: Solver[Result], factorisation: str, watch:
 def prepare(problem: Problem) -> None:
     """Compile its programs; plans of assembly and factorisation are made while it is timed."""
     problem.evaluate(problem.flat)
-    problem.portioned.element_hessians(WHOLE, problem.flat)
+    problem.chunked.element_hessians(WHOLE, problem.flat)
 
 
 def _reached(state: State) -> Unknowns:
