@@ -28,7 +28,7 @@ class Sensor:
         gauge_factor: (C_end − C_0)/C_0 over the strain between [1].
         linearity: R² of a straight line over the whole range [1].
         working_range: width of the widest strain window in which a straight line has the R² that
-            was asked for [1].
+            is required [1].
         working_start: strain at which that window begins [1].
         working_slope: slope of that line [pF].
     """
@@ -108,7 +108,7 @@ def mean_slope(strain: Curve, capacitance: Curve) -> float:
 
 
 def linearity(strain: Curve, capacitance: Curve) -> Float[np.ndarray, ""]:
-    """R² of a straight line; 0 for a constant, which says nothing of the strain [1]."""
+    """R² of a straight line; 0 for a constant, which does not depend on strain [1]."""
     return _fits(strain, capacitance)[0][0, -1]
 
 
@@ -174,7 +174,7 @@ def strain_unfolded(strain: Curve, fold: Curve, left: float) -> float:
 
     It is where the folds that keep the electrodes together are open: where their mean angle has
     fallen to a part of what it is relaxed, or is least, if from there on they close again. A
-    checkerboard comes to that at its largest transverse strain, as the paper says of unfolding
+    checkerboard reaches that at its largest transverse strain, as the paper says of unfolding
     (Sec. "Kinematics under tension"): what is pulled further narrows, and its folds with it.
 
     Args:

@@ -30,9 +30,9 @@ def relax(
     touches them, and a node that slides along one touches it anew at every step. Each stage but
     the last is only solved to near equilibrium, ``settings.waypoint_force`` of the largest
     force that a fold exerts on the flat sheet. A sample for clamping relaxes with all its edges
-    free; no coordinate is pinned. It is then squared up, as far as the walls let it, and solved
-    again. Periodic fabric goes the quick way, convexified; should that end in a cell that
-    is folded to nothing, where no hinge has an angle, it starts again the slow way.
+    free; no coordinate is pinned. It is then rigidly aligned, as far as the walls let it, and
+    solved again. Periodic fabric goes the quick way, convexified; should that end in a cell that is
+    folded to nothing, where no hinge has an angle, it starts again the slow way.
 
     Args:
         net: network of the fabric's mesh shape.

@@ -27,7 +27,7 @@ SAME = 1e-5
 def capacitor_values(
     case: Case, reached: Sequence[State], unloaded: Sequence[State]
 ) -> dict[str, Any]:
-    """What the electrodes of a case are found to do, under the registry's names.
+    """Capacitance along the test of a case, under the registry's names.
 
     Args:
         case: the case.
@@ -38,7 +38,7 @@ def capacitor_values(
     configurations = Configuration.stacked([state.configuration for state in reached])
     strain = np.array(case.applied_strain[: len(reached)])
     length = electrode_length(case.electrodes, case.mesh_shape, configurations[0])
-    # Of periodic fabric one period is modelled, and stands for electrodes of the stated length.
+    # Of periodic fabric one period is modelled, in place of electrodes of the stated length.
     factor = capacitor.electrode_length / length if case.mesh_shape.periodic else 1.0
     found = _measured(case, configurations)
     capacitance = factor * found.capacitance
@@ -61,10 +61,10 @@ def capacitor_values(
         back = np.full(len(reached), np.nan)
         back[-1:] = capacitance[-1:]
         if unloaded:
-            ways = Configuration.stacked([state.configuration for state in unloaded])
+            unloading = Configuration.stacked([state.configuration for state in unloaded])
             same = slice(-2, -2 - len(unloaded), -1)
-            back[same] = factor * _on_the_way_back(
-                case, ways, configurations[same], found.capacitance[same]
+            back[same] = factor * _capacitance_unloading(
+                case, unloading, configurations[same], found.capacitance[same]
             )
         values["capacitance_unloading"] = back
         values["hysteresis"] = hysteresis(capacitance, back)
@@ -80,10 +80,10 @@ def capacitor_values(
     return values
 
 
-def _on_the_way_back(
+def _capacitance_unloading(
     case: Case,
-    ways: Configuration,
-    up: Configuration,
+    unloading: Configuration,
+    loading: Configuration,
     capacitance: Float[np.ndarray, " any"],
 ) -> Float[np.ndarray, " state"]:
     """Capacitance on the way back, of one period if periodic [pF].
@@ -91,10 +91,10 @@ def _on_the_way_back(
     Where the fabric comes back to what it was at the same strain, its capacitance is what it was.
     """
     values = capacitance.copy()
-    moved = np.abs(ways.flattened() - up.flattened()).max(axis=1)
+    moved = np.abs(unloading.flattened() - loading.flattened()).max(axis=1)
     apart = moved > SAME * case.assemble()[1].cell.min()
     if apart.any():
-        values[apart] = _measured(case, ways[apart]).capacitance
+        values[apart] = _measured(case, unloading[apart]).capacitance
     return values
 
 

@@ -36,7 +36,7 @@ def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> 
     Args:
         results: results folder of the workflow.
         cases: cases of one mesh shape.
-        progress: told, for a case, how many of its states are done.
+        progress: called with a case's identifier and how many of its states are done.
     """
     began = time.perf_counter()
     tests = tensile_tests(cases, progress)
@@ -112,7 +112,7 @@ def equilibrium_tests(
 
     Args:
         cases: the cases.
-        progress: told, for a case, how many of its states are done.
+        progress: called with a case's identifier and how many of its states are done.
         runner: what runs their solvers.
         imperfection: seed of the imperfections that they start from, if any.
     """
@@ -146,7 +146,7 @@ def starts(
     Args:
         cases: the samples.
         assembled: network and fabric of each.
-        runner: what runs the solvers of the periodic fabrics they are laid out of.
+        runner: runs the solvers of the periodic fabrics that they are tiled with.
         imperfection: seed of the imperfections of all flat sheets, if any.
     """
     found: list[Configuration | None] = [None] * len(cases)
@@ -200,7 +200,7 @@ def simulated(case: Case, progress: Progress) -> xr.Dataset:
 
     Args:
         case: the case.
-        progress: told how many of its states are done.
+        progress: called with how many of its states are done.
 
     Returns:
         What its case file would hold.
