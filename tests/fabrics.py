@@ -93,12 +93,14 @@ def moving(
     mass_and_drag: MassAndDrag = MASS_AND_DRAG,
 ) -> MovingBatch:
     """Checkerboards (n_stripe, periods) of one mesh shape, ready to move."""
-    woven = [checkered(*design, reading, unit_cells) for design in designs]
+    assembled = [checkered(*design, reading, unit_cells) for design in designs]
     inertias = [
         inertia(stripe("rib", n), stripe("garter", 2 * n), reading, mass_and_drag)
         for n, _ in designs
     ]
-    return MovingBatch(woven[0][0].shape, [fabric for _, fabric in woven], inertias, settings)
+    return MovingBatch(
+        assembled[0][0].shape, [fabric for _, fabric in assembled], inertias, settings
+    )
 
 
 def periodic_poisson_ratio(test: TensileTest) -> np.ndarray:

@@ -55,7 +55,7 @@ def capacitances_of(results: Path, case_id: str, steps: int) -> tuple[int, int, 
     there = np.flatnonzero(np.isfinite(states.flattened()).all(axis=1))
     chosen = there[np.linspace(0, len(there) - 1, min(steps, len(there))).round().astype(int)]
     began = time.perf_counter()
-    found = capacitances(case.electrodes, *case.woven(), states[chosen], case.capacitor)
+    found = capacitances(case.electrodes, *case.assemble(), states[chosen], case.capacitor)
     seconds = time.perf_counter() - began
     measured = found.status == CapacitorStatus.measured
     largest = float(np.max(found.error, where=measured, initial=0.0))

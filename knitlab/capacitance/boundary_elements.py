@@ -263,7 +263,7 @@ def _closed_form(
 def _quadrature(
     panels: Float[Array, "panel 4 3"], order: int
 ) -> tuple[Float[Array, "point panel 3"], Float[Array, "point panel"]]:
-    """Gauss's points of panels, and the part of each panel's area that each stands for."""
+    """Gauss's points of panels, and the part of each panel's area that is its weight."""
     at, weight = np.polynomial.legendre.leggauss(order)
     u, v = (each.ravel()[:, None, None] for each in np.meshgrid((1 + at) / 2, (1 + at) / 2))
     first, second, third, fourth = jnp.moveaxis(panels, 1, 0)

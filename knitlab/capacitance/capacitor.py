@@ -187,6 +187,43 @@ def _obstacles(
     return gap, through
 
 
+def mean_fold(
+    electrodes: Electrodes, net: Network, fabric: Fabric, configurations: Configuration
+) -> Float[np.ndarray, " state"]:
+    """Mean angle of the folds at and between the electrodes that run as they do [rad].
+
+    Their opening is what moves the electrodes apart.
+
+    Args:
+        electrodes: what is plated.
+        net: network of the fabric.
+        fabric: its numbers.
+        configurations: of every state, along a leading axis.
+    """
+    rest = np.asarray(fabric.rest_fold)
+    alongside = net.wale if electrodes.along == "wale" else ~net.wale
+    counted = hinges_at(electrodes, net) & alongside & (rest != 0)
+    angles = np.asarray(fold_angles(net, fabric, configurations))
+    return (angles * np.sign(rest))[:, counted].mean(axis=1)
+
+
+def electrode_length(electrodes: Electrodes, shape: MeshShape, relaxed: Configuration) -> float:
+    """Length of the electrodes on a relaxed fabric, of one period if it is periodic [mm].
+
+    Args:
+        electrodes: what is plated.
+        shape: mesh shape of the fabric.
+        relaxed: its relaxed configuration.
+    """
+    axis = electrodes.axis
+    if shape.periodic:
+        return float(relaxed.lengths[axis])
+    start, end = electrodes.strips[0][0].extents[axis]
+    along = np.asarray(relaxed.positions)[..., axis].mean(axis=axis)
+    at = np.interp([start, end], np.arange(len(along)), along)
+    return float(at[1] - at[0])
+
+
 def hinges_at(electrodes: Electrodes, net: Network) -> Bool[np.ndarray, " hinge"]:
     """Hinges that lie on the electrodes or between them."""
     strips = [strip for strips in electrodes.strips for strip in strips]

@@ -9,7 +9,7 @@ class CapacitorStatus(IntEnum):
     ``touching``: the electrodes are nearer than they are thick, or pass through each other.
     ``folded_through``: a fold at them is past half a turn, or one of them passes through itself;
     the model has no contact, and goes on where no fabric does. ``unresolved``: finer panels still
-    change it by more than the accuracy asked for.
+    change it by more than the required accuracy.
     """
 
     measured = 0

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, Int
 
 from knitlab.measure.grid_nodes import nodes_at
 from knitlab.model.configuration import Configuration
-from knitlab.model.electrodes import Electrodes, Strip, pieces
+from knitlab.model.electrodes import Electrodes, Strip, split_by_cells
 from knitlab.model.network import MeshShape
 
 
@@ -40,20 +40,20 @@ def panel_chart(electrodes: Electrodes, shape: MeshShape, level: int) -> PanelCh
 
     Args:
         electrodes: what is plated.
-        shape: mesh of the fabric, which tells where periodic electrodes go on.
+        shape: mesh of the fabric, which decides where periodic electrodes are continued.
         level: of refinement.
     """
     cells: list[tuple[int, int]] = []
     corners: list[list[tuple[float, float]]] = []
     electrode: list[int] = []
     for number, strips in enumerate(electrodes.strips):
-        plated = [piece for strip in strips for piece in pieces(strip)]
+        plated = [part for strip in strips for part in split_by_cells(strip)]
         sides = _Sides(plated, electrodes.axis, shape)
-        for piece in plated:
-            origin = int(np.floor(piece.left)), int(np.floor(piece.bottom))
+        for part in plated:
+            origin = int(np.floor(part.left)), int(np.floor(part.bottom))
             x, y = (
-                low - origin[axis] + (high - low) * graded(level, *sides.free(piece, axis))
-                for axis, (low, high) in enumerate(piece.extents)
+                low - origin[axis] + (high - low) * graded(level, *sides.free(part, axis))
+                for axis, (low, high) in enumerate(part.extents)
             )
             for left, right in pairwise(x):
                 for bottom, top in pairwise(y):
@@ -117,24 +117,24 @@ def points_on(
 
 
 class _Sides:
-    """Where the pieces of one electrode meet."""
+    """Where the parts of one electrode meet."""
 
     def __init__(self, plated: list[Strip], wrapped_axis: int, shape: MeshShape) -> None:
         self.wrapped_axis = wrapped_axis
         self.around = (shape.cells_x, shape.cells_y)[wrapped_axis] if shape.periodic else None
-        self.begin = {self._side(piece, axis, 0) for piece in plated for axis in (0, 1)}
-        self.end = {self._side(piece, axis, 1) for piece in plated for axis in (0, 1)}
+        self.begin = {self._side(part, axis, 0) for part in plated for axis in (0, 1)}
+        self.end = {self._side(part, axis, 1) for part in plated for axis in (0, 1)}
 
-    def free(self, piece: Strip, axis: int) -> tuple[bool, bool]:
-        """Whether the electrode ends at the lower, and at the upper side of a piece."""
+    def free(self, part: Strip, axis: int) -> tuple[bool, bool]:
+        """Whether the electrode ends at the lower, and at the upper side of a part."""
         return (
-            self._side(piece, axis, 0) not in self.end,
-            self._side(piece, axis, 1) not in self.begin,
+            self._side(part, axis, 0) not in self.end,
+            self._side(part, axis, 1) not in self.begin,
         )
 
-    def _side(self, piece: Strip, axis: int, which: int) -> tuple[int, float, float, float]:
-        at = piece.extents[axis][which]
-        low, high = piece.extents[1 - axis]
+    def _side(self, part: Strip, axis: int, which: int) -> tuple[int, float, float, float]:
+        at = part.extents[axis][which]
+        low, high = part.extents[1 - axis]
         if self.around is not None and axis == self.wrapped_axis:
             at %= self.around
         return axis, round(at, 9), round(low, 9), round(high, 9)

@@ -6,7 +6,7 @@ All of it is read off a curve C(ε), simulated or measured, of at least three po
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.interpolate import PchipInterpolator
 
 CENTRAL_PART = 0.2
@@ -16,6 +16,7 @@ RESOLUTION = 200
 FEWEST_POINTS = 3
 
 Curve = Float[np.ndarray, " point"]
+Kept = Bool[np.ndarray, " point"]
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Sensor:
         gauge_factor: (C_end − C_0)/C_0 over the strain between [1].
         linearity: R² of a straight line over the whole range [1].
         working_range: width of the widest strain window in which a straight line has the R² that
-            was asked for [1].
+            is required [1].
         working_start: strain at which that window begins [1].
         working_slope: slope of that line [pF].
     """
@@ -67,6 +68,32 @@ def sensor_of(strain: Curve, capacitance: Curve, least_linearity: float) -> Sens
     )
 
 
+def sensing_range(strain: Curve, capacitance: Curve, unfolded: float) -> Kept:
+    """At which strains of a test a fabric can serve as a sensor.
+
+    It is the longest run of strains, the first of several, at which there is a capacitance and the
+    fabric is not yet unfolded.
+
+    Args:
+        strain: ascending from 0 [1].
+        capacitance: at these strains, NaN where there is none [pF].
+        unfolded: strain at which unfolding is complete, see :func:`strain_unfolded`; NaN if it is
+            not within the test [1].
+    """
+    return longest_run(np.isfinite(capacitance) & ~(strain > unfolded))
+
+
+def longest_run(able: Kept) -> Kept:
+    """The longest run of true values without a gap, the first of several."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], able, [False]])))
+    runs = edges.reshape(-1, 2)
+    kept = np.zeros_like(able)
+    if len(runs):
+        start, end = runs[np.argmax(runs[:, 1] - runs[:, 0])]
+        kept[start:end] = True
+    return kept
+
+
 def mean_slope(strain: Curve, capacitance: Curve) -> float:
     """Mean |dC/dε| over the central 20 % of a strain range (paper, Fig. "capacitor testing" D).
 
@@ -81,7 +108,7 @@ def mean_slope(strain: Curve, capacitance: Curve) -> float:
 
 
 def linearity(strain: Curve, capacitance: Curve) -> Float[np.ndarray, ""]:
-    """R² of a straight line; 0 for a constant, which says nothing of the strain [1]."""
+    """R² of a straight line; 0 for a constant, which does not depend on strain [1]."""
     return _fits(strain, capacitance)[0][0, -1]
 
 
@@ -147,7 +174,7 @@ def strain_unfolded(strain: Curve, fold: Curve, left: float) -> float:
 
     It is where the folds that keep the electrodes together are open: where their mean angle has
     fallen to a part of what it is relaxed, or is least, if from there on they close again. A
-    checkerboard comes to that at its largest transverse strain, as the paper says of unfolding
+    checkerboard reaches that at its largest transverse strain, as the paper says of unfolding
     (Sec. "Kinematics under tension"): what is pulled further narrows, and its folds with it.
 
     Args:

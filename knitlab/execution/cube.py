@@ -70,7 +70,7 @@ def build_cube(
     """Cube of a plan, from its case files and the cube that there was.
 
     Cells of the old cube that the plan does not touch stay as they are; combinations that
-    nobody asked for are ``excluded``; planned cases without a file are ``failed`` if they are
+    nobody requested are ``excluded``; planned cases without a file are ``failed`` if they are
     among ``failed``, else ``pending``. Planned cases that an earlier version put into the old
     cube, without all that is stated now, are read again.
 

@@ -33,7 +33,7 @@ class ProgressBar:
             file=file if drawn else _Lines(file),
             bar_format=BAR if drawn else LINE,
             mininterval=0.1 if drawn else SECONDS_BETWEEN_LINES,
-            # Work comes in pieces of any size.
+            # Work is done in amounts of any size.
             miniters=0,
         )
         self._describe()

@@ -1,4 +1,4 @@
-"""Preloaded by dask's workers: Ctrl-C is the run's business, and so is what is said of it."""
+"""Preloaded by dask's workers: Ctrl-C is the run's business, and so are the messages about it."""
 
 import logging
 import signal

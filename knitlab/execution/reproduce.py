@@ -1,4 +1,4 @@
-"""Reproducing one case alone, in this process, with everything that can be said of it."""
+"""Reproducing one case alone, in this process, with all that is known of it."""
 
 import json
 import time

@@ -72,7 +72,7 @@ class Run:
         cube: the cube, as written.
         simulated: identifiers of the cases that this run simulated.
         standing: what there was of each planned case before.
-        failures: what each case that is not ok says of itself.
+        failures: the reason that each case that is not ok gives.
         stopped: whether the run was broken off.
         changed: what differs from the parameters of stale results.
     """
@@ -111,28 +111,28 @@ class Run:
         return tuple(without - set(self.simulated))
 
     def remarks(self, folder: Path) -> list[str]:
-        """What is to be said of a run whose results are not all as they should be."""
-        said = [
+        """Lines about a run whose results are not all as they should be."""
+        lines = [
             f"damaged: {case_path(folder, case_id)} was not as it had been written"
             for case_id in self.in_state(CaseState.damaged)
         ]
         if self.failures:
-            said.append(f"one alone, in detail: knitlab reproduce CASE_ID (see {FAILURES})")
+            lines.append(f"one alone, in detail: knitlab reproduce CASE_ID (see {FAILURES})")
         if self.stale_code:
-            said.append(
+            lines.append(
                 f"stale: {len(self.stale_code)} cases were computed by other code and stay as they"
                 " are; --refresh computes them anew"
             )
         if self.stale_parameters:
-            said.append(
+            lines.append(
                 f"stale: {len(self.stale_parameters)} cases stay as they were computed with other"
                 f" parameters ({'; '.join(self.changed) or 'of single designs'}); --refresh"
                 " computes them anew, --results FOLDER keeps both"
             )
         if self.stopped:
             left = f"{len(self.unfinished)} cases are left"
-            said.append(f"stopped: what is done is kept, {left}; run again to go on")
-        return said
+            lines.append(f"stopped: what is done is kept, {left}; run again to go on")
+        return lines
 
 
 @dataclass
@@ -291,7 +291,7 @@ def _all_ok(results: Path, batch: Sequence[Case]) -> bool:
 def _failures(
     plan: Plan, results: Path, cube: xr.Dataset, simulated: Collection[str], failed: Failed
 ) -> Iterator[dict[str, Any]]:
-    """What there is to say of every design of the cube that is not ok, and how to run it alone."""
+    """Of every design of the cube that is not ok the reason, and how to run it alone."""
     earlier = earlier_failures(results)
     bad = cube["status"].isin([Status.not_converged, Status.failed])
     # One that failed when it was refreshed keeps its old results in the cube.

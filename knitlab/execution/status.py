@@ -25,7 +25,7 @@ class FolderStatus:
         designs: labels of the planned cases, by identifier.
         dims: what they are labels of.
         words: how each case stands: a status, or why it is not done.
-        failures: what failed cases say of themselves.
+        failures: the reasons that failed cases give.
         changed: files that have changed since the plan was made.
     """
 
@@ -117,7 +117,7 @@ def workflow_status(workflow: str, results: Path, check: bool) -> FolderStatus:
 def folder_status(
     folder: Path, record: Mapping[str, Any], designs: Mapping[str, Design], check: bool
 ) -> FolderStatus:
-    """How every planned case stands in a results folder.
+    """State of every planned case in a results folder.
 
     Args:
         folder: the folder.
@@ -156,7 +156,7 @@ def planned_designs(record: Mapping[str, Any]) -> dict[str, Design]:
 
 
 def earlier_failures(folder: Path) -> dict[str, dict[str, Any]]:
-    """What the last run said of designs that are not ok, by case identifier."""
+    """Reasons that the last run gave of designs that are not ok, by case identifier."""
     try:
         lines = (folder / FAILURES).read_text().splitlines()
         entries = [json.loads(line) for line in lines]

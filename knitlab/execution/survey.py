@@ -34,7 +34,7 @@ class CaseState(Enum):
 
 @dataclass(frozen=True)
 class Cell:
-    """What a cube says of one design.
+    """What a cube holds of one design.
 
     Attributes:
         place: where in the cube, an index for each design dimension.
@@ -58,7 +58,7 @@ def cells(cube: PlainCube) -> dict[Design, Cell]:
     """The designs of a cube by their labels; combinations that are none are left out."""
     labels = [cube.coordinates[dim].tolist() for dim in cube.design_dims]
     status, case_id = cube.read("status"), cube.read("case_id")
-    # Cubes of earlier versions do not say.
+    # Cubes of earlier versions do not hold it.
     code = cube.read("code") if "code" in cube.dims else np.full(status.shape, "")
     found = {}
     for place in zip(*map(np.ndarray.tolist, np.nonzero(status != Status.excluded)), strict=True):

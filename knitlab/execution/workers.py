@@ -19,7 +19,7 @@ from knitlab.linalg.threads import ONE_THREAD
 from knitlab.simulation.case import Case
 from knitlab.simulation.reporting import Progress
 
-# One thread a worker, but for what Task.threads says; and a solve cached on disk must not hold host
+# One thread a worker, except for Task.threads; and a solve cached on disk must not hold host
 # callbacks.
 WORKER_ENVIRONMENT = ONE_THREAD | {"EQX_ON_ERROR": "nan"}
 PROGRESS_TOPIC = "knitlab-progress"
@@ -192,7 +192,7 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
         watch.daemon = True
         watch.start()
     try:
-        # On a worker xarray would ask the scheduler for leave to write, at every variable.
+        # On a worker xarray would request a lock from the scheduler to write, at every variable.
         with dask.config.set(scheduler="synchronous"):
             task.simulate(task.results, batch, progress)
     finally:
@@ -204,14 +204,14 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
 def pool_of(
     task: Task, workers: int, scheduler: str | None, dashboard: bool, progress: Progress
 ) -> Iterator[Pool]:
-    """The pool that a run asked for.
+    """The pool that a run requests.
 
     Args:
         task: what is done with every batch.
         workers: processes on this machine, spawned; 0 for this process.
         scheduler: address of an existing dask scheduler; it overrides ``workers``.
         dashboard: whether to open dask's dashboard, on this machine alone.
-        progress: told, for a case, how many of its states are done.
+        progress: called with a case's identifier and how many of its states are done.
 
     Raises:
         BadInput: if there is no scheduler at the address.

@@ -1,4 +1,4 @@
-"""Faults of the user's input, gathered so that one message lists them all."""
+"""Faults of the user's input, collected so that one message lists them all."""
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
@@ -73,7 +73,7 @@ def faults_of(error: ValidationError, source: str, known: Collection[str] = ()) 
     Args:
         error: what pydantic raised.
         source: of what was read.
-        known: the keys that there are, to say which may have been meant.
+        known: the keys that there are, to suggest which may have been meant.
     """
     return [
         Fault(

@@ -22,7 +22,7 @@ READING = "reading_"
 
 @dataclass(frozen=True)
 class PlainCube:
-    """What a cube holds, read when it is asked for.
+    """What a cube holds, read on request.
 
     Attributes:
         dims: of every variable that is no coordinate.

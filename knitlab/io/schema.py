@@ -341,7 +341,7 @@ WHOLE = (
 )
 """Variables that are stored as whole numbers."""
 MISSING = -1
-"""What stands for none in these."""
+"""Missing value of these."""
 
 
 def encoding(dataset: "xr.Dataset") -> dict[str, dict[str, object]]:

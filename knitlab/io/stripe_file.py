@@ -37,10 +37,10 @@ def write_stripe_file(
         f"{name} {error:.2g} {UNITS[name]}" for name, error in calibration.standard_errors.items()
     )
     row = {name: float(f"{numbers[name]:.{DIGITS}g}") for name in ENTRY_UNITS}
-    said = "".join(f"; {warning}" for warning in calibration.warnings)
+    warned = "".join(f"; {warning}" for warning in calibration.warnings)
     source = (
         f"knitlab calibrate {curve.name}, relaxed period {calibration.period:g} mm, for cell_size"
-        f" {cell_size}; standard errors {errors}{said}"
+        f" {cell_size}; standard errors {errors}{warned}"
     )
     table: dict[str, Any] = {
         knit: {"source": source, "unit": ENTRY_UNITS, "n": {str(stitches): row}}

@@ -16,11 +16,11 @@ def unknown(name: str, known: Iterable[str], kind: str = "") -> str:
         kind: what they are names of, such as "setting".
     """
     names = sorted(known)
-    said = f"there is no {kind} {name!r}" if kind else f"there is no {name!r}"
+    problem = f"there is no {kind} {name!r}" if kind else f"there is no {name!r}"
     by_case = {each.casefold(): each for each in names}
     nearest = difflib.get_close_matches(name.casefold(), by_case, n=2)
     if nearest:
-        return f"{said}; did you mean {' or '.join(repr(by_case[near]) for near in nearest)}?"
+        return f"{problem}; did you mean {' or '.join(repr(by_case[near]) for near in nearest)}?"
     if len(names) > MOST_NAMES:
-        return f"{said}; it is none of the {len(names)} that there are; check its spelling"
-    return f"{said}; choose from {', '.join(names)}"
+        return f"{problem}; it is none of the {len(names)} that there are; check its spelling"
+    return f"{problem}; choose from {', '.join(names)}"

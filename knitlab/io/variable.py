@@ -6,12 +6,12 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable, as it stands in a case; a cube adds the dimensions of its designs.
+    """One variable, as a case holds it; a cube adds the dimensions of its designs.
 
     Attributes:
         dims: its dimensions within a case.
         units: UDUNITS text.
-        long_name: what a figure's axis says.
+        long_name: the label of a figure's axis.
         description: what it is, where the name leaves a question.
         in_cube: whether the cube has it, or the case alone.
         of: what cases have it: all, those reached by dynamics, those of a pure stripe, those of

@@ -14,7 +14,14 @@ from knitlab.laboratory.quantities import number
 from knitlab.laboratory.trajectories import grid_of, in_fabric_axes, read_trajectories
 from knitlab.measure.marker_grid import MarkerGrid
 from knitlab.measure.resampling import resampled
-from knitlab.measure.strain import central_mean, lattice_vectors, local_strain, poisson_ratio
+from knitlab.measure.strain import (
+    central_mean,
+    lattice_vectors,
+    local_strain,
+    lowest_poisson_ratio,
+    mean_cell_size,
+    poisson_ratio_of_test,
+)
 
 MOST_PULLED = 0.1
 """Part of the largest strain within which a frame shows the whole pull."""
@@ -227,22 +234,21 @@ def marker_values(
             f"mean_strain_{name}_error": errors[name],
         }
     across, along = values["mean_strain_xx"], values["mean_strain_yy"]
-    ratio = poisson_ratio(across, along)
-    ratio[0] = np.nan  # 0/0, whatever noise makes of it
-    edges = np.linalg.norm(lattice_vectors(marked.relaxed), axis=-2)
+    ratio = poisson_ratio_of_test(across, along)
+    cell_x, cell_y = mean_cell_size(marked.relaxed)
     lost = np.isnan(marked.corners[frames]).any(axis=-1).sum(axis=(1, 2)).astype(float)
     values |= {
         "poisson_ratio": ratio,
         "poisson_ratio_error": np.where(
             np.isnan(ratio), np.nan, np.hypot(errors["xx"], ratio * errors["yy"]) / np.abs(along)
         ),
-        "relaxed_cell_x": float(central_mean(edges[..., 0])),
-        "relaxed_cell_y": float(central_mean(edges[..., 1])),
+        "relaxed_cell_x": float(cell_x),
+        "relaxed_cell_y": float(cell_y),
         "markers_lost": np.round(resampled(strains, strain, lost).values),
         "cells_lost": np.isnan(values["strain_xx"]).sum(axis=(1, 2)).astype(float),
     }
-    if np.isfinite(ratio).any():
-        lowest = int(np.nanargmin(ratio))
-        values["poisson_ratio_min"] = ratio[lowest]
-        values["applied_strain_at_min"] = strains[lowest]
+    lowest = lowest_poisson_ratio(strains, ratio)
+    if lowest is not None:
+        values["poisson_ratio_min"] = lowest.ratio
+        values["applied_strain_at_min"] = lowest.applied_strain
     return values

@@ -84,7 +84,7 @@ def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTe
             for the same strain starts; without it the test is run from the start, as a sweep
             does.
     """
-    net, fabric = case.woven()
+    net, fabric = case.assemble()
     if near is None:
         (start,) = starts([case], [(net, fabric)])
         solver = stretch(net, fabric, case.applied_strain, case.equilibrium_solver, start=start)

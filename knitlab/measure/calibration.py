@@ -246,21 +246,23 @@ def _warnings(
     lower: Float[np.ndarray, "3"],
     upper: Float[np.ndarray, "3"],
 ) -> tuple[str, ...]:
-    said = []
+    warnings = []
     if not fit.success:
-        said.append(f"the fit did not converge ({fit.message}); do not use it")
+        warnings.append(f"the fit did not converge ({fit.message}); do not use it")
     for place, name in enumerate(FITTED):
         if min(fit.x[place] - lower[place], upper[place] - fit.x[place]) < AT_BOUND:
             low, high = BOUNDS[name]
-            said.append(f"{name} is at its bound ({low:g} to {high:g}): the curve does not fix it")
+            warnings.append(
+                f"{name} is at its bound ({low:g} to {high:g}): the curve does not fix it"
+            )
         if errors[place] > USELESS_ERROR:
-            said.append(f"{name} is uncertain by more than half; the curve does not fix it")
+            warnings.append(f"{name} is uncertain by more than half; the curve does not fix it")
     for one, other in itertools.combinations(range(len(FITTED)), 2):
         vague = max(errors[one], errors[other]) > VAGUE_ERROR
         if vague and abs(correlations[one, other]) > ALIKE_CORRELATION:
-            said.append(
+            warnings.append(
                 f"the curve cannot tell {FITTED[one]} from {FITTED[other]} (correlation"
                 f" {correlations[one, other]:+.4f}); measure to larger strain, and trust no"
                 " standard error meanwhile"
             )
-    return tuple(said)
+    return tuple(warnings)

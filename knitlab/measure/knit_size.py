@@ -1,7 +1,7 @@
 """Knit size: how large in cloth what was simulated is, by the gauge.
 
 The network's lengths are those of the paper's tables, and its samples are a fraction as large as
-the cloth. What they tell of the cloth is the contraction, relaxed over flat; the gauge gives the
+the cloth. What they predict of the cloth is the contraction, relaxed over flat; the gauge gives the
 flat size, stitches times the size of a stitch. The shipped gauge is that of the paper's finished
 samples, about 200 mm wide on 360 needles, taken as the stitch before the fabric folds: absolute
 sizes are therefore indicative, while ratios between designs do not depend on it.
@@ -106,7 +106,7 @@ def at_gauge(sizes: Mapping[str, float], before: Gauge, now: Gauge) -> dict[str,
     Args:
         sizes: of :func:`knit_sizes` [mm].
         before: the gauge that they were computed by.
-        now: the gauge asked for.
+        now: the requested gauge.
 
     Returns:
         The sizes, to the bit what they were where the gauge is the same [mm].

@@ -41,7 +41,7 @@ def linear_fit(x: Float[np.ndarray, " point"], y: Float[np.ndarray, " point"]) -
         ValueError: if there are fewer, which leave no doubt of a slope to estimate.
     """
     if len(x) < 3:
-        raise ValueError(f"{len(x)} points say nothing of how sure a slope is; give 3")
+        raise ValueError(f"{len(x)} points give no confidence interval of a slope; give 3 at least")
     found = stats.linregress(x, y)
     quantile = stats.t.ppf((1 + CONFIDENCE) / 2, len(x) - 2)
     return LinearFit(

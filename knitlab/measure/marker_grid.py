@@ -3,7 +3,7 @@
 A fabric's markers stand on a grid, distorted, turned by the camera, with some of them missing and
 in any order. The grid's two directions are those in which nearest neighbours lie; from the point
 where they are seen best it is followed to neighbour after neighbour, those first that lie most
-nearly where the neighbours before them say, so that a doubt in one place is not carried on.
+nearly where the neighbours before them predict, so that a doubt in one place is not carried on.
 """
 
 import heapq

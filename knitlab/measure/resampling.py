@@ -1,7 +1,7 @@
-"""Resampling: what a laboratory recorded, at the strains at which it is asked for.
+"""Resampling: what a laboratory recorded, at requested strains.
 
 At every strain a parabola is fitted to what was recorded nearby, which makes the most of noisy
-records and says how noisy they are.
+records and estimates how noisy they are.
 """
 
 import math
@@ -46,7 +46,7 @@ def resampled(at: Strains, strain: Float[np.ndarray, " record"], values: Records
     sides, and has no error.
 
     Args:
-        at: strains that are asked for, ascending [1].
+        at: requested strains, ascending [1].
         strain: of every record [1].
         values: the records; NaN where one is missing.
     """

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from knitlab.measure.corners import unit_cell_corners
-from knitlab.measure.strain import central_mean, lattice_vectors, local_strain, poisson_ratio
+from knitlab.measure.strain import central_mean, local_strain, mean_cell_size, poisson_ratio
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, StripePair
 from knitlab.model.network import MeshShape
@@ -33,8 +33,7 @@ def quantities(shape: MeshShape, unit_cells: tuple[int, int]) -> dict[str, Quant
         return [jnp.asarray(central_mean(of)) for of in local]
 
     def cell(relaxed: Configuration) -> Float[Array, "2"]:
-        edges = jnp.linalg.norm(lattice_vectors(corners(relaxed)), axis=-2)
-        return jnp.stack([central_mean(edges[..., axis]) for axis in (0, 1)])
+        return jnp.stack(mean_cell_size(corners(relaxed)))
 
     return {
         "mean_strain_xx": lambda q0, q, fabric: strains(q0, q)[0],

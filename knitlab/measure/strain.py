@@ -3,7 +3,7 @@
 What is measured in JAX can be differentiated; what is measured in NumPy compiles nothing.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Array, Float
@@ -78,8 +78,58 @@ def central_mean(strain: CellField) -> Series:
     return xp.where(count > 0, total / xp.where(count > 0, count, 1), xp.nan)
 
 
+def mean_cell_size(corners: CornerGrid) -> tuple[Series, Series]:
+    """Lengths of the lattice vectors v1 and v2, averaged over the central unit cells [mm].
+
+    Args:
+        corners: positions (x, y) of the corners of the unit cells [mm].
+    """
+    sides = _library(corners).linalg.norm(lattice_vectors(corners), axis=-2)
+    return central_mean(sides[..., 0]), central_mean(sides[..., 1])
+
+
 def poisson_ratio(mean_strain_xx: Series, mean_strain_yy: Series) -> Series:
-    """ν = −ε̄_xx / ε̄_yy [1]; NaN where there is no axial strain."""
+    """ν = −ε̄_xx / ε̄_yy [1]; NaN where there is no axial strain (paper, "Kinematics").
+
+    Args:
+        mean_strain_xx: mean strain along the courses [1].
+        mean_strain_yy: mean strain along the wales, the way that the sample is pulled [1].
+    """
     stretched = mean_strain_yy != 0
     xp = _library(mean_strain_yy)
     return xp.where(stretched, -mean_strain_xx / xp.where(stretched, mean_strain_yy, 1), xp.nan)
+
+
+def poisson_ratio_of_test(
+    mean_strain_xx: Float[np.ndarray, " strain"], mean_strain_yy: Float[np.ndarray, " strain"]
+) -> Float[np.ndarray, " strain"]:
+    """ν at every strain of a test that begins relaxed: missing there, where it is 0/0 [1].
+
+    Arguments as for :func:`poisson_ratio`.
+    """
+    ratio = np.array(poisson_ratio(mean_strain_xx, mean_strain_yy))
+    # Round-off and noise would make a number of it.
+    ratio[0] = np.nan
+    return ratio
+
+
+class LowestPoissonRatio(NamedTuple):
+    """Where a test is most auxetic.
+
+    Attributes:
+        ratio: the lowest Poisson's ratio [1].
+        applied_strain: at which it is reached [1].
+    """
+
+    ratio: float
+    applied_strain: float
+
+
+def lowest_poisson_ratio(
+    applied_strain: Float[np.ndarray, " strain"], ratio: Float[np.ndarray, " strain"]
+) -> LowestPoissonRatio | None:
+    """The lowest Poisson's ratio of a test; ``None`` if it has none at any strain."""
+    if not np.isfinite(ratio).any():
+        return None
+    lowest = int(np.nanargmin(ratio))
+    return LowestPoissonRatio(float(ratio[lowest]), float(applied_strain[lowest]))

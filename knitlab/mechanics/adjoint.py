@@ -1,11 +1,10 @@
-"""Adjoints: derivatives of what is read off an equilibrium by the numbers of its stripes.
+"""Adjoints: derivatives of measures of an equilibrium by the numbers of its stripes.
 
-By the implicit function theorem: an equilibrium has no force g left on its free unknowns, so that
-these move with whatever else changes as the stiffness K lets them. For a quantity J one solve
-K λ = ∂J/∂(free) at the strained state says how J feels forces there; what that makes of the held
-unknowns goes back through the loading to the relaxed shape, and one solve at the relaxed shape
-does the rest. A factorisation serves all quantities of a state, that of the relaxed shape all
-states.
+By the implicit function theorem: in equilibrium the force g on the free unknowns is zero, so that
+a change of anything else moves them by −K⁻¹ ∂g, with the stiffness K. For a quantity J one solve
+K λ = ∂J/∂(free) at the strained state gives the multipliers λ. The derivative by the held unknowns
+is pulled back through the loading to the relaxed shape, where one more solve does the rest. A
+factorisation serves all quantities of a state, that of the relaxed shape all states.
 
 There is no derivative where a branch of equilibria ends, for there the fabric snaps and K is
 singular, nor at numbers at which a node comes to touch a wall or leaves it: on either side there
@@ -39,7 +38,7 @@ it gives a number or several."""
 class Adjoint:
     """Derivatives along the tensile test of one fabric.
 
-    A sample with free edges is squared up before it is clamped, in a way that follows its stripes
+    A sample with free edges is rigidly aligned before it is clamped, which depends on its stripes
     too. Its height between the walls is taken to stay as long as it touches none.
 
     Args:
@@ -65,9 +64,11 @@ class Adjoint:
             _slope(layout, stripes),
         )
         self._numbers = jax.tree.structure(stripes)
-        self._pulled = LinearResponses.of(self._shape, free_under_tension(self._shape), method)
+        self._under_tension = LinearResponses.of(
+            self._shape, free_under_tension(self._shape), method
+        )
         at_rest = LinearResponses.of(self._shape, all_free(self._shape), method)
-        self._rest = at_rest.at(self._fabric, self._relaxed)
+        self._at_rest = at_rest.at(self._fabric, self._relaxed)
 
     def of_relaxed(self, measure: Measure) -> StripePair:
         """Derivatives of a measure of the relaxed shape, which is given as the strained one too.
@@ -109,28 +110,31 @@ class Adjoint:
         by_relaxed, by_strained, by_fabric = _jacobian(measure, self._shape)(
             self._relaxed, unknowns, self._fabric
         )
-        felt, response = np.asarray(by_strained), self._pulled.at(self._fabric, unknowns)
-        yielding = response.to(felt)
-        by_fabric = _forced_back(self._shape)(self._fabric, unknowns, yielding, by_fabric)
-        by_held = felt - response.forces_of(yielding)
+        response = self._under_tension.at(self._fabric, unknowns)
+        by_unknowns = np.asarray(by_strained)
+        multipliers = response.to(by_unknowns)
+        by_fabric = _through_forces(self._shape)(self._fabric, unknowns, multipliers, by_fabric)
+        by_held = by_unknowns - response.forces_of(multipliers)
         by_held[:, response.free] = 0
-        by_relaxed += _placed_back(self._shape)(self._relaxed, applied_strain, by_held)
+        by_relaxed += _through_loading(self._shape)(self._relaxed, applied_strain, by_held)
         return self._through_relaxed(np.asarray(by_relaxed), by_fabric)
 
     def _through_relaxed(
         self, by_relaxed: Float[np.ndarray, "quantity unknown"], by_fabric: Fabric
     ) -> StripePair:
         """The derivatives, from those by the relaxed shape and by the fabric."""
-        # How a sample lies is decided by squaring it up, where no force decides it.
-        rigid = self._rest.rigid_part(by_relaxed)
-        by_fabric, squared = _aligned_back(self._shape)(
+        # Where no force decides how a sample lies, the rigid alignment does.
+        rigid = self._at_rest.rigid_part(by_relaxed)
+        by_fabric, aligned_part = _through_alignment(self._shape)(
             self._fabric, self._relaxed, rigid, by_fabric
         )
-        yielding = self._rest.to(by_relaxed - rigid + np.asarray(squared))
-        by_fabric = _forced_back(self._shape)(self._fabric, self._relaxed, yielding, by_fabric)
-        felt = [np.reshape(leaf, (len(by_relaxed), -1)) for leaf in jax.tree.leaves(by_fabric)]
+        multipliers = self._at_rest.to(by_relaxed - rigid + np.asarray(aligned_part))
+        by_fabric = _through_forces(self._shape)(
+            self._fabric, self._relaxed, multipliers, by_fabric
+        )
+        rows = [np.reshape(leaf, (len(by_relaxed), -1)) for leaf in jax.tree.leaves(by_fabric)]
         derivatives: StripePair = jax.tree.unflatten(
-            self._numbers, (np.concatenate(felt, axis=1) @ self._slope).T
+            self._numbers, (np.concatenate(rows, axis=1) @ self._slope).T
         )
         return derivatives
 
@@ -145,7 +149,7 @@ def _slope(
 
 @lru_cache(maxsize=16)
 def _jacobian(measure: Measure, shape: MeshShape) -> Callable[..., tuple[Rows, Rows, Fabric]]:
-    """Program for the derivatives of a measure by both vectors of unknowns and by the fabric."""
+    """Compiled derivatives of a measure by both vectors of unknowns and by the fabric."""
 
     def numbers(relaxed: Unknowns, strained: Unknowns, fabric: Fabric) -> Float[Array, " quantity"]:
         pair = Configuration.of(relaxed, shape), Configuration.of(strained, shape)
@@ -155,52 +159,52 @@ def _jacobian(measure: Measure, shape: MeshShape) -> Callable[..., tuple[Rows, R
 
 
 @lru_cache(maxsize=16)
-def _forced_back(shape: MeshShape) -> Callable[..., Fabric]:
-    """Program that takes −λᵀ ∂g/∂(fabric) into what J feels of the fabric."""
+def _through_forces(shape: MeshShape) -> Callable[..., Fabric]:
+    """Compiled: adds −λᵀ ∂g/∂(fabric) to the derivative by the fabric."""
     net = network(shape)
 
-    def back(fabric: Fabric, at: Unknowns, yielding: Rows, by_fabric: Fabric) -> Fabric:
+    def pulled_back(fabric: Fabric, at: Unknowns, multipliers: Rows, by_fabric: Fabric) -> Fabric:
         def stored(unknowns: Unknowns, of: Fabric) -> Array:
             return energy(net, of, Configuration.of(unknowns, shape)).total
 
         def work(of: Fabric, along: Unknowns) -> Array:
             return jax.jvp(lambda q: stored(q, of), (at,), (along,))[1]
 
-        felt = jax.vmap(jax.grad(work), (None, 0))(fabric, yielding)
-        return jax.tree.map(jnp.subtract, by_fabric, felt)
+        change = jax.vmap(jax.grad(work), (None, 0))(fabric, multipliers)
+        return jax.tree.map(jnp.subtract, by_fabric, change)
 
-    return jax.jit(back)
+    return jax.jit(pulled_back)
 
 
 @lru_cache(maxsize=16)
-def _placed_back(shape: MeshShape) -> Callable[..., Rows]:
-    """Program from what J feels of the held unknowns to what it feels of the relaxed shape."""
+def _through_loading(shape: MeshShape) -> Callable[..., Rows]:
+    """Compiled: from the derivative by the held unknowns to that by the relaxed shape."""
 
-    def back(relaxed: Unknowns, applied_strain: Array, by_held: Rows) -> Rows:
+    def pulled_back(relaxed: Unknowns, applied_strain: Array, by_held: Rows) -> Rows:
         def placed(unknowns: Unknowns) -> Unknowns:
             drive, _ = drive_along(shape, Configuration.of(unknowns, shape))
             return unknowns + applied_strain * drive
 
-        _, pull = jax.vjp(placed, relaxed)
-        return jax.vmap(pull)(by_held)[0]
+        _, transposed = jax.vjp(placed, relaxed)
+        return jax.vmap(transposed)(by_held)[0]
 
-    return jax.jit(back)
+    return jax.jit(pulled_back)
 
 
 @lru_cache(maxsize=16)
-def _aligned_back(shape: MeshShape) -> Callable[..., tuple[Fabric, Rows]]:
-    """Program that takes what J feels of rigid motion back through the squaring up."""
+def _through_alignment(shape: MeshShape) -> Callable[..., tuple[Fabric, Rows]]:
+    """Compiled: pulls the derivative along rigid motions back through the rigid alignment."""
     net = network(shape)
 
     def aligned(fabric: Fabric, relaxed: Unknowns) -> Unknowns:
         configuration = Configuration.of(relaxed, shape)
         return rigidly_aligned(shape, flat_sheet(net, fabric), configuration).flattened()
 
-    def back(
+    def pulled_back(
         fabric: Fabric, relaxed: Unknowns, rigid: Rows, by_fabric: Fabric
     ) -> tuple[Fabric, Rows]:
-        _, pull = jax.vjp(aligned, fabric, relaxed)
-        felt_of_fabric, felt = jax.vmap(pull)(rigid)
-        return jax.tree.map(jnp.add, by_fabric, felt_of_fabric), felt
+        _, transposed = jax.vjp(aligned, fabric, relaxed)
+        more_by_fabric, by_unknowns = jax.vmap(transposed)(rigid)
+        return jax.tree.map(jnp.add, by_fabric, more_by_fabric), by_unknowns
 
-    return jax.jit(back)
+    return jax.jit(pulled_back)

@@ -1,10 +1,10 @@
 """Solvers of many fabrics of one mesh shape in step, as an accelerator wants its work.
 
-In every round what the solvers ask for is worked out for all of them at once: evaluations and
+In every round the requests of all solvers are answered at once: evaluations and
 element Hessians vmapped, the stiffness summed, factored and solved with on the device
-(:mod:`knitlab.linalg.block_tridiagonal`). A solver that has ended, or asks for something else
-in this round, keeps its place, so that the compiled batch size stays; what is worked out there
-is thrown away. The solvers share nothing, so none can disturb another.
+(:mod:`knitlab.linalg.block_tridiagonal`). A solver that has ended, or has another request
+in this round, keeps its place, so that the compiled batch size stays; what is computed there is
+discarded. The solvers share nothing, so none can disturb another.
 """
 
 from collections.abc import Sequence
@@ -44,7 +44,7 @@ def _evaluator(shape: MeshShape) -> Any:
     return jax.jit(jax.vmap(partial(evaluate, network(shape))))
 
 
-class _Bench:
+class _BatchStiffness:
     """Stiffness of one choice of free unknowns, of all fabrics of a batch, on the device."""
 
     def __init__(self, free: FreeStiffness, cases: int) -> None:
@@ -123,17 +123,17 @@ class _Batch:
     def __init__(self, shape: MeshShape, fabrics: Sequence[Fabric]) -> None:
         self._evaluate, self._fabrics = _evaluator(shape), stacked(fabrics)
         self._cases = len(fabrics)
-        self._benches: dict[FreeStiffness, _Bench] = {}
+        self._stiffnesses: dict[FreeStiffness, _BatchStiffness] = {}
         self._free: dict[int, FreeStiffness] = {}
         self._at: list[Evaluate | Assemble | None] = [None] * self._cases
 
     def answers(self, requests: dict[int, Request]) -> dict[int, Any]:
-        """What the requests of these cases ask for."""
+        """Answers to the requests of these cases."""
         groups: dict[Any, dict[int, Request]] = {}
         results: dict[int, Any] = {}
         for case, request in requests.items():
             if isinstance(request, SolveSubdomains):
-                # Blocks, one after the other, would leave an accelerator idle: they stay.
+                # Subdomains, one after the other, would leave an accelerator idle.
                 self._at[case], results[case] = request.at, (request.at, 0.0)
                 continue
             if isinstance(request, Evaluate | Assemble):
@@ -143,26 +143,26 @@ class _Batch:
             free = None if isinstance(request, Evaluate) else self._free[case]
             groups.setdefault((type(request), free), {})[case] = request
         for (kind, free), group in groups.items():
-            worked_out = self._worked_out(kind, free, group)
-            results |= {case: worked_out[case] for case in group}
+            computed = self._computed(kind, free, group)
+            results |= {case: computed[case] for case in group}
         return results
 
-    def _worked_out(self, kind: type, free: Any, group: dict[int, Any]) -> Any:
+    def _computed(self, kind: type, free: Any, group: dict[int, Any]) -> Any:
         whose = jnp.asarray([case in group for case in range(self._cases)])
         if kind is Evaluate:
             return _unstacked(self._evaluate(self._fabrics, *self._places()), self._cases)
-        if free not in self._benches:
-            self._benches[free] = _Bench(free, self._cases)
-        bench = self._benches[free]
+        if free not in self._stiffnesses:
+            self._stiffnesses[free] = _BatchStiffness(free, self._cases)
+        stiffness = self._stiffnesses[free]
         if kind is Assemble:
-            bench.assemble(whose, self._fabrics, *self._places())
+            stiffness.assemble(whose, self._fabrics, *self._places())
             return dict.fromkeys(group)
         if kind is Factorise:
             shifts = [group[c].shift if c in group else 1.0 for c in range(self._cases)]
-            return bench.factorise(whose, jnp.asarray(shifts))
+            return stiffness.factorise(whose, jnp.asarray(shifts))
         nothing = np.zeros(len(free.places))
         right = [group[c].right if c in group else nothing for c in range(self._cases)]
-        return bench.solve(jnp.asarray(np.array(right)))
+        return stiffness.solve(jnp.asarray(np.array(right)))
 
     def _places(self) -> tuple[Stage, Float[Array, "case unknown"]]:
         at = [request for request in self._at if request is not None]
@@ -183,7 +183,7 @@ def run_in_lockstep(
     Args:
         shape: mesh shape of all the fabrics.
         fabrics: their numbers.
-        solvers: one for each, which begins by asking for an evaluation, or for blocks to settle.
+        solvers: one for each, which begins by requesting an evaluation or subdomain solutions.
     """
     batch = _Batch(shape, fabrics)
     results: dict[int, Result] = {}

@@ -72,7 +72,7 @@ class MotionPath:
         return PEAK_OF_SMOOTH_RAMP * (self.after - self.before) / self.rate
 
     def drive(self, shape: MeshShape) -> PrescribedMotion:
-        """The course as the dynamics take it."""
+        """The path as the dynamics take it."""
         free = all_free(shape) if self.loading is None else self.loading.free
         direction = np.zeros(shape.unknowns) if self.loading is None else self.loading.drive
         return PrescribedMotion(
@@ -88,34 +88,34 @@ class MotionPath:
 
 @dataclass(frozen=True)
 class MotionResult:
-    """Where a course led, and how the fabric moved on the way.
+    """The end of a path, and how the fabric moved on the way.
 
     Attributes:
         state: the last state.
         history: of the way.
-        haste: kinetic energy at its peak and all work against the drag, over the largest work of
-            what drove the fabric; not a number if nothing did.
+        loss: quasi-static loss, the kinetic energy at its peak and all work against the drag over
+            the largest work of what drove the fabric; not a number if nothing did.
         settling: time from the end of the drive to rest [ms].
     """
 
     state: State
     history: History
-    haste: float
+    loss: float
     settling: float
 
 
-def move(batch: MovingBatch, courses: Sequence[MotionPath]) -> list[MotionResult]:
-    """Move every fabric of a batch along its course until it is at rest, in one call."""
-    start = jnp.array([course.start for course in courses])
-    nothing = jnp.zeros(len(courses))
-    drives = [course.drive(batch.shape) for course in courses]
+def move(batch: MovingBatch, paths: Sequence[MotionPath]) -> list[MotionResult]:
+    """Move every fabric of a batch along its path until it is at rest, in one call."""
+    start = jnp.array([path.start for path in paths])
+    nothing = jnp.zeros(len(paths))
+    drives = [path.drive(batch.shape) for path in paths]
     trajectories = batch_integrator(batch.shape, batch.settings)(
         stacked(batch.fabrics),
         stacked(batch.inertias),
         stacked(drives),
         Motion(start, jnp.zeros_like(start), nothing, nothing),
         *(
-            jnp.array([_kept_times(batch.settings, course, count) for course in courses])
+            jnp.array([_kept_times(batch.settings, path, count) for path in paths])
             for count in (KEPT_TIMES, batch.settings.snapshots)
         ),
     )
@@ -127,13 +127,13 @@ def move(batch: MovingBatch, courses: Sequence[MotionPath]) -> list[MotionResult
 
 
 def _kept_times(
-    settings: DynamicsSettings, course: MotionPath, count: int
+    settings: DynamicsSettings, path: MotionPath, count: int
 ) -> Float[np.ndarray, " time"]:
     """Even times of the ramp if there is one; after it, times even in their logarithm."""
-    driven = count // 2 if course.ramp_time else 1
-    ramp = np.linspace(0, course.ramp_time, driven)
+    driven = count // 2 if path.ramp_time else 1
+    ramp = np.linspace(0, path.ramp_time, driven)
     after = np.geomspace(settings.time_step, settings.settling_time, count - driven)
-    return np.append(ramp, course.ramp_time + np.minimum(after, settings.settling_time))
+    return np.append(ramp, path.ramp_time + np.minimum(after, settings.settling_time))
 
 
 def _motion_result(
@@ -173,7 +173,7 @@ def _motion_result(
     return MotionResult(
         state,
         history,
-        haste=spent / work if work else np.nan,
+        loss=spent / work if work else np.nan,
         settling=float(trajectory.end_time - drive.ramp_time),
     )
 
@@ -186,30 +186,31 @@ def stretch_by_dynamics(
     """Relax a batch from flat sheets at rest, then take it through a tensile test.
 
     To every applied strain the driven end moves at no more than ``settings.ramp_rate``; then the
-    fabric comes to rest. A strain step whose haste exceeds ``settings.quasi_static_limit`` is taken
-    again at a quarter of the rate, which lowers the drag's work as much and the kinetic energy
-    more. If haste does not even halve, though both drives lasted longer than the settling after
-    them, the fabric snaps, for which no rate is slow enough, and the step stands. A test ends at
-    the first strain that cannot be reached; its batch mates go on.
+    fabric comes to rest. A strain step whose quasi-static loss exceeds
+    ``settings.quasi_static_limit`` is taken again at a quarter of the rate, which lowers the drag's
+    work as much and the kinetic energy more. If the loss does not even halve, though both drives
+    lasted longer than the settling after them, the fabric snaps, for which no rate is slow enough,
+    and the step is kept. A test ends at the first strain that cannot be reached; the others of the
+    batch go on.
 
     Args:
         batch: the fabrics.
         applied_strain: of each, ascending from 0, equally many.
-        progress: told, for a place in the batch, how many of its states are done.
+        progress: called with a place in the batch and how many of its states are done.
     """
     shape = batch.shape
     sheets = [flat_sheet(network(shape), fabric) for fabric in batch.fabrics]
     starts = [np.asarray(sheet.flattened()) for sheet in sheets]
-    arrivals = move(batch, [MotionPath(start) for start in starts])
+    results = move(batch, [MotionPath(start) for start in starts])
     tests = []
-    for case, (relaxed, arrival) in enumerate(
-        zip(_rigidly_aligned(batch, sheets, arrivals), arrivals, strict=True)
+    for case, (relaxed, result) in enumerate(
+        zip(_rigidly_aligned(batch, sheets, results), results, strict=True)
     ):
         loading = tensile(shape, relaxed.configuration) if relaxed.converged else None
-        tests.append(TensileTest(loading, [relaxed], arrival.history))
+        tests.append(TensileTest(loading, [relaxed], result.history))
         progress(case, 1)
     for place in range(1, len(applied_strain[0])):
-        courses = [
+        paths = [
             MotionPath(
                 start=test.states[-1].unknowns if test.loading else start,
                 loading=test.loading,
@@ -220,7 +221,7 @@ def stretch_by_dynamics(
             )
             for test, start, strains in zip(tests, starts, applied_strain, strict=True)
         ]
-        for case, state in _quasi_static(batch, courses).items():
+        for case, state in _quasi_static(batch, paths).items():
             tests[case].states.append(state)
             progress(case, place + 1)
     return tests
@@ -229,55 +230,55 @@ def stretch_by_dynamics(
 def _rigidly_aligned(
     batch: MovingBatch,
     sheets: Sequence[Configuration],
-    arrivals: Sequence[MotionResult],
+    results: Sequence[MotionResult],
 ) -> list[State]:
-    """Relaxed states, samples squared up and at rest again as the walls may resist that."""
-    relaxed = [arrival.state for arrival in arrivals]
+    """Relaxed states; samples are rigidly aligned and at rest again, as walls may resist that."""
+    relaxed = [result.state for result in results]
     if batch.shape.periodic:
         return relaxed
-    courses = []
+    paths = []
     for sheet, state in zip(sheets, relaxed, strict=True):
         start = sheet
         if state.converged:
             start = rigidly_aligned(batch.shape, sheet, state.configuration)
         unknowns = np.asarray(start.flattened())
-        courses.append(MotionPath(unknowns, ended=not state.converged))
+        paths.append(MotionPath(unknowns, ended=not state.converged))
     return [
         replace(again.state.after(state), kinetic_peak=state.kinetic_peak)
         if state.converged
         else state
-        for state, again in zip(relaxed, move(batch, courses), strict=True)
+        for state, again in zip(relaxed, move(batch, paths), strict=True)
     ]
 
 
-def _quasi_static(batch: MovingBatch, courses: Sequence[MotionPath]) -> dict[int, State]:
-    """Move along courses that have not ended, each again and slower while it was too fast."""
+def _quasi_static(batch: MovingBatch, paths: Sequence[MotionPath]) -> dict[int, State]:
+    """Move along paths that have not ended, each again and slower while it was too fast."""
     settings = batch.settings
-    courses, reached, hasty = list(courses), dict[int, State](), dict[int, MotionResult]()
-    while pending := [case for case, course in enumerate(courses) if not course.ended]:
-        arrivals = move(batch, courses)
+    paths, reached, too_fast = list(paths), dict[int, State](), dict[int, MotionResult]()
+    while pending := [case for case, path in enumerate(paths) if not path.ended]:
+        results = move(batch, paths)
         for case in pending:
-            arrival, earlier = arrivals[case], hasty.get(case)
+            result, earlier = results[case], too_fast.get(case)
             if earlier is not None:
-                arrival = replace(arrival, state=arrival.state.after(earlier.state))
-            slower = courses[case].rate / SLOWING
-            if not arrival.state.converged or arrival.haste <= settings.quasi_static_limit:
-                reached[case] = arrival.state
-            elif earlier is not None and _snapped(courses[case], earlier, arrival):
-                reached[case] = replace(arrival.state, snapped=True)
+                result = replace(result, state=result.state.after(earlier.state))
+            slower = paths[case].rate / SLOWING
+            if not result.state.converged or result.loss <= settings.quasi_static_limit:
+                reached[case] = result.state
+            elif earlier is not None and _snapped(paths[case], earlier, result):
+                reached[case] = replace(result.state, snapped=True)
             elif slower < settings.smallest_rate * settings.ramp_rate:
-                reached[case] = replace(arrival.state, outcome=Outcome.too_fast)
+                reached[case] = replace(result.state, outcome=Outcome.too_fast)
             else:
-                hasty[case] = arrival
-            courses[case] = replace(courses[case], rate=slower, ended=case in reached)
+                too_fast[case] = result
+            paths[case] = replace(paths[case], rate=slower, ended=case in reached)
     return reached
 
 
-def _snapped(slower: MotionPath, faster: MotionResult, arrival: MotionResult) -> bool:
-    """Whether work is lost at any rate: haste is not even halved at a quarter of a slow rate.
+def _snapped(slower: MotionPath, faster: MotionResult, result: MotionResult) -> bool:
+    """Whether work is lost at any rate: the loss is not even halved at a quarter of a slow rate.
 
     A rate is slow if the drive outlasts the settling after it. A sudden pull loses the same work at
     any rate too.
     """
     slow = slower.ramp_time / SLOWING >= faster.settling
-    return slow and 2 * arrival.haste > faster.haste
+    return slow and 2 * result.loss > faster.loss

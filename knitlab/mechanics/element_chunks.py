@@ -1,4 +1,4 @@
-"""A fabric in portions: one compiled program a task, whatever the mesh shape.
+"""A fabric in chunks of elements: one compiled program, whatever the mesh shape.
 
 XLA takes seconds to compile a network's energy and its derivatives, and would do so anew for every
 mesh shape. But shapes differ only in which nodes an element joins, and that is a constant sparse
@@ -35,22 +35,22 @@ from knitlab.model.network import Elements, MeshShape, network
 from knitlab.model.options import FoldAngle
 
 HEIGHTS = 512
-"""Nodes in a portion. It also holds the springs and hinges that so many nodes have in periodic
+"""Nodes in a chunk. It also holds the springs and hinges that so many nodes have in periodic
 fabric, where they are most."""
 SPRINGS, HINGES = 4 * HEIGHTS, 2 * HEIGHTS
 VECTORS = 3 * SPRINGS + 15 * HINGES + HEIGHTS
-"""Numbers that the energy of a portion depends on."""
+"""Numbers that the energy of a chunk depends on."""
 WORTH_SHARING = 8
-"""Portions from which on a second thread brings more than it costs."""
+"""Chunks from which on a second thread gains more than it costs."""
 
 Places = Int[np.ndarray, " place"]
 Vectors = tuple[Float[Array, "1 3 spring"], Float[Array, "5 3 hinge"], Float[Array, " node"]]
-"""Of a portion: the vectors of its springs, those of its hinges, and the heights of its nodes
+"""Of a chunk: the vectors of its springs, those of its hinges, and the heights of its nodes
 [mm]."""
 Stiffnesses = tuple[
     Float[Array, " spring"], Float[Array, " spring"], Float[Array, " hinge"], Float[Array, " hinge"]
 ]
-"""Of a portion: rest length and stiffness of its springs, rest angle and stiffness of its
+"""Of a chunk: rest length and stiffness of its springs, rest angle and stiffness of its
 hinges."""
 Acting = Float[np.ndarray, "3"]
 """Fraction of the rest angles, z_max [mm] and stiffness of the walls [N/mm]."""
@@ -58,7 +58,7 @@ Acting = Float[np.ndarray, "3"]
 
 @dataclass(frozen=True, eq=False)
 class ThreadChunks:
-    """Portions that one thread works on.
+    """Chunks that one thread works on.
 
     Attributes:
         first: the first of them.
@@ -73,35 +73,33 @@ class ThreadChunks:
     transposed: sp.csr_array
 
     @property
-    def portions(self) -> range:
+    def chunks(self) -> range:
         """Which they are."""
         return range(self.first, self.first + self.count)
 
-    def vectors(
-        self, unknowns: Float[np.ndarray, " unknown"]
-    ) -> Float[np.ndarray, "portion vector"]:
+    def vectors(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "chunk vector"]:
         """Their vectors in a configuration [mm]."""
         return (self.incidence @ unknowns).reshape(self.count, VECTORS)
 
 
 @dataclass(frozen=True, eq=False)
 class ElementChunks:
-    """A mesh shape in portions.
+    """A mesh shape in chunks.
 
     Attributes:
         shape: the mesh shape.
-        count: number of portions.
-        shares: the portions, in one part or, where they are many, in two.
+        count: number of chunks.
+        by_thread: the chunks, for one thread or, where they are many, for two.
     """
 
     shape: MeshShape
     count: int
-    shares: tuple[ThreadChunks, ...]
+    by_thread: tuple[ThreadChunks, ...]
 
 
 @lru_cache(maxsize=16)
-def portions(shape: MeshShape) -> ElementChunks:
-    """Cut the network of a mesh shape into portions."""
+def chunks_of(shape: MeshShape) -> ElementChunks:
+    """The elements of a mesh shape's network, in chunks."""
     net = network(shape)
     count = -(-shape.nodes // HEIGHTS)
     nodes = np.arange(shape.nodes)
@@ -115,31 +113,33 @@ def portions(shape: MeshShape) -> ElementChunks:
     incidence = sp.csr_array((values, (rows, columns)), shape=(count * VECTORS, shape.unknowns))
     incidence.eliminate_zeros()
     ends = [0, count] if count < WORTH_SHARING else [0, count // 2, count]
-    return ElementChunks(shape, count, tuple(_share(incidence, *ends) for ends in pairwise(ends)))
+    return ElementChunks(
+        shape, count, tuple(_thread_chunks(incidence, *ends) for ends in pairwise(ends))
+    )
 
 
-def _share(incidence: sp.csr_array, first: int, end: int) -> ThreadChunks:
+def _thread_chunks(incidence: sp.csr_array, first: int, end: int) -> ThreadChunks:
     own = incidence[first * VECTORS : end * VECTORS]
     return ThreadChunks(first, end - first, own, own.T.tocsr())
 
 
-def _first_row(place: Places, per_portion: int, offset: int) -> Places:
-    """Row of the first number of elements, by their place among those of their kind."""
-    portion, lane = np.divmod(place, per_portion)
-    return portion * VECTORS + offset + lane
+def _first_row(place: Places, per_chunk: int, offset: int) -> Places:
+    """Row of the first number of every element, by its place among those of its kind."""
+    chunk, lane = np.divmod(place, per_chunk)
+    return chunk * VECTORS + offset + lane
 
 
 def _terms(
-    elements: Elements, places: int, per_portion: int, offset: int
+    elements: Elements, places: int, per_chunk: int, offset: int
 ) -> Iterator[tuple[Places, Places, Float[np.ndarray, " place"]]]:
     """Rows, columns and values of the incidence of one kind of elements."""
     place = np.arange(places)
     # Any element will do where there is none, as it has no stiffness there.
     which = np.minimum(place, len(elements.nodes) - 1)
-    first, one = _first_row(place, per_portion, offset), np.ones(places)
+    first, one = _first_row(place, per_chunk, offset), np.ones(places)
     for vector, (start, end) in enumerate(elements.ends):
         for component in range(3):
-            row = first + (3 * vector + component) * per_portion
+            row = first + (3 * vector + component) * per_chunk
             yield row, 3 * elements.nodes[which, end] + component, one
             yield row, 3 * elements.nodes[which, start] + component, -one
             if component < 2:
@@ -149,17 +149,17 @@ def _terms(
 
 @dataclass(frozen=True, eq=False)
 class ChunkedFabric:
-    """A fabric laid out in portions, to be looked at in one configuration after the other.
+    """A fabric in chunks, to be evaluated in one configuration after the other.
 
     Attributes:
-        portions: those of its mesh shape.
+        chunks: those of its mesh shape.
         stiffnesses: of each.
         walls: z_max [mm] and stiffness [N/mm].
         fold_angle: what its fold angles are between.
-        threads: that look at it.
+        threads: that evaluate it.
     """
 
-    portions: ElementChunks
+    chunks: ElementChunks
     stiffnesses: tuple[Stiffnesses, ...]
     walls: tuple[float, float]
     fold_angle: FoldAngle
@@ -167,8 +167,14 @@ class ChunkedFabric:
 
     @classmethod
     def of(cls, shape: MeshShape, fabric: Fabric, threads: Threads = ALONE) -> "ChunkedFabric":
-        """Lay out a fabric, for some threads to look at."""
-        its = portions(shape)
+        """The chunks of a fabric, for some threads to evaluate.
+
+        Args:
+            shape: mesh shape of the fabric.
+            fabric: its numbers.
+            threads: that share the work.
+        """
+        mesh_chunks = chunks_of(shape)
         numbers = [
             (fabric.rest_length, SPRINGS),
             (fabric.stretch_stiffness, SPRINGS),
@@ -176,46 +182,48 @@ class ChunkedFabric:
             (fabric.fold_stiffness, HINGES),
         ]
         columns = []
-        for number, per_portion in numbers:
-            spare = its.count * per_portion - len(number)
-            padded = np.pad(np.asarray(number), (0, spare)).reshape(its.count, per_portion)
+        for number, per_chunk in numbers:
+            spare = mesh_chunks.count * per_chunk - len(number)
+            padded = np.pad(np.asarray(number), (0, spare)).reshape(mesh_chunks.count, per_chunk)
             columns.append([jnp.asarray(row) for row in padded])
         walls = float(fabric.z_max), float(fabric.k_wall)
         numbered = tuple(zip(*columns, strict=True))
-        return cls(its, numbered, walls, fabric.fold_angle, threads)
+        return cls(mesh_chunks, numbered, walls, fabric.fold_angle, threads)
 
     def evaluate(self, stage: Stage, unknowns: Float[np.ndarray, " unknown"]) -> Evaluation:
-        """What :func:`~knitlab.mechanics.evaluation.evaluate` gives, as NumPy arrays."""
-        look = partial(self._evaluated, self._acting(stage), unknowns)
-        energies, gradients = zip(*self.threads.each(look, self.portions.shares), strict=True)
+        """As :func:`~knitlab.mechanics.evaluation.evaluate`, in NumPy arrays."""
+        evaluate_part = partial(self._evaluated, self._acting(stage), unknowns)
+        energies, gradients = zip(
+            *self.threads.each(evaluate_part, self.chunks.by_thread), strict=True
+        )
         return Evaluation(Energy(*np.sum(energies, axis=0)), np.sum(gradients, axis=0))
 
     def _evaluated(
-        self, acting: Acting, unknowns: Float[np.ndarray, " unknown"], share: ThreadChunks
+        self, acting: Acting, unknowns: Float[np.ndarray, " unknown"], own_chunks: ThreadChunks
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, " unknown"]]:
-        """Energies of a share of the portions, and the gradient of their sum."""
-        vectors = share.vectors(unknowns)
+        """Energies of one thread's chunks, and the gradient of their sum."""
+        vectors = own_chunks.vectors(unknowns)
         energies, gradient = np.zeros(3), np.empty_like(vectors)
-        for portion, here, by_here in zip(share.portions, vectors, gradient, strict=True):
-            own = self.stiffnesses[portion]
+        for chunk, here, by_here in zip(own_chunks.chunks, vectors, gradient, strict=True):
+            own = self.stiffnesses[chunk]
             parts, by_vectors = _evaluate(self.fold_angle, acting, own, _split(here))
             energies += np.asarray(parts)
             for view, part in zip(_split(by_here), by_vectors, strict=True):
                 view[:] = part
-        return energies, share.transposed @ gradient.ravel()
+        return energies, own_chunks.transposed @ gradient.ravel()
 
     def element_hessians(
         self, stage: Stage, unknowns: Float[np.ndarray, " unknown"]
     ) -> ElementHessians:
-        """What :func:`~knitlab.mechanics.evaluation.element_hessians` gives, as NumPy arrays."""
-        count, net = self.portions.count, network(self.portions.shape)
+        """As :func:`~knitlab.mechanics.evaluation.element_hessians`, in NumPy arrays."""
+        count, net = self.chunks.count, network(self.chunks.shape)
         filled = ElementHessians(
             np.empty((len(SPRING_ENTRIES[0]), count * SPRINGS)),
             np.empty((count * HINGES // LANES, len(HINGE_ENTRIES[0]), LANES)),
             np.empty(count * HEIGHTS),
         )
         fill = partial(self._fill, filled, self._acting(stage), unknowns)
-        self.threads.each(fill, self.portions.shares)
+        self.threads.each(fill, self.chunks.by_thread)
         return ElementHessians(
             filled.springs[:, : len(net.springs.nodes)],
             filled.hinges[: -(-len(net.hinges.nodes) // LANES)],
@@ -227,14 +235,14 @@ class ChunkedFabric:
         filled: ElementHessians,
         acting: Acting,
         unknowns: Float[np.ndarray, " unknown"],
-        share: ThreadChunks,
+        own_chunks: ThreadChunks,
     ) -> None:
-        """Fill in the element Hessians of a share of the portions."""
-        for portion, here in zip(share.portions, share.vectors(unknowns), strict=True):
-            own = self.stiffnesses[portion]
+        """Fill in the element Hessians of one thread's chunks."""
+        for chunk, here in zip(own_chunks.chunks, own_chunks.vectors(unknowns), strict=True):
+            own = self.stiffnesses[chunk]
             part = _element_hessians(self.fold_angle, acting, own, _split(here))
             springs, hinges, heights = (
-                slice(portion * each, (portion + 1) * each)
+                slice(chunk * each, (chunk + 1) * each)
                 for each in (SPRINGS, HINGES // LANES, HEIGHTS)
             )
             filled.springs[:, springs] = part.springs
@@ -251,7 +259,7 @@ def _split(
 ) -> tuple[
     Float[np.ndarray, "1 3 spring"], Float[np.ndarray, "5 3 hinge"], Float[np.ndarray, " node"]
 ]:
-    """Views of the vectors of a portion's springs and hinges, and of its heights."""
+    """Views of the vectors of a chunk's springs and hinges, and of its heights."""
     springs, hinges = numbers[: 3 * SPRINGS], numbers[3 * SPRINGS : -HEIGHTS]
     return springs.reshape(1, 3, SPRINGS), hinges.reshape(5, 3, HINGES), numbers[-HEIGHTS:]
 
@@ -259,7 +267,7 @@ def _split(
 def _elements(
     acting: Acting, stiffnesses: Stiffnesses, vectors: Vectors
 ) -> tuple[tuple[Array, Array, Array], ...]:
-    """What the energies of a portion's springs, hinges and heights take."""
+    """Arguments of the energies of a chunk's springs, hinges and heights."""
     length, k_s, rest, k_t = stiffnesses
     springs, hinges, heights = vectors
     fold, z_max, k_wall = acting
@@ -270,7 +278,7 @@ def _elements(
 def _evaluate(
     of: FoldAngle, acting: Acting, stiffnesses: Stiffnesses, vectors: Vectors
 ) -> tuple[Float[Array, "3"], Vectors]:
-    """Energies of a portion, and the gradient of their sum by the vectors."""
+    """Energies of a chunk, and the gradient of their sum by the vectors."""
 
     def total(at: Vectors) -> tuple[Array, Array]:
         springs, hinges, heights = _elements(acting, stiffnesses, at)
@@ -286,7 +294,7 @@ def _evaluate(
 def _element_hessians(
     of: FoldAngle, acting: Acting, stiffnesses: Stiffnesses, vectors: Vectors
 ) -> ElementHessians:
-    """Element Hessians of a portion."""
+    """Element Hessians of a chunk."""
     (springs, *of_springs), hinges, heights = _elements(acting, stiffnesses, vectors)
     return ElementHessians(
         spring_stiffness(springs[0], *of_springs),

@@ -26,12 +26,12 @@ LARGEST_SHIFT = 1e6
 
 @dataclass(frozen=True)
 class RefactorisationPolicy:
-    """How sparing a search is with factorisations.
+    """When a search makes a new factorisation.
 
     Attributes:
-        cost: quasi-Newton steps that a fresh one is held to be worth.
+        cost: quasi-Newton steps that cost as much as a new one.
         most_steps: quasi-Newton steps on one, and how many of them are remembered.
-        patience: poor steps in a row after which the stiffness is factored anew.
+        patience: poor steps in a row after which the stiffness is factorised again.
     """
 
     cost: int
@@ -79,9 +79,12 @@ def minimise(search: Search) -> Solver[Outcome]:
 
 
 def minimise_with_one_factorisation(search: Search) -> Solver[Outcome | None]:
-    """Take a search as far as it pays to go on one factorisation; say how it ended, if it did.
+    """Take a search as far as it pays to go on one factorisation.
 
     Factorisations that fail, or from which no step leads down, are followed by others.
+
+    Returns:
+        How the search ended; ``None`` if it goes on.
     """
     rules, smallest = search.rules, search.rules.settings.smallest_shift
     while (outcome := search.end()) is None:
@@ -95,9 +98,9 @@ def minimise_with_one_factorisation(search: Search) -> Solver[Outcome | None]:
             if search.shift > LARGEST_SHIFT:
                 return Outcome.stalled
         descent = yield from _descend(search)
-        if descent.blurred and not descent.steps and search.shift <= smallest:
+        if descent.below_round_off and not descent.steps and search.shift <= smallest:
             return Outcome.stalled
-        if descent.blurred or not (descent.blocked or raised):
+        if descent.below_round_off or not (descent.blocked or raised):
             search.shift = max(0.1 * search.shift, smallest)
         elif not descent.steps:
             search.shift = max(10 * search.shift, LEAST_RAISED_SHIFT)
@@ -117,22 +120,22 @@ class _Descent:
     Attributes:
         steps: quasi-Newton steps taken.
         blocked: whether no part of the next step helped.
-        blurred: whether it did not because round-off hid it; then not the step is too long, but
-            the shift too large for the force to fall at once.
+        below_round_off: whether it did not because round-off hid it; then not the step is too
+            long, but the shift too large for the force to fall at once.
     """
 
     steps: int
     blocked: bool = False
-    blurred: bool = False
+    below_round_off: bool = False
 
 
 def _descend(search: Search) -> Solver[_Descent]:
     """Quasi-Newton steps on one factorisation."""
     rules = search.rules
-    thrift = CONVEXIFIED if rules.convexified else RAISED
-    memory: deque[tuple[Vector, Vector, float]] = deque(maxlen=thrift.most_steps)
+    policy = CONVEXIFIED if rules.convexified else RAISED
+    memory: deque[tuple[Vector, Vector, float]] = deque(maxlen=policy.most_steps)
     highest, steps, poor = search.energy, 0, 0
-    while steps < thrift.most_steps and search.iterations < rules.settings.max_iterations:
+    while steps < policy.most_steps and search.iterations < rules.settings.max_iterations:
         direction = yield from _direction(search.gradient, memory)
         slope = float(search.gradient @ direction)
         if not slope < 0:
@@ -142,7 +145,7 @@ def _descend(search: Search) -> Solver[_Descent]:
         length = yield from _line_search(search, direction * shortening, slope * shortening)
         if not length:
             noise = ENERGY_ROUND_OFF * abs(search.energy)
-            return _Descent(steps, blocked=True, blurred=-slope * shortening < noise)
+            return _Descent(steps, blocked=True, below_round_off=-slope * shortening < noise)
         steps += 1
         if search.end() is not None:
             break
@@ -152,9 +155,9 @@ def _descend(search: Search) -> Solver[_Descent]:
             memory.append((step, change, curvature))
         total, is_poor = highest - search.energy, search.force > 0.5 * before[2]
         if total > PROGRESS_ROUND_OFF * abs(search.energy):
-            is_poor &= before[0] - search.energy < total / (thrift.cost + steps)
+            is_poor &= before[0] - search.energy < total / (policy.cost + steps)
         poor = poor + 1 if is_poor else 0
-        if poor == thrift.patience:
+        if poor == policy.patience:
             break
     return _Descent(steps)
 

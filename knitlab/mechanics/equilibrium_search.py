@@ -96,7 +96,7 @@ class Search:
         return None if np.isfinite(self.force) else Outcome.stalled
 
     def state(self, outcome: Outcome) -> State:
-        """The state that it has come to."""
+        """The state that it has reached."""
         return State(
             shape=self.rules.free.shape,
             unknowns=self.at.unknowns,

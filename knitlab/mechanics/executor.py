@@ -1,4 +1,4 @@
-"""Driving solvers: what they ask for is worked out here."""
+"""Executors: they run solvers and answer their requests."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,11 +29,11 @@ from knitlab.mechanics.solver import (
 )
 from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import FreeStiffness
-from knitlab.mechanics.subdomains import Block, blocks, meet, rounds
+from knitlab.mechanics.subdomains import Subdomain, couplings, independent_groups, subdomains_of
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
 
-MOST_COMPANIONS = 7
+MOST_SECOND_PROCESSES = 7
 """Of one sample; each takes 0.4 to 0.9 GB."""
 
 Result = TypeVar("Result")
@@ -56,7 +56,8 @@ class Executor:
         fabric: its numbers.
         method: of factorisation; nested dissection by default.
         factorisers: those that there are, to be added to.
-        threads: that share the work; where blocks settle, all but one have a companion do theirs.
+        threads: that share the work; where subdomains are solved, all but one have a second
+            process do theirs.
     """
 
     def __init__(
@@ -70,13 +71,13 @@ class Executor:
         self._whole, self._method, self._threads = fabric, method, threads
         self._fabric = ChunkedFabric.of(shape, fabric, threads)
         self._factorisers = {} if factorisers is None else factorisers
-        self._pieces: dict[FreeStiffness, _Pieces] = {}
+        self._decompositions: dict[FreeStiffness, _Decomposition] = {}
         self._free: FreeStiffness | None = None
         self._entries = np.zeros(0)
         self._factors: Factors | None = None
 
     def answer(self, request: Request) -> Any:
-        """What a request asks for."""
+        """The answer to a request."""
         match request:
             case Evaluate(unknowns, stage):
                 return self._fabric.evaluate(stage, unknowns)
@@ -91,7 +92,7 @@ class Executor:
                     raise RuntimeError("nothing is factorised")
                 return self._factors.solve(right)
             case SolveSubdomains():
-                return self._settled(request)
+                return self._solve_subdomains(request)
 
     def _factorise(self, shift: float, convexified: bool) -> bool:
         free = self._free
@@ -102,92 +103,98 @@ class Executor:
         self._factors = self._factorisers[free](free.shifted(self._entries, shift), convexified)
         return self._factors is not None
 
-    def _settled(self, request: SolveSubdomains) -> tuple[Evaluate, float]:
-        pieces = self._in_pieces(request.free)
-        at, share = request.at.unknowns.copy(), 0.0
+    def _solve_subdomains(self, request: SolveSubdomains) -> tuple[Evaluate, float]:
+        decomposition = self._decomposition(request.free)
+        at, cost = request.at.unknowns.copy(), 0.0
         gradient = np.asarray(self._fabric.evaluate(request.at.stage, at).gradient)
-        forces = np.array([part.block.force(gradient) for part in pieces.parts])
-        sides = self._sides
+        forces = np.array([problem.subdomain.force(gradient) for problem in decomposition.problems])
+        processes = self._processes
 
-        def settled(place: int) -> State:
-            part = pieces.parts[place]
-            start = Evaluate(at[part.block.places], request.at.stage)
-            name = pieces.number, place
+        def solved(place: int) -> State:
+            problem = decomposition.problems[place]
+            start = Evaluate(at[problem.subdomain.places], request.at.stage)
+            name = decomposition.number, place
             subdomain_task = SubdomainTask(name, start, request.step_length, request.settings)
-            side = sides.get()
+            process = processes.get()
             try:
-                state = side.settle(subdomain_task, part.piece) if side else None
-                return state or solve_subdomain(part.executor, part.block.free, subdomain_task)
+                state = process.settle(subdomain_task, problem.sent) if process else None
+                return state or solve_subdomain(
+                    problem.executor, problem.subdomain.free, subdomain_task
+                )
             finally:
-                sides.put(side)
+                processes.put(process)
 
-        for together in rounds(forces, pieces.meeting):
-            for place, state in zip(together, self._threads.each(settled, together), strict=True):
-                block = pieces.parts[place].block
-                # A block that stalls, or ends further from rest than any was, may have folded a
+        for together in independent_groups(forces, decomposition.coupled):
+            for place, state in zip(together, self._threads.each(solved, together), strict=True):
+                subdomain = decomposition.problems[place].subdomain
+                # A subdomain that stalls, or ends further from rest than any was, may have folded a
                 # cell to nothing, where no hinge has an angle.
                 if state.outcome is not Outcome.stalled and state.residual <= forces.max():
-                    at[block.places] = state.unknowns
-                share += state.iterations * len(block.free.places) / len(request.free.places)
-        return Evaluate(at, request.at.stage), share
+                    at[subdomain.places] = state.unknowns
+                cost += state.iterations * len(subdomain.free.places) / len(request.free.places)
+        return Evaluate(at, request.at.stage), cost
 
-    def _in_pieces(self, free: FreeStiffness) -> "_Pieces":
-        if free not in self._pieces:
-            found = list(blocks(free))
-            parts = [self._part(block) for block in found]
-            meeting = meet(found, free.shape.unknowns)
-            self._pieces[free] = _Pieces(len(self._pieces), parts, meeting)
-        return self._pieces[free]
+    def _decomposition(self, free: FreeStiffness) -> "_Decomposition":
+        if free not in self._decompositions:
+            found = list(subdomains_of(free))
+            problems = [self._local_problem(subdomain) for subdomain in found]
+            coupled = couplings(found, free.shape.unknowns)
+            self._decompositions[free] = _Decomposition(
+                len(self._decompositions), problems, coupled
+            )
+        return self._decompositions[free]
 
-    def _part(self, block: Block) -> "_Part":
-        shape, fabric = block.free.shape, block.fabric(self._whole)
-        piece = SubdomainData(shape, block.free.places, fabric, self._method)
-        return _Part(block, piece, Executor(shape, fabric, self._method, self._factorisers))
+    def _local_problem(self, subdomain: Subdomain) -> "_LocalProblem":
+        shape, fabric = subdomain.free.shape, subdomain.fabric(self._whole)
+        sent = SubdomainData(shape, subdomain.free.places, fabric, self._method)
+        return _LocalProblem(
+            subdomain, sent, Executor(shape, fabric, self._method, self._factorisers)
+        )
 
     @cached_property
-    def _sides(self) -> "SimpleQueue[SecondProcess | None]":
-        """Who can settle a block now: this process (``None``) and its companions."""
-        sides = SimpleQueue[SecondProcess | None]()
-        sides.put(None)
-        for _ in range(min(self._threads.count - 1, MOST_COMPANIONS)):
-            sides.put(SecondProcess())
-        return sides
+    def _processes(self) -> "SimpleQueue[SecondProcess | None]":
+        """What can solve a subdomain now: this process (``None``) and its second processes."""
+        processes = SimpleQueue[SecondProcess | None]()
+        processes.put(None)
+        for _ in range(min(self._threads.count - 1, MOST_SECOND_PROCESSES)):
+            processes.put(SecondProcess())
+        return processes
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
-    """A block, and what it takes to settle it.
+class _LocalProblem:
+    """A subdomain, and what it takes to solve it.
 
     Attributes:
-        block: which it is.
-        piece: the same, as a companion has to know it.
-        desk: for it in this process.
+        subdomain: which it is.
+        sent: the same, as it is sent to a second process.
+        executor: for it in this process.
     """
 
-    block: Block
-    piece: SubdomainData
+    subdomain: Subdomain
+    sent: SubdomainData
     executor: Executor
 
 
 @dataclass(frozen=True, eq=False)
-class _Pieces:
-    """A sample in blocks.
+class _Decomposition:
+    """A sample in subdomains.
 
     Attributes:
-        number: of this way to cut it, of those that the sample has.
-        parts: the blocks.
-        meeting: which of them meet.
+        number: of this decomposition, of those that the sample has.
+        problems: the subdomains.
+        coupled: which of them are coupled.
     """
 
     number: int
-    parts: list[_Part]
-    meeting: Bool[np.ndarray, "block block"]
+    problems: list[_LocalProblem]
+    coupled: Bool[np.ndarray, "subdomain subdomain"]
 
 
 def solve_subdomain(
     executor: Executor, free: FreeStiffness, subdomain_task: SubdomainTask
 ) -> State:
-    """Where a block comes to rest by itself."""
+    """The equilibrium of a subdomain with its border held."""
     rules = SearchRules(
         free, subdomain_task.step_length, subdomain_task.settings, convexified=False
     )
@@ -208,7 +215,7 @@ def run(
 
 
 def run_to_end(executor: Executor, solver: Solver[Result]) -> Result:
-    """Run a solver to its end at a desk and return what it returns."""
+    """Run a solver to its end by an executor and return what it returns."""
     answer: Evaluation | Any = None
     while True:
         try:

@@ -37,7 +37,7 @@ class Factoriser(Protocol):
     """A way to factor the matrices of one sparsity."""
 
     def __call__(self, entries: Entries, convexified: bool = False) -> Factors | None:
-        """Factor a matrix, or say by ``None`` that it is not positive definite.
+        """Factor a matrix, or return ``None`` if it is not positive definite.
 
         Args:
             entries: its non-zeros. The factors hold until the next call by the same thread.

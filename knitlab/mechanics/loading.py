@@ -117,7 +117,7 @@ def rigidly_aligned(
     """A relaxed sample turned so that the rows to be clamped lie as on its flat sheet, at best.
 
     A free sample turns, tilts and drifts as it folds, by amounts that depend on how it came there;
-    whoever clamps it squares it up and levels it, for pulled askew it takes other states. Walls
+    whoever clamps it aligns and levels it, for pulled askew it takes other states. Walls
     are not regarded, and its height between them is left. Periodic fabric cannot turn.
 
     Args:

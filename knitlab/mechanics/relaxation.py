@@ -30,9 +30,9 @@ def relax(
     touches them, and a node that slides along one touches it anew at every step. Each stage but
     the last is only solved to near equilibrium, ``settings.waypoint_force`` of the largest
     force that a fold exerts on the flat sheet. A sample for clamping relaxes with all its edges
-    free; no coordinate is pinned. It is then squared up, as far as the walls let it, and solved
-    again. Periodic fabric goes the quick way, convexified; should that end in a cell that
-    is folded to nothing, where no hinge has an angle, it starts again the slow way.
+    free; no coordinate is pinned. It is then rigidly aligned, as far as the walls let it, and
+    solved again. Periodic fabric goes the quick way, convexified; should that end in a cell that is
+    folded to nothing, where no hinge has an angle, it starts again the slow way.
 
     Args:
         net: network of the fabric's mesh shape.
@@ -100,26 +100,3 @@ def _stages(settings: SolverSettings) -> Iterator[Stage]:
         yield Stage(step / settings.ramp_steps, settings.soft_wall)
     for decade in range(math.ceil(-math.log10(settings.soft_wall))):
         yield Stage(1.0, settings.soft_wall * 10.0**decade)
-
-
-def tiled(
-    net: Network,
-    fabric: Fabric,
-    cell: Network,
-    relaxed: Configuration,
-) -> Configuration:
-    """A sample laid out of relaxed periodic fabric: a start that is right but for its edges [mm].
-
-    Args:
-        net: network of the sample.
-        fabric: its numbers.
-        cell: network of the periodic fabric.
-        relaxed: its relaxed configuration.
-    """
-    rows, columns = np.mgrid[: net.shape.nodes_y, : net.shape.nodes_x]
-    turns_y, rows = np.divmod(rows, cell.shape.nodes_y)
-    turns_x, columns = np.divmod(columns, cell.shape.nodes_x)
-    nodes = np.asarray(relaxed.positions)[rows, columns].copy()
-    nodes[..., 0] += turns_x * relaxed.lengths[0]
-    nodes[..., 1] += turns_y * relaxed.lengths[1]
-    return Configuration(nodes, np.asarray(flat_sheet(net, fabric).lengths))

@@ -1,4 +1,4 @@
-"""Solvers as generators: what they ask for, whoever works it out.
+"""Solvers as generators of requests, independent of what answers them.
 
 A solver yields a request and is sent the answer. It never touches a device itself, so that one
 and the same solver runs alone on a processor or beside others in batches on an accelerator
@@ -22,7 +22,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Ask for energy and gradient: answered by an ``Evaluation`` of NumPy arrays."""
+    """Request for energy and gradient, answered by an ``Evaluation`` of NumPy arrays."""
 
     unknowns: Float[np.ndarray, " unknown"]
     stage: Stage = field(default=WHOLE)
@@ -30,7 +30,7 @@ class Evaluate:
 
 @dataclass(frozen=True)
 class Assemble:
-    """Ask for the stiffness of the free unknowns to be kept ready: answered by nothing."""
+    """Request to assemble the stiffness of the free unknowns; it has no answer."""
 
     unknowns: Float[np.ndarray, " unknown"]
     free: FreeStiffness
@@ -39,7 +39,7 @@ class Assemble:
 
 @dataclass(frozen=True)
 class Factorise:
-    """Ask for the assembled stiffness plus a shift to be factored: is it positive definite?
+    """Request to factorise the assembled stiffness plus a shift, answered by whether it could be.
 
     Attributes:
         shift: added to the diagonal [N/mm].
@@ -52,23 +52,23 @@ class Factorise:
 
 @dataclass(frozen=True)
 class Solve:
-    """Ask for K⁻¹ times a vector by the last factorisation: answered by that vector."""
+    """Request for K⁻¹ times a vector by the last factorisation, answered by that vector."""
 
     right: Float[np.ndarray, " free"]
 
 
 @dataclass(frozen=True)
 class SolveSubdomains:
-    """Ask for the blocks of a sample to come near to rest, one after the other.
+    """Request to solve the subdomains of a sample to a low accuracy, one after the other.
 
-    It is answered by where they came to, and by the iterations that took, each as the part of one
-    of the whole sample that a block has of its unknowns.
+    It is answered by the state of the sample after that, and by the iterations they took, each
+    counted as the share of the sample's unknowns that the subdomain has.
 
     Attributes:
         at: where to start from, and the stage.
         free: the free unknowns of the sample.
         step_length: longest change of the vector between neighbouring nodes in a step [mm].
-        settings: for each block.
+        settings: for each subdomain.
     """
 
     at: Evaluate
@@ -93,7 +93,7 @@ class SolverSettings:
             fraction of the shorter side of a grid cell; keeps hinges from being thrown past ±π.
         smallest_shift: floor of the shift, which also steadies the modes that cost no energy
             [N/mm].
-        start: where the relaxation of a clamped sample starts from: ``periodic``, laid out of
+        start: where the relaxation of a clamped sample starts from: ``endless``, tiled with
             relaxed periodic fabric, or ``flat``; periodic fabric always starts flat.
         ramp_steps: equal steps in which relaxation raises the rest fold angles.
         soft_wall: fraction of the walls' stiffness that relaxation begins with, to be raised

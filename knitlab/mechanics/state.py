@@ -101,7 +101,7 @@ class TensileTest:
         states: one for each applied strain that was tried, the relaxed shape first; only the
             last may be unconverged, and then the test ended there.
         history: of the relaxation, by dynamics.
-        unloaded: states on the way back, if it was asked for: at the same strains from the last
+        unloaded: states on the way back, if they were requested: at the same strains from the last
             but one down to 0, as far as they were reached.
     """
 

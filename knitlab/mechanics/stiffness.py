@@ -100,7 +100,7 @@ def _rows(matrix: sp.csr_array, first: int, end: int) -> sp.csr_array:
 
 
 def free_stiffness(shape: MeshShape, free: Int[np.ndarray, " free"]) -> FreeStiffness:
-    """As :func:`sparsity`, made once while it is one of the last that were asked for."""
+    """As :func:`sparsity`, with the last few results cached."""
     return _free_stiffness(shape, free.astype(np.int64).tobytes())
 
 

@@ -1,4 +1,4 @@
-"""Blocks: a large sample in overlapping pieces, each a sheet of its own with its border held."""
+"""Subdomains: overlapping parts of a large sample, each a sheet with its border held."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,22 +15,22 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
 
 CELLS = 16
-"""Grid cells along each side of a block, as many as in a unit cell of two periods a patch."""
+"""Grid cells along each side of a subdomain, as many as in a unit cell of two periods a patch."""
 OVERLAP = 4
-"""Grid cells by which neighbouring blocks reach into each other."""
+"""Grid cells by which neighbouring subdomains overlap."""
 REACH = 2
 """Grid cells that an element reaches over, and with it the border that is held."""
 FEWEST = 12
-"""Blocks that a sample must have for it to pay."""
+"""Subdomains that a sample must have for it to pay."""
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
-    """A piece of a sample.
+class Subdomain:
+    """A part of a sample.
 
     Attributes:
         places: of its coordinates, and of L_x and L_y, among the unknowns of the sample.
-        free: the unknowns of the block that may move, and their stiffness.
+        free: the unknowns of the subdomain that may move, and their stiffness.
         springs, hinges: which of the sample's lie in it, in the order of its own network.
     """
 
@@ -58,12 +58,12 @@ class Block:
 
 
 def worth_dividing(shape: MeshShape) -> bool:
-    """Whether a sheet has so many blocks that they are worth while; periodic fabric has none."""
+    """Whether a sheet has enough subdomains for them to pay; periodic fabric has none."""
     return not shape.periodic and len(_spans(shape.cells_y)) * len(_spans(shape.cells_x)) >= FEWEST
 
 
-def blocks(free: FreeStiffness) -> Iterator[Block]:
-    """The blocks of a sample, of which some unknowns are free."""
+def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
+    """The subdomains of a sample, of which some unknowns are free."""
     shape, net = free.shape, network(free.shape)
     movable = np.zeros(shape.unknowns, dtype=bool)
     movable[free.places] = True
@@ -84,7 +84,7 @@ def blocks(free: FreeStiffness) -> Iterator[Block]:
             able = np.append(np.repeat(inner, 3), [False, False]) & movable[places]
             within = np.zeros(shape.nodes, dtype=bool)
             within[nodes] = True
-            yield Block(
+            yield Subdomain(
                 places,
                 subdomain_stiffness(own, np.flatnonzero(able).tobytes()),
                 *(
@@ -94,17 +94,17 @@ def blocks(free: FreeStiffness) -> Iterator[Block]:
             )
 
 
-def meet(found: Sequence[Block], unknowns: int) -> Bool[np.ndarray, "block block"]:
-    """Whether of two blocks one moves what the other feels; every block meets itself.
+def couplings(found: Sequence[Subdomain], unknowns: int) -> Bool[np.ndarray, "subdomain subdomain"]:
+    """Which pairs of subdomains are coupled: one moves what acts on the other. Each is with itself.
 
     Args:
-        found: the blocks of a sample.
+        found: the subdomains of a sample.
         unknowns: of the sample.
     """
-    places = [block.places for block in found], [b.places[b.free.places] for b in found]
+    places = [subdomain.places for subdomain in found], [b.places[b.free.places] for b in found]
     feels, moves = (_membership(of, unknowns) for of in places)
-    meeting = (feels @ moves.T).toarray() > 0
-    return meeting | meeting.T | np.eye(len(found), dtype=bool)
+    coupled = (feels @ moves.T).toarray() > 0
+    return coupled | coupled.T | np.eye(len(found), dtype=bool)
 
 
 def _membership(places: Sequence[Int[np.ndarray, " _"]], unknowns: int) -> sp.csr_array:
@@ -114,38 +114,38 @@ def _membership(places: Sequence[Int[np.ndarray, " _"]], unknowns: int) -> sp.cs
     )
 
 
-def rounds(
-    forces: Float[np.ndarray, " block"], meeting: Bool[np.ndarray, "block block"]
+def independent_groups(
+    forces: Float[np.ndarray, " subdomain"], coupled: Bool[np.ndarray, "subdomain subdomain"]
 ) -> Iterator[list[int]]:
-    """Blocks that can settle at the same time, as none of them meets another.
+    """Groups of subdomains that can be solved at the same time, as no two are coupled.
 
-    What is furthest from rest is what the others have to settle about, and comes first.
+    Those furthest from rest come first, as the others have to follow them.
 
     Args:
         forces: on each.
-        meeting: which of them meet.
+        coupled: which of them are coupled.
     """
     waiting = np.argsort(-forces).tolist()
     while waiting:
         together: list[int] = []
-        for block in waiting:
-            if not meeting[block, together].any():
-                together.append(block)
-        waiting = [block for block in waiting if block not in together]
+        for subdomain in waiting:
+            if not coupled[subdomain, together].any():
+                together.append(subdomain)
+        waiting = [subdomain for subdomain in waiting if subdomain not in together]
         yield together
 
 
 @lru_cache(maxsize=64)
 def subdomain_stiffness(shape: MeshShape, unknowns: bytes) -> FreeStiffness:
-    """Sparsity of a block.
+    """Sparsity of a subdomain.
 
-    It is kept apart from that of whole samples, which many blocks would drive out.
+    It is kept apart from that of whole samples, which many subdomains would drive out.
     """
     return sparsity(shape, np.frombuffer(unknowns, dtype=np.int64))
 
 
 def _spans(cells: int) -> list[tuple[int, int]]:
-    """Node rows, or columns, from which to which the blocks along a side may move."""
+    """Node rows, or columns, from which to which the subdomains along a side may move."""
     count = max(1, round(cells / CELLS))
     lines = np.linspace(0, cells, count + 1).round().astype(int)
     return [

@@ -43,23 +43,23 @@ def stretch(
     """Solver that relaxes a fabric and takes it through a tensile test.
 
     The path to a strain is followed in steps of at most ``settings.path_step``, each starting from
-    the line through the two states before it; of a sample of many blocks, from where on that line
-    its energy is least. Where the path is rough, as the step before took many iterations, that line
-    misses, and walls stop every step back; there they are soft at first, and the stiffness is
-    convexified. Along one branch of equilibria the energy grows by the work of the reaction force;
-    where a step gains or loses more than ``settings.branch_limit`` of that work, the fabric has
-    left its branch. A step that does so, or fails, is tried again over half the strain, down to
-    ``settings.smallest_step`` of a full one. If it leaves the branch even then, the branch has
-    ended there: the fabric has snapped, and the state it snapped to is kept and marked. What all
-    that costs is counted in the state it leads to. The test ends at the first strain that cannot be
-    reached.
+    the line through the two states before it; of a sample of many subdomains, from the point of
+    that line where its energy is least. Where the path is rough, as the step before took many
+    iterations, that line misses, and walls stop every step back; there they are soft at first, and
+    the stiffness is convexified. Along one branch of equilibria the energy grows by the work of the
+    reaction force; where a step gains or loses more than ``settings.branch_limit`` of that work,
+    the fabric has left its branch. A step that does so, or fails, is tried again over half the
+    strain, down to ``settings.smallest_step`` of a full one. If it leaves the branch even then, the
+    branch has ended there: the fabric has snapped, and the state it snapped to is kept and marked.
+    What all that costs is counted in the state it leads to. The test ends at the first strain that
+    cannot be reached.
 
     Args:
         net: network of the fabric's mesh shape.
         fabric: its numbers.
         applied_strain: ascending, from 0, the relaxed shape.
         settings: of the equilibrium solver.
-        progress: told how many of the states are done.
+        progress: called with how many of the states are done.
         start: where the relaxation starts from; the flat sheet by default.
         unload: whether to let a fabric that reached the last strain go back through all of them.
     """
@@ -105,7 +105,7 @@ class _Path:
             strain = self.last[-1][0] + towards * step
             strain = target if towards * (target - strain) <= ROUND_OFF else strain
             last = step <= smallest
-            # Where many blocks come to rest by themselves, the whole meets few walls.
+            # Where many subdomains are solved first, the whole meets few walls.
             many = worth_dividing(self.loading.shape)
             rough = self.last[-1][1].iterations > ROUGH and not many and not self.settings.drag
             find = self._sought_fast(strain) if rough else self._sought_slowly(strain, last)
@@ -130,7 +130,7 @@ class _Path:
     def _sought_slowly(self, strain: float, to_the_end: bool) -> Solver[State]:
         """Search for the state at a strain as slowly as the fabric would move there by itself.
 
-        Where there are many blocks, it is they that move slowly: each raises its own μ where it
+        Where there are many subdomains, it is they that move slowly: each raises its own μ where it
         snaps, and that of the whole would hold all the others.
 
         A search that leaves the branch is broken off, unless it is to go on to the end: the state
@@ -171,8 +171,8 @@ class _Path:
     def _ahead(self, strain: float) -> Solver[Evaluate]:
         """Where the path so far leads at a strain.
 
-        Where wrinkles of many blocks have shifted, the line through the last two states runs far
-        into the walls, and cells are crushed on the way back; there it is followed as far as
+        Where wrinkles of many subdomains have shifted, the line through the last two states runs
+        far into the walls, and cells are crushed on the way back; there it is followed as far as
         takes the least energy.
         """
         passed = [(at, state.unknowns) for at, state in self.last]

@@ -43,7 +43,7 @@ def against_drag(search: Solver[State], drag: Drag) -> Solver[State]:
     """A search for an equilibrium, made one for the end of a viscous step.
 
     Args:
-        search: the search; it may not ask for blocks to settle.
+        search: the search; it may not request subdomain solutions.
         drag: on the way.
 
     Returns:

@@ -90,34 +90,34 @@ class ElectrodeLayout:
 
 
 def place_electrodes(
-    layout: ElectrodeLayout, pattern: Pattern, reading: ModelOptions, stitches: tuple[float, float]
+    layout: ElectrodeLayout, pattern: Pattern, options: ModelOptions, stitches: tuple[float, float]
 ) -> Electrodes:
     """The electrodes of a layout on a fabric.
 
     Args:
         layout: the layout.
         pattern: which patch is rib and which garter.
-        reading: it says where folds lie and whether the fabric is periodic.
-        stitches: wales and courses that a grid cell stands for.
+        options: of the model: where folds lie and whether the fabric is periodic.
+        stitches: wales and courses in a grid cell.
 
     Raises:
         BadLayout: with every fault, each with its place.
     """
-    shape = mesh_shape(pattern, reading.boundary)
+    shape = mesh_shape(pattern, options.boundary)
     if shape.periodic and layout.span != (0.0, 1.0):
         raise BadLayout(["periodic fabric has no ends; leave span, or take boundary = clamped"])
     if layout.mask:
         electrodes = _drawn(layout, shape)
     else:
-        electrodes = _along_ridges(layout, pattern, reading, shape, stitches)
+        electrodes = _along_ridges(layout, pattern, options, shape, stitches)
     if faults := electrodes.faults(shape):
         raise BadLayout(faults)
     return electrodes
 
 
-def ridge_lines(layout: ElectrodeLayout, pattern: Pattern, reading: ModelOptions) -> list[int]:
+def ridge_lines(layout: ElectrodeLayout, pattern: Pattern, options: ModelOptions) -> list[int]:
     """Grid lines of the ridges that a layout counts."""
-    rib_senses, garter_senses = patch_senses(pattern, reading)
+    rib_senses, garter_senses = patch_senses(pattern, options)
     senses = rib_senses if layout.along == "wale" else garter_senses.T
     folded = np.asarray(np.isin(senses, SENSES[layout.face]).any(axis=0))
     if layout.within == "patch":
@@ -130,11 +130,11 @@ def ridge_lines(layout: ElectrodeLayout, pattern: Pattern, reading: ModelOptions
 def _along_ridges(
     layout: ElectrodeLayout,
     pattern: Pattern,
-    reading: ModelOptions,
+    options: ModelOptions,
     shape: MeshShape,
     stitches: tuple[float, float],
 ) -> Electrodes:
-    lines = ridge_lines(layout, pattern, reading)
+    lines = ridge_lines(layout, pattern, options)
     if missing := sorted({number for number in layout.ridges if number > len(lines)}):
         where = "its middle patch" if layout.within == "patch" else "the fabric"
         raise BadLayout(
@@ -184,7 +184,7 @@ def _drawn(layout: ElectrodeLayout, shape: MeshShape) -> Electrodes:
 def _broken(
     name: str, plated: Bool[np.ndarray, "row column"], along: Along, shape: MeshShape
 ) -> list[str]:
-    """Why a drawn electrode is not one piece that, on periodic fabric, runs on."""
+    """Why a drawn electrode is not connected and, on periodic fabric, continued across the seam."""
     if not plated.any():
         return [f"the mask has no letter {name}; draw both electrodes"]
     axis = 0 if along == "wale" else 1

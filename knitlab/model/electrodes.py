@@ -126,8 +126,8 @@ class Electrodes:
         return False
 
 
-def pieces(strip: Strip) -> list[Strip]:
-    """A strip, cut along the borders of the grid cells."""
+def split_by_cells(strip: Strip) -> list[Strip]:
+    """Parts of a strip, one for each grid cell that it covers."""
     x, y = (
         [low, *np.arange(np.floor(low) + 1, np.ceil(high)).tolist(), high]
         for low, high in strip.extents

@@ -40,7 +40,7 @@ class Fabric(eqx.Module):
         stretch_stiffness: of every spring [N/mm].
         rest_fold: signed fold angle at rest of every hinge, 0 where flat, positive for a
             mountain [rad].
-        fold_stiffness: of every hinge, 0 where the reading puts none [N mm].
+        fold_stiffness: of every hinge, 0 where the model options put none [N mm].
         z_max: half the gap between the walls [mm].
         k_wall: penalty stiffness of the walls [N/mm].
         cell: flat size of a grid cell along (x, y) [mm].
@@ -96,10 +96,10 @@ class StripePair(eqx.Module):
         return cls(StripeNumbers.of(weft), StripeNumbers.of(warp))
 
 
-def cell_length(stripe: Stripe | StripeNumbers, reading: ModelOptions) -> Float[Array, ""]:
-    """Flat length of a grid cell across a stripe's ridges [mm]: the reading's ``cell_size``."""
-    quarter = jnp.asarray(reading.length_scale * stripe.period / CELLS_PER_PERIOD)
-    return quarter if reading.cell_size == "flat" else quarter / jnp.sin(stripe.theta_0 / 2)
+def cell_length(stripe: Stripe | StripeNumbers, options: ModelOptions) -> Float[Array, ""]:
+    """Flat length of a grid cell across a stripe's ridges [mm]: the option ``cell_size``."""
+    quarter = jnp.asarray(options.length_scale * stripe.period / CELLS_PER_PERIOD)
+    return quarter if options.cell_size == "flat" else quarter / jnp.sin(stripe.theta_0 / 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,16 +109,16 @@ class FabricLayout:
     Attributes:
         net: the network of its mesh shape.
         sheet: the walls.
-        reading: the choices that the paper leaves open.
+        options: the choices that the paper leaves open.
         spring_kind: of every spring, 0 along the weft, 1 along the warp, 2 a diagonal.
         hinge_kind: of every hinge, 0 if it turns about an edge along y, else 1.
         fold_sense: of every hinge, 1 for a mountain, −1 for a valley, 0 where it rests flat.
-        hinged: of every hinge, whether the reading puts one there.
+        hinged: of every hinge, whether the model options put one there.
     """
 
     net: Network
     sheet: Sheet
-    reading: ModelOptions
+    options: ModelOptions
     spring_kind: Int[np.ndarray, " spring"]
     hinge_kind: Int[np.ndarray, " hinge"]
     fold_sense: Float[np.ndarray, " hinge"]
@@ -130,10 +130,10 @@ class FabricLayout:
         There is none by k_s where both stripes have the same: diagonals take the smaller.
         """
         pair = stripes.weft, stripes.warp
-        cell = jnp.stack([cell_length(stripe, self.reading) for stripe in pair])
+        cell = jnp.stack([cell_length(stripe, self.options) for stripe in pair])
         k_s = jnp.stack([stripe.k_s for stripe in pair])
         k_t = jnp.stack([stripe.k_t for stripe in pair])
-        if self.reading.hinge_stiffness == "per_length":
+        if self.options.hinge_stiffness == "per_length":
             k_t = k_t * cell[::-1]
         rest_length = jnp.append(cell, jnp.hypot(*cell))
         stretch_stiffness = jnp.append(k_s, k_s.min())
@@ -146,55 +146,55 @@ class FabricLayout:
             z_max=jnp.asarray(self.sheet.z_max, float),
             k_wall=jnp.asarray(self.sheet.k_wall, float),
             cell=cell,
-            fold_angle=self.reading.fold_angle,
+            fold_angle=self.options.fold_angle,
         )
 
 
 def patch_senses(
-    pattern: Pattern, reading: ModelOptions
+    pattern: Pattern, options: ModelOptions
 ) -> tuple[Float[np.ndarray, "row column"], Float[np.ndarray, "row column"]]:
     """Senses of the folds of rib and of garter patches, 1 for a mountain and −1 for a valley.
 
     Of rib at the edge to the left of every grid cell, of garter at the edge below it; 0 where the
     fabric rests flat.
     """
-    rib, periodic = pattern.rib_cells, reading.boundary == "periodic"
-    garter_sign = 1 if reading.garter_start == "mountain" else -1
+    rib, periodic = pattern.rib_cells, options.boundary == "periodic"
+    garter_sign = 1 if options.garter_start == "mountain" else -1
     return (
-        fold_senses(rib, reading.fold_phase, periodic),
-        garter_sign * fold_senses(~rib.T, reading.fold_phase, periodic).T,
+        fold_senses(rib, options.fold_phase, periodic),
+        garter_sign * fold_senses(~rib.T, options.fold_phase, periodic).T,
     )
 
 
-def fabric_layout(pattern: Pattern, sheet: Sheet, reading: ModelOptions) -> FabricLayout:
+def fabric_layout(pattern: Pattern, sheet: Sheet, options: ModelOptions) -> FabricLayout:
     """Where a patterned fabric has which spring, hinge and fold (paper, Sec. "3D model").
 
     Springs and hinges take their values by direction: those across the wales (springs along x,
     hinges about edges along y) from the weft stripe, those across the courses from the warp
     stripe, diagonals the smaller k_s. Folds lie where
     :func:`~knitlab.model.pattern.fold_senses` puts them, the first of a rib patch a mountain, of
-    a garter patch as the reading says. Hinges that join unlike patches, or turn against their
-    patch's folds, rest flat and exist only where the reading says ``all``.
+    a garter patch as the option ``garter_start`` has it. Hinges that join unlike patches, or turn
+    against their patch's folds, rest flat and exist only by the option ``hinges = "all"``.
 
     Args:
         pattern: which patch is rib and which garter.
         sheet: the walls.
-        reading: the choices that the paper leaves open.
+        options: the choices that the paper leaves open.
     """
-    shape = mesh_shape(pattern, reading.boundary)
+    shape = mesh_shape(pattern, options.boundary)
     net = network(shape)
     rib = pattern.rib_cells
     at = tuple(net.hinge_cells.T)
-    rib_senses, garter_senses = patch_senses(pattern, reading)
+    rib_senses, garter_senses = patch_senses(pattern, options)
     hinged = np.ones(len(net.wale), dtype=bool)
-    if reading.hinges == "fold_lines":
+    if options.hinges == "fold_lines":
         in_rib = inside_runs(rib, shape.periodic)
         in_garter = inside_runs(~rib.T, shape.periodic).T
         hinged = np.where(net.wale, in_rib[at], in_garter[at])
     return FabricLayout(
         net=net,
         sheet=sheet,
-        reading=reading,
+        options=options,
         spring_kind=np.select([net.weft, net.warp], [0, 1], 2),
         hinge_kind=np.where(net.wale, 0, 1),
         fold_sense=np.where(net.wale, rib_senses[at], garter_senses[at]),
@@ -203,7 +203,7 @@ def fabric_layout(pattern: Pattern, sheet: Sheet, reading: ModelOptions) -> Fabr
 
 
 def assemble_fabric(
-    pattern: Pattern, weft: Stripe, warp: Stripe, sheet: Sheet, reading: ModelOptions
+    pattern: Pattern, weft: Stripe, warp: Stripe, sheet: Sheet, options: ModelOptions
 ) -> tuple[Network, Fabric]:
     """Network and numbers of a patterned fabric, see :func:`fabric_layout`.
 
@@ -212,10 +212,10 @@ def assemble_fabric(
         weft: the rib stripe; for a pure stripe fabric, that stripe.
         warp: the garter stripe; for a pure stripe fabric, that stripe.
         sheet: the walls.
-        reading: the choices that the paper leaves open.
+        options: the choices that the paper leaves open.
     """
-    laid = fabric_layout(pattern, sheet, reading)
-    return laid.net, laid.fabric(StripePair.of(weft, warp))
+    layout = fabric_layout(pattern, sheet, options)
+    return layout.net, layout.fabric(StripePair.of(weft, warp))
 
 
 def flat_sheet(net: Network, fabric: Fabric) -> Configuration:

@@ -1,7 +1,7 @@
 """The angle of a fold: between the normals of the two cells that share an edge.
 
 A cell is no plane, so that the cross product of its diagonals, its normal, may lean along the
-edge. The paper does not say what becomes of that part of it;
+edge. The paper leaves open what becomes of that part of it;
 :attr:`~knitlab.model.options.ModelOptions.fold_angle` does.
 """
 

@@ -48,17 +48,17 @@ class Inertia(eqx.Module):
 
 
 def inertia(
-    weft: Stripe, warp: Stripe, reading: ModelOptions, mass_and_drag: MassAndDrag
+    weft: Stripe, warp: Stripe, options: ModelOptions, mass_and_drag: MassAndDrag
 ) -> Inertia:
     """Inertia of a fabric: m = ρ_s (w/4)(h/4) (paper, Sec. "3D model").
 
     Args:
         weft: the stripe across the wales, with the tabulated period w.
         warp: the stripe across the courses, with the tabulated period h.
-        reading: its ``length_scale`` multiplies both periods.
+        options: of the model; ``length_scale`` multiplies both periods.
         mass_and_drag: ρ_s and c.
     """
-    sides = [reading.length_scale * stripe.period / CELLS_PER_PERIOD for stripe in (weft, warp)]
+    sides = [options.length_scale * stripe.period / CELLS_PER_PERIOD for stripe in (weft, warp)]
     return Inertia(
         node_mass=jnp.asarray(mass_and_drag.surface_density * sides[0] * sides[1]),
         damping=jnp.asarray(mass_and_drag.damping, float),

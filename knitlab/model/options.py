@@ -1,4 +1,4 @@
-"""The reading: what the paper leaves open, as named choices that every result carries."""
+"""Model options: what the paper leaves open, as named choices that every result carries."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -16,7 +16,7 @@ Boundary = Literal["clamped", "periodic"]
 
 @dataclass(frozen=True)
 class ModelOptions:
-    """One way to read the paper's model.
+    """One version of the paper's model.
 
     Attributes:
         cell_size: ``"flat"`` makes a grid cell w/4 × h/4 (Sec. "3D model"); ``"relaxed"`` makes

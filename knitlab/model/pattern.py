@@ -44,8 +44,8 @@ def patch_map(rows: Sequence[str], periods: int) -> Pattern:
     widths = {len(row) for row in rows}
     if not rows or len(widths) != 1 or widths == {0}:
         raise ValueError(f"patch map {list(rows)} is not a rectangle; give rows of equal length")
-    if strangers := sorted(set("".join(rows).upper()) - set("RG")):
-        raise ValueError(f"patch map holds {strangers}; use R for rib and G for garter")
+    if unknown := sorted(set("".join(rows).upper()) - set("RG")):
+        raise ValueError(f"patch map holds {unknown}; use R for rib and G for garter")
     rib = np.array([[letter in "Rr" for letter in row] for row in rows[::-1]])
     return Pattern(rib, periods)
 
@@ -78,7 +78,7 @@ def fold_senses(
     """Sense of the fold on the edge before each cell: +1 and −1 in turn, 0 where it rests flat.
 
     Lines are counted from the start of each run of like cells, so neighbouring patches of one
-    knit fold as one piece and no fold lies on the border between two knits. In periodic fabric
+    knit fold together and no fold lies on the border between two knits. In periodic fabric
     a run may wrap around; one that fills the whole line is counted from line 0.
 
     Args:

@@ -18,7 +18,7 @@ from knitlab.model.pattern import CELLS_PER_PERIOD
 from knitlab.model.stripe import Stripe
 
 AS_CALIBRATED = ModelOptions(cell_size="relaxed", hinge_stiffness="per_edge", length_scale=1.0)
-"""The reading in which a measured curve is fitted."""
+"""The model options with which a measured curve is fitted."""
 
 
 class Zigzag(eqx.Module):
@@ -42,15 +42,16 @@ class Zigzag(eqx.Module):
         return self.period / (CELLS_PER_PERIOD * jnp.sin(self.theta_0 / 2))
 
 
-def zigzag(stripe: Stripe, reading: ModelOptions = AS_CALIBRATED) -> Zigzag:
-    """The zigzag of a calibrated stripe: one row of its pure sheet in a reading.
+def zigzag(stripe: Stripe, options: ModelOptions = AS_CALIBRATED) -> Zigzag:
+    """The zigzag of a calibrated stripe: one row of its pure sheet.
 
     Args:
         stripe: its numbers.
-        reading: by default the one that calibrates, in which w or h is the relaxed period.
+        options: of the model; by default those that a calibration takes, by which w or h is the
+            relaxed period.
     """
-    cell = cell_length(stripe, reading)
-    k_t = stripe.k_t * (cell if reading.hinge_stiffness == "per_length" else 1.0)
+    cell = cell_length(stripe, options)
+    k_t = stripe.k_t * (cell if options.hinge_stiffness == "per_length" else 1.0)
     period = CELLS_PER_PERIOD * cell * stripe.contraction
     numbers = period, stripe.k_s, k_t, stripe.theta_0
     return Zigzag(*(jnp.asarray(number, float) for number in numbers))

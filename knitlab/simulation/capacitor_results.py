@@ -5,12 +5,17 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from knitlab.capacitance.capacitor import Capacitances, Capacitor, capacitances, hinges_at
-from knitlab.capacitance.sensor import hysteresis, sensor_of, strain_unfolded
+from knitlab.capacitance.capacitor import (
+    Capacitances,
+    Capacitor,
+    capacitances,
+    electrode_length,
+    mean_fold,
+)
+from knitlab.capacitance.sensor import hysteresis, sensing_range, sensor_of, strain_unfolded
 from knitlab.capacitance.wedge import side_by_side, wedge_capacitance
-from knitlab.measure.folds import fold_angles
 from knitlab.mechanics.state import State
 from knitlab.model.configuration import Configuration
 from knitlab.simulation.case import Case
@@ -22,7 +27,7 @@ SAME = 1e-5
 def capacitor_values(
     case: Case, reached: Sequence[State], unloaded: Sequence[State]
 ) -> dict[str, Any]:
-    """What the electrodes of a case are found to do, under the registry's names.
+    """Capacitance along the test of a case, under the registry's names.
 
     Args:
         case: the case.
@@ -32,10 +37,12 @@ def capacitor_values(
     capacitor = _capacitor(case)
     configurations = Configuration.stacked([state.configuration for state in reached])
     strain = np.array(case.applied_strain[: len(reached)])
-    length, factor = _scale(case, configurations)
+    length = electrode_length(case.electrodes, case.mesh_shape, configurations[0])
+    # Of periodic fabric one period is modelled, in place of electrodes of the stated length.
+    factor = capacitor.electrode_length / length if case.mesh_shape.periodic else 1.0
     found = _measured(case, configurations)
     capacitance = factor * found.capacitance
-    fold = _mean_fold(case, configurations)
+    fold = mean_fold(case.electrodes, *case.assemble(), configurations)
     unfolded = strain_unfolded(strain, fold, capacitor.unfolded)
     values: dict[str, Any] = {
         "capacitance": capacitance,
@@ -54,14 +61,14 @@ def capacitor_values(
         back = np.full(len(reached), np.nan)
         back[-1:] = capacitance[-1:]
         if unloaded:
-            ways = Configuration.stacked([state.configuration for state in unloaded])
+            unloading = Configuration.stacked([state.configuration for state in unloaded])
             same = slice(-2, -2 - len(unloaded), -1)
-            back[same] = factor * _on_the_way_back(
-                case, ways, configurations[same], found.capacitance[same]
+            back[same] = factor * _capacitance_unloading(
+                case, unloading, configurations[same], found.capacitance[same]
             )
         values["capacitance_unloading"] = back
         values["hysteresis"] = hysteresis(capacitance, back)
-    kept = sensing(np.isfinite(capacitance) & ~(strain > unfolded))
+    kept = sensing_range(strain, capacitance, unfolded)
     if kept.any():
         first = capacitance[kept][0]
         values["capacitance_ratio"] = capacitance / first
@@ -73,21 +80,10 @@ def capacitor_values(
     return values
 
 
-def sensing(able: Bool[np.ndarray, " state"]) -> Bool[np.ndarray, " state"]:
-    """The longest run of states without a gap, the first of several."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], able, [False]])))
-    runs = edges.reshape(-1, 2)
-    kept = np.zeros_like(able)
-    if len(runs):
-        start, end = runs[np.argmax(runs[:, 1] - runs[:, 0])]
-        kept[start:end] = True
-    return kept
-
-
-def _on_the_way_back(
+def _capacitance_unloading(
     case: Case,
-    ways: Configuration,
-    up: Configuration,
+    unloading: Configuration,
+    loading: Configuration,
     capacitance: Float[np.ndarray, " any"],
 ) -> Float[np.ndarray, " state"]:
     """Capacitance on the way back, of one period if periodic [pF].
@@ -95,44 +91,18 @@ def _on_the_way_back(
     Where the fabric comes back to what it was at the same strain, its capacitance is what it was.
     """
     values = capacitance.copy()
-    moved = np.abs(ways.flattened() - up.flattened()).max(axis=1)
-    apart = moved > SAME * case.woven()[1].cell.min()
+    moved = np.abs(unloading.flattened() - loading.flattened()).max(axis=1)
+    apart = moved > SAME * case.assemble()[1].cell.min()
     if apart.any():
-        values[apart] = _measured(case, ways[apart]).capacitance
+        values[apart] = _measured(case, unloading[apart]).capacitance
     return values
 
 
-def _mean_fold(case: Case, configurations: Configuration) -> Float[np.ndarray, " state"]:
-    """Mean angle of the folds at and between the electrodes that run as they do [rad].
-
-    Their opening is what moves the electrodes apart.
-    """
-    net, fabric = case.woven()
-    electrodes, rest = case.electrodes, np.asarray(fabric.rest_fold)
-    alongside = net.wale if electrodes.along == "wale" else ~net.wale
-    counted = hinges_at(electrodes, net) & alongside & (rest != 0)
-    angles = np.asarray(fold_angles(net, fabric, configurations))
-    return (angles * np.sign(rest))[:, counted].mean(axis=1)
-
-
 def _measured(case: Case, configurations: Configuration) -> Capacitances:
-    return capacitances(case.electrodes, *case.woven(), configurations, _capacitor(case))
+    return capacitances(case.electrodes, *case.assemble(), configurations, _capacitor(case))
 
 
 def _capacitor(case: Case) -> Capacitor:
     if case.capacitor is None:
         raise TypeError(f"case {case.case_id} has no capacitor")
     return case.capacitor
-
-
-def _scale(case: Case, configurations: Configuration) -> tuple[float, float]:
-    """Relaxed length of the modelled electrodes [mm], and how many of them make the stated one."""
-    axis, shape = case.electrodes.axis, case.mesh_shape
-    if shape.periodic:
-        length = float(configurations.lengths[0, axis])
-        return length, _capacitor(case).electrode_length / length
-    nodes = np.asarray(configurations.positions)[0, ..., axis]
-    start, end = case.electrodes.strips[0][0].extents[axis]
-    along = nodes.mean(axis=axis)
-    at = np.interp([start, end], np.arange(len(along)), along)
-    return float(at[1] - at[0]), 1.0

@@ -41,7 +41,7 @@ class Case:
         applied_strain: strains of the tensile test, ascending from 0.
         method: how its states are reached.
         solver: settings of that method.
-        sensitivities: whether it is told how its results depend on the stripe parameters.
+        sensitivities: whether derivatives of its results by the stripe parameters are computed.
         unloading: whether the fabric is let go again, through the same strains.
         capacitor: the electrodes on it, if any.
         robustness: siblings that are tested beside it, to see how far its results spread.
@@ -112,12 +112,12 @@ class Case:
 
     @property
     def all_corners_held(self) -> bool:
-        """Whether every corner of a unit cell lies on a clamp: then no strain across is read."""
+        """Whether every corner of a unit cell lies on a clamp: then none can move across."""
         return self.reading.boundary == "clamped" and self.unit_cells[0] == 1
 
     @property
     def periodic_cell(self) -> "Case":
-        """One unit cell of the same fabric without end, of which a clamped sample is laid out."""
+        """One unit cell of the same fabric, periodic: a clamped sample starts as a tiling of it."""
         periodic = replace(self.reading, boundary="periodic")
         return replace(self, unit_cells=(1, 1), reading=periodic)
 
@@ -145,8 +145,8 @@ class Case:
             raise TypeError(f"case {self.case_id} has no settings of the equilibrium solver")
         return self.solver
 
-    def woven(self) -> tuple[Network, Fabric]:
-        """Its network and fabric."""
+    def assemble(self) -> tuple[Network, Fabric]:
+        """Its network, and its fabric: the numbers on that."""
         return assemble_fabric(self.sample, self.weft, self.warp, self.sheet, self.reading)
 
 

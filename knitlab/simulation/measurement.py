@@ -17,9 +17,10 @@ from knitlab.measure.patches import central_cell, widths_across_folds
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.measure.strain import (
     central_mean,
-    lattice_vectors,
     local_strain,
-    poisson_ratio,
+    lowest_poisson_ratio,
+    mean_cell_size,
+    poisson_ratio_of_test,
 )
 from knitlab.measure.wavelength import POINTS
 from knitlab.mechanics.state import History, State, TensileTest
@@ -138,7 +139,7 @@ def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
     if shape.periodic:
         length_x, length_y = configurations.lengths.T
         values |= {"length_x": length_x, "length_y": length_y}
-    values["hinges_past_pi"] = hinges_past_pi(*case.woven(), configurations).astype(float)
+    values["hinges_past_pi"] = hinges_past_pi(*case.assemble(), configurations).astype(float)
     values["self_intersections"] = self_intersections(shape, configurations).astype(float)
     return values | {"position": configurations.positions}
 
@@ -187,10 +188,9 @@ def _strains(case: Case, reached: list[State], complete: bool) -> dict[str, Any]
     configurations = Configuration.stacked([state.configuration for state in reached])
     corners = unit_cell_corners(case.mesh_shape, case.unit_cells, configurations)
     strain_xx, strain_yy = local_strain(corners[0], corners)
-    mean_xx, mean_yy = central_mean(strain_xx), central_mean(strain_yy)
-    edges = np.linalg.norm(lattice_vectors(corners[0]), axis=-2)
-    ratio = poisson_ratio(mean_xx, mean_yy)
-    ratio[0] = np.nan  # 0/0, whatever round-off makes of it
+    mean_xx, mean_yy = (np.asarray(central_mean(strain)) for strain in (strain_xx, strain_yy))
+    cell_x, cell_y = mean_cell_size(corners[0])
+    ratio = poisson_ratio_of_test(mean_xx, mean_yy)
     if case.all_corners_held:
         # What its strain across reads is round-off.
         strain_xx, mean_xx = strain_xx * np.nan, mean_xx * np.nan
@@ -201,13 +201,13 @@ def _strains(case: Case, reached: list[State], complete: bool) -> dict[str, Any]
         "mean_strain_xx": mean_xx,
         "mean_strain_yy": mean_yy,
         "poisson_ratio": ratio,
-        "relaxed_cell_x": float(central_mean(edges[..., 0])),
-        "relaxed_cell_y": float(central_mean(edges[..., 1])),
+        "relaxed_cell_x": float(cell_x),
+        "relaxed_cell_y": float(cell_y),
     }
-    if complete and np.isfinite(ratio).any():
-        lowest = int(np.nanargmin(ratio))
-        values["poisson_ratio_min"] = ratio[lowest]
-        values["applied_strain_at_min"] = case.applied_strain[lowest]
+    lowest = lowest_poisson_ratio(np.array(case.applied_strain)[: len(ratio)], ratio)
+    if complete and lowest is not None:
+        values["poisson_ratio_min"] = lowest.ratio
+        values["applied_strain_at_min"] = lowest.applied_strain
     return values
 
 

@@ -17,7 +17,7 @@ class Reporter:
     """Reports the states of a solver, and between them the part of the next one.
 
     How many factorisations a state takes is not known before; the part that is reported after n of
-    them is n / (n + 20), which grows whatever they come to.
+    them is n / (n + 20), which grows however many there are.
 
     Args:
         report: takes how many states are done.

@@ -9,13 +9,10 @@ from jaxtyping import Float
 
 from knitlab.mechanics.solver import Start
 from knitlab.mechanics.state import TensileTest
-from knitlab.model.configuration import Configuration
 from knitlab.model.stripe import Stripe
 from knitlab.simulation.case import Case
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 
-IMPERFECTION = 0.02
-"""Standard deviation of the nodes of an imperfect sheet, in parts of a grid cell."""
 STRIPE_TOLERANCE = 0.02
 """Largest part by which a stripe number of a sibling is larger or smaller."""
 SAME_BRANCH = 1e-6
@@ -76,21 +73,6 @@ def _scaled(stripe: Stripe, factors: Float[np.ndarray, " number"]) -> Stripe:
     # A rest angle next to flat must not pass it.
     numbers["theta_0"] = min(numbers["theta_0"], (np.pi + stripe.theta_0) / 2)
     return replace(stripe, **numbers)
-
-
-def imperfect(
-    configuration: Configuration, cell: Float[np.ndarray, " 2"], number: int
-) -> Configuration:
-    """A configuration with every node moved a little, at random [mm].
-
-    Args:
-        configuration: of one state.
-        cell: extents of a grid cell.
-        number: seed of the random numbers.
-    """
-    noise = np.random.default_rng(number).normal(size=configuration.positions.shape)
-    moved = np.asarray(configuration.positions) + IMPERFECTION * float(cell.min()) * noise
-    return Configuration(moved, np.asarray(configuration.lengths))
 
 
 def spread(

@@ -14,19 +14,20 @@ from knitlab.io.provenance import provenance
 from knitlab.mechanics.dynamic_tensile_test import MovingBatch, stretch_by_dynamics
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.executor import Runner, run_all
-from knitlab.mechanics.relaxation import relax, relax_near, tiled
+from knitlab.mechanics.relaxation import relax_near
+from knitlab.mechanics.starting_shape import imperfect_sheet, starts_from_periodic
 from knitlab.mechanics.state import Outcome, TensileTest
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.mechanics.zigzag_tension import ChainState, pull_chain
 from knitlab.model.configuration import Configuration
-from knitlab.model.fabric import Fabric, flat_sheet
+from knitlab.model.fabric import Fabric
 from knitlab.model.inertia import inertia
 from knitlab.model.network import Network
 from knitlab.model.zigzag import zigzag
 from knitlab.simulation.case import Case
 from knitlab.simulation.measurement import measured
 from knitlab.simulation.reporting import Progress, Reporter
-from knitlab.simulation.robustness import SiblingTest, imperfect, sibling
+from knitlab.simulation.robustness import SiblingTest, sibling
 
 
 def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> None:
@@ -35,7 +36,7 @@ def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> 
     Args:
         results: results folder of the workflow.
         cases: cases of one mesh shape.
-        progress: told, for a case, how many of its states are done.
+        progress: called with a case's identifier and how many of its states are done.
     """
     began = time.perf_counter()
     tests = tensile_tests(cases, progress)
@@ -86,13 +87,13 @@ def branch_energies(
         tests: a sibling's test of each.
         runner: what runs the solvers.
     """
-    woven = [case.woven() for case in cases]
+    assembled = [case.assemble() for case in cases]
     relaxed = runner(
         cases[0].mesh_shape,
-        [fabric for _, fabric in woven],
+        [fabric for _, fabric in assembled],
         [
             relax_near(*its, case.equilibrium_solver, test.states[0].configuration)
-            for case, its, test in zip(cases, woven, tests, strict=True)
+            for case, its, test in zip(cases, assembled, tests, strict=True)
         ],
     )
     return [
@@ -111,13 +112,13 @@ def equilibrium_tests(
 
     Args:
         cases: the cases.
-        progress: told, for a case, how many of its states are done.
+        progress: called with a case's identifier and how many of its states are done.
         runner: what runs their solvers.
         imperfection: seed of the imperfections that they start from, if any.
     """
-    woven = [case.woven() for case in cases]
+    assembled = [case.assemble() for case in cases]
     reporters = [Reporter(partial(progress, case.case_id)) for case in cases]
-    found = starts(cases, woven, runner, imperfection)
+    found = starts(cases, assembled, runner, imperfection)
     tests = [
         reporter.over(
             stretch(
@@ -129,14 +130,14 @@ def equilibrium_tests(
                 unload=case.unloading,
             )
         )
-        for case, its, start, reporter in zip(cases, woven, found, reporters, strict=True)
+        for case, its, start, reporter in zip(cases, assembled, found, reporters, strict=True)
     ]
-    return runner(cases[0].mesh_shape, [fabric for _, fabric in woven], tests)
+    return runner(cases[0].mesh_shape, [fabric for _, fabric in assembled], tests)
 
 
 def starts(
     cases: Sequence[Case],
-    woven: Sequence[tuple[Network, Fabric]],
+    assembled: Sequence[tuple[Network, Fabric]],
     runner: Runner = run_all,
     imperfection: int | None = None,
 ) -> list[Configuration | None]:
@@ -144,39 +145,32 @@ def starts(
 
     Args:
         cases: the samples.
-        woven: network and fabric of each.
-        runner: what runs the solvers of the periodic fabrics they are laid out of.
+        assembled: network and fabric of each.
+        runner: runs the solvers of the periodic fabrics that they are tiled with.
         imperfection: seed of the imperfections of all flat sheets, if any.
     """
-    found = [_sheet(*its, imperfection) for its in woven]
-    fabric_layout = [
+    found: list[Configuration | None] = [None] * len(cases)
+    if imperfection is not None:
+        found = [imperfect_sheet(*its, imperfection) for its in assembled]
+    tiled_places = [
         place
         for place, case in enumerate(cases)
         if not case.mesh_shape.periodic and case.equilibrium_solver.start == "endless"
     ]
-    if not fabric_layout:
+    if not tiled_places:
         return found
-    cells = [cases[place].periodic_cell for place in fabric_layout]
-    periodic = [cell.woven() for cell in cells]
-    relaxed = runner(
-        cells[0].mesh_shape,
-        [fabric for _, fabric in periodic],
-        [
-            relax(*its, cell.equilibrium_solver, _sheet(*its, imperfection))
-            for cell, its in zip(cells, periodic, strict=True)
-        ],
+    cells = [cases[place].periodic_cell for place in tiled_places]
+    tiled = starts_from_periodic(
+        [assembled[place] for place in tiled_places],
+        [cell.assemble() for cell in cells],
+        [cell.equilibrium_solver for cell in cells],
+        runner,
+        imperfection,
     )
-    for place, (net, _), state in zip(fabric_layout, periodic, relaxed, strict=True):
-        if state.converged:
-            found[place] = tiled(*woven[place], net, state.configuration)
+    for place, start in zip(tiled_places, tiled, strict=True):
+        if start is not None:
+            found[place] = start
     return found
-
-
-def _sheet(net: Network, fabric: Fabric, imperfection: int | None) -> Configuration | None:
-    """An imperfect flat sheet; ``None`` stands for the perfect one."""
-    if imperfection is None:
-        return None
-    return imperfect(flat_sheet(net, fabric), np.asarray(fabric.cell), imperfection)
 
 
 def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
@@ -189,7 +183,7 @@ def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest
         for case in cases
         if case.mass_and_drag is not None
     ]
-    fabrics = [case.woven()[1] for case in cases]
+    fabrics = [case.assemble()[1] for case in cases]
     return stretch_by_dynamics(
         MovingBatch(cases[0].mesh_shape, fabrics, inertias, settings),
         [case.applied_strain for case in cases],
@@ -206,7 +200,7 @@ def simulated(case: Case, progress: Progress) -> xr.Dataset:
 
     Args:
         case: the case.
-        progress: told how many of its states are done.
+        progress: called with how many of its states are done.
 
     Returns:
         What its case file would hold.

@@ -7,7 +7,9 @@ from hypothesis import strategies as st
 
 from knitlab.capacitance.sensor import (
     hysteresis,
+    longest_run,
     mean_slope,
+    sensing_range,
     sensor_of,
     strain_unfolded,
     widest_linear,
@@ -105,3 +107,17 @@ def test_unfolding_ends_where_folds_begin_to_close_again():
 def test_unfolding_that_goes_on_is_not_complete():
     assert np.isnan(strain_unfolded(STRAIN, 2 - STRAIN, 0.1))
     assert np.isnan(strain_unfolded(STRAIN, 2 + STRAIN, 0.1))
+
+
+def test_the_longest_run_without_a_gap_is_the_one_that_senses():
+    able = np.array([True, False, True, True, True, False, True, True])
+    assert np.flatnonzero(longest_run(able)).tolist() == [2, 3, 4]
+    assert not longest_run(np.zeros(3, dtype=bool)).any()
+    assert longest_run(np.ones(3, dtype=bool)).all()
+
+
+def test_a_fabric_senses_until_it_is_unfolded_and_where_it_has_a_capacitance():
+    strain, missing = np.linspace(0, 0.6, 7), np.nan
+    curve = np.array([missing, 5.0, 4.0, 3.0, 2.0, 1.0, 0.5])
+    assert strain[sensing_range(strain, curve, 0.45)] == pytest.approx([0.1, 0.2, 0.3, 0.4])
+    assert sensing_range(strain, curve, missing).sum() == 6

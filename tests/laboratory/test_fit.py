@@ -211,7 +211,7 @@ def test_what_cannot_be_fitted_is_told(case, truth):
 
 @pytest.mark.slow
 def test_a_virtual_test_reads_what_a_sweep_does(case):
-    net, fabric = case.woven()
+    net, fabric = case.assemble()
     test = run(net.shape, fabric, stretch(net, fabric, STRAINS, case.equilibrium_solver))
     force = [test.loading.reaction_force(state.gradient) for state in test.states[1:]]
     np.testing.assert_allclose(simulated_test(case).values[2], force, rtol=1e-9)

@@ -1,4 +1,4 @@
-"""A sample that is cut into small blocks, for the tests of settling and of companions."""
+"""A sample in small subdomains, for the tests of domain decomposition and second processes."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from tests.fabrics import CLAMPED, checkered, relaxed
 
 
 @pytest.fixture
-def small_blocks(monkeypatch):
+def small_subdomains(monkeypatch):
     monkeypatch.setattr(subdomains, "CELLS", 8)
     monkeypatch.setattr(subdomains, "OVERLAP", 2)
     monkeypatch.setattr(subdomains, "FEWEST", 2)

@@ -1,4 +1,4 @@
-"""Blocks of a large sample: that each is a true piece of it, and that the whole comes to rest."""
+"""Subdomains of a large sample: each is a true part of it, and the whole reaches equilibrium."""
 
 from collections import Counter
 from dataclasses import replace
@@ -12,7 +12,7 @@ from knitlab.linalg.threads import ALONE, Threads
 from knitlab.mechanics import domain_decomposition, executor, subdomains
 from knitlab.mechanics.batch import run_in_lockstep
 from knitlab.mechanics.domain_decomposition import (
-    LONGEST_SLIDE,
+    LONGEST_EXTRAPOLATION,
     SubdomainSolution,
     find_equilibrium_by_subdomains,
     subdomain_settings,
@@ -30,7 +30,12 @@ from knitlab.mechanics.loading import all_free, free_under_tension
 from knitlab.mechanics.solver import Evaluate, Factorise, SolveSubdomains
 from knitlab.mechanics.state import Outcome, State
 from knitlab.mechanics.stiffness import free_stiffness
-from knitlab.mechanics.subdomains import blocks, meet, rounds, worth_dividing
+from knitlab.mechanics.subdomains import (
+    couplings,
+    independent_groups,
+    subdomains_of,
+    worth_dividing,
+)
 from knitlab.model.energy import Energy
 from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered
 
@@ -43,85 +48,85 @@ def slow(sample, step_length=0.3, settings=DEFAULT) -> SearchRules:
 
 
 @pytest.mark.parametrize("places", [all_free, free_under_tension])
-def test_a_block_feels_the_forces_of_the_whole(small_blocks, sample, places):
+def test_on_a_subdomain_act_the_forces_of_the_whole(small_subdomains, sample, places):
     net, fabric, loading = sample
     random = np.random.default_rng(0)
     at = loading.reference + 0.1 * random.normal(size=net.shape.unknowns)
     whole = ChunkedFabric.of(net.shape, fabric).evaluate(WHOLE, at)
     free = free_stiffness(net.shape, places(net.shape))
-    found = list(blocks(free))
+    found = list(subdomains_of(free))
     assert len(found) == 4
-    for block in found:
-        own = ChunkedFabric.of(block.free.shape, block.fabric(fabric))
-        gradient = np.asarray(own.evaluate(WHOLE, at[block.places]).gradient)
-        movable = block.free.places
+    for subdomain in found:
+        own = ChunkedFabric.of(subdomain.free.shape, subdomain.fabric(fabric))
+        gradient = np.asarray(own.evaluate(WHOLE, at[subdomain.places]).gradient)
+        movable = subdomain.free.places
         np.testing.assert_allclose(
-            gradient[movable], np.asarray(whole.gradient)[block.places[movable]], atol=1e-10
+            gradient[movable], np.asarray(whole.gradient)[subdomain.places[movable]], atol=1e-10
         )
 
 
-def test_a_move_within_a_block_costs_it_what_it_costs_the_whole(small_blocks, sample):
+def test_a_move_within_a_block_costs_it_what_it_costs_the_whole(small_subdomains, sample):
     net, fabric, loading = sample
-    block = list(blocks(free_stiffness(net.shape, loading.free)))[1]
+    subdomain = list(subdomains_of(free_stiffness(net.shape, loading.free)))[1]
     whole = ChunkedFabric.of(net.shape, fabric)
-    own = ChunkedFabric.of(block.free.shape, block.fabric(fabric))
+    own = ChunkedFabric.of(subdomain.free.shape, subdomain.fabric(fabric))
     before = loading.reference
     after = before.copy()
-    movable = block.places[block.free.places]
+    movable = subdomain.places[subdomain.free.places]
     after[movable] += 0.05 * np.random.default_rng(1).normal(size=movable.size)
     costs = [
         float(of.evaluate(WHOLE, after[where]).energy.total)
         - float(of.evaluate(WHOLE, before[where]).energy.total)
-        for of, where in ((whole, slice(None)), (own, block.places))
+        for of, where in ((whole, slice(None)), (own, subdomain.places))
     ]
     assert costs[0] == pytest.approx(costs[1], rel=1e-9)
     assert costs[0] > 0
 
 
-def test_blocks_leave_no_free_unknown_out_and_move_no_held_one(small_blocks, sample):
+def test_subdomains_leave_no_free_unknown_out_and_move_no_held_one(small_subdomains, sample):
     net, _, loading = sample
     free = free_stiffness(net.shape, loading.free)
-    moved = np.unique(np.concatenate([b.places[b.free.places] for b in blocks(free)]))
+    moved = np.unique(np.concatenate([b.places[b.free.places] for b in subdomains_of(free)]))
     np.testing.assert_array_equal(moved, loading.free)
 
 
-def test_blocks_meet_where_one_moves_what_the_other_feels(small_blocks, sample):
+def test_subdomains_are_coupled_where_one_moves_what_acts_on_the_other(small_subdomains, sample):
     net, _, loading = sample
-    found = list(blocks(free_stiffness(net.shape, loading.free)))
-    moves = [set(block.places[block.free.places].tolist()) for block in found]
-    feels = [set(block.places.tolist()) for block in found]
+    found = list(subdomains_of(free_stiffness(net.shape, loading.free)))
+    moves = [set(subdomain.places[subdomain.free.places].tolist()) for subdomain in found]
+    feels = [set(subdomain.places.tolist()) for subdomain in found]
     expected = [
         [bool(moves[i] & feels[j] or moves[j] & feels[i]) for j in range(len(found))]
         for i in range(len(found))
     ]
-    np.testing.assert_array_equal(meet(found, net.shape.unknowns), expected)
+    np.testing.assert_array_equal(couplings(found, net.shape.unknowns), expected)
 
 
 @given(st.integers(1, 12), st.integers(0, 2**32 - 1), st.floats(0, 1))
-def test_rounds_hold_every_block_once_and_none_that_meet(count, seed, density):
+def test_groups_hold_every_subdomain_once_and_none_that_are_coupled(count, seed, density):
     random = np.random.default_rng(seed)
     meeting = random.random((count, count)) < density
     meeting = meeting | meeting.T | np.eye(count, dtype=bool)
     forces = random.random(count)
-    found = list(rounds(forces, meeting))
-    assert sorted(block for together in found for block in together) == [*range(count)]
+    found = list(independent_groups(forces, meeting))
+    assert sorted(subdomain for together in found for subdomain in together) == [*range(count)]
     for place, together in enumerate(found):
         assert meeting[np.ix_(together, together)].sum() == len(together)
-        waiting = [block for later in found[place:] for block in later]
+        waiting = [subdomain for later in found[place:] for subdomain in later]
         assert forces[together[0]] == forces[waiting].max()
 
 
 @pytest.mark.slow
-def test_two_threads_settle_blocks_as_one_does(small_blocks, sample, monkeypatch):
+def test_two_threads_solve_subdomains_as_one_does(small_subdomains, sample, monkeypatch):
     net, fabric, loading = sample
-    # Smaller blocks yet, of which some do not meet.
+    # Smaller subdomains yet, of which some are not coupled.
     monkeypatch.setattr(subdomains, "CELLS", 4)
     monkeypatch.setattr(subdomains, "OVERLAP", 1)
     free = free_stiffness(net.shape, loading.free)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
     request = SolveSubdomains(start, free, 0.3, subdomain_settings(DEFAULT))
-    found = list(blocks(free))
-    assert not meet(found, net.shape.unknowns).all()
+    found = list(subdomains_of(free))
+    assert not couplings(found, net.shape.unknowns).all()
     alone, shared = (
         Executor(net.shape, fabric, threads=threads).answer(request)
         for threads in (ALONE, Threads(2))
@@ -130,23 +135,23 @@ def test_two_threads_settle_blocks_as_one_does(small_blocks, sample, monkeypatch
     assert shared[1] == alone[1] > 0
 
 
-def test_settling_lowers_the_energy_and_counts_what_it_cost(small_blocks, sample):
+def test_subdomain_solutions_lower_the_energy_and_their_cost_is_counted(small_subdomains, sample):
     net, fabric, loading = sample
     free = free_stiffness(net.shape, loading.free)
     executor = Executor(net.shape, fabric)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
     settings = subdomain_settings(DEFAULT)
     longest = DEFAULT.step_limit * float(fabric.cell.min())
-    settled, share = executor.answer(SolveSubdomains(start, free, longest, settings))
-    energies = [float(executor.answer(at).energy.total) for at in (start, settled)]
+    solved, share = executor.answer(SolveSubdomains(start, free, longest, settings))
+    energies = [float(executor.answer(at).energy.total) for at in (start, solved)]
     assert energies[1] < energies[0]
     assert share > 0
     held = loading.held
-    np.testing.assert_array_equal(settled.unknowns[held], start.unknowns[held])
+    np.testing.assert_array_equal(solved.unknowns[held], start.unknowns[held])
 
 
-def test_a_sample_comes_to_the_same_rest_by_blocks_and_as_a_whole(
-    small_blocks, sample, monkeypatch
+def test_a_sample_reaches_the_same_state_by_subdomains_and_as_a_whole(
+    small_subdomains, sample, monkeypatch
 ):
     net, fabric, loading = sample
     rules = SearchRules.of(net.shape, loading.free, fabric, DEFAULT, convexified=False)
@@ -155,16 +160,16 @@ def test_a_sample_comes_to_the_same_rest_by_blocks_and_as_a_whole(
     def found():
         return run(net.shape, fabric, find_equilibrium_by_subdomains(start, rules))
 
-    by_blocks = found()
-    assert by_blocks.outcome is Outcome.converged
-    assert by_blocks.residual <= DEFAULT.tolerance
+    by_subdomains = found()
+    assert by_subdomains.outcome is Outcome.converged
+    assert by_subdomains.residual <= DEFAULT.tolerance
     monkeypatch.setattr(subdomains, "FEWEST", 10**9)
     as_a_whole = found()
-    np.testing.assert_allclose(by_blocks.unknowns, as_a_whole.unknowns, atol=1e-5)
+    np.testing.assert_allclose(by_subdomains.unknowns, as_a_whole.unknowns, atol=1e-5)
 
 
 @pytest.mark.slow
-def test_in_a_batch_on_the_device_blocks_stay_and_the_whole_comes_to_rest(small_blocks, sample):
+def test_in_a_batch_on_the_device_only_the_whole_is_solved(small_subdomains, sample):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
     (state,) = run_in_lockstep(
@@ -173,23 +178,23 @@ def test_in_a_batch_on_the_device_blocks_stay_and_the_whole_comes_to_rest(small_
     assert state.outcome is Outcome.converged
 
 
-def test_the_limit_of_iterations_holds_for_blocks_too(small_blocks, sample):
+def test_the_limit_of_iterations_holds_for_subdomains_too(small_subdomains, sample):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.2))
-    hasty = replace(DEFAULT, max_iterations=5)
-    state = run(net.shape, fabric, find_equilibrium_by_subdomains(start, slow(sample, 0.1, hasty)))
+    few = replace(DEFAULT, max_iterations=5)
+    state = run(net.shape, fabric, find_equilibrium_by_subdomains(start, slow(sample, 0.1, few)))
     assert state.outcome is Outcome.iteration_limit
     assert state.iterations >= 5
 
 
-def test_endless_fabric_and_small_samples_have_no_blocks():
+def test_periodic_fabric_and_small_samples_have_no_subdomains():
     assert not worth_dividing(checkered(4, 6, PERIODIC)[0].shape)
     assert not worth_dividing(checkered(4, 2, CLAMPED, unit_cells=(3, 3))[0].shape)
     assert worth_dividing(checkered(4, 2, CLAMPED, unit_cells=(5, 3))[0].shape)
 
 
-def test_where_a_search_stalls_after_its_blocks_the_whole_begins_anew_without_them(
-    small_blocks, sample, monkeypatch
+def test_where_a_search_stalls_after_its_subdomains_the_whole_begins_anew_without_them(
+    small_subdomains, sample, monkeypatch
 ):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
@@ -207,7 +212,7 @@ def test_where_a_search_stalls_after_its_blocks_the_whole_begins_anew_without_th
 
 
 class Counting(Executor):
-    """A desk that counts what it is asked for."""
+    """An executor that counts its requests."""
 
     def answer(self, request):
         self.counts[type(request)] += 1
@@ -216,7 +221,7 @@ class Counting(Executor):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("patience", [None, 3])
-def test_what_all_rounds_cost_is_counted(small_blocks, sample, patience):
+def test_what_all_rounds_cost_is_counted(small_subdomains, sample, patience):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
     executor = Counting(net.shape, fabric)
@@ -229,7 +234,7 @@ def test_what_all_rounds_cost_is_counted(small_blocks, sample, patience):
 
 
 class Noting(Executor):
-    """A desk that notes how often the whole was evaluated before its blocks settled."""
+    """An executor that notes how often the whole is evaluated between subdomain solutions."""
 
     def answer(self, request):
         if isinstance(request, SolveSubdomains):
@@ -240,7 +245,7 @@ class Noting(Executor):
 
 
 @pytest.mark.slow
-def test_blocks_settle_again_when_patience_is_at_its_end(small_blocks, sample):
+def test_subdomains_are_solved_again_when_patience_is_at_its_end(small_subdomains, sample):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
 
@@ -251,13 +256,13 @@ def test_blocks_settle_again_when_patience_is_at_its_end(small_blocks, sample):
         assert run_to_end(executor, solver).converged
         return max(executor.evaluated)
 
-    # What they settled to is looked at once; the last step may be tried at several lengths.
+    # Their solution is evaluated once; the last step may be tried at several lengths.
     assert longest_round(3) <= 3 + BACKTRACKS
     assert longest_round(None) > 3 + BACKTRACKS
 
 
 class FoldedToNothing(Executor):
-    """A desk whose blocks come to a sheet in one point, where no hinge has an angle."""
+    """An executor whose subdomains collapse to one point, where no hinge has an angle."""
 
     def answer(self, request):
         if isinstance(request, SolveSubdomains):
@@ -266,7 +271,7 @@ class FoldedToNothing(Executor):
         return super().answer(request)
 
 
-def test_where_blocks_fold_a_cell_to_nothing_the_whole_goes_on_without_them(small_blocks, sample):
+def test_where_subdomains_collapse_the_whole_goes_on_without_them(small_subdomains, sample):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
     solver = find_equilibrium_by_subdomains(start, slow(sample))
@@ -280,14 +285,14 @@ def test_where_blocks_fold_a_cell_to_nothing_the_whole_goes_on_without_them(smal
 @pytest.mark.parametrize(
     ("outcome", "residual"), [(Outcome.stalled, 1e-3), (Outcome.iteration_limit, 1e5)]
 )
-def test_a_block_that_comes_to_no_rest_stays_where_it_was(
-    small_blocks, sample, monkeypatch, outcome, residual
+def test_a_subdomain_without_a_solution_stays_as_it_was(
+    small_subdomains, sample, monkeypatch, outcome, residual
 ):
     net, fabric, loading = sample
     free = free_stiffness(net.shape, loading.free)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
 
-    def stalling(at, *_, **__):
+    def stalling(at, rules):
         evaluation = yield at
         nowhere = np.zeros_like(at.unknowns)
         return State(
@@ -296,73 +301,73 @@ def test_a_block_that_comes_to_no_rest_stays_where_it_was(
 
     monkeypatch.setattr(executor, "find_equilibrium", stalling)
     request = SolveSubdomains(start, free, 0.3, subdomain_settings(DEFAULT))
-    settled, share = Executor(net.shape, fabric).answer(request)
-    np.testing.assert_array_equal(settled.unknowns, start.unknowns)
+    solved, share = Executor(net.shape, fabric).answer(request)
+    np.testing.assert_array_equal(solved.unknowns, start.unknowns)
     assert share > 0
 
 
-def slid(sample, energy, passed, step_length=1e6, waiting=domain_decomposition.ROUNDS):
-    """Where a node comes to that passed some places, at an energy of its own, and may then slide;
-    and how often blocks settled."""
+def extrapolated(sample, energy, passed, step_length=1e6, waiting=domain_decomposition.ROUNDS):
+    """Where a node gets to that passed some places, at an energy of its own, and is extrapolated;
+    and how often subdomains are solved."""
     rules = slow(sample, step_length)
-    place, settled = rules.free.places[0], 0
+    place, solved = rules.free.places[0], 0
 
     def at(where):
-        configuration = sample[2].reference.copy()
-        configuration[place] = where
-        return Evaluate(configuration)
+        unknowns = sample[2].reference.copy()
+        unknowns[place] = where
+        return Evaluate(unknowns)
 
     def cost(there):
         stretch = np.asarray(energy(there.unknowns[place]))
         return Evaluation(Energy(stretch, np.zeros(()), np.zeros(())), sample[2].reference)
 
     search = Search(at(passed[0]), cost(at(passed[0])), rules)
-    by_blocks = SubdomainSolution(search)
+    by_subdomains = SubdomainSolution(search)
     for where in [passed[0]] * waiting + list(passed):
         search.move(at(where), cost(at(where)))
-        sliding, answer = by_blocks.slide(), None
+        steps, answer = by_subdomains.extrapolate(), None
         while True:
             try:
-                request = sliding.send(answer)
+                request = steps.send(answer)
             except StopIteration:
                 break
-            settled += isinstance(request, SolveSubdomains)
+            solved += isinstance(request, SolveSubdomains)
             answer = (request.at, 1.0) if isinstance(request, SolveSubdomains) else cost(request)
-    assert by_blocks.share == settled
-    return search.at.unknowns[place], settled
+    assert by_subdomains.cost == solved
+    return search.at.unknowns[place], solved
 
 
-def test_down_a_long_slope_slides_grow_until_one_goes_too_far(sample):
-    # On by twice the way before: to 4, 8, 16, and to 32, which is up the other side.
-    assert slid(sample, lambda x: abs(x - 20.0), (0.0, 1.0, 2.0)) == (16.0, 4)
+def test_down_a_long_slope_steps_grow_until_one_goes_too_far(sample):
+    # On by twice the step before: to 4, 8, 16, and to 32, which is up the other side.
+    assert extrapolated(sample, lambda x: abs(x - 20.0), (0.0, 1.0, 2.0)) == (16.0, 4)
 
 
-def test_no_slide_is_longer_than_a_few_steps(sample):
-    where, settled = slid(sample, lambda x: abs(x - 20.0), (0.0, 1.0, 2.0), step_length=0.4)
-    assert where == pytest.approx(2.0 + 18 * LONGEST_SLIDE * 0.4)
-    assert settled == 19
+def test_no_extrapolation_is_longer_than_a_few_steps(sample):
+    where, solved = extrapolated(sample, lambda x: abs(x - 20.0), (0.0, 1.0, 2.0), step_length=0.4)
+    assert where == pytest.approx(2.0 + 18 * LONGEST_EXTRAPOLATION * 0.4)
+    assert solved == 19
 
 
-def test_slides_begin_late(sample):
+def test_extrapolation_begins_late(sample):
     def after(rounds):
-        return slid(sample, lambda x: abs(x - 20.0), np.arange(float(rounds)), waiting=0)
+        return extrapolated(sample, lambda x: abs(x - 20.0), np.arange(float(rounds)), waiting=0)
 
     assert after(domain_decomposition.ROUNDS) == (domain_decomposition.ROUNDS - 1, 0)
     assert after(domain_decomposition.ROUNDS + 1)[1] > 0
 
 
 @given(st.floats(0.01, 0.25), st.floats(-5, 5))
-def test_where_rounds_converge_fast_nothing_slides(sample, rate, lowest):
+def test_where_rounds_converge_fast_nothing_is_extrapolated(sample, rate, lowest):
     passed = [lowest + rate**n for n in range(4)]
-    assert slid(sample, lambda x: (x - lowest) ** 2, passed) == (passed[-1], 0)
+    assert extrapolated(sample, lambda x: (x - lowest) ** 2, passed) == (passed[-1], 0)
 
 
 @given(st.lists(st.floats(-3, 3), min_size=3, max_size=6), st.integers(0, 2**32 - 1))
-def test_a_slide_never_raises_the_energy(sample, passed, seed):
+def test_an_extrapolation_never_raises_the_energy(sample, passed, seed):
     waves = np.random.default_rng(seed).normal(size=(2, 5))
 
     def energy(x):
         return x**2 + 5 * float(waves[0] @ np.sin(waves[1] * x))
 
-    where, _ = slid(sample, energy, passed)
+    where, _ = extrapolated(sample, energy, passed)
     assert energy(where) <= energy(passed[-1])

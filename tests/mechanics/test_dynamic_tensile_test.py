@@ -65,38 +65,38 @@ def test_both_methods_reach_the_same_states(reading):
     np.testing.assert_allclose(ratios[1], ratios[0], rtol=0.01, atol=1e-4)
 
 
-def haste_of_a_pull(design, rate):
+def loss_of_a_pull(design, rate):
     """Work and losses of pulling periodic fabric from rest to 5 % strain at one rate."""
     batch = moving([design], PERIODIC, SETTINGS)
     net = network(batch.shape)
     relaxed_state = relaxed(net, batch.fabrics[0])
     loading = tensile(batch.shape, relaxed_state.configuration)
-    course = MotionPath(relaxed_state.unknowns, loading, after=0.05, rate=rate)
-    (arrival,) = move(batch, [course])
-    rise = float(arrival.state.energy.total - relaxed_state.energy.total)
-    return arrival, rise
+    path = MotionPath(relaxed_state.unknowns, loading, after=0.05, rate=rate)
+    (result,) = move(batch, [path])
+    rise = float(result.state.energy.total - relaxed_state.energy.total)
+    return result, rise
 
 
 @pytest.mark.slow
-def test_haste_is_the_work_that_did_not_go_into_the_fabric():
-    haste = []
+def test_the_loss_is_the_work_that_did_not_go_into_the_fabric():
+    loss = []
     for rate in (1.0, 0.1, 0.025):
-        arrival, rise = haste_of_a_pull((8, 1), rate)
-        dissipated = arrival.history.dissipated[-1]
+        result, rise = loss_of_a_pull((8, 1), rate)
+        dissipated = result.history.dissipated[-1]
         work = rise + dissipated
         # Sudden pulls overshoot, and the drive takes some of its work back.
-        assert arrival.haste == pytest.approx(
-            (dissipated + arrival.state.kinetic_peak) / work, rel=0.05
+        assert result.loss == pytest.approx(
+            (dissipated + result.state.kinetic_peak) / work, rel=0.05
         )
-        haste.append(arrival.haste)
-    assert haste[0] > 0.3
-    assert haste[1] / haste[2] > 3  # drag's work is as fast as the pull
-    assert haste[2] < SETTINGS.quasi_static_limit
+        loss.append(result.loss)
+    assert loss[0] > 0.3
+    assert loss[1] / loss[2] > 3  # drag's work is as fast as the pull
+    assert loss[2] < SETTINGS.quasi_static_limit
 
 
-def test_a_hasty_pull_is_told_and_is_no_snap():
-    hasty = replace(SETTINGS, ramp_rate=20.0, smallest_rate=1 / 16)
-    (test,) = stretch_by_dynamics(moving([(8, 1)], PERIODIC, hasty), [[0.0, 0.05, 0.1]])
+def test_too_fast_a_pull_is_reported_and_is_no_snap():
+    fast = replace(SETTINGS, ramp_rate=20.0, smallest_rate=1 / 16)
+    (test,) = stretch_by_dynamics(moving([(8, 1)], PERIODIC, fast), [[0.0, 0.05, 0.1]])
     assert [state.outcome for state in test.states] == [Outcome.converged, Outcome.too_fast]
     assert not test.states[-1].snapped
 
@@ -118,10 +118,10 @@ def test_one_test_that_ends_does_not_end_its_neighbour():
     batch = moving(
         [(4, 1), (8, 1)], PERIODIC, replace(SETTINGS, ramp_rate=0.2, quasi_static_limit=10.0)
     )
-    told = []
+    reported = []
     strains = [0.0, 0.05]
     tests = stretch_by_dynamics(
-        batch, [[0.0, np.nan], strains], lambda case, done: told.append((case, done))
+        batch, [[0.0, np.nan], strains], lambda case, done: reported.append((case, done))
     )
     assert len(tests[0].states) == 2
     assert not tests[0].states[-1].converged
@@ -131,7 +131,7 @@ def test_one_test_that_ends_does_not_end_its_neighbour():
     assert float(tests[1].states[-1].energy.total) == pytest.approx(
         float(honest.states[-1].energy.total), rel=1e-5
     )
-    assert told == [(0, 1), (1, 1), (0, 2), (1, 2)]
+    assert reported == [(0, 1), (1, 1), (0, 2), (1, 2)]
 
 
 @given(turn=arrays(float, 3, elements=st.floats(-3, 3)))

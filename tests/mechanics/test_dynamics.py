@@ -43,10 +43,10 @@ def two_nodes(damping: float, settings: DynamicsSettings) -> tuple[MovingBatch, 
 @pytest.mark.parametrize("damping", [0.0, 0.01])
 def test_two_nodes_on_a_spring_vibrate_at_their_frequency(damping):
     settings = replace(SETTINGS, duration=1.0, relative_tolerance=1e-9)
-    batch, course = two_nodes(damping, settings)
-    (arrival,) = move(batch, [course])
-    time = arrival.history.snapshot_time
-    stretch = arrival.history.snapshots[:, 3] - arrival.history.snapshots[:, 0] - LENGTH
+    batch, path = two_nodes(damping, settings)
+    (result,) = move(batch, [path])
+    time = result.history.snapshot_time
+    stretch = result.history.snapshots[:, 3] - result.history.snapshots[:, 0] - LENGTH
     decay = damping / (2 * MASS)
     frequency = np.sqrt(2 * STIFFNESS / MASS - decay**2)
     swing = np.cos(frequency * time) + decay / frequency * np.sin(frequency * time)
@@ -56,19 +56,19 @@ def test_two_nodes_on_a_spring_vibrate_at_their_frequency(damping):
 
 
 def test_an_undamped_spring_never_comes_to_rest():
-    batch, course = two_nodes(0.0, replace(SETTINGS, duration=1.0))
-    (arrival,) = move(batch, [course])
-    assert arrival.state.outcome is Outcome.time_limit
-    assert arrival.state.kinetic_peak == pytest.approx(0.5 * STIFFNESS * PULL**2, rel=1e-2)
+    batch, path = two_nodes(0.0, replace(SETTINGS, duration=1.0))
+    (result,) = move(batch, [path])
+    assert result.state.outcome is Outcome.time_limit
+    assert result.state.kinetic_peak == pytest.approx(0.5 * STIFFNESS * PULL**2, rel=1e-2)
 
 
 def test_energy_is_kept_account_of_over_a_relaxation():
     batch = moving([(8, 1)], PERIODIC, SETTINGS)
     sheet = np.asarray(flat_sheet(network(batch.shape), batch.fabrics[0]).flattened())
-    (arrival,) = move(batch, [MotionPath(sheet)])
-    history = arrival.history
+    (result,) = move(batch, [MotionPath(sheet)])
+    history = result.history
     total = history.kinetic + history.potential + history.dissipated
-    assert arrival.state.converged
+    assert result.state.converged
     assert history.kinetic.max() > 0.1 * history.potential[0]
     assert history.kinetic[-1] < 1e-9 * history.potential[0]
     assert np.ptp(total) < 1e-4 * history.potential[0]
@@ -84,9 +84,9 @@ def test_the_error_falls_with_the_fifth_power_of_the_time_step():
         )
         batch = moving([(8, 1)], CLAMPED, settings)
         sheet = flat_sheet(network(batch.shape), batch.fabrics[0]).flattened()
-        (arrival,) = move(batch, [MotionPath(np.asarray(sheet))])
-        assert arrival.state.iterations == steps
-        ends.append(arrival.state.unknowns)
+        (result,) = move(batch, [MotionPath(np.asarray(sheet))])
+        assert result.state.iterations == steps
+        ends.append(result.state.unknowns)
     errors = [np.abs(end - ends[-1]).max() for end in ends[:-1]]
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert (orders > 4.5).all(), (errors, orders)
@@ -101,8 +101,8 @@ def test_the_error_falls_with_the_tolerance():
         )
         batch = moving([(8, 1)], CLAMPED, settings)
         sheet = flat_sheet(network(batch.shape), batch.fabrics[0]).flattened()
-        (arrival,) = move(batch, [MotionPath(np.asarray(sheet))])
-        ends.append(arrival.state.unknowns)
+        (result,) = move(batch, [MotionPath(np.asarray(sheet))])
+        ends.append(result.state.unknowns)
     errors = [np.abs(end - ends[-1]).max() for end in ends[:-1]]
     assert errors[0] > 10 * errors[1], errors
 
@@ -183,10 +183,10 @@ def test_a_design_that_diverges_does_not_disturb_its_neighbour(ending, outcome):
         ),
     ],
 )
-def test_the_end_of_a_motion_is_told(changes, outcome):
+def test_the_end_of_a_motion_is_reported(changes, outcome):
     batch = moving([(8, 1)], PERIODIC, replace(SETTINGS, **changes))
     sheet = np.asarray(flat_sheet(network(batch.shape), batch.fabrics[0]).flattened())
-    (arrival,) = move(batch, [MotionPath(sheet)])
-    assert arrival.state.outcome is outcome
-    assert np.isfinite(arrival.state.residual)
-    assert (arrival.state.residual <= batch.settings.force_left) == arrival.state.converged
+    (result,) = move(batch, [MotionPath(sheet)])
+    assert result.state.outcome is outcome
+    assert np.isfinite(result.state.residual)
+    assert (result.state.residual <= batch.settings.force_left) == result.state.converged

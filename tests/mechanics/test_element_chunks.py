@@ -1,4 +1,4 @@
-"""Portions: put together they make up the fabric, whatever its mesh shape."""
+"""Chunks of elements: put together they make up the fabric, whatever its mesh shape."""
 
 import jax
 import numpy as np
@@ -6,7 +6,7 @@ import pytest
 
 from knitlab.linalg.threads import ALONE, Threads
 from knitlab.mechanics import element_chunks
-from knitlab.mechanics.element_chunks import HEIGHTS, ChunkedFabric, portions
+from knitlab.mechanics.element_chunks import HEIGHTS, ChunkedFabric, chunks_of
 from knitlab.mechanics.evaluation import Stage, element_hessians, evaluate
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.options import ModelOptions
@@ -14,16 +14,16 @@ from tests.fabrics import checkered, shaken
 
 PART = Stage(fold=0.7, wall=0.3)
 SHEETS = [("clamped", 1), ("clamped", 4), ("periodic", 1), ("periodic", 4)]
-"""Of less than one portion, and of some that are not all full."""
+"""Of less than one chunk, and of some that are not all full."""
 
 
 @pytest.fixture
 def shared(monkeypatch):
     """Small samples are worth sharing."""
     monkeypatch.setattr(element_chunks, "WORTH_SHARING", 2)
-    portions.cache_clear()
+    chunks_of.cache_clear()
     yield
-    portions.cache_clear()
+    chunks_of.cache_clear()
 
 
 @pytest.mark.parametrize(("boundary", "periods"), SHEETS)
@@ -37,10 +37,10 @@ def test_energy_forces_and_hessians_are_those_of_the_whole(boundary, periods, an
     assert spare or boundary == "periodic"
     at = np.array(shaken(flat_sheet(net, fabric), 0.1).flattened())
     at[2:-2:6] += float(fabric.z_max)
-    portioned = ChunkedFabric.of(net.shape, fabric)
+    chunked = ChunkedFabric.of(net.shape, fabric)
     pairs = [
-        (portioned.evaluate(PART, at), evaluate(net, fabric, PART, at)),
-        (portioned.element_hessians(PART, at), element_hessians(net, fabric, PART, at)),
+        (chunked.evaluate(PART, at), evaluate(net, fabric, PART, at)),
+        (chunked.element_hessians(PART, at), element_hessians(net, fabric, PART, at)),
     ]
     for found, whole in pairs:
         for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(whole), strict=True):
@@ -52,27 +52,31 @@ def test_energy_forces_and_hessians_are_those_of_the_whole(boundary, periods, an
 
 def test_the_incidence_of_any_motion_of_the_whole_is_none():
     """Vectors are differences: moved as a whole, a sheet has the same, but for its heights."""
-    its = portions(checkered(4, 1, ModelOptions(boundary="clamped"))[0].shape)
+    mesh_chunks = chunks_of(checkered(4, 1, ModelOptions(boundary="clamped"))[0].shape)
     for axis in (0, 1):
-        moved = np.zeros(its.shape.unknowns)
+        moved = np.zeros(mesh_chunks.shape.unknowns)
         moved[axis:-2:3] = 1.0
-        assert not any(share.vectors(moved).any() for share in its.shares)
-    moved = np.zeros(its.shape.unknowns)
+        assert not any(part.vectors(moved).any() for part in mesh_chunks.by_thread)
+    moved = np.zeros(mesh_chunks.shape.unknowns)
     moved[2:-2:3] = 1.0
-    assert sum(share.vectors(moved).sum() for share in its.shares) == its.shape.nodes
+    assert (
+        sum(part.vectors(moved).sum() for part in mesh_chunks.by_thread) == mesh_chunks.shape.nodes
+    )
 
 
-def test_shares_make_up_all_portions_and_threads_change_no_bit(shared):
+def test_threads_share_all_chunks_and_change_no_bit(shared):
     net, fabric = checkered(4, 4, ModelOptions(boundary="clamped", hinges="all"))
-    its = portions(net.shape)
-    assert [portion for share in its.shares for portion in share.portions] == [*range(its.count)]
-    assert len(its.shares) == 2
+    mesh_chunks = chunks_of(net.shape)
+    assert [chunk for part in mesh_chunks.by_thread for chunk in part.chunks] == [
+        *range(mesh_chunks.count)
+    ]
+    assert len(mesh_chunks.by_thread) == 2
     at = np.array(shaken(flat_sheet(net, fabric), 0.1).flattened())
     alone, threads = (
         ChunkedFabric.of(net.shape, fabric, threads) for threads in (ALONE, Threads(2))
     )
-    for look in (ChunkedFabric.evaluate, ChunkedFabric.element_hessians):
-        pairs = (jax.tree.leaves(look(of, PART, at)) for of in (alone, threads))
+    for method in (ChunkedFabric.evaluate, ChunkedFabric.element_hessians):
+        pairs = (jax.tree.leaves(method(of, PART, at)) for of in (alone, threads))
         for one, other in zip(*pairs, strict=True):
             assert np.array_equal(one, other)
     whole = jax.tree.leaves(evaluate(net, fabric, PART, at))

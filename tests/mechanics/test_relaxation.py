@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from knitlab.mechanics.executor import run
-from knitlab.mechanics.relaxation import relax, tiled
+from knitlab.mechanics.relaxation import relax
+from knitlab.mechanics.starting_shape import tiled
 from knitlab.model.energy import energy
 from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered, relaxed
 

@@ -17,13 +17,13 @@ from knitlab.mechanics.factorisation import one_thread_of_blas
 from knitlab.mechanics.second_process import SecondProcess, SubdomainData, SubdomainTask
 from knitlab.mechanics.solver import Evaluate, SolveSubdomains
 from knitlab.mechanics.stiffness import free_stiffness
-from knitlab.mechanics.subdomains import blocks
+from knitlab.mechanics.subdomains import subdomains_of
 from tests.fabrics import DEFAULT
 
 
 @pytest.fixture
-def request_to_settle(sample, small_blocks):
-    """Of four small blocks."""
+def subdomain_request(sample, small_subdomains):
+    """Of four small subdomains."""
     net, _, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
     free = free_stiffness(net.shape, loading.free)
@@ -38,20 +38,22 @@ def is_there(pid: int) -> bool:
     return True
 
 
-def test_it_finds_what_this_process_finds(sample, request_to_settle):
+def test_it_finds_what_this_process_finds(sample, subdomain_request):
     _, fabric, _ = sample
-    at, companion = request_to_settle.at, SecondProcess()
-    for number, block in enumerate(blocks(request_to_settle.free)):
-        piece = SubdomainData(block.free.shape, block.free.places, block.fabric(fabric), None)
+    at, process = subdomain_request.at, SecondProcess()
+    for number, subdomain in enumerate(subdomains_of(subdomain_request.free)):
+        piece = SubdomainData(
+            subdomain.free.shape, subdomain.free.places, subdomain.fabric(fabric), None
+        )
         # Sent twice, the second time by its name alone.
         for start in (at.unknowns, at.unknowns + 1e-3):
             subdomain_task = SubdomainTask(
-                (0, number), Evaluate(start[block.places]), 0.3, request_to_settle.settings
+                (0, number), Evaluate(start[subdomain.places]), 0.3, subdomain_request.settings
             )
-            there = companion.settle(subdomain_task, piece)
+            there = process.settle(subdomain_task, piece)
             with one_thread_of_blas():
                 here = solve_subdomain(
-                    Executor(piece.shape, piece.fabric), block.free, subdomain_task
+                    Executor(piece.shape, piece.fabric), subdomain.free, subdomain_task
                 )
             assert there.outcome is here.outcome
             assert there.iterations == here.iterations > 0
@@ -59,7 +61,7 @@ def test_it_finds_what_this_process_finds(sample, request_to_settle):
 
 
 @pytest.mark.slow
-def test_blocks_are_settled_though_a_companion_dies(sample, request_to_settle, monkeypatch):
+def test_subdomains_are_solved_though_a_second_process_dies(sample, subdomain_request, monkeypatch):
     net, fabric, _ = sample
     dead = []
 
@@ -70,19 +72,19 @@ def test_blocks_are_settled_though_a_companion_dies(sample, request_to_settle, m
             dead.append(state is None)
             return state
 
-    alone = Executor(net.shape, fabric).answer(request_to_settle)
+    alone = Executor(net.shape, fabric).answer(subdomain_request)
     monkeypatch.setattr(executor, "SecondProcess", Dying)
-    left = Executor(net.shape, fabric, threads=Threads(2)).answer(request_to_settle)
+    left = Executor(net.shape, fabric, threads=Threads(2)).answer(subdomain_request)
     np.testing.assert_array_equal(left[0].unknowns, alone[0].unknowns)
     assert dead
     assert all(dead)
 
 
 def test_it_ends_when_nobody_holds_it():
-    companion = SecondProcess()
-    pid = companion.pid
+    process = SecondProcess()
+    pid = process.pid
     assert is_there(pid)
-    del companion
+    del process
     gc.collect()
     assert not is_there(pid)
 
@@ -90,7 +92,7 @@ def test_it_ends_when_nobody_holds_it():
 def test_it_ends_when_what_started_it_is_killed():
     script = (
         "from knitlab.mechanics.second_process import SecondProcess\n"
-        "companion = SecondProcess()\nprint(companion.pid, flush=True)\ninput()"
+        "process = SecondProcess()\nprint(process.pid, flush=True)\ninput()"
     )
     with subprocess.Popen(
         [sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

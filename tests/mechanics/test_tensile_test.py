@@ -220,8 +220,8 @@ def test_only_a_test_that_reached_its_end_goes_back():
 @pytest.mark.parametrize(
     ("shake", "parts"), [(0.0, {1.0, 0.5}), pytest.param(2.0, {0.125, 0.0}, marks=pytest.mark.slow)]
 )
-def test_many_blocks_start_from_where_on_the_line_ahead_the_energy_is_least(
-    small_blocks, sample, monkeypatch, shake, parts
+def test_many_subdomains_start_from_where_on_the_line_ahead_the_energy_is_least(
+    small_subdomains, sample, monkeypatch, shake, parts
 ):
     net, fabric, loading = sample
     before, last = stretched(net, fabric, [0.0, 0.01]).states

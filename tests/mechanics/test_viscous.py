@@ -34,12 +34,12 @@ def integrated(sample, test, drag):
     """The same pull by a Runge–Kutta integrator, along the applied strain in place of the time."""
     net, fabric = sample
     loading, free = test.loading, test.loading.free
-    portioned = ChunkedFabric.of(net.shape, fabric)
+    chunked = ChunkedFabric.of(net.shape, fabric)
 
     def velocity(strain, moving):
         here = loading.holding(loading.reference, strain)
         here[free] = moving
-        return -np.asarray(portioned.evaluate(WHOLE, here).gradient)[free] / drag
+        return -np.asarray(chunked.evaluate(WHOLE, here).gradient)[free] / drag
 
     return solve_ivp(
         velocity,

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.model.electrode_layout import BadLayout, ElectrodeLayout, place_electrodes, ridge_lines
-from knitlab.model.electrodes import Electrodes, Strip, pieces
+from knitlab.model.electrodes import Electrodes, Strip, split_by_cells
 from knitlab.model.network import MeshShape
 from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import checkerboard, patch_map
@@ -138,7 +138,7 @@ def test_strips_that_overlap_are_named():
 def test_pieces_lie_in_one_cell_each_and_fill_their_strip(ends):
     left, width, bottom, height = ends
     strip = Strip(left, left + width + 0.1, bottom, bottom + height + 0.1)
-    parts = pieces(strip)
+    parts = split_by_cells(strip)
     assert sum(part.area for part in parts) == pytest.approx(strip.area)
     for part in parts:
         for low, high in part.extents:

@@ -9,7 +9,6 @@ from knitlab.capacitance.capacitor_status import CapacitorStatus
 from knitlab.execution.run import RunOptions, run_plan
 from knitlab.io.errors import BadInput
 from knitlab.io.schema import VARIABLES
-from knitlab.simulation.capacitor_results import sensing
 from knitlab.simulation.case import case_of
 from knitlab.study.plan import make_plan
 
@@ -92,10 +91,3 @@ def test_layouts_can_be_a_dimension():
 def test_electrodes_that_cannot_be_are_refused_by_the_plan(overrides, message):
     with pytest.raises(BadInput, match=message):
         make_plan("sensor", overrides)
-
-
-def test_the_longest_run_without_a_gap_is_the_one_that_senses():
-    able = np.array([True, False, True, True, True, False, True, True])
-    assert np.flatnonzero(sensing(able)).tolist() == [2, 3, 4]
-    assert not sensing(np.zeros(3, dtype=bool)).any()
-    assert sensing(np.ones(3, dtype=bool)).all()

@@ -101,7 +101,7 @@ FACTORISATIONS = {
 def measure(measurement: Measurement) -> Record:
     """Time the parts of one iteration with one method of factorisation."""
     case = measurement.case()
-    net, fabric = case.woven()
+    net, fabric = case.assemble()
     (start,) = starts([case], [(net, fabric)])
     if start is None:
         raise RuntimeError("periodic fabric did not relax")

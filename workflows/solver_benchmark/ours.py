@@ -14,8 +14,9 @@ from knitlab.mechanics.evaluation import WHOLE
 from knitlab.mechanics.executor import Executor
 from knitlab.mechanics.factorisation import one_thread_of_blas
 from knitlab.mechanics.loading import all_free
-from knitlab.mechanics.relaxation import relax, tiled
+from knitlab.mechanics.relaxation import relax
 from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Solver, SolverSettings
+from knitlab.mechanics.starting_shape import tiled
 from knitlab.mechanics.state import State
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.configuration import Configuration
@@ -149,7 +150,7 @@ def _driven(problem: Problem, solver: Solver[Result], factorisation: str, watch:
 def prepare(problem: Problem) -> None:
     """Compile its programs; plans of assembly and factorisation are made while it is timed."""
     problem.evaluate(problem.flat)
-    problem.portioned.element_hessians(WHOLE, problem.flat)
+    problem.chunked.element_hessians(WHOLE, problem.flat)
 
 
 def _reached(state: State) -> Unknowns:

@@ -45,7 +45,7 @@ class Problem:
         """The problem that a case poses."""
         moving = case.mass_and_drag
         its = inertia(case.weft, case.warp, case.reading, moving) if moving else None
-        return cls(*case.woven(), its, case.applied_strain, tolerance)
+        return cls(*case.assemble(), its, case.applied_strain, tolerance)
 
     @property
     def shape(self) -> MeshShape:
@@ -58,8 +58,8 @@ class Problem:
         return np.asarray(flat_sheet(self.net, self.fabric).flattened())
 
     @cached_property
-    def portioned(self) -> ChunkedFabric:
-        """Its fabric in portions."""
+    def chunked(self) -> ChunkedFabric:
+        """Its fabric in chunks of elements."""
         return ChunkedFabric.of(self.shape, self.fabric)
 
     def which(self, free: Free) -> Bool[np.ndarray, " unknown"]:
@@ -68,7 +68,7 @@ class Problem:
 
     def evaluate(self, unknowns: Unknowns) -> Evaluation:
         """Energy and gradient."""
-        return self.portioned.evaluate(WHOLE, unknowns)
+        return self.chunked.evaluate(WHOLE, unknowns)
 
 
 Search = Callable[[Problem, Unknowns, Free, Watch], Unknowns]

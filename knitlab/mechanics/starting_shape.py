@@ -1,0 +1,77 @@
+"""Starting shapes of a relaxation: imperfect sheets, and samples tiled with periodic fabric."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from knitlab.mechanics.executor import Runner, run_all
+from knitlab.mechanics.relaxation import relax
+from knitlab.mechanics.solver import SolverSettings
+from knitlab.model.configuration import Configuration
+from knitlab.model.fabric import Fabric, flat_sheet
+from knitlab.model.network import Network
+
+IMPERFECTION = 0.02
+"""Standard deviation of the nodes of an imperfect sheet, over the shorter side of a grid cell."""
+
+
+def imperfect_sheet(net: Network, fabric: Fabric, seed: int) -> Configuration:
+    """A flat sheet with every node moved a little, at random.
+
+    Args:
+        net: network of the fabric.
+        fabric: its numbers.
+        seed: of the random numbers.
+    """
+    flat, cell = flat_sheet(net, fabric), np.asarray(fabric.cell)
+    noise = np.random.default_rng(seed).normal(size=flat.positions.shape)
+    moved = np.asarray(flat.positions) + IMPERFECTION * float(cell.min()) * noise
+    return Configuration(moved, np.asarray(flat.lengths))
+
+
+def starts_from_periodic(
+    samples: Sequence[tuple[Network, Fabric]],
+    cells: Sequence[tuple[Network, Fabric]],
+    settings: Sequence[SolverSettings],
+    runner: Runner = run_all,
+    seed: int | None = None,
+) -> list[Configuration | None]:
+    """Samples of one mesh shape as patches of their periodic fabrics, which are relaxed first.
+
+    Args:
+        samples: network and numbers of each sample.
+        cells: network and numbers of each sample's periodic fabric, all of one mesh shape.
+        settings: of the equilibrium solver, for each.
+        runner: runs the solvers.
+        seed: of the imperfections that the periodic fabrics start with; none by default.
+
+    Returns:
+        What each sample may start from; ``None`` where its periodic fabric did not relax.
+    """
+    solvers = [
+        relax(*cell, its, None if seed is None else imperfect_sheet(*cell, seed))
+        for cell, its in zip(cells, settings, strict=True)
+    ]
+    relaxed = runner(cells[0][0].shape, [fabric for _, fabric in cells], solvers)
+    return [
+        tiled(*sample, net, state.configuration) if state.converged else None
+        for sample, (net, _), state in zip(samples, cells, relaxed, strict=True)
+    ]
+
+
+def tiled(net: Network, fabric: Fabric, cell: Network, relaxed: Configuration) -> Configuration:
+    """A sample tiled with relaxed periodic fabric: in equilibrium but at its edges.
+
+    Args:
+        net: network of the sample.
+        fabric: its numbers.
+        cell: network of the periodic fabric.
+        relaxed: its relaxed configuration.
+    """
+    rows, columns = np.mgrid[: net.shape.nodes_y, : net.shape.nodes_x]
+    turns_y, rows = np.divmod(rows, cell.shape.nodes_y)
+    turns_x, columns = np.divmod(columns, cell.shape.nodes_x)
+    nodes = np.asarray(relaxed.positions)[rows, columns].copy()
+    nodes[..., 0] += turns_x * relaxed.lengths[0]
+    nodes[..., 1] += turns_y * relaxed.lengths[1]
+    return Configuration(nodes, np.asarray(flat_sheet(net, fabric).lengths))
