@@ -59,7 +59,7 @@ class Imported:
 
 
 def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
-    """Import what a description says of one kind of records into the experiment's cube.
+    """Import the records of one kind that a description names into the experiment's cube.
 
     The cube lies in a folder of the description's name. What it has of other kinds is kept, if it
     is of the same sample at the same strains.

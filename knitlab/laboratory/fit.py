@@ -88,7 +88,7 @@ class Fit:
         after: with the fitted ones.
         factors: fitted over tabulated.
         standard_errors: of the factors' logarithms, with what the tables say taken for data.
-        learned: part of what was not known before that the test has told, by parameter.
+        learned: part of the prior variance that the test has removed, by parameter.
         correlations: between the fitted.
         target: what was fitted to.
         curves: of the tests with the stripes of the tables, and with the fitted ones, each run
@@ -134,7 +134,7 @@ def fit_stripes(
         looseness: standard deviation that the tables are trusted to, relative: 0.2 for 20 %.
         names: of the parameters, of :data:`STRIPE_PARAMETERS`.
         starts: most starts that are tried until the test is met, the first from the tables.
-        step: told after every test how many there were, and χ² of the last.
+        step: called after every test with the number of tests and χ² of the last.
 
     Raises:
         NoFit: if the sample with the stripes of the tables cannot be tested.

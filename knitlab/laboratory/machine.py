@@ -140,7 +140,7 @@ def capacitance_values(
     strains: Float[np.ndarray, " strain"],
     least_linearity: float,
 ) -> Values:
-    """What an LCR meter says of one cycle, under the registry's names.
+    """Capacitance of one cycle from an LCR meter's log, under the registry's names.
 
     Args:
         log: of the meter.

@@ -161,7 +161,7 @@ def along_pull(
         strain: applied strain in every frame; NaN where it is not known.
 
     Raises:
-        BadInput: if the pull is across the warp, or cannot be told.
+        BadInput: if the pull is across the warp, or its direction is not clear.
     """
     pulled = np.flatnonzero(strain >= (1 - MOST_PULLED) * np.nanmax(strain))
     moved = marked.corners[pulled] - marked.relaxed
@@ -206,7 +206,7 @@ def marker_values(
     strain: Float[np.ndarray, " frame"],
     frames: np.ndarray,
 ) -> dict[str, Any]:
-    """What markers say of a pull, under the registry's names.
+    """Strains and Poisson's ratio of a pull from its markers, under the registry's names.
 
     Args:
         marked: the markers.
