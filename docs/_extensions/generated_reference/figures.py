@@ -5,7 +5,7 @@ from typing import get_args
 
 from generated_reference.markdown import first_paragraph
 
-from knitlab.plot.figures import FIGURES
+from knitlab.figures.drawing import FIGURES
 from knitlab.study.figure_names import FigureName, suffixes
 
 ROOT = Path(__file__).parents[2]

@@ -5,16 +5,12 @@ from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
 
+import xarray as xr
+
 import knitlab
 
-FURTHER = {
-    "On an open cube": ("knitlab.query.accessor.KnitlabAccessor",),
-    "Gradients": (
-        "knitlab.mechanics.adjoint.Adjoint",
-        "knitlab.capacitance.wedge.wedge_capacitance",
-    ),
-}
-"""What users meet that is not in ``knitlab`` itself: headings, and names below them."""
+GRADIENTS = ("knitlab.mechanics.adjoint.Adjoint", "knitlab.capacitance.wedge.wedge_capacitance")
+"""Differentiable functions that the guides name and that are not in ``knitlab`` itself."""
 
 
 def page() -> str:
@@ -26,8 +22,9 @@ def page() -> str:
     for space in spaces:
         module: ModuleType = getattr(knitlab, space)
         parts += _section(f"knitlab.{space}", [f"knitlab.{space}.{its}" for its in _public(module)])
-    for heading, paths in FURTHER.items():
-        parts += _section(heading, list(paths))
+    accessor = xr.Dataset.knitlab
+    parts += _section("On an open cube", [f"{accessor.__module__}.{accessor.__qualname__}"])
+    parts += _section("Gradients", list(GRADIENTS))
     return "\n".join(parts)
 
 

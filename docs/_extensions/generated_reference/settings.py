@@ -1,5 +1,7 @@
 """The reference of settings, from the schema of workflows and the files under ``params/``."""
 
+import inspect
+import itertools
 import tomllib
 from collections.abc import Iterator
 from typing import Any
@@ -21,7 +23,7 @@ def page() -> str:
         path.stem: tomllib.loads(path.read_text(encoding="utf-8"))
         for path in sorted(shipped("params").glob("*.toml"))
     }
-    sources = _sources(files)
+    sources = _sources(files) | _stripe_units(files["stripes"])
     outside = {name for name in Workflow.model_fields if name not in SECTIONS}
     parts = ["## Workflow", table(COLUMNS, _rows(Workflow, sources, outside))]
     for name, section in SECTIONS.items():
@@ -32,7 +34,7 @@ def page() -> str:
 
 def _described(section: type[BaseModel]) -> str:
     """A section's docstring without the name that it begins with."""
-    words = (section.__doc__ or "").split(": ", 1)[-1].strip()
+    words = (inspect.getdoc(section) or "").split(": ", 1)[-1]
     return words[:1].upper() + words[1:]
 
 
@@ -46,7 +48,25 @@ def _sources(files: dict[str, Any]) -> dict[str, dict[str, Any]]:
     }
 
 
+def _stripe_units(stripes: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """What settings that replace a number of a stripe have: a unit, and no one default."""
+    return {
+        f"{knit}_{name}": {"unit": unit}
+        for knit, its in stripes.items()
+        for name, unit in its["unit"].items()
+    }
+
+
 def _rows(
+    section: type[BaseModel], sources: dict[str, dict[str, Any]], names: set[str]
+) -> Iterator[tuple[str, ...]]:
+    """A row each setting; those next to each other of which the same is known share one."""
+    rows = _single_rows(section, sources, names)
+    for known, alike in itertools.groupby(rows, key=lambda row: row[1:]):
+        yield (", ".join(row[0] for row in alike), *known)
+
+
+def _single_rows(
     section: type[BaseModel], sources: dict[str, dict[str, Any]], names: set[str]
 ) -> Iterator[tuple[str, ...]]:
     schema = section.model_json_schema()
@@ -92,10 +112,11 @@ def _values(its: dict[str, Any], defs: dict[str, Any]) -> str:
         return ", ".join(map(code, its["enum"]))
     if its.get("type") == "array":
         if members := its.get("prefixItems"):
-            return f"{len(members)} of: {_values(members[0], defs)}"
+            return f"{len(members)} values: {_values(members[0], defs)}"
         return f"list of: {_values(its['items'], defs)}"
     limits = [f"{sign} {its[key]:g}" for key, sign in LIMITS.items() if key in its]
-    return " ".join([KINDS.get(its.get("type", ""), its.get("type", "")), " and ".join(limits)])
+    kind = KINDS.get(its.get("type", ""), its.get("type", ""))
+    return f"{kind} {' and '.join(limits)}" if limits else kind
 
 
 def _stripes(files: dict[str, Any]) -> Iterator[str]:
