@@ -24,6 +24,7 @@ extensions = [
 ]
 exclude_patterns = ["_extensions"]
 highlight_language = "console"
+smartquotes_action = "qe"  # "--set" is no dash
 
 myst_enable_extensions = ["attrs_inline", "colon_fence"]
 myst_heading_anchors = 3

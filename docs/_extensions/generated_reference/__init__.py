@@ -2,8 +2,9 @@
 
 from collections.abc import Callable
 
-from generated_reference import code_map, figures, public_api, settings, variables
 from sphinx.application import Sphinx
+
+from generated_reference import code_map, figures, public_api, settings, variables
 
 GENERATED: dict[str, Callable[[], str]] = {
     "reference/code": code_map.page,

@@ -4,7 +4,6 @@ import ast
 from pathlib import Path
 
 from generated_reference.markdown import code, first_paragraph, table
-
 from knitlab.io.shipped import PACKAGE
 
 

@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import get_args
 
 from generated_reference.markdown import first_paragraph
-
+from knitlab import plot
 from knitlab.figures.drawing import FIGURES
 from knitlab.study.figure_names import FigureName, suffixes
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 def page() -> str:
@@ -18,7 +18,8 @@ def page() -> str:
 
 def _section(name: str) -> list[str]:
     kind = FIGURES[name]
-    facts = [f"Formats: {', '.join(f'`{suffix}`' for suffix in suffixes(name))}."]
+    facts = [f"In Python: {{py:func}}`knitlab.plot.{name}`; drawn by `{kind.draw.__module__}`."]
+    facts.append(f"Formats: {', '.join(f'`{suffix}`' for suffix in suffixes(name))}.")
     if kind.dims:
         facts.append(f"Designs along {' and '.join(f'`{dim}`' for dim in kind.dims)}.")
     if kind.needs:
@@ -30,10 +31,10 @@ def _section(name: str) -> list[str]:
             "designs": "one simulation and an experiment for each design",
         }
         facts.append(f"Takes {taken[kind.several]}.")
-    parts = [f"## {name}", first_paragraph(kind.draw.__doc__), " ".join(facts)]
+    parts = [f"## {name}", first_paragraph(getattr(plot, name).__doc__), " ".join(facts)]
     kept = sorted((ROOT / "results" / "reference").glob(f"*/figures/{name}.png"))
     if kept:
         example = kept[0].relative_to(ROOT)
+        parts.append(f"Of the workflow `{example.parts[2]}`:")
         parts.append(f"![{name}](../../{example.as_posix()})")
-        parts.append(f"`{example.parts[2]}`")
     return parts

@@ -38,7 +38,13 @@ def _public(module: ModuleType) -> list[str]:
 def _section(heading: str, paths: list[str]) -> Iterator[str]:
     yield from (heading, "-" * len(heading), "")
     if len(paths) > 1:
-        yield from (".. autosummary::", "   :nosignatures:", "", *(f"   ~{its}" for its in paths), "")
+        yield from (
+            ".. autosummary::",
+            "   :nosignatures:",
+            "",
+            *(f"   {its}" for its in paths),
+            "",
+        )
     for path in paths:
         kind, options = _directive(_found(path))
         yield from (f".. {kind}:: {path}", *(f"   {option}" for option in options), "")

@@ -6,9 +6,9 @@ import tomllib
 from collections.abc import Iterator
 from typing import Any
 
-from generated_reference.markdown import code, plain, table
 from pydantic import BaseModel
 
+from generated_reference.markdown import code, plain, table
 from knitlab.io.shipped import shipped
 from knitlab.study.workflow import SECTIONS, Workflow
 

@@ -1,7 +1,6 @@
 """The reference of variables, from the registry of the cube."""
 
 from generated_reference.markdown import code, table
-
 from knitlab.io.schema import COORDINATES, FLAGS, VARIABLES
 from knitlab.io.variable import Variable
 
@@ -42,7 +41,7 @@ def _table(members: dict[str, Variable]) -> str:
             code(name),
             its.long_name,
             "" if its.units == "1" else its.units,
-            ", ".join(map(code, its.dims)),
+            ", ".join(code(dim) for dim in its.dims if dim != name),
             its.description + ("" if its.in_cube else " (in case files only)"),
         )
         for name, its in members.items()
