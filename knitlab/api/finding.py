@@ -35,9 +35,9 @@ def find(
         most: how many designs are kept, all by default.
 
     Returns:
-        The designs by their distance, the nearest first: ``table`` holds for each target what a
-        design has, how far that is off in the variable's unit, and whether the spread over its
-        siblings covers the target.
+        The designs by their distance, the nearest first. ``table`` holds for the first target
+        ``value_1``, ``off_by_1`` in the variable's unit, and ``in_spread_1``: whether the spread
+        over a design's siblings covers the target; likewise for the others.
 
     Raises:
         BadInput: with every target that cannot be read or is of no variable of the cubes.

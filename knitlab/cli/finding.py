@@ -57,6 +57,9 @@ def find(
     if output is not None:
         check_still(output)
     found = find_in(*cubes, targets=targets, subject_to=subject_to, most=most)
+    if style == "table":
+        for number, its in enumerate(found.reached, start=1):
+            click.echo(f"target {number}: {its.target.text}")
     click.echo(formatted(found.table, style))
     for reason, count in found.passed_over.items():
         click.echo(f"{count} designs {reason}", err=True)

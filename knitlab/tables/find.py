@@ -55,8 +55,10 @@ class Found:
     """Designs by their distance from the targets, the nearest first.
 
     Attributes:
-        table: one row for each design: labels, distance, and for each target what it has, how
-            far that is off, and whether its spread covers the target.
+        table: one row for each design: labels, distance, and for the first target ``value_1``,
+            the value or the mean over its window, ``off_by_1``, how far that is off in the
+            variable's unit, and ``in_spread_1``, whether the spread covers the target; likewise
+            for the others. Then the values that were required.
         reached: how far from each target they are, in the order of the table.
         passed_over: designs that were not considered, by reason.
     """
@@ -108,12 +110,12 @@ def find_designs(
     table = candidates.table[[*cubes[0].design_dims, *dims]].iloc[order].reset_index(drop=True)
     table[DISTANCE] = distance[order]
     ordered = tuple(_in_order(its, order) for its in reached)
-    for its in (*ordered, *(_in_order(its, order) for its in required)):
-        label = its.target.label
-        table[label] = its.obtained
-        if its.target.text in {target.text for target in targets}:
-            table[f"{label} off by"] = its.off_by
-            table[f"{label} in spread"] = [COVERED[covers] for covers in its.covered]
+    for number, its in enumerate(ordered, start=1):
+        table[f"value_{number}"] = its.obtained
+        table[f"off_by_{number}"] = its.off_by
+        table[f"in_spread_{number}"] = [COVERED[covers] for covers in its.covered]
+    for its in required:
+        table[its.target.label] = its.obtained[order]
     return Found(table, ordered, {reason: count for reason, count in passed_over.items() if count})
 
 

@@ -18,7 +18,7 @@ PAGES = [
     "CONTRIBUTING.md",
     *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs").rglob("*.md"))),
 ]
-READING_COMMANDS = ("query", "claims")
+READING_COMMANDS = ("query", "find", "claims")
 """Commands that only read a cube: what they print must be true without a simulation."""
 LEFT_OUT = "…"
 
