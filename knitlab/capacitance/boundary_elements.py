@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, Num
 from scipy.spatial import cKDTree
 from scipy.special import zeta
 
@@ -188,7 +188,7 @@ def potential_coefficients(
     def inverse_distance(
         one: Float[Array, "panel 3"],
         other: Float[Array, "panel 3"],
-        image: Float[Array, ""] | float = 0.0,
+        image: Num[Array, ""] | float = 0.0,
     ) -> Float[Array, "panel panel"]:
         steps = [one[:, None, k] - other[None, :, k] for k in range(3)]
         if axis is not None:

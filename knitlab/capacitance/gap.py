@@ -4,8 +4,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-Triangles = Float[np.ndarray, "pair 3 3"]
-Points = Float[np.ndarray, "*point 3"]
+Triangles = Float[np.ndarray, "_ 3 3"]
+Points = Float[np.ndarray, "... 3"]
 
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])
 EDGES = ((0, 1), (1, 2), (2, 0))
@@ -105,7 +105,7 @@ def passes_through(one: Triangles, other: Triangles) -> Bool[np.ndarray, " pair"
 
 def segment_distance(
     one: Points, one_end: Points, other: Points, other_end: Points
-) -> Float[np.ndarray, "*point"]:
+) -> Float[np.ndarray, "..."]:
     """Shortest distance between segments (Ericson, Real-Time Collision Detection, 5.1.9) [mm]."""
     along, beside, between = one_end - one, other_end - other, one - other
     a, b, c = _dot(along, along), _dot(along, beside), _dot(beside, beside)
@@ -140,9 +140,9 @@ def _normal(triangles: Triangles) -> Points:
     return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
 
 
-def _dot(one: Points, other: Points) -> Float[np.ndarray, "*point"]:
+def _dot(one: Points, other: Points) -> Float[np.ndarray, "..."]:
     return (one * other).sum(axis=-1)
 
 
-def _length(vector: Points) -> Float[np.ndarray, "*point"]:
+def _length(vector: Points) -> Float[np.ndarray, "..."]:
     return np.sqrt(_dot(vector, vector))

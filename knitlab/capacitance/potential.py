@@ -16,8 +16,8 @@ Vector = list[Array]
 
 
 def triangle_potential(
-    at: Float[Array, "3 *point"], corners: Float[Array, "3 3 *point"]
-) -> Float[Array, "*point"]:
+    at: Float[Array, "3 *#point"], corners: Float[Array, "3 3 *#point"]
+) -> Float[Array, "..."]:
     """Integral of 1/r over a triangle, as seen from a point.
 
     With the point at height d over the plane of the triangle, and each edge at distance t from

@@ -24,13 +24,13 @@ class Energy:
     ``drag`` is the potential of the drag while a viscous step is solved, and 0 in every state.
     """
 
-    stretch: Float[Array, ""]
-    fold: Float[Array, ""]
-    wall: Float[Array, ""]
-    drag: Float[Array, ""] | float = 0.0
+    stretch: Float[Array, "*batch"]
+    fold: Float[Array, "*batch"]
+    wall: Float[Array, "*batch"]
+    drag: Float[Array, "*batch"] | float = 0.0
 
     @property
-    def total(self) -> Float[Array, ""]:
+    def total(self) -> Float[Array, "*batch"]:
         """Their sum: V, and while a viscous step is solved the incremental potential."""
         return self.stretch + self.fold + self.wall + self.drag
 

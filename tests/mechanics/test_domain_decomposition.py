@@ -296,7 +296,7 @@ def test_a_subdomain_without_a_solution_stays_as_it_was(
         evaluation = yield at
         nowhere = np.zeros_like(at.unknowns)
         return State(
-            rules.free.shape, nowhere, evaluation.energy, evaluation.gradient, outcome, residual, 7
+            free.shape, nowhere, evaluation.energy, evaluation.gradient, outcome, residual, 7
         )
 
     monkeypatch.setattr(executor, "find_equilibrium", stalling)
