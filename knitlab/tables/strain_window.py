@@ -58,7 +58,7 @@ class StrainWindow:
 
     def read(
         self, strains: Float[np.ndarray, " grid"], values: Curves
-    ) -> tuple[np.ndarray, Curves]:
+    ) -> tuple[Float[np.ndarray, " point"], Float[np.ndarray, "design point"]]:
         """Curves over the window, linear between the strains that were simulated.
 
         Args:
