@@ -48,7 +48,6 @@ Mask = Annotated[tuple[str, ...], AfterValidator(_mask)]
 
 SENSES: dict[Face, tuple[int, ...]] = {"front": (1,), "back": (-1,), "both": (1, -1)}
 CELLS_PER_STRIPE = 2
-BARE = "."
 
 
 class BadLayout(ValueError):
