@@ -62,10 +62,10 @@ def query(
 def compare(
     simulation: Path, experiments: tuple[Path, ...], selections: tuple[str, ...], style: str
 ) -> None:
-    """Say how far SIMULATION is from EXPERIMENTS, curve by curve.
+    """Compare SIMULATION with EXPERIMENTS, curve by curve.
 
-    The uncertainty is that of the RMS difference, by the scatter of the records; of two curves
-    that are one, the RMS difference would be the noise.
+    The uncertainty is that of the RMS difference, by the scatter of the records; the noise
+    is the RMS difference to expect of equal curves.
     """
     from knitlab.api.comparison import compare_selected
     from knitlab.io.cube_file import open_cube
@@ -122,8 +122,7 @@ def claims(cubes: tuple[Path, ...], selections: tuple[str, ...], output: Path | 
     clamped before periodic, then with more of the designs, then with more unit cells.
     """
     from knitlab.paper.claims import read_claims
-    from knitlab.paper.judgement import judged
-    from knitlab.paper.records import listed
+    from knitlab.paper.judgement import judged, listed
     from knitlab.report.page import check_suffix, write_page
 
     if output is not None:

@@ -1,4 +1,4 @@
-"""Commands on what a laboratory recorded: ``import``, ``fit``."""
+"""Commands on laboratory records: ``import``, ``fit``."""
 
 import sys
 from pathlib import Path
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @click.group(name="import")
 def import_group() -> None:
-    """Bring what a laboratory recorded into a cube, beside simulations."""
+    """Import laboratory records as a cube, to show beside simulations."""
 
 
 def _importing(kind: "RecordKind", summary: str) -> click.Command:

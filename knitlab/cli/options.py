@@ -1,4 +1,4 @@
-"""What commands share: options, exit codes, and bad input told as such."""
+"""What commands share: options, exit codes, and messages of bad input."""
 
 import sys
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from knitlab.io.errors import BadInput
 BAD_INPUT = 2
 SOME_CASE_NOT_OK = 1
 MOST_LINES = 20
-"""Cases of which a command lists that many."""
+"""Cases that a command lists at most."""
 
 Command = Callable[..., None]
 
@@ -33,14 +33,14 @@ def explains_bad_input(command: Command) -> Command:
     return explained
 
 
-def _with_options(said: str) -> str:
+def _with_options(message: str) -> str:
     """A fault of a Python argument as one of the option that gives it."""
-    argument, space, rest = said.partition(" ")
+    argument, space, rest = message.partition(" ")
     for parameter in click.get_current_context().command.params:
         if parameter.name == argument.removesuffix(":") and isinstance(parameter, click.Option):
             colon = ":" if argument.endswith(":") else ""
             return f"{parameter.opts[-1]}{colon}{space}{rest}"
-    return said
+    return message
 
 
 results_option = click.option(

@@ -51,7 +51,7 @@ def workflow_options(command: Command) -> Command:
 @workflow_options
 @explains_bad_input
 def plan(workflow: str, results: Path, overrides: tuple[str, ...]) -> None:
-    """Resolve WORKFLOW into plan.json and say what it would run."""
+    """Resolve WORKFLOW into plan.json and show what it would run."""
     from knitlab.execution.status import PLAN, folder_status
     from knitlab.io.lock import held
     from knitlab.study.plan import make_plan
@@ -190,7 +190,7 @@ def run(
 
 
 def _is_finished(workflow: str, overrides: tuple[str, ...], results: Path) -> bool:
-    """Whether there is nothing to run or draw, and if so, say what there is."""
+    """Whether there is nothing to run or draw; if so, print what exists."""
     from knitlab.execution.finished import finished_plan
     from knitlab.figures.drawn import asked_figures, fingerprint_of_figure, is_drawn
     from knitlab.io.plain_cube import CUBE, open_plain_cube
@@ -220,7 +220,7 @@ def _is_finished(workflow: str, overrides: tuple[str, ...], results: Path) -> bo
 @click.option("--json", "as_json", is_flag=True, help="For scripts.")
 @explains_bad_input
 def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
-    """Say how far the last plan of WORKFLOW has come, and what of it is stale.
+    """Show the progress of the last plan of WORKFLOW, and what of it is stale.
 
     If a file that the plan was made of has changed, the workflow is resolved anew, with the same
     settings.
@@ -237,8 +237,8 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
     not_ok = [case_id for case_id, word in found.words.items() if word != "ok"]
     for case_id in not_ok[:MOST_LINES]:
         reason = found.failures.get(case_id, "")
-        said = f"{found.words[case_id]}: {reason}" if reason else found.words[case_id]
-        click.echo(f"  {found.label(case_id)}  {case_id}  {said}")
+        state = f"{found.words[case_id]}: {reason}" if reason else found.words[case_id]
+        click.echo(f"  {found.label(case_id)}  {case_id}  {state}")
     if len(not_ok) > MOST_LINES:
         click.echo(f"  … and {len(not_ok) - MOST_LINES} more; --json lists them all")
 
@@ -248,7 +248,7 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
 @results_option
 @explains_bad_input
 def reproduce(case_id: str, results: Path) -> None:
-    """Run one case alone, in this process, and say how every state was reached.
+    """Run one case alone, in this process, and show how every state was reached.
 
     CASE_ID may be the beginning of one. Where its file is kept, the results are compared with it.
     """

@@ -43,8 +43,8 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
     colours = mpl.colormaps[STRAIN_COLOURS]
 
     def words(value: float, its: xr.Dataset) -> str:
-        said = f"{value:.2f}\nat {float(its['applied_strain_at_min']):.0%}"
-        return f"{said}\nspread {spread:.2f}" if (spread := _spread(its)) > LARGE_SPREAD else said
+        shown = f"{value:.2f}\nat {float(its['applied_strain_at_min']):.0%}"
+        return f"{shown}\nspread {spread:.2f}" if (spread := _spread(its)) > LARGE_SPREAD else shown
 
     look = CellStyle("poisson_ratio_min", lambda value: colours(norm(value)), words)
     rows = row_count(cubes)

@@ -72,8 +72,8 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
         float(its.cell["electrode_length"]) for its in samples if "electrode_length" in its.cell
     ]
     simulated = "simulated " if any_measured else ""
-    said = f"\n{simulated}electrodes of {max(lengths):.0f} mm" if lengths else ""
-    absolute.set(xlabel="applied strain [1]", ylabel=f"$C$ [pF]{said}")
+    note = f"\n{simulated}electrodes of {max(lengths):.0f} mm" if lengths else ""
+    absolute.set(xlabel="applied strain [1]", ylabel=f"$C$ [pF]{note}")
     places = np.arange(len(samples))
     values = [float(sample.cell["sensitivity"]) for sample in samples]
     bars = slopes.bar(places, np.nan_to_num(values), color=[colour for _, colour in looks])

@@ -51,7 +51,7 @@ class CellStyle:
     Attributes:
         name: of the variable.
         colour: of a value.
-        words: what stands in a cell of that value, the cell of the cube given.
+        words: text in a cell of that value, given its cell of the cube.
     """
 
     name: str
@@ -139,19 +139,19 @@ def cell(
     top: float | None = None,
     **style: Any,
 ) -> None:
-    """Draw one cell, a unit wide, and high unless it is said from where to where."""
+    """Draw one cell, a unit wide, and a unit high unless ``bottom`` and ``top`` are given."""
     low, high = row - 0.5 if bottom is None else bottom, row + 0.5 if top is None else top
     axes.add_patch(Rectangle((column - 0.5, low), 1, high - low, **{"linewidth": 1.5, **style}))
 
 
 def frame(figure: Figure, axes: Axes, scale: ScalarMappable, **colorbar: Any) -> None:
-    """Take the frame and the ticks off a map of cells, and put the scale of its colours beside it.
+    """Remove the frame and the ticks of a map of cells, and add a colour bar.
 
     Args:
         figure: the map's.
         axes: its axes.
         scale: norm and colours.
-        colorbar: what else the scale's bar is to have, its label first of all.
+        colorbar: further arguments of the colour bar, such as its label.
     """
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
@@ -159,7 +159,7 @@ def frame(figure: Figure, axes: Axes, scale: ScalarMappable, **colorbar: Any) ->
 
 
 def ink_on(colour: tuple[float, ...]) -> str:
-    """What can be read on a colour: black or white."""
+    """Text colour that is legible on a colour: black or white."""
     luminance = 0.299 * colour[0] + 0.587 * colour[1] + 0.114 * colour[2]
     return "white" if luminance < 0.45 else "black"
 
@@ -170,13 +170,13 @@ def marks_legend(
     no_value: str | None = None,
     notes: Sequence[Patch] = (),
 ) -> None:
-    """Say below a figure what the marks in it mean.
+    """Add a legend of the marks below a figure.
 
     Args:
         figure: the figure.
         marked: the statuses that are marked.
         no_value: why a design that is ok may have no value, if not as in the auxetic map.
-        notes: what else is said.
+        notes: further entries of the legend.
     """
     names = NAMES if no_value is None else NAMES | {Status.ok: no_value}
     handles = [*notes, *(Patch(label=names[code], **MARKS[code]) for code in sorted(marked))]

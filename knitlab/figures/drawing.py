@@ -56,13 +56,13 @@ class FigureKind:
     """One kind of figure.
 
     Attributes:
-        draw: what draws it: from a cube, or from a case if ``needs`` names a variable, or from
-            several if ``designs`` says which.
-        dims: the designs it shows lie along these, or along any if it says none.
+        draw: draws it from a cube, or from a case if ``needs`` names a variable, or from several
+            cases if ``designs`` lists some.
+        dims: design dimensions of the cubes it can show; ``None`` for any.
         needs: variable that the case it shows must have.
         coordinates: further coordinates that it can be sliced along.
-        designs: designs (n_stripe, n_subunit) whose cases it shows side by side, as far as they
-            are there.
+        designs: designs (n_stripe, n_subunit) whose cases it shows side by side; those that are
+            missing are left out.
         several: whether it takes a list of cubes: any, or experiments beside one simulation, or of
             these only one a design.
     """

@@ -1,4 +1,4 @@
-"""Drawn figures: which files a figure goes into, and whether they show what there is now.
+"""Drawn figures: the files of a figure, and whether they are up to date.
 
 Needs neither matplotlib nor xarray, so that a run with nothing to do takes no time.
 """
@@ -15,9 +15,9 @@ from knitlab.io.plain_cube import PlainCube, base_of, cube_path
 from knitlab.study.figure_names import COMPARING, suffixes
 
 MARK = "knitlab-drawn-of:"
-"""What comes before the fingerprint that every figure's file carries."""
+"""Prefix of the fingerprint that is stored in the file of every figure."""
 UNASKED = ".svg"
-"""Format that a run does not draw by itself."""
+"""Format that a run does not draw."""
 MOST_SLICES = 8
 """Values of swept settings that a run draws by itself."""
 
@@ -61,7 +61,7 @@ def asked_figures(kinds: Iterable[str], cube: PlainCube, folder: Path) -> list[A
 def fingerprint_of_figure(
     kind: str, cube_paths: Sequence[Path], selections: Sequence[str] = ()
 ) -> str:
-    """Fingerprint of all that decides how a figure looks: cubes, code and the drawing library.
+    """Fingerprint of all that a figure depends on: cubes, code and the drawing library.
 
     Args:
         kind: a name of a figure.

@@ -51,9 +51,9 @@ def spring_network(case: xr.Dataset) -> Figure:
     from knitlab.model.pattern import patch_map
 
     parameters = json.loads(case.attrs["parameters"])
-    reading = ModelOptions(**parameters["reading"] | {"boundary": "periodic"})
+    options = ModelOptions(**parameters["reading"] | {"boundary": "periodic"})
     pattern = patch_map(parameters["pattern"], parameters["periods"])
-    lines = _by_role(fabric_layout(pattern, Sheet(**parameters["sheet"]), reading))
+    lines = _by_role(fabric_layout(pattern, Sheet(**parameters["sheet"]), options))
 
     periodic = "length_x" in case
     cells_y, cells_x = (case.sizes[dim] - (not periodic) for dim in ("node_y", "node_x"))

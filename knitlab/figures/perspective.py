@@ -51,7 +51,7 @@ def draw_sheet(axes: Axes3D, nodes: np.ndarray, norm: mpl.colors.Normalize) -> N
 
 
 def frame_sheet(axes: Axes3D, around: np.ndarray, zoom: float = FLAT_SHEET_FITS) -> None:
-    """Show what lies around some positions (…, component), at one scale along x, y and z."""
+    """Set the limits of axes around positions (…, component), with equal scales of x, y and z."""
     low, high = around.reshape(-1, 3).min(axis=0), around.reshape(-1, 3).max(axis=0)
     middle, half = (low + high) / 2, (high - low) / 2 * (1 + MARGIN)
     half = np.maximum(half, 0.05 * half.max())

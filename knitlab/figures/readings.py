@@ -1,4 +1,4 @@
-"""Figure of readings: the claims under each way to read the model, the best reading first."""
+"""Figure of readings: the claims under each set of model options, the best options first."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,10 +13,10 @@ from knitlab.figures.style import TWO_COLUMNS
 from knitlab.io.errors import fault
 from knitlab.paper.claims import TOPICS, Claim, read_claims
 from knitlab.paper.margin import Grade, signed
-from knitlab.paper.reading_ranking import RankedReading, differing, ranked_readings
+from knitlab.paper.option_ranking import RankedOptions, differing, ranked_options
 
 MOST = 16
-"""Readings that the figure shows."""
+"""Sets of options that the figure shows."""
 LOOKS = {
     Grade.holds: ("#0072B2", "white"),
     Grade.near_miss: ("#F5D7A1", "black"),
@@ -33,10 +33,10 @@ NOTE = "numbers are margins: 0 and above holds, −0.25 misses a limit by a quar
 
 
 def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
-    """A row for every claim that some reading decides, a column for every reading.
+    """A row for every claim that can be judged, a column for every set of model options.
 
-    Readings are ranked as :func:`~knitlab.paper.reading_ranking.ranked_readings` says, of which the
-    best :data:`MOST` are shown; each cell gives the margin of a claim.
+    Options are ranked by :func:`~knitlab.paper.option_ranking.ranked_options`, and the best
+    :data:`MOST` are shown; each cell gives the margin of a claim.
 
     Args:
         cubes: paths and cubes.
@@ -44,33 +44,33 @@ def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
     Raises:
         BadInput: if the cubes decide no claim.
     """
-    claims = sorted(read_claims(), key=lambda claim: TOPICS.index(claim.words.topic))
-    ranked = ranked_readings(cubes, claims)
-    readings = ranked[:MOST]
+    claims = sorted(read_claims(), key=lambda claim: TOPICS.index(claim.statement.topic))
+    ranked = ranked_options(cubes, claims)
+    shown = ranked[:MOST]
     claims = [
         claim
         for claim in claims
-        if any(its.findings[claim.name].grade is not Grade.not_measured for its in readings)
+        if any(its.findings[claim.name].grade is not Grade.not_measured for its in shown)
     ]
     if not claims:
         raise fault("readings", "no claim can be judged by these cubes; run more of their designs")
     names = differing(ranked)
-    width = max(TWO_COLUMNS, 3.2 + 0.33 * len(readings))
+    width = max(TWO_COLUMNS, 3.2 + 0.33 * len(shown))
     figure = Figure(
         figsize=(width, 1.6 + 0.17 * len(claims) + 0.13 * len(names)), layout="constrained"
     )
     axes = figure.add_subplot()
-    for column, reading in enumerate(readings):
+    for column, its in enumerate(shown):
         for row, claim in enumerate(claims):
-            _draw(axes, row, column, reading, claim)
+            _draw(axes, row, column, its, claim)
     axes.set(
-        xlim=(-0.5, len(readings) - 0.5),
+        xlim=(-0.5, len(shown) - 0.5),
         ylim=(len(claims) - 0.5, -0.5),
-        xticks=range(len(readings)),
+        xticks=range(len(shown)),
         yticks=range(len(claims)),
     )
     axes.set_xticklabels(
-        ["\n".join(_head(reading, names)) for reading in readings], fontsize=5, linespacing=1.1
+        ["\n".join(_head(its, names)) for its in shown], fontsize=5, linespacing=1.1
     )
     axes.set_yticklabels([claim.name.replace("_", " ") for claim in claims], fontsize=6)
     axes.xaxis.tick_top()
@@ -78,10 +78,10 @@ def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
     axes.spines[:].set_visible(False)
     axes.set_xlabel(NOTE, fontsize=6)
     if names:
-        said = f"from above: {', '.join(names)}; last, claims that hold of those that were measured"
-        axes.set_title(said, fontsize=6)
-    if len(ranked) > len(readings):
-        figure.suptitle(f"the best {len(readings)} of {len(ranked)} readings", fontsize=7)
+        title = f"from above: {', '.join(names)}; last, claims that hold of those measured"
+        axes.set_title(title, fontsize=6)
+    if len(ranked) > len(shown):
+        figure.suptitle(f"the best {len(shown)} of {len(ranked)} sets of model options", fontsize=7)
     handles = [
         Patch(facecolor=LOOKS[grade][0], edgecolor="0.7", label=label)
         for grade, label in NAMES.items()
@@ -90,8 +90,8 @@ def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, row: int, column: int, reading: RankedReading, claim: Claim) -> None:
-    finding = reading.findings[claim.name]
+def _draw(axes: Axes, row: int, column: int, its: RankedOptions, claim: Claim) -> None:
+    finding = its.findings[claim.name]
     colour, ink = LOOKS[finding.grade]
     edge = "0.85" if finding.grade is Grade.not_measured else "white"
     cell(axes, row, column, facecolor=colour, edgecolor=edge, linewidth=0.8)
@@ -100,10 +100,10 @@ def _draw(axes: Axes, row: int, column: int, reading: RankedReading, claim: Clai
     )
 
 
-def _head(reading: RankedReading, names: Sequence[str]) -> list[str]:
-    labels = [_short(reading.settings.get(name, "")) for name in names]
-    judged = [f"{reading.designs} designs"] if reading.designs else []
-    return [*labels, *judged, f"{reading.count(Grade.holds)}/{reading.decided}"]
+def _head(its: RankedOptions, names: Sequence[str]) -> list[str]:
+    labels = [_short(its.options.get(name, "")) for name in names]
+    judged = [f"{its.designs} designs"] if its.designs else []
+    return [*labels, *judged, f"{its.count(Grade.holds)}/{its.decided}"]
 
 
 def _short(label: str | float) -> str:

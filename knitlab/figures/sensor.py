@@ -19,7 +19,7 @@ from knitlab.figures.cells import (
     values_of,
 )
 from knitlab.figures.style import SEQUENCE_COLOURS, TWO_COLUMNS
-from knitlab.figures.trade_off import Design, figures_of, trade_off_front
+from knitlab.figures.trade_off import Design, pareto_front, values_of_designs
 from knitlab.io.cube_file import is_measured
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
@@ -28,9 +28,9 @@ STEEPNESS, RANGE = "sensitivity", "working_range"
 MARKERS = "osD^vP*X"
 LETTERS_A_LINE = 110
 MAP_ROW, MAP_MARGIN, TRADE_OFF = 0.32, 0.5, 3.1
-"""Heights of a row of a map, of what is around it, and of the trade-off [in]."""
+"""Heights of a row of a map, of the space around it, and of the trade-off [in]."""
 FEWEST_ROWS = 3
-"""Rows that a map is made high enough for, as its labels need that."""
+"""Least rows that a map has room for; its labels need them."""
 NO_VALUE = "apart at too few strains to be read"
 NEEDED = "needs electrodes on the fabric; run knitlab run sensor, or a workflow with [electrodes]"
 
@@ -82,7 +82,7 @@ def _trade_off(axes: Axes, cubes: Sequence[xr.Dataset]) -> None:
             design: its
             for cube in cubes
             if is_measured(cube) is kind
-            for design, its in figures_of(cube, STEEPNESS, RANGE).items()
+            for design, its in values_of_designs(cube, STEEPNESS, RANGE).items()
         }
         for kind in (False, True)
     )
@@ -94,7 +94,7 @@ def _trade_off(axes: Axes, cubes: Sequence[xr.Dataset]) -> None:
         axes.plot(
             points[:, 1], points[:, 0], marker, color=shade, ms=5, label=f"n_stripe = {n_stripe}"
         )
-    front = trade_off_front(figures)
+    front = pareto_front(figures)
     ends = np.array([figures[design] for design in front]).reshape(-1, 2)
     axes.step(ends[:, 1], ends[:, 0], where="post", color="0.5", lw=0.8, zorder=0)
     for design in figures:

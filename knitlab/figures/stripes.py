@@ -20,9 +20,9 @@ SHEETS: dict[str, dict[str, Any]] = {
 EVERY = 4
 """Strain steps between the points of a sheet, so that the lines stay visible."""
 SHOWN = (-7, 30)
-"""Departures that are drawn [%]; beyond, the models are two."""
+"""Largest departure that is drawn [%]."""
 AGREEMENT = 0.05
-"""Relative difference within which the two models are taken for one."""
+"""Relative difference within which the two models count as equal."""
 
 
 def stripe_tension(cube: xr.Dataset) -> Figure:

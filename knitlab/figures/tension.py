@@ -63,8 +63,8 @@ def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
             axes.set(xlabel="x, weft [mm]", ylabel="y, warp [mm]", aspect="equal", title=title)
         scale = mpl.cm.ScalarMappable(norm, STRAIN_COLOURS)
         figure.colorbar(scale, ax=list(row), label=f"{label} [1]", shrink=0.9)
-    said = " and ".join(f"{at:.0%}" for at in dict.fromkeys(strains))
-    figure.suptitle(f"applied strain {said}", fontsize="medium")
+    percentages = " and ".join(f"{at:.0%}" for at in dict.fromkeys(strains))
+    figure.suptitle(f"applied strain {percentages}", fontsize="medium")
     return figure
 
 

@@ -1,4 +1,4 @@
-"""The trade-off front: designs that no other beats in two figures at once."""
+"""The Pareto front: designs that no other design dominates in two variables."""
 
 import numpy as np
 import xarray as xr
@@ -9,8 +9,8 @@ from knitlab.io.schema import DESIGN_DIMS
 Design = tuple[int, int]
 
 
-def figures_of(cube: xr.Dataset, *names: str) -> dict[Design, tuple[float, ...]]:
-    """Some figures of every design (n_stripe, n_subunit) that is ok and has all of them."""
+def values_of_designs(cube: xr.Dataset, *names: str) -> dict[Design, tuple[float, ...]]:
+    """Some variables of every design (n_stripe, n_subunit) that is ok and has all of them."""
     designs = cube[["status", *names]].stack(design=DESIGN_DIMS)
     found = {}
     for k, (n_stripe, n_subunit) in enumerate(designs["design"].values):
@@ -20,23 +20,23 @@ def figures_of(cube: xr.Dataset, *names: str) -> dict[Design, tuple[float, ...]]
     return found
 
 
-def trade_off_front(figures: dict[Design, tuple[float, ...]]) -> list[Design]:
-    """The designs of which no other has more of one figure and no less of the others.
+def pareto_front(values: dict[Design, tuple[float, ...]]) -> list[Design]:
+    """The designs that no other design dominates: has more of one value and no less of the others.
 
     Args:
-        figures: of every design; more is better.
+        values: of every design; more is better.
 
     Returns:
-        The designs, by the first figure, the largest first.
+        The designs, in descending order of the first value.
     """
     front = [
         design
-        for design, its in figures.items()
-        if not any(_beats(other, its) for other in figures.values())
+        for design, its in values.items()
+        if not any(_dominates(other, its) for other in values.values())
     ]
-    return sorted(front, key=lambda design: figures[design], reverse=True)
+    return sorted(front, key=lambda design: values[design], reverse=True)
 
 
-def _beats(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
+def _dominates(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
     pairs = list(zip(one, other, strict=True))
     return all(a >= b for a, b in pairs) and any(a > b for a, b in pairs)

@@ -1,1 +1,1 @@
-"""The paper's claims: what it states, each judged against cubes, and readings ranked by them."""
+"""The paper's claims, judged by cubes, and model options ranked by them."""

@@ -1,68 +1,73 @@
-"""Claims: what the paper says, and its tests (``params/claims.toml``)."""
+"""Claims: what the paper says, and how each statement is tested (``params/claims.toml``)."""
 
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Any, Literal, get_args
 
-from pydantic import Field, TypeAdapter, ValidationError
+import xarray as xr
+from pydantic import Field, ValidationError, create_model
 
 from knitlab.io.errors import BadInput, Fault, faults_of
 from knitlab.io.shipped import shipped
 from knitlab.io.strict_model import StrictModel
+from knitlab.io.suggestions import unknown
 from knitlab.io.toml import read_toml
-from knitlab.paper.checks import (
-    CurveWithin,
-    Follows,
-    Laboratory,
-    LargestAtCentre,
-    LessThan,
-    RisesAndFalls,
-    ValueWithin,
-)
-from knitlab.paper.line_checks import CommonSlope, DepartsMost, Linear
-from knitlab.paper.order_checks import LowestOfAll, Monotonic, Spread
-from knitlab.paper.sample_checks import SampleOrder, TradesOff
-from knitlab.paper.stripe_checks import SameCurves, StripeOrder, StripeToe
+from knitlab.paper import comparison_checks, line_checks, sample_checks
+from knitlab.paper.finding import Finding, NotMeasured
 
 CLAIMS = "claims.toml"
-Test = Annotated[
-    CommonSlope
-    | CurveWithin
-    | DepartsMost
-    | Follows
-    | Laboratory
-    | LargestAtCentre
-    | LessThan
-    | Linear
-    | LowestOfAll
-    | Monotonic
-    | RisesAndFalls
-    | SameCurves
-    | SampleOrder
-    | Spread
-    | StripeOrder
-    | StripeToe
-    | TradesOff
-    | ValueWithin,
-    Field(discriminator="test"),
-]
-_TESTS: TypeAdapter[Test] = TypeAdapter(Test)
 Topic = Literal[
     "stripes", "relaxed shape", "wavelengths", "tension", "Poisson's ratio", "capacitors"
 ]
 TOPICS: tuple[Topic, ...] = get_args(Topic)
 
 
-class ClaimText(StrictModel):
-    """What stands beside the test of a claim.
+def laboratory(cube: xr.Dataset, needs: str) -> Finding:
+    """A comparison with measurements that the paper's text does not give."""
+    raise NotMeasured(f"needs {needs}")
+
+
+CHECKS: dict[str, Callable[..., Finding]] = {
+    check.__name__: check
+    for check in (
+        comparison_checks.lowest_of_all,
+        comparison_checks.monotonic,
+        comparison_checks.sample_order,
+        comparison_checks.spread,
+        comparison_checks.stripe_order,
+        comparison_checks.trades_off,
+        laboratory,
+        line_checks.common_slope,
+        line_checks.departs_most,
+        line_checks.linear,
+        sample_checks.follows,
+        sample_checks.largest_at_centre,
+        sample_checks.less_than,
+        sample_checks.rises_and_falls,
+        sample_checks.same_curves,
+        sample_checks.stripe_toe,
+        sample_checks.value_within,
+    )
+}
+"""The tests of claims by name."""
+
+
+class Statement(StrictModel):
+    """What the paper says, and what is known about it.
 
     Attributes:
-        text: what the paper says.
-        place: where it says so.
+        text: the statement.
+        place: where in the paper it is.
         topic: what it is about.
         measured_along: direction that is measured here, if the paper's words are about both.
         figure: kind of figure that shows it, if any.
         why_not: why knitlab does not show what the paper says, as far as it is known.
+        test: name of the function of :data:`CHECKS` that tests it.
+        knitlab: numbers of the threshold that are knitlab's own, by the names of the test's
+            arguments; all others are the paper's.
     """
 
     text: str = Field(min_length=1)
@@ -71,21 +76,53 @@ class ClaimText(StrictModel):
     measured_along: Literal["weft", "warp"] | None = None
     figure: str | None = None
     why_not: str | None = Field(default=None, min_length=1)
-
-    @property
-    def statement(self) -> str:
-        """The paper's words, and the direction that is measured here."""
-        along = self.measured_along
-        return f"{self.text} (here along the {along})" if along else self.text
+    test: str
+    knitlab: dict[str, float] = Field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the paper and its test."""
+    """A statement of the paper and its test.
+
+    Attributes:
+        name: its name.
+        statement: what the paper says.
+        arguments: what the test takes besides cubes.
+    """
 
     name: str
-    words: ClaimText
-    test: Test
+    statement: Statement
+    arguments: Mapping[str, Any]
+
+    @property
+    def quoted(self) -> str:
+        """The paper's words, and the direction that is measured here."""
+        along = self.statement.measured_along
+        return f"{self.statement.text} (here along the {along})" if along else self.statement.text
+
+    @property
+    def threshold_of(self) -> Literal["paper", "knitlab"]:
+        """Whether the threshold is the paper's, or holds numbers of knitlab's own."""
+        return "knitlab" if self.statement.knitlab else "paper"
+
+    @property
+    def compares_cubes(self) -> bool:
+        """Whether its samples may lie in several cubes."""
+        return "cubes" in inspect.signature(CHECKS[self.statement.test]).parameters
+
+    def finding(self, cubes: Sequence[xr.Dataset], factor: float = 1.0) -> Finding:
+        """What is found in cubes.
+
+        Args:
+            cubes: cubes at one value of every swept setting; one, unless it compares cubes.
+            factor: on the numbers that are knitlab's own.
+        """
+        own = {name: factor * number for name, number in self.statement.knitlab.items()}
+        where = cubes if self.compares_cubes else cubes[0]
+        try:
+            return CHECKS[self.statement.test](where, **{**self.arguments, **own})
+        except NotMeasured as error:
+            return error.finding
 
 
 def read_claims(path: Path | None = None) -> list[Claim]:
@@ -101,14 +138,33 @@ def read_claims(path: Path | None = None) -> list[Claim]:
         if not isinstance(table, dict):
             faults.append(Fault(source, "is not a table; give each claim one"))
             continue
-        words = {key: value for key, value in table.items() if key in ClaimText.model_fields}
-        rest = {key: value for key, value in table.items() if key not in words}
+        stated = {key: value for key, value in table.items() if key in Statement.model_fields}
+        rest = {key: value for key, value in table.items() if key not in stated}
         try:
-            claims.append(
-                Claim(name, ClaimText.model_validate(words), _TESTS.validate_python(rest))
-            )
+            statement = Statement.model_validate(stated)
+            if statement.test not in CHECKS:
+                faults.append(Fault(f"{source}: test", unknown(statement.test, CHECKS, "test")))
+                continue
+            if twice := rest.keys() & statement.knitlab:
+                problem = "is the paper's number and knitlab's; keep one"
+                faults += [Fault(f"{source}: {name}", problem) for name in sorted(twice)]
+                continue
+            arguments = _arguments(statement.test).model_validate(rest | statement.knitlab)
         except ValidationError as error:
             faults += faults_of(error, source)
+        else:
+            claims.append(Claim(name, statement, dict(arguments)))
     if faults:
         raise BadInput(faults)
     return claims
+
+
+@cache
+def _arguments(test: str) -> type[StrictModel]:
+    """The arguments of a test besides cubes, as the schema of its keys in a file."""
+    _, *parameters = inspect.signature(CHECKS[test]).parameters.values()
+    fields: dict[str, Any] = {
+        its.name: (its.annotation, ... if its.default is its.empty else its.default)
+        for its in parameters
+    }
+    return create_model(test, __base__=StrictModel, **fields)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from knitlab.paper.margin import Grade, Verdict, grade_of, verdict_of
 
 Labels = tuple[str | int, ...]
+"""Labels of one sample along the cube's dimensions: (4, 16), or ("rib", 4, "periodic")."""
 
 
 @dataclass(frozen=True)
@@ -14,19 +15,21 @@ class Finding:
     Attributes:
         margin: distance to the threshold as in :mod:`knitlab.paper.margin`; ``None`` if the claim
             could not be measured.
-        figures: the figures that decide it, in words.
-        judged: of how many designs, stripes, lines or samples they are.
+        text: the measured values that decide it, or what is missing, in words.
+        judged: number of designs, stripes, lines or samples that it was judged on.
         wanted: how many the claim is about; 0 if the cube has nothing to do with it.
         counted: what is counted: designs, stripes, lines or samples.
-        at: labels of what was judged along the cube's own dimensions of designs or stripes.
+        at: labels of the samples that it was judged on.
+        cubes: of several cubes, the number of the one that each of these samples is in.
     """
 
     margin: float | None
-    figures: str
+    text: str
     judged: int = 0
     wanted: int = 0
     counted: str = "designs"
     at: tuple[Labels, ...] = ()
+    cubes: tuple[int, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -35,21 +38,28 @@ class Finding:
 
     @property
     def grade(self) -> Grade:
-        """The same, with near misses apart."""
+        """The verdict, with near misses apart from other failures."""
         return grade_of(self.margin)
 
     @property
     def count(self) -> str:
-        """Of how many it was judged: ``12 of 15 designs``; nothing if of none."""
+        """What it was judged on: ``12 of 15 designs``; empty if on nothing."""
         return f"{self.judged} of {self.wanted} {self.counted}" if self.judged else ""
 
     @property
     def measured(self) -> str:
-        """The figures, and of how many they are if that is not all."""
+        """The text, and how many samples it is about if some are missing."""
         partial = self.verdict is not Verdict.not_measured and self.judged < self.wanted
-        return f"{self.figures}; judged on {self.count}" if partial else self.figures
+        return f"{self.text}; judged on {self.count}" if partial else self.text
 
 
-def not_measured(figures: str, wanted: int = 0, counted: str = "designs") -> Finding:
-    """The finding of a test that had too little to go by."""
-    return Finding(None, figures, 0, wanted, counted)
+class NotMeasured(Exception):
+    """The cube has too little to test a claim.
+
+    Attributes:
+        finding: the finding without a margin that says what is missing.
+    """
+
+    def __init__(self, reason: str, wanted: int = 0, counted: str = "designs") -> None:
+        self.finding = Finding(None, reason, 0, wanted, counted)
+        super().__init__(reason)

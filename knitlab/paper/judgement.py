@@ -1,6 +1,7 @@
 """Judging claims by cubes: of several, the one whose samples are nearest the paper's decides."""
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,11 +11,19 @@ from knitlab.io.cube_file import open_cube, swept_dims
 from knitlab.io.errors import fault
 from knitlab.paper.claims import Claim
 from knitlab.paper.finding import Finding
-from knitlab.paper.margin import Verdict
-from knitlab.paper.sample import JudgedSamples, judged_samples, preference
-from knitlab.paper.sample_checks import SampleOrder
-from knitlab.paper.threshold import Change, change
+from knitlab.paper.judged_samples import JudgedSamples, judged_samples, preference
+from knitlab.paper.margin import Grade, Verdict, signed
 from knitlab.tables.selection import choices, refuse_others, selected, selections_along
+
+QUARTER = (0.75, 1.25)
+"""Factors on knitlab's own numbers, to see whether a verdict depends on them."""
+WOULD = {
+    Verdict.holds: "would hold",
+    Verdict.fails: "would fail",
+    Verdict.not_measured: "would not be measured",
+}
+Slice = tuple[Path, xr.Dataset]
+"""Path of a cube, and the cube at one value of every swept setting."""
 
 
 @dataclass(frozen=True)
@@ -25,15 +34,15 @@ class Judgement:
         claim: the claim.
         finding: what decides it.
         samples: what it was judged on, cube by cube.
-        change: what a quarter more or less on knitlab's own numbers would change; ``None`` if the
-            threshold is the paper's.
+        quarters: the verdicts with knitlab's own numbers at the factors :data:`QUARTER`; empty if
+            the threshold is the paper's.
         contrary: cubes that give another verdict, and what was found there.
     """
 
     claim: Claim
     finding: Finding
     samples: tuple[JudgedSamples, ...]
-    change: Change | None = None
+    quarters: tuple[Verdict, ...] = ()
     contrary: tuple[tuple[Path, Finding], ...] = ()
 
     @property
@@ -41,11 +50,18 @@ class Judgement:
         """Paths of the cubes that it was found in."""
         return tuple(its.cube for its in self.samples)
 
-
-@dataclass(frozen=True)
-class _Opened:
-    path: Path
-    cube: xr.Dataset
+    @property
+    def sensitivity(self) -> str:
+        """What a quarter more or less on knitlab's own numbers changes, in words."""
+        now = self.finding.verdict
+        if now is Verdict.not_measured or not self.quarters:
+            return ""
+        changed = [
+            f"{WOULD[verdict]} at {factor - 1:+.0%}"
+            for factor, verdict in zip(QUARTER, self.quarters, strict=True)
+            if verdict is not now
+        ]
+        return ", ".join(changed) or "the same at -25% and at +25%"
 
 
 def judged(
@@ -53,17 +69,17 @@ def judged(
 ) -> list[Judgement]:
     """Judge claims by cubes.
 
-    Of several cubes that measure a claim, the one with the paper's samples is preferred, as
-    :func:`knitlab.paper.sample.preference` says; of equals, the first.
+    Of several cubes that measure a claim, the one whose samples are nearest the paper's decides
+    (:func:`knitlab.paper.judged_samples.preference`); of equals, the first.
 
     Args:
         claims: the claims.
         cubes: cubes, or results folders that hold one.
-        selections: texts ``NAME=VALUE`` that choose of swept settings.
+        selections: texts ``NAME=VALUE`` that select one value of each swept setting.
 
     Raises:
-        BadInput: if a cube cannot be read or lies along a setting of which none is selected, or
-            if a selection is of nothing that a cube was swept along.
+        BadInput: if a cube cannot be read or has several values of a setting of which none is
+            selected, or if a selection is of no swept setting.
     """
     whole = [(path, open_cube(path)) for path in cubes]
     swept = sorted({dim for _, cube in whole for dim in swept_dims(cube)})
@@ -74,57 +90,47 @@ def judged(
     )
 
 
-def judged_slices(
-    claims: Sequence[Claim], slices: Sequence[tuple[Path, xr.Dataset]]
-) -> list[Judgement]:
-    """Judge claims by cubes that are open; otherwise as :func:`judged`.
-
-    Args:
-        claims: the claims.
-        slices: path of each cube, and the cube at one value of every swept setting.
-    """
-    opened = [_Opened(path, cube) for path, cube in slices]
+def judged_slices(claims: Sequence[Claim], slices: Sequence[Slice]) -> list[Judgement]:
+    """Judge claims by cubes that are open; otherwise as :func:`judged`."""
     return [
-        _among(claim, claim.test, opened)
-        if isinstance(claim.test, SampleOrder)
-        else _by_one(claim, opened)
+        _by_all(claim, slices) if claim.compares_cubes else _by_nearest(claim, slices)
         for claim in claims
     ]
 
 
-def _by_one(claim: Claim, opened: Sequence[_Opened]) -> Judgement:
-    """The judgement by the one cube that is to be preferred."""
-    found = [(its, claim.test.finding(its.cube)) for its in opened]
-    best, finding = min(found, key=lambda pair: _rank(claim, *pair))
+def _by_nearest(claim: Claim, slices: Sequence[Slice]) -> Judgement:
+    """The judgement by the one cube whose samples are nearest the paper's."""
+    found = [(path, cube, claim.finding([cube])) for path, cube in slices]
+    path, cube, finding = min(found, key=lambda its: _rank(its[1], its[2]))
     return Judgement(
         claim,
         finding,
-        (judged_samples(best.path, best.cube, finding.at),),
-        change(claim.test, best.cube, finding.verdict),
+        (judged_samples(path, cube, finding.at),),
+        tuple(claim.finding([cube], factor).verdict for factor in QUARTER)
+        if claim.statement.knitlab
+        else (),
         tuple(
-            (its.path, other)
-            for its, other in found
-            if other.verdict not in (finding.verdict, Verdict.not_measured)
+            (other, its)
+            for other, _, its in found
+            if its.verdict not in (finding.verdict, Verdict.not_measured)
         ),
     )
 
 
-def _rank(claim: Claim, its: _Opened, finding: Finding) -> tuple[object, ...]:
+def _rank(cube: xr.Dataset, finding: Finding) -> tuple[object, ...]:
     nothing = finding.verdict is Verdict.not_measured
-    nearness = preference(its.cube, finding.at, claim.test.boundary_of_paper())
-    return nothing, finding.wanted == 0, *nearness
+    return nothing, finding.wanted == 0, *preference(cube, finding.at)
 
 
-def _among(claim: Claim, test: SampleOrder, opened: Sequence[_Opened]) -> Judgement:
-    """The judgement by all cubes together, of which those that were used are named."""
-    cubes = [its.cube for its in opened]
-    places = test.places(cubes).values()
+def _by_all(claim: Claim, slices: Sequence[Slice]) -> Judgement:
+    """The judgement by all cubes together; only those that were used are named."""
+    finding = claim.finding([cube for _, cube in slices])
+    used = list(zip(finding.cubes, finding.at, strict=True))
     samples = tuple(
-        judged_samples(its.path, its.cube, [place.at for place in places if place.cube == number])
-        for number, its in enumerate(opened)
-        if number in {place.cube for place in places}
+        judged_samples(*slices[number], [labels for its, labels in used if its == number])
+        for number in sorted(set(finding.cubes))
     )
-    return Judgement(claim, test.finding_among(cubes), samples)
+    return Judgement(claim, finding, samples)
 
 
 def _one_slice(path: Path, cube: xr.Dataset, selections: Sequence[str]) -> xr.Dataset:
@@ -134,3 +140,36 @@ def _one_slice(path: Path, cube: xr.Dataset, selections: Sequence[str]) -> xr.Da
     if several := [dim for dim in swept if cube.sizes[dim] > 1]:
         raise fault(str(path), f"lies along swept settings; select {choices(cube, several)}")
     return cube.isel(dict.fromkeys(swept, 0))
+
+
+def summary(judgements: Sequence[Judgement]) -> str:
+    """How many claims hold, are near misses, fail and are not measured, in words."""
+    counts = Counter(its.finding.grade for its in judgements)
+    near = counts[Grade.near_miss]
+    return (
+        f"{counts[Grade.holds]} hold, {near} near miss{'' if near == 1 else 'es'},"
+        f" {counts[Grade.fails]} fail, {counts[Grade.not_measured]} not measured"
+    )
+
+
+def listed(judgements: Sequence[Judgement]) -> str:
+    """The lines for a terminal: grade, margin, claim and measured values, and the summary."""
+    lines = [
+        f"{its.finding.grade.value:12}  {signed(its.finding.margin):>8}"
+        f"  {its.claim.name}: {its.finding.measured}"
+        for its in judgements
+    ]
+    return "\n".join([*lines, summary(judgements)])
+
+
+def contrary(found: Sequence[tuple[Path, Finding]], name: Callable[[Path], str]) -> str:
+    """Other verdicts than the one that decides, in words.
+
+    Args:
+        found: the cubes with another verdict, and what was found in each.
+        name: gives the name of a cube by its path.
+    """
+    return ", ".join(
+        f"{finding.verdict.value} at {signed(finding.margin)} on {finding.count} of {name(path)}"
+        for path, finding in found
+    )

@@ -1,62 +1,87 @@
-"""Tests of claims about straight lines: a value against n_subunit, for every n_stripe."""
+"""Tests of claims about straight lines: a value against n_subunit, a line for each n_stripe.
 
-from abc import abstractmethod
+Their arguments, results and exceptions are as in :mod:`knitlab.paper.sample_checks`. A line is
+fitted to the designs of one n_stripe, of which at least three must have a complete test.
+"""
+
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated
 
 import numpy as np
 import xarray as xr
 from pydantic import Field, PositiveFloat, PositiveInt
 
-from knitlab.io.design_status import Status
 from knitlab.measure.linear_fit import LinearFit, common_slope_probability, linear_fit
-from knitlab.paper.checks import DesignCheck
-from knitlab.paper.finding import Finding, not_measured
+from knitlab.paper.finding import Finding, NotMeasured
 from knitlab.paper.margin import above, below, worst
+from knitlab.paper.samples import Checkerboards, checkerboards
 
-FEWEST_ON_A_LINE = 3
+FEWEST_POINTS = 3
+Families = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
+Lines = dict[int, LinearFit]
 
 
-class LineCheck(DesignCheck):
-    """A test of straight lines: a value against n_subunit for every n_stripe.
+def linear(
+    cube: xr.Dataset,
+    n_stripe: Families,
+    of: str,
+    unexplained: Annotated[float, Field(gt=0, lt=1)],
+) -> Finding:
+    """A value is linear in n_subunit: a line leaves at most a part of its variance unexplained."""
+    lines = _lines(cube, n_stripe, of, fewest=1)
+    margin = worst(
+        above(line.r_squared, 1 - unexplained, scale=unexplained) for line in lines.values()
+    )
+    text = ", ".join(f"n_stripe {n}: R² {line.r_squared:.4f}" for n, line in lines.items())
+    return _finding(lines, n_stripe, margin, text)
 
-    It is judged on the n_stripe of which three designs are measured.
+
+def common_slope(cube: xr.Dataset, n_stripe: Families, of: str, spread: PositiveFloat) -> Finding:
+    """The slopes of all lines agree: they differ by at most a part ``spread`` of their mean."""
+    lines = _lines(cube, n_stripe, of, fewest=2)
+    slopes = np.array([line.slope for line in lines.values()])
+    found = float(np.ptp(slopes) / abs(slopes.mean()))
+    probability = common_slope_probability(list(lines.values()))
+    text = f"{_slopes(lines)}; apart by {found:.0%}, p of one slope {probability:.2g}"
+    return _finding(lines, n_stripe, below(found, spread), text)
+
+
+def departs_most(cube: xr.Dataset, n_stripe: Families, of: str, departing: PositiveInt) -> Finding:
+    """The slope of one n_stripe is farther from the mean of the others than each of the others."""
+    lines = _lines(cube, (departing, *n_stripe), of, fewest=3, needed=departing)
+    others = np.array([line.slope for n, line in lines.items() if n != departing])
+    mean = float(others.mean())
+    departs = abs(lines[departing].slope - mean)
+    scale = float(np.ptp([line.slope for line in lines.values()]))
+    margin = above(departs, float(abs(others - mean).max()), scale=scale)
+    text = f"{_slopes(lines)}; mean of the others {mean:.3f}"
+    return _finding(lines, (departing, *n_stripe), margin, text)
+
+
+def _lines(
+    cube: xr.Dataset, n_stripe: Families, of: str, fewest: int, needed: int | None = None
+) -> Lines:
+    """The lines of all n_stripe of which enough designs are measured.
+
+    Raises:
+        NotMeasured: if there are fewer than ``fewest``, or that of ``needed`` is missing.
     """
+    samples = checkerboards(cube, Checkerboards(n_stripe=n_stripe), of)
+    values = samples.values(lambda sample: float(sample[of]))
+    points = {n: [(float(m), v) for (k, m), v in values.items() if k == n] for n in n_stripe}
+    lines = {
+        n: linear_fit(*np.array(its).T) for n, its in points.items() if len(its) >= FEWEST_POINTS
+    }
+    if len(lines) < fewest or (needed is not None and needed not in lines):
+        missing = ", ".join(str(n) for n in n_stripe if n not in lines)
+        reason = f"fewer than {FEWEST_POINTS} designs measured for n_stripe {missing}"
+        raise NotMeasured(reason, len(n_stripe), "lines")
+    return lines
 
-    of: str
 
-    def judge(self, cube: xr.Dataset) -> Finding:
-        """What a cube says that has the variables."""
-        families = self.families()
-        lines = {n: line for n in families if (line := self._line(cube, n)) is not None}
-        if self.enough(lines):
-            at = tuple((n, int(m)) for n, line in lines.items() for m in line.x)
-            margin, said = self.compare(lines)
-            return Finding(margin, said, len(lines), len(families), "lines", at)
-        missing = ", ".join(str(n) for n in families if n not in lines)
-        said = f"fewer than {FEWEST_ON_A_LINE} designs measured for n_stripe {missing}"
-        return not_measured(said, len(families), "lines")
-
-    def families(self) -> tuple[int, ...]:
-        """The n_stripe that it is about."""
-        return self.n_stripe or ()
-
-    def enough(self, lines: Mapping[int, LinearFit]) -> bool:
-        """Whether these lines can be compared: by default if there are two."""
-        return len(lines) >= 2
-
-    @abstractmethod
-    def compare(self, lines: Mapping[int, LinearFit]) -> tuple[float | None, str]:
-        """The margin of the lines, and their figures."""
-
-    def _line(self, cube: xr.Dataset, n_stripe: int) -> LinearFit | None:
-        if n_stripe not in cube["n_stripe"]:
-            return None
-        of = cube.sel(n_stripe=n_stripe)
-        line = of[self.of].where(of["status"] == Status.ok).dropna("n_subunit")
-        if line.size < FEWEST_ON_A_LINE:
-            return None
-        return linear_fit(line["n_subunit"].values.astype(float), line.values)
+def _finding(lines: Lines, n_stripe: Families, margin: float | None, text: str) -> Finding:
+    at = tuple((n, int(m)) for n, line in lines.items() for m in line.x)
+    return Finding(margin, text, len(lines), len(n_stripe), "lines", at)
 
 
 def _slopes(lines: Mapping[int, LinearFit]) -> str:
@@ -64,65 +89,3 @@ def _slopes(lines: Mapping[int, LinearFit]) -> str:
         f"n_stripe {n}: {line.slope:.3f} ± {line.slope_halfwidth:.3f} mm a stitch"
         for n, line in lines.items()
     )
-
-
-class Linear(LineCheck):
-    """A value lies on a straight line against n_subunit, for every n_stripe."""
-
-    test: Literal["linear"]
-    r_squared: Annotated[float, Field(gt=0, lt=1)]
-
-    def enough(self, lines: Mapping[int, LinearFit]) -> bool:
-        """Whether there is a line at all: each is judged by itself."""
-        return bool(lines)
-
-    def scaled_numbers(self, factor: float) -> dict[str, Any]:
-        """The limit with the part that it leaves unexplained multiplied by the factor."""
-        return {name: 1 - factor * (1 - getattr(self, name)) for name in self.ours}
-
-    def compare(self, lines: Mapping[int, LinearFit]) -> tuple[float | None, str]:
-        """The margin of the lines, and their figures."""
-        scale = 1 - self.r_squared
-        margins = [above(line.r_squared, self.r_squared, scale=scale) for line in lines.values()]
-        figures = ", ".join(f"n_stripe {n}: R² {line.r_squared:.4f}" for n, line in lines.items())
-        return worst(margins), figures
-
-
-class CommonSlope(LineCheck):
-    """The slopes of several n_stripe agree."""
-
-    test: Literal["common_slope"]
-    spread: PositiveFloat
-
-    def compare(self, lines: Mapping[int, LinearFit]) -> tuple[float | None, str]:
-        """The margin of the lines, and their figures."""
-        slopes = np.array([line.slope for line in lines.values()])
-        spread = float(np.ptp(slopes) / abs(slopes.mean()))
-        probability = common_slope_probability(list(lines.values()))
-        figures = f"{_slopes(lines)}; apart by {spread:.0%}, p of one slope {probability:.2g}"
-        return below(spread, self.spread), figures
-
-
-class DepartsMost(LineCheck):
-    """The slope of one n_stripe is farther from the others' mean than each of theirs."""
-
-    test: Literal["departs_most"]
-    departing: PositiveInt
-
-    def families(self) -> tuple[int, ...]:
-        """The n_stripe that it is about, the departing one among them."""
-        return (self.departing, *(self.n_stripe or ()))
-
-    def enough(self, lines: Mapping[int, LinearFit]) -> bool:
-        """Whether there are the line of the departing n_stripe and two others."""
-        return self.departing in lines and len(lines) >= 3
-
-    def compare(self, lines: Mapping[int, LinearFit]) -> tuple[float | None, str]:
-        """The margin of the lines, and their figures."""
-        slopes = {n: line.slope for n, line in lines.items()}
-        others = np.array([slope for n, slope in slopes.items() if n != self.departing])
-        mean = float(others.mean())
-        departs = abs(slopes[self.departing] - mean)
-        scale = float(np.ptp([*slopes.values()]))
-        margin = above(departs, float(abs(others - mean).max()), scale=scale)
-        return margin, f"{_slopes(lines)}; mean of the others {mean:.3f}"

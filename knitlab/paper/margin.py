@@ -32,7 +32,7 @@ LEAST_MISS = math.nextafter(0.0, -1.0)
 
 
 class Verdict(StrEnum):
-    """What a cube says to a claim."""
+    """Whether a claim holds in a cube."""
 
     holds = "holds"
     fails = "fails"
@@ -40,7 +40,7 @@ class Verdict(StrEnum):
 
 
 class Grade(StrEnum):
-    """A verdict, with near misses told from the claims that fail by more."""
+    """A verdict, with near misses apart from claims that fail by more."""
 
     holds = "holds"
     near_miss = "near miss"

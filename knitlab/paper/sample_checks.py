@@ -1,181 +1,198 @@
-"""Tests of claims that set pure stripes and checkerboards side by side, from several cubes."""
+"""Tests of claims that every sample has to satisfy by itself; the worst of them decides.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import product
-from typing import Annotated, Literal
+Each is a function of a cube at one value of every swept setting. Its other arguments are the keys
+of a claim in ``params/claims.toml``: ``about`` says which samples the claim is about, ``of`` names
+the variable that is tested. It returns the :class:`~knitlab.paper.finding.Finding`, or raises
+:class:`~knitlab.paper.finding.NotMeasured`. Samples without a complete test are left out.
+"""
+
+from collections.abc import Callable
 
 import numpy as np
 import xarray as xr
-from pydantic import Field, PositiveInt
-from scipy import stats
+from pydantic import PositiveFloat
 
-from knitlab.io.cube_file import base_dims
-from knitlab.io.design_status import Status
-from knitlab.io.schema import DESIGN_DIMS, STRIPE_DIMS
-from knitlab.io.strict_model import StrictModel
-from knitlab.paper.checks import Pair, unit_of
-from knitlab.paper.finding import Finding, Labels, not_measured
-from knitlab.paper.margin import below, worst
-from knitlab.paper.sample import preference
-from knitlab.paper.threshold import ClaimCheck
+from knitlab.measure.central import central
+from knitlab.paper.finding import Finding, Labels, NotMeasured
+from knitlab.paper.margin import above, below, within, worst
+from knitlab.paper.samples import (
+    Checkerboards,
+    Samples,
+    Stripes,
+    checkerboards,
+    name_of,
+    one_sample,
+    stripes,
+    unit_of,
+)
 
-
-class StripeSample(StrictModel):
-    """A pure stripe of n stitches."""
-
-    knit: Literal["rib", "garter"]
-    n: PositiveInt
-
-    def __str__(self) -> str:
-        """Its name."""
-        return f"{self.n} × {self.n} {self.knit}"
-
-
-Sample = StripeSample | Pair
-Samples = Annotated[tuple[Sample, ...], Field(min_length=1, strict=False)]
+MOST_LISTED = 9
+"""Samples, or steps between them, whose values are listed."""
+FEWEST_POINTS = 3
+"""Applied strains, or cells along a sample, without which a curve has no shape."""
+Measured = tuple[float | None, str]
+"""Margin of one sample, and the measured value in words."""
 
 
-@dataclass(frozen=True)
-class Place:
-    """Where a value of a sample was found.
+def value_within(
+    cube: xr.Dataset,
+    about: Checkerboards,
+    of: str,
+    lowest: float = -np.inf,
+    highest: float = np.inf,
+    slack: float = 0.0,
+) -> Finding:
+    """A value, or a whole curve over the applied strain, lies between two limits.
 
-    Attributes:
-        cube: number of the cube.
-        at: labels of the sample along the cube's own dimensions.
-        value: what was found.
+    A value on a limit of 0 is outside. Where the paper gives the limits as approximate, a value may
+    be outside them by ``slack``.
     """
 
-    cube: int
-    at: Labels
-    value: float
+    def measure(sample: xr.Dataset) -> Measured:
+        values = sample[of].values[np.isfinite(sample[of].values)]
+        if not values.size:
+            return None, ""
+        ends = float(values.min()), float(values.max())
+        margin = worst(within(end, lowest - slack, highest + slack) for end in ends)
+        curve = sample[of].ndim > 0
+        return margin, f"{ends[0]:.2f} to {ends[1]:.2f}" if curve else f"{ends[0]:.3g}"
+
+    return _each(checkerboards(cube, about, of), measure)
 
 
-class SampleOrder(ClaimCheck):
-    """One value a sample is less for each of some samples than for each of others."""
+def less_than(cube: xr.Dataset, about: Checkerboards, of: str, than: str) -> Finding:
+    """The value ``of`` is less than the value ``than`` of the same sample."""
 
-    test: Literal["sample_order"]
-    of: str
-    less: Samples
-    more: Samples
+    def measure(sample: xr.Dataset) -> Measured:
+        one, other = float(sample[of]), float(sample[than])
+        return below(one, other, strict=True), f"{one:.3g} to {other:.3g}{unit_of(of)}"
 
-    def finding(self, cube: xr.Dataset) -> Finding:
-        """What one cube says."""
-        return self.finding_among([cube])
-
-    def finding_among(self, cubes: Sequence[xr.Dataset]) -> Finding:
-        """What several cubes say, of which each may hold some of the samples."""
-        places = self.places(cubes)
-        wanted = len({str(sample) for sample in (*self.less, *self.more)})
-        pairs = [
-            (places[str(one)], places[str(other)])
-            for one, other in product(self.less, self.more)
-            if str(one) in places and str(other) in places
-        ]
-        unit = unit_of(self.of)
-        listed = ", ".join(f"{name} {its.value:.3g}{unit}" for name, its in places.items())
-        if not places:
-            return not_measured(f"no {self.of} of these samples in this cube")
-        if not pairs:
-            return not_measured(f"{listed}; nothing to compare it with", wanted, "samples")
-        return Finding(
-            worst(below(one.value, other.value, strict=True) for one, other in pairs),
-            listed,
-            len(places),
-            wanted,
-            "samples",
-            tuple(place.at for place in places.values()),
-        )
-
-    def places(self, cubes: Sequence[xr.Dataset]) -> dict[str, Place]:
-        """Where each sample's value is taken from, by the sample's name.
-
-        Of several cubes that have a sample, the one is taken whose sample is nearest those of the
-        paper.
-        """
-        found = {}
-        for sample in (*self.less, *self.more):
-            candidates = [
-                Place(number, at, value)
-                for number, cube in enumerate(cubes)
-                for at, value in self._values(cube, sample)
-            ]
-            if candidates:
-                found[str(sample)] = min(
-                    candidates,
-                    key=lambda its: preference(cubes[its.cube], [its.at], self.paper_boundary),
-                )
-        return found
-
-    def _values(self, cube: xr.Dataset, sample: Sample) -> list[tuple[Labels, float]]:
-        """The values that a cube has of a sample, under every boundary, by their labels."""
-        dims = base_dims(cube)
-        wanted: list[Labels]
-        if isinstance(sample, StripeSample) and dims == STRIPE_DIMS:
-            wanted = [(sample.knit, sample.n, str(its)) for its in cube["boundary"].values]
-        elif isinstance(sample, tuple) and dims == DESIGN_DIMS:
-            wanted = [sample]
-        else:
-            wanted = []
-        found = []
-        for labels in wanted if self.of in cube else ():
-            along = dict(zip(dims, labels, strict=True))
-            if all(label in cube[dim].values for dim, label in along.items()):
-                cell = cube[["status", self.of]].sel(along)
-                if int(cell["status"]) == Status.ok and np.isfinite(cell[self.of]):
-                    found.append((labels, float(cell[self.of])))
-        return found
+    return _each(checkerboards(cube, about, of, than), measure)
 
 
-class TradesOff(ClaimCheck):
-    """Of two figures of all designs, one is less where the other is more.
+def rises_and_falls(
+    cube: xr.Dataset, about: Checkerboards, of: str, fall: PositiveFloat
+) -> Finding:
+    """A curve rises to a peak within the test, and falls by a part ``fall`` of the peak after it.
 
-    Attributes:
-        of, against: the figures.
-        at_least: designs that the paper has.
-        significant: chance of as strong a correlation without any, below which one counts.
+    The fall of a curve without a peak within the test is 0.
     """
 
-    test: Literal["trades_off"]
-    of: str
-    against: str
-    at_least: PositiveInt
-    significant: Annotated[float, Field(gt=0, lt=0.5)] = 0.05
+    def measure(sample: xr.Dataset) -> Measured:
+        curve = sample[of].dropna("applied_strain")
+        if curve.size < FEWEST_POINTS:
+            return None, ""
+        top = int(curve.values.argmax())
+        first, peak, last = (float(curve[place]) for place in (0, top, -1))
+        falls = (peak - last) / peak if peak > max(first, 0.0) else 0.0
+        strain = float(curve["applied_strain"][top])
+        return above(falls, fall), f"peak {peak:.3f} at {strain:.0%}, then {-falls:+.0%}"
 
-    def finding(self, cube: xr.Dataset) -> Finding:
-        """What the cube says, by Spearman's rank correlation."""
-        if base_dims(cube) != DESIGN_DIMS or not {self.of, self.against} <= set(cube.data_vars):
-            return not_measured(f"no {self.of} of checkerboards in this cube")
-        kept = (
-            (cube["status"] == Status.ok)
-            & np.isfinite(cube[self.of])
-            & np.isfinite(cube[self.against])
-        ).values
-        asked = int(((cube["status"] != Status.excluded) & (cube["case_id"] != "")).sum())
-        one, other = cube[self.of].values[kept], cube[self.against].values[kept]
-        count, wanted = len(one), max(self.at_least, asked)
-        if count < 3 or not np.ptp(one) or not np.ptp(other):
-            return not_measured(f"{count} of {wanted} designs measured", wanted)
-        found = stats.spearmanr(one, other)
-        said = f"rank correlation {found.statistic:+.2f} over {count} designs"
-        return Finding(
-            below(found.statistic, -weakest_significant(count, self.significant)),
-            f"{said} (p = {found.pvalue:.2g})",
-            count,
-            wanted,
-            at=tuple(
-                (int(cube["n_stripe"][row]), int(cube["n_subunit"][column]))
-                for row, column in np.argwhere(kept)
-            ),
-        )
+    return _each(checkerboards(cube, about, of), measure)
 
 
-def weakest_significant(count: int, significant: float) -> float:
-    """The weakest rank correlation of so many pairs that is significant, by Student's t.
+def follows(cube: xr.Dataset, about: Checkerboards, of: str, tolerance: PositiveFloat) -> Finding:
+    """A strain rises with the applied strain and stays close to it.
 
-    Args:
-        count: number of pairs, at least 3.
-        significant: two-sided chance of as strong a correlation without any.
+    The margin is the smaller of two: that of the largest departure, over the largest applied
+    strain, against ``tolerance``, and the smallest slope against the applied strain.
     """
-    t = float(stats.t.ppf(1 - significant / 2, count - 2))
-    return t / float(np.sqrt(count - 2 + t**2))
+
+    def measure(sample: xr.Dataset) -> Measured:
+        curve = sample[of].dropna("applied_strain")
+        if curve.size < FEWEST_POINTS:
+            return None, ""
+        applied = curve["applied_strain"]
+        off = float(abs(curve - applied).max() / applied.max())
+        slope = float((np.diff(curve) / np.diff(applied)).min())
+        margin = worst([below(off, tolerance), above(slope, 0, strict=True)])
+        return margin, f"off by {off:.1%}" + ("" if slope > 0 else ", not monotonic")
+
+    return _each(checkerboards(cube, about, of), measure)
+
+
+def largest_at_centre(
+    cube: xr.Dataset, about: Checkerboards, of: str, applied_strain: PositiveFloat
+) -> Finding:
+    """A local strain is positive at the centre, and larger there than elsewhere along the sample.
+
+    It is compared at one ``applied_strain``.
+    """
+
+    def measure(sample: xr.Dataset) -> Measured:
+        field = sample[of].sel(applied_strain=applied_strain, method="nearest")
+        along = field.dropna("cell_y", how="all").mean("cell_x").values
+        if along.size < FEWEST_POINTS:
+            return None, ""
+        middle = central(along.size)
+        centre, beside = along[middle].max(), np.delete(along, middle).max()
+        scale = float(abs(along).max())
+        positive = above(along[middle].min(), 0, strict=True, scale=scale)
+        margin = worst([positive, above(centre, beside, scale=scale)])
+        return margin, f"{centre:.3f} in the central cells, {beside:.3f} beside them"
+
+    samples = checkerboards(cube, about, of)
+    if not np.isclose(cube["applied_strain"], applied_strain, 0, 1e-9).any():
+        raise NotMeasured(f"no applied strain of {applied_strain:g} in this cube")
+    return _each(samples, measure)
+
+
+def stripe_toe(
+    cube: xr.Dataset, about: Stripes, softer_than: PositiveFloat, visible: bool
+) -> Finding:
+    """A curve of force begins much softer than it ends, as a J does, or does not.
+
+    A J is visible if the initial over the largest tangent is less than ``softer_than``.
+    """
+
+    def measure(sample: xr.Dataset) -> Measured:
+        slopes = tangents(sample)
+        ratio = float(slopes[0] / slopes.max())
+        j_shaped = below(ratio, softer_than, strict=True)
+        return j_shaped if visible else above(ratio, softer_than), f"{ratio:.2f}"
+
+    return _each(stripes(cube, about, "row_force"), measure)
+
+
+def same_curves(
+    cube: xr.Dataset, about: Stripes, one: str, other: str, tolerance: PositiveFloat
+) -> Finding:
+    """Two curves of a stripe differ by at most a part ``tolerance`` of the largest of ``other``."""
+
+    def measure(sample: xr.Dataset) -> Measured:
+        reference = sample[other].values
+        off = float(abs(sample[one].values - reference).max() / abs(reference).max())
+        return below(off, tolerance), f"{off:.1%}"
+
+    return _each(stripes(cube, about, one, other), measure)
+
+
+def tangents(stripe: xr.Dataset) -> np.ndarray:
+    """Slopes of force against applied strain, between the applied strains of a stripe [N]."""
+    return np.diff(stripe["row_force"].values) / np.diff(stripe["applied_strain"].values)
+
+
+def _each(samples: Samples, measure: Callable[[xr.Dataset], Measured]) -> Finding:
+    """The finding of samples that each have to satisfy the claim."""
+    margins: dict[Labels, float] = {}
+    texts: dict[Labels, str] = {}
+    for labels in samples.complete:
+        margin, text = measure(one_sample(samples.cube, labels))
+        if margin is not None:
+            margins[labels], texts[labels] = margin, text
+    if not margins:
+        raise samples.too_few(0)
+    failing = [labels for labels, margin in margins.items() if margin < 0]
+    opening = f"{len(failing)} of {len(margins)} do not: " if failing else ""
+    shown = failing or list(margins)
+    first = sorted(shown, key=lambda labels: margins[labels])[:MOST_LISTED]
+    listed = ", ".join(f"{name_of(its)} {texts[its]}" for its in shown if its in first)
+    more = f" and {len(shown) - len(first)} more" if len(shown) > len(first) else ""
+    return Finding(
+        min(margins.values()),
+        opening + listed + more,
+        len(margins),
+        samples.wanted,
+        samples.counted,
+        tuple(margins),
+    )

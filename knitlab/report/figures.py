@@ -14,7 +14,7 @@ Key = tuple[str | None, tuple[Path, ...]]
 
 def figure_key(its: Judgement) -> Key:
     """What tells the figure of a claim from others: its kind, and the cubes."""
-    return its.claim.words.figure, its.cubes
+    return its.claim.statement.figure, its.cubes
 
 
 def draw_claims(
@@ -34,7 +34,7 @@ def draw_claims(
     faults: list[Fault] = []
     refused: set[Key] = set()
     for its in judgements:
-        kind, key = its.claim.words.figure, figure_key(its)
+        kind, key = its.claim.statement.figure, figure_key(its)
         if not kind or its.finding.verdict is Verdict.not_measured or key in files.keys() | refused:
             continue
         label = cube_name(its.cubes[0]).replace("/", "-")

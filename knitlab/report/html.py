@@ -22,16 +22,16 @@ def one_file(page: Page, figures: Mapping[Key, Path]) -> str:
     """Write the page, with every figure in it.
 
     Args:
-        page: what it says.
+        page: its content.
         figures: PNG file of each figure.
     """
     anchors = {key: f"figure-{number}" for number, key in enumerate(figures, start=1)}
     body = [
-        f"<h1>{_safe(page.title)}</h1><p>{_safe(page.said)}</p>",
+        f"<h1>{_safe(page.title)}</h1><p>{_safe(page.summary)}</p>",
         f"<h2>What you may rely on, and what not</h2><p>{_safe(EXPLAINED)}</p>",
-        *map(_passage, page.passages),
+        *map(_topic, page.topics),
         *(_section(section, anchors) for section in page.sections),
-        _readings(page.readings) if page.readings else "",
+        _options(page.options) if page.options else "",
         "<h2>Figures</h2>" if figures else "",
         *(_figure(key, anchors[key], path) for key, path in figures.items()),
     ]
@@ -45,12 +45,12 @@ def _safe(text: str) -> str:
     return html.escape(text)
 
 
-def _passage(passage: TopicSummary) -> str:
+def _topic(summary: TopicSummary) -> str:
     lines = [
         f"<li><b>{_safe(opening)}:</b> {_safe(claims)}</li>"
-        for opening, claims in passage.sentences
+        for opening, claims in summary.sentences
     ]
-    return f"<h3>{_safe(passage.topic.capitalize())}</h3><ul>{''.join(lines)}</ul>"
+    return f"<h3>{_safe(summary.topic.capitalize())}</h3><ul>{''.join(lines)}</ul>"
 
 
 def _section(section: Section, anchors: Mapping[Key, str]) -> str:
@@ -69,9 +69,9 @@ def _section(section: Section, anchors: Mapping[Key, str]) -> str:
     )
 
 
-def _readings(readings: Mapping[str, str]) -> str:
-    lines = "".join(f"<li>{name}: {_safe(text)}</li>" for text, name in readings.items())
-    return f"<h2>Readings of the model</h2><ul>{lines}</ul>"
+def _options(options: Mapping[str, str]) -> str:
+    lines = "".join(f"<li>{letter}: {_safe(text)}</li>" for text, letter in options.items())
+    return f"<h2>Model options</h2><ul>{lines}</ul>"
 
 
 def _figure(key: Key, anchor: str, path: Path) -> str:

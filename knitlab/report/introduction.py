@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from knitlab.paper.claims import TOPICS
-from knitlab.paper.judgement import Judgement
+from knitlab.paper.judgement import Judgement, contrary
 from knitlab.paper.margin import GOOD, NEAR, Grade, signed
-from knitlab.paper.records import contrary
 
 EXPLAINED = (
     "A margin says how far a claim is from its threshold: it holds at 0 and above, and fails below."
@@ -27,7 +26,7 @@ OPENINGS = {
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """What is said of a topic.
+    """How far the claims of a topic are to be relied on.
 
     Attributes:
         topic: what it is about.
@@ -39,23 +38,23 @@ class TopicSummary:
 
 
 def introduction(judgements: Sequence[Judgement]) -> list[TopicSummary]:
-    """Say topic by topic which claims a user may rely on.
+    """Which claims a user may rely on, topic by topic.
 
     Claims that hold with a good margin are to be relied on if all designs that they are about were
-    measured and no other cube says otherwise. Topics of which there is no claim are left out.
+    measured and no other cube gives another verdict. Topics without claims are left out.
     """
-    passages = []
+    topics = []
     for topic in TOPICS:
         groups: dict[str, list[str]] = {group: [] for group in OPENINGS}
         for its in judgements:
-            if its.claim.words.topic == topic:
+            if its.claim.statement.topic == topic:
                 groups[reliance(its)].append(_quoted(its))
         sentences = tuple(
             (OPENINGS[group], "; ".join(claims) + ".") for group, claims in groups.items() if claims
         )
         if sentences:
-            passages.append(TopicSummary(topic, sentences))
-    return passages
+            topics.append(TopicSummary(topic, sentences))
+    return topics
 
 
 def reliance(its: Judgement) -> str:
@@ -79,7 +78,7 @@ def _quoted(its: Judgement) -> str:
     if its.contrary:
         notes.append(f"but it {contrary(its.contrary, cube_name)}")
     shown = ", ".join(note for note in notes if note)
-    return f"“{its.claim.words.statement}”" + (f" ({shown})" if shown else "")
+    return f"“{its.claim.quoted}”" + (f" ({shown})" if shown else "")
 
 
 def cube_name(path: Path) -> str:

@@ -11,20 +11,20 @@ def markdown(page: Page, links: Mapping[Key, str]) -> str:
     """Write the page.
 
     Args:
-        page: what it says.
+        page: its content.
         links: where each figure lies, from the page's folder.
     """
-    lines = [f"# {page.title}", "", page.said, ""]
+    lines = [f"# {page.title}", "", page.summary, ""]
     lines += ["## What you may rely on, and what not", "", EXPLAINED, ""]
-    for passage in page.passages:
-        lines += [f"### {passage.topic.capitalize()}", ""]
-        lines += [f"- **{opening}:** {claims}" for opening, claims in passage.sentences]
+    for topic in page.topics:
+        lines += [f"### {topic.topic.capitalize()}", ""]
+        lines += [f"- **{opening}:** {claims}" for opening, claims in topic.sentences]
         lines.append("")
     for section in page.sections:
         lines += [f"## {section.heading}", "", *_table(section, links), ""]
-    if page.readings:
-        lines += ["## Readings of the model", ""]
-        lines += [f"- {name}: {text}" for text, name in page.readings.items()]
+    if page.options:
+        lines += ["## Model options", ""]
+        lines += [f"- {letter}: {text}" for text, letter in page.options.items()]
         lines.append("")
     return "\n".join(lines)
 

@@ -6,13 +6,12 @@ from tempfile import TemporaryDirectory
 
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import Fault, fault
-from knitlab.paper.judgement import Judgement
-from knitlab.paper.records import summary
+from knitlab.paper.judgement import Judgement, summary
 from knitlab.report.figures import draw_claims
 from knitlab.report.html import one_file
 from knitlab.report.introduction import introduction
 from knitlab.report.markdown import markdown
-from knitlab.report.table import Page, readings_of, sections
+from knitlab.report.table import Page, options_of, sections
 
 SUFFIXES = (".md", ".html")
 TITLE = "The paper's claims"
@@ -48,9 +47,9 @@ def write_page(
         BadInput: if the suffix is of neither.
     """
     check_suffix(page)
-    readings = readings_of(judgements)
-    table = sections(judgements, readings)
-    content = Page(TITLE, summary(judgements), introduction(judgements), table, readings)
+    options = options_of(judgements)
+    table = sections(judgements, options)
+    content = Page(TITLE, summary(judgements), introduction(judgements), table, options)
     if page.suffix.lower() == ".md":
         folder = page.with_suffix("")
         figures, faults = draw_claims(judgements, folder, selections)

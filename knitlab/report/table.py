@@ -3,10 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from knitlab.paper.judgement import Judgement
+from knitlab.paper.judged_samples import JudgedSamples
+from knitlab.paper.judgement import Judgement, contrary
 from knitlab.paper.margin import NEAR, Grade, Verdict, signed
-from knitlab.paper.records import contrary
-from knitlab.paper.sample import JudgedSamples
 from knitlab.report.introduction import TopicSummary, cube_name
 
 COLUMNS = {
@@ -46,35 +45,35 @@ class Section:
 
     @property
     def heading(self) -> str:
-        """What stands above it."""
+        """Heading of the section."""
         return HEADINGS[self.grade]
 
 
 @dataclass(frozen=True)
 class Page:
-    """What a page of claims says, whatever its format.
+    """Content of a page of claims, in any format.
 
     Attributes:
         title: its title.
-        said: how many claims hold.
-        passages: what a user may rely on, topic by topic.
+        summary: how many claims hold.
+        topics: what a user may rely on, topic by topic.
         sections: the table, grade by grade.
-        readings: the short name of every reading.
+        options: a letter for every set of model options.
     """
 
     title: str
-    said: str
-    passages: Sequence[TopicSummary]
+    summary: str
+    topics: Sequence[TopicSummary]
     sections: Sequence[Section]
-    readings: Mapping[str, str]
+    options: Mapping[str, str]
 
 
-def sections(judgements: Sequence[Judgement], readings: Mapping[str, str]) -> list[Section]:
+def sections(judgements: Sequence[Judgement], options: Mapping[str, str]) -> list[Section]:
     """The claims grade by grade; a grade that no claim has is left out.
 
     Args:
         judgements: the claims and what was found.
-        readings: the short name of every reading.
+        options: a letter for every set of model options, by their text.
     """
     found = []
     for grade in Grade:
@@ -82,19 +81,19 @@ def sections(judgements: Sequence[Judgement], readings: Mapping[str, str]) -> li
         failing = grade in (Grade.near_miss, Grade.fails)
         columns = COLUMNS | ({"why_not": WHY_NOT} if failing else {})
         if claims:
-            rows = tuple(_row(its, readings) for its in claims)
+            rows = tuple(_row(its, options) for its in claims)
             found.append(Section(grade, columns, rows, claims))
     return found
 
 
-def readings_of(judgements: Sequence[Judgement]) -> dict[str, str]:
-    """A letter for every reading of the model that some claim was judged under."""
+def options_of(judgements: Sequence[Judgement]) -> dict[str, str]:
+    """A letter for every set of model options that some claim was judged under, by their text."""
     texts = dict.fromkeys(
-        sample.reading
+        sample.options
         for its in judgements
         if its.finding.at
         for sample in its.samples
-        if sample.reading
+        if sample.options
     )
     return {text: _letters(number) for number, text in enumerate(texts)}
 
@@ -105,29 +104,28 @@ def _letters(number: int) -> str:
     return (_letters(rest - 1) if rest else "") + chr(ord("A") + last)
 
 
-def _row(its: Judgement, readings: Mapping[str, str]) -> dict[str, str]:
-    words, finding, test = its.claim.words, its.finding, its.claim.test
+def _row(its: Judgement, options: Mapping[str, str]) -> dict[str, str]:
+    statement, finding = its.claim.statement, its.finding
     measured = finding.verdict is not Verdict.not_measured
     others = contrary(its.contrary, cube_name)
-    judged_on = [finding.count, *(_sample(sample, readings) for sample in its.samples)]
+    judged_on = [finding.count, *(_sample(sample, options) for sample in its.samples)]
     judged_on += [f"but it {others}"] if others else []
     return {
         "margin": signed(finding.margin),
-        "text": words.text,
-        "along": words.measured_along or "",
-        "place": words.place,
-        "measured": finding.figures,
+        "text": statement.text,
+        "along": statement.measured_along or "",
+        "place": statement.place,
+        "measured": finding.text,
         "judged_on": "; ".join(judged_on) if measured else "",
-        "threshold": f"{test.threshold_of}'s"
-        + (f"; {its.change}" if str(its.change or "") else ""),
-        "figure": words.figure or "",
-        "why_not": words.why_not or "",
+        "threshold": "; ".join(filter(None, [f"{its.claim.threshold_of}'s", its.sensitivity])),
+        "figure": statement.figure or "",
+        "why_not": statement.why_not or "",
     }
 
 
-def _sample(sample: JudgedSamples, readings: Mapping[str, str]) -> str:
-    name = readings.get(sample.reading)
+def _sample(sample: JudgedSamples, options: Mapping[str, str]) -> str:
+    letter = options.get(sample.options)
     size = f"{sample.size} unit cells" if sample.size else ""
-    reading = f"reading {name}" if name else ""
-    parts = (cube_name(sample.cube), sample.experiment, sample.boundary, size, reading)
+    chosen = f"options {letter}" if letter else ""
+    parts = (cube_name(sample.cube), sample.experiment, sample.boundary, size, chosen)
     return ", ".join(part for part in parts if part)

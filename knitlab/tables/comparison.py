@@ -1,4 +1,4 @@
-"""Comparison: how far a simulation is from an experiment, curve by curve."""
+"""Comparison: differences between a simulation and experiments, curve by curve."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,13 +26,13 @@ COMPARED = (
 
 @dataclass(frozen=True)
 class Difference:
-    """How far two curves are apart.
+    """The difference between two curves.
 
     Attributes:
-        strains: at how many they are compared.
+        strains: number of strains at which they are compared.
         rms: root of the mean square difference.
         uncertainty: its standard error, by those of the measured curve.
-        noise: what rms would be if the two were one, by those errors.
+        noise: rms to expect of equal curves from those errors.
     """
 
     strains: int
@@ -44,10 +44,10 @@ class Difference:
 def difference(
     simulated: np.ndarray, measured: np.ndarray, errors: np.ndarray
 ) -> Difference | None:
-    """The difference of two curves at the same strains; ``None`` if there is none that both have.
+    """The difference of two curves at the same strains; ``None`` if they have no strain in common.
 
-    Errors are taken for independent from strain to strain, and count as none where unknown; the
-    uncertainty is not known if none is.
+    Errors are assumed independent between strains, and 0 where unknown; if all are unknown, so is
+    the uncertainty.
 
     Args:
         simulated: NaN where missing.
@@ -64,7 +64,7 @@ def difference(
         return Difference(count, rms, np.nan, np.nan)
     error = np.nan_to_num(error)
     noise = float(np.sqrt((error**2).mean()))
-    # Near 0 the root is no straight line any more, and the errors themselves are what it is off by.
+    # Near 0 the root is not linear in the errors any more, and the errors themselves bound it.
     by_slope = np.sqrt((apart**2 * error**2).sum()) / (count * rms) if rms > noise else noise
     return Difference(count, rms, float(by_slope), noise)
 
@@ -77,8 +77,8 @@ def compared(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> pd.Da
     the length of the electrodes, are compared over that at the first strain that both have.
 
     Returns:
-        A row for each: where it is from, strains, RMS difference, its uncertainty, the noise, and
-        the largest value measured, in the variable's units.
+        A row for each: its source, number of strains, RMS difference, its uncertainty, the noise,
+        and the largest value measured, in the variable's units.
 
     Raises:
         BadInput: if the cubes are not one simulation and experiments, lie along swept settings,

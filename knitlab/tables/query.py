@@ -15,7 +15,7 @@ from knitlab.tables.reduced_columns import relabelled, with_columns
 from knitlab.tables.selection import chosen_places, refuse_others, selections_along
 
 STRIPE_NUMBERS = [name for name, variable in VARIABLES.items() if variable.of == "stripes"]
-"""Columns that are shown when they are asked for."""
+"""Columns that are shown only on request."""
 
 
 def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFrame:
@@ -29,7 +29,7 @@ def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFra
         selections: texts ``NAME=VALUE``, see :func:`~knitlab.tables.selection.chosen_places`.
 
     Raises:
-        BadInput: if a selection is at fault.
+        BadInput: if a selection is wrong.
     """
     chosen = chosen_places(cube.coordinates, selections)
     rows = [*cube.design_dims, *(name for name in chosen if name not in cube.design_dims)]
@@ -71,7 +71,7 @@ def designs_of_all(cubes: Sequence[PlainCube], selections: Sequence[str] = ()) -
         selections: see :func:`designs_table`.
 
     Raises:
-        BadInput: if a selection is at fault.
+        BadInput: if a selection is wrong.
     """
     if len(cubes) == 1:
         return designs_table(cubes[0], selections)
@@ -93,7 +93,7 @@ def designs_of_all(cubes: Sequence[PlainCube], selections: Sequence[str] = ()) -
 
 
 def _origin(cube: PlainCube, cubes: Sequence[PlainCube]) -> dict[str, Any]:
-    """Which of several cubes one is: its name, its boundary, and where its reading differs."""
+    """What distinguishes a cube from others: its name, boundary, and model options that differ."""
     differing = {
         name
         for name in cube.reading.keys() | {name for its in cubes for name in its.reading}

@@ -51,7 +51,7 @@ def coordinate_of(text: str) -> str:
 
 
 def selections_along(selections: Sequence[str], names: Iterable[Hashable]) -> list[str]:
-    """The selections that are along some names; a cube is told of no others."""
+    """The selections along some names; those along others do not concern a cube."""
     known = set(names)
     return [text for text in selections if coordinate_of(text) in known]
 

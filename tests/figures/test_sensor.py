@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from knitlab.cli import main
 from knitlab.figures.capacitors import capacitors_figure
 from knitlab.figures.sensor import sensor_map
-from knitlab.figures.trade_off import figures_of, trade_off_front
+from knitlab.figures.trade_off import pareto_front, values_of_designs
 from knitlab.figures.wedge import wedge_figure
 from knitlab.io.errors import BadInput
 from tests.tables.artificial_cubes import made_up_cube
@@ -44,15 +44,15 @@ def with_electrodes() -> xr.Dataset:
 
 
 def test_the_front_is_of_designs_that_are_ok():
-    figures = figures_of(with_electrodes(), "sensitivity", "working_range")
+    figures = values_of_designs(with_electrodes(), "sensitivity", "working_range")
     assert set(figures) == {(2, 16), (4, 16), (4, 32)}
-    assert trade_off_front(figures) == [(4, 16), (2, 16)]
+    assert pareto_front(figures) == [(4, 16), (2, 16)]
 
 
 @given(st.lists(st.tuples(FIGURE, FIGURE), min_size=1, max_size=12))
 def test_no_design_beats_one_of_the_front_and_one_of_it_beats_every_other(points):
     figures = {(k, k): point for k, point in enumerate(points)}
-    front = trade_off_front(figures)
+    front = pareto_front(figures)
 
     def beats(one, other):
         return one != other and one[0] >= other[0] and one[1] >= other[1]

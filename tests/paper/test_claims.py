@@ -11,7 +11,6 @@ from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput
 from knitlab.io.schema import described
 from knitlab.measure.linear_fit import common_slope_probability, linear_fit
-from knitlab.paper.checks import Laboratory
 from knitlab.paper.claims import read_claims
 from knitlab.paper.judgement import judged
 from knitlab.paper.margin import Verdict
@@ -147,7 +146,7 @@ def verdicts(tmp_path):
     return judge
 
 
-LABORATORY = [claim.name for claim in read_claims() if isinstance(claim.test, Laboratory)]
+LABORATORY = [its.name for its in read_claims() if its.statement.test == "laboratory"]
 
 
 def test_every_claim_holds_on_a_cube_that_does_what_the_paper_says(verdicts):
@@ -269,14 +268,14 @@ def test_command_refuses_another_suffix(tmp_path):
 def test_every_fault_of_a_claims_file_is_listed(tmp_path):
     path = tmp_path / "claims.toml"
     path.write_text(
-        '[one]\ntext = "x"\nplace = "y"\ntest = "no_such"\n[two]\nplace = "y"\n'
+        '[one]\ntext = "x"\nplace = "y"\ntopic = "tension"\ntest = "no_such"\n[two]\nplace = "y"\n'
         'test = "value_within"\nof = "status"\nhihgest = 1.0\n'
     )
     with pytest.raises(BadInput) as caught:
         read_claims(path)
     said = str(caught.value)
-    assert "one" in said
-    assert "two" in said
+    assert "one: test" in said
+    assert "two: text" in said
 
 
 def test_a_line_is_fitted_with_its_confidence_interval():

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from knitlab.paper import margin as margins
 from knitlab.paper.claims import read_claims
+from knitlab.paper.comparison_checks import weakest_significant
 from knitlab.paper.finding import Finding
 from knitlab.paper.margin import Grade, Verdict, above, below, grade_of, verdict_of, within, worst
-from knitlab.paper.sample_checks import weakest_significant
 from tests.paper.test_claims import good_checkerboards
 
 NUMBER = st.floats(allow_nan=False, allow_infinity=False)
@@ -95,10 +95,10 @@ def test_the_weakest_significant_rank_correlation_is_that_of_the_tables():
 LIMITED_BY_0 = [
     claim
     for claim in read_claims()
-    if 0.0 in (getattr(claim.test, "lowest", None), getattr(claim.test, "highest", None))
+    if 0.0 in (claim.arguments.get("lowest"), claim.arguments.get("highest"))
 ]
 
 
 @pytest.mark.parametrize("claim", LIMITED_BY_0, ids=lambda claim: claim.name)
 def test_only_plain_numbers_are_held_against_0(claim):
-    assert good_checkerboards()[claim.test.of].attrs["units"] == "1"
+    assert good_checkerboards()[claim.arguments["of"]].attrs["units"] == "1"

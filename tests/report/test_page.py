@@ -99,8 +99,8 @@ def test_every_claim_is_spoken_of_once_under_its_topic(judgements):
         passage.topic: " ".join(claims for _, claims in passage.sentences) for passage in passages
     }
     for its in judgements:
-        words = its.claim.words
-        assert said[words.topic].count(f"“{words.statement}”") == 1
+        claim = its.claim
+        assert said[claim.statement.topic].count(f"“{claim.quoted}”") == 1
     assert sum(text.count("“") for text in said.values()) == len(judgements)
 
 
@@ -131,6 +131,6 @@ def test_rows_along_weft_and_warp_say_so(judgements):
     twins = [its.claim for its in judgements if "_along_w" in its.claim.name]
     assert len(twins) == 8
     for claim in twins:
-        along = claim.words.measured_along
+        along = claim.statement.measured_along
         assert f"_along_{along}" in claim.name
-        assert claim.words.statement == f"{claim.words.text} (here along the {along})"
+        assert claim.quoted == f"{claim.statement.text} (here along the {along})"

@@ -1,4 +1,4 @@
-"""Readings ranked by claims, on made-up cubes of which it is known what they show."""
+"""Model options ranked by claims, on made-up cubes of which it is known what they show."""
 
 import re
 
@@ -9,7 +9,7 @@ import xarray as xr
 from knitlab.figures.drawing import draw_figure, draw_figures
 from knitlab.io.cube_file import open_cube, write_cube
 from knitlab.paper.margin import Grade, Verdict
-from knitlab.paper.reading_ranking import differing, ranked_readings, settings_of
+from knitlab.paper.option_ranking import differing, options_of, ranked_options
 from tests.paper.test_claims import good_checkerboards, good_stripes
 
 DIMS = ("n_stripe", "n_subunit", "fold_phase")
@@ -34,14 +34,14 @@ def with_ratio(value, n_stripe=4, n_subunit=16):
 @pytest.fixture
 def ranked(tmp_path):
     def rank(*cubes):
-        return ranked_readings([(tmp_path / f"{k}.nc", cube) for k, cube in enumerate(cubes)])
+        return ranked_options([(tmp_path / f"{k}.nc", cube) for k, cube in enumerate(cubes)])
 
     return rank
 
 
-def test_the_reading_under_which_more_claims_hold_comes_first(ranked):
+def test_the_options_under_which_more_claims_hold_come_first(ranked):
     best, other = ranked(along_fold_phase(with_ratio(0.1), good_checkerboards()))
-    assert best.settings["fold_phase"] == "stripe_centre"
+    assert best.options["fold_phase"] == "stripe_centre"
     assert best.count(Grade.holds) > other.count(Grade.holds)
     assert best.findings["design_4_16_is_the_lowest"].verdict is Verdict.holds
     assert other.findings["design_4_16_is_the_lowest"].verdict is Verdict.fails
@@ -57,11 +57,11 @@ def test_of_equally_many_claims_the_nearer_miss_comes_first(ranked):
         assert best.findings["n_stripe_4_is_auxetic_up_to_40"].margin == pytest.approx(-0.2)
 
 
-def stated(cube, **reading):
-    return cube.assign_attrs({f"reading_{name}": value for name, value in reading.items()})
+def stated(cube, **options):
+    return cube.assign_attrs({f"reading_{name}": value for name, value in options.items()})
 
 
-def test_pure_stripes_serve_every_reading_of_their_cells(ranked):
+def test_pure_stripes_serve_all_options_of_their_cells(ranked):
     flat, relaxed = (
         stated(good_checkerboards(), cell_size=size, fold_phase="stripe_border")
         for size in ("flat", "relaxed")
@@ -69,13 +69,13 @@ def test_pure_stripes_serve_every_reading_of_their_cells(ranked):
     # The phase at which stripes are pulled is another, and does not matter to them.
     stripes = stated(good_stripes(), cell_size="flat", fold_phase="stripe_centre")
     best, other = ranked(relaxed, flat, stripes)
-    assert best.settings["cell_size"] == "flat"
+    assert best.options["cell_size"] == "flat"
     assert best.findings["stripes_are_j_shaped"].verdict is Verdict.holds
     assert other.findings["stripes_are_j_shaped"].verdict is Verdict.not_measured
     assert best.decided - other.decided >= 5
 
 
-def test_cubes_of_one_reading_are_judged_together(ranked):
+def test_cubes_of_the_same_options_are_judged_together(ranked):
     wide, narrow = good_checkerboards(), good_checkerboards()
     wide = wide.sel(n_stripe=[6, 8])
     narrow = narrow.sel(n_stripe=[2, 4])
@@ -85,29 +85,29 @@ def test_cubes_of_one_reading_are_judged_together(ranked):
     assert one.findings["longer_cells_are_less_auxetic"].judged == 10
 
 
-def test_readings_of_stripes_alone_are_ranked_by_their_claims(ranked):
+def test_options_of_stripes_alone_are_ranked_by_their_claims(ranked):
     bent = good_stripes()
     bent["row_force"].loc[{"knit": "rib", "n": 4}] = np.linspace(0, 1, 41)
     best, other = ranked(
         stated(bent, cell_size="relaxed"), stated(good_stripes(), cell_size="flat")
     )
-    assert (best.settings, other.settings) == ({"cell_size": "flat"}, {"cell_size": "relaxed"})
+    assert (best.options, other.options) == ({"cell_size": "flat"}, {"cell_size": "relaxed"})
 
 
-def test_the_damping_makes_a_reading_only_where_steps_end_the_motion():
+def test_the_damping_is_an_option_only_where_steps_end_the_motion():
     swept = {"ending": "fixed_steps", "damping_factor": 10.0}
     cube = good_checkerboards()
-    assert settings_of(cube.assign_coords(swept)) == swept
-    assert settings_of(cube.assign_coords(swept | {"ending": "steady"})) == {"ending": "steady"}
-    assert settings_of(cube) == {"ending": "steady"}
+    assert options_of(cube.assign_coords(swept)) == swept
+    assert options_of(cube.assign_coords(swept | {"ending": "steady"})) == {"ending": "steady"}
+    assert options_of(cube) == {"ending": "steady"}
 
 
-def test_readings_are_drawn_side_by_side_without_a_selection(tmp_path):
+def test_options_are_drawn_side_by_side_without_a_selection(tmp_path):
     write_cube(along_fold_phase(with_ratio(0.1), good_checkerboards()), tmp_path / "cube.nc")
     assert open_cube(tmp_path).sizes["fold_phase"] == 2
     assert draw_figure("readings", [tmp_path], tmp_path / "readings.svg").stat().st_size > 0
     text = (tmp_path / "readings.svg").read_text()
-    best, other = ranked_readings([(tmp_path, open_cube(tmp_path))])
+    best, other = ranked_options([(tmp_path, open_cube(tmp_path))])
     counts = [f"{its.count(Grade.holds)}/{its.decided}" for its in (best, other)]
     assert [found for found in re.findall(r"\d+/\d+", text) if found in counts] == counts
     files, faults = draw_figures(["readings", "auxetic"], tmp_path)

@@ -1,8 +1,8 @@
-"""Readings ranked by the paper's claims: which way to read the model does what the paper says."""
+"""Model options ranked by the paper's claims: under which of them most of the claims hold."""
 
 import itertools
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,12 +20,12 @@ from knitlab.paper.judgement import judged_slices
 from knitlab.paper.margin import Grade
 
 Label = str | float
-Settings = dict[str, Label]
+Options = dict[str, Label]
 
 OF_STRIPES = ("cell_size", "hinge_stiffness", "length_scale")
-"""Settings that change the tension curve of a pure stripe. The phase only shifts its folds, hinges
+"""Options that change the tension curve of a pure stripe. The phase only shifts its folds, hinges
 that rest flat stay flat, and the walls are for patterned fabric."""
-SETTINGS = (
+NAMES = (
     *OF_STRIPES,
     "fold_phase",
     "hinges",
@@ -36,22 +36,23 @@ SETTINGS = (
     "damping_factor",
     "drag",
 )
-"""Settings that make a reading."""
+"""Names of the options."""
 CLIPPED = 1.0
 """Margins beyond this count as this in a sum, so that no gross claim outweighs the rest."""
 
 
 @dataclass(frozen=True)
-class RankedReading:
-    """One reading of the model, and what the claims make of it.
+class RankedOptions:
+    """One set of model options, and what was found of the claims under it.
 
     Attributes:
-        settings: its choices by name.
+        options: the options by name.
         findings: what was found of every claim, by the name of the claim.
-        designs: how many checkerboards it was judged on; fewer make it easier for claims to hold.
+        designs: number of checkerboards that it was judged on; fewer make it easier for claims to
+            hold.
     """
 
-    settings: Settings
+    options: Options
     findings: dict[str, Finding]
     designs: int
 
@@ -72,61 +73,60 @@ class RankedReading:
         return self.count(Grade.holds), self.count(Grade.near_miss), total
 
 
-def ranked_readings(
+def ranked_options(
     cubes: Sequence[tuple[Path, xr.Dataset]], claims: Sequence[Claim] | None = None
-) -> list[RankedReading]:
-    """Rank the readings that cubes were computed with by how many of the paper's claims hold.
+) -> list[RankedOptions]:
+    """Rank the model options of cubes by how many of the paper's claims hold under them.
 
-    A reading is judged by all slices of all cubes that were computed with it, the paper's own
-    samples first; slices of pure stripes serve every reading that does not differ in
-    :data:`OF_STRIPES`. Of readings with equally many claims that hold, the one with more near
-    misses comes first, then the one with the larger sum of margins.
+    Options are judged by all slices of all cubes that were computed with them; slices of pure
+    stripes serve all options that do not differ in :data:`OF_STRIPES`. Of options under which
+    equally many claims hold, those with more near misses come first, then those with the larger
+    sum of margins.
 
     Args:
-        cubes: paths and cubes, along swept settings or not, of checkerboards or pure stripes.
+        cubes: paths and cubes of checkerboards or pure stripes, with or without swept settings.
         claims: the claims; by default those of ``params/claims.toml``.
 
     Returns:
-        The readings of the checkerboards, the best first; if there is no checkerboard, those of
+        The options of the checkerboards, the best first; if there is no checkerboard, those of
         the pure stripes.
     """
     claims = read_claims() if claims is None else claims
-    slices = [(path, one, settings_of(one)) for path, cube in cubes for one in _slices(cube)]
-    of_patterns = [its for its in slices if base_dims(its[1]) == DESIGN_DIMS]
+    slices = [(path, one, options_of(one)) for path, cube in cubes for one in _slices(cube)]
+    of_boards = [its for its in slices if base_dims(its[1]) == DESIGN_DIMS]
     of_stripes = [its for its in slices if base_dims(its[1]) != DESIGN_DIMS]
-    shared = () if of_patterns else OF_STRIPES
-    readings = _each_once(_only(its, shared) for _, _, its in of_patterns or of_stripes)
+    found: list[Options] = []
+    for _, _, its in of_boards or of_stripes:
+        options = its if of_boards else _of_stripes(its)
+        if options not in found:
+            found.append(options)
     ranked = []
-    for settings in readings:
-        mine = [(path, one) for path, one, its in of_patterns if its == settings]
+    for options in found:
+        boards = [(path, one) for path, one, its in of_boards if its == options]
         stripes = [
-            (path, one)
-            for path, one, its in of_stripes
-            if _only(its, OF_STRIPES) == _only(settings, OF_STRIPES)
+            (path, one) for path, one, its in of_stripes if _of_stripes(its) == _of_stripes(options)
         ]
-        judgements = judged_slices(claims, [*mine, *stripes])
+        judgements = judged_slices(claims, [*boards, *stripes])
         findings = {its.claim.name: its.finding for its in judgements}
-        measured = {design for _, one in mine for design in _measured(one)}
-        ranked.append(RankedReading(settings, findings, len(measured)))
-    return sorted(ranked, key=lambda reading: reading.score, reverse=True)
+        designs = {design for _, one in boards for design in _complete(one)}
+        ranked.append(RankedOptions(options, findings, len(designs)))
+    return sorted(ranked, key=lambda its: its.score, reverse=True)
 
 
-def differing(readings: Sequence[RankedReading]) -> list[str]:
-    """The settings in which readings differ, in the order of :data:`SETTINGS`."""
-    return [
-        name for name in SETTINGS if len({reading.settings.get(name) for reading in readings}) > 1
-    ]
+def differing(ranked: Sequence[RankedOptions]) -> list[str]:
+    """The names of the options that differ, in the order of :data:`NAMES`."""
+    return [name for name in NAMES if len({its.options.get(name) for its in ranked}) > 1]
 
 
-def settings_of(cube: xr.Dataset) -> Settings:
-    """The reading that one slice of a cube was computed with.
+def options_of(cube: xr.Dataset) -> Options:
+    """The model options of one slice of a cube.
 
     Args:
         cube: a cube at one value of every swept setting, which stays as a coordinate.
     """
     parameters: dict[str, Any] = json.loads(cube.attrs.get("parameters", "{}"))
     solver = parameters.get("solver", {})
-    stated: Settings = {
+    stated: Options = {
         "ending": solver.get("ending", "steady"),
         "damping_factor": 1.0,
         "drag": solver.get("drag", 0.0),
@@ -138,7 +138,7 @@ def settings_of(cube: xr.Dataset) -> Settings:
         del stated["damping_factor"]  # it moves no equilibrium
     if not stated["drag"]:
         del stated["drag"]
-    return {name: _plain(stated[name]) for name in SETTINGS if name in stated}
+    return {name: _plain(stated[name]) for name in NAMES if name in stated}
 
 
 def _plain(label: Any) -> Label:
@@ -153,20 +153,11 @@ def _slices(cube: xr.Dataset) -> Iterator[xr.Dataset]:
         yield cube.isel(dict(zip(dims, places, strict=True)))
 
 
-def _measured(cube: xr.Dataset) -> list[tuple[int, ...]]:
+def _complete(cube: xr.Dataset) -> list[tuple[int, ...]]:
     """The designs of one slice that have a complete test."""
     stacked = cube["status"].stack(design=DESIGN_DIMS)
     return list(stacked["design"].values[stacked.values == Status.ok])
 
 
-def _only(settings: Settings, names: Sequence[str]) -> Settings:
-    """The settings of some names, or all if none is given."""
-    return {name: its for name, its in settings.items() if not names or name in names}
-
-
-def _each_once(settings: Iterable[Settings]) -> list[Settings]:
-    found: list[Settings] = []
-    for its in settings:
-        if its not in found:
-            found.append(its)
-    return found
+def _of_stripes(options: Options) -> Options:
+    return {name: its for name, its in options.items() if name in OF_STRIPES}

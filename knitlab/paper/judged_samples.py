@@ -13,26 +13,29 @@ from knitlab.io.cube_file import base_dims, is_measured, source_of
 from knitlab.io.plain_cube import READING, stated_options
 from knitlab.io.schema import SOURCE
 from knitlab.paper.finding import Labels
+from knitlab.paper.samples import one_sample
 
 Size = tuple[int, int]
+PAPER_BOUNDARY = "clamped"
+"""Boundary of the paper's own samples."""
 
 
 @dataclass(frozen=True)
 class JudgedSamples:
-    """What of a cube a claim was judged on.
+    """Samples of a cube that a claim was judged on.
 
     Attributes:
         cube: path of the cube.
-        boundary: clamped or periodic; empty if the cube does not say.
+        boundary: clamped or periodic; empty if the cube does not state it.
         unit_cells: sizes (along the weft, along the warp) of the samples, each once, ascending.
-        reading: choices of the model that the paper leaves open, in words.
-        experiment: what the experiment is called, if it is one.
+        options: choices of the model that the paper leaves open, in words.
+        experiment: name of the experiment, if it is one.
     """
 
     cube: Path
     boundary: str
     unit_cells: tuple[Size, ...]
-    reading: str
+    options: str
     experiment: str = ""
 
     @property
@@ -43,12 +46,12 @@ class JudgedSamples:
 
 
 def judged_samples(path: Path, cube: xr.Dataset, at: Sequence[Labels]) -> JudgedSamples:
-    """Say what of a cube a claim was judged on.
+    """Describe the samples of a cube that a claim was judged on.
 
     Args:
         path: of the cube.
         cube: the cube, at one value of every swept setting.
-        at: labels of the designs or stripes along the cube's own dimensions.
+        at: labels of the samples.
     """
     sizes = {size for labels in at if (size := unit_cells(cube, labels)) is not None}
     boundaries = dict.fromkeys(boundary_of(cube, labels) for labels in at)
@@ -56,13 +59,13 @@ def judged_samples(path: Path, cube: xr.Dataset, at: Sequence[Labels]) -> Judged
         path,
         ", ".join(boundary for boundary in boundaries if boundary),
         tuple(sorted(sizes, key=lambda size: (size[0] * size[1], size))),
-        _reading(cube),
+        _options(cube),
         source_of(cube) if is_measured(cube) else "",
     )
 
 
 def boundary_of(cube: xr.Dataset, labels: Labels) -> str:
-    """The boundary of one sample; an experiment's is clamped. Empty if the cube does not say."""
+    """The boundary of one sample; an experiment's is clamped. Empty if the cube has none."""
     if is_measured(cube):
         return "clamped"
     along = dict(zip(base_dims(cube), labels, strict=True))
@@ -77,10 +80,11 @@ def boundary_of(cube: xr.Dataset, labels: Labels) -> str:
 def unit_cells(cube: xr.Dataset, labels: Labels) -> Size | None:
     """Unit cells of one sample along (weft, warp).
 
-    They are those that the cube states of the design, else those that its local strains are given
-    for, else those of its parameters.
+    They are taken from the variables ``unit_cells_x`` and ``unit_cells_y``, else counted in the
+    local strains, else taken from the parameters of the cube.
     """
-    here = cube.sel(dict(zip(base_dims(cube), labels, strict=True)))
+    names = [its for its in ("unit_cells_x", "unit_cells_y", "strain_xx") if its in cube]
+    here = one_sample(cube[["status", *names]], labels)
     stated = [float(here[name]) for name in ("unit_cells_x", "unit_cells_y") if name in here]
     if len(stated) == 2 and np.isfinite(stated).all():
         return int(stated[0]), int(stated[1])
@@ -92,34 +96,33 @@ def unit_cells(cube: xr.Dataset, labels: Labels) -> Size | None:
     return (int(cells[1]), int(cells[0])) if cells else None
 
 
-def preference(cube: xr.Dataset, at: Sequence[Labels], boundary: str) -> tuple[bool, int, float]:
-    """How near samples are to those of the paper; of two, the smaller is to be preferred.
+def preference(cube: xr.Dataset, at: Sequence[Labels]) -> tuple[bool, int, float]:
+    """How near samples are to those of the paper: of two such keys, the smaller is nearer.
 
-    First come samples with the boundary that the paper used, then more of the wanted samples
-    before fewer, then larger ones, by their mean number of unit cells.
+    First come samples with the boundary of the paper's, then more of the wanted samples before
+    fewer, then larger ones, by their mean number of unit cells.
 
     Args:
         cube: the cube.
-        at: labels of the samples along the cube's own dimensions.
-        boundary: the one that the paper used.
+        at: labels of the samples.
     """
     sizes = [unit_cells(cube, labels) or (0, 0) for labels in at]
     mean = float(np.mean([cells_x * cells_y for cells_x, cells_y in sizes])) if sizes else 0.0
-    another = any(boundary_of(cube, labels) != boundary for labels in at)
+    another = any(boundary_of(cube, labels) != PAPER_BOUNDARY for labels in at)
     return another, -len(at), -mean
 
 
-def _reading(cube: xr.Dataset) -> str:
-    """The choices of the model in words, those swept and the gap between the walls among them."""
-    choices = stated_options(cube.attrs)
+def _options(cube: xr.Dataset) -> str:
+    """The model options in words, with swept settings and the gap between the walls."""
+    options = stated_options(cube.attrs)
     if z_max := _parameters(cube).get("sheet", {}).get("z_max"):
-        choices["z_max"] = z_max
+        options["z_max"] = z_max
     swept = {
         str(name): its.item()
         for name, its in cube.coords.items()
         if not its.dims and name != SOURCE and name not in base_dims(cube)
     }
-    shown = {name: value for name, value in (choices | swept).items() if name != "boundary"}
+    shown = {name: value for name, value in (options | swept).items() if name != "boundary"}
     return ", ".join(f"{name} {_short(value)}" for name, value in shown.items())
 
 

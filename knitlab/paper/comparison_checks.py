@@ -1,0 +1,216 @@
+"""Tests of claims that compare samples: trends, the lowest of all, spreads, orders, correlations.
+
+Their arguments, results and exceptions are as in :mod:`knitlab.paper.sample_checks`.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise, product
+from typing import Annotated, Literal
+
+import numpy as np
+import xarray as xr
+from pydantic import Field, PositiveFloat, PositiveInt
+from scipy import stats
+
+from knitlab.io.cube_file import base_dims
+from knitlab.io.design_status import Status
+from knitlab.io.schema import DESIGN_DIMS
+from knitlab.paper.finding import Finding, Labels, NotMeasured
+from knitlab.paper.judged_samples import preference
+from knitlab.paper.margin import above, below, worst
+from knitlab.paper.sample_checks import MOST_LISTED, tangents
+from knitlab.paper.samples import (
+    Checkerboards,
+    Design,
+    Samples,
+    Stripes,
+    checkerboards,
+    name_of,
+    stripes,
+    unit_of,
+)
+
+Direction = Literal["rises", "falls"]
+Part = Annotated[float, Field(gt=0, lt=1)]
+Sample = Annotated[tuple[PositiveInt | Literal["rib", "garter"], PositiveInt], Field(strict=False)]
+SampleList = Annotated[tuple[Sample, ...], Field(min_length=1, strict=False)]
+
+
+def monotonic(
+    cube: xr.Dataset,
+    about: Checkerboards,
+    of: str,
+    along: Literal["n_stripe", "n_subunit"],
+    direction: Direction,
+) -> Finding:
+    """A value, or the largest of a curve, rises or falls along n_stripe or n_subunit."""
+    samples = checkerboards(cube, about, of)
+    values = samples.values(lambda sample: float(sample[of].max()))
+    return _trend(samples, values, DESIGN_DIMS.index(along), direction)
+
+
+def stripe_order(
+    cube: xr.Dataset,
+    about: Stripes,
+    of: Literal["initial_tangent", "stiffening_strain"],
+    direction: Direction,
+    stiffened: Part = 0.5,
+) -> Finding:
+    """A number of the curves of force rises, or falls, with the stitches across the stripe.
+
+    It is the slope at the start, or the applied strain at which the slope first is a part
+    ``stiffened`` of the largest.
+    """
+
+    def value(stripe: xr.Dataset) -> float:
+        slopes = tangents(stripe)
+        if of == "initial_tangent":
+            return float(slopes[0])
+        first = int(np.argmax(slopes >= stiffened * slopes.max()))
+        return float(stripe["applied_strain"].values[first : first + 2].mean())
+
+    samples = stripes(cube, about, "row_force")
+    return _trend(samples, samples.values(value), 1, direction)
+
+
+def _trend(
+    samples: Samples, values: dict[Labels, float], place: int, direction: Direction
+) -> Finding:
+    """The finding of a value that rises, or falls, with the label at a place of the labels."""
+
+    def others(labels: Labels) -> Labels:
+        return (*labels[:place], *labels[place + 1 :])
+
+    ordered = sorted(values, key=lambda labels: (others(labels), labels[place]))
+    steps = [its for its in pairwise(ordered) if others(its[0]) == others(its[1])]
+    if not steps:
+        raise samples.too_few(len(values))
+    sign = 1 if direction == "rises" else -1
+    spread = float(np.ptp([*values.values()]))
+    margins = {
+        (one, next_): above(sign * (values[next_] - values[one]), 0, strict=True, scale=spread)
+        for one, next_ in steps
+    }
+    wrong = [step for step, margin in margins.items() if margin is not None and margin < 0]
+    text = f"all {len(steps)} steps between {len(values)} {samples.counted}"
+    if wrong:
+        text = f"{len(wrong)} of {len(steps)} steps do not: " + ", ".join(
+            f"{name_of(one)} to {name_of(next_)}: {values[one]:.3g} to {values[next_]:.3g}"
+            for one, next_ in wrong[:MOST_LISTED]
+        )
+    elif len(values) <= MOST_LISTED:
+        text += ": " + ", ".join(f"{name_of(its)} {values[its]:.3g}" for its in ordered)
+    return _compared(samples, values, worst(margins.values()), text)
+
+
+def lowest_of_all(cube: xr.Dataset, about: Checkerboards, of: str, design: Design) -> Finding:
+    """A design has the lowest value of all designs that were measured."""
+    samples = checkerboards(cube, about, of)
+    values = samples.values(lambda sample: float(sample[of]))
+    if design not in values:
+        raise samples.too_few(0)
+    if len(values) < 2:
+        raise samples.too_few(len(values))
+    next_to = min((its for its in values if its != design), key=lambda its: values[its])
+    spread = float(np.ptp([*values.values()]))
+    margin = above(values[next_to] - values[design], 0, strict=True, scale=spread)
+    text = f"{design} {values[design]:.3f}, lowest of the others {next_to} {values[next_to]:.3f}"
+    return _compared(samples, values, margin, text)
+
+
+def spread(cube: xr.Dataset, about: Checkerboards, of: str, least: PositiveFloat) -> Finding:
+    """The largest value is greater than the smallest by more than a part ``least`` of it."""
+    samples = checkerboards(cube, about, of)
+    values = samples.values(lambda sample: float(sample[of]))
+    if len(values) < 2:
+        raise samples.too_few(len(values))
+    smallest, largest = min(values.values()), max(values.values())
+    scale = least * abs(smallest)
+    margin = above(largest, smallest + scale, strict=True, scale=scale)
+    text = f"{smallest:.3g} to {largest:.3g}{unit_of(of)} over {len(values)} designs"
+    return _compared(samples, values, margin, text)
+
+
+def trades_off(
+    cube: xr.Dataset,
+    about: Checkerboards,
+    of: str,
+    against: str,
+    significant: Annotated[float, Field(gt=0, lt=0.5)],
+) -> Finding:
+    """Of two values of a design, one is less where the other is more, by Spearman's correlation.
+
+    A correlation counts if one as strong has a chance below ``significant`` without any.
+    """
+    samples = checkerboards(cube, about, of, against)
+    ones = samples.values(lambda sample: float(sample[of]))
+    others = samples.values(lambda sample: float(sample[against]))
+    pairs = {labels: (ones[labels], others[labels]) for labels in ones if labels in others}
+    if len(pairs) < 3 or not np.ptp(list(pairs.values()), axis=0).all():
+        raise samples.too_few(len(pairs))
+    found = stats.spearmanr(list(pairs.values()))
+    margin = below(found.statistic, -weakest_significant(len(pairs), significant))
+    text = f"rank correlation {found.statistic:+.2f} over {len(pairs)} designs"
+    return _compared(samples, pairs, margin, f"{text} (p = {found.pvalue:.2g})")
+
+
+def weakest_significant(count: int, significant: float) -> float:
+    """The weakest rank correlation of some pairs that is significant, by Student's t.
+
+    Args:
+        count: number of pairs, at least 3.
+        significant: two-sided chance of as strong a correlation without any.
+    """
+    t = float(stats.t.ppf(1 - significant / 2, count - 2))
+    return t / float(np.sqrt(count - 2 + t**2))
+
+
+def _compared(
+    samples: Samples,
+    values: dict[Labels, float] | dict[Labels, tuple[float, float]],
+    margin: float | None,
+    text: str,
+) -> Finding:
+    return Finding(margin, text, len(values), samples.wanted, samples.counted, tuple(values))
+
+
+def sample_order(
+    cubes: Sequence[xr.Dataset], of: str, less: SampleList, more: SampleList
+) -> Finding:
+    """A value is less for each of some checkerboards and stripes than for each of others.
+
+    Samples are named as (n_stripe, n_subunit) or (knit, n), and each of the cubes may hold some.
+    Of several cubes that hold one, it is taken from the one whose sample is nearest the paper's.
+    """
+    found: dict[Sample, tuple[int, Labels]] = {}
+    values = [_values(cube, of) for cube in cubes]
+    for sample in (*less, *more):
+        places = [
+            (number, labels)
+            for number, its in enumerate(values)
+            for labels in its
+            if labels[:2] == sample
+        ]
+        if places:
+            found[sample] = min(places, key=lambda its: preference(cubes[its[0]], [its[1]]))
+    if not found:
+        raise NotMeasured(f"no {of} of these samples in this cube")
+    value = {sample: values[number][labels] for sample, (number, labels) in found.items()}
+    text = ", ".join(f"{name_of(its)} {value[its]:.3g}{unit_of(of)}" for its in found)
+    wanted = len({*less, *more})
+    pairs = [(one, other) for one, other in product(less, more) if {one, other} <= set(found)]
+    if not pairs:
+        raise NotMeasured(f"{text}; nothing to compare it with", wanted, "samples")
+    margin = worst(below(value[one], value[other], strict=True) for one, other in pairs)
+    numbers, at = zip(*found.values(), strict=True)
+    return Finding(margin, text, len(found), wanted, "samples", at, numbers)
+
+
+def _values(cube: xr.Dataset, of: str) -> dict[Labels, float]:
+    """The values of all samples with a complete test."""
+    if of not in cube:
+        return {}
+    kept = cube[of].where(cube["status"] == Status.ok)
+    labels = product(*(cube[dim].values.tolist() for dim in base_dims(cube)))
+    values = dict(zip(labels, kept.values.ravel().tolist(), strict=True))
+    return {its: value for its, value in values.items() if np.isfinite(value)}

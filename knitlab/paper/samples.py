@@ -1,0 +1,150 @@
+"""The samples of a cube that a claim is about, and which of them have a complete test."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import product
+from typing import Annotated
+
+import numpy as np
+import xarray as xr
+from pydantic import Field, PositiveInt
+
+from knitlab.io.cube_file import base_dims
+from knitlab.io.design_status import Status
+from knitlab.io.schema import DESIGN_DIMS, STRIPE_DIMS, VARIABLES
+from knitlab.io.strict_model import StrictModel
+from knitlab.paper.finding import Labels, NotMeasured
+
+Design = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]
+BOUNDARY = "periodic"
+"""Boundary of the pure stripes that claims are about: the paper computes theirs without ends."""
+
+
+class Checkerboards(StrictModel):
+    """Checkerboards (n_stripe, n_subunit) that a claim is about.
+
+    Attributes:
+        designs: exactly these; if none are given, all in the cube
+        n_stripe: of these n_stripe, by default of any,
+        without: but not these.
+        at_least: number of designs that the paper has.
+    """
+
+    designs: Annotated[tuple[Design, ...], Field(strict=False)] = ()
+    n_stripe: Annotated[tuple[PositiveInt, ...], Field(strict=False)] = ()
+    without: Annotated[tuple[Design, ...], Field(strict=False)] = ()
+    at_least: PositiveInt = 1
+
+
+class Stripes(StrictModel):
+    """Pure stripes that a claim is about.
+
+    Attributes:
+        smallest, largest: least and greatest stitches across the stripe, by knit.
+        at_least: number of stripes that the paper has.
+    """
+
+    smallest: dict[str, int] = Field(default_factory=dict)
+    largest: dict[str, int] = Field(default_factory=dict)
+    at_least: PositiveInt = 1
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples that a claim is about.
+
+    Attributes:
+        cube: the cube that they are in.
+        complete: labels of those with a complete test.
+        wanted: how many the claim is about.
+        counted: what they are: designs or stripes.
+    """
+
+    cube: xr.Dataset
+    complete: tuple[Labels, ...]
+    wanted: int
+    counted: str
+
+    def values(self, of: Callable[[xr.Dataset], float]) -> dict[Labels, float]:
+        """A number of each complete sample; samples for which it is not finite are left out."""
+        found = {labels: of(one_sample(self.cube, labels)) for labels in self.complete}
+        return {labels: value for labels, value in found.items() if np.isfinite(value)}
+
+    def too_few(self, measured: int) -> NotMeasured:
+        """The exception that too few samples are measured to test the claim."""
+        count = f"{measured} of {self.wanted} {self.counted}"
+        none = f"none of the {self.counted}"
+        return NotMeasured(f"{count if measured else none} measured", self.wanted, self.counted)
+
+
+def checkerboards(cube: xr.Dataset, about: Checkerboards, *variables: str) -> Samples:
+    """The checkerboards of a cube that a claim is about.
+
+    Args:
+        cube: the cube, at one value of every swept setting.
+        about: which of them.
+        variables: names of what the cube must hold of them.
+
+    Raises:
+        NotMeasured: if the cube is of no checkerboards, or lacks a variable.
+    """
+    statuses = _statuses(cube, DESIGN_DIMS, "checkerboards", variables)
+    asked: tuple[Labels, ...] = about.designs or tuple(
+        labels
+        for labels, status in statuses.items()
+        if status != Status.excluded
+        and (not about.n_stripe or labels[0] in about.n_stripe)
+        and labels not in about.without
+    )
+    complete = tuple(labels for labels in asked if statuses.get(labels) == Status.ok)
+    wanted = len(asked) if about.designs else max(about.at_least, len(asked))
+    return Samples(cube[["status", *variables]], complete, wanted, "designs")
+
+
+def stripes(cube: xr.Dataset, about: Stripes, *variables: str) -> Samples:
+    """The pure stripes of a cube that a claim is about; otherwise as :func:`checkerboards`."""
+    statuses = {
+        labels: status
+        for labels, status in _statuses(cube, STRIPE_DIMS, "pure stripes", variables).items()
+        if labels[-1] == BOUNDARY
+    }
+    if not statuses:
+        raise NotMeasured(f"no {BOUNDARY} pure stripes in this cube")
+    asked = [
+        (knit, n, boundary)
+        for (knit, n, boundary), status in statuses.items()
+        if status != Status.excluded
+        and about.smallest.get(str(knit), 0) <= int(n) <= about.largest.get(str(knit), int(n))
+    ]
+    complete = tuple(labels for labels in asked if statuses[labels] == Status.ok)
+    wanted = max(about.at_least, len(asked))
+    return Samples(cube[["status", *variables]], complete, wanted, "stripes")
+
+
+def _statuses(
+    cube: xr.Dataset, dims: tuple[str, ...], kind: str, variables: tuple[str, ...]
+) -> dict[Labels, int]:
+    """The status of every sample of a cube, by its labels."""
+    if base_dims(cube) != dims:
+        raise NotMeasured(f"no {kind} in this cube")
+    if missing := sorted(set(variables) - set(map(str, cube.data_vars))):
+        raise NotMeasured(f"no {', '.join(missing)} in this cube")
+    labels = product(*(cube[dim].values.tolist() for dim in dims))
+    return dict(zip(labels, cube["status"].values.ravel().tolist(), strict=True))
+
+
+def one_sample(cube: xr.Dataset, labels: Labels) -> xr.Dataset:
+    """A cube at the labels of one sample."""
+    return cube.sel(dict(zip(base_dims(cube), labels, strict=True)))
+
+
+def name_of(labels: Labels) -> str:
+    """A sample as it is called in text: ``(4, 16)``, or ``rib 4``."""
+    first, second = labels[:2]
+    return f"{first} {second}" if isinstance(first, str) else f"({first}, {second})"
+
+
+def unit_of(variable: str) -> str:
+    """A variable's unit as it follows a number; empty for a plain number."""
+    unit = VARIABLES[variable].units
+    return "" if unit == "1" else f" {unit}"
