@@ -9,9 +9,6 @@ import xarray as xr
 
 import knitlab
 
-GRADIENTS = ("knitlab.mechanics.adjoint.Adjoint", "knitlab.capacitance.wedge.wedge_capacitance")
-"""Differentiable functions that the guides name and that are not in ``knitlab`` itself."""
-
 
 def page() -> str:
     """The public names of knitlab, of its namespaces, and what is reached through them."""
@@ -24,7 +21,6 @@ def page() -> str:
         parts += _section(f"knitlab.{space}", [f"knitlab.{space}.{its}" for its in _public(module)])
     accessor = xr.Dataset.knitlab
     parts += _section("On an open cube", [f"{accessor.__module__}.{accessor.__qualname__}"])
-    parts += _section("Gradients", list(GRADIENTS))
     return "\n".join(parts)
 
 

@@ -3,32 +3,30 @@
 import inspect
 import itertools
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from pydantic import BaseModel
 
 from generated_reference.markdown import code, plain, table
 from knitlab.io.shipped import shipped
-from knitlab.study.workflow import SECTIONS, Workflow
+from knitlab.study.settings import SettingRow, settings_table
+from knitlab.study.workflow import SECTIONS
 
 COLUMNS = ("setting", "values", "default", "unit", "source")
-LIMITS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
-KINDS = {"integer": "whole number", "boolean": "true or false", "string": "text"}
 
 
 def page() -> str:
-    """The keys of a workflow, each of its tables, and the named values under ``params/``."""
+    """The settings of each table of a workflow, and the named values under ``params/``."""
     files = {
         path.stem: tomllib.loads(path.read_text(encoding="utf-8"))
         for path in sorted(shipped("params").glob("*.toml"))
     }
-    sources = _sources(files) | _stripe_units(files["stripes"])
-    outside = {name for name in Workflow.model_fields if name not in SECTIONS}
-    parts = ["## Workflow", table(COLUMNS, _rows(Workflow, sources, outside))]
+    settings = settings_table()
+    parts = []
     for name, section in SECTIONS.items():
-        parts += [f"## [{name}]", plain(_described(section))]
-        parts.append(table(COLUMNS, _rows(section, sources, set(section.model_fields))))
+        members = [its for its in settings if its.section == name]
+        parts += [f"## [{name}]", plain(_described(section)), table(COLUMNS, _rows(members))]
     return "\n\n".join([*parts, *_stripes(files), *_layouts(files), *_design_sets(files)])
 
 
@@ -38,54 +36,20 @@ def _described(section: type[BaseModel]) -> str:
     return words[:1].upper() + words[1:]
 
 
-def _sources(files: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Every value of the parameter files that has a unit and a source, by its name."""
-    return {
-        name: entry
-        for file in files.values()
-        for name, entry in file.items()
-        if isinstance(entry, dict) and {"value", "unit", "source"} <= entry.keys()
-    }
-
-
-def _stripe_units(stripes: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """What settings that replace a number of a stripe have: a unit, and no one default."""
-    return {
-        f"{knit}_{name}": {"unit": unit}
-        for knit, its in stripes.items()
-        for name, unit in its["unit"].items()
-    }
-
-
-def _rows(
-    section: type[BaseModel], sources: dict[str, dict[str, Any]], names: set[str]
-) -> Iterator[tuple[str, ...]]:
-    """A row each setting; those next to each other of which the same is known share one."""
-    rows = _single_rows(section, sources, names)
+def _rows(settings: Iterable[SettingRow]) -> Iterator[tuple[str, ...]]:
+    """A row each; settings next to each other of which the same is known share one."""
+    rows = [
+        (
+            code(its.name),
+            plain(its.values),
+            "" if its.default in (None, ()) else code(_toml(its.default)),
+            "" if its.unit == "1" else its.unit,
+            plain(its.source),
+        )
+        for its in settings
+    ]
     for known, alike in itertools.groupby(rows, key=lambda row: row[1:]):
         yield (", ".join(row[0] for row in alike), *known)
-
-
-def _single_rows(
-    section: type[BaseModel], sources: dict[str, dict[str, Any]], names: set[str]
-) -> Iterator[tuple[str, ...]]:
-    schema = section.model_json_schema()
-    for name, its in schema["properties"].items():
-        if name not in names:
-            continue
-        entry = sources.get(name, {})
-        default = entry.get("value", its.get("default"))
-        if name in schema.get("required", ()):
-            shown = "required"
-        else:
-            shown = "" if default in (None, [], ()) else code(_toml(default))
-        yield (
-            code(name),
-            _values(its, schema.get("$defs", {})),
-            shown,
-            "" if entry.get("unit", "1") == "1" else entry["unit"],
-            plain(entry.get("source", its.get("description", ""))),
-        )
 
 
 def _toml(value: Any) -> str:
@@ -97,26 +61,6 @@ def _toml(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
     return f'"{value}"' if isinstance(value, str) else str(value)
-
-
-def _values(its: dict[str, Any], defs: dict[str, Any]) -> str:
-    """What a setting may be, in words, from its JSON schema."""
-    if "$ref" in its:
-        return _values(defs[its["$ref"].rsplit("/", 1)[-1]], defs)
-    if "anyOf" in its:
-        kinds = [_values(one, defs) for one in its["anyOf"] if one.get("type") != "null"]
-        return " or ".join(kinds)
-    if "const" in its:
-        return code(its["const"])
-    if "enum" in its:
-        return ", ".join(map(code, its["enum"]))
-    if its.get("type") == "array":
-        if members := its.get("prefixItems"):
-            return f"{len(members)} values: {_values(members[0], defs)}"
-        return f"list of: {_values(its['items'], defs)}"
-    limits = [f"{sign} {its[key]:g}" for key, sign in LIMITS.items() if key in its]
-    kind = KINDS.get(its.get("type", ""), its.get("type", ""))
-    return f"{kind} {' and '.join(limits)}" if limits else kind
 
 
 def _stripes(files: dict[str, Any]) -> Iterator[str]:
