@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from knitlab.api.claims import claims
     from knitlab.api.comparison import compare, query
     from knitlab.api.design import Design
+    from knitlab.api.finding import find
     from knitlab.api.laboratory import fit, import_records
+    from knitlab.api.measures import evaluate
     from knitlab.api.simulation import NotConverged, simulate
     from knitlab.api.sweeps import NotAllOk, plan, reproduce, run, status
     from knitlab.io.errors import BadInput
@@ -38,6 +40,8 @@ __all__ = [
     "calibrate",
     "claims",
     "compare",
+    "evaluate",
+    "find",
     "fit",
     "import_records",
     "open_cube",
@@ -58,6 +62,8 @@ _MODULES = {
     "calibrate": "knitlab.api.calibration",
     "claims": "knitlab.api.claims",
     "compare": "knitlab.api.comparison",
+    "evaluate": "knitlab.api.measures",
+    "find": "knitlab.api.finding",
     "fit": "knitlab.api.laboratory",
     "import_records": "knitlab.api.laboratory",
     "open_cube": "knitlab.tables.accessor",

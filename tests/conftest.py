@@ -1,10 +1,16 @@
 import os
 
-# As many processes as there are processors run the tests, so each has one thread.
+# One thread a process, so that as many processes as there are processors can share the tests.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("PJRT_NPROC", "1")
 
 from hypothesis import settings
+from jaxtyping import install_import_hook
+
+from tests.array_shapes import checked
+
+# Before anything imports knitlab.
+install_import_hook("knitlab", f"{checked.__module__}.{checked.__name__}")
 
 # A first example may compile a JAX program; speed is the benchmark's business.
 settings.register_profile("knitlab", deadline=None)

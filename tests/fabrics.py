@@ -2,6 +2,7 @@
 
 import jax
 import numpy as np
+import pytest
 
 from knitlab.io.shipped import shipped
 from knitlab.mechanics.dynamic_tensile_test import MovingBatch
@@ -38,6 +39,15 @@ def stripe(knit: Knit, n: int) -> Stripe:
 ALL_STRIPES = [stripe("rib", n) for n in (2, 4, 6, 8)] + [
     stripe("garter", n) for n in (4, 6, 8, 12, 16)
 ]
+TYPICAL = ("rib 4", "garter 16")
+EVERY_STRIPE = pytest.mark.parametrize(
+    "of",
+    [
+        pytest.param(of, id=name, marks=() if name in TYPICAL else pytest.mark.slow)
+        for of, name in ((of, f"{of.knit} {of.n}") for of in ALL_STRIPES)
+    ],
+)
+"""A test of every stripe; all but two of them are slow."""
 
 
 def patterned(

@@ -10,7 +10,7 @@ import xarray as xr
 from knitlab.io.cube_file import open_cube
 from knitlab.io.plain_cube import PlainCube
 from knitlab.tables.comparison import compared
-from knitlab.tables.query import designs_of_all, queried
+from knitlab.tables.query import query_cubes
 from knitlab.tables.selection import refuse_others, selected, selection_texts, selections_along
 
 Cube = str | Path | xr.Dataset
@@ -52,7 +52,7 @@ def query(
         [8, 64]
     """
     plain = [PlainCube.of(opened(cube)) for cube in cubes]
-    return queried(designs_of_all(plain, selection_texts(selections)), where, sort, columns)
+    return query_cubes(plain, selection_texts(selections), where, sort, columns)
 
 
 def compare(simulation: Cube, *experiments: Cube, **selections: Any) -> pd.DataFrame:
@@ -70,10 +70,14 @@ def compare(simulation: Cube, *experiments: Cube, **selections: Any) -> pd.DataF
     Raises:
         BadInput: if the cubes have no design in common, or a selection is at fault.
     """
-    texts = selection_texts(selections)
     cubes = [opened(cube) for cube in (simulation, *experiments)]
+    return compare_selected(cubes, selection_texts(selections))
+
+
+def compare_selected(cubes: Sequence[xr.Dataset], selections: Sequence[str]) -> pd.DataFrame:
+    """How far the first cube is from the others, with selections as text; see :func:`compare`."""
     known = {str(name) for cube in cubes for name in cube.dims if name in cube.coords}
     remedy = f"select of {', '.join(sorted(known))}"
-    refuse_others(texts, known, f"is of none of these cubes; {remedy}")
-    chosen = [selected(cube, selections_along(texts, cube.dims)) for cube in cubes]
+    refuse_others(selections, known, f"is of none of these cubes; {remedy}")
+    chosen = [selected(cube, selections_along(selections, cube.dims)) for cube in cubes]
     return compared(chosen[0], chosen[1:])

@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+import xarray as xr
+
 from knitlab.api.comparison import Cube, opened
 from knitlab.io.errors import fault
 from knitlab.laboratory.description import RecordKind
@@ -10,7 +12,7 @@ from knitlab.laboratory.experiment import Imported
 from knitlab.laboratory.experiment import import_records as import_kind
 from knitlab.laboratory.fit import Fit, NoFit, Step, fit_stripes
 from knitlab.laboratory.target import at_strains_of, case_for, target_of
-from knitlab.study.plan import make_plan
+from knitlab.study.plan import Plan, make_plan
 
 
 def import_records(
@@ -62,11 +64,23 @@ def fit(
     Raises:
         BadInput: if the experiment cannot be fitted, or the workflow has no such design.
     """
-    cube = opened(experiment)
-    case = case_for(make_plan(str(workflow), settings), cube)
-    target = target_of(cube, case, model_error)
+    plan = make_plan(str(workflow), settings)
+    return fit_experiment(opened(experiment), plan, looseness, model_error, starts, step)
+
+
+def fit_experiment(
+    experiment: xr.Dataset,
+    plan: Plan,
+    looseness: float,
+    model_error: float,
+    starts: int,
+    step: Step,
+) -> Fit:
+    """The same for a plan, one case of which is of the experiment's design; see :func:`fit`."""
+    case = case_for(plan, experiment)
+    target = target_of(experiment, case, model_error)
     try:
         return fit_stripes(at_strains_of(case, target), target, looseness, starts=starts, step=step)
     except NoFit as problem:
         remedy = "choose a smaller strain_max, or another sample"
-        raise fault(str(workflow), f"{problem}; {remedy}") from problem
+        raise fault(plan.workflow, f"{problem}; {remedy}") from problem

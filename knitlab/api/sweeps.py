@@ -11,13 +11,7 @@ import xarray as xr
 from knitlab.execution.reproduce import find_case
 from knitlab.execution.reproduce import reproduce as run_alone
 from knitlab.execution.run import Run, RunOptions, run_plan
-from knitlab.execution.status import (
-    FolderStatus,
-    changed_inputs,
-    folder_status,
-    planned_designs,
-    read_plan,
-)
+from knitlab.execution.status import FolderStatus, workflow_status
 from knitlab.io.errors import Fault
 from knitlab.io.plain_cube import CUBE
 from knitlab.study.plan import Plan, make_plan
@@ -195,12 +189,7 @@ def status(
     Raises:
         BadInput: if the workflow was never planned there.
     """
-    folder = Path(results) / Path(workflow).stem
-    record = read_plan(folder)
-    designs = planned_designs(record)
-    if changed_inputs(record):
-        designs = make_plan(str(workflow), tuple(record["overrides"])).designs
-    return folder_status(folder, record, designs, check)
+    return workflow_status(str(workflow), Path(results), check)
 
 
 def reproduce(

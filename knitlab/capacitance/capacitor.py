@@ -1,10 +1,12 @@
 """A knitted capacitor along a test: its capacitance in every state, or why there is none."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from pydantic import Field, PositiveFloat
 
 from knitlab.capacitance.boundary_elements import (
     STATES_AT_ONCE,
@@ -22,6 +24,7 @@ from knitlab.model.electrode_layout import ElectrodeLayout
 from knitlab.model.electrodes import Electrodes
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, Network
+from knitlab.model.setting_types import Fraction, Unit
 
 ORDER = 2
 """Order at which the capacitance converges with the size of panels that are graded."""
@@ -48,12 +51,12 @@ class Capacitor:
     """
 
     layout: ElectrodeLayout
-    electrode_length: float
-    permittivity: float
-    clearance: float
-    accuracy: float
-    linearity: float
-    unfolded: float
+    electrode_length: Annotated[PositiveFloat, Unit("mm")]
+    permittivity: Annotated[float, Field(ge=1)]
+    clearance: Annotated[PositiveFloat, Unit("mm")]
+    accuracy: Fraction
+    linearity: Fraction
+    unfolded: Fraction
 
 
 @dataclass(frozen=True, eq=False)

@@ -76,7 +76,7 @@ def calibrate(
     for warning in found.warnings:
         click.echo(f"knitlab: {warning}", err=True)
     if found.usable:
-        read_as = cell_size or read_parameters(shipped("params")).reading.cell_size.value
+        read_as = cell_size or read_parameters(shipped("params")).model_options.cell_size
         write_stripe_file(output, knit, stitches, found, curve, read_as)
         click.echo(f"stripe   {output}")
     else:

@@ -1,5 +1,6 @@
 """Commands on cubes: ``query``, ``map``, ``claims``."""
 
+import re
 from contextlib import suppress
 from pathlib import Path
 from typing import get_args
@@ -44,11 +45,12 @@ def query(
     Variables along the applied strain appear once it is selected: --select applied_strain=0.15
     """
     from knitlab.io.plain_cube import open_plain_cube
-    from knitlab.tables.query import designs_of_all, formatted, queried
+    from knitlab.tables.query import formatted, query_cubes
 
-    table = designs_of_all([open_plain_cube(cube) for cube in cubes], selections)
-    names = tuple(name.strip() for name in columns.split(",")) if columns else None
-    click.echo(formatted(queried(table, where, sort, names), style))
+    # A comma within brackets belongs to a reduction such as mean(poisson_ratio, 0.05:0.25).
+    names = [name.strip() for name in re.split(r",(?![^(]*\))", columns)] if columns else None
+    opened = [open_plain_cube(cube) for cube in cubes]
+    click.echo(formatted(query_cubes(opened, selections, where, sort, names), style))
 
 
 @click.command()
@@ -65,17 +67,12 @@ def compare(
     The uncertainty is that of the RMS difference, by the scatter of the records; of two curves
     that are one, the RMS difference would be the noise.
     """
+    from knitlab.api.comparison import compare_selected
     from knitlab.io.cube_file import open_cube
-    from knitlab.tables.comparison import compared
     from knitlab.tables.query import formatted
-    from knitlab.tables.selection import refuse_others, selected, selections_along
 
     opened = [open_cube(path) for path in (simulation, *experiments)]
-    known = {str(name) for cube in opened for name in cube.dims if name in cube.coords}
-    remedy = f"select of {', '.join(sorted(known))}"
-    refuse_others(selections, known, f"is of none of these cubes; {remedy}")
-    cubes = [selected(cube, selections_along(selections, cube.dims)) for cube in opened]
-    click.echo(formatted(compared(cubes[0], cubes[1:]), style))
+    click.echo(formatted(compare_selected(opened, selections), style))
 
 
 @click.command(

@@ -106,26 +106,18 @@ def fit(
         raise fault(f"output {output}", "has no suffix .toml; give it one")
     cube = selected(open_cube(experiment), selections)
 
+    from knitlab.api.laboratory import fit_experiment
     from knitlab.figures.drawing import save
     from knitlab.figures.fit import Fitted, fit_figure
     from knitlab.figures.style import print_style
-    from knitlab.laboratory.fit import NoFit, fit_stripes
     from knitlab.laboratory.fit_report import report, write_stripes
-    from knitlab.laboratory.target import at_strains_of, case_for, target_of
     from knitlab.study.plan import make_plan
-
-    case = case_for(make_plan(workflow, overrides), cube)
-    target = target_of(cube, case, model_error)
 
     def report_step(tests: int, chi_squared: float) -> None:
         click.echo(f"test {tests}: chi² {chi_squared:.4g}", err=True)
 
-    try:
-        found = fit_stripes(
-            at_strains_of(case, target), target, looseness, starts=starts, step=report_step
-        )
-    except NoFit as problem:
-        raise fault(workflow, f"{problem}; --set strain_max or another sample") from problem
+    made = make_plan(workflow, overrides)
+    found = fit_experiment(cube, made, looseness, model_error, starts, report_step)
     for line in report(found):
         click.echo(line)
     for warning in found.warnings:
@@ -133,15 +125,15 @@ def fit(
     write_stripes(output, found, experiment)
     click.echo(f"stripes  {output}")
     shown = Fitted(
-        target.applied_strain,
-        target.values,
-        target.errors,
+        found.target.applied_strain,
+        found.target.values,
+        found.target.errors,
         *found.curves,
         found.factors,
         found.standard_errors,
     )
     with print_style():
-        figure = fit_figure(shown, f"{case.label}, fitted to {experiment}")
+        figure = fit_figure(shown, f"{found.before.label}, fitted to {experiment}")
         for suffix in (".pdf", ".png"):
             save(figure, output.with_suffix(suffix))
             click.echo(f"figure   {output.with_suffix(suffix)}")

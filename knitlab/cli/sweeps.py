@@ -158,14 +158,13 @@ def run(
     """Simulate the cases of WORKFLOW that are missing, build its cube and draw its figures."""
     if _is_finished(workflow, overrides, results):
         return
-    from knitlab.execution.run import RunOptions, run_plan
-    from knitlab.figures.drawing import draw_figures
+    from knitlab.api.sweeps import run_workflow
+    from knitlab.execution.run import RunOptions
     from knitlab.io.plain_cube import CUBE
     from knitlab.study.plan import make_plan
 
     made = make_plan(workflow, overrides)
     _echo_warnings(made)
-    folder = results / made.workflow
     options = RunOptions(
         workers=workers,
         scheduler=scheduler,
@@ -176,21 +175,17 @@ def run(
         dashboard=dashboard,
         show_progress=True,
     )
-    done = run_plan(made, folder, options)
+    done = run_workflow(made, results, options)
     _echo_excluded(made)
-    click.echo(f"{len(done.simulated)} cases simulated, {len(done.reused)} already there")
-    click.echo(f"cube    {folder / CUBE}")
-    figures, faults = draw_figures(made.figures, folder)
-    for path in figures:
+    click.echo(f"{len(done.run.simulated)} cases simulated, {len(done.run.reused)} already there")
+    click.echo(f"cube    {done.folder / CUBE}")
+    for path in done.figures:
         click.echo(f"figure  {path}")
-    for fault in faults:
+    for fault in done.faults:
         click.echo(f"knitlab: {fault}", err=True)
-    for failure in done.failures:
-        design = "  ".join(f"{name} {failure[name]}" for name in made.dims)
-        click.echo(f"{failure['status']}: {design}: {failure['reason']}", err=True)
-    for remark in done.remarks(folder):
-        click.echo(remark, err=True)
-    if done.failures or done.stale_parameters or done.stopped:
+    for line in (*done.failures, *done.run.remarks(done.folder)):
+        click.echo(line, err=True)
+    if not done.all_ok:
         sys.exit(SOME_CASE_NOT_OK)
 
 
@@ -230,16 +225,9 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
     If a file that the plan was made of has changed, the workflow is resolved anew, with the same
     settings.
     """
-    from knitlab.execution.status import changed_inputs, folder_status, planned_designs, read_plan
+    from knitlab.execution.status import workflow_status
 
-    folder = results / Path(workflow).stem
-    record = read_plan(folder)
-    designs = planned_designs(record)
-    if changed_inputs(record):
-        from knitlab.study.plan import make_plan
-
-        designs = make_plan(workflow, tuple(record["overrides"])).designs
-    found = folder_status(folder, record, designs, check)
+    found = workflow_status(workflow, results, check)
     if as_json:
         click.echo(json.dumps(found.record(), indent=1))
         return
@@ -264,8 +252,7 @@ def reproduce(case_id: str, results: Path) -> None:
 
     CASE_ID may be the beginning of one. Where its file is kept, the results are compared with it.
     """
-    from knitlab.execution.reproduce import find_case
-    from knitlab.execution.reproduce import reproduce as run_alone
+    from knitlab.api.sweeps import reproduce as reproduce_case
 
-    if not run_alone(find_case(results, case_id), click.echo):
+    if not reproduce_case(case_id, results=results, report=click.echo):
         sys.exit(SOME_CASE_NOT_OK)

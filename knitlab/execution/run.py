@@ -193,7 +193,8 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
             temporary.write_text("".join(json.dumps(entry) + "\n" for entry in failures))
     mine = tuple(entry for entry in failures if entry["case_id"] in plan.cases)
     changed = () if old is None else differences(parameters_of(old), plan.common)
-    return Run(cube, simulated, standing, mine, stopped, changed if stale else ())
+    words = tuple(map(str, changed)) if stale else ()
+    return Run(cube, simulated, standing, mine, stopped, words)
 
 
 def _old_cube(plan: Plan, path: Path) -> xr.Dataset | None:
@@ -208,11 +209,12 @@ def _old_cube(plan: Plan, path: Path) -> xr.Dataset | None:
     check_dims(PlainCube.of(cube), plan.dims, path)
     others = set(cells(PlainCube.of(cube))) - set(plan.designs.values())
     changed = differences(parameters_of(cube), plan.common)
-    changed = tuple(change for change in changed if not change.startswith(MAY_DIFFER))
+    changed = tuple(change for change in changed if change.key[0] not in MAY_DIFFER)
     if others and changed:
+        words = "; ".join(map(str, changed))
         raise fault(
             str(path),
-            f"holds {len(others)} designs computed otherwise ({'; '.join(changed)}); name another"
+            f"holds {len(others)} designs computed otherwise ({words}); name another"
             " --results, or list the values of a setting to make it a dimension",
         )
     return cube

@@ -91,6 +91,29 @@ def changed_inputs(record: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(path for path, digest in record["inputs"].items() if now.get(path) != digest)
 
 
+def workflow_status(workflow: str, results: Path, check: bool) -> FolderStatus:
+    """How far the last plan of a workflow has come, and what of it is stale.
+
+    If a file that the plan was made of has changed, the workflow is resolved anew.
+
+    Args:
+        workflow: its name, or the path of its file.
+        results: folder that holds a folder of results for each workflow.
+        check: whether to compare case files with their checksums.
+
+    Raises:
+        BadInput: if the workflow was never planned there.
+    """
+    folder = results / Path(workflow).stem
+    record = read_plan(folder)
+    designs = planned_designs(record)
+    if changed_inputs(record):
+        from knitlab.study.plan import make_plan  # only a changed workflow waits for JAX
+
+        designs = make_plan(workflow, tuple(record["overrides"])).designs
+    return folder_status(folder, record, designs, check)
+
+
 def folder_status(
     folder: Path, record: Mapping[str, Any], designs: Mapping[str, Design], check: bool
 ) -> FolderStatus:

@@ -21,6 +21,10 @@ class Fault:
         return f"{self.path}: {self.problem}"
 
 
+SINGLE_VALUES = ("bool_type", "float_type", "int_type", "literal_error", "string_type")
+"""What pydantic calls the faults of values that should be a single one."""
+
+
 class BadInput(Exception):
     """Input that cannot be used; carries every fault that was found."""
 
@@ -76,7 +80,7 @@ def faults_of(error: ValidationError, source: str, known: Collection[str] = ()) 
             _path(source, entry["loc"]),
             unknown(str(entry["loc"][-1]), known, "setting")
             if known and entry["type"] == "extra_forbidden"
-            else _problem(entry["type"], entry["msg"], entry["input"]),
+            else _problem(entry),
         )
         for entry in _reported(error)
     ]
@@ -95,13 +99,20 @@ def _path(source: str, location: tuple[int | str, ...]) -> str:
     return ": ".join(part for part in (source, ".".join(map(str, location))) if part)
 
 
-def _problem(kind: str, message: str, given: object) -> str:
+def _problem(entry: ErrorDetails) -> str:
+    kind, given = entry["type"], entry["input"]
     if kind == "missing":
         return "is missing; add it"
     if kind == "extra_forbidden":
         return "is not a known key; remove it or check its spelling"
-    if isinstance(given, list) and kind.startswith(("int", "float", "string")):
-        return f"is a list within a list, {given!r}; take one pair of brackets away"
-    message = message.removeprefix("Value error, ").removeprefix("Assertion failed, ")
-    text = message[0].lower() + message[1:]
-    return text if kind == "value_error" else f"{text}, but is {given!r}"
+    if isinstance(given, list) and kind in SINGLE_VALUES:
+        if isinstance(entry["loc"][-1], int):
+            return f"is a list within a list, {given!r}; take one pair of brackets away"
+        return f"is a list, {given!r}; give one value"
+    if kind == "value_error":
+        return _uncapitalised(str(entry["ctx"]["error"]))
+    return f"{_uncapitalised(entry['msg'])}, but is {given!r}"
+
+
+def _uncapitalised(text: str) -> str:
+    return text[:1].lower() + text[1:]

@@ -23,4 +23,4 @@ def unknown(name: str, known: Iterable[str], kind: str = "") -> str:
         return f"{problem}; did you mean {' or '.join(repr(by_case[near]) for near in nearest)}?"
     if len(names) > MOST_NAMES:
         return f"{problem}; it is none of the {len(names)} that there are; check its spelling"
-    return f"{problem}; choose of {', '.join(names)}"
+    return f"{problem}; choose from {', '.join(names)}"

@@ -194,7 +194,7 @@ def _read_capacitance(folder: Path, description: Description) -> Read:
     pulls = read_pulls(folder, description, tensile)
     log, time = read_capacitance(folder, table, pulls)
     strains = np.array(description.protocol.applied_strain)
-    least = read_parameters(shipped("params")).electrodes.linearity.value
+    least = read_parameters(shipped("params")).capacitor.linearity
 
     def of(cycle: Cycle) -> Values:
         return capacitance_values(log, time, pulls, cycle, strains, least)

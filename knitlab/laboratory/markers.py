@@ -50,8 +50,8 @@ class MarkedSample:
             description says [rad].
     """
 
-    relaxed: Float[np.ndarray, "cell_y+1 cell_x+1 2"]
-    corners: Float[np.ndarray, "frame cell_y+1 cell_x+1 2"]
+    relaxed: Float[np.ndarray, "corner_y corner_x 2"]
+    corners: Float[np.ndarray, "frame corner_y corner_x 2"]
     grid: MarkerGrid
     relaxed_frames: int
     unit_cells: tuple[int, int]

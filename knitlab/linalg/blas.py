@@ -19,8 +19,8 @@ from scipy.linalg import cython_blas, cython_lapack
 Call = tuple[Callable[..., None], tuple[int, ...], tuple[np.ndarray, ...]]
 """A routine, the addresses of its arguments, and the arrays that lie there, lest they go."""
 
-Matrix = Float[np.ndarray, "row column"]
-Vector = Float[np.ndarray, " row"]
+Matrix = Float[np.ndarray, "_ _"]
+Vector = Float[np.ndarray, " _"]
 Flag = Int[np.ndarray, "1"]
 """Of 32 bits: what LAPACK says of a call, 0 where all went well."""
 

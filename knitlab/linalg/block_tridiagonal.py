@@ -53,7 +53,7 @@ class BlockFactors(eqx.Module):
     """
 
     pivots: Float[Array, "*batch block width width"]
-    panels: Float[Array, "*batch block width+border width"]
+    panels: Float[Array, "*batch block row width"]
     corner: Float[Array, "*batch border border"]
     positive: Bool[Array, "*batch"]
     layout: BlockLayout = eqx.field(static=True)
@@ -111,7 +111,7 @@ class BlockTridiagonal:
         layout: of the unknowns in the blocks.
     """
 
-    columns: Int[np.ndarray, "block 2*width+border width"]
+    columns: Int[np.ndarray, "block row width"]
     corner: Int[np.ndarray, "border border"]
     layout: BlockLayout
 

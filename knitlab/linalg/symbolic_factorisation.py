@@ -168,7 +168,7 @@ def _boundaries(
     keys: Int[np.ndarray, " coupling"],
     starts: Int[np.ndarray, " front"],
     owner: Int[np.ndarray, " unknown"],
-) -> tuple[list[Int[np.ndarray, " boundary"]], list[int]]:
+) -> tuple[list[Int[np.ndarray, " _"]], list[int]]:
     """Boundary of every front, and the front that takes up its update; -1 if none."""
     fronts, unknowns = np.divmod(keys, len(owner))
     boundaries = np.split(unknowns, np.searchsorted(fronts, np.arange(1, len(starts) - 1)))
@@ -184,7 +184,7 @@ def _boundaries(
 
 def _fronts(
     starts: Int[np.ndarray, " front"],
-    boundaries: Sequence[Int[np.ndarray, " boundary"]],
+    boundaries: Sequence[Int[np.ndarray, " _"]],
     parents: Sequence[int],
     middle: int,
 ) -> tuple[tuple[Front, ...], int]:

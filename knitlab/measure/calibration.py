@@ -12,6 +12,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import t as student_t
 
 from knitlab.model.options import CellSize
+from knitlab.model.stripe import Knit, Stripe
 from knitlab.model.zigzag import Zigzag, tension
 
 FITTED = ("k_s", "k_t", "theta_0")
@@ -83,6 +84,17 @@ class Calibration:
         """
         flat = cell_size == "flat"
         return self.period / math.sin(self.values["theta_0"] / 2) if flat else self.period
+
+    def stripe(self, knit: Knit, n: int, cell_size: CellSize = "flat") -> Stripe:
+        """The fitted stripe, as a design takes it.
+
+        Args:
+            knit: rib or garter.
+            n: stitches across a stripe.
+            cell_size: model option that the stripe is for, on which its period depends.
+        """
+        period = self.tabulated_period(cell_size)
+        return Stripe(knit, n, period, **{name: self.values[name] for name in FITTED})
 
     @property
     def misfit(self) -> float:

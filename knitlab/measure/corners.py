@@ -12,7 +12,7 @@ def unit_cell_corners(
     shape: MeshShape,
     unit_cells: tuple[int, int],
     configuration: Configuration,
-) -> Float[Array | np.ndarray, "*state cell_y+1 cell_x+1 2"]:
+) -> Float[Array | np.ndarray, "*state corner_y corner_x 2"]:
     """Positions (x, y) of the corners of the unit cells [mm].
 
     Args:

@@ -9,7 +9,11 @@ sizes are therefore indicative, while ratios between designs do not depend on it
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
+from pydantic import PositiveFloat
+
+from knitlab.model.setting_types import Unit
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH
 
 ALONG_X = ("knit_cell_x", "knit_wavelength_x", "knit_width")
@@ -25,8 +29,8 @@ class Gauge:
         stitch_height: along the wale [mm].
     """
 
-    stitch_width: float
-    stitch_height: float
+    stitch_width: Annotated[PositiveFloat, Unit("mm")]
+    stitch_height: Annotated[PositiveFloat, Unit("mm")]
 
 
 def stitches_of_cell(patches: tuple[int, int], n_subunit: int) -> tuple[int, int]:

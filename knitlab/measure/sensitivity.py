@@ -25,7 +25,7 @@ def quantities(shape: MeshShape, unit_cells: tuple[int, int]) -> dict[str, Quant
         unit_cells: unit cells along (y, x).
     """
 
-    def corners(configuration: Configuration) -> Float[Array, "cell_y+1 cell_x+1 2"]:
+    def corners(configuration: Configuration) -> Float[Array, "corner_y corner_x 2"]:
         return jnp.asarray(unit_cell_corners(shape, unit_cells, configuration))
 
     def strains(relaxed: Configuration, strained: Configuration) -> list[Array]:

@@ -10,7 +10,10 @@ from jaxtyping import Array, Float
 
 from knitlab.measure.central import central
 
-CornerGrid = Float[Array | np.ndarray, "*state cell_y+1 cell_x+1 2"]
+CornerGrid = Float[Array | np.ndarray, "*state corner_y corner_x 2"]
+ReferenceGrid = Float[Array | np.ndarray, "... corner_y corner_x 2"]
+ReferenceTensor = Float[Array | np.ndarray, "... cell_y cell_x 2 2"]
+"""References are of one state, or of as many as there are."""
 CellTensor = Float[Array | np.ndarray, "*state cell_y cell_x 2 2"]
 CellField = Float[Array | np.ndarray, "*state cell_y cell_x"]
 Series = Float[Array | np.ndarray, "*state"]
@@ -38,7 +41,7 @@ def lattice_vectors(corners: CornerGrid) -> CellTensor:
     return xp.stack([v1, v2], axis=-1)
 
 
-def deformation_gradient(reference: CellTensor, current: CellTensor) -> CellTensor:
+def deformation_gradient(reference: ReferenceTensor, current: CellTensor) -> CellTensor:
     """F of every unit cell, from (w1 w2) = F (v1 v2) [1].
 
     Args:
@@ -50,7 +53,7 @@ def deformation_gradient(reference: CellTensor, current: CellTensor) -> CellTens
     return xp.matrix_transpose(transposed)
 
 
-def local_strain(reference: CornerGrid, current: CornerGrid) -> tuple[CellField, CellField]:
+def local_strain(reference: ReferenceGrid, current: CornerGrid) -> tuple[CellField, CellField]:
     """Local normal strains ε_xx = ∂u_x/∂X and ε_yy = ∂u_y/∂Y of every unit cell [1].
 
     Args:

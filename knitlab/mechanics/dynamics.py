@@ -7,19 +7,21 @@ own step size and its own end, so none can disturb another.
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import lru_cache, partial
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
+from pydantic import Field, PositiveFloat, PositiveInt
 
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import Energy, energy
 from knitlab.model.fabric import Fabric
 from knitlab.model.inertia import Inertia, drag, kinetic_energy, lagrangian, nodes_moved
 from knitlab.model.network import MeshShape, Network, network
+from knitlab.model.setting_types import Fraction, Unit
 
 Ending = Literal["steady", "fixed_steps"]
 
@@ -47,18 +49,18 @@ class DynamicsSettings:
     """
 
     ending: Ending = "steady"
-    steady_force: float = 1e-7
-    fixed_steps_force: float = 1e-3
-    duration: float = 100.0
-    max_steps: int = 1_000_000
-    relative_tolerance: float = 1e-6
-    absolute_tolerance: float = 1e-10
-    fixed_steps: int = 1600
-    time_step: float = 1e-3
-    ramp_rate: float = 0.02
-    quasi_static_limit: float = 0.05
-    smallest_rate: float = 1 / 16
-    snapshots: int = 60
+    steady_force: Annotated[PositiveFloat, Unit("N")] = 1e-7
+    fixed_steps_force: Annotated[PositiveFloat, Unit("N")] = 1e-3
+    duration: Annotated[PositiveFloat, Unit("ms")] = 100.0
+    max_steps: PositiveInt = 1_000_000
+    relative_tolerance: Fraction = 1e-6
+    absolute_tolerance: PositiveFloat = 1e-10
+    fixed_steps: PositiveInt = 1600
+    time_step: Annotated[PositiveFloat, Unit("ms")] = 1e-3
+    ramp_rate: Annotated[PositiveFloat, Unit("1/ms")] = 0.02
+    quasi_static_limit: PositiveFloat = 0.05
+    smallest_rate: Fraction = 1 / 16
+    snapshots: Annotated[int, Field(ge=2, le=1000)] = 60
 
     @property
     def force_left(self) -> float:

@@ -7,13 +7,15 @@ and the same solver runs alone on a processor or beside others in batches on an 
 
 from collections.abc import Generator
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import NonNegativeFloat, PositiveFloat, PositiveInt
 
 from knitlab.mechanics.evaluation import WHOLE, Stage
 from knitlab.mechanics.stiffness import FreeStiffness
+from knitlab.model.setting_types import Fraction, Unit
 
 Result = TypeVar("Result")
 
@@ -107,15 +109,15 @@ class SolverSettings:
             the test is so slow that every state is an equilibrium.
     """
 
-    tolerance: float = 1e-8
-    max_iterations: int = 4000
-    step_limit: float = 0.3
-    smallest_shift: float = 1e-9
+    tolerance: Annotated[PositiveFloat, Unit("N")] = 1e-8
+    max_iterations: PositiveInt = 4000
+    step_limit: Fraction = 0.3
+    smallest_shift: Annotated[PositiveFloat, Unit("N/mm")] = 1e-9
     start: Start = "endless"
-    ramp_steps: int = 1
-    soft_wall: float = 1e-3
-    waypoint_force: float = 1e-3
-    path_step: float = 0.01
-    smallest_step: float = 1 / 8
-    branch_limit: float = 0.05
-    drag: float = 0.0
+    ramp_steps: PositiveInt = 1
+    soft_wall: Fraction = 1e-3
+    waypoint_force: Fraction = 1e-3
+    path_step: Fraction = 0.01
+    smallest_step: Fraction = 1 / 8
+    branch_limit: PositiveFloat = 0.05
+    drag: Annotated[NonNegativeFloat, Unit("N/mm")] = 0.0

@@ -107,7 +107,7 @@ def couplings(found: Sequence[Subdomain], unknowns: int) -> Bool[np.ndarray, "su
     return coupled | coupled.T | np.eye(len(found), dtype=bool)
 
 
-def _membership(places: Sequence[Int[np.ndarray, " place"]], unknowns: int) -> sp.csr_array:
+def _membership(places: Sequence[Int[np.ndarray, " _"]], unknowns: int) -> sp.csr_array:
     ends = np.cumsum([0, *map(len, places)])
     return sp.csr_array(
         (np.ones(ends[-1]), np.concatenate(places), ends), shape=(len(places), unknowns)

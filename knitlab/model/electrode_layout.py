@@ -1,10 +1,18 @@
 """Layouts: which fold lines of a fabric carry conductor, and what that makes of its chart."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Bool
+from pydantic import (
+    AfterValidator,
+    PositiveFloat,
+    PositiveInt,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -13,10 +21,30 @@ from knitlab.model.fabric import patch_senses
 from knitlab.model.network import MeshShape, mesh_shape
 from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import Pattern
+from knitlab.model.setting_types import Position
 
 Face = Literal["front", "back", "both"]
 Within = Literal["patch", "fabric"]
-Width = float | Literal["stripe"]
+
+
+def _width(value: object, number_or_stripe: ValidatorFunctionWrapHandler) -> object:
+    try:
+        return number_or_stripe(value)
+    except ValidationError as error:
+        problem = f"a width is a number of stitches above 0 or 'stripe', but is {value!r}"
+        raise ValueError(problem) from error
+
+
+def _mask(rows: tuple[str, ...]) -> tuple[str, ...]:
+    if len({len(row) for row in rows}) > 1 or "" in rows:
+        raise ValueError("a mask is a rectangle of letters; give rows of equal length")
+    if unknown := sorted(set("".join(rows).upper()) - {*NAMES, BARE}):
+        raise ValueError(f"a mask holds A, B and '.', not {', '.join(unknown)}")
+    return rows
+
+
+Width = Annotated[PositiveFloat | Literal["stripe"], WrapValidator(_width)]
+Mask = Annotated[tuple[str, ...], AfterValidator(_mask)]
 
 SENSES: dict[Face, tuple[int, ...]] = {"front": (1,), "back": (-1,), "both": (1, -1)}
 CELLS_PER_STRIPE = 2
@@ -53,12 +81,12 @@ class ElectrodeLayout:
     """
 
     along: Along = "wale"
-    ridges: tuple[int, int] = (1, 2)
+    ridges: tuple[PositiveInt, PositiveInt] = (1, 2)
     face: Face = "front"
     within: Within = "patch"
     width: Width = "stripe"
-    span: tuple[float, float] = (0.0, 1.0)
-    mask: tuple[str, ...] = ()
+    span: tuple[Position, Position] = (0.0, 1.0)
+    mask: Mask = ()
 
 
 def place_electrodes(

@@ -1,16 +1,19 @@
 """The fabric: a network with the numbers of its stripes, ready to have its energy taken."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
+from pydantic import PositiveFloat
 
 from knitlab.model.configuration import Configuration
 from knitlab.model.network import Network, mesh_shape, network
 from knitlab.model.options import FoldAngle, ModelOptions
 from knitlab.model.pattern import CELLS_PER_PERIOD, Pattern, fold_senses, inside_runs
+from knitlab.model.setting_types import Unit
 from knitlab.model.stripe import Stripe
 
 
@@ -23,8 +26,8 @@ class Sheet:
         k_wall: penalty stiffness of the walls [N/mm].
     """
 
-    z_max: float
-    k_wall: float
+    z_max: Annotated[PositiveFloat, Unit("mm")]
+    k_wall: Annotated[PositiveFloat, Unit("N/mm")]
 
 
 class Fabric(eqx.Module):
@@ -118,7 +121,7 @@ class FabricLayout:
     options: ModelOptions
     spring_kind: Int[np.ndarray, " spring"]
     hinge_kind: Int[np.ndarray, " hinge"]
-    fold_sense: Int[np.ndarray, " hinge"]
+    fold_sense: Float[np.ndarray, " hinge"]
     hinged: Bool[np.ndarray, " hinge"]
 
     def fabric(self, stripes: StripePair) -> Fabric:

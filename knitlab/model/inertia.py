@@ -4,11 +4,13 @@ Units are mm, N, g and ms, in which 1 N = 1 g mm/ms².
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
+from pydantic import PositiveFloat
 
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
@@ -16,6 +18,7 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, Network
 from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import CELLS_PER_PERIOD
+from knitlab.model.setting_types import Unit
 from knitlab.model.stripe import Stripe
 
 
@@ -28,8 +31,8 @@ class MassAndDrag:
         damping: viscous damping of a node, c [g/ms].
     """
 
-    surface_density: float
-    damping: float
+    surface_density: Annotated[PositiveFloat, Unit("g/mm^2")]
+    damping: Annotated[PositiveFloat, Unit("g/ms")]
 
 
 class Inertia(eqx.Module):

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from pydantic import PositiveFloat
+
 CellSize = Literal["flat", "relaxed"]
 FoldPhase = Literal["stripe_centre", "stripe_border"]
 Hinges = Literal["fold_lines", "all"]
@@ -45,5 +47,5 @@ class ModelOptions:
     hinge_stiffness: HingeStiffness = "per_edge"
     garter_start: GarterStart = "mountain"
     fold_angle: FoldAngle = "whole_normals"
-    length_scale: float = 1.0
+    length_scale: PositiveFloat = 1.0
     boundary: Boundary = "clamped"

@@ -2,7 +2,11 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import PositiveFloat
+
+from knitlab.model.setting_types import RestAngle, Unit
 
 Knit = Literal["rib", "garter"]
 
@@ -26,10 +30,10 @@ class Stripe:
 
     knit: Knit
     n: int
-    period: float
-    k_s: float
-    theta_0: float
-    k_t: float
+    period: Annotated[PositiveFloat, Unit("mm")]
+    k_s: Annotated[PositiveFloat, Unit("N/mm")]
+    theta_0: RestAngle
+    k_t: Annotated[PositiveFloat, Unit("N")]
 
     @property
     def fold(self) -> float:

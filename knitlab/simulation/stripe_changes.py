@@ -1,65 +1,35 @@
-"""Changes: stripe and sheet parameters that a workflow gives anew, or multiplies."""
+"""Changes of stripe and sheet parameters: numbers that replace others, and factors on them."""
 
 import math
-from dataclasses import replace
-from typing import Any
-
-from pydantic import PositiveFloat
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any, TypeVar
 
 from knitlab.io.errors import fault
-from knitlab.io.strict_model import StrictModel
+from knitlab.model.fabric import Sheet
+from knitlab.model.inertia import MassAndDrag
 from knitlab.model.stripe import Stripe
 
 STRIPE_QUANTITIES = ("period", "k_s", "k_t", "theta_0")
-SHEET_QUANTITIES = ("z_max", "k_wall", "surface_density", "damping")
+"""The numbers of a stripe, in the order in which siblings draw theirs at random."""
+
+Table = TypeVar("Table", Sheet, MassAndDrag)
 
 
-class Changes(StrictModel):
-    """What a ``[model]`` may say of stripes and sheet; factors multiply what else is said."""
+def changed_stripe(stripe: Stripe, changes: Mapping[str, float]) -> Stripe:
+    """A stripe with numbers replaced and multiplied.
 
-    period_factor: PositiveFloat | None = None
-    k_s_factor: PositiveFloat | None = None
-    k_t_factor: PositiveFloat | None = None
-    theta_0_factor: PositiveFloat | None = None
-
-    rib_period: PositiveFloat | None = None
-    rib_k_s: PositiveFloat | None = None
-    rib_k_t: PositiveFloat | None = None
-    rib_theta_0: PositiveFloat | None = None
-    rib_period_factor: PositiveFloat | None = None
-    rib_k_s_factor: PositiveFloat | None = None
-    rib_k_t_factor: PositiveFloat | None = None
-    rib_theta_0_factor: PositiveFloat | None = None
-
-    garter_period: PositiveFloat | None = None
-    garter_k_s: PositiveFloat | None = None
-    garter_k_t: PositiveFloat | None = None
-    garter_theta_0: PositiveFloat | None = None
-    garter_period_factor: PositiveFloat | None = None
-    garter_k_s_factor: PositiveFloat | None = None
-    garter_k_t_factor: PositiveFloat | None = None
-    garter_theta_0_factor: PositiveFloat | None = None
-
-    z_max: PositiveFloat | None = None
-    k_wall: PositiveFloat | None = None
-    surface_density: PositiveFloat | None = None
-    damping: PositiveFloat | None = None
-    z_max_factor: PositiveFloat | None = None
-    k_wall_factor: PositiveFloat | None = None
-    surface_density_factor: PositiveFloat | None = None
-    damping_factor: PositiveFloat | None = None
-
-
-def changed_stripe(stripe: Stripe, changes: Changes) -> Stripe:
-    """The stripe with what the changes say of its knit.
+    Args:
+        stripe: the stripe.
+        changes: numbers by names such as ``rib_k_s``, and factors by names such as
+            ``rib_k_s_factor`` for one knit or ``k_s_factor`` for both.
 
     Raises:
         BadInput: if its rest angle would reach π, which is flat.
     """
-    numbers = {name: getattr(stripe, name) for name in STRIPE_QUANTITIES}
-    numbers = {
-        name: _changed(number, changes, f"{stripe.knit}_{name}", f"{name}_factor")
-        for name, number in numbers.items()
+    numbers: dict[str, Any] = {
+        name: _changed(getattr(stripe, name), changes, f"{stripe.knit}_{name}", f"{name}_factor")
+        for name in STRIPE_QUANTITIES
     }
     if not numbers["theta_0"] < math.pi:
         raise fault(
@@ -70,13 +40,17 @@ def changed_stripe(stripe: Stripe, changes: Changes) -> Stripe:
     return replace(stripe, **numbers)
 
 
-def changed_sheet(values: dict[str, float], changes: Changes) -> dict[str, float]:
-    """The values of ``sheet.toml`` with what the changes say of them."""
-    return {name: _changed(value, changes, name) for name, value in values.items()}
+def changed_table(table: Table, changes: Mapping[str, float]) -> Table:
+    """A table of the sheet with numbers replaced and multiplied.
+
+    Args:
+        table: walls, or mass and drag.
+        changes: numbers by names such as ``z_max``, and factors such as ``z_max_factor``.
+    """
+    names = [field.name for field in fields(table)]
+    return replace(table, **{name: _changed(getattr(table, name), changes, name) for name in names})
 
 
-def _changed(value: float, changes: Any, name: str, *more_factors: str) -> float:
-    own = getattr(changes, name)
-    factors = [getattr(changes, factor) for factor in (f"{name}_factor", *more_factors)]
-    given = value if own is None else own
-    return math.prod([given, *(factor for factor in factors if factor is not None)])
+def _changed(value: float, changes: Mapping[str, float], name: str, *more_factors: str) -> float:
+    names = [factor for factor in (f"{name}_factor", *more_factors) if factor in changes]
+    return math.prod([changes.get(name, value), *(changes[factor] for factor in names)])

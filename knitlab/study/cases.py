@@ -1,19 +1,15 @@
 """The cases of a design space: what a workflow and the parameters make of each design."""
 
 from collections.abc import Iterator
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from knitlab.capacitance.capacitor import Capacitor
 from knitlab.io.errors import fault
 from knitlab.io.strict_model import StrictModel
-from knitlab.mechanics.dynamics import DynamicsSettings
-from knitlab.mechanics.solver import SolverSettings
 from knitlab.model.electrode_layout import ElectrodeLayout
-from knitlab.model.fabric import Sheet
-from knitlab.model.inertia import MassAndDrag
-from knitlab.model.options import Boundary, ModelOptions
+from knitlab.model.options import Boundary
 from knitlab.model.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
     Knit,
@@ -21,17 +17,19 @@ from knitlab.model.stripe import (
     periods_per_patch,
 )
 from knitlab.simulation.case import Case, Label
-from knitlab.simulation.stripe_changes import changed_sheet, changed_stripe
+from knitlab.simulation.stripe_changes import changed_stripe, changed_table
 from knitlab.study.axes import SweepAxis, combinations
-from knitlab.study.design_space import DesignSpace
-from knitlab.study.parameters import ElectrodeParameters, Parameters, read_stripe_file
+from knitlab.study.declared_fields import declared
+from knitlab.study.design_space import DesignSpace, Source
+from knitlab.study.parameters import Parameters, read_stripe_file
 from knitlab.study.sample_size import sample_size
 from knitlab.study.workflow import ElectrodesSection, ModelSection, Workflow
 from knitlab.study.workflow_text import WorkflowText
 
-# A pure stripe lies with its ridges along x, whatever its knit, and is pulled across them along y.
+# A pure stripe has its ridges along x, whatever its knit, and is pulled across them along y.
 PULLED_ACROSS = ("G",)
 STRIPE_FILES = "model.stripe_files"
+Table = TypeVar("Table")
 
 
 def with_stripe_files(
@@ -45,47 +43,73 @@ def with_stripe_files(
     stripes = parameters.stripes
     for path in stripe_files(section, text):
         stripes = read_stripe_file(path, text.source(STRIPE_FILES)).over(stripes)
-    return parameters.having(stripes)
+    return replace(parameters, stripes=stripes)
 
 
 def stripe_files(section: ModelSection, text: WorkflowText) -> list[Path]:
-    """Where the ``stripe_files`` of a workflow lie."""
+    """Paths of the ``stripe_files`` of a workflow."""
     return [text.folder(STRIPE_FILES) / name for name in section.stripe_files]
 
 
 def cases(
-    workflow: Workflow, axes: tuple[SweepAxis, ...], space: DesignSpace, parameters: Parameters
+    workflow: Workflow,
+    axes: tuple[SweepAxis, ...],
+    space: DesignSpace,
+    parameters: Parameters,
+    source: Source,
 ) -> Iterator[Case]:
-    """Every case of a workflow: every design under every combination of the axes' values."""
+    """Every case of a workflow: every design under every combination of the axes' values.
+
+    Args:
+        workflow: the workflow, with the first value of each axis.
+        axes: its axes.
+        space: its designs.
+        parameters: values that it does not replace.
+        source: names where a ``section.key`` comes from, for a fault.
+
+    Raises:
+        BadInput: if settings contradict each other.
+    """
     for labels, chosen in combinations(workflow, axes):
-        yield from _cases(chosen, labels, space, parameters)
+        yield from _cases(chosen, labels, space, parameters, source)
+
+
+def overridden(table: Table, section: StrictModel) -> Table:
+    """A table of settings with what a workflow's section gives in place of them."""
+    given = section.model_dump(include=set(declared(type(table))), exclude_none=True)
+    # mypy knows no bound for "any dataclass".
+    return replace(table, **given)  # type: ignore[type-var]
 
 
 def _cases(
-    workflow: Workflow, labels: dict[str, Label], space: DesignSpace, parameters: Parameters
+    workflow: Workflow,
+    labels: dict[str, Label],
+    space: DesignSpace,
+    parameters: Parameters,
+    source: Source,
 ) -> Iterator[Case]:
-    protocol = workflow.protocol
-    sheet = changed_sheet(_values(parameters.sheet), workflow.model)
-    reading = merged(parameters.reading, workflow.model)
+    protocol, changes = workflow.protocol, workflow.model.changes
+    model_options = overridden(parameters.model_options, workflow.model)
+    solver = overridden(parameters.solver, workflow.solver)
     common: dict[str, Any] = {
-        "sheet": Sheet(**_of(Sheet, sheet)),
+        "sheet": changed_table(parameters.sheet, changes),
         "mass_and_drag": None,
         "applied_strain": protocol.applied_strain,
         "method": protocol.method,
-        "solver": SolverSettings(**merged(parameters.solver, workflow.solver)),
+        "solver": solver,
         "sensitivities": protocol.sensitivities,
         "unloading": protocol.unloading,
         "robustness": protocol.robustness if protocol.method == "equilibrium" else 0,
-        "capacitor": _capacitor(workflow.electrodes, parameters.electrodes),
+        "capacitor": _capacitor(workflow.electrodes, parameters, source),
     }
     if protocol.method == "dynamics":
-        common["mass_and_drag"] = MassAndDrag(**_of(MassAndDrag, sheet))
-        common["solver"] = DynamicsSettings(**merged(parameters.dynamics, workflow.dynamics))
-    elif common["solver"].drag:
-        _check_drag(workflow, reading["boundary"])
+        common["mass_and_drag"] = changed_table(parameters.mass_and_drag, changes)
+        common["solver"] = overridden(parameters.dynamics, workflow.dynamics)
+    elif solver.drag:
+        _check_drag(workflow, model_options.boundary, source)
 
     def stripe(knit: Knit, stitches: int) -> Stripe:
-        return changed_stripe(parameters.stripes.stripe(knit, stitches), workflow.model)
+        return changed_stripe(parameters.stripes.stripe(knit, stitches), changes)
 
     if workflow.design is not None:
         for n_stripe, n_subunit in space.designs:
@@ -94,7 +118,7 @@ def _cases(
                 design={"n_stripe": n, "n_subunit": m, **labels},
                 weft=stripe("rib", n),
                 warp=stripe("garter", GARTER_STITCHES_PER_RIB_STITCH * n),
-                reading=ModelOptions(**reading),
+                reading=model_options,
                 pattern=workflow.design.pattern,
                 periods=periods_per_patch(n, m),
                 unit_cells=sample_size(workflow.design, m),
@@ -103,11 +127,12 @@ def _cases(
     elif workflow.stripes is not None:
         for knit, stitches, boundary in space.designs:
             pure = stripe("rib" if knit == "rib" else "garter", int(stitches))
+            options: dict[str, Any] = {"boundary": boundary}
             yield Case(
                 design={"knit": knit, "n": stitches, "boundary": boundary, **labels},
                 weft=pure,
                 warp=pure,
-                reading=ModelOptions(**reading | {"boundary": boundary}),
+                reading=replace(model_options, **options),
                 pattern=PULLED_ACROSS,
                 periods=workflow.stripes.stripe_periods,
                 unit_cells=(1, 1),
@@ -115,54 +140,35 @@ def _cases(
             )
 
 
-def _check_drag(workflow: Workflow, boundary: Boundary) -> None:
+def _check_drag(workflow: Workflow, boundary: Boundary, source: Source) -> None:
     """Refuse drag where it has no meaning.
 
     Raises:
-        BadInput: if fabric without end would be dragged, or derivatives be taken that know of no
-            drag.
+        BadInput: if periodic fabric would have drag, or sensitivities be taken, which leave it out.
     """
     boundaries = workflow.stripes.boundaries if workflow.stripes else (boundary,)
     if "periodic" in boundaries:
         problem = "holds back a sample that moves between clamps; periodic fabric has no place to"
-        raise fault("solver.drag", f"{problem} move from: take boundary = clamped, or drag = 0")
+        raise fault(
+            source("solver.drag"), f"{problem} move from: take boundary = clamped, or drag = 0"
+        )
     if workflow.protocol.sensitivities:
         problem = "has no sensitivities, which are those of equilibria; take drag = 0"
-        raise fault("solver.drag", problem)
+        raise fault(source("solver.drag"), problem)
 
 
 def _capacitor(
-    section: ElectrodesSection | None, parameters: ElectrodeParameters
+    section: ElectrodesSection | None, parameters: Parameters, source: Source
 ) -> Capacitor | None:
     if section is None:
         return None
-    given = section.model_dump(exclude_none=True)
-    if section.layout is not None and section.layout not in parameters.layouts:
-        known = ", ".join(parameters.layouts)
-        problem = f"there is no layout {section.layout!r}; choose of {known}, or give a mask"
-        raise fault("electrodes.layout", problem)
     layout = ElectrodeLayout()
     if section.layout is not None:
-        named = parameters.layouts[section.layout].model_dump(exclude={"source"})
-        layout = ElectrodeLayout(**named)
-    layout = replace(layout, **{key: its for key, its in given.items() if hasattr(layout, key)})
-    numbers = {
-        name: given.get(name, getattr(parameters, name).value)
-        for name in type(parameters).model_fields
-        if name != "layouts"
-    }
-    return Capacitor(layout=layout, **numbers)
-
-
-def merged(parameters: StrictModel, section: StrictModel) -> dict[str, Any]:
-    """Values of a parameter file, each replaced where the workflow's section has one."""
-    given = section.model_dump(exclude_none=True)
-    return {key: given.get(key, value) for key, value in _values(parameters).items()}
-
-
-def _values(parameters: StrictModel) -> dict[str, Any]:
-    return {key: getattr(parameters, key).value for key in type(parameters).model_fields}
-
-
-def _of(kind: type, values: dict[str, Any]) -> dict[str, Any]:
-    return {field.name: values[field.name] for field in fields(kind)}
+        if section.layout not in parameters.layouts:
+            known = ", ".join(parameters.layouts)
+            problem = f"there is no layout {section.layout!r}; choose from {known}, or give a mask"
+            raise fault(source("electrodes.layout"), problem)
+        layout = parameters.layouts[section.layout]
+    # The section's ``layout`` is a name.
+    numbers = overridden(parameters.capacitor, section)
+    return replace(numbers, layout=overridden(layout, section))

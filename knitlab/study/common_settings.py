@@ -1,29 +1,56 @@
-"""Common parameters: what all designs of a cube share, and in what two sets of them differ."""
+"""Common settings: what all designs of a cube share, and in what two sets of them differ."""
 
 import json
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    import xarray as xr
+from knitlab.simulation.case import Case
 
-    from knitlab.study.plan import Plan
+if TYPE_CHECKING:
+    import xarray as xr  # slow to import
 
 ATTRIBUTE = "parameters"
+"""The cube's attribute that states them."""
 OF_DESIGNS = ("design", "weft", "warp", "periods")
 """What follows from a design and the stripes."""
 
 
-def common_parameters(plan: "Plan") -> dict[str, Any]:
+@dataclass(frozen=True)
+class Difference:
+    """One setting in which two sets differ.
+
+    Attributes:
+        key: its key, with the tables that it is in before it.
+        before, after: its two values.
+    """
+
+    key: tuple[str, ...]
+    before: Any
+    after: Any
+
+    def __str__(self) -> str:
+        name = ".".join(self.key)
+        if isinstance(self.before, list):
+            return name
+        return f"{name} was {self.before}, is {self.after}"
+
+
+def common_settings(cases: Iterable[Case], swept: Collection[str], stripes: str) -> dict[str, Any]:
     """What all cases of a plan share beside their designs.
 
     The rest, what is a dimension included, is in ``plan.json`` and in each case file.
+
+    Args:
+        cases: the cases.
+        swept: settings that are dimensions, or quantities that have a factor as a dimension.
+        stripes: fingerprint of the stripes.
     """
     # As JSON holds them, so that they compare with what a cube states.
-    records = json.loads(json.dumps([case.record for case in plan.cases.values()]))
-    common: dict[str, Any] = records[0]
-    for record in records[1:]:
+    first, *others = json.loads(json.dumps([case.record for case in cases]))
+    common: dict[str, Any] = first
+    for record in others:
         common = shared(common, record)
-    swept = {dim.removesuffix("_factor") for dim in plan.dims}
     common = {key: value for key, value in common.items() if key not in {*OF_DESIGNS, *swept}}
     common = {
         key: {name: its for name, its in value.items() if name not in swept}
@@ -31,11 +58,11 @@ def common_parameters(plan: "Plan") -> dict[str, Any]:
         else value
         for key, value in common.items()
     }
-    return common | {"stripes": plan.stripes}
+    return common | {"stripes": stripes}
 
 
 def parameters_of(cube: "xr.Dataset") -> dict[str, Any]:
-    """The common parameters that a cube states."""
+    """The common settings that a cube states."""
     stated: dict[str, Any] = json.loads(cube.attrs.get(ATTRIBUTE, "{}"))
     return stated
 
@@ -51,14 +78,24 @@ def shared(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
     return both
 
 
-def differences(one: dict[str, Any], other: dict[str, Any], path: str = "") -> tuple[str, ...]:
-    """Where two records that both say something say different things, in words."""
-    found: list[str] = []
+def differences(
+    one: dict[str, Any], other: dict[str, Any], within: tuple[str, ...] = ()
+) -> tuple[Difference, ...]:
+    """Where two records have different values under the same key.
+
+    Args:
+        one: the first record.
+        other: the second.
+        within: keys of the tables that they are in.
+
+    Returns:
+        The differences, ordered as their sentences are.
+    """
+    found: list[Difference] = []
     for key in one.keys() & other.keys():
         before, after = one[key], other[key]
         if isinstance(before, dict) and isinstance(after, dict):
-            found += differences(before, after, f"{path}{key}.")
+            found += differences(before, after, (*within, key))
         elif before != after:
-            long = isinstance(before, list)
-            found.append(f"{path}{key}" if long else f"{path}{key} was {before}, is {after}")
-    return tuple(sorted(found))
+            found.append(Difference((*within, key), before, after))
+    return tuple(sorted(found, key=str))

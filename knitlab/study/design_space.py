@@ -1,4 +1,4 @@
-"""The design space: which designs a workflow asks for, and which of them are possible."""
+"""The design space: the designs of a workflow, and which of them are possible."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class DesignSpace:
     Attributes:
         designs: labels of those to simulate, ordered: (n_stripe, n_subunit) of a checkerboard,
             (knit, n, boundary) of a pure stripe.
-        excluded: combinations of a grid that no fabric can have, with the reason.
+        excluded: impossible combinations of a grid, with the reason.
     """
 
     designs: tuple[Design, ...]
@@ -34,17 +34,17 @@ def design_space(section: DesignSection, parameters: Parameters, source: Source)
     Impossible combinations of a grid are excluded.
 
     Args:
-        section: what the workflow says.
-        parameters: the stripes and sets there are.
-        source: says where a ``section.key`` comes from, for a fault.
+        section: the workflow's section.
+        parameters: the stripe tables and the named sets.
+        source: names where a ``section.key`` comes from, for a fault.
 
     Raises:
-        BadInput: if a set or a member asked for does not exist, if a single design that was
-            asked for is impossible, or if no design is left.
+        BadInput: if a set or a member of it does not exist, if a single design is impossible, or
+            if no design is left.
     """
     name, sets = section.set or DEFAULT_SET, parameters.designs.root
     if name not in sets:
-        raise fault(source("design.set"), f"there is no set {name!r}; choose of {sorted(sets)}")
+        raise fault(source("design.set"), f"there is no set {name!r}; choose from {sorted(sets)}")
     if section.n_stripe is not None and section.n_subunit is not None:
         return _grid(section.n_stripe, section.n_subunit, parameters, source)
     return _members(section, name, sets[name].pairs, source)
@@ -54,7 +54,7 @@ def _grid(
     n_stripe: tuple[int, ...], n_subunit: tuple[int, ...], parameters: Parameters, source: Source
 ) -> DesignSpace:
     pairs = sorted({(n, m) for n in n_stripe for m in n_subunit})
-    reasons = {pair: parameters.impossible(*pair) for pair in pairs}
+    reasons = {pair: parameters.stripes.impossible(*pair) for pair in pairs}
     excluded: dict[Design, str] = {pair: reason for pair, reason in reasons.items() if reason}
     if len(excluded) == len(pairs):
         asked = ", ".join(dict.fromkeys(map(source, ("design.n_stripe", "design.n_subunit"))))
@@ -76,7 +76,7 @@ def _members(
         faults += [
             Fault(
                 source(f"design.{key}"),
-                f"set {name!r} has no {key} = {value}; choose of {sorted(members)},"
+                f"set {name!r} has no {key} = {value}; choose from {sorted(members)},"
                 f" or give {other} too for a grid of your own",
             )
             for value in wanted
@@ -89,17 +89,22 @@ def _members(
 
 
 def stripe_space(section: StripesSection, parameters: Parameters, source: Source) -> DesignSpace:
-    """Resolve a workflow's ``[stripes]``: every stripe that there is, or those of the sizes asked.
+    """Resolve a workflow's ``[stripes]``: all stripes of the tables, or those of some sizes.
 
-    A size that one knit has and another has not is excluded for the other.
+    A size that only one of the knits has is excluded for the other.
+
+    Args:
+        section: the workflow's section.
+        parameters: the stripe tables.
+        source: names where a ``section.key`` comes from, for a fault.
 
     Raises:
-        BadInput: if no knit that was asked for has a stripe of a size.
+        BadInput: if none of the knits has a stripe of a size.
     """
     there = {knit: sorted(map(int, parameters.stripes.table(knit).n)) for knit in section.knit}
     sizes = sorted(set().union(*there.values()))
     if section.n and (strangers := sorted(set(section.n) - set(sizes))):
-        problem = f"there is no stripe of n = {strangers}; choose of {sizes}"
+        problem = f"there is no stripe of n = {strangers}; choose from {sizes}"
         raise fault(source("stripes.n"), problem)
     asked = [
         (knit, n, boundary)
@@ -108,7 +113,7 @@ def stripe_space(section: StripesSection, parameters: Parameters, source: Source
         for boundary in dict.fromkeys(section.boundaries)
     ]
     excluded: dict[Design, str] = {
-        (knit, n, boundary): f"there is no {knit} stripe of n = {n}; choose of {there[knit]}"
+        (knit, n, boundary): f"there is no {knit} stripe of n = {n}; choose from {there[knit]}"
         for knit, n, boundary in asked
         if n not in there[knit] and section.n
     }

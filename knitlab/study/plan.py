@@ -23,16 +23,16 @@ from knitlab.model.electrode_layout import BadLayout
 from knitlab.model.network import MeshShape
 from knitlab.model.options import FoldAngle
 from knitlab.simulation.case import Case
-from knitlab.simulation.stripe_changes import Changes
 from knitlab.study.axes import SweepAxis
-from knitlab.study.cases import cases, merged, stripe_files, with_stripe_files
-from knitlab.study.common_settings import common_parameters
+from knitlab.study.cases import cases, overridden, stripe_files, with_stripe_files
+from knitlab.study.common_settings import common_settings
 from knitlab.study.design_space import Design, DesignSpace, design_space, stripe_space
 from knitlab.study.estimate import bytes_needed, seconds
 from knitlab.study.overrides import Overrides, as_text
 from knitlab.study.parameters import Parameters, read_parameters
+from knitlab.study.settings import SETTINGS
 from knitlab.study.unusual import unusual_values
-from knitlab.study.workflow import Workflow
+from knitlab.study.workflow import CHANGES, Workflow
 from knitlab.study.workflow_file import workflow_file
 from knitlab.study.workflow_text import WorkflowText, read_workflow
 
@@ -67,13 +67,13 @@ class Plan:
         figures: the figures that it draws.
         cases: what to simulate, by identifier.
         batches: the cases by mesh shape, as many together as memory allows.
-        excluded: designs of the grid that no fabric can have, with the reason.
-        coordinates: of the settings that it gives as lists.
+        excluded: impossible designs of the grid, with the reason.
+        coordinates: of the settings that are given as lists.
         overrides: the ``KEY=VALUE`` settings that it was made with.
-        inputs: SHA-256 of every file that it was made from, by path.
-        stripes: fingerprint of the stripes, with what the workflow changes of all of them.
-        gauge: size of a stitch, by which its cube tells sizes in cloth; no case depends on it.
-        warnings: what of its values may be a slip.
+        inputs: SHA-256 of every file that the plan was made from, by path.
+        stripes: fingerprint of the stripe tables, with the changes that all cases share.
+        gauge: size of a stitch, for the cube's sizes in cloth; no case depends on it.
+        warnings: values that may be mistakes.
     """
 
     workflow: str
@@ -91,7 +91,7 @@ class Plan:
 
     @property
     def dims(self) -> tuple[str, ...]:
-        """Dimensions of the cube that its designs lie along."""
+        """Dimensions of the cube along which its designs are ordered."""
         return tuple(next(iter(self.cases.values())).design)
 
     @property
@@ -102,7 +102,9 @@ class Plan:
     @cached_property
     def common(self) -> dict[str, Any]:
         """What all of its cases share beside their designs."""
-        return common_parameters(self)
+        settings = [SETTINGS[dim] for dim in self.coordinates]
+        swept = {*self.dims, *(setting.factor_on for setting in settings if setting.factor_on)}
+        return common_settings(self.cases.values(), swept, self.stripes)
 
     @property
     def applied_strain(self) -> tuple[float, ...]:
@@ -180,7 +182,9 @@ def make_plan(
             space = stripe_space(stripes, parameters, text.source)
     with faults:
         if parameters and read and not faults.all:
-            made = {case.case_id: case for case in cases(read, axes, space, parameters)}
+            made = {
+                case.case_id: case for case in cases(read, axes, space, parameters, text.source)
+            }
             faults.all += _misplaced_electrodes(made, text)
     if parameters is None or shipped_parameters is None or read is None or faults.all:
         raise BadInput(faults.all)
@@ -191,11 +195,11 @@ def make_plan(
         cases=made,
         batches=batched(made),
         excluded=space.excluded,
-        coordinates={axis.name: axis.coordinate(parameters) for axis in axes},
+        coordinates={axis.name: axis.coordinate for axis in axes},
         overrides=as_text(overrides),
         inputs=digests(inputs),
         stripes=_stripes_fingerprint(parameters, read, axes),
-        gauge=Gauge(**merged(parameters.gauge, read.gauge)),
+        gauge=overridden(parameters.gauge, read.gauge),
         warnings=(*unusual_values(made.values(), shipped_parameters), *_left_out(read)),
     )
 
@@ -218,7 +222,8 @@ def _misplaced_electrodes(made: dict[str, Case], text: WorkflowText) -> list[Fau
             except BadLayout as error:
                 for problem in error.problems:
                     designs[problem].append(case.label)
-    source = text.source("electrodes.layout")
+    given = text.table.get("electrodes", {})
+    source = text.source(f"electrodes.{'mask' if 'mask' in given else 'layout'}")
     return [
         Fault(source, f"{problem} (in {found[0]}{' and others' if len(found) > 1 else ''})")
         for problem, found in designs.items()
@@ -229,7 +234,7 @@ def _stripes_fingerprint(
     parameters: Parameters, read: Workflow, axes: tuple[SweepAxis, ...]
 ) -> str:
     swept = {axis.name for axis in axes}
-    changes = read.model.model_dump(include=set(Changes.model_fields) - swept)
+    changes = read.model.model_dump(include=set(CHANGES) - swept)
     return text_fingerprint(json.dumps([parameters.stripes.model_dump(), changes]))
 
 

@@ -1,4 +1,4 @@
-"""Sample size: how many unit cells a machine of so many needles knits (paper, "Kinematics")."""
+"""Sample size: how many unit cells fit on a given number of needles (paper, "Kinematics")."""
 
 from collections.abc import Sequence
 
@@ -14,8 +14,11 @@ def sample_size(section: DesignSection, n_subunit: int) -> tuple[int, int]:
     many courses as wales.
 
     Args:
-        section: what the workflow says.
+        section: the workflow's section.
         n_subunit: stitches along a garter stripe.
+
+    Returns:
+        Unit cells along (y, x).
     """
     if section.needles is None:
         return section.unit_cells or (1, 1)

@@ -13,10 +13,10 @@ from knitlab.measure.knit_size import Gauge
 from knitlab.model.electrode_layout import BadLayout
 from knitlab.model.stripe import Knit, Stripe
 from knitlab.simulation.case import Case
-from knitlab.study.cases import cases, merged, with_stripe_files
+from knitlab.study.cases import cases, overridden, with_stripe_files
 from knitlab.study.design_space import design_space
 from knitlab.study.parameters import Parameters, StripeRow, StripeTable, read_parameters
-from knitlab.study.workflow import SECTION_OF, SECTIONS
+from knitlab.study.settings import SETTINGS
 from knitlab.study.workflow_text import WorkflowText
 
 OF_THE_DESIGN = ("design", "stripes")
@@ -61,8 +61,9 @@ def single_case(
     table: dict[str, Any] = {"title": "single design", "design": dict(design)}
     sources = {f"design.{name}": f"{name} = {value!r}" for name, value in design.items()}
     for name, value in settings.items():
-        table.setdefault(SECTION_OF[name], {})[name] = value
-        sources[f"{SECTION_OF[name]}.{name}"] = f"{name} = {value!r}"
+        section = SETTINGS[name].section
+        table.setdefault(section, {})[name] = value
+        sources[f"{section}.{name}"] = f"{name} = {value!r}"
     text = WorkflowText(Path("settings"), table, (), sources, ())
     read = text.checked()
     if read.design is None:
@@ -70,33 +71,29 @@ def single_case(
     parameters = with_stripe_files(read.model, read_parameters(shipped("params")), text)
     parameters = _with_stripes(parameters, stripes)
     space = design_space(read.design, parameters, text.source)
-    (case,) = cases(read, (), space, parameters)
+    (case,) = cases(read, (), space, parameters, text.source)
     if case.capacitor is not None:
         try:
             case.electrodes  # noqa: B018  (it raises)
         except BadLayout as error:
             raise fault("layout", "; ".join(error.problems)) from error
     strains = tuple(float(strain) for strain in applied_strain)
-    gauge = Gauge(**merged(parameters.gauge, read.gauge))
+    gauge = overridden(parameters.gauge, read.gauge)
     return SingleCase(replace(case, applied_strain=strains), gauge)
 
 
 def _refused(settings: Mapping[str, Any]) -> Iterator[Fault]:
     """Settings that are none, or that a single case has no use for."""
     for name, value in settings.items():
-        section = SECTION_OF.get(name)
-        if section is None:
-            yield Fault(name, unknown(name, SECTION_OF, "setting"))
-        elif section in OF_THE_DESIGN:
+        setting = SETTINGS.get(name)
+        if setting is None:
+            yield Fault(name, unknown(name, SETTINGS, "setting"))
+        elif setting.section in OF_THE_DESIGN:
             yield Fault(name, "belongs to the design; give it to knitlab.Design")
         elif name in OF_THE_STRAINS:
             yield Fault(name, "is not used where the strains are given; leave it out")
-        elif isinstance(value, list) and "tuple" not in _annotation(section, name):
+        elif isinstance(value, list) and not setting.takes_list:
             yield Fault(name, f"takes one value, not {value!r}; knitlab.run takes lists")
-
-
-def _annotation(section: str, name: str) -> str:
-    return str(SECTIONS[section].model_fields[name].annotation)
 
 
 def _bad_strains(strains: Sequence[float]) -> Iterator[Fault]:
@@ -121,4 +118,4 @@ def _with_stripes(parameters: Parameters, stripes: Sequence[Stripe]) -> Paramete
         table: StripeTable = tables.table(knit)
         changed = table.model_copy(update={"n": table.n | {str(stripe.n): row}, "source": SOURCE})
         tables = tables.model_copy(update={knit: changed})
-    return parameters.having(tables)
+    return replace(parameters, stripes=tables)

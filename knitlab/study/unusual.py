@@ -1,4 +1,4 @@
-"""Unusual values: settings that are possible but far from what fabrics are like."""
+"""Unusual values: settings that are valid but far from those of real fabrics."""
 
 from collections.abc import Iterable
 
@@ -7,17 +7,17 @@ from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.study.parameters import Parameters
 
 USUAL_STRAIN = 2.0
-"""Largest applied strain that stripes, which unfold the furthest, are pulled to."""
+"""Largest usual applied strain: pure stripes, which unfold the furthest, are pulled so far."""
 FAR = 10.0
-"""Factor beyond the largest, or below the smallest, of the tables from which on a value is far."""
+"""Factor above the largest, or below the smallest, value of the tables beyond which one is far."""
 
 
 def unusual_values(cases: Iterable[Case], parameters: Parameters) -> tuple[str, ...]:
-    """A sentence for every value of cases that may be a slip, with the range that is usual.
+    """A sentence for every value of cases that may be a mistake, with the usual range.
 
     Args:
         cases: the cases of a plan.
-        parameters: the tables that say what is usual.
+        parameters: the stripe tables, whose values are usual.
     """
     found: dict[str, None] = {}
     for case in cases:

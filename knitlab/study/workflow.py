@@ -1,42 +1,41 @@
-"""Workflows: what the one short TOML file of an experiment may hold."""
+"""Workflows: the schema of the TOML file that describes one experiment."""
 
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, get_args
 
 from pydantic import (
     BeforeValidator,
     Field,
-    NonNegativeFloat,
     PositiveFloat,
     PositiveInt,
     field_validator,
     model_validator,
 )
 
+from knitlab.capacitance.capacitor import Capacitor
 from knitlab.io.strict_model import StrictModel
 from knitlab.io.suggestions import unknown
-from knitlab.mechanics.dynamics import Ending
-from knitlab.mechanics.solver import Start
-from knitlab.model.electrode_layout import Face, Within
-from knitlab.model.electrodes import Along
-from knitlab.model.options import (
-    Boundary,
-    CellSize,
-    FoldAngle,
-    FoldPhase,
-    GarterStart,
-    Hinges,
-    HingeStiffness,
-)
+from knitlab.measure.knit_size import Gauge
+from knitlab.mechanics.dynamics import DynamicsSettings
+from knitlab.mechanics.solver import SolverSettings
+from knitlab.model.electrode_layout import ElectrodeLayout
+from knitlab.model.fabric import Sheet
+from knitlab.model.inertia import MassAndDrag
+from knitlab.model.options import Boundary, ModelOptions
 from knitlab.model.pattern import patch_map
-from knitlab.model.stripe import Knit
+from knitlab.model.setting_types import Fraction
+from knitlab.model.stripe import Knit, Stripe
 from knitlab.simulation.case import Method
-from knitlab.simulation.stripe_changes import Changes
+from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
+from knitlab.study.declared_fields import Types, declared, factors, optional, with_fields
 from knitlab.study.figure_names import FigureName
-from knitlab.study.parameters import Fraction, Mask, Relative, Share, Snapshots
 
-Whole = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
+Sizes = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
+"""Numbers of stitches."""
 
 MOST_STEPS = 1000
+"""Strain steps of a test, at most."""
+MOST_SIBLINGS = 100
+"""Siblings of a design, at most."""
 
 
 def _known_figure(name: Any) -> Any:
@@ -47,7 +46,6 @@ def _known_figure(name: Any) -> Any:
 
 
 Figure = Annotated[FigureName, BeforeValidator(_known_figure)]
-MOST_SIBLINGS = 100
 
 
 def even_strains(strain_max: float, strain_step: float) -> tuple[float, ...]:
@@ -60,13 +58,14 @@ class DesignSection(StrictModel):
     """``[design]``: which designs, as a named set or as a grid, and the sample they make.
 
     With a set, ``n_stripe`` or ``n_subunit`` alone keep those members of it; both together
-    replace it by their grid. The sample is so many ``unit_cells``, or as many as ``needles`` knit
-    of each design, of which ``scale`` takes a part; ``aspect`` is its length over its width.
+    replace it by their grid. The size of the sample is given in ``unit_cells``, or by ``needles``:
+    it is then as many unit cells as fit on that number of needles times ``scale``, and ``aspect``
+    times as long as wide.
     """
 
     set: str | None = None
-    n_stripe: Whole | None = None
-    n_subunit: Whole | None = None
+    n_stripe: Sizes | None = None
+    n_subunit: Sizes | None = None
     pattern: Annotated[tuple[str, ...], Field(strict=False)] = ("GR", "RG")
     unit_cells: Annotated[tuple[PositiveInt, PositiveInt] | None, Field(strict=False)] = None
     needles: PositiveInt | None = None
@@ -80,7 +79,7 @@ class DesignSection(StrictModel):
         return rows
 
     @model_validator(mode="after")
-    def _says_once_how_large_the_sample_is(self) -> "DesignSection":
+    def _gives_one_sample_size(self) -> "DesignSection":
         if self.needles is not None and self.unit_cells is not None:
             raise ValueError("has both unit_cells and needles; give one of them")
         if self.needles is None and {"aspect", "scale"} & self.model_fields_set:
@@ -95,7 +94,7 @@ class StripesSection(StrictModel):
     """
 
     knit: Annotated[tuple[Knit, ...], Field(min_length=1, strict=False)] = ("rib", "garter")
-    n: Whole | None = None
+    n: Sizes | None = None
     boundaries: Annotated[tuple[Boundary, ...], Field(min_length=1, strict=False)] = ("periodic",)
     stripe_periods: PositiveInt = 1
 
@@ -104,10 +103,10 @@ class ProtocolSection(StrictModel):
     """``[protocol]``: the strains of the tensile test, and how its states are reached.
 
     The strains are the multiples of ``strain_step`` and the ``further_strains``, up to
-    ``strain_max``.
-    With ``sensitivities``, also how Poisson's ratio and force depend on the stripe parameters; with
-    ``unloading``, also the way back through the same strains; with ``robustness``, also how far
-    they spread over so many siblings of each design, which are tested in equilibrium alone.
+    ``strain_max``. ``sensitivities`` adds how Poisson's ratio and force depend on the stripe
+    parameters, ``unloading`` the way back through the same strains, and ``robustness`` the spread
+    of results over this number of slightly different siblings of each design; siblings are tested
+    in equilibrium only.
     """
 
     method: Method = "equilibrium"
@@ -123,7 +122,7 @@ class ProtocolSection(StrictModel):
         for name in ("sensitivities", "unloading"):
             if getattr(self, name) and self.method != "equilibrium":
                 raise ValueError(
-                    f"has no {name} by method = {self.method}; take method = equilibrium"
+                    f"method = {self.method} gives no {name}; take method = equilibrium"
                 )
         return self
 
@@ -149,92 +148,71 @@ class ProtocolSection(StrictModel):
         return tuple(sorted(further.union(even_strains(self.strain_max, self.strain_step))))
 
 
-class ModelSection(Changes):
+STRIPE_NUMBERS = {name: declared(Stripe)[name] for name in STRIPE_QUANTITIES}
+SHEET_NUMBERS = declared(Sheet) | declared(MassAndDrag)
+
+
+def _of_knit(knit: Knit) -> Types:
+    numbers = {f"{knit}_{name}": kind for name, kind in STRIPE_NUMBERS.items()}
+    return numbers | factors(numbers)
+
+
+CHANGES: Types = {
+    **factors(STRIPE_NUMBERS),
+    **_of_knit("rib"),
+    **_of_knit("garter"),
+    **SHEET_NUMBERS,
+    **factors(SHEET_NUMBERS),
+}
+"""Numbers of stripes and sheet that may be replaced or multiplied, in the order of the fingerprint
+of stripes that a cube states."""
+
+
+@with_fields(optional(CHANGES | declared(ModelOptions)))
+class ModelSection(StrictModel):
     """``[model]``: what replaces the values of ``reading.toml``, ``sheet.toml``, ``stripes.toml``.
 
     ``stripe_files`` hold stripes to add or replace, as ``knitlab calibrate`` writes them. Any other
-    setting may be a list, and is then a dimension of the cube.
+    setting may be a list, and is then a dimension of the cube. Factors multiply what the tables or
+    other settings give.
     """
 
     stripe_files: Annotated[tuple[str, ...], Field(strict=False)] = ()
 
-    cell_size: CellSize | None = None
-    fold_phase: FoldPhase | None = None
-    hinges: Hinges | None = None
-    hinge_stiffness: HingeStiffness | None = None
-    garter_start: GarterStart | None = None
-    fold_angle: FoldAngle | None = None
-    length_scale: PositiveFloat | None = None
-    boundary: Boundary | None = None
+    @property
+    def changes(self) -> dict[str, float]:
+        """Numbers and factors that it gives for stripes and sheet."""
+        return self.model_dump(include=set(CHANGES), exclude_none=True)
 
 
+@with_fields(optional(declared(SolverSettings)))
 class SolverSection(StrictModel):
     """``[solver]``: what replaces the values of ``solver.toml``; a list is a dimension."""
 
-    tolerance: PositiveFloat | None = None
-    max_iterations: PositiveInt | None = None
-    step_limit: Fraction | None = None
-    smallest_shift: PositiveFloat | None = None
-    start: Start | None = None
-    ramp_steps: PositiveInt | None = None
-    waypoint_force: Fraction | None = None
-    path_step: Fraction | None = None
-    smallest_step: Fraction | None = None
-    soft_wall: Fraction | None = None
-    branch_limit: PositiveFloat | None = None
-    drag: NonNegativeFloat | None = None
 
-
+@with_fields(optional(declared(DynamicsSettings)))
 class DynamicsSection(StrictModel):
     """``[dynamics]``: what replaces the values of ``dynamics.toml``; a list is a dimension."""
 
-    ending: Ending | None = None
-    steady_force: PositiveFloat | None = None
-    fixed_steps_force: PositiveFloat | None = None
-    duration: PositiveFloat | None = None
-    max_steps: PositiveInt | None = None
-    relative_tolerance: Fraction | None = None
-    absolute_tolerance: PositiveFloat | None = None
-    fixed_steps: PositiveInt | None = None
-    time_step: PositiveFloat | None = None
-    ramp_rate: PositiveFloat | None = None
-    quasi_static_limit: PositiveFloat | None = None
-    smallest_rate: Fraction | None = None
-    snapshots: Snapshots | None = None
 
-
+@with_fields(optional(declared(ElectrodeLayout) | declared(Capacitor, without=("layout",))))
 class ElectrodesSection(StrictModel):
     """``[electrodes]``: the layout of a capacitor, and what replaces ``electrodes.toml``.
 
-    What it says of along, ridges, face, within, width, span and mask changes the layout that it
-    names, or is the layout. A list of layouts, or of another single setting, is a dimension.
+    The values of along, ridges, face, within, width, span and mask change the named layout, or are
+    the layout where none is named. A list of layouts, or of another single setting, is a dimension.
     """
 
     layout: str | None = None
-    along: Along | None = None
-    ridges: Annotated[tuple[PositiveInt, PositiveInt] | None, Field(strict=False)] = None
-    face: Face | None = None
-    within: Within | None = None
-    width: PositiveFloat | Literal["stripe"] | None = None
-    span: Annotated[tuple[Share, Share] | None, Field(strict=False)] = None
-    mask: Mask | None = None
-    permittivity: Relative | None = None
-    electrode_length: PositiveFloat | None = None
-    clearance: PositiveFloat | None = None
-    accuracy: Fraction | None = None
-    linearity: Fraction | None = None
-    unfolded: Fraction | None = None
 
 
+@with_fields(optional(declared(Gauge)))
 class GaugeSection(StrictModel):
     """``[gauge]``: what replaces the values of ``gauge.toml``; a cube has one gauge."""
 
-    stitch_width: PositiveFloat | None = None
-    stitch_height: PositiveFloat | None = None
-
 
 class Workflow(StrictModel):
-    """A workflow file, with what ``--set`` changed."""
+    """A workflow file, with the overrides of ``--set`` applied."""
 
     title: str = Field(min_length=1)
     figures: Annotated[tuple[Figure, ...], Field(strict=False)] = ()
@@ -250,9 +228,9 @@ class Workflow(StrictModel):
     @model_validator(mode="after")
     def _is_of_one_kind(self) -> "Workflow":
         if (self.design is None) == (self.stripes is None):
-            raise ValueError("needs either [design] or [stripes], not both and not neither")
+            raise ValueError("needs either [design] or [stripes], and not both")
         if self.stripes is not None and self.protocol.sensitivities:
-            raise ValueError("has no sensitivities of pure stripes; leave protocol.sensitivities")
+            raise ValueError("pure stripes have no sensitivities; leave out protocol.sensitivities")
         return self
 
 
@@ -266,4 +244,4 @@ SECTIONS: dict[str, type[StrictModel]] = {
     "electrodes": ElectrodesSection,
     "gauge": GaugeSection,
 }
-SECTION_OF = {key: name for name, section in SECTIONS.items() for key in section.model_fields}
+"""The tables of a workflow file."""

@@ -1,5 +1,6 @@
-"""The text of a workflow: its file, with the overrides of ``--set`` laid over it."""
+"""The text of a workflow: its file with overrides applied, before and while it is checked."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -7,12 +8,12 @@ from typing import Any
 from pydantic import ValidationError
 
 from knitlab.io.errors import BadInput, Fault, faults_of
-from knitlab.io.strict_model import StrictModel
 from knitlab.io.suggestions import unknown
 from knitlab.io.toml import read_toml
-from knitlab.study.axes import SAMPLE_SIZE, SWEPT_SECTIONS, SweepAxis
+from knitlab.study.axes import SweepAxis
 from knitlab.study.overrides import Overrides, as_text, read_value
-from knitlab.study.workflow import SECTION_OF, SECTIONS, Workflow
+from knitlab.study.settings import SETTINGS, Setting
+from knitlab.study.workflow import SECTIONS, Workflow
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,8 @@ class WorkflowText:
         path: the workflow's file.
         table: its tables, overrides included, with the first value of every axis.
         axes: settings given as lists of values, unchecked.
-        overrides: the ``--set`` that each overridden ``section.key`` comes from.
-        faults: overrides that say nothing.
+        overrides: the override that each overridden ``section.key`` comes from.
+        faults: overrides that cannot be applied.
     """
 
     path: Path
@@ -34,7 +35,7 @@ class WorkflowText:
     faults: tuple[Fault, ...]
 
     def source(self, key: str) -> str:
-        """Where a ``section.key`` is said: its override, or its place in the file."""
+        """Where a ``section.key`` is given: its override, or its place in the file."""
         return self.overrides.get(key, f"{self.path}: {key}")
 
     def checked(self) -> Workflow:
@@ -43,48 +44,40 @@ class WorkflowText:
         Raises:
             BadInput: with every fault of the file and of the overrides.
         """
-        faults = list(self.faults)
         try:
             workflow = Workflow.model_validate(self.table)
         except ValidationError as error:
-            swept = {(axis.section, axis.name) for axis in self.axes}
-            for entry in faults_of(error, "", {*SECTIONS, *SECTION_OF}):
-                section, _, key = entry.path.partition(".")
-                name, _, item = key.partition(".")
-                if (section, name) in swept:
-                    continue  # checked_axes says it, with the value's place
-                override = self.overrides.get(f"{section}.{name}")
-                if override and item:
-                    override = f"{override}: value {int(item) + 1}"
-                place = ": ".join(part for part in (str(self.path), entry.path) if part)
-                faults.append(Fault(override or place, entry.problem))
-        if faults:
-            raise BadInput(faults)
+            found = faults_of(error, "", {*SECTIONS, *SETTINGS})
+            faults = [Fault(self._place(entry.path), entry.problem) for entry in found]
+            raise BadInput([*self.faults, *faults]) from error
+        if self.faults:
+            raise BadInput(self.faults)
         return workflow
 
     def checked_axes(self) -> tuple[SweepAxis, ...]:
         """Its axes.
 
         Raises:
-            BadInput: with every fault of their values.
+            BadInput: with every fault of their values but the first, which :meth:`checked` checks.
         """
         faults: list[Fault] = []
         axes = []
         for axis in self.axes:
-            source, values = self.source(f"{axis.section}.{axis.name}"), []
-            for place, value in enumerate(axis.values, start=1):
+            section, values = axis.setting.section, []
+            source = self.source(f"{section}.{axis.name}")
+            for number, value in enumerate(axis.values, start=1):
                 try:
-                    read = SECTIONS[axis.section].model_validate({axis.name: value})
+                    read = SECTIONS[section].model_validate({axis.name: value})
                 except ValidationError as error:
-                    found = [entry.problem for entry in faults_of(error, "")]
-                    faults += [Fault(f"{source}: value {place}", problem) for problem in found]
+                    problems = [entry.problem for entry in faults_of(error, "") if number > 1]
+                    faults += [Fault(f"{source}: value {number}", problem) for problem in problems]
                 else:
                     values.append(getattr(read, axis.name))
             if len(set(values)) < len(values):
                 faults.append(Fault(source, "has a value twice; keep one"))
             if axis.name == "boundary" and "stripes" in self.table:
                 faults.append(Fault(source, "lists boundaries; list them in stripes.boundaries"))
-            axes.append(SweepAxis(axis.section, axis.name, tuple(values)))
+            axes.append(SweepAxis(axis.setting, tuple(values)))
         if faults:
             raise BadInput(faults)
         return tuple(axes)
@@ -97,90 +90,81 @@ class WorkflowText:
             return None
 
     def folder(self, key: str) -> Path:
-        """What a path under ``section.key`` is relative to: here, or the file that says it."""
+        """What a path under ``section.key`` is relative to: here, or the workflow's folder."""
         return Path() if key in self.overrides else self.path.parent
+
+    def _place(self, path: str) -> str:
+        """Where a fault is, from its path in the tables."""
+        section, _, key = path.partition(".")
+        name, _, item = key.partition(".")
+        number = item.partition(".")[0]
+        if name in {axis.name for axis in self.axes if axis.setting.section == section}:
+            return f"{self.source(f'{section}.{name}')}: value 1"
+        override = self.overrides.get(f"{section}.{name}")
+        if override:
+            return f"{override}: value {int(number) + 1}" if number.isdigit() else override
+        return f"{self.path}: {path}" if path else str(self.path)
 
 
 def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
-    """Read a workflow's file and lay overrides over it.
+    """Read a workflow's file and apply overrides to it.
 
     A key is the name of a setting, with its section before it or not; a comma makes a list.
 
     Raises:
         BadInput: if the file cannot be read, or an override has a value of no such type.
     """
-    table = _with_lists(read_toml(path))
+    table = {name: _with_lists(name, its) for name, its in read_toml(path).items()}
     faults: list[Fault] = []
     sources: dict[str, str] = {}
     for override in as_text(overrides):
+        source = f"overrides {override}"
         key, equals, text = (part.strip() for part in override.partition("="))
         name = key.rpartition(".")[2]
-        section = SECTION_OF.get(name)
+        setting = SETTINGS.get(name)
         if not equals or not text:
-            faults.append(Fault(f"overrides {override}", "is not KEY=VALUE; give both"))
-        elif section is not None and key not in (name, f"{section}.{name}"):
-            faults.append(Fault(f"overrides {override}", f"is of {section}; say {section}.{name}"))
-        elif section is None:
-            faults.append(Fault(f"overrides {override}", unknown(name, SECTION_OF, "setting")))
+            faults.append(Fault(source, "is not KEY=VALUE; give both"))
+        elif setting is None:
+            faults.append(Fault(source, unknown(name, SETTINGS, "setting")))
+        elif key not in (name, place := f"{setting.section}.{name}"):
+            faults.append(Fault(source, f"is in [{setting.section}]; give {place}"))
         else:
-            part = table.setdefault(section, {})
-            if isinstance(part, dict):
-                part[name] = _value(text, SECTIONS[section], name)
-            sources[f"{section}.{name}"] = f"overrides {override}"
-    table, axes = _axes(table)
+            section = table.setdefault(setting.section, {})
+            if isinstance(section, dict):
+                section[name] = _with_list(setting, read_value(text))
+            sources[place] = source
+    table, axes = _with_single_values(table)
     return WorkflowText(path, table, axes, sources, tuple(faults))
 
 
-def _axes(table: dict[str, Any]) -> tuple[dict[str, Any], tuple[SweepAxis, ...]]:
-    """Split a table into one with single values and the axes along which it has several."""
+def _with_single_values(table: dict[str, Any]) -> tuple[dict[str, Any], tuple[SweepAxis, ...]]:
+    """Tables with the first value of each setting that has several, and the axes of these."""
     single, axes = dict(table), []
-    for section in (*SWEPT_SECTIONS, "design"):
-        given = table.get(section)
-        for name, value in given.items() if isinstance(given, dict) else ():
-            if section == "design":
-                several = name == SAMPLE_SIZE and _is_list_of_lists(value)
-            else:
-                several = isinstance(value, list) and not _takes_list(SECTIONS[section], name)
-            if several and value:
-                single[section] = single[section] | {name: value[0]}
-                axes.append(SweepAxis(section, name, tuple(value)))
-    # By name, so that a cube's dimensions do not depend on the order of what is said.
+    for setting, value in _settings_in(table):
+        if setting.is_swept_by(value):
+            single[setting.section] = single[setting.section] | {setting.name: value[0]}
+            axes.append(SweepAxis(setting, tuple(value)))
+    # By name, so that a cube's dimensions do not depend on the order of the settings in a file.
     return single, tuple(sorted(axes, key=lambda axis: axis.name))
 
 
-def _with_lists(table: dict[str, Any]) -> dict[str, Any]:
-    """A file's tables, with a list of one wherever a single value stands for a list."""
+def _settings_in(table: dict[str, Any]) -> Iterator[tuple[Setting, Any]]:
+    for section, given in table.items():
+        for name, value in given.items() if isinstance(given, dict) else ():
+            setting = SETTINGS.get(name)
+            if setting is not None and setting.section == section:
+                yield setting, value
+
+
+def _with_lists(section: str, given: Any) -> Any:
+    """A table of a file, with a list of one where a single value is given for a list."""
+    if section not in SECTIONS or not isinstance(given, dict):
+        return given
     return {
-        name: {
-            key: [value]
-            if key in _lists(SECTIONS[name]) and not isinstance(value, list | dict)
-            else value
-            for key, value in its.items()
-        }
-        if name in SECTIONS and isinstance(its, dict)
-        else its
-        for name, its in table.items()
+        name: _with_list(SETTINGS[name], value) if name in SECTIONS[section].model_fields else value
+        for name, value in given.items()
     }
 
 
-def _lists(section: type[StrictModel]) -> set[str]:
-    """Settings of a section that are lists, of any length."""
-    return {
-        name
-        for name, field in section.model_fields.items()
-        if "..." in str(field.annotation) or "Ellipsis" in str(field.annotation)
-    }
-
-
-def _is_list_of_lists(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(part, list) for part in value)
-
-
-def _takes_list(section: type[StrictModel], name: str) -> bool:
-    field = section.model_fields.get(name)
-    return field is None or "tuple" in str(field.annotation)
-
-
-def _value(text: str, section: type[StrictModel], name: str) -> Any:
-    value = read_value(text)
-    return [value] if _takes_list(section, name) and not isinstance(value, list) else value
+def _with_list(setting: Setting, value: Any) -> Any:
+    return [value] if setting.takes_list and not isinstance(value, list | dict) else value

@@ -8,7 +8,7 @@ import xarray as xr
 
 from knitlab.io.cube_file import open_cube
 from knitlab.io.plain_cube import PlainCube
-from knitlab.tables.query import designs_table, queried
+from knitlab.tables.query import query_cubes
 from knitlab.tables.selection import selected, selection_texts
 
 __all__ = ["KnitlabAccessor", "open_cube"]
@@ -77,4 +77,4 @@ class KnitlabAccessor:
             [[8, 48], [8, 64]]
         """
         texts = selection_texts(selections)
-        return queried(designs_table(PlainCube.of(self._cube), texts), where, sort, columns)
+        return query_cubes([PlainCube.of(self._cube)], texts, where, sort, columns)

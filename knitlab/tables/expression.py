@@ -12,6 +12,7 @@ import pandas as pd
 
 from knitlab.io.errors import fault
 from knitlab.io.suggestions import unknown
+from knitlab.tables.reduced_columns import reduced_columns
 
 COMPARISONS: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
     ast.Lt: operator.lt,
@@ -27,7 +28,11 @@ ARITHMETIC: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
 }
-ALLOWED = "names, numbers, quoted words, + - * /, comparisons, and, or, not"
+REDUCED = "reduced_column_"
+ALLOWED = (
+    "names, numbers, quoted words, + - * /, comparisons, in, and, or, not, abs(), isnan(),"
+    " mean(NAME, STRAIN:STRAIN) and min, max, slope, spread"
+)
 
 
 def no_column(name: str, table: pd.DataFrame) -> str:
@@ -52,8 +57,13 @@ def holds(expression: str, table: pd.DataFrame) -> pd.Series:
             is not a condition.
     """
     where = f"where {expression!r}"
+    plain = expression.strip()
+    for place, (part, column) in enumerate(reduced_columns(plain).items()):
+        # Under a name that Python can parse; two texts of one column are one.
+        plain = plain.replace(part, f"{REDUCED}{place}")
+        table = table.assign(**{f"{REDUCED}{place}": table[column.label]})
     try:
-        tree = ast.parse(expression.strip(), mode="eval")
+        tree = ast.parse(plain, mode="eval")
         truth = _value(tree.body, table, where)
     except SyntaxError as error:
         raise fault(where, f"cannot be parsed ({error.msg}); use {ALLOWED}") from error
@@ -88,9 +98,32 @@ def _value(node: ast.expr, table: pd.DataFrame, where: str) -> Any:
             for operand in operands[1:]:
                 truth = joined(truth, _condition(operand, table, where))
             return truth
+        case ast.Call(func=ast.Name(id="abs"), args=[operand], keywords=[]):
+            return abs(_value(operand, table, where))
+        case ast.Call(func=ast.Name(id="isnan"), args=[operand], keywords=[]):
+            return _column(operand, table, where).isna().astype("boolean")
+        case ast.Compare(left=left, ops=[ast.In()], comparators=[ast.Tuple() | ast.List() as many]):
+            return _is_one_of(left, many.elts, table, where)
         case ast.Compare(left=left, ops=ops, comparators=comparators):
             return _comparison(left, ops, comparators, table, where)
     raise fault(where, f"holds what is not allowed here ({type(node).__name__}); use {ALLOWED}")
+
+
+def _column(node: ast.expr, table: pd.DataFrame, where: str) -> pd.Series:
+    values = _value(node, table, where)
+    if not isinstance(values, pd.Series):
+        raise fault(where, f"{ast.unparse(node)!r} is no column; name one")
+    return values
+
+
+def _is_one_of(
+    left: ast.expr, choices: list[ast.expr], table: pd.DataFrame, where: str
+) -> pd.Series:
+    values = _column(left, table, where)
+    truth = pd.Series(False, index=values.index, dtype="boolean")
+    for choice in choices:
+        truth = truth | operator.eq(*_alike(values, _value(choice, table, where), table, where))
+    return truth
 
 
 def _finite(values: pd.Series) -> pd.Series:

@@ -11,6 +11,7 @@ from knitlab.io.errors import BadInput, Fault
 from knitlab.io.plain_cube import PlainCube
 from knitlab.io.schema import FLAGS, SIMULATION, SOURCE, VARIABLES, WHOLE
 from knitlab.tables.expression import holds, no_column
+from knitlab.tables.reduced_columns import relabelled, with_columns
 from knitlab.tables.selection import chosen_places, refuse_others, selections_along
 
 STRIPE_NUMBERS = [name for name, variable in VARIABLES.items() if variable.of == "stripes"]
@@ -100,6 +101,34 @@ def _origin(cube: PlainCube, cubes: Sequence[PlainCube]) -> dict[str, Any]:
     }
     shown = sorted(differing | {"boundary"}, key=lambda name: (name != "boundary", name))
     return {"cube": cube.name} | {name: cube.reading.get(name) for name in shown}
+
+
+def query_cubes(
+    cubes: Sequence[PlainCube],
+    selections: Sequence[str] = (),
+    where: str | None = None,
+    sort: str | Sequence[str] | None = None,
+    columns: Sequence[str] | None = None,
+) -> pd.DataFrame:
+    """The designs of cubes as one table, filtered and sorted.
+
+    Columns may be reductions over a window of strain, such as ``mean(poisson_ratio, 0.05:0.25)``.
+
+    Args:
+        cubes: of designs along the same dimensions.
+        selections: see :func:`designs_table`.
+        where: see :func:`queried`.
+        sort: likewise.
+        columns: likewise.
+
+    Raises:
+        BadInput: with everything that is wrong in these arguments.
+    """
+    keys = [sort] if isinstance(sort, str) else list(sort or ())
+    known = with_columns(cubes, [where or "", *keys, *(columns or ())])
+    table = designs_of_all(known, selections)
+    shown = None if columns is None else [relabelled(name) for name in columns]
+    return queried(table, where, [relabelled(key) for key in keys], shown)
 
 
 def queried(

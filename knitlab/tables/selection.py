@@ -127,6 +127,6 @@ def _places(coordinates: Mapping[str, np.ndarray], text: str) -> tuple[str, list
             shown = [str(choice) if words else f"{choice:g}" for choice in present]
             more = ", …" if len(shown) > MOST_CHOICES else ""
             choices = ", ".join(shown[:MOST_CHOICES]) + more
-            raise fault(text, f"the cube has no {name} = {value}; choose of {choices}")
+            raise fault(text, f"the cube has no {name} = {value}; choose from {choices}")
         places.append(int(found[0]))
     return name, list(dict.fromkeys(places))

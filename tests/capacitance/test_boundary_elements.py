@@ -89,6 +89,7 @@ def test_a_sphere_has_its_closed_form():
     assert extrapolated(*found) == pytest.approx(2 * OF_A_SPHERE, rel=5e-4)
 
 
+@pytest.mark.slow
 def test_a_disc_has_its_closed_form():
     found = [maxwell(disc(count, 2.0))[0, 0] for count in (8, 16)]
     exact = 8 * VACUUM_PERMITTIVITY * 2
@@ -111,6 +112,7 @@ def test_two_spheres_have_the_series_of_their_mirror_charges(distance):
     assert np.allclose(found, [[own, mutual], [mutual, own]], rtol=3e-3)
 
 
+@pytest.mark.slow
 def test_small_spheres_far_apart_are_capacitors_in_series():
     found = extrapolated(*(between(*two_spheres(count, 300.0, 0.5)) for count in (3, 6)))
     assert found == pytest.approx(OF_A_SPHERE / (1 + 1 / 0.5), rel=5e-3)
@@ -123,6 +125,7 @@ def test_coplanar_strips_have_their_closed_form(gap, width):
     assert limit_of_strips(coplanar(gap, width)) == pytest.approx(exact, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [2.5, 4.0])
 def test_parallel_wires_have_their_closed_form(distance):
     found = [
@@ -148,6 +151,7 @@ def test_endless_strips_agree_with_a_series(ends):
     assert limit_of_strips(ends) == pytest.approx(LENGTH * by_series(*ends), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_hinged_plates_tend_to_a_tight_wedge():
     angles = np.array([0.8, 0.4, 0.2, 0.1])
     found = np.array([of_strips(hinged(angle), 24) for angle in angles])
@@ -166,6 +170,7 @@ def test_hinged_plates_are_about_two_wedges_with_their_ends(angle):
     assert wedges < of_strips(hinged(angle), 24) < 1.08 * wedges
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [1.0, 3.0, 10.0])
 def test_how_long_a_period_of_endless_strips_is_does_not_matter(length):
     ends = coplanar(1.0, 2.0)
@@ -180,6 +185,7 @@ def test_endless_conductors_may_run_along_either_axis():
     assert found == pytest.approx(between(*pair, period=LENGTH), rel=ALIKE)
 
 
+@pytest.mark.slow
 def test_an_endless_pair_is_as_a_long_one():
     ends = coplanar(0.5, 1.0)
 
@@ -198,6 +204,7 @@ def test_an_endless_pair_is_as_a_long_one():
     assert (long_pair(32.0) - long_pair(16.0)) / 16 == pytest.approx(periodic, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [0.1, 0.5, 2.0])
 def test_square_plates_agree_with_fastcap(distance):
     fastcap2 = pytest.importorskip("fastcap2")
@@ -281,6 +288,7 @@ def order(coarse, middle, fine):
     return np.log2((middle - coarse) / (fine - middle))
 
 
+@pytest.mark.slow
 def test_graded_panels_converge_by_the_second_order():
     found = [maxwell(disc(count))[0, 0] for count in (4, 8, 16)]
     assert 1.8 < order(*found) < 2.2
@@ -288,6 +296,7 @@ def test_graded_panels_converge_by_the_second_order():
     assert (np.log2(error[:-1] / error[1:]) > 1.8).all()
 
 
+@pytest.mark.slow
 def test_even_panels_converge_by_the_first_order():
     found = [
         maxwell(plate([0, 0, 0], [1, 0, 0], [0, 1, 0], evenly(count), evenly(count)))[0, 0]
@@ -304,6 +313,7 @@ def test_a_charge_seen_from_one_conductor_is_that_seen_from_the_other():
     assert np.allclose(maxwell(*shuffled), expected, rtol=5e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chosen", ["turned", "all"])
 def test_it_hangs_little_on_which_pairs_are_near(chosen):
     panels = disc(8)[None]
@@ -327,6 +337,7 @@ def test_every_near_pair_stands_once_and_the_larger_panel_second():
     assert (pairs[len(alone) :] == pairs[len(alone) - 1]).all()
 
 
+@pytest.mark.slow
 def test_states_of_a_batch_are_as_each_alone():
     conductors = three_conductors()
     shifts = 0.1 * np.random.default_rng(0).normal(size=(6, 1, 1, 3))
@@ -345,6 +356,7 @@ def test_endless_states_of_a_batch_are_as_each_alone():
     assert np.allclose(between(*together, period=periods), expected, rtol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [2.0, 8.0])
 def test_the_number_of_images_does_not_matter(length):
     pair = periodic_pair(length)

@@ -78,7 +78,9 @@ def test_a_case_that_does_not_converge_makes_exit_code_1():
         ("run", "preview", "--set", "n_stripe=5", "--set", "n_subunit=20"),
         ("run", "preview", "--set", "z_max=-1"),
         ("run", "preview", "--workers", "-1"),
-        ("run", "preview", "--scheduler", "tcp://127.0.0.1:9"),
+        pytest.param(
+            ("run", "preview", "--scheduler", "tcp://127.0.0.1:9"), marks=pytest.mark.slow
+        ),
         ("plan", "preview", "--set", "hinge=all"),
         ("query", "nowhere.nc"),
         ("map", "auxetic", "nowhere.nc", "-o", "new/map.png"),

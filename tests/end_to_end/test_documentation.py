@@ -68,7 +68,13 @@ EXAMPLES = [
 ]
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=str)
+@pytest.mark.parametrize(
+    "example",
+    [
+        pytest.param(its, id=str(its), marks=pytest.mark.slow if its.words[0] == "claims" else ())
+        for its in EXAMPLES
+    ],
+)
 def test_a_printed_table_is_that_of_the_kept_cube(example, tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
     words = [

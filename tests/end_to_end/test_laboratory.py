@@ -48,6 +48,7 @@ def test_the_tutorial_shows_what_its_commands_say(beside):
         assert [line.rstrip() for line in told.output.splitlines()] == output
 
 
+@pytest.mark.slow
 def test_the_overlay_is_drawn_of_both(beside):
     for kind in ("markers", "tensile", "capacitance"):
         words = ["import", kind, "workflows/laboratory/synthetic_4_16.toml"]

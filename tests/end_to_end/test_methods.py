@@ -19,6 +19,7 @@ def knitlab(*words):
     return CliRunner().invoke(main, words)
 
 
+@pytest.mark.slow
 def test_a_relaxation_is_drawn_and_filmed():
     settings = ("n_stripe=8", "n_subunit=16", "boundary=periodic", "snapshots=12")
     words = [word for setting in settings for word in ("--set", setting)]
@@ -42,6 +43,7 @@ def test_dynamics_that_cannot_finish_is_reported():
     assert (cube["status"] == Status.not_converged).all()
 
 
+@pytest.mark.slow
 def test_stripes_are_run_queried_and_drawn():
     words = ("--set", "n=4", "--set", "strain_max=0.2", "--set", "stripe_periods=1")
     ran = knitlab("run", "stripes", *words, "--workers", "0")

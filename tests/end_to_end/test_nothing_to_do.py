@@ -1,7 +1,9 @@
 """A run with nothing to do does nothing, and a figure is drawn again only if it changed."""
 
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import xarray as xr
@@ -28,10 +30,17 @@ def written(results):
     return {path: path.stat().st_mtime_ns for path in files}
 
 
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    results = tmp_path_factory.mktemp("finished")
+    ran(results)
+    return results
+
+
 @pytest.fixture
-def results(tmp_path):
-    ran(tmp_path)
-    return tmp_path
+def results(finished, tmp_path):
+    """A copy of the finished results, with the times at which they were written."""
+    return Path(shutil.copytree(finished, tmp_path / "results"))
 
 
 def test_a_second_run_says_the_same_and_writes_nothing(results):

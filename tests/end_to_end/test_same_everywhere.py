@@ -67,6 +67,7 @@ needs_linux = pytest.mark.skipif(
 )
 
 
+@pytest.mark.slow
 @needs_linux
 @pytest.mark.parametrize(
     ("kernel", "threads"), [("Haswell", 2), ("Sandybridge", 1), ("SkylakeX", 1)]
@@ -78,6 +79,7 @@ def test_threads_and_kernels_leave_every_ratio_of_the_preview(usual, kernel, thr
     assert largest_difference(usual, elsewhere(kernel, threads)) < SAME
 
 
+@pytest.mark.slow
 def test_a_case_alone_has_the_ratios_that_it_has_in_a_batch():
     together = next(batch for batch in batches() if len(batch) > 2)
     in_batch = ratios(together, run_in_lockstep)

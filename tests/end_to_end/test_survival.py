@@ -1,9 +1,10 @@
 """A real sweep that is killed, taken up again, damaged and reproduced, as a user types it."""
 
 import json
+import os
+import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,9 @@ import xarray as xr
 from click.testing import CliRunner
 
 from knitlab.cli import main
+from tests.file_events import await_changes
 
+ROOT = Path(__file__).parents[2]
 DESIGNS = ("--set", "n_stripe=4,8", "--set", "n_subunit=8,16", "--set", "strain_max=0.06")
 
 
@@ -20,24 +23,40 @@ def knitlab(*words):
     return CliRunner().invoke(main, words)
 
 
+PROGRAM = """
+import socket, sys
+from pathlib import Path
+from tests.file_events import pause_before_changes
+pause_before_changes(socket.socket(fileno=int(sys.argv.pop())), Path.cwd(), ".nc")
+from knitlab.cli import main
+main()
+"""
+
+
 def killed(folder, after):
-    """A run in a process of its own, killed when so many cases are done; how many were."""
-    command = ["-c", "from knitlab.cli import main; main()", "run", "preview", *DESIGNS]
+    """A run in a process of its own, killed before it puts one more case in place."""
+    ours, theirs = socket.socketpair()
+    words = ["run", "preview", *DESIGNS, "--workers", "0", str(theirs.fileno())]
     process = subprocess.Popen(
-        [sys.executable, *command, "--workers", "0"], cwd=folder, stderr=subprocess.DEVNULL
+        [sys.executable, "-c", PROGRAM, *words],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])},
+        pass_fds=[theirs.fileno()],
+        stderr=subprocess.DEVNULL,
     )
-    cases = folder / "results" / "preview" / "cases"
-    while len(list(cases.glob("*.nc"))) < after:
-        assert process.poll() is None
-        time.sleep(0.02)
-    process.kill()
-    process.wait()
-    return len(list(cases.glob("*.nc")))
+    theirs.close()
+    with ours:
+        await_changes(ours, after + 1)
+        process.kill()
+        process.wait()
+    return len(list((folder / "results" / "preview" / "cases").glob("*.nc")))
 
 
+@pytest.mark.slow
 def test_a_killed_sweep_goes_on_and_ends_as_if_it_had_not_been(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = killed(tmp_path, after=1)
+    assert done == 1
     told = knitlab("status", "preview")
     assert f"{done} done, not yet in the cube" in told.output
 

@@ -5,16 +5,18 @@ Run as a program it does what the fault tests need another process for.
 
 import hashlib
 import os
+import resource
 import signal
+import socket
 import sys
-import time
+import threading
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from knitlab.execution.run import RunOptions, run_plan
-from knitlab.io.case_file import write_case_file
+from knitlab.io.case_file import StoredCase, kept, write_case_file
 from knitlab.io.design_status import Status
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.io.schema import described
@@ -23,11 +25,14 @@ from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.measure.wavelength import POINTS
 from knitlab.simulation.measurement import variables_of
 from knitlab.study.plan import make_plan
+from tests.file_events import await_changes, kill, pause_before_changes
 
 ONE_OF_XLA = os.environ.get("PJRT_NPROC")
 POISONED = 8
 """n_stripe of the designs that the bad stand-ins fail on."""
-FACTORS = 40
+FACTORS = 4
+EVENT_BYTES = 512
+"""A pipe of one page holds eight of them: a process is no further ahead of who counts them."""
 
 
 def plan_of(factors=FACTORS):
@@ -65,9 +70,11 @@ def simulate(results, cases, progress):
         progress(case.case_id, len(case.applied_strain))
 
 
-def simulate_slowly(results, cases, progress):
-    time.sleep(0.005 * len(cases))
-    simulate(results, cases, progress)
+def simulate_and_announce(results, cases, progress):
+    """A line of standard output for every case that is written."""
+    for case in cases:
+        simulate(results, [case], progress)
+        os.write(sys.stdout.fileno(), f"{case.case_id:<{EVENT_BYTES - 1}}\n".encode())
 
 
 def _with(bad):
@@ -91,7 +98,7 @@ def simulate_deadly(results, cases, progress):
 
 
 def simulate_endlessly(results, cases, progress):
-    _with(lambda: time.sleep(600))(results, cases, progress)
+    _with(threading.Event().wait)(results, cases, progress)
 
 
 def simulate_once_lost(results, cases, progress):
@@ -117,22 +124,18 @@ def simulate_unconverged(results, cases, progress):
 def kill_again_and_again(results, kills):
     """Run and kill in turns, each run a fork of this process; then say how often each was hit.
 
-    After every kill the sound case files must be no fewer than before.
+    Every other run dies of its file growing too long, in the middle of a case; the others are
+    killed at or after some change of a file. After every kill the sound case files must be no fewer
+    than before.
     """
-    from knitlab.io.case_file import StoredCase, kept
-
     plan = plan_of()
     random = np.random.default_rng(1)
     before, hit = set(), 0
-    for _ in range(kills):
-        child = os.fork()
-        if not child:
-            options = RunOptions(simulate=simulate_slowly)
-            while True:  # what is done is done: then the cube alone is written, over and over
-                run_plan(plan, results, options)
-        time.sleep(random.uniform(0, 0.4))
-        os.kill(child, signal.SIGKILL)
-        os.waitpid(child, 0)
+    for number in range(kills):
+        if number % 2 and len(before) < len(plan.cases):
+            die_within_a_case(plan, results, int(random.integers(1, 8000)))
+        else:
+            kill_at_a_change(plan, results, int(random.integers(1, 60)), bool(random.integers(2)))
         after = {case_id for case_id in plan.cases if kept(results, case_id) is StoredCase.sound}
         if not after >= before:
             sys.exit(f"lost {sorted(before - after)}")
@@ -141,8 +144,43 @@ def kill_again_and_again(results, kills):
     print(f"{kills} kills, {hit} of them before all was done, {len(before)} cases sound")
 
 
+def kill_at_a_change(plan, results, count, begun):
+    """Kill a run before its change of a file of this number, or just after it has begun."""
+    ours, theirs = socket.socketpair()
+    child = os.fork()
+    if not child:
+        ours.close()
+        pause_before_changes(theirs, results)
+        while True:  # what is done is done: then the cube alone is written, over and over
+            run_plan(plan, results, RunOptions(simulate=simulate))
+    theirs.close()
+    with ours:
+        await_changes(ours, count)
+        if begun:
+            ours.send(b".")
+        kill(child)
+
+
+def die_within_a_case(plan, results, size):
+    """A run that the system ends where a case file grows beyond a size [bytes]."""
+
+    def simulate_with_little_room(*arguments):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+        simulate(*arguments)
+
+    child = os.fork()
+    if not child:
+        signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        run_plan(plan, results, RunOptions(simulate=simulate_with_little_room))
+        os._exit(0)
+    _, status = os.waitpid(child, 0)
+    if not os.WIFSIGNALED(status):
+        sys.exit(f"{size} bytes were enough for a case")
+
+
 def run_here(results, workers):
-    run_plan(plan_of(), results, RunOptions(workers=workers, simulate=simulate_slowly))
+    run_plan(plan_of(), results, RunOptions(workers=workers, simulate=simulate_and_announce))
 
 
 if __name__ == "__main__":

@@ -91,6 +91,7 @@ def test_a_second_run_recomputes_nothing(sweep):
     xr.testing.assert_identical(again.cube, run.cube)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_workers_give_what_this_process_gives(sweep, tmp_path, workers):
     plan, _, run = sweep
@@ -100,6 +101,7 @@ def test_workers_give_what_this_process_gives(sweep, tmp_path, workers):
         np.testing.assert_allclose(spawned[name], run.cube[name], rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_clamped_sample_of_one_cell_has_no_poisson_ratio(tmp_path):
     overrides = (
         "n_stripe=4",

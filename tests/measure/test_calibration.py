@@ -10,7 +10,7 @@ import pytest
 from knitlab.measure.calibration import FITTED, calibrate
 from knitlab.model.options import ModelOptions
 from knitlab.model.zigzag import tension, zigzag
-from tests.fabrics import ALL_STRIPES, stripe
+from tests.fabrics import EVERY_STRIPE, stripe
 
 POINTS, NOISE, SEEDS = 41, 0.01, 40
 
@@ -22,7 +22,7 @@ def curve(of, largest=2.0, noise=NOISE, seed=0):
     return strain, force + noise * force.max() * scatter
 
 
-@pytest.mark.parametrize("of", ALL_STRIPES, ids=lambda of: f"{of.knit} {of.n}")
+@EVERY_STRIPE
 def test_a_clean_curve_gives_its_stripe_back(of):
     fit = calibrate(of.period, *curve(of, noise=0.0))
     assert fit.usable
@@ -32,7 +32,7 @@ def test_a_clean_curve_gives_its_stripe_back(of):
 
 
 @pytest.mark.parametrize("cell_size", ["flat", "relaxed"])
-@pytest.mark.parametrize("of", ALL_STRIPES, ids=lambda of: f"{of.knit} {of.n}")
+@EVERY_STRIPE
 def test_a_fitted_stripe_has_the_measured_curve_in_the_reading_it_is_tabulated_for(of, cell_size):
     strain, force = curve(of, noise=0.0)
     fit = calibrate(of.period, strain, force)
@@ -49,6 +49,7 @@ def fits(knit, n):
     return [calibrate(of.period, *curve(of, seed=seed)) for seed in range(SEEDS)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FITTED)
 @pytest.mark.parametrize(("knit", "n"), [("rib", 4), ("garter", 16)])
 def test_the_stated_intervals_cover_the_truth_as_often_as_they_say(knit, n, name):
@@ -61,6 +62,7 @@ def test_the_stated_intervals_cover_the_truth_as_often_as_they_say(knit, n, name
     assert all(fit.starts[1] > 1 for fit in fits(knit, n))
 
 
+@pytest.mark.slow
 def test_correlations_are_those_of_repeated_measurements():
     values = np.array([[fit.values[name] for name in FITTED] for fit in fits("rib", 4)])
     np.testing.assert_allclose(fits("rib", 4)[0].correlations, np.corrcoef(values.T), atol=0.1)
@@ -76,6 +78,7 @@ def test_a_curve_too_short_to_tell_two_parameters_apart_says_so():
     assert 0 <= fit.intervals["theta_0"][0] < fit.intervals["theta_0"][1] <= np.pi
 
 
+@pytest.mark.slow
 def test_the_misfit_is_the_noise():
     of = stripe("garter", 16)
     noise = NOISE * curve(of, noise=0.0)[1].max()

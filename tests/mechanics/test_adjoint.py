@@ -36,6 +36,12 @@ NAMES = (
     "relaxed_cell_x",
     "relaxed_cell_y",
 )
+ALIGNING = jax.jit(aligning_rotation)
+SLOPE = jax.jit(
+    lambda target, points, toward: jax.jvp(
+        lambda moved: aligning_rotation(target, moved), (points,), (toward,)
+    )[1]
+)
 WALLS_FAR, WALLS_NEAR = Sheet(6.0, 100.0), Sheet(1.5, 100.0)
 
 
@@ -147,10 +153,12 @@ def test_derivatives_of_endless_fabric_are_those_of_differences(periodic):
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_derivatives_of_a_clamped_sample_are_those_of_differences(clamped):
     assert_agree(clamped.sensitivities(), by_differences(clamped))
 
 
+@pytest.mark.slow
 def test_derivatives_of_a_sample_pressed_by_walls_are_those_of_differences():
     pressed = pulled(4, CLAMPED, (2, 1), WALLS_NEAR)
     assert (np.abs(pressed.strained.positions[..., 2]) > WALLS_NEAR.z_max).any()
@@ -253,9 +261,9 @@ def test_the_aligning_rotation_and_its_derivative_are_scipys(seed, flat, mirrore
     def scipys(x):
         return Rotation.align_vectors(target, x)[0].as_matrix()
 
-    found = aligning_rotation(jnp.asarray(target), jnp.asarray(points))
+    found = ALIGNING(target, points)
     np.testing.assert_allclose(found, scipys(points), atol=1e-10)
     toward, h = random.normal(size=points.shape), 1e-6
-    slope = jax.jvp(lambda x: aligning_rotation(jnp.asarray(target), x), (points,), (toward,))[1]
+    slope = SLOPE(target, points, toward)
     differences = (scipys(points + h * toward) - scipys(points - h * toward)) / (2 * h)
     np.testing.assert_allclose(slope, differences, atol=1e-6)

@@ -34,6 +34,7 @@ def patch_poisson_ratio(shape, test):
     return np.asarray(poisson_ratio(central_mean(strain_xx), central_mean(strain_yy)))[1:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
 def test_both_methods_reach_the_same_states(reading):
     net, fabric = checkered(4, 2, reading)
@@ -76,6 +77,7 @@ def loss_of_a_pull(design, rate):
     return result, rise
 
 
+@pytest.mark.slow
 def test_the_loss_is_the_work_that_did_not_go_into_the_fabric():
     loss = []
     for rate in (1.0, 0.1, 0.025):
@@ -99,6 +101,7 @@ def test_too_fast_a_pull_is_reported_and_is_no_snap():
     assert not test.states[-1].snapped
 
 
+@pytest.mark.slow
 def test_the_papers_fixed_steps_carry_a_whole_test():
     fixed = replace(SETTINGS, ending="fixed_steps")
     (test,) = stretch_by_dynamics(moving([(4, 1)], PERIODIC, fixed), [[0.0, 0.1, 0.2]])
@@ -110,6 +113,7 @@ def test_the_papers_fixed_steps_carry_a_whole_test():
         assert float(state.energy.total) == pytest.approx(float(rest.energy.total), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_one_test_that_ends_does_not_end_its_neighbour():
     batch = moving(
         [(4, 1), (8, 1)], PERIODIC, replace(SETTINGS, ramp_rate=0.2, quasi_static_limit=10.0)

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from knitlab.mechanics.dynamic_tensile_test import MotionPath, MovingBatch, move
-from knitlab.mechanics.dynamics import DynamicsSettings, integrate
+from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.state import Outcome
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.inertia import Inertia, nodes_moved
 from knitlab.model.network import MeshShape, network
-from tests.fabrics import CLAMPED, PERIODIC, checkered, moving, relaxed, shaken
+from tests.fabrics import CLAMPED, PERIODIC, checkered, moving, relaxed
 
 SETTINGS = DynamicsSettings()
 STIFFNESS, MASS, LENGTH, PULL = 2.0, 1e-3, 1.0, 1e-3
@@ -75,6 +75,7 @@ def test_energy_is_kept_account_of_over_a_relaxation():
     assert (np.diff(history.dissipated) >= 0).all()
 
 
+@pytest.mark.slow
 def test_the_error_falls_with_the_fifth_power_of_the_time_step():
     ends = []
     for steps in (60, 120, 480):
@@ -91,6 +92,7 @@ def test_the_error_falls_with_the_fifth_power_of_the_time_step():
     assert (orders > 4.5).all(), (errors, orders)
 
 
+@pytest.mark.slow
 def test_the_error_falls_with_the_tolerance():
     ends = []
     for tolerance in (1e-4, 1e-6, 1e-9):
@@ -105,6 +107,7 @@ def test_the_error_falls_with_the_tolerance():
     assert errors[0] > 10 * errors[1], errors
 
 
+@pytest.mark.slow
 def test_damping_is_near_critical_for_the_softest_mode():
     net, fabric = checkered(4, 2, PERIODIC)
     state = relaxed(net, fabric)
@@ -120,26 +123,12 @@ def test_damping_is_near_critical_for_the_softest_mode():
     assert 0.5 < float(inertia.damping / inertia.node_mass) / (2 * softest) < 1.5
 
 
-def test_a_batch_moves_as_its_cases_do_alone_and_is_traced_once(monkeypatch):
-    traced = []
-
-    def counted(shape, *arguments):
-        traced.append(shape)
-        return integrate(shape, *arguments)
-
-    designs = [(2, 1), (8, 1)]
-    settings = replace(SETTINGS, max_steps=999_999)  # an integrator of its own
-    batch = moving(designs, PERIODIC, settings)
+@pytest.mark.slow
+def test_a_batch_moves_as_its_cases_do_alone():
+    batch = moving([(2, 1), (8, 1)], PERIODIC, SETTINGS)
     flat = [flat_sheet(network(batch.shape), fabric) for fabric in batch.fabrics]
     sheets = [np.asarray(sheet.flattened()) for sheet in flat]
-    with monkeypatch.context() as patch:
-        patch.setattr("knitlab.mechanics.dynamics.integrate", counted)
-        together = move(batch, [MotionPath(sheet) for sheet in sheets])
-        again = move(
-            batch, [MotionPath(np.asarray(shaken(sheet, 1e-3).flattened())) for sheet in flat]
-        )
-    assert all(result.state.converged for result in again)
-    assert len(traced) == 1
+    together = move(batch, [MotionPath(sheet) for sheet in sheets])
     for case, sheet in enumerate(sheets):
         one = replace(
             batch, fabrics=batch.fabrics[case : case + 1], inertias=batch.inertias[case : case + 1]
@@ -156,6 +145,7 @@ def test_a_batch_moves_as_its_cases_do_alone_and_is_traced_once(monkeypatch):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ending", "outcome"), [("steady", Outcome.stalled), ("fixed_steps", Outcome.diverged)]
 )
@@ -181,10 +171,15 @@ def test_a_design_that_diverges_does_not_disturb_its_neighbour(ending, outcome):
     [
         ({"max_steps": 50}, Outcome.iteration_limit),
         ({"duration": 0.1}, Outcome.time_limit),
-        ({"ending": "fixed_steps", "fixed_steps": 100}, Outcome.time_limit),
-        (
+        pytest.param(
+            {"ending": "fixed_steps", "fixed_steps": 100},
+            Outcome.time_limit,
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
             {"ending": "fixed_steps", "fixed_steps": 100, "fixed_steps_force": 10.0},
             Outcome.converged,
+            marks=pytest.mark.slow,
         ),
     ],
 )

@@ -27,7 +27,9 @@ def shared(monkeypatch):
 
 
 @pytest.mark.parametrize(("boundary", "periods"), SHEETS)
-@pytest.mark.parametrize("angle", ["whole_normals", "across_edge"])
+@pytest.mark.parametrize(
+    "angle", ["whole_normals", pytest.param("across_edge", marks=pytest.mark.slow)]
+)
 def test_energy_forces_and_hessians_are_those_of_the_whole(boundary, periods, angle):
     net, fabric = checkered(4, periods, ModelOptions(boundary=boundary, fold_angle=angle))
     full, spare = divmod(net.shape.nodes, HEIGHTS)

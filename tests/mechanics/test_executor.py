@@ -18,7 +18,13 @@ def stretches(net, fabrics):
     return [stretch(net, fabric, STRAINS, SolverSettings()) for fabric in fabrics]
 
 
-@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
+@pytest.mark.parametrize(
+    "reading",
+    [
+        pytest.param(PERIODIC, id="periodic"),
+        pytest.param(CLAMPED, id="clamped", marks=pytest.mark.slow),
+    ],
+)
 def test_a_batch_on_the_device_gives_what_its_fabrics_give_alone(reading):
     net, four = checkered(4, 1, reading)
     _, eight = checkered(8, 1, reading)
@@ -33,6 +39,7 @@ def test_a_batch_on_the_device_gives_what_its_fabrics_give_alone(reading):
             assert np.allclose(state.configuration.lengths, other.configuration.lengths, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_poisoned_fabric_disturbs_no_neighbour():
     net, sound = checkered(4, 1, PERIODIC)
     poisoned = eqx.tree_at(lambda f: f.rest_length, sound, sound.rest_length.at[3].set(jnp.nan))
@@ -45,6 +52,7 @@ def test_a_poisoned_fabric_disturbs_no_neighbour():
         assert broken.loading is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
 def test_every_factorisation_that_is_installed_leads_to_the_same_states(reading):
     pytest.importorskip("cvxopt")

@@ -11,9 +11,9 @@ from scipy.optimize import root
 from knitlab.model.options import ModelOptions
 from knitlab.model.zigzag import tension, zigzag
 from tests.fabrics import (
-    ALL_STRIPES,
     CLAMPED,
     DEFAULT,
+    EVERY_STRIPE,
     FINE,
     PERIODIC,
     pure,
@@ -22,7 +22,6 @@ from tests.fabrics import (
     stripe,
 )
 
-NAMES = [f"{of.knit} {of.n}" for of in ALL_STRIPES]
 LONG_STEPS = replace(DEFAULT, path_step=0.05)
 FINEST = replace(FINE, tolerance=1e-13)
 """Sheets whose ridges bend freely: 6e-13 N leave 2e-8 of a clamped garter 16's width."""
@@ -69,7 +68,7 @@ def along_the_ridges(of, strain):
 
 
 @pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
-@pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
+@EVERY_STRIPE
 def test_a_pure_stripe_relaxes_to_the_sine_of_half_its_rest_angle(of, reading):
     net, fabric = pure(of, reading)
     state = relaxed(net, fabric, FINEST)
@@ -90,7 +89,7 @@ def test_a_pure_stripe_relaxes_to_the_sine_of_half_its_rest_angle(of, reading):
     assert straight == pytest.approx(1, rel=1e-8)
 
 
-@pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
+@EVERY_STRIPE
 def test_tension_across_the_ridges_is_that_of_three_unknowns(of):
     net, fabric = pure(of, PERIODIC, ridges="G")
     test = stretched(net, fabric, STRAINS, FINE)
@@ -103,7 +102,7 @@ def test_tension_across_the_ridges_is_that_of_three_unknowns(of):
         assert test.loading.reaction_force(state.gradient) == pytest.approx(4 * force, rel=1e-6)
 
 
-@pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
+@EVERY_STRIPE
 def test_tension_along_the_ridges_is_that_of_three_unknowns(of):
     net, fabric = pure(of, PERIODIC, ridges="R")
     strains = [0.0, 0.1, 0.2, 0.45]
@@ -115,8 +114,11 @@ def test_tension_along_the_ridges_is_that_of_three_unknowns(of):
         assert test.loading.reaction_force(state.gradient) == pytest.approx(4 * force, rel=1e-6)
 
 
-@pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
-@pytest.mark.parametrize(("boundary", "periods"), [("periodic", 1), ("clamped", 1), ("clamped", 2)])
+@EVERY_STRIPE
+@pytest.mark.parametrize(
+    ("boundary", "periods"),
+    [("periodic", 1), ("clamped", 1), pytest.param("clamped", 2, marks=pytest.mark.slow)],
+)
 def test_the_sheet_is_the_zigzag_within_five_percent_while_it_unfolds(of, boundary, periods):
     reading = ModelOptions(cell_size="relaxed", boundary=boundary, fold_phase="stripe_centre")
     net, fabric = pure(of, reading, periods=periods, ridges="G")
@@ -126,6 +128,7 @@ def test_the_sheet_is_the_zigzag_within_five_percent_while_it_unfolds(of, bounda
     np.testing.assert_allclose(row_force(net, test), zigzag_force, rtol=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "choice", [{"cell_size": "flat"}, {"hinge_stiffness": "per_length"}, {"length_scale": 3.0}]
 )
@@ -140,7 +143,7 @@ def test_the_zigzag_is_read_as_the_sheet_is(choice):
     assert force != pytest.approx(float(tension(zigzag(of), jnp.array([0.1]))[0]), rel=0.1)
 
 
-@pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
+@EVERY_STRIPE
 def test_without_its_diagonals_an_endless_sheet_is_the_zigzag(of):
     """First of the two reasons why 3D is stiffer than 2D at large strain."""
     force = [across_the_ridges(of, strain, diagonals=0.0)[1] for strain in STRAINS[1:]]
@@ -151,7 +154,8 @@ def test_without_its_diagonals_an_endless_sheet_is_the_zigzag(of):
     np.testing.assert_allclose(row_force(net, test), expected, rtol=0.01)
 
 
-@pytest.mark.parametrize("of", ALL_STRIPES, ids=NAMES)
+@pytest.mark.slow
+@EVERY_STRIPE
 def test_without_its_diagonals_an_open_sheet_is_a_zigzag_with_one_more_row_of_springs(of):
     """The second reason: R cells side by side have R hinges on a fold, but R + 1 springs."""
     reading = ModelOptions(cell_size="relaxed", boundary="clamped", fold_phase="stripe_centre")

@@ -30,6 +30,7 @@ def test_a_sample_of_endless_fabric_is_in_equilibrium_but_for_its_edges():
     assert np.abs(forces).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_flat_and_endless_starts_reach_one_state():
     net, fabric, start, _ = fabric_layout(4, 2, (2, 2))
     laid = run(net.shape, fabric, relax(net, fabric, DEFAULT, start))
@@ -41,7 +42,13 @@ def test_flat_and_endless_starts_reach_one_state():
 
 @pytest.mark.parametrize(
     ("n_stripe", "periods", "unit_cells"),
-    [(2, 4, None), (4, 2, None), (8, 4, None), (6, 3, (2, 1)), (8, 2, (3, 2))],
+    [
+        (4, 2, None),
+        *(
+            pytest.param(*design, marks=pytest.mark.slow)
+            for design in [(2, 4, None), (8, 4, None), (6, 3, (2, 1)), (8, 2, (3, 2))]
+        ),
+    ],
 )
 def test_a_relaxation_takes_fewer_than_sixty_factorisations(n_stripe, periods, unit_cells):
     if unit_cells is None:

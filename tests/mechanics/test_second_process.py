@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -39,13 +38,6 @@ def is_there(pid: int) -> bool:
     return True
 
 
-def ends(pid: int) -> bool:
-    deadline = time.monotonic() + 60
-    while is_there(pid) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    return not is_there(pid)
-
-
 def test_it_finds_what_this_process_finds(sample, subdomain_request):
     _, fabric, _ = sample
     at, process = subdomain_request.at, SecondProcess()
@@ -68,6 +60,7 @@ def test_it_finds_what_this_process_finds(sample, subdomain_request):
             np.testing.assert_array_equal(there.unknowns, here.unknowns)
 
 
+@pytest.mark.slow
 def test_subdomains_are_solved_though_a_second_process_dies(sample, subdomain_request, monkeypatch):
     net, fabric, _ = sample
     dead = []
@@ -107,4 +100,5 @@ def test_it_ends_when_what_started_it_is_killed():
         pid = int(process.stdout.readline())
         assert is_there(pid)
         process.kill()
-    assert ends(pid)
+        # Both write to one pipe, which ends when the last of them has.
+        assert process.stdout.read() == ""

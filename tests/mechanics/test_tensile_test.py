@@ -33,6 +33,7 @@ from tests.fabrics import (
 LOW_WALL = replace(SHEET, z_max=0.9)
 
 
+@pytest.mark.slow
 def test_an_active_wall_converges_and_is_pressed_on():
     net, fabric = patterned(4, patch_map(["GRG", "RGR"], 2), CLAMPED, LOW_WALL)
     test = stretched(net, fabric, [0.0, 0.05, 0.1])
@@ -54,7 +55,13 @@ def test_reactions_at_top_and_bottom_cancel():
     assert top > 1e-3
 
 
-@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
+@pytest.mark.parametrize(
+    "reading",
+    [
+        pytest.param(CLAMPED, id="clamped", marks=pytest.mark.slow),
+        pytest.param(PERIODIC, id="periodic"),
+    ],
+)
 def test_the_reaction_force_does_the_work_that_the_energy_gains(reading):
     net, fabric = checkered(2, 1, reading)
     # Gauss–Legendre points between two strains integrate the smooth force to high order.
@@ -67,7 +74,13 @@ def test_the_reaction_force_does_the_work_that_the_energy_gains(reading):
     assert work == pytest.approx(gained, rel=1e-7)
 
 
-@pytest.mark.parametrize("flip", [np.fliplr, np.flipud], ids=["in x", "in y"])
+@pytest.mark.parametrize(
+    "flip",
+    [
+        pytest.param(np.fliplr, id="in x"),
+        pytest.param(np.flipud, id="in y", marks=pytest.mark.slow),
+    ],
+)
 def test_mirrored_patterns_make_mirrored_shapes(flip):
     pattern = patch_map(["RGG", "GRG"], 1)
     net, fabric = patterned(4, pattern, CLAMPED)
@@ -82,6 +95,7 @@ def test_mirrored_patterns_make_mirrored_shapes(flip):
     assert np.abs(nodes + offset - expected).max() < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n_stripe", "strains"), [(4, [0, 0.04, 0.08]), (2, [0, 0.15, 0.3, 0.45])])
 def test_one_unit_cell_and_four_are_the_same_endless_fabric(n_stripe, strains):
     one, four = (
@@ -93,6 +107,7 @@ def test_one_unit_cell_and_four_are_the_same_endless_fabric(n_stripe, strains):
     assert one == pytest.approx(four, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_the_curve_does_not_hang_on_the_strains_that_are_recorded():
     net, fabric = checkered(4, 2, PERIODIC)
     coarse = stretched(net, fabric, [0.0, 0.08, 0.16])
@@ -102,6 +117,7 @@ def test_the_curve_does_not_hang_on_the_strains_that_are_recorded():
         assert float(one.energy.total) == pytest.approx(float(other.energy.total), rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("n_stripe", "periods", "reading", "first", "last"),
     [
@@ -121,6 +137,7 @@ def test_readings_change_poisson_ratio_as_in_the_trial_runs(
     assert (np.diff(ratio) > 0).all()
 
 
+@pytest.mark.slow
 def test_the_default_reading_is_auxetic_with_its_lowest_ratio_on_the_way():
     ratio = periodic_poisson_ratio(
         stretched(*checkered(4, 2, PERIODIC), list(np.linspace(0, 0.45, 16)))
@@ -137,6 +154,7 @@ def test_what_does_not_relax_says_so():
     assert test.states[0].residual > 1e-8
 
 
+@pytest.mark.slow
 def test_a_step_that_fails_is_tried_in_halves(monkeypatch):
     monkeypatch.setattr(tensile_test, "ROUGH", np.inf)  # so that a step is one search
     net, fabric = checkered(4, 1, PERIODIC)
@@ -151,7 +169,13 @@ def test_a_step_that_fails_is_tried_in_halves(monkeypatch):
     assert [state.converged for state in given_up.states] == [True, False]
 
 
-@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
+@pytest.mark.parametrize(
+    "reading",
+    [
+        pytest.param(PERIODIC, id="periodic"),
+        pytest.param(CLAMPED, id="clamped", marks=pytest.mark.slow),
+    ],
+)
 def test_a_rough_step_ends_where_a_smooth_one_does(reading, monkeypatch):
     """Soft walls and a convexified stiffness are a way to a state; they are none of it."""
     net, fabric = checkered(4, 1, reading)
@@ -193,7 +217,9 @@ def test_only_a_test_that_reached_its_end_goes_back():
     assert test.unloaded == ()
 
 
-@pytest.mark.parametrize(("shake", "parts"), [(0.0, {1.0, 0.5}), (2.0, {0.125, 0.0})])
+@pytest.mark.parametrize(
+    ("shake", "parts"), [(0.0, {1.0, 0.5}), pytest.param(2.0, {0.125, 0.0}, marks=pytest.mark.slow)]
+)
 def test_many_subdomains_start_from_where_on_the_line_ahead_the_energy_is_least(
     small_subdomains, sample, monkeypatch, shake, parts
 ):

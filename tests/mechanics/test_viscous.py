@@ -52,6 +52,7 @@ def integrated(sample, test, drag):
     ).y.T
 
 
+@pytest.mark.slow
 def test_viscous_steps_come_to_the_integrated_motion_as_they_get_finer(sample):
     tests = [pulled(sample, DRAG, step) for step in (0.1, 0.025, 0.00625)]
     free = tests[0].loading.free
@@ -80,12 +81,14 @@ def test_forces_and_drag_balance_on_every_free_unknown(sample):
         assert float(state.energy.drag) == 0
 
 
+@pytest.mark.slow
 def test_hardly_any_drag_gives_the_equilibria(sample):
     still, slow = pulled(sample, 0.0), pulled(sample, 1e-9)
     for one, other in zip(still.states, slow.states, strict=True):
         np.testing.assert_allclose(other.unknowns, one.unknowns, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_pull_does_the_work_that_is_stored_and_dissipated(sample):
     net, fabric = sample
     strains = np.linspace(0.0, 0.1, 81)

@@ -6,12 +6,12 @@ import pytest
 
 from knitlab.mechanics.zigzag_tension import pull_chain
 from knitlab.model.zigzag import chain_energy, tension, zigzag
-from tests.fabrics import ALL_STRIPES, stripe
+from tests.fabrics import EVERY_STRIPE, stripe
 
 STRAINS = np.linspace(0, 2, 21)
 
 
-@pytest.mark.parametrize("of", ALL_STRIPES, ids=lambda of: f"{of.knit} {of.n}")
+@EVERY_STRIPE
 def test_the_minimum_has_the_tension_of_the_closed_form(of):
     states = pull_chain(zigzag(of), 1, STRAINS)
     assert all(state.converged and state.residual <= 1e-12 for state in states)

@@ -61,7 +61,9 @@ def test_across_the_edge_a_cell_that_turns_turns_the_angle_however_twisted_it_is
     hinges = np.array(
         [[edge, *diagonals], [edge, *diagonals[:2], *about.apply(diagonals[2:])]]
     ).transpose(1, 2, 0)
-    before, after = np.asarray(fold_from_rest(jnp.asarray(hinges), rest, "across_edge"))
+    before, after = np.asarray(
+        fold_from_rest(jnp.asarray(hinges), jnp.full(2, rest), "across_edge")
+    )
     difference = after - before - turn
     assert np.arctan2(np.sin(difference), np.cos(difference)) == pytest.approx(0, abs=1e-9)
 

@@ -22,15 +22,23 @@ DRAWN = {
     "sensor": ("sensor", "capacitors", "wedge", "electrodes"),
     "sensor_stripes": ("capacitors", "wedge"),
 }
+SMALLEST = ("preview", "sensor_stripes")
 
 
-@pytest.mark.parametrize("results", DRAWN)
+@pytest.mark.parametrize(
+    "results",
+    [
+        pytest.param(results, marks=() if results in SMALLEST else pytest.mark.slow)
+        for results in DRAWN
+    ],
+)
 def test_figures_are_drawn_from_the_committed_cube_alone(results, tmp_path):
     for kind in DRAWN[results]:
         drawn = draw_figure(kind, [REFERENCE / results], tmp_path / f"{kind}.svg")
         assert b"</svg>" in drawn.read_bytes()[-20:]
 
 
+@pytest.mark.slow
 def test_the_committed_page_of_claims_is_that_of_the_committed_cubes(tmp_path):
     cubes = [REFERENCE / name for name in JUDGED]
     judgements = judged(read_claims(), cubes)

@@ -43,6 +43,7 @@ def test_a_stripe_that_does_not_snap_comes_back_as_it_went(cube):
     assert float(rib["hysteresis"]) < 1e-3
 
 
+@pytest.mark.slow
 def test_capacitance_is_of_the_length_that_was_asked_for(cube, tmp_path):
     plan = make_plan("sensor_stripes", (*SMALL, "electrode_length=50", "permittivity=3"))
     other = run_plan(plan, tmp_path, RunOptions()).cube
@@ -73,7 +74,7 @@ def test_layouts_can_be_a_dimension():
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (("layout=nowhere",), r"there is no layout 'nowhere'; choose of stripe, checkerboard"),
+        (("layout=nowhere",), r"there is no layout 'nowhere'; choose from stripe, checkerboard"),
         (("ridges=1,9",), r"there is no ridge 9: its middle patch has \d+ on face front"),
         (
             ("width=20",),

@@ -22,6 +22,7 @@ def case_of(*settings):
     return next(iter(make_plan("preview", settings).cases.values()))
 
 
+@pytest.mark.slow
 def test_the_default_has_one_branch_and_little_spread(tmp_path):
     cube = cube_of(tmp_path, *SMALL, "robustness=3").squeeze()
     assert float(cube["relaxed_branches"]) == 1
@@ -35,12 +36,14 @@ def test_the_default_has_one_branch_and_little_spread(tmp_path):
     assert cube.attrs["random_seeds"] == "1 to 3: of the siblings of each design"
 
 
+@pytest.mark.slow
 def test_a_multistable_fabric_has_several_branches_and_a_large_spread(tmp_path):
     cube = cube_of(tmp_path, *SMALL, *MULTISTABLE, "robustness=3").squeeze()
     assert float(cube["relaxed_branches"]) > 1
     assert float((cube["poisson_ratio_high"] - cube["poisson_ratio_low"]).max()) > 0.1
 
 
+@pytest.mark.slow
 def test_a_clamped_sample_is_tried_from_its_other_start(tmp_path):
     settings = ("boundary=clamped", "unit_cells=2,2", "n_stripe=4", "n_subunit=8")
     cube = cube_of(tmp_path, *settings, "strain_max=0.06", "robustness=1").squeeze()

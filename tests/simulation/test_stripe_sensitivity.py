@@ -41,6 +41,7 @@ def test_they_are_in_the_cube_at_every_strain_but_zero(cube):
     ]
 
 
+@pytest.mark.slow
 def test_they_are_by_what_the_results_of_other_parameters_differ(cube, tmp_path):
     step = 1e-3
     factors = f"rib_theta_0_factor={1 - step},{1 + step}"
@@ -83,6 +84,7 @@ def test_designs_with_and_without_share_a_cube(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_where_there_is_no_derivative_it_is_missing(cube, monkeypatch, tmp_path):
     at = LinearResponses.at
     between = 1.045 * float(cube["relaxed_cell_y"].squeeze())

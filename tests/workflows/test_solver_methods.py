@@ -13,7 +13,7 @@ SMALL = {"n_stripe": 4, "n_subunit": 8, "size": "1x1"}
 PLENTY = 300.0
 
 
-@pytest.mark.parametrize("boundary", ["clamped", "periodic"])
+@pytest.mark.parametrize("boundary", [pytest.param("clamped", marks=pytest.mark.slow), "periodic"])
 def test_fire_and_l_bfgs_relax_to_the_state_of_the_equilibrium_solver(boundary):
     problem = Problem.of(
         Measurement("relaxation", "knitlab", **SMALL, boundary=boundary).case("strain_max=0"),
@@ -31,6 +31,7 @@ def test_fire_and_l_bfgs_relax_to_the_state_of_the_equilibrium_solver(boundary):
     assert energies == pytest.approx(dict.fromkeys(energies, energies["knitlab"]), rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["knitlab_direct", "fire", "lbfgs"])
 def test_methods_pull_a_sample_to_the_same_state(solver):
     case = Measurement("tension", solver, **SMALL).case("strain_max=0.06")
@@ -64,6 +65,7 @@ def test_every_factorisation_solves_the_stiffness(solver):
     assert record["seconds"] == pytest.approx(sum(record[f"{part}_seconds"] for part in parts))
 
 
+@pytest.mark.slow
 def test_a_batch_is_run_to_the_last_strain_in_turn_and_in_step():
     fabrics, states = 2, 16
     for solver in (IN_TURN, IN_STEP):

@@ -1,0 +1,80 @@
+"""Found designs: what was wanted, and what the nearest designs have."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from knitlab.figures.style import TWO_COLUMNS
+from knitlab.io.schema import VARIABLES
+from knitlab.tables.find import Found, Reached
+
+MOST_SHOWN = 6
+"""Designs that are drawn, the nearest first."""
+WANTED = "#009E73"
+PANEL_HEIGHT = 2.4
+"""Of each target [in]."""
+
+
+def found_figure(found: Found) -> Figure:
+    """One panel for each target: what is wanted in green, and the nearest designs.
+
+    Args:
+        found: designs by their distance from the targets.
+    """
+    shown = min(MOST_SHOWN, len(found.table))
+    names = [_name(found, place) for place in range(shown)]
+    panels = len(found.reached)
+    size = (TWO_COLUMNS, PANEL_HEIGHT * panels + 0.5)
+    figure = Figure(figsize=size, layout="constrained")
+    for panel, reached in zip(
+        figure.subplots(panels, 1, squeeze=False)[:, 0], found.reached, strict=True
+    ):
+        colours = [f"C{place}" for place in range(shown)]
+        if reached.target.reduction is None and len(reached.at) > 1:
+            for place in range(shown):
+                panel.plot(
+                    reached.at, reached.values[place], color=colours[place], label=names[place]
+                )
+            panel.set_xlabel("applied strain [1]")
+            panel.set_xlim(reached.at[0], reached.at[-1])
+        else:
+            panel.bar(range(shown), reached.obtained[:shown], color=colours, width=0.5, zorder=2)
+            panel.set_xticks(range(shown), names)
+        _draw_wanted(panel, reached)
+        variable = VARIABLES.get(reached.target.name)
+        unit = variable.units if variable else "1"
+        panel.set_ylabel(f"{reached.target.label}\n[{unit}]", fontsize="small")
+        if panel.get_legend_handles_labels()[1]:
+            panel.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    figure.suptitle(f"the {shown} nearest designs; wanted in green", fontsize="small")
+    return figure
+
+
+def _name(found: Found, place: int) -> str:
+    row = found.table.iloc[place]
+    labels = ", ".join(str(row[name]) for name in ("n_stripe", "n_subunit") if name in row)
+    cube = f"\n{row['cube']}" if "cube" in row else ""
+    return f"({labels}){cube}"
+
+
+def _draw_wanted(panel: Axes, reached: Reached) -> None:
+    """Shade the wanted range; a single value is a line."""
+    target = reached.target
+    if target.low == target.high:
+        panel.axhline(target.low, color=WANTED, lw=2, label="wanted", zorder=3)
+        if target.tolerance is not None:
+            low, high = target.low - target.tolerance, target.high + target.tolerance
+            panel.axhspan(low, high, color=WANTED, alpha=0.15, lw=0)
+        return
+    below, above = panel.get_ylim()
+    below = min([below, *(bound for bound in (target.low,) if np.isfinite(bound))])
+    above = max([above, *(bound for bound in (target.high,) if np.isfinite(bound))])
+    panel.set_ylim(below, above)
+    panel.axhspan(
+        max(target.low, below),
+        min(target.high, above),
+        color=WANTED,
+        alpha=0.15,
+        lw=0,
+        label="wanted",
+    )

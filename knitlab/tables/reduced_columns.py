@@ -1,0 +1,101 @@
+"""Columns that sum up a curve over a window of strain: ``mean(poisson_ratio, 0.05:0.25)``."""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from knitlab.io.errors import fault
+from knitlab.io.plain_cube import PlainCube
+from knitlab.io.suggestions import unknown
+from knitlab.tables.strain_window import REDUCTIONS, StrainWindow
+
+STRAIN = "applied_strain"
+_CALL = re.compile(
+    rf"\b(?P<reduction>{'|'.join(REDUCTIONS)})\s*\(\s*(?P<name>\w+)\s*,\s*(?P<window>[^()]*?)\s*\)"
+)
+
+
+@dataclass(frozen=True)
+class ReducedColumn:
+    """A column that no cube has, but that follows from one along the applied strain.
+
+    Attributes:
+        reduction: of :data:`~knitlab.tables.strain_window.REDUCTIONS`.
+        name: variable of the cube.
+        window: strains that it is reduced over.
+    """
+
+    reduction: str
+    name: str
+    window: StrainWindow
+
+    @property
+    def label(self) -> str:
+        """The name of the column, written in one way."""
+        return f"{self.reduction}({self.name}, {self.window})"
+
+
+def reduced_columns(text: str) -> dict[str, ReducedColumn]:
+    """The reduced columns that a text names, each by the part of the text that does so.
+
+    Raises:
+        BadInput: if one names no window.
+    """
+    return {
+        match[0]: ReducedColumn(
+            match["reduction"], match["name"], StrainWindow.of(match["window"], match[0])
+        )
+        for match in _CALL.finditer(text)
+    }
+
+
+def relabelled(text: str) -> str:
+    """A text with every reduced column under its own label."""
+    for part, column in reduced_columns(text).items():
+        text = text.replace(part, column.label)
+    return text
+
+
+def with_columns(cubes: Sequence[PlainCube], texts: Iterable[str]) -> list[PlainCube]:
+    """Cubes with the reduced columns that some texts name as further variables of the designs.
+
+    Args:
+        cubes: the cubes.
+        texts: conditions, names of columns, and so on.
+
+    Raises:
+        BadInput: if a column reduces what is no curve of any cube.
+    """
+    wanted = {its.label: its for text in texts for its in reduced_columns(text).values()}
+    for label, column in wanted.items():
+        _check(cubes, label, column)
+    return [_with(cube, wanted) for cube in cubes]
+
+
+def _check(cubes: Sequence[PlainCube], label: str, column: ReducedColumn) -> None:
+    curves = {
+        name
+        for cube in cubes
+        for name, dims in cube.dims.items()
+        if set(dims) - set(cube.design_dims) == {STRAIN}
+    }
+    if column.name not in curves:
+        raise fault(label, f"reduces a curve along {STRAIN}, and {unknown(column.name, curves)}")
+
+
+def _with(cube: PlainCube, wanted: dict[str, ReducedColumn]) -> PlainCube:
+    own = {label: its for label, its in wanted.items() if its.name in cube.dims}
+
+    def read(name: str) -> np.ndarray:
+        if name not in own:
+            return cube.read(name)
+        column = own[name]
+        values = np.asarray(cube.read(column.name), float)
+        curves = values.reshape(-1, values.shape[-1])
+        strains = np.asarray(cube.coordinates[STRAIN], float)
+        found = REDUCTIONS[column.reduction](*column.window.read(strains, curves))
+        return found.reshape(values.shape[:-1])
+
+    return replace(cube, dims=cube.dims | dict.fromkeys(own, cube.design_dims), read=read)

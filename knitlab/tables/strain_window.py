@@ -1,0 +1,116 @@
+"""Windows of applied strain: curves interpolated over them, and what sums a curve up."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.io.errors import fault
+
+PARTS = 64
+"""Even parts of a window at whose ends a curve is read, beside the strains that were simulated."""
+
+Curves = Float[np.ndarray, "design strain"]
+Numbers = Float[np.ndarray, " design"]
+
+
+@dataclass(frozen=True)
+class StrainWindow:
+    """Strains from one to another, or a single one.
+
+    Attributes:
+        start: first applied strain [1].
+        stop: last applied strain, the same for a single one [1].
+    """
+
+    start: float
+    stop: float
+
+    @property
+    def single(self) -> bool:
+        """Whether it is one strain."""
+        return self.start == self.stop
+
+    def __str__(self) -> str:
+        return f"{self.start:g}" if self.single else f"{self.start:g}:{self.stop:g}"
+
+    @classmethod
+    def of(cls, text: str, source: str) -> "StrainWindow":
+        """The window that a text ``STRAIN`` or ``STRAIN:STRAIN`` names.
+
+        Args:
+            text: for example ``0.05:0.25``.
+            source: what it is part of, for a fault.
+
+        Raises:
+            BadInput: if it is none, or does not ascend from at least 0.
+        """
+        try:
+            start, *rest = (float(part) for part in text.split(":"))
+            (stop,) = rest or (start,)
+        except ValueError:
+            example = "give one strain or two, such as 0.05:0.25"
+            raise fault(source, f"{text.strip()!r} is no window of strain; {example}") from None
+        if not 0 <= start <= stop < np.inf:
+            raise fault(source, f"the window {text.strip()} does not ascend from at least 0")
+        return cls(start, stop)
+
+    def read(
+        self, strains: Float[np.ndarray, " grid"], values: Curves
+    ) -> tuple[np.ndarray, Curves]:
+        """Curves over the window, linear between the strains that were simulated.
+
+        Args:
+            strains: of the curves, ascending [1].
+            values: of every design at these, NaN where missing.
+
+        Returns:
+            Strains of the window, ascending, and the curves there: NaN beyond what is known.
+        """
+        if self.single:
+            at = np.array([self.start])
+        else:
+            inside = strains[(strains > self.start) & (strains < self.stop)]
+            at = np.union1d(np.linspace(self.start, self.stop, PARTS + 1), inside)
+        upper = np.clip(np.searchsorted(strains, at), 1, max(len(strains) - 1, 1))
+        lower = upper - 1
+        if len(strains) == 1:
+            return at, np.where(np.isclose(at, strains[0]), values, np.nan)
+        part = (at - strains[lower]) / (strains[upper] - strains[lower])
+        # A strain that was simulated is read as it is: its neighbour may be missing.
+        part = np.where(np.isclose(part, 0, atol=1e-9), 0, np.where(np.isclose(part, 1), 1, part))
+        below = np.where(part < 1, values[:, lower], 0)
+        above = np.where(part > 0, values[:, upper], 0)
+        read = below * (1 - part) + above * part
+        return at, np.where((part < 0) | (part > 1), np.nan, read)
+
+
+def _mean(at: np.ndarray, curves: Curves) -> Numbers:
+    if len(at) == 1:
+        return curves[:, 0]
+    return np.trapezoid(curves, at, axis=1) / (at[-1] - at[0])
+
+
+def _slope(at: np.ndarray, curves: Curves) -> Numbers:
+    """Slope of the least-squares line through a curve; NaN at a single strain."""
+    if len(at) == 1:
+        return np.full(len(curves), np.nan)
+    from_middle = at - (at[0] + at[-1]) / 2
+    return np.trapezoid(curves * from_middle, at, axis=1) / np.trapezoid(from_middle**2, at)
+
+
+REDUCTIONS: dict[str, Callable[[np.ndarray, Curves], Numbers]] = {
+    "mean": _mean,
+    "slope": _slope,
+    "spread": lambda at, curves: curves.max(axis=1) - curves.min(axis=1),
+    "min": lambda at, curves: curves.min(axis=1),
+    "max": lambda at, curves: curves.max(axis=1),
+}
+"""What sums up a curve over a window: its mean, the slope of its least-squares line, its largest
+less its smallest value, and these. NaN where any of it is missing."""
+
+
+def root_mean_square(at: np.ndarray, curves: Curves) -> Numbers:
+    """Root of the mean square of curves over a window."""
+    return np.sqrt(_mean(at, curves**2))

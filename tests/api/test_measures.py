@@ -1,0 +1,53 @@
+"""Own functions of the shape: their values, and derivatives against finite differences."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import knitlab as kl
+
+STRAINS = [0.0, 0.03, 0.06]
+TIGHT = {"tolerance": 1e-10}
+
+
+def thickness(shape):
+    return jnp.ptp(shape.positions[..., 2])
+
+
+def mean_square_height(shape):
+    heights = shape.positions[..., 2]
+    return jnp.mean((heights - heights.mean()) ** 2)
+
+
+@pytest.mark.parametrize("boundary", ["periodic", "clamped"])
+def test_derivatives_are_those_of_finite_differences(boundary):
+    design = kl.Design(n_stripe=4, n_subunit=8, boundary=boundary)
+    found = kl.evaluate(kl.simulate(design, STRAINS, **TIGHT), height=mean_square_height)
+    step = 1e-3
+    below, above = (
+        kl.evaluate(
+            kl.simulate(design, STRAINS, rib_theta_0_factor=factor, **TIGHT),
+            sensitivities=False,
+            height=mean_square_height,
+        )["height"]
+        for factor in (1 - step, 1 + step)
+    )
+    slope = found["height_sensitivity"].sel(stripe_parameter="rib_theta_0")
+    np.testing.assert_allclose(slope, (above - below) / (2 * step), rtol=1e-3)
+
+
+def test_values_are_those_of_the_positions():
+    test = kl.simulate(kl.Design(n_stripe=4, n_subunit=8, boundary="periodic"), STRAINS)
+    found = kl.evaluate(test, sensitivities=False, thickness=thickness)
+    z = test["position"].sel(component="z")
+    expected = z.max(("node_y", "node_x")) - z.min(("node_y", "node_x"))
+    np.testing.assert_allclose(found["thickness"], expected)
+    assert list(found.data_vars) == ["thickness"]
+
+
+def test_what_has_no_shape_or_gives_no_number_is_refused():
+    test = kl.simulate(kl.Design(n_stripe=4, n_subunit=8, boundary="periodic"), [0.0, 0.03])
+    with pytest.raises(kl.BadInput, match=r"heights: returns an array of shape \(8, 8\)"):
+        kl.evaluate(test, heights=lambda shape: shape.positions[..., 2])
+    with pytest.raises(kl.BadInput, match="no node positions"):
+        kl.evaluate(test.drop_vars("position"), thickness=thickness)

@@ -1,0 +1,49 @@
+"""Processes that wait before each change of a file until they may go on: kills at counted events.
+
+A process announces every change of a file in a folder on one end of a pair of sockets and waits
+for an answer. So what holds the other end knows where it is, without a look at a clock.
+"""
+
+import os
+import signal
+import socket
+import sys
+from pathlib import Path
+
+
+def pause_before_changes(channel: socket.socket, folder: Path, suffix: str = "") -> None:
+    """Have this process wait before it makes, opens to write, or renames a file to such a path."""
+
+    def hook(event: str, arguments: tuple) -> None:
+        path = _changed(event, arguments)
+        if path and path.startswith(str(folder)) and path.endswith(suffix):
+            channel.send(b".")
+            channel.recv(1)
+
+    sys.addaudithook(hook)
+
+
+def _changed(event: str, arguments: tuple) -> str | None:
+    """The path that an audited operation changes, if any."""
+    if event == "os.rename":
+        return os.fspath(arguments[1])
+    if event == "os.mkdir":
+        return os.fspath(arguments[0])
+    if event == "open" and isinstance(arguments[0], str | Path):
+        flags = arguments[2]
+        return os.fspath(arguments[0]) if flags & (os.O_WRONLY | os.O_RDWR) else None
+    return None
+
+
+def await_changes(channel: socket.socket, count: int) -> None:
+    """Let a process go on until it waits before its change of this number."""
+    for number in range(count):
+        if number:
+            channel.send(b".")
+        assert channel.recv(1), f"the process ended after {number} changes of files"
+
+
+def kill(pid: int) -> None:
+    """Kill a child, and wait until it is gone."""
+    os.kill(pid, signal.SIGKILL)
+    os.waitpid(pid, 0)
