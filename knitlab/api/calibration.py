@@ -16,7 +16,7 @@ def calibrate(strain: Curve, force: Curve, *, period: float) -> Calibration:
     """Fit k_s, k_t and θ0 of a stripe to the tension curve of its pure fabric (paper, "2D model").
 
     Measure until the folds are open and the springs stretch, to about 200 % strain: short of that
-    the three cannot be told apart, and ``warnings`` says so.
+    the three cannot be determined separately, and ``warnings`` says so.
 
     Args:
         strain: of the relaxed period, not negative [1].

@@ -46,7 +46,7 @@ def calibrate(
 
     CURVE is a CSV file with a header such as "strain [1],force [N]": the force on one row of the
     network, or the stress with the row's --width. Measure until the folds are open and the springs
-    stretch, to about 200 % strain: short of that the three cannot be told apart.
+    stretch, to about 200 % strain: short of that the three cannot be determined separately.
     """
     from knitlab.io.curve_file import read_tension_curve
     from knitlab.io.errors import fault

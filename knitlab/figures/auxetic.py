@@ -22,7 +22,7 @@ from knitlab.io.errors import fault
 
 LARGE_SPREAD = 0.05
 """Spread of Poisson's ratio over the siblings of a design from which on a map shows it."""
-SPREAD_NOTE = "spread: ν of slightly different fabrics differs by so much, see docs/sweeps.md"
+SPREAD_NOTE = "spread: ν differs by so much over slightly different fabrics, docs/how-to/spread.md"
 
 
 def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:

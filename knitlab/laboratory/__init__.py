@@ -1,1 +1,1 @@
-"""What a laboratory has: markers, machine curves and capacitances, brought into cubes."""
+"""Laboratory records (markers, machine curves, capacitances) imported into cubes, and fits."""

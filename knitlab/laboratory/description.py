@@ -1,4 +1,4 @@
-"""Descriptions: the short TOML beside a laboratory's files that says what they are."""
+"""Descriptions: the short TOML file that lists the records of an experiment and its sample."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -75,7 +75,7 @@ class ProtocolTable(StrictModel):
 
 
 class RecordedTable(StrictModel):
-    """A record with a clock of its own, brought to the machine's.
+    """A record with its own clock, and how that is converted to the machine's.
 
     Either ``starts`` says at which time of the machine its clock was at 0, or both records have a
     ``trigger``, a column that rises past the middle of its range at one and the same moment.
@@ -156,7 +156,7 @@ class MarkersTable(RecordedTable):
 
 
 class Description(StrictModel):
-    """A description: a sample, what is asked for, and the records there are.
+    """A description: the sample, the applied strains to evaluate, and the records.
 
     ``source`` is what the sample is called beside simulations; ``synthetic`` says that it was
     made up.
@@ -186,7 +186,7 @@ class Description(StrictModel):
 
 
 def read_description(path: Path, kind: RecordKind) -> Description:
-    """Read a description that says what there is of a kind.
+    """Read a description that lists records of a kind.
 
     Raises:
         BadInput: with every fault of the file.

@@ -36,9 +36,9 @@ from knitlab.study.parameters import read_parameters
 
 IMPORTS = "imports"
 LARGEST_AT_REST = 0.25
-"""Strain of a relaxed shape, over the first strain that is asked for."""
+"""Largest strain of the reference shape, as a fraction of the first applied strain."""
 LEAST_FOLLOWED = 0.02
-"""Axial strain of the middle of a sample, over that applied, below which it is not pulled."""
+"""Axial strain at the centre over applied strain, below which a sample counts as not pulled."""
 WORDS = ("status", "case_id", "code", "periods")
 """Variables that every import has."""
 
@@ -59,7 +59,7 @@ class Imported:
 
 
 def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
-    """Import what a description says of one kind of records into the experiment's cube.
+    """Import the records of one kind that a description names into the experiment's cube.
 
     The cube lies in a folder of the description's name. What it has of other kinds is kept, if it
     is of the same sample at the same strains.
@@ -138,7 +138,7 @@ def _read_markers(folder: Path, description: Description) -> Read:
 
 
 def _check_at_rest(path: Path, strain: Float[np.ndarray, " frame"], step: float) -> None:
-    """See that the frames of the relaxed shape are from before the pull.
+    """Check that the frames of the relaxed shape precede the pull.
 
     Raises:
         BadInput: if they are not.
@@ -153,7 +153,7 @@ def _check_at_rest(path: Path, strain: Float[np.ndarray, " frame"], step: float)
 
 
 def _check_from_rest(path: Path, values: Values, asked: Sequence[float]) -> None:
-    """See that the fabric is not strained where the machine does not pull it, and is where it does.
+    """Check that the fabric is strained when, and only when, the machine pulls it.
 
     Raises:
         BadInput: if it is otherwise.
@@ -267,7 +267,7 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
 def _check_same(
     old: xr.Dataset, new: xr.Dataset, kept: list[str], description: Description, path: Path
 ) -> None:
-    """See that what is kept of a cube is of the same sample, at the same strains.
+    """Check that an existing cube is of the same sample and strains.
 
     Raises:
         BadInput: if it is not.
@@ -285,7 +285,7 @@ def _check_same(
 
 
 def _parameters(description: Description) -> dict[str, Any]:
-    """What a cube states of its sample."""
+    """Parameters of the sample, as attributes of the cube."""
     sample = description.sample
     return {
         "unit_cells": list(sample.unit_cells),

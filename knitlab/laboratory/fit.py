@@ -33,24 +33,24 @@ from knitlab.simulation.case import Case
 FITTED = tuple(name for name in STRIPE_PARAMETERS if not name.endswith("period"))
 """What is fitted by default: all but the periods, which are measured by a ruler."""
 LARGEST_FACTOR = 3.0
-"""By which a parameter may grow or shrink."""
+"""Largest ratio between a fitted and a tabulated parameter, or its inverse."""
 LARGEST_REST_ANGLE = 3.0
-"""Rest angle that a stripe may come to, short of flat [rad]."""
+"""Upper bound of a rest angle, below π, which is flat [rad]."""
 MOST_TESTS = 25
-"""Of a search on one branch."""
+"""Largest number of tests in a search on one branch."""
 MOST_SEARCHES = 4
-"""On one branch after the other, from one start."""
+"""Largest number of branches searched from one start."""
 WELL_MET = 1.0
-"""χ² a value up to which a test is met, as by the true stripes, and no other start is tried."""
+"""χ² for each measured value up to which no other start is tried."""
 SAME = 0.5
 """Difference of two tests, in standard errors, up to which they are of the same states."""
 ENOUGH = 1e-3
-"""Relative change of the misfit, and of a factor, that ends the search."""
+"""Relative change of χ², and of a factor, that ends a search."""
 MUCH_TOO_FAR = 4.0
-"""χ² a degree of freedom above which the model does not meet the test."""
+"""χ² for each degree of freedom above which the fit is reported as poor."""
 AT_BOUND = 1e-3
 INSIDE = 0.9
-"""How far towards the ends of where it is looked for a start may be."""
+"""Fraction of the way to a bound within which starts lie."""
 
 Curves = Float[np.ndarray, "quantity strain"]
 Factors = dict[str, float]
@@ -88,7 +88,7 @@ class Fit:
         after: with the fitted ones.
         factors: fitted over tabulated.
         standard_errors: of the factors' logarithms, with what the tables say taken for data.
-        learned: part of what was not known before that the test has told, by parameter.
+        learned: part of the prior variance that the test has removed, by parameter.
         correlations: between the fitted.
         target: what was fitted to.
         curves: of the tests with the stripes of the tables, and with the fitted ones, each run
@@ -96,7 +96,7 @@ class Fit:
         chi_squared: sum of the squared misfits over their errors, before and after.
         tests: how many tests were simulated.
         converged: whether the search met its tolerances.
-        warnings: what to beware of.
+        warnings: reasons to doubt the fit.
     """
 
     names: tuple[str, ...]
@@ -134,7 +134,7 @@ def fit_stripes(
         looseness: standard deviation that the tables are trusted to, relative: 0.2 for 20 %.
         names: of the parameters, of :data:`STRIPE_PARAMETERS`.
         starts: most starts that are tried until the test is met, the first from the tables.
-        step: told after every test how many there were, and χ² of the last.
+        step: called after every test with the number of tests and χ² of the last.
 
     Raises:
         NoFit: if the sample with the stripes of the tables cannot be tested.
@@ -172,7 +172,7 @@ def _bounds(case: Case, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True)
 class _Found:
-    """What a search from one start came to.
+    """Result of a search from one start.
 
     Attributes:
         result: of the last search on a branch.
@@ -196,7 +196,7 @@ class _Found:
 
 
 class _Search:
-    """The tests of a search; the last of them is kept for its derivatives."""
+    """Simulated tests of a search; the last is kept for its derivatives."""
 
     def __init__(
         self, case: Case, target: Target, looseness: float, names: tuple[str, ...], step: Step
@@ -210,14 +210,14 @@ class _Search:
         self.at = b""
 
     def begin(self, logarithms: Float[np.ndarray, " name"]) -> SimulatedTest | None:
-        """Test from the start; the search goes on from there."""
+        """Simulate a test from the relaxed state; the search continues from it."""
         self.near = simulated_test(with_factors(self.case, self.factors(logarithms)))
         self.at = logarithms.tobytes()
         self.tests += 1
         return self.near
 
     def found(self, at: Float[np.ndarray, " name"]) -> _Found:
-        """What the search from a start that was begun comes to."""
+        """Search from a start whose test is already simulated."""
         confirmed: SimulatedTest | None = None
         for _ in range(MOST_SEARCHES):
             result = self._on_branch(at)
@@ -302,7 +302,7 @@ class _Search:
         return np.concatenate([rows, np.eye(len(self.names)) / self.looseness])
 
     def concluded(self, first: SimulatedTest, best: _Found) -> Fit:
-        """The fit that the best of the searches came to.
+        """The fit of the best search.
 
         Args:
             first: the test with the stripes of the tables.

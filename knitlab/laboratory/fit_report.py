@@ -1,4 +1,4 @@
-"""The report of a fit: what changed, how sure that is, and how much better the match is."""
+"""The report of a fit: parameters with standard errors, and the misfit before and after."""
 
 import itertools
 from dataclasses import asdict
@@ -19,7 +19,7 @@ from knitlab.simulation.case import Case
 HEADER = f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  told by test"
 HEADER = f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  told by test"
 ALIKE = 0.9
-"""Correlation above which two parameters are named as hard to tell apart."""
+"""Correlation above which two parameters are reported as hard to separate."""
 
 
 def report(fit: Fit) -> list[str]:

@@ -1,4 +1,4 @@
-"""Machine curves: cycle by cycle, on one clock, at the applied strains that are asked for."""
+"""Machine curves of each cycle, on one clock, interpolated to the applied strains."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -50,7 +50,7 @@ class Pulls:
 
 
 def read_pulls(folder: Path, description: Description, table: TensileTable) -> Pulls:
-    """Read a tensile test, and see that its first cycle has the strains that are asked for.
+    """Read a tensile test and check that its first cycle spans the applied strains.
 
     Raises:
         BadInput: if the file is at fault, or does not.
@@ -140,7 +140,7 @@ def capacitance_values(
     strains: Float[np.ndarray, " strain"],
     least_linearity: float,
 ) -> Values:
-    """What an LCR meter says of one cycle, under the registry's names.
+    """Capacitance of one cycle from an LCR meter's log, under the registry's names.
 
     Args:
         log: of the meter.

@@ -1,4 +1,4 @@
-"""Markers read as simulations are: local strains, their central means, Poisson's ratio."""
+"""Strains and Poisson's ratio from tracked markers, as they are measured in simulations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -26,14 +26,14 @@ from knitlab.measure.strain import (
 MOST_PULLED = 0.1
 """Part of the largest strain within which a frame shows the whole pull."""
 AGREEING = np.radians(6)
-"""Angle between drift and parting up to which the first is the pull's direction."""
+"""Angle between drift and separation up to which the drift is the direction of the pull."""
 LEAST_DRIFT = 0.1
 """Displacement of the middle, over that by which the last row parts from the first, that tells of
 one moving clamp."""
 MOST_ASKEW = 35.0
-"""Angle of a fabric from where it is said to lie, above which that is wrong [°]."""
+"""Angle between the fabric and its stated direction, above which it is refused [°]."""
 MOST_UNLIKE = 1.6
-"""Ratio of a size by the markers to that which is stated, above which one of them is wrong."""
+"""Ratio of measured to stated size, above which it is refused."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class MarkedSample:
 
     @property
     def summary(self) -> str:
-        """What was found, in a sentence."""
+        """A summary in one sentence."""
         found = " × ".join(str(count - 1) for count in self.relaxed.shape[:2])
         of = " × ".join(map(str, self.unit_cells))
         missing = int((self.grid.marker < 0).sum())
@@ -106,7 +106,7 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
 
 
 def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
-    """See that unit cells lie as the description says, and are as many and as large.
+    """Check direction, number and size of the unit cells against the description.
 
     Raises:
         BadInput: if they do not.
@@ -161,7 +161,7 @@ def along_pull(
         strain: applied strain in every frame; NaN where it is not known.
 
     Raises:
-        BadInput: if the pull is across the warp, or cannot be told.
+        BadInput: if the pull is across the warp, or its direction is not clear.
     """
     pulled = np.flatnonzero(strain >= (1 - MOST_PULLED) * np.nanmax(strain))
     moved = marked.corners[pulled] - marked.relaxed
@@ -195,7 +195,7 @@ def along_pull(
 
 
 def _direction(moved: Float[np.ndarray, "2"]) -> float:
-    """Angle of a line from y, anticlockwise, whichever way it is gone along [rad]."""
+    """Angle of an undirected line from y, anticlockwise [rad]."""
     across, along = moved
     return float(np.arctan(-across / along)) if along else np.pi / 2
 
@@ -206,7 +206,7 @@ def marker_values(
     strain: Float[np.ndarray, " frame"],
     frames: np.ndarray,
 ) -> dict[str, Any]:
-    """What markers say of a pull, under the registry's names.
+    """Strains and Poisson's ratio of a pull from its markers, under the registry's names.
 
     Args:
         marked: the markers.

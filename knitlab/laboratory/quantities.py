@@ -1,4 +1,4 @@
-"""Quantities as a description states them: a number with its unit, or a column with its unit."""
+"""Quantities in a description: a number or a column, with its unit."""
 
 from collections.abc import Callable
 from typing import Annotated, Any
@@ -15,7 +15,7 @@ REMEDIES = {
     "N": "of force, such as N",
     "pF": "of capacitance, such as pF",
 }
-"""Units that knitlab counts in, and what may be given in their stead."""
+"""Units that knitlab uses, and units that may be given for each."""
 
 
 class _WithUnit(StrictModel):
@@ -43,7 +43,7 @@ class PlainColumn(StrictModel):
 
 
 def conversion(unit: str, target: str) -> float:
-    """What numbers in a unit are multiplied by to be in one of :data:`REMEDIES`.
+    """Factor that converts numbers in a unit to one of :data:`REMEDIES`.
 
     Raises:
         ValueError: if the unit is none of that kind.

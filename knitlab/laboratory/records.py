@@ -20,7 +20,7 @@ Record = Float[np.ndarray, " record"]
 
 @dataclass(frozen=True)
 class TensileLog:
-    """What a tensile tester wrote.
+    """Log of a tensile tester.
 
     Attributes:
         time: by its own clock, ascending [s].
@@ -37,7 +37,7 @@ class TensileLog:
 
 @dataclass(frozen=True)
 class CapacitanceLog:
-    """What an LCR meter wrote.
+    """Log of an LCR meter.
 
     Attributes:
         time: by its own clock, ascending [s].

@@ -1,4 +1,4 @@
-"""Virtual tests for a fit: simulated again and again with other stripes, with derivatives."""
+"""Simulated tests for a fit: repeated with changed stripes, with derivatives."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -25,12 +25,12 @@ from knitlab.simulation.simulate import starts
 from knitlab.simulation.stripe_sensitivity import measured_by
 
 QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")
-"""What is read off a test, in this order."""
+"""Quantities measured in a test, in this order."""
 
 
 @dataclass(frozen=True)
 class SimulatedTest:
-    """A test of a case whose every state converged.
+    """A test of a case all of whose states converged.
 
     Attributes:
         case: the case.
@@ -61,7 +61,7 @@ class SimulatedTest:
 
 
 def with_factors(case: Case, factors: Mapping[str, float]) -> Case:
-    """A case whose stripes' parameters are so many times what they were.
+    """A case with scaled stripe parameters.
 
     Args:
         case: the case.

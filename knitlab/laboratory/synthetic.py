@@ -1,4 +1,4 @@
-"""Synthetic experiments: what a laboratory would have recorded of a simulated test.
+"""Synthetic experiments: records as a laboratory would make them of a simulated test.
 
 They are for tutorials and tests. Whatever is made here has to say so in its name.
 """
@@ -14,7 +14,7 @@ Corners = Float[np.ndarray, "state row column 2"]
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera above a sample, and how well its pictures are tracked.
+    """A camera above a sample, with the noise of its tracking.
 
     Attributes:
         pixel: size of a pixel on the fabric [mm].
@@ -45,7 +45,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Protocol:
-    """A test that is pulled and let go at one speed, again and again.
+    """Cycles of loading and unloading at one speed.
 
     Attributes:
         strain_rate: of the machine [1/s].
@@ -58,7 +58,7 @@ class Protocol:
     rest: float
 
     def duration(self, strain_max: float) -> float:
-        """Of the whole test [s]."""
+        """Duration of the whole test [s]."""
         return self.rest + 2 * self.cycles * strain_max / self.strain_rate
 
     def strain(

@@ -1,4 +1,4 @@
-"""What a fit is to meet: an imported test, on the sample of a workflow."""
+"""Target of a fit: an imported test, on the sample of a workflow."""
 
 from dataclasses import replace
 
@@ -17,11 +17,11 @@ from knitlab.study.plan import Plan
 
 FEWEST_STRAINS = 3
 NO_ERROR = 1.0
-"""Stands for the error of a value that is not there."""
+"""Error of a missing value, which enters no misfit."""
 
 
 def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Target:
-    """The measured curves of an experiment, as a case is to meet them.
+    """The measured curves of an experiment, scaled to the sample of a case.
 
     Args:
         experiment: its cube.

@@ -1,4 +1,4 @@
-"""Trajectories of tracked points, as the tracker wrote them, turned into the fabric's axes."""
+"""Trajectories of tracked points, from pixels to the axes of the fabric."""
 
 from pathlib import Path
 
@@ -148,7 +148,7 @@ def _whole(path: Path, name: str, values: Float[np.ndarray, " row"]) -> np.ndarr
 
 
 def in_fabric_axes(tracks: Trajectories, table: MarkersTable) -> Trajectories:
-    """Trajectories along the fabric's x and y, as its description says that they lie [mm].
+    """Trajectories along the x and y of the fabric, by the directions of its description [mm].
 
     Args:
         tracks: in pixels.

@@ -22,7 +22,7 @@ Call = tuple[Callable[..., None], tuple[int, ...], tuple[np.ndarray, ...]]
 Matrix = Float[np.ndarray, "_ _"]
 Vector = Float[np.ndarray, " _"]
 Flag = Int[np.ndarray, "1"]
-"""Of 32 bits: what LAPACK says of a call, 0 where all went well."""
+"""Status of a LAPACK call, an integer of 32 bits: 0 if it succeeded."""
 
 
 def _routine(module: ModuleType, name: str) -> Callable[..., None]:

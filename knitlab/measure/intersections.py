@@ -84,7 +84,7 @@ def _separated(
     side = _common_side(shape, pairs)
     shares = np.flatnonzero(side >= 0)
     side = side[shares]
-    along = _unit(cells[(side + 1) % 4, :, shares] - cells[side, :, shares]).T
+    along = _unit((cells[(side + 1) % 4, :, shares] - cells[side, :, shares]).T)
     normal[:, shares] -= (normal[:, shares] * along).sum(axis=0) * along
     last = np.einsum("cip,ip->cp", cells, normal).max(axis=0)
     first = np.einsum("cip,ip->cp", others, normal).min(axis=0)

@@ -58,7 +58,7 @@ def common_slope_probability(lines: Sequence[LinearFit]) -> float:
     """Probability of slopes as different as these if all lines had one slope (F test).
 
     The points of all lines are held to scatter alike. Simulated points hardly scatter, so that
-    even slopes that are the same for every purpose can be told apart by it.
+    even slopes that are the same for every purpose can be distinguished by it.
     """
     apart = sum(float((line.residuals**2).sum()) for line in lines)
     moments = [(line.x - line.x.mean(), line.y - line.y.mean()) for line in lines]

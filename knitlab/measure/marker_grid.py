@@ -43,7 +43,7 @@ class NoGrid(ValueError):
 
 @dataclass(frozen=True)
 class MarkerGrid:
-    """Where markers stand in a grid.
+    """Rows and columns of markers in a grid.
 
     Attributes:
         marker: the marker at each place, rows along the warp, columns along the weft; −1 where it

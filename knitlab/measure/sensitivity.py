@@ -64,5 +64,5 @@ STRIPE_PARAMETERS = {
     for knit, side in (("rib", "weft"), ("garter", "warp"))
     for name in ("k_s", "k_t", "theta_0", "period")
 }
-"""Where each parameter stands in a :class:`~knitlab.model.fabric.StripePair`, by its label. The
+"""Where each parameter is found in a :class:`~knitlab.model.fabric.StripePair`, by its label. The
 periods of rib and garter are the paper's w and h."""

@@ -26,7 +26,7 @@ passes nothing of the wave, so that taking the trend off leaves the wave as it w
 ROUNDS = 3
 """How often window and wavelength are fitted to each other."""
 FEWEST_WAVES = 2
-"""Waves along a line below which a trend cannot be told from a wave."""
+"""Waves along a line below which a trend cannot be distinguished from a wave."""
 
 
 @dataclass(frozen=True)

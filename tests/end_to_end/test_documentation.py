@@ -1,5 +1,6 @@
-"""What the documentation prints is what its commands say of the cubes that are kept here."""
+"""What the documentation prints is what its commands and its Python print of the kept cubes."""
 
+import doctest
 import re
 import shlex
 from dataclasses import dataclass
@@ -14,8 +15,8 @@ ROOT = Path(__file__).parents[2]
 REFERENCE = ROOT / "results" / "reference"
 PAGES = [
     "README.md",
-    "workflows/laboratory/README.md",
-    *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md"))),
+    "CONTRIBUTING.md",
+    *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs").rglob("*.md"))),
 ]
 READING_COMMANDS = ("query", "claims")
 """Commands that only read a cube: what they print must be true without a simulation."""
@@ -108,5 +109,43 @@ def start_of(part, lines, first):
     raise AssertionError("not printed:\n" + "\n".join(part) + "\n\nbut:\n" + "\n".join(lines))
 
 
-def test_some_printed_tables_are_compared():
-    assert len(EXAMPLES) >= 4
+def test_tables_of_the_readme_and_of_every_kind_of_page_are_compared():
+    compared = {str(Path(example.page).parent) for example in EXAMPLES}
+    assert compared >= {".", "docs/tutorials", "docs/how-to"}
+    assert len(EXAMPLES) >= 8
+
+
+BLOCK = re.compile(r"^```(python|pycon)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def python_of(page):
+    """The blocks of Python on a page that are to be run, and whether each is a session."""
+    return BLOCK.findall((ROOT / page).read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if python_of(page)])
+def test_the_python_of_a_page_runs_and_prints_what_it_shows(page, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    names = {}
+    for kind, code in python_of(page):
+        if kind == "python":
+            exec(compile(code, page, "exec"), names)
+            continue
+        session = doctest.DocTestParser().get_doctest(code, names, page, page, 0)
+        runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
+        assert not runner.run(session, clear_globs=False).failed
+        names = session.globs
+
+
+def test_the_tutorials_have_python_that_runs():
+    assert python_of("docs/tutorials/python.md")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_to_files_lead_to_files_that_there_are(page):
+    # What another page is included by is read from where that page lies.
+    text = re.sub(r"```{include}.*?```", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.S)
+    targets = re.findall(r"\]\((?!https?://)([^)#\s]+)", text)
+    missing = [its for its in targets if not (ROOT / page).parent.joinpath(its).exists()]
+    assert not missing

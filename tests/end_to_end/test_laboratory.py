@@ -12,22 +12,24 @@ from knitlab.cli import main
 from knitlab.io.cube_file import open_cube
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "workflows" / "laboratory" / "README.md"
+PAGE = ROOT / "docs" / "tutorials" / "experiment.md"
 REFERENCE = ROOT / "results" / "reference" / "laboratory"
 COMMAND = re.compile(r"^    \$ knitlab (.*)$")
+QUICK = ("import", "query", "compare")
+"""Commands that simulate nothing."""
 
 
 def shown() -> list[tuple[list[str], list[str]]]:
-    """Commands of the page whose output it shows, and that output."""
+    """Quick commands of the page, and the output that it shows of each."""
     found: list[tuple[list[str], list[str]]] = []
     for line in PAGE.read_text().splitlines():
         if command := COMMAND.match(line):
             found.append((command[1].split(), []))
-        elif line.startswith("    ") and found and not line.startswith("    knitlab"):
+        elif line.startswith("    ") and found:
             found[-1][1].append(line[4:].rstrip())
         elif line and found:
             found.append(([], []))
-    return [(command, output) for command, output in found if command]
+    return [(command, output) for command, output in found if command and command[0] in QUICK]
 
 
 @pytest.fixture

@@ -85,7 +85,7 @@ def test_layouts_can_be_a_dimension():
         (("mask=AB,AB", "n_stripe=4", "n_subunit=16"), r"the fabric 16 rows of 16 grid cells"),
         (("span=0.1,0.9",), r"periodic fabric has no ends"),
         (("permittivity=0.5",), r"permittivity"),
-        (("unloading=true", "method=dynamics"), r"has no unloading by method = dynamics"),
+        (("unloading=true", "method=dynamics"), r"method = dynamics gives no unloading"),
     ],
 )
 def test_electrodes_that_cannot_be_are_refused_by_the_plan(overrides, message):

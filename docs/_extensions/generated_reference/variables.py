@@ -1,0 +1,49 @@
+"""The reference of variables, from the registry of the cube."""
+
+from generated_reference.markdown import code, table
+from knitlab.io.schema import COORDINATES, FLAGS, VARIABLES
+from knitlab.io.variable import Variable
+
+GROUPS = {
+    "all": "Every case",
+    "design": "The sample",
+    "stripes": "Stripe parameters",
+    "cloth": "Sizes in cloth",
+    "patches": "Shape of the relaxed fabric",
+    "sensitivities": "Sensitivities",
+    "robustness": "Spread over siblings",
+    "capacitor": "Capacitors",
+    "unloading": "Capacitors while unloading",
+    "stripe": "Pure stripes",
+    "dynamics": "Dynamics",
+    "laboratory": "Experiments",
+}
+"""Headings of the kinds of variables, in the order of the page."""
+
+
+def page() -> str:
+    """Every coordinate and variable, kind by kind."""
+    kinds = [*GROUPS, *dict.fromkeys(its.of for its in VARIABLES.values() if its.of not in GROUPS)]
+    parts = ["## Coordinates", _table(COORDINATES)]
+    for kind in kinds:
+        members = {name: its for name, its in VARIABLES.items() if its.of == kind}
+        parts += [f"## {GROUPS.get(kind, kind)}", _table(members)]
+    parts.append("## Flags")
+    for name, flags in FLAGS.items():
+        rows = [(code(flag.value), code(flag.name)) for flag in flags]
+        parts += [f"Values of `{name}`:", table(("value", "meaning"), rows)]
+    return "\n\n".join(parts)
+
+
+def _table(members: dict[str, Variable]) -> str:
+    rows = [
+        (
+            code(name),
+            its.long_name,
+            "" if its.units == "1" else its.units,
+            ", ".join(code(dim) for dim in its.dims if dim != name),
+            its.description + ("" if its.in_cube else " (in case files only)"),
+        )
+        for name, its in members.items()
+    ]
+    return table(("name", "meaning", "unit", "dimensions", "details"), rows)
