@@ -23,6 +23,9 @@ from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import Pattern
 from knitlab.model.setting_types import Position
 
+BARE = "."
+"""Letter of a mask where no electrode is plated."""
+
 Face = Literal["front", "back", "both"]
 Within = Literal["patch", "fabric"]
 
