@@ -32,7 +32,9 @@ def simulate(
     progress: bool = False,
     **settings: Any,
 ) -> xr.Dataset:
-    """Relax a fabric and pull it, in this process (paper, Sec. "Kinematics under tension").
+    """Relax a fabric and pull it along the warp, in this process.
+
+    The test is that of the paper, Sec. "Kinematics under tension".
 
     Args:
         design: the knit and its sample.

@@ -123,10 +123,22 @@ def python_of(page):
     return BLOCK.findall((ROOT / page).read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if python_of(page)])
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if python_of(page) and page != "README.md"]
+)
 def test_the_python_of_a_page_runs_and_prints_what_it_shows(page, monkeypatch):
     monkeypatch.chdir(ROOT)
-    monkeypatch.setenv("MPLBACKEND", "Agg")
+    run_python_of(page)
+
+
+@pytest.mark.slow
+def test_the_python_of_the_readme_runs(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)  # it simulates and writes
+    run_python_of("README.md")
+    assert (tmp_path / "shape.png").is_file()
+
+
+def run_python_of(page):
     names = {}
     for kind, code in python_of(page):
         if kind == "python":
