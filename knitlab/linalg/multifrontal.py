@@ -34,8 +34,8 @@ WORTH_SHARING = 10**6
 """Entries of a factor above which a second thread brings more than it costs."""
 
 
-Matrix = Float[np.ndarray, "row column"]
-Vector = Float[np.ndarray, " row"]
+Matrix = Float[np.ndarray, "_ _"]
+Vector = Float[np.ndarray, " _"]
 
 
 class Multifrontal:
