@@ -4,8 +4,12 @@ A matrix that is not positive definite can be convexified as it is factored: whe
 its pivots are replaced by the matrix with the same eigenvectors and the absolute eigenvalues.
 That adds to the matrix just where it curves down, and nothing elsewhere.
 
-The halves of the sheet, on either side of the cut that is eliminated last, know nothing of each
-other: two threads factor them at the same time. Which thread does what changes no bit of it.
+The halves of the sheet, on either side of the cut that is eliminated last, are independent: two
+threads factor them at the same time, as SciPy's BLAS and LAPACK release the interpreter's lock.
+Which thread does what changes no bit of it.
+
+Matrices are in Fortran's order, and what BLAS overwrites is contiguous, else SciPy would overwrite
+a copy. Only the lower triangle of a symmetric or triangular matrix is read.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,23 +19,9 @@ from threading import Event
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.linalg.blas import dgemm, dgemv, dsyrk, dtrmm, dtrsv
+from scipy.linalg.lapack import dpotrf, dtrtri
 
-from knitlab.linalg.blas import (
-    Call,
-    Flag,
-    Matrix,
-    Vector,
-    carry_out,
-    cholesky,
-    copied,
-    inverse,
-    minus_product,
-    minus_square,
-    minus_transposed_product,
-    product,
-    substituted,
-    times_transposed,
-)
 from knitlab.linalg.symbolic_factorisation import Columns, Front, NestedDissection
 from knitlab.linalg.threads import ALONE, Threads
 
@@ -42,6 +32,12 @@ LEAST_CURVATURE = 1e-6
 """Floor of the absolute eigenvalues of a convexified front."""
 WORTH_SHARING = 10**6
 """Entries of a factor above which a second thread brings more than it costs."""
+
+
+Matrix = Float[np.ndarray, "_ _"]
+Pivots = Float[np.ndarray, "pivot pivot"]
+Coupling = Float[np.ndarray, "boundary pivot"]
+Vector = Float[np.ndarray, " _"]
 
 
 class Multifrontal:
@@ -128,38 +124,38 @@ class _Memory:
 
 @dataclass(frozen=True, eq=False)
 class _Elimination:
-    """How a front is eliminated.
+    """Where a front is eliminated.
 
     Attributes:
+        pivots: its pivots, overwritten by their factor.
+        coupling: its boundary with its pivots, overwritten by the factor's rows there.
         update: what it leaves to its parent.
         taken: where updates of its children are added, and these.
-        pivots: its pivots.
-        factor: their factorisation.
-        eliminate: their coupling, multiplied by its inverse, and the update by that.
     """
 
-    update: Matrix
+    pivots: Pivots
+    coupling: Coupling
+    update: Float[np.ndarray, "boundary boundary"]
     taken: Sequence[tuple[Matrix, Matrix]]
-    pivots: Matrix
-    factor: Call
-    eliminate: Sequence[Call]
 
 
 @dataclass(frozen=True, eq=False)
 class _Substitution:
-    """How a front is solved with.
+    """Where a front is solved with.
 
     Attributes:
+        pivots: factor of its pivots.
+        coupling: the factor's rows of its boundary.
+        own: its pivots in the solution.
         boundary: unknowns that its pivots are coupled to.
         there: memory for as many.
-        reduce: the pivots solved for, and what that leaves to the boundary ``there``.
-        substitute_back: the pivots, from what of the boundary was solved for.
     """
 
+    pivots: Pivots
+    coupling: Coupling
+    own: Float[np.ndarray, " pivot"]
     boundary: Int[np.ndarray, " boundary"]
-    there: Vector
-    reduce: Sequence[Call]
-    substitute_back: Sequence[Call]
+    there: Float[np.ndarray, " boundary"]
 
 
 class _Part:
@@ -173,14 +169,17 @@ class _Part:
     def __init__(self, fronts: Sequence[Front], memory: _Memory, vector: Vector) -> None:
         self.own = slice(fronts[0].pivots.start, fronts[-1].pivots.stop) if fronts else slice(0)
         self.vector, self._hopeless = vector, memory.hopeless
-        self._failed = np.zeros(1, dtype=np.int32)
         widest = max((len(front.boundary) for front in fronts), default=0)
-        inverted, there = np.empty(INVERTED_SIZE**2), np.empty(widest)
-        self._eliminations = [
-            _elimination(front, memory, inverted, self._failed) for front in fronts
-        ]
+        self._inverted, there = np.empty(INVERTED_SIZE**2), np.empty(widest)
+        self._eliminations = [_elimination(front, memory) for front in fronts]
         self._substitutions = [
-            _substitution(front, front.columns(memory.stored), vector, there) for front in fronts
+            _Substitution(
+                *front.columns(memory.stored),
+                vector[front.pivots],
+                front.boundary,
+                there[: len(front.boundary)],
+            )
+            for front in fronts
         ]
 
     def factorise(self, convexified: bool) -> bool:
@@ -192,81 +191,71 @@ class _Part:
             for target, source in front.taken:
                 np.add(target, source, out=target)
             before = front.pivots.copy(order="F") if convexified else None
-            if not self._factored(front) and (
-                before is None or not self._convexified(front, before)
+            if not _factored(front.pivots) and (
+                before is None or not _convexified(front.pivots, before)
             ):
                 self._hopeless.set()
                 return False
-            carry_out(front.eliminate)
+            if len(front.coupling):
+                _multiply_by_inverse(front.coupling, front.pivots, self._inverted)
+                dsyrk(-1.0, front.coupling, 1.0, front.update, lower=1, overwrite_c=1)
         return True
-
-    def _factored(self, front: _Elimination) -> bool:
-        carry_out([front.factor])
-        # LAPACK may pass over what is no number, which spoils all pivots after it.
-        return not self._failed[0] and isfinite(front.pivots[-1, -1])
-
-    def _convexified(self, front: _Elimination, before: Matrix) -> bool:
-        """Replace pivots by the factor of what they were, made positive definite."""
-        if not np.isfinite(before).all():
-            return False
-        # Of NumPy, whose functions give the lock up.
-        values, vectors = np.linalg.eigh(before)
-        front.pivots[:] = (vectors * np.maximum(np.abs(values), LEAST_CURVATURE)) @ vectors.T
-        return self._factored(front)
 
     def reduce(self) -> None:
         """Solve for the pivots, front by front, as if nothing followed."""
         for front in self._substitutions:
-            carry_out(front.reduce)
-            self.vector[front.boundary] -= front.there
+            dtrsv(front.pivots, front.own, lower=1, overwrite_x=1)
+            if len(front.there):
+                dgemv(1.0, front.coupling, front.own, 0.0, front.there, overwrite_y=1)
+                self.vector[front.boundary] -= front.there
 
     def substitute_back(self) -> None:
         """Take back from the pivots what follows them, the last front first."""
         for front in reversed(self._substitutions):
-            np.take(self.vector, front.boundary, out=front.there)
-            carry_out(front.substitute_back)
+            if len(front.there):
+                np.take(self.vector, front.boundary, out=front.there)
+                dgemv(-1.0, front.coupling, front.there, 1.0, front.own, trans=1, overwrite_y=1)
+            dtrsv(front.pivots, front.own, lower=1, trans=1, overwrite_x=1)
 
 
-def _elimination(front: Front, memory: _Memory, inverted: Vector, failed: Flag) -> _Elimination:
-    pivots, coupling = front.columns(memory.stored)
-    update = front.updated(memory.stack)
-    targets = (pivots, coupling, update)
+def _elimination(front: Front, memory: _Memory) -> _Elimination:
+    targets = (*front.columns(memory.stored), front.updated(memory.stack))
     taken = [
         (targets[transfer.target][transfer.into], child.updated(memory.stack)[transfer.block])
         for child, transfers in front.children
         for transfer in transfers
     ]
-    eliminate: list[Call] = []
-    if len(front.boundary):
-        eliminate += _times_inverse(coupling, pivots, inverted, failed)
-        eliminate.append(minus_square(update, coupling))
-    return _Elimination(update, taken, pivots, cholesky(pivots, failed), eliminate)
+    return _Elimination(*targets, taken)
 
 
-def _times_inverse(
-    coupling: Matrix, triangle: Matrix, inverted: Vector, failed: Flag
-) -> Iterator[Call]:
+def _factored(pivots: Pivots) -> bool:
+    """Replace pivots by their Cholesky factor; whether they were positive definite."""
+    _, failed = dpotrf(pivots, lower=1, clean=0, overwrite_a=1)
+    # LAPACK may pass over what is no number, which spoils all pivots after it.
+    return not failed and isfinite(pivots[-1, -1])
+
+
+def _convexified(pivots: Pivots, before: Pivots) -> bool:
+    """Replace pivots by the factor of what they were ``before``, made positive definite."""
+    if not np.isfinite(before).all():
+        return False
+    # Of NumPy, whose functions release the interpreter's lock.
+    values, vectors = np.linalg.eigh(before)
+    pivots[:] = (vectors * np.maximum(np.abs(values), LEAST_CURVATURE)) @ vectors.T
+    return _factored(pivots)
+
+
+def _multiply_by_inverse(coupling: Coupling, triangle: Pivots, inverted: Vector) -> None:
     """``coupling`` ← coupling × triangle⁻ᵀ."""
     size = len(triangle)
     if size <= INVERTED_SIZE:
         here = inverted[: size * size].reshape(size, size).T
-        yield copied(here, triangle)
-        yield inverse(here, failed)
-        yield times_transposed(coupling, here)
+        here[:] = triangle
+        dtrtri(here, lower=1, overwrite_c=1)
+        dtrmm(1.0, here, coupling, side=1, lower=1, trans_a=1, overwrite_b=1)
         return
     half = size // 2
     first, second = coupling[:, :half], coupling[:, half:]
-    yield from _times_inverse(first, triangle[:half, :half], inverted, failed)
-    yield minus_product(second, first, triangle[half:, :half])
-    yield from _times_inverse(second, triangle[half:, half:], inverted, failed)
-
-
-def _substitution(front: Front, columns: Columns, vector: Vector, there: Vector) -> _Substitution:
-    pivots, coupling = columns
-    own, there = vector[front.pivots], there[: len(front.boundary)]
-    reduce = [substituted(pivots, own)]
-    back = [substituted(pivots, own, transposed=True)]
-    if len(there):
-        reduce.append(product(there, coupling, own))
-        back.insert(0, minus_transposed_product(own, coupling, there))
-    return _Substitution(front.boundary, there, reduce, back)
+    _multiply_by_inverse(first, triangle[:half, :half], inverted)
+    dgemm(-1.0, first, triangle[half:, :half], 1.0, second, trans_b=1, overwrite_c=1)
+    _multiply_by_inverse(second, triangle[half:, half:], inverted)

@@ -45,7 +45,6 @@ class Adjoint:
         layout: the fabric but for its numbers.
         stripes: the numbers to take derivatives by, at their values.
         relaxed: the relaxed shape of that fabric, an equilibrium.
-        method: of factorisation; nested dissection by default.
 
     Raises:
         NoDerivative: if the relaxed shape is no stable equilibrium.
@@ -56,7 +55,6 @@ class Adjoint:
         layout: FabricLayout,
         stripes: StripePair,
         relaxed: Configuration,
-        method: str | None = None,
     ) -> None:
         self._shape, self._relaxed = layout.net.shape, np.asarray(relaxed.flattened())
         self._fabric, self._slope = (
@@ -64,10 +62,8 @@ class Adjoint:
             _slope(layout, stripes),
         )
         self._numbers = jax.tree.structure(stripes)
-        self._under_tension = LinearResponses.of(
-            self._shape, free_under_tension(self._shape), method
-        )
-        at_rest = LinearResponses.of(self._shape, all_free(self._shape), method)
+        self._under_tension = LinearResponses.of(self._shape, free_under_tension(self._shape))
+        at_rest = LinearResponses.of(self._shape, all_free(self._shape))
         self._at_rest = at_rest.at(self._fabric, self._relaxed)
 
     def of_relaxed(self, measure: Measure) -> StripePair:

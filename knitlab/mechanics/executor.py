@@ -54,7 +54,6 @@ class Executor:
     Args:
         shape: mesh shape of the fabric.
         fabric: its numbers.
-        method: of factorisation; nested dissection by default.
         factorisers: those that there are, to be added to.
         threads: that share the work; where subdomains are solved, all but one have a second
             process do theirs.
@@ -64,11 +63,10 @@ class Executor:
         self,
         shape: MeshShape,
         fabric: Fabric,
-        method: str | None = None,
         factorisers: dict[FreeStiffness, Factoriser] | None = None,
         threads: Threads = ALONE,
     ) -> None:
-        self._whole, self._method, self._threads = fabric, method, threads
+        self._whole, self._threads = fabric, threads
         self._fabric = ChunkedFabric.of(shape, fabric, threads)
         self._factorisers = {} if factorisers is None else factorisers
         self._decompositions: dict[FreeStiffness, _Decomposition] = {}
@@ -99,7 +97,7 @@ class Executor:
         if free is None:
             raise RuntimeError("nothing is assembled")
         if free not in self._factorisers:
-            self._factorisers[free] = factoriser(free, self._method, self._threads)
+            self._factorisers[free] = factoriser(free, self._threads)
         self._factors = self._factorisers[free](free.shifted(self._entries, shift), convexified)
         return self._factors is not None
 
@@ -146,10 +144,8 @@ class Executor:
 
     def _local_problem(self, subdomain: Subdomain) -> "_LocalProblem":
         shape, fabric = subdomain.free.shape, subdomain.fabric(self._whole)
-        sent = SubdomainData(shape, subdomain.free.places, fabric, self._method)
-        return _LocalProblem(
-            subdomain, sent, Executor(shape, fabric, self._method, self._factorisers)
-        )
+        sent = SubdomainData(shape, subdomain.free.places, fabric)
+        return _LocalProblem(subdomain, sent, Executor(shape, fabric, self._factorisers))
 
     @cached_property
     def _processes(self) -> "SimpleQueue[SecondProcess | None]":
@@ -201,17 +197,13 @@ def solve_subdomain(
     return run_to_end(executor, find_equilibrium(subdomain_task.start, rules))
 
 
-def run(
-    shape: MeshShape, fabric: Fabric, solver: Solver[Result], method: str | None = None
-) -> Result:
+def run(shape: MeshShape, fabric: Fabric, solver: Solver[Result]) -> Result:
     """Run the solver of one fabric to its end and return what it returns.
 
     As many threads as this process may use share the work; they change no bit of the result.
     """
     with one_thread_of_blas():
-        return run_to_end(
-            Executor(shape, fabric, method, threads=Threads(allowed_threads())), solver
-        )
+        return run_to_end(Executor(shape, fabric, threads=Threads(allowed_threads())), solver)
 
 
 def run_to_end(executor: Executor, solver: Solver[Result]) -> Result:

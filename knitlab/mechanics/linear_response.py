@@ -49,18 +49,15 @@ class LinearResponses:
     factorise: Factoriser
 
     @classmethod
-    def of(
-        cls, shape: MeshShape, free: Int[np.ndarray, " free"], method: str | None = None
-    ) -> "LinearResponses":
+    def of(cls, shape: MeshShape, free: Int[np.ndarray, " free"]) -> "LinearResponses":
         """Those of a mesh shape.
 
         Args:
             shape: the mesh shape.
             free: places of the free unknowns.
-            method: of factorisation; nested dissection by default.
         """
         own = free_stiffness(shape, free)
-        return cls(own, free_stiffness(shape, all_free(shape)), factoriser(own, method))
+        return cls(own, free_stiffness(shape, all_free(shape)), factoriser(own))
 
     def at(self, fabric: Fabric, unknowns: Float[np.ndarray, " unknown"]) -> "LinearResponse":
         """The response of one equilibrium; that of the one before can no longer be had.

@@ -34,13 +34,11 @@ class SubdomainData:
         shape: its mesh shape.
         unknowns: those that may move.
         fabric: its numbers.
-        method: of factorisation.
     """
 
     shape: MeshShape
     unknowns: Int[np.ndarray, " free"]
     fabric: Fabric
-    method: str | None
 
 
 @dataclass(frozen=True)

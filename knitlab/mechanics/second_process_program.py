@@ -23,7 +23,7 @@ def serve(pipe: Connection) -> None:
         except EOFError:
             return
         if piece is not None:
-            executor = Executor(piece.shape, piece.fabric, piece.method, factorisers)
+            executor = Executor(piece.shape, piece.fabric, factorisers)
             free = subdomain_stiffness(piece.shape, piece.unknowns.tobytes())
             desks[subdomain_task.name] = executor, free
         pipe.send(solve_subdomain(*desks[subdomain_task.name], subdomain_task))

@@ -1,4 +1,4 @@
-"""Estimates of time and memory, from what ``workflows/benchmark.py`` measures."""
+"""Estimates of time and memory, from what ``benchmarks/sweeps.py`` measures."""
 
 from collections.abc import Iterable
 

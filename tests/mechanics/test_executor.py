@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from knitlab.mechanics.batch import run_in_lockstep
-from knitlab.mechanics.executor import run, run_in_turn
+from knitlab.mechanics.executor import run_in_turn
 from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.tensile_test import stretch
 from tests.fabrics import CLAMPED, FINE, PERIODIC, checkered, stretched
@@ -50,16 +50,3 @@ def test_a_poisoned_fabric_disturbs_no_neighbour():
         assert first.states[-1].residual == last.states[-1].residual
         assert not broken.states[0].converged
         assert broken.loading is None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
-def test_every_factorisation_that_is_installed_leads_to_the_same_states(reading):
-    pytest.importorskip("cvxopt")
-    net, fabric = checkered(4, 1, reading)
-    tests = [
-        run(net.shape, fabric, stretch(net, fabric, STRAINS, SolverSettings()), method)
-        for method in ("nested_dissection", "cholmod")
-    ]
-    for one, other in zip(*(test.states for test in tests), strict=True):
-        assert float(one.energy.total) == pytest.approx(float(other.energy.total), rel=1e-7)

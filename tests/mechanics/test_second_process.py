@@ -42,9 +42,7 @@ def test_it_finds_what_this_process_finds(sample, subdomain_request):
     _, fabric, _ = sample
     at, process = subdomain_request.at, SecondProcess()
     for number, subdomain in enumerate(subdomains_of(subdomain_request.free)):
-        piece = SubdomainData(
-            subdomain.free.shape, subdomain.free.places, subdomain.fabric(fabric), None
-        )
+        piece = SubdomainData(subdomain.free.shape, subdomain.free.places, subdomain.fabric(fabric))
         # Sent twice, the second time by its name alone.
         for start in (at.unknowns, at.unknowns + 1e-3):
             subdomain_task = SubdomainTask(

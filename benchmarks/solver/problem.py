@@ -7,6 +7,7 @@ from functools import cached_property, partial
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from benchmarks.solver.watch import Watch
 from knitlab.mechanics.element_chunks import ChunkedFabric
 from knitlab.mechanics.evaluation import WHOLE, Evaluation
 from knitlab.mechanics.loading import all_free, rigidly_aligned, tensile
@@ -15,7 +16,6 @@ from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.inertia import Inertia, inertia
 from knitlab.model.network import MeshShape, Network
 from knitlab.simulation.case import Case
-from workflows.solver_benchmark.watch import Watch
 
 Unknowns = Float[np.ndarray, " unknown"]
 """A configuration, flattened [mm]."""
@@ -74,7 +74,7 @@ class Problem:
 Search = Callable[[Problem, Unknowns, Free, Watch], Unknowns]
 """Moves the free unknowns to where no force above the tolerance is left on them.
 
-It raises :class:`~workflows.solver_benchmark.watch.GivenUp` where it does not get there."""
+It raises :class:`~benchmarks.solver.watch.GivenUp` where it does not get there."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Boundary elements against FastCap2: ``python -m workflows.capacitance_benchmark``.
+"""Boundary elements against FastCap2: ``python -m benchmarks.capacitance``.
 
 Both cut the same conductors into the same panels, ever finer, and find the capacitance between
 the two. The command prints how long each took and how far it was off, and from that how long each

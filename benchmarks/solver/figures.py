@@ -9,10 +9,10 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from benchmarks.solver.cube import NOT_MEASURED, NOT_REACHED
+from benchmarks.solver.methods import SWEPT
 from knitlab.figures.drawing import save
 from knitlab.figures.style import ONE_COLUMN, print_style
-from workflows.solver_benchmark.cube import NOT_MEASURED, NOT_REACHED
-from workflows.solver_benchmark.methods import SWEPT
 
 # Okabe and Ito's colours, told apart by the colour-blind, and a wine red for their yellow, which
 # white paper swallows; the marker says it once more.

@@ -3,7 +3,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from workflows.solver_benchmark.cube import (
+from benchmarks.solver.cube import (
     NOT_MEASURED,
     NOT_REACHED,
     REACHED,
@@ -13,10 +13,10 @@ from workflows.solver_benchmark.cube import (
     report,
     write_cube,
 )
-from workflows.solver_benchmark.figures import FIGURES, draw_all
-from workflows.solver_benchmark.measurement import Measurement
-from workflows.solver_benchmark.methods import RESIDUAL_LEVELS
-from workflows.solver_benchmark.plan import GROUPS, Budget, best_setting, planned
+from benchmarks.solver.figures import FIGURES, draw_all
+from benchmarks.solver.measurement import Measurement
+from benchmarks.solver.methods import RESIDUAL_LEVELS
+from benchmarks.solver.plan import GROUPS, Budget, best_setting, planned
 
 NODES = {"1x1": 289, "3x2": 1617, "5x3": 3969}
 SLOPE = {"knitlab": 1.2, "dynamics": 2.0}

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float
 from scipy.sparse.linalg import splu
 
+from benchmarks.solver.cholmod import Vector, cholmod_factoriser
+from benchmarks.solver.measurement import Measurement, Record
 from knitlab.linalg.threads import Threads, allowed_threads
 from knitlab.mechanics.element_chunks import ChunkedFabric
 from knitlab.mechanics.evaluation import WHOLE
@@ -20,16 +21,13 @@ from knitlab.mechanics.factorisation import factoriser, one_thread_of_blas
 from knitlab.mechanics.loading import tensile
 from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
 from knitlab.simulation.simulate import starts
-from workflows.solver_benchmark.measurement import Measurement, Record
 
 TIMED, LONG = 5, 30.0
 """Times that a part is done after a first that is not counted, and time after which no more [s]."""
 SHIFT = 0.1
 """Added to the diagonal, so that the matrix is positive definite whatever buckles [N/mm]."""
-SUPERNODAL = 2
 SYMMETRIC_DEFINITE, SYMBOLIC, NUMERIC, BACKWARD = 2, 11, 22, 33
 
-Vector = Float[np.ndarray, " free"]
 Plan = tuple[Callable[[], Any], Callable[[Any], Vector]]
 """The numeric factorisation, and the solution with what that returned. SuperLU's alone includes
 its symbolic one: it has no way to keep it."""
@@ -37,7 +35,7 @@ its symbolic one: it has no way to keep it."""
 
 def _nested_dissection(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:
     # As knitlab uses it: threads of its own, and of BLAS one.
-    factorise = factoriser(free, "nested_dissection", Threads(allowed_threads()))
+    factorise = factoriser(free, Threads(allowed_threads()))
 
     def factored() -> Any:
         with one_thread_of_blas():
@@ -47,20 +45,8 @@ def _nested_dissection(free: FreeStiffness, entries: np.ndarray, right: Vector) 
 
 
 def _cholmod(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:
-    from cvxopt import cholmod, matrix, spmatrix
-
-    size = len(free.places)
-    columns = np.repeat(np.arange(size), np.diff(free.indptr))
-    lower = spmatrix(entries.tolist(), free.indices.tolist(), columns.tolist(), (size, size))
-    cholmod.options["supernodal"] = SUPERNODAL
-    factor = cholmod.symbolic(lower)
-
-    def solve(_: Any) -> Vector:
-        solution = matrix(right)
-        cholmod.solve(factor, solution)
-        return np.array(solution).ravel()
-
-    return lambda: cholmod.numeric(lower, factor), solve
+    factorise = cholmod_factoriser(free)
+    return lambda: factorise(entries), lambda solve: solve(right)
 
 
 def _pardiso(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:

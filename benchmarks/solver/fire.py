@@ -15,12 +15,12 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from benchmarks.solver.problem import Free, Problem, Search, Unknowns
+from benchmarks.solver.watch import GivenUp, Watch
 from knitlab.mechanics.evaluation import WHOLE, evaluate
 from knitlab.mechanics.loading import all_free
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
-from workflows.solver_benchmark.problem import Free, Problem, Search, Unknowns
-from workflows.solver_benchmark.watch import GivenUp, Watch
 
 DELAY = 20
 GROWTH, CUT = 1.1, 0.5

@@ -13,11 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool
 
+from benchmarks.solver.problem import Free, Problem, Search, Unknowns
+from benchmarks.solver.watch import GivenUp, Watch
 from knitlab.mechanics.batch import stacked
 from knitlab.mechanics.dynamics import DynamicsSettings, Motion, PrescribedMotion, batch_integrator
 from knitlab.mechanics.loading import all_free
-from workflows.solver_benchmark.problem import Free, Problem, Search, Unknowns
-from workflows.solver_benchmark.watch import GivenUp, Watch
 
 PIECE = 0.25
 """Length of a piece of motion [ms]."""

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from benchmarks.solver import batch, limit, methods
+from benchmarks.solver.measurement import IN_STEP, IN_TURN, TOLERANCE, Measurement
+from benchmarks.solver.problem import Problem
+from benchmarks.solver.watch import GivenUp, Watch
 from knitlab.mechanics.loading import all_free
-from workflows.solver_benchmark import batch, limit, methods
-from workflows.solver_benchmark.measurement import IN_STEP, IN_TURN, TOLERANCE, Measurement
-from workflows.solver_benchmark.problem import Problem
-from workflows.solver_benchmark.watch import GivenUp, Watch
 
 SMALL = {"n_stripe": 4, "n_subunit": 8, "size": "1x1"}
 PLENTY = 300.0
@@ -31,8 +31,9 @@ def test_fire_and_l_bfgs_relax_to_the_state_of_the_equilibrium_solver(boundary):
     assert energies == pytest.approx(dict.fromkeys(energies, energies["knitlab"]), rel=1e-6)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("solver", ["knitlab_direct", "fire", "lbfgs"])
+@pytest.mark.parametrize(
+    "solver", [*filter(methods.installed, ["knitlab_direct", "knitlab_cholmod", "fire", "lbfgs"])]
+)
 def test_methods_pull_a_sample_to_the_same_state(solver):
     case = Measurement("tension", solver, **SMALL).case("strain_max=0.06")
     problem = Problem.of(case, TOLERANCE)

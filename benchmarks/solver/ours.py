@@ -7,6 +7,16 @@ from typing import TypeVar
 
 import numpy as np
 
+from benchmarks.solver.cholmod import CholmodExecutor
+from benchmarks.solver.problem import (
+    Free,
+    Method,
+    Problem,
+    Search,
+    Unknowns,
+    pull_by,
+)
+from benchmarks.solver.watch import GivenUp, Watch
 from knitlab.linalg.threads import Threads, allowed_threads
 from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.equilibrium_search import SearchRules
@@ -21,22 +31,14 @@ from knitlab.mechanics.state import State
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.configuration import Configuration
 from knitlab.simulation.case import Case
-from workflows.solver_benchmark.problem import (
-    Free,
-    Method,
-    Problem,
-    Search,
-    Unknowns,
-    pull_by,
-)
-from workflows.solver_benchmark.watch import GivenUp, Watch
 
 Result = TypeVar("Result")
+Executors = type[Executor] | type[CholmodExecutor]
 
 
 def knitlab(
     settings: SolverSettings,
-    factorisation: str,
+    executors: Executors = Executor,
     direct: bool = False,
     periodic: Case | None = None,
 ) -> Method:
@@ -44,7 +46,7 @@ def knitlab(
 
     Args:
         settings: of the solver; the tolerance is the problem's.
-        factorisation: method of factorisation.
+        executors: what answers the solver's requests.
         direct: whether a load step is one search, as for the other methods, and not a path of
             small steps along which branches are watched.
         periodic: a cell of the fabric without end; if given it is relaxed first, and the sample
@@ -57,11 +59,11 @@ def knitlab(
     def start(problem: Problem, watch: Watch) -> Configuration | None:
         if periodic is None:
             return None
-        return _laid_out(problem, periodic, its(problem), factorisation, watch)
+        return _laid_out(problem, periodic, its(problem), executors, watch)
 
     def relaxed(problem: Problem, watch: Watch) -> Unknowns:
         solver = relax(problem.net, problem.fabric, its(problem), start(problem, watch))
-        return _reached(driven(problem, solver, factorisation, watch))
+        return _reached(driven(problem, solver, executors, watch))
 
     def path(problem: Problem, watch: Watch) -> list[Unknowns]:
         def progress(done: int) -> None:
@@ -75,58 +77,58 @@ def knitlab(
             progress,
             start(problem, watch),
         )
-        test = driven(problem, solver, factorisation, watch)
+        test = driven(problem, solver, executors, watch)
         watch.states = sum(state.converged for state in test.states)
         return [_reached(state) for state in test.states]
 
-    pull = partial(pull_by, _search(its, factorisation), relaxed) if direct else path
+    pull = partial(pull_by, _search(its, executors), relaxed) if direct else path
     return Method(relaxed, pull, prepare)
 
 
-def _search(its: Callable[[Problem], SolverSettings], factorisation: str) -> Search:
+def _search(its: Callable[[Problem], SolverSettings], executors: Executors) -> Search:
     def search(problem: Problem, start: Unknowns, free: Free, watch: Watch) -> Unknowns:
         rules = SearchRules.of(problem.shape, free, problem.fabric, its(problem))
         solver = find_equilibrium(Evaluate(start), rules)
-        return _reached(driven(problem, solver, factorisation, watch))
+        return _reached(driven(problem, solver, executors, watch))
 
     return search
 
 
-def shipped_relaxation(case: Case, factorisation: str, watch: Watch) -> State:
+def shipped_relaxation(case: Case, watch: Watch) -> State:
     """Relax a sample as a sweep does: between clamps it starts as relaxed periodic fabric."""
     settings = case.equilibrium_solver
     problem, start = Problem.of(case, settings.tolerance), None
     if not (case.mesh_shape.periodic or settings.start == "flat"):
-        start = _laid_out(problem, case.periodic_cell, settings, factorisation, watch)
+        start = _laid_out(problem, case.periodic_cell, settings, Executor, watch)
     solver = relax(problem.net, problem.fabric, settings, start)
     with watch.paused():
         prepare(problem)
-    return driven(problem, solver, factorisation, watch)
+    return driven(problem, solver, Executor, watch)
 
 
 def _laid_out(
-    problem: Problem, periodic: Case, settings: SolverSettings, factorisation: str, watch: Watch
+    problem: Problem, periodic: Case, settings: SolverSettings, executors: Executors, watch: Watch
 ) -> Configuration:
     cell = Problem.of(periodic, settings.tolerance)
     with watch.paused():
         prepare(cell)
     solver = relax(cell.net, cell.fabric, settings)
-    relaxed = Configuration.of(_reached(driven(cell, solver, factorisation, watch)), cell.shape)
+    relaxed = Configuration.of(_reached(driven(cell, solver, executors, watch)), cell.shape)
     return tiled(problem.net, problem.fabric, cell.net, relaxed)
 
 
-def driven(problem: Problem, solver: Solver[Result], factorisation: str, watch: Watch) -> Result:
+def driven(problem: Problem, solver: Solver[Result], executors: Executors, watch: Watch) -> Result:
     """Run a solver to its end, and note the residual of the whole fabric as it goes.
 
     While the solver looks at a fabric that is not yet whole, the watch is paused to see the whole.
     """
     with one_thread_of_blas():
-        return _driven(problem, solver, factorisation, watch)
+        return _driven(problem, solver, executors, watch)
 
 
-def _driven(problem: Problem, solver: Solver[Result], factorisation: str, watch: Watch) -> Result:
+def _driven(problem: Problem, solver: Solver[Result], executors: Executors, watch: Watch) -> Result:
     threads = Threads(allowed_threads())
-    executor = Executor(problem.shape, problem.fabric, factorisation, threads=threads)
+    executor = executors(problem.shape, problem.fabric, threads=threads)
     free, answer = all_free(problem.shape), None
     while True:
         try:

@@ -7,9 +7,9 @@ import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from benchmarks.solver.measurement import Measurement, Record
 from knitlab.io.cube_file import open_cube
 from knitlab.io.design_status import Status
-from workflows.solver_benchmark.measurement import Measurement, Record
 
 COMMAND = (sys.executable, "-c", "from knitlab.cli import main; main()")
 

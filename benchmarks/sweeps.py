@@ -1,4 +1,4 @@
-"""Benchmark of the sweep's machinery: ``python -m workflows.benchmark`` in the repository.
+"""Benchmark of the sweep's machinery: ``python -m benchmarks.sweeps`` in the repository.
 
 It plans, runs (a stand-in that writes case files of the real shape), and queries a sweep, and says
 how long each took. Nothing of it is a test: figures depend on the machine.

@@ -1,4 +1,4 @@
-"""``python -m workflows.solver_benchmark run | figures``."""
+"""``python -m benchmarks.solver run | figures``."""
 
 import json
 import os
@@ -10,13 +10,13 @@ from pathlib import Path
 
 import click
 
+from benchmarks.solver.cube import gathered, read_cube, report, write_cube
+from benchmarks.solver.figures import draw_all
+from benchmarks.solver.measurement import IN_STEP, Measurement
+from benchmarks.solver.methods import SWEPT
+from benchmarks.solver.plan import GROUPS, Budget, planned
 from knitlab.execution.workers import WORKER_ENVIRONMENT
 from knitlab.linalg.threads import ONE_THREAD
-from workflows.solver_benchmark.cube import gathered, read_cube, report, write_cube
-from workflows.solver_benchmark.figures import draw_all
-from workflows.solver_benchmark.measurement import IN_STEP, Measurement
-from workflows.solver_benchmark.methods import SWEPT
-from workflows.solver_benchmark.plan import GROUPS, Budget, planned
 
 CUBE = "solvers.nc"
 DEFAULT = Budget()
@@ -93,7 +93,7 @@ def _measured(measurement: Measurement, results: Path) -> bool:
         environment = WORKER_ENVIRONMENT | {"OMP_NUM_THREADS": threads}
     if measurement.solver != IN_STEP:
         environment |= {"JAX_PLATFORMS": "cpu"}
-    module = "workflows.solver_benchmark.one"
+    module = "benchmarks.solver.one"
     text = json.dumps(asdict(measurement))
     ran = subprocess.run(
         [sys.executable, "-m", module, text, str(results)],

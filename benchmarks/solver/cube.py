@@ -14,8 +14,8 @@ import pandas as pd
 import xarray as xr
 from threadpoolctl import ThreadpoolController
 
+from benchmarks.solver.methods import RESIDUAL_LEVELS
 from knitlab.io.atomic_write import atomic_write
-from workflows.solver_benchmark.methods import RESIDUAL_LEVELS
 
 DIMS = {
     "task": "what was done: relaxation from the flat sheet, that and 15 load steps (tension),"

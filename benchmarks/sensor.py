@@ -1,4 +1,4 @@
-"""Time for the capacitances of a finished sweep: ``python -m workflows.sensor_benchmark RESULTS``.
+"""Time for the capacitances of a finished sweep: ``python -m benchmarks.sensor RESULTS``.
 
 It takes the shapes from the case files and finds every capacitance anew, cold, by boundary
 elements, as the sweep did. Nothing of it is a test: figures depend on the machine.

@@ -1,4 +1,4 @@
-"""One measurement, in this process: ``python -m workflows.solver_benchmark.one JSON RESULTS``."""
+"""One measurement, in this process: ``python -m benchmarks.solver.one JSON RESULTS``."""
 
 import json
 import resource
@@ -6,10 +6,10 @@ import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
+from benchmarks.solver import batch, limit, many, methods
+from benchmarks.solver.cube import blas_kernels, cpu_model
+from benchmarks.solver.measurement import Measurement
 from knitlab.io.provenance import git_commit
-from workflows.solver_benchmark import batch, limit, many, methods
-from workflows.solver_benchmark.cube import blas_kernels, cpu_model
-from workflows.solver_benchmark.measurement import Measurement
 
 MEASURES = {
     "tuning": methods.measure,

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.optimize import minimize
 
-from workflows.solver_benchmark.problem import Free, Problem, Search, Unknowns
-from workflows.solver_benchmark.watch import GivenUp, Watch
+from benchmarks.solver.problem import Free, Problem, Search, Unknowns
+from benchmarks.solver.watch import GivenUp, Watch
 
 NO_LIMIT = 10**9
 LINE_SEARCH = 50

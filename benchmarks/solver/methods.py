@@ -6,12 +6,13 @@ from importlib.util import find_spec
 
 import numpy as np
 
+from benchmarks.solver import dynamics, fire, lbfgs, ours
+from benchmarks.solver.cholmod import CholmodExecutor
+from benchmarks.solver.measurement import ACROSS_EDGE, TOLERANCE, Measurement, Record
+from benchmarks.solver.problem import Method, Problem, by
+from benchmarks.solver.watch import GivenUp, OutOfTime, Watch
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.solver import SolverSettings
-from workflows.solver_benchmark import dynamics, fire, lbfgs, ours
-from workflows.solver_benchmark.measurement import ACROSS_EDGE, TOLERANCE, Measurement, Record
-from workflows.solver_benchmark.problem import Method, Problem, by
-from workflows.solver_benchmark.watch import GivenUp, OutOfTime, Watch
 
 TRIALS = {
     "dynamics": (5e-5, 1e-4, 1.5e-4, 2e-4, 3e-4, 4e-4),
@@ -22,7 +23,6 @@ TRIALS = {
 [√(g mm/N)], steps remembered."""
 UNTRIED = {"dynamics": 2e-4, "fire": 0.01, "lbfgs": 20}
 """What is taken while none has been tried."""
-PLAIN = "nested_dissection"
 SOLVERS = ("knitlab", "knitlab_direct", "knitlab_cholmod", "dynamics", "fire", "lbfgs")
 """Methods that start from the flat sheet."""
 AS_SWEPT = "knitlab_as_swept"
@@ -49,13 +49,13 @@ def method(measurement: Measurement) -> Method:
         setting = UNTRIED.get(solver, 0.0)
     match solver:
         case "knitlab":
-            return ours.knitlab(still, PLAIN)
+            return ours.knitlab(still)
         case _ if solver in SWEPT:
-            return ours.knitlab(still, PLAIN, periodic=measurement.case().periodic_cell)
+            return ours.knitlab(still, periodic=measurement.case().periodic_cell)
         case "knitlab_direct":
-            return ours.knitlab(still, PLAIN, direct=True)
+            return ours.knitlab(still, direct=True)
         case "knitlab_cholmod":
-            return ours.knitlab(still, "cholmod")
+            return ours.knitlab(still, CholmodExecutor)
         case "dynamics":
             wider = dynamics.WIDER if measurement.size == "1x1" else 1.0
             prepare = partial(dynamics.prepare, moving)
@@ -107,7 +107,7 @@ def measure_shipped(measurement: Measurement) -> Record:
     watch = Watch(measurement.time_limit, measurement.workers)
     values: Record = {"nodes": case.mesh_shape.nodes, "unknowns": 3 * case.mesh_shape.nodes}
     try:
-        state = ours.shipped_relaxation(case, PLAIN, watch)
+        state = ours.shipped_relaxation(case, watch)
     except GivenUp as error:
         return values | _cost(watch, str(error))
     if not state.converged:

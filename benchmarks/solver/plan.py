@@ -4,12 +4,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from benchmarks.solver.limit import FACTORISATIONS
+from benchmarks.solver.measurement import IN_STEP, IN_TURN, Measurement
+from benchmarks.solver.methods import SOLVERS, SWEPT, TRIALS, installed
 from knitlab.io.shipped import shipped
 from knitlab.model.options import Boundary
 from knitlab.study.parameters import read_parameters
-from workflows.solver_benchmark.limit import FACTORISATIONS
-from workflows.solver_benchmark.measurement import IN_STEP, IN_TURN, Measurement
-from workflows.solver_benchmark.methods import SOLVERS, SWEPT, TRIALS, installed
 
 COMPARED = ("1x1", "3x2", "5x3", "7x5")
 """Samples of (4, 16) that every method relaxes and pulls, unit cells along (y, x)."""
