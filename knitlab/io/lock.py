@@ -1,18 +1,21 @@
 """The lock of a results folder: one run at a time, and whose it is. Needs no JAX."""
 
-import fcntl
 import getpass
 import json
 import os
 import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
+
+from filelock import FileLock, Timeout
 
 from knitlab.io.errors import CannotWrite, Fault, fault
 
 LOCK_NAME = ".lock"
+HOLDER_NAME = ".lock.json"
+"""Beside the lock, as Windows lets nobody read a locked file."""
 
 
 @contextmanager
@@ -25,36 +28,33 @@ def held(folder: Path) -> Iterator[None]:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        lock = (folder / LOCK_NAME).open("a+")
+        lock = FileLock(folder / LOCK_NAME, blocking=False).acquire()
+    except Timeout:
+        problem = f"is held by {_holder(folder)}; wait for it, or name another --results"
+        raise fault(str(folder), problem) from None
     except OSError as error:
         problem = f"cannot be written ({error.strerror}); choose another folder"
         raise CannotWrite([Fault(str(folder), problem)]) from error
     with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise fault(
-                str(folder),
-                f"is held by {_holder(folder)}; wait for it, or name another --results",
-            ) from None
-        lock.truncate(0)
-        lock.write(
-            json.dumps(
-                {
-                    "process": os.getpid(),
-                    "user": getpass.getuser(),
-                    "host": socket.gethostname(),
-                    "since": datetime.now().isoformat(timespec="seconds"),
-                }
-            )
-        )
-        lock.flush()
+        _name_holder(folder)
         yield
+
+
+def _name_holder(folder: Path) -> None:
+    holder = {
+        "process": os.getpid(),
+        "user": getpass.getuser(),
+        "host": socket.gethostname(),
+        "since": datetime.now().isoformat(timespec="seconds"),
+    }
+    # The lock holds without a name too.
+    with suppress(OSError):
+        (folder / HOLDER_NAME).write_text(json.dumps(holder))
 
 
 def _holder(folder: Path) -> str:
     try:
-        holder = json.loads((folder / LOCK_NAME).read_text())
+        holder = json.loads((folder / HOLDER_NAME).read_text())
         return "process {process} of {user} on {host} since {since}".format(**holder)
     except (OSError, ValueError, KeyError):
         return "another process"

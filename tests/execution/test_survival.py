@@ -1,6 +1,5 @@
 """Sweeps that survive: kills, poison, damage, full disks and second runs, by a cheap stand-in."""
 
-import fcntl
 import hashlib
 import json
 import mmap
@@ -23,7 +22,7 @@ from knitlab.execution.survey import CaseState
 from knitlab.io.case_file import StoredCase, case_path, kept
 from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput, CannotWrite
-from knitlab.io.lock import LOCK_NAME, held
+from knitlab.io.lock import held
 from knitlab.study.plan import make_plan
 from tests.execution import stand_in
 
@@ -291,7 +290,7 @@ def test_garbage_in_files_that_are_made_anew_stops_nothing(tmp_path, garbage):
 
 def test_a_second_run_says_who_holds_the_folder(tmp_path):
     with held(tmp_path), pytest.raises(BadInput, match=f"is held by process {os.getpid()} of "):
-        # A lock is of an open file, so that this process may stand for another.
+        # A lock is of an open file, so that this process can take the part of another.
         ran(plan_of(), tmp_path)
     assert ran(plan_of(), tmp_path).failures == ()
 
@@ -303,8 +302,8 @@ def test_a_lock_ends_with_its_process(tmp_path):
         ran(plan_of(), tmp_path)
     process.kill()
     process.communicate()
-    with (tmp_path / LOCK_NAME).open() as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    with held(tmp_path):
+        pass
 
 
 FULL_DISK = """
@@ -323,7 +322,7 @@ try:
 except CannotWrite as error:
     print(error)
 for path, contents in before.items():
-    if path.name not in ("plan.json", ".lock"):
+    if path.name not in ("plan.json", ".lock", ".lock.json"):
         assert path.read_bytes() == contents, path
 """
 
