@@ -1,18 +1,19 @@
 """Companions: other processes that settle blocks beside this one.
 
 What settling a block takes is small calls, and between them every thread waits for the one
-interpreter of its process. A companion is a program of its own and not a child of
-``multiprocessing``, which would run an unguarded script anew. It ends when its pipe does: when
-what started it lets go of it, or is killed.
+interpreter of its process. A companion is a program of its own and not a worker of
+``concurrent.futures`` or loky: the first would run an unguarded script anew, and the workers of
+neither end when what started them is killed. It ends when its standard input does.
 """
 
 import os
+import pickle
 import subprocess
 import sys
 import weakref
+from contextlib import suppress
 from dataclasses import dataclass
-from multiprocessing import Pipe
-from multiprocessing.connection import Connection
+from typing import IO
 
 import numpy as np
 from jaxtyping import Int
@@ -66,27 +67,33 @@ class SecondProcess:
     """
 
     def __init__(self) -> None:
-        self._pipe, theirs = Pipe()
-        with theirs:
-            process = subprocess.Popen(
-                [sys.executable, "-m", PROGRAM, str(theirs.fileno())],
-                pass_fds=[theirs.fileno()],
-                env=os.environ | ONE_THREAD,
-            )
-        self.pid = process.pid
+        process = subprocess.Popen(
+            [sys.executable, "-m", PROGRAM],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=os.environ | ONE_THREAD,
+        )
+        if process.stdin is None or process.stdout is None:
+            raise RuntimeError("the process has no pipes")
+        self.pid, self._requests, self._replies = process.pid, process.stdin, process.stdout
         self._known: set[tuple[int, int]] = set()
-        weakref.finalize(self, _part, self._pipe, process)
+        weakref.finalize(self, _end, process, self._requests, self._replies)
 
     def settle(self, subdomain_task: SubdomainTask, piece: SubdomainData) -> State | None:
         """Where a block comes to rest; ``None`` if the process has died."""
         try:
-            self._pipe.send((subdomain_task, None if subdomain_task.name in self._known else piece))
+            known = subdomain_task.name in self._known
+            pickle.dump((subdomain_task, None if known else piece), self._requests)
+            self._requests.flush()
             self._known.add(subdomain_task.name)
-            return self._pipe.recv()
-        except (EOFError, OSError):
+            return pickle.load(self._replies)
+        except (EOFError, OSError, pickle.UnpicklingError):
             return None
 
 
-def _part(pipe: Connection, process: subprocess.Popen[bytes]) -> None:
-    pipe.close()
+def _end(process: subprocess.Popen[bytes], requests: IO[bytes], replies: IO[bytes]) -> None:
+    # What was not sent cannot be, if it has died.
+    with suppress(OSError):
+        requests.close()
+    replies.close()
     process.wait()

@@ -1,8 +1,10 @@
-"""``python -m knitlab.mechanics.second_process_program PIPE``: what a companion runs."""
+"""``python -m knitlab.mechanics.second_process_program``: what a companion runs."""
 
+import os
+import pickle
 import signal
 import sys
-from multiprocessing.connection import Connection
+from typing import IO
 
 from knitlab.mechanics.executor import Executor, solve_subdomain
 from knitlab.mechanics.factorisation import Factoriser, one_thread_of_blas
@@ -11,26 +13,30 @@ from knitlab.mechanics.stiffness import FreeStiffness
 from knitlab.mechanics.subdomains import subdomain_stiffness
 
 
-def serve(pipe: Connection) -> None:
-    """Settle what comes through the pipe until it is closed at the other end."""
+def serve(requests: IO[bytes], replies: IO[bytes]) -> None:
+    """Settle what is requested until the requests are closed at the other end."""
     factorisers: dict[FreeStiffness, Factoriser] = {}
     desks: dict[tuple[int, int], tuple[Executor, FreeStiffness]] = {}
     while True:
         subdomain_task: SubdomainTask
         piece: SubdomainData | None
         try:
-            subdomain_task, piece = pipe.recv()
+            subdomain_task, piece = pickle.load(requests)
         except EOFError:
             return
         if piece is not None:
             executor = Executor(piece.shape, piece.fabric, factorisers)
             free = subdomain_stiffness(piece.shape, piece.unknowns.tobytes())
             desks[subdomain_task.name] = executor, free
-        pipe.send(solve_subdomain(*desks[subdomain_task.name], subdomain_task))
+        pickle.dump(solve_subdomain(*desks[subdomain_task.name], subdomain_task), replies)
+        replies.flush()
 
 
 if __name__ == "__main__":
     # An interrupt is for the process that it works for, with which it ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with one_thread_of_blas():
-        serve(Connection(int(sys.argv[1])))
+    # Whatever prints must not print among the replies.
+    with os.fdopen(os.dup(sys.stdout.fileno()), "wb") as replies:
+        os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+        with one_thread_of_blas():
+            serve(sys.stdin.buffer, replies)
