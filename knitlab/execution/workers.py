@@ -214,9 +214,12 @@ def pool_of(
         progress: called with a case's identifier and how many of its states are done.
 
     Raises:
-        BadInput: if there is no scheduler at the address.
+        BadInput: if there is no scheduler at the address, or no way to end a case in time.
     """
     if scheduler is None and workers == 0:
+        if task.case_timeout is not None and not hasattr(signal, "setitimer"):
+            problem = "this system ends no case of this process in time; add --workers 1"
+            raise fault(f"--case-timeout {task.case_timeout:g}", problem)
         yield in_process(task, progress)
         return
     with (

@@ -41,4 +41,7 @@ ALONE = Threads(1)
 def allowed_threads() -> int:
     """How many threads this process may use: ``OMP_NUM_THREADS``, or all processors it has."""
     text = os.environ.get("OMP_NUM_THREADS", "")
-    return max(int(text), 1) if text.isdecimal() else len(os.sched_getaffinity(0))
+    if text.isdecimal():
+        return max(int(text), 1)
+    # Not every system says which processors a process may use.
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
