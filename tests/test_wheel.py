@@ -1,0 +1,36 @@
+"""What is installed: the package alone, with its inputs, where a stranger has no repository."""
+
+import subprocess
+import sys
+import zipfile
+
+import pytest
+
+from knitlab.io.shipped import PACKAGE
+
+ROOT = PACKAGE.parent
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """Names of what the wheel installs."""
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "-w", str(folder), str(ROOT)]
+    subprocess.run(command, check=True, capture_output=True)
+    (wheel,) = folder.glob("*.whl")
+    return zipfile.ZipFile(wheel).namelist()
+
+
+def test_the_wheel_installs_one_package(installed):
+    tops = {name.split("/")[0] for name in installed}
+    assert {top for top in tops if not top.endswith(".dist-info")} == {"knitlab"}
+
+
+def test_the_wheel_holds_every_module_input_and_the_mark_of_types(installed):
+    modules = {file.relative_to(ROOT).as_posix() for file in PACKAGE.rglob("*.py")}
+    inputs = {
+        f"knitlab/shipped/{file.relative_to(ROOT).as_posix()}"
+        for folder in ("params", "workflows")
+        for file in (ROOT / folder).glob("*.toml")
+    }
+    assert modules | inputs | {"knitlab/py.typed"} <= set(installed)
