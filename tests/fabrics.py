@@ -17,7 +17,7 @@ from knitlab.model.fabric import Fabric, Sheet, assemble_fabric
 from knitlab.model.inertia import MassAndDrag, inertia
 from knitlab.model.network import Network
 from knitlab.model.options import ModelOptions
-from knitlab.model.pattern import Pattern, checkerboard, patch_map
+from knitlab.model.pattern import Pattern, patch_map
 from knitlab.model.stripe import Knit, Stripe
 from knitlab.study.parameters import read_parameters
 
@@ -56,6 +56,11 @@ def patterned(
     return assemble_fabric(
         pattern, stripe("rib", n_stripe), stripe("garter", 2 * n_stripe), sheet, reading
     )
+
+
+def checkerboard(periods: int, unit_cells: tuple[int, int] = (1, 1)) -> Pattern:
+    """The paper's fabric: unit cells, so many along (y, x), of 2 × 2 alternating patches."""
+    return Pattern(np.tile(np.array([[True, False], [False, True]]), unit_cells), periods)
 
 
 def checkered(

@@ -50,11 +50,6 @@ def patch_map(rows: Sequence[str], periods: int) -> Pattern:
     return Pattern(rib, periods)
 
 
-def checkerboard(periods: int, unit_cells: tuple[int, int] = (1, 1)) -> Pattern:
-    """The paper's fabric: unit cells, so many along (y, x), of 2 × 2 alternating patches."""
-    return Pattern(np.tile(np.array([[True, False], [False, True]]), unit_cells), periods)
-
-
 def inside_runs(
     like: Bool[np.ndarray, "line cell"], periodic: bool
 ) -> Bool[np.ndarray, "line cell"]:

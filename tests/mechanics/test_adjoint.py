@@ -24,9 +24,8 @@ from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, FabricLayout, Sheet, StripePair, fabric_layout, flat_sheet
 from knitlab.model.options import ModelOptions
-from knitlab.model.pattern import checkerboard
 from knitlab.simulation.stripe_sensitivity import measured_by
-from tests.fabrics import CLAMPED, FINE, PERIODIC, stripe
+from tests.fabrics import CLAMPED, FINE, PERIODIC, checkerboard, stripe
 
 NAMES = (
     "poisson_ratio",

@@ -11,8 +11,8 @@ from knitlab.model.electrode_layout import BadLayout, ElectrodeLayout, place_ele
 from knitlab.model.electrodes import Electrodes, Strip, split_by_cells
 from knitlab.model.network import MeshShape
 from knitlab.model.options import ModelOptions
-from knitlab.model.pattern import checkerboard, patch_map
-from tests.fabrics import CLAMPED, PERIODIC
+from knitlab.model.pattern import patch_map
+from tests.fabrics import CLAMPED, PERIODIC, checkerboard
 
 STITCHES = 2.0, 4.0
 """Wales and courses in a grid cell of n_stripe 4."""

@@ -3,9 +3,8 @@ import pytest
 
 from knitlab.model.fabric import cell_length
 from knitlab.model.options import ModelOptions
-from knitlab.model.pattern import checkerboard
 from knitlab.model.stripe import periods_per_patch
-from tests.fabrics import CLAMPED, checkered, patterned, stripe
+from tests.fabrics import CLAMPED, checkerboard, checkered, patterned, stripe
 
 
 def test_a_relaxed_cell_folds_to_the_measured_period():

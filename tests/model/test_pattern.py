@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from knitlab.model.pattern import checkerboard, fold_senses, patch_map
+from knitlab.model.pattern import fold_senses, patch_map
+from tests.fabrics import checkerboard
 
 LINES = hnp.arrays(bool, st.tuples(st.integers(1, 3), st.integers(1, 6))).map(
     lambda patches: np.repeat(patches, 4, axis=1)
