@@ -8,6 +8,7 @@ import pytest
 
 from knitlab.io.shipped import PACKAGE
 
+pytestmark = pytest.mark.slow
 ROOT = PACKAGE.parent
 
 

@@ -31,6 +31,7 @@ def test_fire_and_l_bfgs_relax_to_the_state_of_the_equilibrium_solver(boundary):
     assert energies == pytest.approx(dict.fromkeys(energies, energies["knitlab"]), rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "solver", [*filter(methods.installed, ["knitlab_direct", "knitlab_cholmod", "fire", "lbfgs"])]
 )
