@@ -35,6 +35,8 @@ WORTH_SHARING = 10**6
 
 
 Matrix = Float[np.ndarray, "_ _"]
+Pivots = Float[np.ndarray, "pivot pivot"]
+Coupling = Float[np.ndarray, "boundary pivot"]
 Vector = Float[np.ndarray, " _"]
 
 
@@ -131,9 +133,9 @@ class _Elimination:
         taken: where updates of its children are added, and these.
     """
 
-    pivots: Matrix
-    coupling: Matrix
-    update: Matrix
+    pivots: Pivots
+    coupling: Coupling
+    update: Float[np.ndarray, "boundary boundary"]
     taken: Sequence[tuple[Matrix, Matrix]]
 
 
@@ -149,11 +151,11 @@ class _Substitution:
         there: memory for as many.
     """
 
-    pivots: Matrix
-    coupling: Matrix
-    own: Vector
+    pivots: Pivots
+    coupling: Coupling
+    own: Float[np.ndarray, " pivot"]
     boundary: Int[np.ndarray, " boundary"]
-    there: Vector
+    there: Float[np.ndarray, " boundary"]
 
 
 class _Part:
@@ -226,14 +228,14 @@ def _elimination(front: Front, memory: _Memory) -> _Elimination:
     return _Elimination(*targets, taken)
 
 
-def _factored(pivots: Matrix) -> bool:
+def _factored(pivots: Pivots) -> bool:
     """Replace pivots by their Cholesky factor; whether they were positive definite."""
     _, failed = dpotrf(pivots, lower=1, clean=0, overwrite_a=1)
     # LAPACK may pass over what is no number, which spoils all pivots after it.
     return not failed and isfinite(pivots[-1, -1])
 
 
-def _convexified(pivots: Matrix, before: Matrix) -> bool:
+def _convexified(pivots: Pivots, before: Pivots) -> bool:
     """Replace pivots by the factor of what they were ``before``, made positive definite."""
     if not np.isfinite(before).all():
         return False
@@ -243,7 +245,7 @@ def _convexified(pivots: Matrix, before: Matrix) -> bool:
     return _factored(pivots)
 
 
-def _multiply_by_inverse(coupling: Matrix, triangle: Matrix, inverted: Vector) -> None:
+def _multiply_by_inverse(coupling: Coupling, triangle: Pivots, inverted: Vector) -> None:
     """``coupling`` ← coupling × triangle⁻ᵀ."""
     size = len(triangle)
     if size <= INVERTED_SIZE:
