@@ -115,7 +115,7 @@ class Executor:
             subdomain_task = SubdomainTask(name, start, request.step_length, request.settings)
             process = processes.get()
             try:
-                state = process.settle(subdomain_task, problem.sent) if process else None
+                state = process.solve(subdomain_task, problem.sent) if process else None
                 return state or solve_subdomain(
                     problem.executor, problem.subdomain.free, subdomain_task
                 )

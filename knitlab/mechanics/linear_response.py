@@ -115,7 +115,7 @@ class LinearResponse:
         """
         displacements = np.zeros_like(forces)
         for row, force in zip(displacements, forces, strict=True):
-            row[self.free] = self._solved(self._settled(force[self.free]))
+            row[self.free] = self._solved(self._without_rigid_motion(force[self.free]))
         return displacements
 
     def forces_of(self, displacements: Rows) -> Rows:
@@ -135,11 +135,13 @@ class LinearResponse:
         for _ in range(REFINEMENTS):
             if np.abs(left).max() <= ACCURACY * largest:
                 return found
-            found = self._settled(found + self.factors.solve(left))
-            left = self._settled(force - self.within @ found)
+            found = self._without_rigid_motion(found + self.factors.solve(left))
+            left = self._without_rigid_motion(force - self.within @ found)
         raise NoDerivative("the stiffness is singular, or nearly so")
 
-    def _settled(self, vector: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
+    def _without_rigid_motion(
+        self, vector: Float[np.ndarray, " free"]
+    ) -> Float[np.ndarray, " free"]:
         return vector - self.rigid @ (self.rigid.T @ vector)
 
 

@@ -1,9 +1,9 @@
-"""Companions: other processes that settle blocks beside this one.
+"""A second process that solves subdomains beside this one.
 
-What settling a block takes is small calls, and between them every thread waits for the one
-interpreter of its process. A companion is a program of its own and not a worker of
-``concurrent.futures`` or loky: the first would run an unguarded script anew, and the workers of
-neither end when what started them is killed. It ends when its standard input does.
+A subdomain is solved by many small calls, between which threads of one process wait for its
+interpreter. The second process is a program of its own and not a worker of ``concurrent.futures``
+or loky: a spawned pool runs an unguarded script again, and the workers of neither end when their
+parent is killed. This one ends when its standard input is closed.
 """
 
 import os
@@ -29,12 +29,12 @@ PROGRAM = "knitlab.mechanics.second_process_program"
 
 @dataclass(frozen=True, eq=False)
 class SubdomainData:
-    """A block as its companion has to know it.
+    """A subdomain as the second process needs it.
 
     Attributes:
         shape: its mesh shape.
-        unknowns: those that may move.
-        fabric: its numbers.
+        unknowns: numbers of the unknowns that may move.
+        fabric: its springs, folds and walls.
     """
 
     shape: MeshShape
@@ -44,11 +44,11 @@ class SubdomainData:
 
 @dataclass(frozen=True)
 class SubdomainTask:
-    """A block to settle.
+    """A subdomain to solve.
 
     Attributes:
-        name: of the block; no two that a companion is given share one.
-        start: where from.
+        name: identifies the subdomain within one process.
+        start: configuration that the search starts from.
         step_length: longest change of the vector between neighbouring nodes in a step [mm].
         settings: tolerance and limits.
     """
@@ -60,7 +60,7 @@ class SubdomainTask:
 
 
 class SecondProcess:
-    """Another process, given one errand after the other.
+    """Another process that solves one subdomain after the other.
 
     Attributes:
         pid: its identifier.
@@ -79,20 +79,20 @@ class SecondProcess:
         self._known: set[tuple[int, int]] = set()
         weakref.finalize(self, _end, process, self._requests, self._replies)
 
-    def settle(self, subdomain_task: SubdomainTask, piece: SubdomainData) -> State | None:
-        """Where a block comes to rest; ``None`` if the process has died."""
+    def solve(self, task: SubdomainTask, subdomain: SubdomainData) -> State | None:
+        """Equilibrium of a subdomain; ``None`` if the process has died."""
         try:
-            known = subdomain_task.name in self._known
-            pickle.dump((subdomain_task, None if known else piece), self._requests)
+            known = task.name in self._known
+            pickle.dump((task, None if known else subdomain), self._requests)
             self._requests.flush()
-            self._known.add(subdomain_task.name)
+            self._known.add(task.name)
             return pickle.load(self._replies)
         except (EOFError, OSError, pickle.UnpicklingError):
             return None
 
 
 def _end(process: subprocess.Popen[bytes], requests: IO[bytes], replies: IO[bytes]) -> None:
-    # What was not sent cannot be, if it has died.
+    # A dead process cannot receive what is still buffered.
     with suppress(OSError):
         requests.close()
     replies.close()

@@ -1,4 +1,4 @@
-"""``python -m knitlab.mechanics.second_process_program``: what a companion runs."""
+"""Program of the second process: ``python -m knitlab.mechanics.second_process_program``."""
 
 import os
 import pickle
@@ -14,28 +14,28 @@ from knitlab.mechanics.subdomains import subdomain_stiffness
 
 
 def serve(requests: IO[bytes], replies: IO[bytes]) -> None:
-    """Settle what is requested until the requests are closed at the other end."""
+    """Solve the requested subdomains until the other end closes the requests."""
     factorisers: dict[FreeStiffness, Factoriser] = {}
-    desks: dict[tuple[int, int], tuple[Executor, FreeStiffness]] = {}
+    executors: dict[tuple[int, int], tuple[Executor, FreeStiffness]] = {}
     while True:
-        subdomain_task: SubdomainTask
-        piece: SubdomainData | None
+        task: SubdomainTask
+        subdomain: SubdomainData | None
         try:
-            subdomain_task, piece = pickle.load(requests)
+            task, subdomain = pickle.load(requests)
         except EOFError:
             return
-        if piece is not None:
-            executor = Executor(piece.shape, piece.fabric, factorisers)
-            free = subdomain_stiffness(piece.shape, piece.unknowns.tobytes())
-            desks[subdomain_task.name] = executor, free
-        pickle.dump(solve_subdomain(*desks[subdomain_task.name], subdomain_task), replies)
+        if subdomain is not None:
+            executor = Executor(subdomain.shape, subdomain.fabric, factorisers)
+            free = subdomain_stiffness(subdomain.shape, subdomain.unknowns.tobytes())
+            executors[task.name] = executor, free
+        pickle.dump(solve_subdomain(*executors[task.name], task), replies)
         replies.flush()
 
 
 if __name__ == "__main__":
-    # An interrupt is for the process that it works for, with which it ends.
+    # An interrupt is handled by the parent, with which this process ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # Whatever prints must not print among the replies.
+    # Printed text must not mix with the replies.
     with os.fdopen(os.dup(sys.stdout.fileno()), "wb") as replies:
         os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
         with one_thread_of_blas():

@@ -1,4 +1,4 @@
-"""Companions: what they find is what this process would, and none outlives its use."""
+"""The second process: it finds what this process would, and does not outlive its use."""
 
 import gc
 import os
@@ -42,17 +42,15 @@ def test_it_finds_what_this_process_finds(sample, subdomain_request):
     _, fabric, _ = sample
     at, process = subdomain_request.at, SecondProcess()
     for number, subdomain in enumerate(subdomains_of(subdomain_request.free)):
-        piece = SubdomainData(subdomain.free.shape, subdomain.free.places, subdomain.fabric(fabric))
+        sent = SubdomainData(subdomain.free.shape, subdomain.free.places, subdomain.fabric(fabric))
         # Sent twice, the second time by its name alone.
         for start in (at.unknowns, at.unknowns + 1e-3):
-            subdomain_task = SubdomainTask(
+            task = SubdomainTask(
                 (0, number), Evaluate(start[subdomain.places]), 0.3, subdomain_request.settings
             )
-            there = process.settle(subdomain_task, piece)
+            there = process.solve(task, sent)
             with one_thread_of_blas():
-                here = solve_subdomain(
-                    Executor(piece.shape, piece.fabric), subdomain.free, subdomain_task
-                )
+                here = solve_subdomain(Executor(sent.shape, sent.fabric), subdomain.free, task)
             assert there.outcome is here.outcome
             assert there.iterations == here.iterations > 0
             np.testing.assert_array_equal(there.unknowns, here.unknowns)
@@ -64,9 +62,9 @@ def test_subdomains_are_solved_though_a_second_process_dies(sample, subdomain_re
     dead = []
 
     class Dying(SecondProcess):
-        def settle(self, subdomain_task, piece):
+        def solve(self, task, sent):
             os.kill(self.pid, signal.SIGKILL)
-            state = super().settle(subdomain_task, piece)
+            state = super().solve(task, sent)
             dead.append(state is None)
             return state
 
