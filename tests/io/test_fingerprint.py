@@ -92,7 +92,7 @@ def test_an_edited_module_makes_results_stale(name, package, results, monkeypatc
     assert set(survey(designs, folder, None, check=True).values()) == {CaseState.stale_code}
 
 
-@pytest.mark.parametrize("name", ["query/query.py", "measure/knit_size.py"])
+@pytest.mark.parametrize("name", ["tables/query.py", "measure/knit_size.py"])
 def test_an_edited_module_that_computes_nothing_leaves_them(name, package):
     (package / name).write_text("EDITED = True\n", encoding="utf-8")
     assert fingerprint_of(package) == code_fingerprint()

@@ -3,6 +3,7 @@
 import io
 import itertools
 
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -25,7 +26,7 @@ def test_progress_moves_while_the_fabric_relaxes(monkeypatch):
     def relaxing_and_straining():
         for _ in range(30):
             assert (yield Factorise(0.0, False)) == "answer"
-            yield Evaluate(None)
+            yield Evaluate(np.zeros(2))
         reporter.done(1)
         yield Factorise(0.0, False)
         reporter.done(2)
