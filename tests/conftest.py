@@ -13,5 +13,6 @@ from tests.array_shapes import checked
 install_import_hook("knitlab", f"{checked.__module__}.{checked.__name__}")
 
 # A first example may compile a JAX program; speed is the benchmark's business.
-settings.register_profile("knitlab", deadline=None)
-settings.load_profile("knitlab")
+settings.register_profile("quick", deadline=None, max_examples=20)
+settings.register_profile("thorough", deadline=None, max_examples=100)
+settings.load_profile("quick")

@@ -19,6 +19,7 @@ def mean_square_height(shape):
     return jnp.mean((heights - heights.mean()) ** 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("boundary", ["periodic", "clamped"])
 def test_derivatives_are_those_of_finite_differences(boundary):
     design = kl.Design(n_stripe=4, n_subunit=8, boundary=boundary)

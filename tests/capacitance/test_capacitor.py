@@ -51,6 +51,7 @@ def measured(angles, reading=PERIODIC, **changes):
     return capacitances(electrodes, net, fabric, folded(net, fabric, angles), capacitor)
 
 
+@pytest.mark.slow
 def test_capacitance_falls_as_the_stripe_unfolds():
     found = measured([0.6, 1.2, 2.0, 3.0, np.pi])
     assert (found.status == CapacitorStatus.measured).all()
@@ -71,6 +72,7 @@ def test_flat_it_is_that_of_coplanar_strips():
     assert found.capacitance[0] == pytest.approx(VACUUM_PERMITTIVITY * length * exact, rel=4e-3)
 
 
+@pytest.mark.slow
 def test_the_stated_error_is_no_less_than_the_true_one():
     angles = [1.0, 2.0]
     rough, fine = measured(angles), measured(angles, accuracy=3e-3)
@@ -96,6 +98,7 @@ def test_a_fold_past_half_a_turn_has_a_status_and_no_number():
     assert np.isnan(found.capacitance[0])
 
 
+@pytest.mark.slow
 def test_what_cannot_be_resolved_is_told():
     found = measured([0.25], clearance=1e-6, accuracy=1e-5)
     assert found.status[0] == CapacitorStatus.unresolved
@@ -114,6 +117,7 @@ def test_a_state_is_measured_alike_alone_and_among_others():
     np.testing.assert_allclose(measured([0.8, 1.6]).capacitance, alone, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_an_open_sample_has_a_mutual_capacitance_below_that_of_its_terminals():
     found = measured([1.0], CLAMPED)
     assert 0 < found.mutual[0] < found.capacitance[0]

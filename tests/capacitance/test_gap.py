@@ -107,6 +107,7 @@ def test_the_distance_of_triangles_does_not_hang_on_how_they_are_given(seed, mot
     )
 
 
+@pytest.mark.slow
 @given(SEED)
 def test_the_distance_of_many_is_that_of_each(seed):
     one, other = (np.array(each) for each in zip(*map(pair, range(seed, seed + 5)), strict=True))

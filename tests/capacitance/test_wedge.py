@@ -210,6 +210,7 @@ def test_many_states_are_as_each_alone():
     assert np.allclose(together, [wedge(state) for state in states], rtol=1e-12)
 
 
+@pytest.mark.slow
 @given(SEED)
 @settings(max_examples=5)
 def test_its_derivative_is_that_of_finite_differences(seed):

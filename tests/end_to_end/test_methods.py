@@ -33,6 +33,7 @@ def test_a_relaxation_is_drawn_and_filmed():
     assert case["snapshot_position"].sizes["snapshot"] == case.sizes["snapshot"] > 4
 
 
+@pytest.mark.slow
 def test_dynamics_that_cannot_finish_is_reported():
     settings = ("n_stripe=8", "n_subunit=16", "boundary=periodic", "max_steps=20")
     words = [word for setting in settings for word in ("--set", setting)]

@@ -87,6 +87,7 @@ def test_a_killed_sweep_goes_on_and_ends_as_if_it_had_not_been(tmp_path, monkeyp
     assert "3 stale: other parameters" in knitlab("status", "preview").output
 
 
+@pytest.mark.slow
 def test_a_case_that_failed_is_reproduced_alone(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     hasty = ("--set", "n_stripe=4", "--set", "n_subunit=8", "--set", "max_iterations=2")

@@ -67,6 +67,7 @@ def uninterrupted(tmp_path_factory):
     return ran(stand_in.plan_of(), tmp_path_factory.mktemp("uninterrupted"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kills", [10, pytest.param(100, marks=pytest.mark.slow)])
 def test_kills_at_any_change_of_a_file_lose_nothing_that_was_done(tmp_path, uninterrupted, kills):
     command = [sys.executable, "-m", "tests.execution.stand_in", "kills", tmp_path, str(kills)]
@@ -79,6 +80,7 @@ def test_kills_at_any_change_of_a_file_lose_nothing_that_was_done(tmp_path, unin
     assert not list(tmp_path.rglob(".writing-*"))
 
 
+@pytest.mark.slow
 def test_a_killed_run_with_workers_is_taken_up_again(tmp_path, uninterrupted):
     plan = stand_in.plan_of()
     process = stand_in_process("run", tmp_path, WORKERS)
@@ -117,6 +119,7 @@ def ended_by(number, results, **options):
     assert done + int((cube["status"] == Status.pending).sum()) == len(stand_in.plan_of().cases)
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_what_is_done_and_writes_the_cube(tmp_path, uninterrupted):
     ended_by(signal.SIGINT, tmp_path)
     same(ran(stand_in.plan_of(), tmp_path).cube, uninterrupted.cube)
@@ -212,6 +215,7 @@ def test_what_raises_is_tried_again_as_often_as_asked(tmp_path):
     assert tries == [1, 1, 1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bad", [stand_in.simulate_poisoned, stand_in.simulate_unconverged])
 def test_fail_fast_stops_at_the_first_case_that_is_not_ok(tmp_path, bad):
     run = ran(plan_of(40), tmp_path, bad, fail_fast=True)

@@ -88,6 +88,7 @@ def test_the_fitted_curves_are_those_of_a_test_from_the_start(fit):
     np.testing.assert_allclose(again.values, fit.curves[1], rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [

@@ -68,6 +68,7 @@ def test_correlations_are_those_of_repeated_measurements():
     np.testing.assert_allclose(fits("rib", 4)[0].correlations, np.corrcoef(values.T), atol=0.1)
 
 
+@pytest.mark.slow
 def test_a_curve_too_short_to_tell_two_parameters_apart_says_so():
     fit = calibrate(1.41, *curve(stripe("rib", 4), largest=0.3))
     assert any("cannot tell k_t from theta_0" in warning for warning in fit.warnings)

@@ -41,6 +41,7 @@ def test_a_fold_is_followed_past_half_a_turn(angle):
     )
 
 
+@pytest.mark.slow
 def test_forces_are_smooth_where_a_fold_passes_half_a_turn():
     def gradient(angle: float) -> np.ndarray:
         net, fabric, configuration, _ = folded(angle)

@@ -48,6 +48,7 @@ def test_every_marker_finds_its_place(grid):
     np.testing.assert_array_equal(rows_columns, expected)
 
 
+@pytest.mark.slow
 @SETTINGS
 @given(distorted_grids(), st.integers(0, 2**32 - 1))
 def test_the_order_of_the_markers_does_not_matter(grid, seed):

@@ -147,6 +147,7 @@ def assert_agree(found: np.ndarray, expected: np.ndarray) -> None:
     assert (np.abs(found - expected) <= 1e-5 * scale + 1e-9).all()
 
 
+@pytest.mark.slow
 def test_derivatives_of_endless_fabric_are_those_of_differences(periodic):
     found, expected = periodic.sensitivities(), by_differences(periodic)
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-9)
@@ -164,6 +165,7 @@ def test_derivatives_of_a_sample_pressed_by_walls_are_those_of_differences():
     assert_agree(pressed.sensitivities(), by_differences(pressed))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["periodic", "clamped"])
 def test_derivatives_scale_as_the_model_does(name, request):
     """Exact while no wall is touched.

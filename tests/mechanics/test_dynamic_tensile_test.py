@@ -94,6 +94,7 @@ def test_the_loss_is_the_work_that_did_not_go_into_the_fabric():
     assert loss[2] < SETTINGS.quasi_static_limit
 
 
+@pytest.mark.slow
 def test_too_fast_a_pull_is_reported_and_is_no_snap():
     fast = replace(SETTINGS, ramp_rate=20.0, smallest_rate=1 / 16)
     (test,) = stretch_by_dynamics(moving([(8, 1)], PERIODIC, fast), [[0.0, 0.05, 0.1]])
@@ -134,6 +135,7 @@ def test_one_test_that_ends_does_not_end_its_neighbour():
     assert reported == [(0, 1), (1, 1), (0, 2), (1, 2)]
 
 
+@pytest.mark.slow
 @given(turn=arrays(float, 3, elements=st.floats(-3, 3)))
 def test_a_sample_is_squared_up_however_it_turned_and_tilted(turn):
     net, fabric = checkered(4, 1, CLAMPED)

@@ -40,6 +40,7 @@ def two_nodes(damping: float, settings: DynamicsSettings) -> tuple[MovingBatch, 
     return MovingBatch(shape, [fabric], [inertia], settings), MotionPath(start)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [0.0, 0.01])
 def test_two_nodes_on_a_spring_vibrate_at_their_frequency(damping):
     settings = replace(SETTINGS, duration=1.0, relative_tolerance=1e-9)
@@ -167,6 +168,7 @@ def test_a_design_that_diverges_does_not_disturb_its_neighbour(ending, outcome):
     np.testing.assert_allclose(spoiled[1].state.unknowns, honest[1].state.unknowns, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "outcome"),
     [

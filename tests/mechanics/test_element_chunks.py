@@ -26,6 +26,7 @@ def shared(monkeypatch):
     chunks_of.cache_clear()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("boundary", "periods"), SHEETS)
 @pytest.mark.parametrize(
     "angle", ["whole_normals", pytest.param("across_edge", marks=pytest.mark.slow)]

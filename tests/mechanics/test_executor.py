@@ -18,6 +18,7 @@ def stretches(net, fabrics):
     return [stretch(net, fabric, STRAINS, SolverSettings()) for fabric in fabrics]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "reading",
     [

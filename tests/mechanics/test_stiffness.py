@@ -39,6 +39,7 @@ def whole_stiffness(
     return lower + np.tril(lower, -1).T
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", ["whole_normals", "across_edge"])
 def test_element_hessians_are_those_of_automatic_differentiation(angle):
     net, fabric = checkered(4, 1, ModelOptions(boundary="periodic", hinges="all", fold_angle=angle))
@@ -59,6 +60,7 @@ def test_element_hessians_are_those_of_automatic_differentiation(angle):
     assert not laned[len(exact) :].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hinges", ["all", "fold_lines"])
 @pytest.mark.parametrize("boundary", ["clamped", "periodic"])
 def test_stiffness_is_the_slope_of_the_gradient(boundary, hinges):
@@ -79,6 +81,7 @@ def test_stiffness_is_the_slope_of_the_gradient(boundary, hinges):
     assert np.allclose(product, np.asarray(slope)[free.places], rtol=1e-6, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_walls_and_held_unknowns_enter_the_stiffness():
     net, fabric = checkered(4, 1, ModelOptions(boundary="clamped"))
     sheet = shaken(flat_sheet(net, fabric), 0.1)

@@ -217,6 +217,7 @@ def test_only_a_test_that_reached_its_end_goes_back():
     assert test.unloaded == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shake", "parts"), [(0.0, {1.0, 0.5}), pytest.param(2.0, {0.125, 0.0}, marks=pytest.mark.slow)]
 )

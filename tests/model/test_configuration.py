@@ -56,6 +56,7 @@ def test_a_function_of_the_shape_has_its_gradient_where_it_is_felt():
     assert not np.any(slope.lengths)
 
 
+@pytest.mark.slow
 def test_it_is_mapped_over_as_any_pytree_is():
     net, fabric = checkered(4, 1, PERIODIC)
     states = [shaken(flat_sheet(net, fabric), 0.1, seed) for seed in range(2)]

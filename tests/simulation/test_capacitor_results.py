@@ -22,6 +22,7 @@ def cube(tmp_path_factory):
     return run_plan(plan, tmp_path_factory.mktemp("sensor_stripes"), RunOptions()).cube
 
 
+@pytest.mark.slow
 def test_a_cube_holds_all_that_is_said_of_a_capacitor(cube):
     assert set(cube.data_vars) >= NAMES
     rib = cube.sel(knit="rib", n=4, boundary="periodic")

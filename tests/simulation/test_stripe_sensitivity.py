@@ -26,6 +26,7 @@ def cube(tmp_path_factory):
     return run_plan(make_plan("preview", (*SMALL, *ASKED)), results, RunOptions()).cube
 
 
+@pytest.mark.slow
 def test_they_are_in_the_cube_at_every_strain_but_zero(cube):
     assert {"poisson_ratio_sensitivity", "reaction_force_sensitivity"} == NAMES
     for name in NAMES:
