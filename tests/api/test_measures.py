@@ -37,6 +37,7 @@ def test_derivatives_are_those_of_finite_differences(boundary):
     np.testing.assert_allclose(slope, (above - below) / (2 * step), rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_values_are_those_of_the_positions():
     test = kl.simulate(kl.Design(n_stripe=4, n_subunit=8, boundary="periodic"), STRAINS)
     found = kl.evaluate(test, sensitivities=False, thickness=thickness)

@@ -34,6 +34,7 @@ def test_every_public_name_is_documented(name):
     assert inspect.getdoc(PUBLIC[name])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", examples(), ids=lambda example: example.name)
 def test_examples_run(example, tmp_path, monkeypatch):
     monkeypatch.chdir(knitlab.__path__[0] + "/..")
@@ -47,6 +48,7 @@ def test_every_figure_has_a_function():
     assert all(inspect.getdoc(getattr(knitlab.plot, name)) for name in knitlab.plot.__all__)
 
 
+@pytest.mark.slow
 def test_a_query_waits_for_no_solver():
     script = (
         "import sys, knitlab; cube = knitlab.open_cube('results/reference/preview');"

@@ -170,6 +170,7 @@ def test_sweeps_alone_make_a_cube():
     assert cube["seconds_median"].squeeze().item() == 180.0
 
 
+@pytest.mark.slow
 def test_figures_are_drawn_from_the_file_of_the_cube_alone(cube, tmp_path):
     write_cube(cube, tmp_path / "solvers.nc")
     read = read_cube(tmp_path / "solvers.nc")

@@ -13,6 +13,7 @@ SMALL = {"n_stripe": 4, "n_subunit": 8, "size": "1x1"}
 PLENTY = 300.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("boundary", [pytest.param("clamped", marks=pytest.mark.slow), "periodic"])
 def test_fire_and_l_bfgs_relax_to_the_state_of_the_equilibrium_solver(boundary):
     problem = Problem.of(
@@ -50,6 +51,7 @@ def test_methods_pull_a_sample_to_the_same_state(solver):
     assert energies[0] == pytest.approx(energies[1], rel=5e-5)
 
 
+@pytest.mark.slow
 def test_a_method_that_is_given_up_leaves_no_time_but_its_residual():
     record = methods.measure(Measurement("relaxation", "fire", **SMALL, time_limit=0.0))
     assert not record["reached"]

@@ -83,6 +83,7 @@ def limit_of_strips(ends, length=LENGTH):
     return extrapolated(*(of_strips(ends, count, length) for count in (12, 24)))
 
 
+@pytest.mark.slow
 def test_a_sphere_has_its_closed_form():
     found = [maxwell(sphere(count, 2.0))[0, 0] for count in (4, 8)]
     assert found[1] == pytest.approx(2 * OF_A_SPHERE, rel=6e-3)
@@ -103,6 +104,7 @@ def test_a_cube_has_its_known_capacitance():
     assert extrapolated(*found) == pytest.approx(0.66067815 * 2 * OF_A_SPHERE, rel=5e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [2.5, 3.0, 6.0])
 def test_two_spheres_have_the_series_of_their_mirror_charges(distance):
     angle, number = np.arccosh(distance / 2), np.arange(1, 100)
@@ -118,6 +120,7 @@ def test_small_spheres_far_apart_are_capacitors_in_series():
     assert found == pytest.approx(OF_A_SPHERE / (1 + 1 / 0.5), rel=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gap", "width"), [(1.0, 2.0), (0.2, 2.0), (3.0, 1.0)])
 def test_coplanar_strips_have_their_closed_form(gap, width):
     k = gap / (gap + 2 * width)
@@ -136,6 +139,7 @@ def test_parallel_wires_have_their_closed_form(distance):
     assert extrapolated(*found) == pytest.approx(exact, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "ends",
     [
@@ -161,6 +165,7 @@ def test_hinged_plates_tend_to_a_tight_wedge():
     assert excess[-1] < 0.13
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [2.5, 1.5, 0.8, 0.4, 0.2])
 def test_hinged_plates_are_about_two_wedges_with_their_ends(angle):
     wedges = 0.0
@@ -178,6 +183,7 @@ def test_how_long_a_period_of_endless_strips_is_does_not_matter(length):
     assert found == pytest.approx(by_series(*ends), rel=3e-3)
 
 
+@pytest.mark.slow
 def test_endless_conductors_may_run_along_either_axis():
     pair = periodic_pair()
     turned = [panels[..., [1, 0, 2]] for panels in pair]
@@ -225,11 +231,13 @@ def test_square_plates_agree_with_fastcap(distance):
     assert ours == pytest.approx(theirs, rel=3e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [0.05, 0.2, 1.0])
 def test_plates_have_more_than_the_field_straight_between_them(distance):
     assert between(*square_plates(8, distance)) > VACUUM_PERMITTIVITY / distance
 
 
+@pytest.mark.slow
 def test_a_matrix_is_that_of_conductors():
     matrix = maxwell(*three_conductors())
     assert np.allclose(matrix, matrix.T, rtol=1e-13)
@@ -274,6 +282,7 @@ def test_where_a_period_begins_does_not_matter(cut):
     assert found == pytest.approx(between(*pair, period=LENGTH), rel=ALIKE)
 
 
+@pytest.mark.slow
 @given(st.floats(1e-3, 1e3))
 @settings(max_examples=5)
 def test_capacitance_grows_with_size(scale):
@@ -348,6 +357,7 @@ def test_states_of_a_batch_are_as_each_alone():
     assert np.allclose(together, alone, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_endless_states_of_a_batch_are_as_each_alone():
     periods = np.array([4.0, 3.0, 5.0, 2.0, 4.5])
     alone = [strips(hinged(period / 4), 12, period) for period in periods]

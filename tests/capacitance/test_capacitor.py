@@ -60,6 +60,7 @@ def test_capacitance_falls_as_the_stripe_unfolds():
     assert (found.error <= CAPACITOR.accuracy).all()
 
 
+@pytest.mark.slow
 def test_flat_it_is_that_of_coplanar_strips():
     from scipy.special import ellipk
 
@@ -81,6 +82,7 @@ def test_the_stated_error_is_no_less_than_the_true_one():
     assert (true <= rough.error).all()
 
 
+@pytest.mark.slow
 def test_a_tightly_closed_ridge_has_a_status_and_no_number():
     found = measured([0.01, 0.03, 1.0])
     assert found.status.tolist() == [
@@ -112,6 +114,7 @@ def test_the_surroundings_multiply_it():
     )
 
 
+@pytest.mark.slow
 def test_a_state_is_measured_alike_alone_and_among_others():
     alone = [measured([angle]).capacitance[0] for angle in (0.8, 1.6)]
     np.testing.assert_allclose(measured([0.8, 1.6]).capacitance, alone, rtol=1e-5)

@@ -86,6 +86,7 @@ def folded_strip(outline):
     return np.stack([line[:-1], line[1:], back[1:], back[:-1]], axis=1)
 
 
+@pytest.mark.slow
 @given(SEED)
 @settings(max_examples=60)
 def test_the_distance_of_triangles_is_the_smallest_of_their_points(seed):

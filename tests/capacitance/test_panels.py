@@ -58,6 +58,7 @@ def panel_area(panels):
     return np.linalg.norm(np.cross(one, other), axis=-1) / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
 @pytest.mark.parametrize("laid", [up_the_warp, along_the_weft])
@@ -260,6 +261,7 @@ def test_panels_of_many_states_are_those_of_each():
     assert np.array_equal(panels_on(chart, shape, Configuration.stacked(states)), np.stack(alone))
 
 
+@pytest.mark.slow
 def test_panels_are_carried_alike_in_numpy_and_in_jax():
     shape, _, flat = rib(PERIODIC)
     chart = panel_chart(up_the_warp(shape), shape, 1)

@@ -45,6 +45,7 @@ def placed(seed, in_plane=False):
     return random.normal(size=3), corners
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [0.2, -0.7, 3.0])
 @pytest.mark.parametrize("foot", [(1.0, 0.5), (0.0, 0.0), (1.5, 1.5), (-2.0, 4.0)])
 def test_off_the_plane_it_is_the_integral(foot, height):
@@ -153,6 +154,7 @@ def test_it_is_the_same_on_both_sides(seed):
     assert one_potential(mirrored, corners) == pytest.approx(one_potential(at, corners), rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_off_the_triangle_it_is_harmonic(seed):
     at, corners = placed(seed)
@@ -160,6 +162,7 @@ def test_off_the_triangle_it_is_harmonic(seed):
     assert abs(np.trace(second)) < 1e-9 * np.abs(second).max()
 
 
+@pytest.mark.slow
 def test_on_either_face_the_field_is_that_of_its_charge():
     slope = jax.grad(triangle_potential)
     for side in (1, -1):

@@ -103,6 +103,7 @@ def test_a_tight_wedge_gains_the_same_at_its_ends_whatever_its_width(ratio):
     assert gained == pytest.approx(np.log(4) / np.pi, rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("low", "width", "gap"), [(1.0, 2.0, 2.0), (0.5, 3.0, 1.0), (1, 1.5, 3)])
 def test_flat_fabric_has_the_closed_form_of_coplanar_strips(low, width, gap):
     k = gap / (gap + 2 * width)
@@ -125,6 +126,7 @@ def test_of_a_hinge_it_is_a_little_less_than_the_exact_value(angle, most):
     assert (1 - most) * exact < found < exact
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("turns", "most"),
     [
@@ -186,6 +188,7 @@ def test_it_does_not_matter_which_strip_is_named_first():
     assert wedge(configuration, swapped) == pytest.approx(wedge(configuration), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_strips_along_the_weft_are_as_those_up_the_warp():
     configuration = shaken(rolled(corrugated(1.5)), 0.02)
     turned_shape = MeshShape(SHAPE.cells_x, SHAPE.cells_y, periodic=True)
@@ -198,6 +201,7 @@ def test_strips_along_the_weft_are_as_those_up_the_warp():
     assert float(found) == pytest.approx(wedge(configuration), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_period_on_it_is_the_same():
     configuration = shaken(rolled(corrugated(1.5)), 0.02)
     on = beside(1.0 + SHAPE.cells_x)
@@ -227,6 +231,7 @@ def test_its_derivative_is_that_of_finite_differences(seed):
     )
 
 
+@pytest.mark.slow
 def test_its_derivative_is_finite_where_the_fabric_is_flat():
     gradient = jax.grad(wedge_capacitance, argnums=2)(PAIR, SHAPE, rolled(FLAT)).flattened()
     assert np.isfinite(gradient).all()

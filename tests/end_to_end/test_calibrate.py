@@ -22,6 +22,7 @@ def knitlab(*words):
     return CliRunner().invoke(main, words)
 
 
+@pytest.mark.slow
 def test_a_calibrated_stripe_can_be_used_as_it_is():
     strain = np.linspace(0, 2, 30)
     force = 1.2 * np.asarray(tension(zigzag(stripe("rib", 4)), jnp.asarray(strain)))

@@ -26,6 +26,7 @@ def knitlab(*words):
     return CliRunner().invoke(main, words)
 
 
+@pytest.mark.slow
 def test_a_sweep_from_plan_to_map():
     planned = knitlab("plan", "preview", *SMALL)
     assert planned.exit_code == 0
@@ -55,6 +56,7 @@ def test_a_sweep_from_plan_to_map():
     assert Path("map.pdf").read_bytes().startswith(b"%PDF")
 
 
+@pytest.mark.slow
 def test_a_case_that_does_not_converge_makes_exit_code_1():
     ran = knitlab(
         "run",

@@ -69,6 +69,7 @@ EXAMPLES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "example",
     [
@@ -123,6 +124,7 @@ def python_of(page):
     return BLOCK.findall((ROOT / page).read_text(encoding="utf-8"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "page", [page for page in PAGES if python_of(page) and page != "README.md"]
 )

@@ -43,6 +43,7 @@ def results(finished, tmp_path):
     return Path(shutil.copytree(finished, tmp_path / "results"))
 
 
+@pytest.mark.slow
 def test_a_second_run_says_the_same_and_writes_nothing(results):
     before = written(results)
     assert len(before) > 6
@@ -73,6 +74,7 @@ def test_only_a_figure_that_is_missing_is_drawn(results):
     assert [path for path in figures if after[path] != before[path]] == [lost]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change",
     [
@@ -96,6 +98,7 @@ def test_other_settings_or_code_are_not_taken_for_done(results, monkeypatch):
     assert finished_plan("preview", SETTINGS, results) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])
 def test_a_figure_of_another_cube_is_drawn_again(results, tmp_path, suffix):
     folder, output = results / "preview", tmp_path / f"curves{suffix}"

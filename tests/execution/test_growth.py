@@ -42,6 +42,7 @@ def bits(cube, **labels):
     }
 
 
+@pytest.mark.slow
 def test_new_designs_join_a_cube_and_old_cells_stay_bit_for_bit(tmp_path):
     first = ran(planned(*PAIRS), tmp_path)
     more = ran(planned("n_stripe=6,8", "n_subunit=24,48", "strain_max=0.06"), tmp_path)
@@ -69,6 +70,7 @@ def test_a_longer_test_of_new_designs_lengthens_the_cube(tmp_path):
     assert np.isnan(old[3:]).all()
 
 
+@pytest.mark.slow
 def test_settings_given_as_lists_are_dimensions_with_units(tmp_path):
     plan = planned(
         *PAIRS,
@@ -159,6 +161,7 @@ def test_a_cube_of_other_dimensions_is_not_mixed_in(tmp_path):
         ran(planned(*PAIRS, "z_max=4,6"), tmp_path)
 
 
+@pytest.mark.slow
 def test_results_of_other_parameters_stay_until_refreshed(tmp_path):
     first = ran(planned(*PAIRS), tmp_path)
     other = planned(*PAIRS, "z_max=4")
@@ -196,6 +199,7 @@ def test_new_values_of_a_swept_setting_join_a_cube(tmp_path):
     assert bits(both, z_max=4, k_t_factor=1) == bits(first.cube, z_max=4, k_t_factor=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", ["z_max=4", "cell_size=relaxed", "k_t_factor=2"])
 def test_designs_of_another_model_do_not_join_a_cube(tmp_path, change):
     before = ran(planned(*PAIRS), tmp_path).cube
@@ -265,6 +269,7 @@ def test_the_status_of_a_folder_before_its_first_cube(tmp_path):
     }
 
 
+@pytest.mark.slow
 def test_query_and_figures_slice_swept_settings(tmp_path):
     ran(planned(*PAIRS, "k_t_factor=0.8,1.2"), tmp_path)
     cube = knitlab.open_cube(tmp_path)

@@ -25,6 +25,7 @@ def kept(tmp_path_factory):
     return results, list(plan.cases)
 
 
+@pytest.mark.slow
 def test_a_kept_case_is_found_by_its_beginning_and_agrees(kept):
     results, (case_id, _) = kept
     found = find_case(results, case_id[:6])

@@ -22,6 +22,7 @@ def sweep(tmp_path_factory):
     return plan, results, run_plan(plan, results, RunOptions())
 
 
+@pytest.mark.slow
 def test_the_cube_on_disk_is_the_one_that_was_built(sweep):
     _, results, run = sweep
     with xr.open_dataset(results / "cube.nc") as cube:
@@ -120,6 +121,7 @@ def test_a_clamped_sample_of_one_cell_has_no_poisson_ratio(tmp_path):
     assert two["poisson_ratio"][1:].notnull().all()
 
 
+@pytest.mark.slow
 def test_a_design_that_does_not_converge_is_reported_not_averaged(tmp_path):
     plan = make_plan("preview", ("n_stripe=4", *SMALL, "max_iterations=2", "ramp_steps=1"))
     run = run_plan(plan, tmp_path, RunOptions())

@@ -131,6 +131,7 @@ def test_a_run_that_is_asked_to_end_does_so_as_by_ctrl_c(tmp_path, before):
     ended_by(signal.SIGTERM, tmp_path, preexec_fn=before)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, pytest.param(WORKERS, marks=pytest.mark.slow)])
 def test_a_poisoned_case_harms_no_other(tmp_path, workers):
     run = ran(plan_of(2), tmp_path, stand_in.simulate_poisoned, workers=workers)
@@ -173,6 +174,7 @@ def test_a_worker_lost_once_costs_nothing(tmp_path):
     assert run.failures == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("workers", "timeout"), [(0, 0.5), pytest.param(WORKERS, 3.0, marks=pytest.mark.slow)]
 )
@@ -224,6 +226,7 @@ def test_fail_fast_stops_at_the_first_case_that_is_not_ok(tmp_path, bad):
     assert statuses(run)["pending"] > 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", ["truncated", "flipped", "emptied", "no checksum"])
 def test_a_damaged_case_file_is_named_and_computed_again(tmp_path, damage):
     plan = plan_of()
@@ -243,6 +246,7 @@ def test_a_damaged_case_file_is_named_and_computed_again(tmp_path, damage):
     assert kept(tmp_path, case_id) is StoredCase.sound
 
 
+@pytest.mark.slow
 def test_a_damaged_file_that_cannot_be_computed_again_is_not_read(tmp_path):
     plan = plan_of()
     ran(plan, tmp_path)
@@ -255,6 +259,7 @@ def test_a_damaged_file_that_cannot_be_computed_again_is_not_read(tmp_path):
     assert statuses(run)["ok"] == 7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", ["", "z_max=4"])
 def test_a_refresh_that_fails_is_told_and_loses_nothing(tmp_path, monkeypatch, other):
     before = ran(plan_of(), tmp_path)
@@ -268,6 +273,7 @@ def test_a_refresh_that_fails_is_told_and_loses_nothing(tmp_path, monkeypatch, o
     same(ran(plan_of(), tmp_path).cube, before.cube)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("garbage", [b"garbage", b"[]", b"{}", b"\xff\xfe\x00"])
 def test_garbage_in_files_that_are_made_anew_stops_nothing(tmp_path, garbage):
     plan = plan_of()
@@ -299,6 +305,7 @@ def test_a_second_run_says_who_holds_the_folder(tmp_path):
     assert ran(plan_of(), tmp_path).failures == ()
 
 
+@pytest.mark.slow
 def test_a_lock_ends_with_its_process(tmp_path):
     process = stand_in_process("run", tmp_path, 0)
     await_cases(process, 1)
@@ -331,6 +338,7 @@ for path, contents in before.items():
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, pytest.param(WORKERS, marks=pytest.mark.slow)])
 def test_a_full_disk_is_one_sentence_and_harms_nothing(tmp_path, workers):
     mounting = f"mount -t tmpfs -o size=3m tmpfs {tmp_path}"

@@ -37,6 +37,7 @@ def cell_pixels(figure, column, row):
     return image[int(height - high) : int(height - low), int(left) : int(right)].reshape(-1, 3)
 
 
+@pytest.mark.slow
 def test_failures_and_gaps_never_look_like_values():
     figure = auxetic_map([made_up_cube()])
     for column, row in ((1, 0), (1, 2), (2, 0), (0, 2)):
@@ -80,6 +81,7 @@ def test_curves_have_a_line_for_every_run_and_a_cross_where_one_ended():
     assert [line.get_xdata().tolist() for line in crosses] == [[0.1]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".pdf", ".svg", ".png"])
 def test_a_figure_is_written_whole_in_the_format_of_its_suffix(cube_file, tmp_path, suffix):
     output = tmp_path / "figures" / f"map{suffix}"
@@ -184,6 +186,7 @@ def test_a_cube_that_is_none_is_named(tmp_path, content):
         draw_figure("auxetic", [path], tmp_path / "map.png")
 
 
+@pytest.mark.slow
 def test_maps_and_queries_never_import_jax():
     modules = "knitlab.cli, knitlab.figures.drawing, knitlab.tables.query"
     program = f"import sys, {modules}; print('jax' in sys.modules)"

@@ -76,6 +76,7 @@ def package(tmp_path_factory):
     return copied
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", computing_files(PACKAGE))
 def test_an_edited_module_makes_results_stale(name, package, results, monkeypatch):
     folder, designs = results

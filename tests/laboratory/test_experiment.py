@@ -180,6 +180,7 @@ def both(tmp_path_factory, cube):
     return folder / "simulated.nc", folder / "measured.nc"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["curves", "auxetic", "tension", "sensor", "capacitors"])
 def test_figures_take_an_experiment_with_a_simulation_and_without(tmp_path, both, kind):
     simulated, measured = both

@@ -138,6 +138,7 @@ def test_a_model_that_does_not_meet_the_test_says_so(case, truth):
     assert "times as far from the test as its errors say" in said
 
 
+@pytest.mark.slow
 def test_a_sample_that_does_not_come_to_rest_is_refused(case, truth):
     hopeless = replace(case, solver=replace(case.equilibrium_solver, max_iterations=3))
     with pytest.raises(NoFit, match="does not come to rest"):

@@ -33,6 +33,7 @@ def table(**changes):
     return MarkersTable.model_validate(its | changes)
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @example(1.0, 1.0, 0, 0, 0.5)  # the middle does not move at all
 @given(
@@ -124,6 +125,7 @@ def test_the_mean_is_over_the_central_cells_that_are_left():
     assert values["cells_lost"][-1] == 4
 
 
+@pytest.mark.slow
 def test_noise_comes_through_at_the_level_that_is_stated(tmp_path):
     astray = {name: [] for name in ("xx", "yy")}
     for seed in range(40):

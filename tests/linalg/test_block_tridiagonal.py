@@ -78,6 +78,7 @@ def case(cells_y, cells_x, of, line=None) -> Case:
     return Case(full, plan, (lower.indices, columns))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cells_y", "cells_x", "of", "line"),
     [
@@ -109,6 +110,7 @@ def test_a_sheet_is_factorised_and_solved_as_a_dense_matrix(cells_y, cells_x, of
     assert np.allclose(pivots, np.diag(np.linalg.cholesky(matrix[np.ix_(order, order)])))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", [clamped, unpinned, one_length, two_lengths])
 @pytest.mark.parametrize("size", [4, 7])
 def test_positive_just_where_every_eigenvalue_is(of, size):
@@ -119,6 +121,7 @@ def test_positive_just_where_every_eigenvalue_is(of, size):
         assert not factorise(sheet.plan, sheet.entries(-excess - smallest)).positive
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", [clamped, two_lengths])
 def test_a_negative_pivot_is_found_wherever_it_lies(of):
     sheet = case(6, 5, of)
@@ -128,6 +131,7 @@ def test_a_negative_pivot_is_found_wherever_it_lies(of):
         assert not factorise(sheet.plan, entries.at[place].set(-1.0)).positive
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", [clamped, unpinned, one_length, two_lengths])
 def test_an_indefinite_matrix_leaves_the_others_of_a_batch_untouched(of):
     sheet = case(6, 5, of)

@@ -128,6 +128,7 @@ def test_it_solves(case: Case) -> None:
     np.testing.assert_array_equal(rhs, before)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("columns", [0, 1, 5])
 def test_it_solves_for_many_columns(case: Case, columns: int) -> None:
     rhs = np.random.default_rng(1).normal(size=(len(case.rows), columns))
@@ -136,12 +137,14 @@ def test_it_solves_for_many_columns(case: Case, columns: int) -> None:
     np.testing.assert_allclose(case.matrix @ solution, rhs, rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_factor_is_that_of_the_reordered_matrix(case: Case) -> None:
     factors = case.factors()
     dense = case.matrix.toarray()[np.ix_(factors.plan.order, factors.plan.order)]
     np.testing.assert_allclose(triangle(factors), np.linalg.cholesky(dense), rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_indefinite_matrices_are_told(case: Case) -> None:
     plan, lower = case.plan, case.lower
     smallest = np.linalg.eigvalsh(case.matrix.toarray())[0]
@@ -162,6 +165,7 @@ def test_one_bad_pivot_anywhere_is_told() -> None:
             assert not factors.factorise(entries)
 
 
+@pytest.mark.slow
 def test_convexifying_adds_only_where_the_matrix_curves_down(case: Case) -> None:
     plan, lower = case.plan, case.lower
     np.testing.assert_array_equal(
@@ -262,6 +266,7 @@ def test_the_halves_of_a_sheet_have_as_much_to_do(periodic: bool) -> None:
     assert min(work) > 0.8 * max(work)
 
 
+@pytest.mark.slow
 def test_two_threads_change_no_bit(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(multifrontal, "WORTH_SHARING", 0)
     lower, plan = case.lower, case.plan

@@ -17,6 +17,7 @@ def waved(net, fabric, cells, amplitude=0.4):
     return Configuration(nodes, flat.lengths), width
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("reading", "cells"), [(CLAMPED, (3, 5)), (PERIODIC, (1, 1))])
 def test_boundary_of_a_waved_sheet_has_its_wavelength_and_amplitude(reading, cells):
     net, fabric = checkered(4, 2, reading, cells)
@@ -42,6 +43,7 @@ def test_boundary_across_a_single_unit_cell_has_no_wave():
     assert boundary_wave(net.shape, (1, 1), flat, "x") is None
 
 
+@pytest.mark.slow
 def test_wavelength_of_relaxed_endless_fabric_is_its_unit_cell():
     net, fabric = checkered(4, 2, PERIODIC)
     state = relaxed(net, fabric)
@@ -51,6 +53,7 @@ def test_wavelength_of_relaxed_endless_fabric_is_its_unit_cell():
         assert wave.amplitude > 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("reading", "cells"), [(CLAMPED, (3, 4)), (PERIODIC, (1, 1))])
 def test_central_cell_is_a_whole_unit_cell(reading, cells):
     net, fabric = checkered(4, 2, reading, cells)

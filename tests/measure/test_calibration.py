@@ -22,6 +22,7 @@ def curve(of, largest=2.0, noise=NOISE, seed=0):
     return strain, force + noise * force.max() * scatter
 
 
+@pytest.mark.slow
 @EVERY_STRIPE
 def test_a_clean_curve_gives_its_stripe_back(of):
     fit = calibrate(of.period, *curve(of, noise=0.0))
@@ -31,6 +32,7 @@ def test_a_clean_curve_gives_its_stripe_back(of):
         assert fit.values[name] == pytest.approx(getattr(of, name), rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell_size", ["flat", "relaxed"])
 @EVERY_STRIPE
 def test_a_fitted_stripe_has_the_measured_curve_in_the_reading_it_is_tabulated_for(of, cell_size):

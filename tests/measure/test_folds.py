@@ -29,6 +29,7 @@ def folded(angle: float) -> tuple:
     return net, fabric, Configuration(nodes, np.zeros(2)), on_line
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [0.0, 1.0, 3.0, 3.3, 4.5])
 def test_a_fold_is_followed_past_half_a_turn(angle):
     net, fabric, configuration, on_line = folded(angle)

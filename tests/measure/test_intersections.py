@@ -100,6 +100,7 @@ def test_periodic_fabric_longer_than_its_period_meets_its_image():
     assert found > 0
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["clamped", "periodic"]))
 def test_every_pair_is_one_that_the_library_finds(seed, boundary):

@@ -33,6 +33,7 @@ def distorted_grids(draw):
     return points[order], place[order]
 
 
+@pytest.mark.slow
 @SETTINGS
 @given(distorted_grids())
 def test_every_marker_finds_its_place(grid):

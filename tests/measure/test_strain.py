@@ -78,6 +78,7 @@ def test_poisson_ratio_is_undefined_without_axial_strain():
     assert np.isnan(ratio[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
 def test_corners_of_the_flat_sheet_are_its_lattice(reading):
     net, fabric = checkered(4, 1, reading, unit_cells=(3, 2))
@@ -86,6 +87,7 @@ def test_corners_of_the_flat_sheet_are_its_lattice(reading):
     assert np.allclose(corners, np.stack([x, y], axis=-1) * 8 * np.asarray(fabric.cell))
 
 
+@pytest.mark.slow
 def test_it_is_measured_alike_in_numpy_and_in_jax():
     corners = np.random.default_rng(0).normal(size=(3, 4, 5, 2)) + np.mgrid[:4, :5].T.swapaxes(0, 1)
     for found, library in ((corners, np), (jnp.asarray(corners), jnp)):

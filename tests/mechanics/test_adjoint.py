@@ -193,11 +193,13 @@ def test_derivatives_scale_as_the_model_does(name, request):
     assert grown == pytest.approx(values["relaxed_cell_x"], rel=1e-8)
 
 
+@pytest.mark.slow
 def test_the_relaxed_shape_alone_has_the_same_derivatives(periodic):
     alone = logarithmic(periodic.adjoint().of_relaxed(periodic.measure), periodic.stripes)
     np.testing.assert_allclose(alone[4:], periodic.sensitivities()[4:], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_any_scalar_of_the_states_has_a_gradient(periodic):
     """The chain rule holds for a loss made of several quantities."""
 
@@ -211,6 +213,7 @@ def test_any_scalar_of_the_states_has_a_gradient(periodic):
     np.testing.assert_allclose(logarithmic(gradient, periodic.stripes)[0], expected, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_how_the_free_sample_lay_before_it_was_squared_up_changes_nothing(clamped):
     """Whatever rigid motion a derivative of the relaxed shape is mixed with, it comes out."""
     adjoint = clamped.adjoint()

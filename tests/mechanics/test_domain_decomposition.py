@@ -47,6 +47,7 @@ def slow(sample, step_length=0.3, settings=DEFAULT) -> SearchRules:
     return SearchRules(free, step_length, settings, convexified=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("places", [all_free, free_under_tension])
 def test_on_a_subdomain_act_the_forces_of_the_whole(small_subdomains, sample, places):
     net, fabric, loading = sample

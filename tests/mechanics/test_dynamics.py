@@ -64,6 +64,7 @@ def test_an_undamped_spring_never_comes_to_rest():
     assert result.state.kinetic_peak == pytest.approx(0.5 * STIFFNESS * PULL**2, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_energy_is_kept_account_of_over_a_relaxation():
     batch = moving([(8, 1)], PERIODIC, SETTINGS)
     sheet = np.asarray(flat_sheet(network(batch.shape), batch.fabrics[0]).flattened())

@@ -67,6 +67,7 @@ def along_the_ridges(of, strain):
     return found.x[0] / cell, cell_forces(of, found.x[0], height)[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
 @EVERY_STRIPE
 def test_a_pure_stripe_relaxes_to_the_sine_of_half_its_rest_angle(of, reading):
@@ -89,6 +90,7 @@ def test_a_pure_stripe_relaxes_to_the_sine_of_half_its_rest_angle(of, reading):
     assert straight == pytest.approx(1, rel=1e-8)
 
 
+@pytest.mark.slow
 @EVERY_STRIPE
 def test_tension_across_the_ridges_is_that_of_three_unknowns(of):
     net, fabric = pure(of, PERIODIC, ridges="G")
@@ -114,6 +116,7 @@ def test_tension_along_the_ridges_is_that_of_three_unknowns(of):
         assert test.loading.reaction_force(state.gradient) == pytest.approx(4 * force, rel=1e-6)
 
 
+@pytest.mark.slow
 @EVERY_STRIPE
 @pytest.mark.parametrize(
     ("boundary", "periods"),
@@ -143,6 +146,7 @@ def test_the_zigzag_is_read_as_the_sheet_is(choice):
     assert force != pytest.approx(float(tension(zigzag(of), jnp.array([0.1]))[0]), rel=0.1)
 
 
+@pytest.mark.slow
 @EVERY_STRIPE
 def test_without_its_diagonals_an_endless_sheet_is_the_zigzag(of):
     """First of the two reasons why 3D is stiffer than 2D at large strain."""

@@ -22,6 +22,7 @@ def fabric_layout(n_stripe, periods, unit_cells):
     return net, fabric, tiled(net, fabric, cell_net, state.configuration), state
 
 
+@pytest.mark.slow
 def test_a_sample_of_endless_fabric_is_in_equilibrium_but_for_its_edges():
     net, fabric, start, cell = fabric_layout(4, 1, (3, 2))
     forces = jax.grad(lambda at: energy(net, fabric, at).total)(start).positions

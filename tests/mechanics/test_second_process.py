@@ -38,6 +38,7 @@ def is_there(pid: int) -> bool:
     return True
 
 
+@pytest.mark.slow
 def test_it_finds_what_this_process_finds(sample, subdomain_request):
     _, fabric, _ = sample
     at, process = subdomain_request.at, SecondProcess()
@@ -76,6 +77,7 @@ def test_subdomains_are_solved_though_a_second_process_dies(sample, subdomain_re
     assert all(dead)
 
 
+@pytest.mark.slow
 def test_it_ends_when_nobody_holds_it():
     process = SecondProcess()
     pid = process.pid

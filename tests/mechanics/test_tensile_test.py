@@ -44,6 +44,7 @@ def test_an_active_wall_converges_and_is_pressed_on():
     assert float(test.states[0].energy.wall) > 0
 
 
+@pytest.mark.slow
 def test_reactions_at_top_and_bottom_cancel():
     net, fabric = checkered(4, 1, CLAMPED, unit_cells=(2, 1))
     test = stretched(net, fabric, [0.0, 0.1, 0.2], FINE)
@@ -74,6 +75,7 @@ def test_the_reaction_force_does_the_work_that_the_energy_gains(reading):
     assert work == pytest.approx(gained, rel=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "flip",
     [

@@ -11,6 +11,7 @@ from tests.fabrics import EVERY_STRIPE, stripe
 STRAINS = np.linspace(0, 2, 21)
 
 
+@pytest.mark.slow
 @EVERY_STRIPE
 def test_the_minimum_has_the_tension_of_the_closed_form(of):
     states = pull_chain(zigzag(of), 1, STRAINS)
@@ -20,6 +21,7 @@ def test_the_minimum_has_the_tension_of_the_closed_form(of):
     np.testing.assert_allclose(force, expected, rtol=1e-8, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_every_period_carries_the_same_force():
     chain = zigzag(stripe("rib", 4))
     one, three = (pull_chain(chain, periods, [0.0, 0.7])[-1].force for periods in (1, 3))

@@ -29,6 +29,7 @@ def zigzag(net, fabric, of):
     return Configuration(nodes, lengths)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
 @pytest.mark.parametrize("of", ALL_STRIPES, ids=lambda of: f"{of.knit} {of.n}")
 def test_the_folded_zigzag_costs_no_energy(of, reading):
@@ -37,6 +38,7 @@ def test_the_folded_zigzag_costs_no_energy(of, reading):
     assert float(parts.total) == pytest.approx(0, abs=1e-25)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("boundary", ["clamped", "periodic"])
 @pytest.mark.parametrize("stiffness", ["per_edge", "per_length"])
 @pytest.mark.parametrize("angle", ["whole_normals", "across_edge"])
@@ -51,6 +53,7 @@ def test_gradient_is_the_slope_of_the_energy(boundary, stiffness, angle):
     assert float(jax.grad(total)(at) @ toward) == pytest.approx(float(slope), rel=1e-7)
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(
     st.lists(st.floats(-3, 3), min_size=3, max_size=3),

@@ -24,6 +24,7 @@ def test_the_relaxed_chain_has_the_measured_period_and_no_energy(of):
     assert float(chain_energy(zigzag(of), nodes)) == pytest.approx(0, abs=1e-25)
 
 
+@pytest.mark.slow
 @STRIPES
 def test_tension_meets_the_balance_of_moment_and_length(of):
     """k_t (θ − θ0) = F ℓ cos(θ/2), ℓ = cell + F sin(θ/2) / k_s, period = 4 ℓ sin(θ/2)."""

@@ -149,6 +149,7 @@ def verdicts(tmp_path):
 LABORATORY = [its.name for its in read_claims() if its.statement.test == "laboratory"]
 
 
+@pytest.mark.slow
 def test_every_claim_holds_on_a_cube_that_does_what_the_paper_says(verdicts):
     found = verdicts(good_checkerboards(), good_stripes())
     others = {name: verdict for name, verdict in found.items() if verdict != Verdict.holds}
@@ -230,6 +231,7 @@ def test_each_claim_that_can_be_measured_is_spoilt_below():
     assert set(SPOILT) == {claim.name for claim in read_claims()} - set(LABORATORY)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SPOILT)
 def test_claim_fails_on_a_cube_that_does_otherwise(verdicts, name):
     boards, stripes = good_checkerboards(), good_stripes()
@@ -238,6 +240,7 @@ def test_claim_fails_on_a_cube_that_does_otherwise(verdicts, name):
     assert verdicts(boards, stripes)[name] is Verdict.fails
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("status", [Status.pending, Status.not_converged, Status.failed])
 def test_a_claim_is_not_measured_if_its_one_design_has_no_results(verdicts, status):
     boards = good_checkerboards()
@@ -248,6 +251,7 @@ def test_a_claim_is_not_measured_if_its_one_design_has_no_results(verdicts, stat
     assert found["transverse_strain_peaks"] is Verdict.holds
 
 
+@pytest.mark.slow
 def test_a_claim_that_fails_for_one_design_fails_though_others_are_missing(verdicts):
     boards = good_checkerboards()
     boards["status"].loc[{"n_stripe": 8}] = Status.pending

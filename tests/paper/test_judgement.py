@@ -59,6 +59,7 @@ EACH = [
 ]
 
 
+@pytest.mark.slow
 @given(st.sampled_from(sorted(CUBES)), st.sampled_from(EACH), st.sets(st.sampled_from(DESIGNS)))
 @settings(deadline=None, max_examples=30)
 def test_missing_designs_never_change_the_margin_of_the_rest(kind, name, missing):
@@ -80,6 +81,7 @@ def test_a_claim_is_judged_on_the_designs_there_are_and_says_so():
     assert found.measured.endswith("judged on 12 of 15 designs")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "left", "verdict"),
     [
@@ -125,6 +127,7 @@ def test_a_quarter_of_the_slack_moves_both_limits_by_a_quarter_of_it(ratio, expe
     assert quarters(OF_ALL, cube) == expected
 
 
+@pytest.mark.slow
 def test_a_quarter_of_a_coefficient_of_determination_is_of_what_it_leaves():
     """Of the middle one of five points off the line by d, 0.8 d² is left unexplained."""
     for unexplained, expected in {
@@ -202,6 +205,7 @@ def written(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pair", list(itertools.combinations(NEARER_FIRST, 2)))
 @pytest.mark.parametrize("turned", [False, True])
 def test_the_papers_sample_decides_whatever_the_order(written, pair, turned):
@@ -259,6 +263,7 @@ def test_samples_side_by_side_name_the_cubes_that_were_used(tmp_path, written):
     assert [samples.boundary for samples in its.samples] == ["periodic", "clamped"]
 
 
+@pytest.mark.slow
 def test_lines_and_their_count(tmp_path):
     cube = good_checkerboards()
     cube["poisson_ratio_min"].loc[{"n_stripe": 4, "n_subunit": 48}] = -0.1

@@ -39,6 +39,7 @@ def ranked(tmp_path):
     return rank
 
 
+@pytest.mark.slow
 def test_the_options_under_which_more_claims_hold_come_first(ranked):
     best, other = ranked(along_fold_phase(with_ratio(0.1), good_checkerboards()))
     assert best.options["fold_phase"] == "stripe_centre"
@@ -49,6 +50,7 @@ def test_the_options_under_which_more_claims_hold_come_first(ranked):
     assert differing([best, other]) == ["fold_phase"]
 
 
+@pytest.mark.slow
 def test_of_equally_many_claims_the_nearer_miss_comes_first(ranked):
     far, near = with_ratio(0.5, 4, 24), with_ratio(0.2, 4, 24)
     for order in ((far, near), (near, far)):
@@ -61,6 +63,7 @@ def stated(cube, **options):
     return cube.assign_attrs({f"reading_{name}": value for name, value in options.items()})
 
 
+@pytest.mark.slow
 def test_pure_stripes_serve_all_options_of_their_cells(ranked):
     flat, relaxed = (
         stated(good_checkerboards(), cell_size=size, fold_phase="stripe_border")
@@ -75,6 +78,7 @@ def test_pure_stripes_serve_all_options_of_their_cells(ranked):
     assert best.decided - other.decided >= 5
 
 
+@pytest.mark.slow
 def test_cubes_of_the_same_options_are_judged_together(ranked):
     wide, narrow = good_checkerboards(), good_checkerboards()
     wide = wide.sel(n_stripe=[6, 8])

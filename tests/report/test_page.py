@@ -44,6 +44,7 @@ class References(HTMLParser):
         self.anchors |= {value for name, value in attrs if name == "id"}
 
 
+@pytest.mark.slow
 def test_an_html_page_is_one_file_that_needs_no_other(cubes, tmp_path):
     page = tmp_path / "page.html"
     ran = CliRunner().invoke(main, ["claims", str(cubes[1]), "-o", str(page)])
@@ -62,6 +63,7 @@ def test_an_html_page_is_one_file_that_needs_no_other(cubes, tmp_path):
     assert "url(" not in text
 
 
+@pytest.mark.slow
 def test_a_markdown_page_has_its_figures_in_a_folder(cubes, tmp_path):
     page = tmp_path / "page.md"
     ran = CliRunner().invoke(main, ["claims", str(cubes[1]), "-o", str(page)])
@@ -72,6 +74,7 @@ def test_a_markdown_page_has_its_figures_in_a_folder(cubes, tmp_path):
     assert all(f"page/{path.name}" in page.read_text() for path in figures)
 
 
+@pytest.mark.slow
 def test_the_page_begins_with_what_to_rely_on_and_sets_near_misses_apart(cubes, tmp_path):
     page = tmp_path / "page.md"
     write_page(judged(read_claims(), cubes[1:]), page)
@@ -92,6 +95,7 @@ def test_the_page_begins_with_what_to_rely_on_and_sets_near_misses_apart(cubes, 
     assert "one more row of springs than of hinges" not in parts["What holds"]
 
 
+@pytest.mark.slow
 def test_every_claim_is_spoken_of_once_under_its_topic(judgements):
     passages = introduction(judgements)
     assert [passage.topic for passage in passages] == list(TOPICS)

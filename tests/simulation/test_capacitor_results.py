@@ -38,6 +38,7 @@ def test_a_cube_holds_all_that_is_said_of_a_capacitor(cube):
     assert rib["mutual_capacitance"].isnull().all()
 
 
+@pytest.mark.slow
 def test_a_stripe_that_does_not_snap_comes_back_as_it_went(cube):
     rib = cube.sel(knit="rib", n=4, boundary="periodic")
     np.testing.assert_allclose(rib["capacitance_unloading"], rib["capacitance"], rtol=1e-4)

@@ -69,6 +69,7 @@ def test_asking_makes_another_case_that_is_read_back():
     assert case_of(asked.record) == asked
 
 
+@pytest.mark.slow
 def test_designs_with_and_without_share_a_cube(tmp_path):
     options = RunOptions(simulate=stand_in.simulate)
     more = make_plan("preview", ("n_stripe=6", "n_subunit=24", "strain_max=0.06", *ASKED))

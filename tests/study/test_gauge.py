@@ -48,6 +48,7 @@ def test_sizes_in_cloth_follow_contraction_and_stitches(tmp_path):
         assert "indicative" in cube[name].attrs["description"]
 
 
+@pytest.mark.slow
 def test_another_gauge_changes_sizes_in_cloth_alone_and_simulates_nothing(tmp_path):
     before = ran(tmp_path).cube
     run = ran(tmp_path, "stitch_width=1.1111111111111112", simulate=never)
@@ -63,6 +64,7 @@ def test_another_gauge_changes_sizes_in_cloth_alone_and_simulates_nothing(tmp_pa
     assert back.attrs == before.attrs
 
 
+@pytest.mark.slow
 def test_a_cube_has_one_gauge_whenever_its_designs_were_run(tmp_path):
     for n_subunit, gauge in ((16, 0.5), (24, 0.6)):
         cube = ran(
@@ -105,6 +107,7 @@ def test_pure_stripes_have_no_size_in_cloth(tmp_path):
     assert not [name for name in cube.attrs if name.startswith("gauge")]
 
 
+@pytest.mark.slow
 def test_an_earlier_cube_is_completed_when_its_designs_are_run_again(tmp_path):
     now = ran(tmp_path).cube
     earlier = now.drop_vars([*SIZES, "unit_cells_y", "unit_cells_x"])

@@ -42,6 +42,7 @@ def unit_cells(cube, n_stripe, n_subunit):
     return int(here["unit_cells_y"]), int(here["unit_cells_x"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turns", list(itertools.permutations(CELLS)))
 def test_runs_in_turn_give_the_cube_of_one_run(tmp_path, turns):
     for n_subunit in turns:

@@ -127,6 +127,7 @@ def test_rows_of_two_cubes_say_which_cube_boundary_and_reading_they_are_of():
     assert "hinges" not in table
 
 
+@pytest.mark.slow
 @given(st.text(max_size=30))
 def test_no_text_does_anything_but_filter_or_be_refused(expression):
     with contextlib.suppress(BadInput):
