@@ -122,8 +122,7 @@ def draw_figure(
     if output.suffix.lower() not in suffixes(kind):
         known = ", ".join(suffixes(kind))
         raise fault(f"output {output}", f"{kind} has no format of this suffix; give one of {known}")
-    if len(cube_paths) > 1 and not FIGURES[kind].several:
-        raise fault(kind, f"shows one cube, not {len(cube_paths)}; give one")
+    _check_count(kind, len(cube_paths))
     cubes = [open_cube(path) for path in cube_paths]
     fingerprint = fingerprint_of_figure(kind, cube_paths, selections)
     if not is_drawn(output, fingerprint):
@@ -182,10 +181,7 @@ def draw(kind: str, cubes: Sequence[xr.Dataset], selections: Sequence[str] = ())
     Raises:
         BadInput: if a cube or a selection is at fault.
     """
-    if not cubes:
-        raise fault(kind, "shows a cube; give one")
-    if len(cubes) > 1 and not FIGURES[kind].several:
-        raise fault(kind, f"shows one cube, not {len(cubes)}; give one")
+    _check_count(kind, len(cubes))
     with print_style():
         if all(is_case(cube) for cube in cubes):
             return _drawn_of_cases(kind, cubes, selections)
@@ -194,6 +190,18 @@ def draw(kind: str, cubes: Sequence[xr.Dataset], selections: Sequence[str] = ())
             for number, cube in enumerate(cubes, start=1)
         ]
         return _drawn(kind, paths, cubes, selections)
+
+
+def _check_count(kind: str, cubes: int) -> None:
+    """Refuse no cube, and several for a kind that takes one.
+
+    Raises:
+        BadInput: if so.
+    """
+    if not cubes:
+        raise fault(kind, "shows a cube; give one")
+    if cubes > 1 and not FIGURES[kind].several:
+        raise fault(kind, f"shows one cube, not {cubes}; give one")
 
 
 def _drawn_of_cases(name: str, cases: Sequence[xr.Dataset], selections: Sequence[str]) -> Drawing:

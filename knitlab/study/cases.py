@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from knitlab.capacitance.capacitor import Capacitor
 from knitlab.io.errors import fault
 from knitlab.io.strict_model import StrictModel
-from knitlab.model.electrode_layout import ElectrodeLayout
+from knitlab.model.electrode_layout import BadLayout, ElectrodeLayout
 from knitlab.model.options import Boundary
 from knitlab.model.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
@@ -138,6 +138,17 @@ def _cases(
                 unit_cells=(1, 1),
                 **common,
             )
+
+
+def electrode_problems(case: Case) -> tuple[str, ...]:
+    """What is wrong with the layout of the electrodes of a case; nothing if it has none."""
+    if case.capacitor is None:
+        return ()
+    try:
+        case.electrodes  # noqa: B018  (it raises)
+    except BadLayout as error:
+        return tuple(error.problems)
+    return ()
 
 
 def _check_drag(workflow: Workflow, boundary: Boundary, source: Source) -> None:

@@ -19,12 +19,17 @@ from knitlab.io.fingerprint import (
 from knitlab.io.shipped import shipped
 from knitlab.io.variable import Variable
 from knitlab.measure.knit_size import Gauge
-from knitlab.model.electrode_layout import BadLayout
 from knitlab.model.network import MeshShape
 from knitlab.model.options import FoldAngle
 from knitlab.simulation.case import Case
 from knitlab.study.axes import SweepAxis
-from knitlab.study.cases import cases, overridden, stripe_files, with_stripe_files
+from knitlab.study.cases import (
+    cases,
+    electrode_problems,
+    overridden,
+    stripe_files,
+    with_stripe_files,
+)
 from knitlab.study.common_settings import common_settings
 from knitlab.study.design_space import Design, DesignSpace, design_space, stripe_space
 from knitlab.study.estimate import bytes_needed, seconds
@@ -216,12 +221,8 @@ def _misplaced_electrodes(made: dict[str, Case], text: WorkflowText) -> list[Fau
     """What is wrong with the electrodes of cases, a fault once for all the designs that have it."""
     designs: dict[str, list[str]] = defaultdict(list)
     for case in made.values():
-        if case.capacitor is not None:
-            try:
-                case.electrodes  # noqa: B018  (it raises)
-            except BadLayout as error:
-                for problem in error.problems:
-                    designs[problem].append(case.label)
+        for problem in electrode_problems(case):
+            designs[problem].append(case.label)
     given = text.table.get("electrodes", {})
     source = text.source(f"electrodes.{'mask' if 'mask' in given else 'layout'}")
     return [

@@ -10,10 +10,9 @@ from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.shipped import shipped
 from knitlab.io.suggestions import unknown
 from knitlab.measure.knit_size import Gauge
-from knitlab.model.electrode_layout import BadLayout
 from knitlab.model.stripe import Knit, Stripe
 from knitlab.simulation.case import Case
-from knitlab.study.cases import cases, overridden, with_stripe_files
+from knitlab.study.cases import cases, electrode_problems, overridden, with_stripe_files
 from knitlab.study.design_space import design_space
 from knitlab.study.parameters import Parameters, StripeRow, StripeTable, read_parameters
 from knitlab.study.settings import SETTINGS
@@ -72,11 +71,8 @@ def single_case(
     parameters = _with_stripes(parameters, stripes)
     space = design_space(read.design, parameters, text.source)
     (case,) = cases(read, (), space, parameters, text.source)
-    if case.capacitor is not None:
-        try:
-            case.electrodes  # noqa: B018  (it raises)
-        except BadLayout as error:
-            raise fault("layout", "; ".join(error.problems)) from error
+    if problems := electrode_problems(case):
+        raise fault("layout", "; ".join(problems))
     strains = tuple(float(strain) for strain in applied_strain)
     gauge = overridden(parameters.gauge, read.gauge)
     return SingleCase(replace(case, applied_strain=strains), gauge)

@@ -12,9 +12,7 @@ from knitlab.io.errors import fault
 from knitlab.io.plain_cube import PlainCube
 from knitlab.io.suggestions import unknown
 from knitlab.tables.query import designs_of_all
-from knitlab.tables.strain_window import StrainWindow
-
-STRAIN = "applied_strain"
+from knitlab.tables.strain_window import STRAIN, StrainWindow
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ class Reached:
             return self.target.tolerance
         scatter = float(np.nanstd(self.obtained)) if np.isfinite(self.obtained).any() else 0.0
         wanted = [abs(bound) for bound in (self.target.low, self.target.high) if np.isfinite(bound)]
-        return scatter or max(*wanted, 0.0, 0.0) or 1.0
+        return scatter or max(wanted) or 1.0
 
 
 @dataclass(frozen=True)
@@ -130,8 +130,8 @@ def reach(candidates: Candidates, target: Target) -> Reached:
         if target.window is not None or target.reduction is not None:
             raise fault(source, f"{target.name} is one number of a design; leave out the window")
         values = candidates.numbers(target.name)
-        nothing = (None,) * len(values)
-        return Reached(target, np.zeros(0), values[:, None], values, target.excess(values), nothing)
+        covered = _covered(target, [], len(values))
+        return Reached(target, np.zeros(0), values[:, None], values, target.excess(values), covered)
     if target.window is None:
         raise fault(source, f"{target.name} lies along applied_strain; add @ STRAIN or @ FROM:TO")
     at, curves = candidates.curves(target.name, target.window)
@@ -143,17 +143,18 @@ def reach(candidates: Candidates, target: Target) -> Reached:
     if target.reduction is None:
         obtained = REDUCTIONS["mean"](at, curves)
         off_by = root_mean_square(at, target.excess(curves))
-        return Reached(target, at, curves, obtained, off_by, _covered(target, band))
-    reduce = REDUCTIONS[target.reduction]
-    obtained = reduce(at, curves)
-    sides = [reduce(at, side)[:, None] for side in band]
-    return Reached(target, at, curves, obtained, target.excess(obtained), _covered(target, sides))
+    else:
+        reduce = REDUCTIONS[target.reduction]
+        obtained = reduce(at, curves)
+        off_by = target.excess(obtained)
+        band = [reduce(at, side)[:, None] for side in band]
+    return Reached(target, at, curves, obtained, off_by, _covered(target, band, len(curves)))
 
 
-def _covered(target: Target, band: Sequence[np.ndarray]) -> tuple[bool | None, ...]:
+def _covered(target: Target, band: Sequence[np.ndarray], designs: int) -> tuple[bool | None, ...]:
     """Whether the bands of designs overlap what is wanted, at every strain."""
     if not band:
-        return ()
+        return (None,) * designs
     lowest, highest = np.minimum(*band), np.maximum(*band)
     known = np.isfinite(lowest).all(axis=1)
     overlaps = ((lowest <= target.high) & (highest >= target.low)).all(axis=1)
@@ -161,12 +162,11 @@ def _covered(target: Target, band: Sequence[np.ndarray]) -> tuple[bool | None, .
 
 
 def _in_order(reached: Reached, order: np.ndarray) -> Reached:
-    covered = reached.covered or (None,) * len(reached.obtained)
     return Reached(
         reached.target,
         reached.at,
         reached.values[order],
         reached.obtained[order],
         reached.off_by[order],
-        tuple(covered[place] for place in order),
+        tuple(reached.covered[place] for place in order),
     )

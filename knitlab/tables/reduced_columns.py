@@ -9,9 +9,8 @@ import numpy as np
 from knitlab.io.errors import fault
 from knitlab.io.plain_cube import PlainCube
 from knitlab.io.suggestions import unknown
-from knitlab.tables.strain_window import REDUCTIONS, StrainWindow
+from knitlab.tables.strain_window import REDUCTIONS, STRAIN, StrainWindow
 
-STRAIN = "applied_strain"
 _CALL = re.compile(
     rf"\b(?P<reduction>{'|'.join(REDUCTIONS)})\s*\(\s*(?P<name>\w+)\s*,\s*(?P<window>[^()]*?)\s*\)"
 )

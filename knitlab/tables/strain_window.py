@@ -8,6 +8,8 @@ from jaxtyping import Float
 
 from knitlab.io.errors import fault
 
+STRAIN = "applied_strain"
+"""Dimension that windows lie along."""
 PARTS = 64
 """Even parts of a window at whose ends a curve is read, beside the strains that were simulated."""
 
