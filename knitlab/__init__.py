@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from knitlab.api.claims import claims
     from knitlab.api.comparison import compare, query
     from knitlab.api.design import Design
+    from knitlab.api.designing import design
     from knitlab.api.finding import find
     from knitlab.api.laboratory import fit, import_records
     from knitlab.api.measures import evaluate
@@ -40,6 +41,7 @@ __all__ = [
     "calibrate",
     "claims",
     "compare",
+    "design",
     "evaluate",
     "find",
     "fit",
@@ -62,6 +64,7 @@ _MODULES = {
     "calibrate": "knitlab.api.calibration",
     "claims": "knitlab.api.claims",
     "compare": "knitlab.api.comparison",
+    "design": "knitlab.api.designing",
     "evaluate": "knitlab.api.measures",
     "find": "knitlab.api.finding",
     "fit": "knitlab.api.laboratory",

@@ -19,6 +19,7 @@ LAYERS = (
     "execution",
     "laboratory",
     "tables",
+    "optimisation",
     "paper",
     "figures",
     "report",

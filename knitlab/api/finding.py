@@ -1,22 +1,26 @@
 """Which known design comes closest to a wish."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from knitlab.io.errors import BadInput, ErrorCollector
 from knitlab.io.plain_cube import PlainCube, open_plain_cube
 from knitlab.tables.find import Found, find_designs
-from knitlab.tables.target import Target, parse_target
+from knitlab.tables.target import Target, read_target
 
 if TYPE_CHECKING:
     from knitlab.api.comparison import Cube
 
 
+Wanted = str | Mapping[str, Any] | Target
+"""A target as text, as a table of a curve, or as it is."""
+
+
 def find(
     *cubes: "Cube",
-    targets: str | Sequence[str],
-    subject_to: str | Sequence[str] = (),
+    targets: Wanted | Sequence[Wanted],
+    subject_to: Wanted | Sequence[Wanted] = (),
     most: int | None = None,
 ) -> Found:
     """Find the designs that come closest to wanted values; nothing is simulated.
@@ -30,7 +34,9 @@ def find(
 
     Args:
         cubes: cubes of designs along the same dimensions, or their paths.
-        targets: what is wanted.
+        targets: what is wanted. A curve is ``"poisson_ratio = wanted.csv"``, with the columns
+            ``strain`` and ``poisson_ratio``, or ``{"name": "poisson_ratio", "applied_strain": […],
+            "value": […], "tolerance": 0.02}``.
         subject_to: targets that must be met; designs that do not are left out.
         most: how many designs are kept, all by default.
 
@@ -52,7 +58,7 @@ def find(
         >>> found.table[["n_stripe", "n_subunit"]].iloc[0].tolist()
         [4, 16]
     """
-    wanted, required = _parsed(targets, "target"), _parsed(subject_to, "subject_to")
+    wanted, required = read_targets(targets, "target"), read_targets(subject_to, "subject_to")
     # A file is read without xarray, whose import takes longer than the search.
     plain = [
         open_plain_cube(cube) if isinstance(cube, str | Path) else PlainCube.of(cube)
@@ -61,17 +67,21 @@ def find(
     return find_designs(plain, wanted, required, most)
 
 
-def _parsed(texts: str | Sequence[str], source: str) -> list[Target]:
-    """Targets of text.
+def read_targets(given: Wanted | Sequence[Wanted], source: str) -> list[Target]:
+    """Targets, each from its text or table.
+
+    Args:
+        given: one or several.
+        source: the argument that they were given by, for a fault.
 
     Raises:
         BadInput: with every one that cannot be read.
     """
     faults = ErrorCollector()
     found: list[Target] = []
-    for text in [texts] if isinstance(texts, str) else texts:
+    for one in [given] if isinstance(given, str | Mapping | Target) else given:
         with faults:
-            found.append(parse_target(text, source))
+            found.append(read_target(one, source))
     if faults.all:
         raise BadInput(faults.all)
     return found

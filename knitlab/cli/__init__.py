@@ -4,6 +4,7 @@ import click
 
 from knitlab.cli.calibration import calibrate
 from knitlab.cli.cubes import claims, compare, draw_map, query
+from knitlab.cli.designing import design
 from knitlab.cli.finding import find
 from knitlab.cli.laboratory import fit, import_group
 from knitlab.cli.sweeps import plan, reproduce, run, status
@@ -15,6 +16,7 @@ COMMANDS = (
     reproduce,
     query,
     find,
+    design,
     draw_map,
     claims,
     compare,

@@ -11,15 +11,19 @@ from knitlab.tables.find import Found, Reached
 MOST_SHOWN = 6
 """Designs that are drawn, the nearest first."""
 WANTED = "#009E73"
+COLOURS = ("C0", "C1", "C3", "C4", "C5", "C6")
+"""Of the designs: none is green."""
 PANEL_HEIGHT = 2.4
 """Of each target [in]."""
 
 
-def found_figure(found: Found) -> Figure:
+def found_figure(found: Found, title: str = "designs", bands: bool = False) -> Figure:
     """One panel for each target: what is wanted in green, and the nearest designs.
 
     Args:
         found: designs by their distance from the targets.
+        title: what they are called.
+        bands: whether to shade the spread over their siblings.
     """
     shown = min(MOST_SHOWN, len(found.table))
     names = [_name(found, place) for place in range(shown)]
@@ -29,30 +33,41 @@ def found_figure(found: Found) -> Figure:
     for panel, reached in zip(
         figure.subplots(panels, 1, squeeze=False)[:, 0], found.reached, strict=True
     ):
-        colours = [f"C{place}" for place in range(shown)]
+        colours = COLOURS[:shown]
         if reached.target.reduction is None and len(reached.at) > 1:
             for place in range(shown):
                 panel.plot(
                     reached.at, reached.values[place], color=colours[place], label=names[place]
                 )
+                if bands and len(reached.band) == 2:
+                    edges = [edge[place] for edge in reached.band]
+                    panel.fill_between(reached.at, *edges, color=colours[place], alpha=0.2, lw=0)
             panel.set_xlabel("applied strain [1]")
             panel.set_xlim(reached.at[0], reached.at[-1])
         else:
             panel.bar(range(shown), reached.obtained[:shown], color=colours, width=0.5, zorder=2)
             panel.set_xticks(range(shown), names)
+            if bands and len(reached.band) == 2 and reached.target.reduction is None:
+                middle = reached.obtained[:shown]
+                edges = [np.abs(edge[:shown, 0] - middle) for edge in reached.band]
+                panel.errorbar(
+                    range(shown), middle, edges, fmt="none", color="black", capsize=3, zorder=4
+                )
         _draw_wanted(panel, reached)
         variable = VARIABLES.get(reached.target.name)
         unit = variable.units if variable else "1"
         panel.set_ylabel(f"{reached.target.label}\n[{unit}]", fontsize="small")
         if panel.get_legend_handles_labels()[1]:
             panel.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
-    figure.suptitle(f"the {shown} nearest designs; wanted in green", fontsize="small")
+    figure.suptitle(f"the {shown} nearest {title}; wanted in green", fontsize="small")
     return figure
 
 
 def _name(found: Found, place: int) -> str:
     row = found.table.iloc[place]
     labels = ", ".join(str(row[name]) for name in ("n_stripe", "n_subunit") if name in row)
+    if "candidate" in row:
+        return f"{row['candidate']}: ({labels})"
     cube = f"\n{row['cube']}" if "cube" in row else ""
     return f"({labels}){cube}"
 
@@ -60,6 +75,13 @@ def _name(found: Found, place: int) -> str:
 def _draw_wanted(panel: Axes, reached: Reached) -> None:
     """Shade the wanted range; a single value is a line."""
     target = reached.target
+    if target.curve is not None:
+        strains, wanted = map(np.asarray, target.curve)
+        panel.plot(strains, wanted, color=WANTED, lw=2, label="wanted", zorder=3)
+        if target.tolerance is not None:
+            edges = wanted - target.tolerance, wanted + target.tolerance
+            panel.fill_between(strains, *edges, color=WANTED, alpha=0.15, lw=0)
+        return
     if target.low == target.high:
         panel.axhline(target.low, color=WANTED, lw=2, label="wanted", zorder=3)
         if target.tolerance is not None:

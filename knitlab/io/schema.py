@@ -50,6 +50,7 @@ COORDINATES = {
     "node_y": Variable(("node_y",), "1", "node row along the warp"),
     "node_x": Variable(("node_x",), "1", "node column along the weft"),
     "component": Variable(("component",), "1", "component of a position"),
+    "candidate": Variable(("candidate",), "1", "candidate of a design"),
     "time": Variable(("time",), "ms", "time since the flat sheet was let go"),
     "snapshot": Variable(("snapshot",), "ms", "time since the flat sheet was let go"),
 }
@@ -256,6 +257,20 @@ VARIABLES = {
     "markers_lost": _of_laboratory("1", "markers lost", "corners of unit cells that are not seen"),
     "cells_lost": _of_laboratory(
         "1", "unit cells lost", "a corner of them is not seen; they are in no mean"
+    ),
+    "distance": Variable(
+        (),
+        "1",
+        "distance from the targets of a design",
+        "root mean square over the targets, each over its tolerance",
+        of="candidate",
+    ),
+    "distance_worst": Variable(
+        (),
+        "1",
+        "distance from the targets within the spread",
+        "the worst of its edges",
+        of="candidate",
     ),
     "relaxed_cell_x": Variable((), "mm", "relaxed unit cell along the weft"),
     "relaxed_cell_y": Variable((), "mm", "relaxed unit cell along the warp"),

@@ -16,10 +16,10 @@ class Variable:
         in_cube: whether the cube has it, or the case alone.
         of: what cases have it: all, those reached by dynamics, those of a pure stripe, those of
             rib and garter patches, those of which sensitivities were asked for, those with
-            electrodes, those with electrodes that are let go again, those with siblings, or
-            measured ones. What is of a design or of its stripes is in the cube alone, as a case's
-            file states it among its parameters; what is of cloth too, as the cube's gauge makes it
-            of a case with rib and garter patches.
+            electrodes, those with electrodes that are let go again, those with siblings,
+            measured ones, or candidates of a design. What is of a design or of its stripes is in
+            the cube alone, as a case's file states it among its parameters; what is of cloth too,
+            as the cube's gauge makes it of a case with rib and garter patches.
     """
 
     dims: tuple[str, ...]
@@ -40,6 +40,7 @@ class Variable:
         "design",
         "stripes",
         "cloth",
+        "candidate",
     ] = "all"
 
     @property

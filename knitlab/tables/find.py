@@ -29,8 +29,11 @@ class Reached:
         obtained: one number for each: the value, or the mean over the window.
         off_by: distance from what is wanted, in the variable's unit: of a curve the root mean
             square over the window.
+        worst: the same of the worst fabric within the spread over a design's siblings; the same
+            as ``off_by`` where the spread is not known.
         covered: whether the spread over a design's siblings overlaps what is wanted at every
             strain; ``None`` where the spread is not known.
+        band: lowest and highest of the siblings, like ``values``; none of a single number.
     """
 
     target: Target
@@ -38,7 +41,9 @@ class Reached:
     values: Float[np.ndarray, "design strain"]
     obtained: Numbers
     off_by: Numbers
+    worst: Numbers
     covered: tuple[bool | None, ...]
+    band: tuple[np.ndarray, ...] = ()
 
     @property
     def scale(self) -> float:
@@ -109,7 +114,7 @@ def find_designs(
     dims = [name for name in ("cube", "boundary") if name in candidates.table]
     table = candidates.table[[*cubes[0].design_dims, *dims]].iloc[order].reset_index(drop=True)
     table[DISTANCE] = distance[order]
-    ordered = tuple(_in_order(its, order) for its in reached)
+    ordered = tuple(in_order(its, order) for its in reached)
     for number, its in enumerate(ordered, start=1):
         table[f"value_{number}"] = its.obtained
         table[f"off_by_{number}"] = its.off_by
@@ -130,8 +135,10 @@ def reach(candidates: Candidates, target: Target) -> Reached:
         if target.window is not None or target.reduction is not None:
             raise fault(source, f"{target.name} is one number of a design; leave out the window")
         values = candidates.numbers(target.name)
-        covered = _covered(target, [], len(values))
-        return Reached(target, np.zeros(0), values[:, None], values, target.excess(values), covered)
+        none = np.zeros(0)
+        off_by = target.excess(values, none)
+        covered = _covered(target, none, [], len(values))
+        return Reached(target, none, values[:, None], values, off_by, off_by, covered)
     if target.window is None:
         raise fault(source, f"{target.name} lies along applied_strain; add @ STRAIN or @ FROM:TO")
     at, curves = candidates.curves(target.name, target.window)
@@ -140,33 +147,42 @@ def reach(candidates: Candidates, target: Target) -> Reached:
         for side in ("low", "high")
         if any(f"{target.name}_{side}" in cube.dims for cube in candidates.cubes)
     ]
+    read = [curves, *band]
     if target.reduction is None:
         obtained = REDUCTIONS["mean"](at, curves)
-        off_by = root_mean_square(at, target.excess(curves))
+        excess = [target.excess(its, at) for its in read]
+        off_by, worst = (root_mean_square(at, its) for its in (excess[0], np.fmax.reduce(excess)))
     else:
-        reduce = REDUCTIONS[target.reduction]
-        obtained = reduce(at, curves)
-        off_by = target.excess(obtained)
-        band = [reduce(at, side)[:, None] for side in band]
-    return Reached(target, at, curves, obtained, off_by, _covered(target, band, len(curves)))
+        read = [REDUCTIONS[target.reduction](at, its)[:, None] for its in read]
+        obtained = read[0][:, 0]
+        excess = [target.excess(its, at)[:, 0] for its in read]
+        off_by, worst = excess[0], np.fmax.reduce(excess)
+    covered = _covered(target, at, read[1:], len(curves))
+    return Reached(target, at, curves, obtained, off_by, worst, covered, tuple(band))
 
 
-def _covered(target: Target, band: Sequence[np.ndarray], designs: int) -> tuple[bool | None, ...]:
+def _covered(
+    target: Target, at: np.ndarray, band: Sequence[np.ndarray], designs: int
+) -> tuple[bool | None, ...]:
     """Whether the bands of designs overlap what is wanted, at every strain."""
     if not band:
         return (None,) * designs
     lowest, highest = np.minimum(*band), np.maximum(*band)
+    low, high = target.bounds(at)
     known = np.isfinite(lowest).all(axis=1)
-    overlaps = ((lowest <= target.high) & (highest >= target.low)).all(axis=1)
+    overlaps = ((lowest <= high) & (highest >= low)).all(axis=1)
     return tuple(bool(its) if there else None for its, there in zip(overlaps, known, strict=True))
 
 
-def _in_order(reached: Reached, order: np.ndarray) -> Reached:
+def in_order(reached: Reached, order: np.ndarray) -> Reached:
+    """The candidates in another order, or some of them."""
     return Reached(
         reached.target,
         reached.at,
         reached.values[order],
         reached.obtained[order],
         reached.off_by[order],
+        reached.worst[order],
         tuple(reached.covered[place] for place in order),
+        tuple(edge[order] for edge in reached.band),
     )

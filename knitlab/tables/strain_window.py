@@ -68,8 +68,10 @@ class StrainWindow:
             values: of every design at these, NaN where missing.
 
         Returns:
-            Strains of the window, ascending, and the curves there: NaN beyond what is known.
+            Strains of the window, ascending, and the curves there: NaN beyond what is known. What
+            has no value in the relaxed state, as Poisson's ratio, has that of the first strain.
         """
+        values = without_gap_at_zero(strains, values)
         if self.single:
             at = np.array([self.start])
         else:
@@ -86,6 +88,14 @@ class StrainWindow:
         above = np.where(part > 0, values[:, upper], 0)
         read = below * (1 - part) + above * part
         return at, np.where((part < 0) | (part > 1), np.nan, read)
+
+
+def without_gap_at_zero(strains: Float[np.ndarray, " grid"], values: Curves) -> Curves:
+    """Curves whose missing values at zero strain are those of the next strain."""
+    if len(strains) < 2 or strains[0] != 0:
+        return values
+    first = np.where(np.isnan(values[:, :1]), values[:, 1:2], values[:, :1])
+    return np.concatenate([first, values[:, 1:]], axis=1)
 
 
 def _mean(at: np.ndarray, curves: Curves) -> Numbers:
@@ -111,6 +121,24 @@ REDUCTIONS: dict[str, Callable[[np.ndarray, Curves], Numbers]] = {
 }
 """What sums up a curve over a window: its mean, the slope of its least-squares line, its largest
 less its smallest value, and these. NaN where any of it is missing."""
+
+
+def gradient(reduction: str, at: np.ndarray, curve: Float[np.ndarray, " point"]) -> np.ndarray:
+    """Derivative of what sums a curve up, by the value at each strain of the window.
+
+    Args:
+        reduction: of :data:`REDUCTIONS`.
+        at: strains of the window.
+        curve: the curve there, for the places of its extremes.
+    """
+    unit = np.eye(len(at))
+    by_extremes = {
+        "min": unit[np.argmin(curve)],
+        "max": unit[np.argmax(curve)],
+        "spread": unit[np.argmax(curve)] - unit[np.argmin(curve)],
+    }
+    # The others are linear.
+    return by_extremes[reduction] if reduction in by_extremes else REDUCTIONS[reduction](at, unit)
 
 
 def root_mean_square(at: np.ndarray, curves: Curves) -> Numbers:

@@ -1,12 +1,17 @@
 """Targets: what a wanted knit has, as text such as ``poisson_ratio = -0.3 @ 0.05:0.25``."""
 
 import re
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field, PositiveFloat, ValidationError, model_validator
 
-from knitlab.io.errors import fault
+from knitlab.io.errors import BadInput, fault, faults_of
+from knitlab.io.strict_model import StrictModel
+from knitlab.io.table_file import numbers_of, read_table
 from knitlab.tables.strain_window import REDUCTIONS, StrainWindow
 
 Relation = Literal["=", "<", ">"]
@@ -20,10 +25,13 @@ _ONE_SIDED = re.compile(
 _TWO_SIDED = re.compile(
     rf"\s*(?P<low>{_NUMBER})\s*<=?\s*{_SUBJECT}\s*<=?\s*(?P<high>{_NUMBER}){_WINDOW}\s*"
 )
+_CURVE = re.compile(rf"\s*(?P<name>[A-Za-z]\w*)\s*=\s*(?P<path>.*\.csv){_TOLERANCE}\s*")
+CURVE_EXAMPLE = "write it as in 'strain,poisson_ratio' with numbers below"
 FORMS = (
     "NAME = VALUE @ STRAIN:STRAIN, NAME < VALUE @ STRAIN, VALUE < NAME < VALUE,"
-    " mean(NAME) > VALUE @ STRAIN:STRAIN"
+    " mean(NAME) > VALUE @ STRAIN:STRAIN, NAME = CURVE.csv"
 )
+Numbers = Annotated[tuple[float, ...], Field(strict=False, min_length=1)]
 
 
 @dataclass(frozen=True)
@@ -38,6 +46,8 @@ class Target:
         tolerance: distance that counts as one; ``None`` for the scatter among the designs.
         window: applied strains that it is wanted at, if the variable lies along these.
         reduction: what sums the curve up over the window; ``None`` for every strain of it.
+        curve: strains and the values that are wanted there, linear in between, in place of one
+            value; ``low`` and ``high`` are then its range.
     """
 
     text: str
@@ -47,6 +57,7 @@ class Target:
     tolerance: float | None = None
     window: StrainWindow | None = None
     reduction: str | None = None
+    curve: tuple[tuple[float, ...], tuple[float, ...]] | None = None
 
     @property
     def label(self) -> str:
@@ -54,9 +65,79 @@ class Target:
         subject = f"{self.reduction}({self.name})" if self.reduction else self.name
         return f"{subject} @ {self.window}" if self.window else subject
 
-    def excess(self, values: np.ndarray) -> np.ndarray:
+    def bounds(self, strains: np.ndarray) -> tuple[np.ndarray | float, np.ndarray | float]:
+        """Lowest and highest values that meet it, at strains of its window."""
+        if self.curve is None:
+            return self.low, self.high
+        wanted = np.interp(strains, *self.curve)
+        return wanted, wanted
+
+    def departure(self, values: np.ndarray, strains: np.ndarray) -> np.ndarray:
+        """How far values at some strains lie above (+) or below (−) what is wanted, 0 inside."""
+        low, high = self.bounds(strains)
+        return np.maximum(values - high, 0) - np.maximum(low - values, 0)
+
+    def excess(self, values: np.ndarray, strains: np.ndarray) -> np.ndarray:
         """How far values lie outside of what is wanted: 0 inside, NaN where missing."""
-        return np.maximum(values - self.high, 0) + np.maximum(self.low - values, 0)
+        return np.abs(self.departure(values, strains))
+
+
+class CurveTable(StrictModel):
+    """A wanted curve as a table: ``{name, applied_strain, value, tolerance}``."""
+
+    name: str
+    applied_strain: Numbers
+    value: Numbers
+    tolerance: PositiveFloat | None = None
+
+    @model_validator(mode="after")
+    def _is_a_curve(self) -> "CurveTable":
+        if len(self.value) != len(self.applied_strain):
+            counts = f"{len(self.value)} values at {len(self.applied_strain)} strains"
+            raise ValueError(f"has {counts}; give one for each")
+        if self.applied_strain[0] < 0 or not (np.diff(self.applied_strain) > 0).all():
+            raise ValueError("has strains that do not ascend from at least 0; sort them")
+        return self
+
+    def target(self) -> Target:
+        """The target."""
+        start, stop = self.applied_strain[0], self.applied_strain[-1]
+        window = StrainWindow(start, stop)
+        return Target(
+            f"{self.name} = curve @ {window}",
+            self.name,
+            min(self.value),
+            max(self.value),
+            self.tolerance,
+            window,
+            curve=(self.applied_strain, self.value),
+        )
+
+
+def read_target(given: str | Mapping[str, Any] | Target, source: str = "target") -> Target:
+    """A target from its text, see :func:`parse_target`, or from a table of a wanted curve.
+
+    Args:
+        given: the text, ``{"name": …, "applied_strain": […], "value": […], "tolerance": …}``, or
+            a target, which is returned.
+        source: the argument that it was given by, for a fault.
+
+    Raises:
+        BadInput: with everything that is wrong in it.
+
+    Example:
+        >>> curve = {"name": "poisson_ratio", "applied_strain": [0.1, 0.2], "value": [-0.3, -0.1]}
+        >>> float(read_target(curve).bounds(0.15)[0])
+        -0.2
+    """
+    if isinstance(given, Target):
+        return given
+    if isinstance(given, str):
+        return parse_target(given, source)
+    try:
+        return CurveTable.model_validate(dict(given)).target()
+    except ValidationError as error:
+        raise BadInput(faults_of(error, source)) from error
 
 
 def parse_target(text: str, source: str = "target") -> Target:
@@ -76,6 +157,8 @@ def parse_target(text: str, source: str = "target") -> Target:
         (-0.3, -0.3, '0.05:0.25')
     """
     where = f"{source} {text}"
+    if curve := _CURVE.fullmatch(text):
+        return _curve_of_file(curve, text, where)
     match = _ONE_SIDED.fullmatch(text) or _TWO_SIDED.fullmatch(text)
     if match is None:
         raise fault(where, f"cannot be read; write one of {FORMS}")
@@ -95,8 +178,31 @@ def parse_target(text: str, source: str = "target") -> Target:
         low, high = float(found["low"]), float(found["high"])
         if low > high:
             raise fault(where, f"no value lies above {low:g} and below {high:g}; exchange them")
-    tolerance = None if found.get("tolerance") is None else float(found["tolerance"])
-    if tolerance is not None and not tolerance > 0:
-        raise fault(where, "has a tolerance that is not above 0; raise it, or leave it out")
+    tolerance = _tolerance(found.get("tolerance"), where)
     name = found["reduced"] or found["name"]
     return Target(text, name, low, high, tolerance, window, reduction)
+
+
+def _tolerance(text: str | None, where: str) -> float | None:
+    if text is None:
+        return None
+    if not float(text) > 0:
+        raise fault(where, "has a tolerance that is not above 0; raise it, or leave it out")
+    return float(text)
+
+
+def _curve_of_file(match: re.Match[str], text: str, where: str) -> Target:
+    """A target whose values are the columns ``strain`` and the variable's name of a CSV file."""
+    path, name = Path(match["path"]), match["name"]
+    headers, table = read_table(path, CURVE_EXAMPLE)
+    names = [header.partition("[")[0].strip() for header in headers]
+    columns = {}
+    for key, column in (("applied_strain", "strain"), ("value", name)):
+        if names.count(column) != 1:
+            raise fault(f"{path}: column {column}", f"is not there once; {CURVE_EXAMPLE}")
+        numbers, faults = numbers_of(path, column, table[names.index(column)])
+        if faults:
+            raise BadInput(faults)
+        columns[key] = numbers.tolist()
+    target = read_target({"name": name, **columns}, str(path))
+    return replace(target, text=text.strip(), tolerance=_tolerance(match["tolerance"], where))

@@ -1,0 +1,180 @@
+"""Designing a knit for a wish, by simulation."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from knitlab.api.finding import Wanted
+from knitlab.api.measures import Measure
+from knitlab.api.sweeps import RESULTS
+from knitlab.io.errors import fault
+from knitlab.optimisation.conflict import conflict_of
+from knitlab.optimisation.design import BUDGET, Designed, DesignOptions, run_design
+from knitlab.optimisation.request import DesignRequest, checked_request, read_request
+from knitlab.tables.target import Target
+
+MOST = 1_000_000
+"""Simulations of a design whose budget is a time."""
+
+
+def design(
+    file: str | Path | None = None,
+    *,
+    targets: Wanted | Sequence[Wanted] = (),
+    vary: Mapping[str, Any] | None = None,
+    subject_to: Wanted | Sequence[Wanted] = (),
+    workflow: str | Path = "preview",
+    cubes: Sequence[str | Path] = (),
+    starts: int = 3,
+    robustness: int = 4,
+    measures: Mapping[str, Measure] | None = None,
+    budget: int | str = BUDGET,
+    workers: int = 0,
+    results: str | Path = RESULTS,
+    name: str = "design",
+    figures: bool = False,
+    progress: bool = False,
+    **settings: Any,
+) -> Designed:
+    """Find the stripes and sizes that come closest to a wish, by simulation.
+
+    The nearest designs of ``cubes``, or of a coarse sweep, are refined within the bounds of
+    ``vary``: by least squares with exact adjoint derivatives, by SLSQP where there are constraints,
+    and by the evolution strategy CMA-ES where a snap or a target without derivatives makes
+    gradients useless. Each winner is simulated afresh with its siblings, and the winners are
+    ranked by the worst within that spread. An interrupted design goes on when it is run again.
+
+    Args:
+        file: TOML file of the request, in place of ``targets`` to ``robustness`` and settings.
+        targets: what is wanted, as for :func:`knitlab.find`. A target without a tolerance has
+            5 % of its value.
+        vary: ``n_stripe`` and ``n_subunit`` as lists; lowest and highest value of numbers of
+            stripes and gauge, such as ``rib_k_t_factor`` or ``garter_theta_0`` [mm, N, rad].
+        subject_to: targets that must be met.
+        workflow: name or path of the workflow that everything else is taken from.
+        cubes: cubes of designs to start from; a coarse sweep by default.
+        starts: most designs that are refined.
+        robustness: siblings that each winner is tested with.
+        measures: own functions of a configuration by name, in JAX, that targets may then be on:
+            ``{"height": lambda shape: shape.positions[..., 2].max()}``.
+        budget: most simulations of sweep and searches, or a time such as ``"30min"``; the tests
+            of the winners come on top.
+        workers: processes on this machine; 0 simulates in this process.
+        results: folder that holds a folder of results for each request.
+        name: of the folder, if no file gives it.
+        figures: whether to draw what is wanted and obtained.
+        progress: whether to draw a progress bar with the best distance so far.
+        settings: settings of the workflow to replace, as for :func:`knitlab.run`.
+
+    Returns:
+        The candidates: ``table``, the best first, ``cube``, ``trials``, ``workflows`` that
+        reproduce them, ``met``, and each search with the bounds that hold it back.
+
+    Raises:
+        BadInput: with everything that is wrong in the request, or if targets contradict.
+
+    Example:
+        >>> import knitlab as kl
+        >>> designed = kl.design(
+        ...     targets="poisson_ratio = -0.1 ± 0.02 @ 0.03:0.06",
+        ...     vary={"n_stripe": [4], "n_subunit": [8], "garter_k_t_factor": [0.2, 2.0]},
+        ...     robustness=0,
+        ...     results=folder,
+        ... )
+        >>> designed.table["candidate"].tolist()
+        [1]
+    """
+    given = {"targets": targets, "subject_to": subject_to}
+    if file is not None:
+        if any(given.values()) or vary or cubes or settings:
+            raise fault("file", "gives targets, bounds and settings itself; leave out the others")
+        request = read_request(Path(file))
+    else:
+        request = checked_request(
+            name,
+            {
+                **{key: _listed(its) for key, its in given.items()},
+                "vary": dict(vary or {}),
+                "workflow": str(workflow),
+                "cubes": [str(cube) for cube in cubes],
+                "starts": starts,
+                "robustness": robustness,
+                "settings": settings,
+            },
+        )
+    return design_request(
+        request, budget, workers, Path(results), figures, progress, measures or {}
+    )
+
+
+def design_request(
+    request: DesignRequest,
+    budget: int | str,
+    workers: int,
+    results: Path,
+    figures: bool,
+    progress: bool,
+    measures: Mapping[str, Measure],
+) -> Designed:
+    """The same for a request that has been read; see :func:`design`."""
+    most, minutes = read_budget(budget)
+    options = DesignOptions(workers, most, minutes, progress)
+    designed = run_design(request, results / request.name, options, tuple(measures.items()))
+    if figures:
+        draw(designed)
+    return designed
+
+
+def read_budget(budget: int | str) -> tuple[int, float | None]:
+    """Most simulations, and minutes if the budget is a time.
+
+    Raises:
+        BadInput: if it is neither.
+
+    Example:
+        >>> read_budget(200), read_budget("30min")[1]
+        ((200, None), 30.0)
+    """
+    text = str(budget).strip()
+    try:
+        if text.endswith("min"):
+            most, minutes = MOST, float(text.removesuffix("min"))
+            if minutes > 0:
+                return most, minutes
+        elif int(text) > 0:
+            return int(text), None
+    except ValueError:
+        pass
+    raise fault(f"budget {text}", "is neither a number of simulations nor a time such as 30min")
+
+
+def draw(designed: Designed) -> list[Path]:
+    """Draw what is wanted and obtained, and the trade-off if two targets pull apart.
+
+    Args:
+        designed: the design.
+
+    Returns:
+        The files, in ``figures/`` of its folder.
+    """
+    from knitlab.figures.drawing import save
+    from knitlab.figures.found import found_figure
+    from knitlab.figures.pareto import pareto_figure
+    from knitlab.figures.style import print_style
+
+    conflict = conflict_of(designed)
+    files = []
+    with print_style():
+        drawn = {"wanted": found_figure(designed.found, "candidates", bands=True)}
+        if conflict is not None:
+            labels, off_by = conflict.labels, conflict.off_by
+            drawn["pareto"] = pareto_figure(off_by, labels, conflict.candidates)
+        for name, figure in drawn.items():
+            for suffix in ("pdf", "png"):
+                files.append(designed.folder / "figures" / f"{name}.{suffix}")
+                save(figure, files[-1])
+    return files
+
+
+def _listed(given: Wanted | Sequence[Wanted]) -> list[Wanted]:
+    return [given] if isinstance(given, str | Mapping | Target) else list(given)

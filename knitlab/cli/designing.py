@@ -1,0 +1,63 @@
+"""The command ``design``."""
+
+import sys
+from pathlib import Path
+
+import click
+
+from knitlab.cli.cubes import format_option
+from knitlab.cli.options import SOME_CASE_NOT_OK, explains_bad_input, results_option
+
+
+@click.command()
+@click.argument("file", metavar="TARGETS.toml", type=click.Path(path_type=Path, dir_okay=False))
+@results_option
+@click.option(
+    "--budget",
+    default="60",
+    show_default=True,
+    metavar="N|MINUTESmin",
+    help="Most simulations of coarse sweep and searches, or a time such as 30min.",
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Worker processes on this machine; 0 runs in this process.",
+)
+@format_option
+@explains_bad_input
+def design(file: Path, results: Path, budget: str, workers: int, style: str) -> None:
+    """Find the stripes and sizes that come closest to the targets of a TOML file, by simulation.
+
+    Writes a cube of the candidates, a workflow that reproduces each, a table of all trials and
+    figures into a folder of the file's name. An interrupted design goes on when it is run again.
+    Exit code 1 if no candidate meets all targets.
+    """
+    from knitlab.api.designing import design_request, draw
+    from knitlab.io.plain_cube import CUBE
+    from knitlab.optimisation.conflict import conflict_of
+    from knitlab.optimisation.request import read_request
+    from knitlab.optimisation.summary import summary
+    from knitlab.tables.query import formatted
+
+    request = read_request(file)
+    try:
+        designed = design_request(request, budget, workers, results, False, True, {})
+    except KeyboardInterrupt:
+        click.echo("stopped: what is simulated is kept; run again to go on", err=True)
+        sys.exit(SOME_CASE_NOT_OK)
+    if style == "table":
+        for number, target in enumerate(request.targets, start=1):
+            click.echo(f"target {number}: {target.text}")
+    click.echo(formatted(designed.table, style))
+    for line in summary(designed, conflict_of(designed)):
+        click.echo(line, err=style != "table")
+    click.echo(f"cube    {designed.folder / CUBE}", err=True)
+    for path in designed.workflows:
+        click.echo(f"workflow  {path}", err=True)
+    for path in draw(designed):
+        click.echo(f"figure  {path}", err=True)
+    if not designed.met:
+        sys.exit(SOME_CASE_NOT_OK)

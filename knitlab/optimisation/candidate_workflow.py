@@ -1,0 +1,58 @@
+"""The workflow that reproduces a candidate."""
+
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from knitlab.io.atomic_write import atomic_write
+from knitlab.io.toml import read_toml
+from knitlab.optimisation.request import DesignRequest
+from knitlab.optimisation.search import SearchResult
+from knitlab.optimisation.search_space import SearchSpace
+from knitlab.study.settings import SETTINGS
+from knitlab.study.workflow_file import workflow_file
+
+FIGURES = ["curves", "shape"]
+
+
+def write_workflow(
+    path: Path, request: DesignRequest, space: SearchSpace, search: SearchResult
+) -> Path:
+    """Write the workflow of the best trial of a search: the same numbers, to the last digit.
+
+    Args:
+        path: the file.
+        request: the request.
+        space: what varied.
+        search: the search.
+
+    Returns:
+        The file.
+
+    Raises:
+        CannotWrite: if it cannot be written.
+    """
+    if search.best is None:
+        raise TypeError("a search without a trial that converged has no workflow")
+    base = workflow_file(space.workflow)
+    table: dict[str, Any] = read_toml(base)
+    values = search.trials[search.best].values
+    n_stripe, n_subunit = search.design
+    settings = {
+        **space.settings,
+        **space.values(space.place_of(values)),
+        "robustness": request.robustness,
+        "n_stripe": [n_stripe],
+        "n_subunit": [n_subunit],
+    }
+    for name, value in settings.items():
+        table.setdefault(SETTINGS[name].section, {})[name] = value
+    table["design"].pop("set", None)
+    table["title"] = f"{path.stem} of the design {request.name}"
+    table["figures"] = FIGURES
+    if files := table.get("model", {}).get("stripe_files"):
+        table["model"]["stripe_files"] = [str((base.parent / its).resolve()) for its in files]
+    with atomic_write(path) as temporary:
+        temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
+    return path

@@ -1,0 +1,329 @@
+"""Design: from a wish to candidates that are refined, tested with their siblings and ranked."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from tqdm import tqdm
+
+from knitlab.execution.interruption import interrupted_by_signals
+from knitlab.execution.run import RunOptions, run_plan
+from knitlab.io.atomic_write import atomic_write
+from knitlab.io.cube_file import write_cube
+from knitlab.io.errors import fault
+from knitlab.io.fingerprint import text_fingerprint
+from knitlab.io.plain_cube import CUBE, PlainCube
+from knitlab.io.schema import described
+from knitlab.measure.knit_size import ALONG_X, ALONG_Y, Gauge
+from knitlab.optimisation.candidate_workflow import write_workflow
+from knitlab.optimisation.objective import Objective, check_targets, scale_of
+from knitlab.optimisation.quantities import Measures
+from knitlab.optimisation.request import DesignRequest
+from knitlab.optimisation.search import SearchResult, TrialRecord
+from knitlab.optimisation.search_jobs import TRIALS, SearchJob, run_searches
+from knitlab.optimisation.search_space import SearchSpace, search_space
+from knitlab.optimisation.starts import starting_designs
+from knitlab.optimisation.trial import run_trial
+from knitlab.simulation.case import Case
+from knitlab.study.declared_fields import declared
+from knitlab.study.gauge import ATTRIBUTES
+from knitlab.study.plan import Plan, batched
+from knitlab.tables.find import Found, find_designs, in_order
+from knitlab.tables.strain_window import STRAIN
+from knitlab.tables.target import Target
+
+REQUEST = "request.json"
+WORST = "distance_worst"
+BUDGET = 60
+"""Simulations of a search, unless another budget is given."""
+
+
+@dataclass(frozen=True)
+class DesignOptions:
+    """How a design is run; only the budget changes what is found.
+
+    Attributes:
+        workers: processes on this machine; 0 simulates in this process.
+        budget: most simulations of the coarse sweep and the searches together; the tests of the
+            candidates with their siblings come on top.
+        minutes: time after which no further trial begins, if any.
+        show_progress: whether to draw a progress bar.
+    """
+
+    workers: int = 0
+    budget: int = BUDGET
+    minutes: float | None = None
+    show_progress: bool = False
+
+
+@dataclass(frozen=True)
+class Designed:
+    """What a design came to.
+
+    Attributes:
+        request: what was asked.
+        folder: its results: the cube of the candidates, their workflows, all trials.
+        cube: the candidates, tested afresh with their siblings.
+        found: the candidates by their worst distance within the spread, the best first.
+        searches: how each was found, in the order of the candidates' numbers.
+        trials: one row for each trial of the searches: values, distances, identifiers.
+        simulations: how many the searches and the coarse sweep took.
+        workflows: files that reproduce the candidates, in the order of their numbers.
+    """
+
+    request: DesignRequest
+    folder: Path
+    cube: xr.Dataset
+    found: Found
+    searches: tuple[SearchResult, ...]
+    trials: pd.DataFrame
+    simulations: int
+    workflows: tuple[Path, ...]
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The candidates, the best first."""
+        return self.found.table
+
+    @property
+    def met(self) -> bool:
+        """Whether a candidate meets all targets and constraints."""
+        return any(its.best is not None and its.trials[its.best].met for its in self.searches)
+
+
+def run_design(
+    request: DesignRequest,
+    folder: Path,
+    options: DesignOptions,
+    measures: Measures = (),
+) -> Designed:
+    """Search for what is wanted, and test what was found.
+
+    Args:
+        request: the request.
+        folder: of its results; what an interrupted design left there is used.
+        options: how to run it.
+        measures: own measures of shapes, that targets may name.
+
+    Raises:
+        BadInput: if the request cannot be met with, the folder holds another one, or a search
+            failed.
+        KeyboardInterrupt: if it is interrupted; what is simulated is kept.
+    """
+    if measures and options.workers:
+        raise fault("workers", "own measures stay in this process; take workers = 0")
+    space = search_space(request)
+    objective = Objective(
+        request.targets, request.subject_to, tuple(dict(measures)), space.acts_on()
+    )
+    first, _ = space.case(space.designs[0], space.start(space.designs[0]))
+    check_targets((*request.targets, *request.subject_to), objective.own, first)
+    _check_folder(request, folder)
+    run = RunOptions(workers=options.workers)
+    with interrupted_by_signals():
+        coarse = not request.cubes and len(space.designs) > request.starts
+        if coarse and options.budget <= len(space.designs):
+            problem = f"goes on the coarse sweep of {len(space.designs)} designs; raise it, or"
+            raise fault(f"budget {options.budget}", f"{problem} give cubes to start from")
+        starts, spent = starting_designs(request, space, folder / TRIALS, run)
+        jobs = _jobs(space, objective, starts, options, options.budget - spent, measures)
+        searches = _searched(jobs, folder, options)
+        plan = _candidates_plan(request, space, searches)
+        if not plan.cases:
+            problem = "no start converges; try other designs, bounds or settings"
+            raise fault(request.name, problem)
+        tested = run_plan(plan, folder, replace(run, refresh=True))
+        if tested.stopped:
+            raise KeyboardInterrupt
+    cube = _completed(tested.cube, space, searches, measures, folder)
+    found = _ranked(cube, request)
+    cube = _with_distances(cube, found)
+    write_cube(cube, folder / CUBE)
+    workflows = tuple(
+        write_workflow(folder / f"candidate_{number}.toml", request, space, search)
+        for number, search in enumerate(searches, start=1)
+        if search.best is not None
+    )
+    trials = trials_table(request, searches)
+    with atomic_write(folder / "trials.csv") as temporary:
+        trials.to_csv(temporary, index=False)
+    return Designed(
+        request,
+        folder,
+        cube,
+        found,
+        tuple(searches),
+        trials,
+        spent + len(trials),
+        workflows,
+    )
+
+
+def _check_folder(request: DesignRequest, folder: Path) -> None:
+    path = folder / REQUEST
+    if path.is_file() and path.read_text() != request.fingerprint:
+        problem = "holds the design of another request; name another --results, or remove it"
+        raise fault(str(folder), problem)
+    with atomic_write(path) as temporary:
+        temporary.write_text(request.fingerprint)
+
+
+def _jobs(
+    space: SearchSpace,
+    objective: Objective,
+    starts: Sequence[tuple[int, int]],
+    options: DesignOptions,
+    budget: int,
+    measures: Measures,
+) -> list[SearchJob]:
+    """Searches from the starts, among which the budget is divided."""
+    starts = starts[: max(budget, 1)]
+    rounds = -(-len(starts) // max(options.workers, 1))
+    seconds = np.inf if options.minutes is None else 60 * options.minutes
+    began, jobs = time.time(), []
+    for place, design in enumerate(starts):
+        share = budget // len(starts) + (place < budget % len(starts))
+        turn = place // max(options.workers, 1) + 1
+        deadline = began + seconds * turn / rounds
+        jobs.append(SearchJob(space, objective, design, max(share, 1), deadline, measures))
+    return jobs
+
+
+def _searched(
+    jobs: Sequence[SearchJob], folder: Path, options: DesignOptions
+) -> list[SearchResult]:
+    labels = {job.start.case_id: job.design for job in jobs}
+    best = np.inf
+    with tqdm(
+        total=sum(job.budget for job in jobs),
+        unit="simulation",
+        disable=not options.show_progress,
+        bar_format="{n_fmt}/{total_fmt} simulations |{bar}| {elapsed} elapsed, {desc}",
+    ) as bar:
+
+        def progress(case_id: str, distance: float) -> None:
+            nonlocal best
+            if distance < best:
+                best = distance
+                bar.set_description_str(f"best distance {best:.3g} by {labels[case_id]}")
+            bar.update()
+
+        return run_searches(jobs, folder, options.workers, progress)
+
+
+def _candidates_plan(
+    request: DesignRequest, space: SearchSpace, searches: Sequence[SearchResult]
+) -> Plan:
+    """The best trial of each search, to be tested from the start with siblings."""
+    cases: dict[str, Case] = {}
+    gauge: Gauge | None = None
+    for number, search in enumerate(searches, start=1):
+        if search.best is None:
+            continue
+        plan = space.plan(search.design, {})
+        gauge = gauge or plan.gauge
+        case, _ = space.case(search.design, space.place_of(search.trials[search.best].values))
+        labels = {**case.design, "candidate": number}
+        tested = replace(case, design=labels, robustness=request.robustness)
+        cases[tested.case_id] = tested
+    return Plan(
+        workflow=request.name,
+        title=f"Candidates of the design {request.name}",
+        figures=(),
+        cases=cases,
+        batches=batched(cases),
+        excluded={},
+        coordinates={},
+        overrides=(),
+        inputs={},
+        stripes=text_fingerprint(request.fingerprint),
+        gauge=gauge or space.plan(space.designs[0], {}).gauge,
+    )
+
+
+def _completed(
+    cube: xr.Dataset,
+    space: SearchSpace,
+    searches: Sequence[SearchResult],
+    measures: Measures,
+    folder: Path,
+) -> xr.Dataset:
+    """The cube with own measures, and with sizes in cloth at each candidate's own gauge."""
+    dims = cube["status"].dims
+    own = {
+        name: np.full((*cube["status"].shape, cube.sizes[STRAIN]), np.nan) for name, _ in measures
+    }
+    sizes = {name: cube[name].values.copy() for name in (*ALONG_X, *ALONG_Y)}
+    for number, search in enumerate(searches, start=1):
+        if search.best is None:
+            continue
+        case, gauge = space.case(search.design, space.place_of(search.trials[search.best].values))
+        trial = run_trial(folder / TRIALS, case, gauge, measures)
+        labels = case.design | {"candidate": number}
+        place = tuple(int(np.flatnonzero(cube[dim].values == labels[str(dim)])[0]) for dim in dims)
+        for name, values in own.items():
+            values[place] = trial.values(name)
+        for name, values in sizes.items():
+            values[place] = trial.values(name)[0]
+    completed = cube.assign({name: ((*dims, STRAIN), values) for name, values in own.items()})
+    if set(declared(Gauge)) & set(space.names):
+        completed = completed.assign({name: (dims, values) for name, values in sizes.items()})
+        completed.attrs = {
+            name: its for name, its in cube.attrs.items() if name not in ATTRIBUTES.values()
+        }
+    return completed
+
+
+def _ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
+    """The candidates by their worst distance within the spread."""
+    found = find_designs([PlainCube.of(cube)], request.targets)
+    parts = [its.worst / scale_of(its.target) for its in found.reached]
+    worst = np.sqrt(np.mean(np.square(parts), axis=0))
+    order = np.argsort(worst, kind="stable")
+    table = found.table.iloc[order].reset_index(drop=True)
+    table.insert(list(table.columns).index("distance") + 1, WORST, worst[order])
+    reached = tuple(in_order(its, order) for its in found.reached)
+    return Found(table, reached, found.passed_over)
+
+
+def _with_distances(cube: xr.Dataset, found: Found) -> xr.Dataset:
+    dims = [str(dim) for dim in cube["status"].dims]
+    for name in ("distance", WORST):
+        values = np.full(cube["status"].shape, np.nan)
+        for _, row in found.table.iterrows():
+            place = tuple(int(np.flatnonzero(cube[dim].values == row[dim])[0]) for dim in dims)
+            values[place] = row[name]
+        cube[name] = (dims, values)
+    return described(cube)
+
+
+def trials_table(request: DesignRequest, searches: Sequence[SearchResult]) -> pd.DataFrame:
+    """One row for each trial: design, values, distance, and how far it is from each target."""
+    targets: list[Target] = [*request.targets, *request.subject_to]
+    return pd.DataFrame(
+        [
+            {
+                "candidate": number,
+                "n_stripe": search.design[0],
+                "n_subunit": search.design[1],
+                **trial.values,
+                "converged": trial.converged,
+                "snapped": trial.snapped,
+                "distance": trial.distance,
+                "violation": trial.violation,
+                **_off_by(targets, trial),
+                "case_id": trial.case_id,
+            }
+            for number, search in enumerate(searches, start=1)
+            for trial in search.trials
+        ]
+    )
+
+
+def _off_by(targets: Sequence[Target], trial: TrialRecord) -> Mapping[str, float | None]:
+    off_by = trial.off_by or [None] * len(targets)
+    return {f"off_by_{k}": off for k, off in enumerate(off_by, start=1)}

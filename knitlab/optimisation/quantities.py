@@ -1,0 +1,79 @@
+"""Quantities with derivatives: what a target may be on where a search follows gradients."""
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from knitlab.measure.sensitivity import quantities
+from knitlab.model.configuration import Configuration
+from knitlab.model.fabric import Fabric
+from knitlab.model.network import MeshShape
+from knitlab.simulation.stripe_sensitivity import measured_by
+
+ALONG_STRAIN = ("poisson_ratio", "reaction_force", "mean_strain_xx", "mean_strain_yy")
+"""Along the applied strain."""
+OF_CLOTH = {
+    "knit_cell_x": ("relaxed_cell_x", "stitch_width"),
+    "knit_cell_y": ("relaxed_cell_y", "stitch_height"),
+    "knit_width": ("relaxed_cell_x", "stitch_width"),
+    "knit_length": ("relaxed_cell_y", "stitch_height"),
+}
+"""Sizes in cloth: the cell whose contraction they follow, and the size of a stitch."""
+OF_DESIGN = ("relaxed_cell_x", "relaxed_cell_y", *OF_CLOTH)
+"""Of the relaxed fabric."""
+
+Measure = Callable[[Configuration], Float[Array, ""]]
+"""A number read off the shape of a fabric, in JAX."""
+Measures = tuple[tuple[str, Measure], ...]
+"""Own measures by name, in a form that can be a key."""
+
+
+@lru_cache(maxsize=64)
+def of_strained(
+    shape: MeshShape, unit_cells: tuple[int, int], names: tuple[str, ...], measures: Measures
+) -> Callable[[Configuration, Configuration, Fabric], Float[Array, " quantity"]]:
+    """Quantities of a state under strain; the same function for the same arguments.
+
+    Args:
+        shape: the mesh shape.
+        unit_cells: unit cells along (y, x).
+        names: of :data:`ALONG_STRAIN`, or of own measures.
+        measures: the own measures.
+    """
+    own = dict(measures)
+    known = tuple(name for name in names if name not in own)
+    together = measured_by(shape, unit_cells, known) if known else None
+
+    def measured(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
+        values = together(relaxed, strained, fabric) if together else ()
+        found = dict(zip(known, values, strict=True))
+        return jnp.stack([own[name](strained) if name in own else found[name] for name in names])
+
+    return measured
+
+
+@lru_cache(maxsize=64)
+def of_relaxed(
+    shape: MeshShape, unit_cells: tuple[int, int], names: tuple[str, ...]
+) -> Callable[[Configuration, Configuration, Fabric], Float[Array, " quantity"]]:
+    """Quantities of the relaxed fabric, up to a factor that no stripe number changes.
+
+    Args:
+        shape: the mesh shape.
+        unit_cells: unit cells along (y, x).
+        names: of :data:`OF_DESIGN`; a size in cloth is given as its contraction, relaxed over flat.
+    """
+    known = quantities(shape, unit_cells)
+
+    def measured(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
+        flat = {"relaxed_cell_x": fabric.cell[0], "relaxed_cell_y": fabric.cell[1]}
+        values = []
+        for name in names:
+            cell = OF_CLOTH[name][0] if name in OF_CLOTH else name
+            size = known[cell](relaxed, strained, fabric)
+            values.append(size / flat[cell] if name in OF_CLOTH else size)
+        return jnp.stack(values)
+
+    return measured

@@ -1,0 +1,237 @@
+"""The request of a design: what is wanted, what may vary, and under which settings."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, NonNegativeInt, PositiveInt, ValidationError
+
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, faults_of
+from knitlab.io.strict_model import StrictModel
+from knitlab.io.suggestions import unknown
+from knitlab.io.toml import read_toml
+from knitlab.measure.knit_size import Gauge
+from knitlab.measure.sensitivity import STRIPE_PARAMETERS
+from knitlab.study.declared_fields import declared
+from knitlab.study.settings import SETTINGS
+from knitlab.tables.target import Target, read_target
+
+COUNTS = ("n_stripe", "n_subunit")
+"""What may vary in whole numbers, as a list."""
+PARAMETERS = (*STRIPE_PARAMETERS, *declared(Gauge))
+"""Numbers of stripes and gauge that what varies acts on."""
+SHARED = ("period", "k_s", "k_t", "theta_0")
+"""Quantities of both stripes, which ``k_t_factor`` and the like multiply."""
+VARIABLES = (
+    *STRIPE_PARAMETERS,
+    *(f"{name}_factor" for name in STRIPE_PARAMETERS),
+    *(f"{name}_factor" for name in SHARED),
+    *declared(Gauge),
+)
+"""What may vary within bounds."""
+LEAST_TOLERANCE = 0.01
+RELATIVE_TOLERANCE = 0.05
+"""Tolerance of a target that states none: this part of the wanted value."""
+Given = Annotated[tuple[str | dict[str, Any], ...], Field(strict=False)]
+
+
+class DesignFile(StrictModel):
+    """The file of a design: targets, what may vary, settings."""
+
+    title: str = ""
+    workflow: str = "preview"
+    targets: Annotated[Given, Field(min_length=1)]
+    subject_to: Given = ()
+    cubes: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    starts: PositiveInt = 3
+    robustness: NonNegativeInt = 4
+    vary: dict[str, Any] = Field(default_factory=dict)
+    settings: dict[str, Any] = Field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class DesignRequest:
+    """What is wanted of a knit, and what may be changed for it.
+
+    Attributes:
+        name: of the request, and of its folder of results.
+        targets: what is wanted.
+        subject_to: what must be met.
+        counts: numbers of stitches that n_stripe and n_subunit may take, where they may vary.
+        bounds: lowest and highest values of numbers of stripes and gauge, by name.
+        workflow: name or path of the workflow that everything else is taken from.
+        settings: that replace the workflow's.
+        cubes: of designs to start from; without any, a coarse sweep is run.
+        starts: designs that are refined, the nearest first.
+        robustness: siblings that each candidate is tested with.
+    """
+
+    name: str
+    targets: tuple[Target, ...]
+    subject_to: tuple[Target, ...]
+    counts: Mapping[str, tuple[int, ...]]
+    bounds: Mapping[str, tuple[float, float]]
+    workflow: str
+    settings: Mapping[str, Any]
+    cubes: tuple[str, ...]
+    starts: int
+    robustness: int
+
+    @property
+    def fingerprint(self) -> str:
+        """All of it as text: a folder holds the results of one request."""
+        wanted = {
+            kind: [[its.text, its.tolerance, its.curve] for its in getattr(self, kind)]
+            for kind in ("targets", "subject_to")
+        }
+        return json.dumps(
+            {
+                **wanted,
+                "vary": dict(self.counts) | dict(self.bounds),
+                "workflow": self.workflow,
+                "settings": dict(self.settings),
+                "cubes": self.cubes,
+                "starts": self.starts,
+                "robustness": self.robustness,
+            },
+            indent=1,
+            default=str,
+        )
+
+
+def read_request(path: Path) -> DesignRequest:
+    """Read the TOML file of a design; paths in it are relative to its folder.
+
+    Raises:
+        BadInput: with everything that is wrong in it.
+    """
+    table = read_toml(path)
+    for key in ("targets", "subject_to"):
+        if isinstance(table.get(key), str):
+            table[key] = [table[key]]
+    if isinstance(table.get("cubes"), list):
+        table["cubes"] = [str(path.parent / str(cube)) for cube in table["cubes"]]
+    if (beside := path.parent / str(table.get("workflow"))).is_file():
+        table["workflow"] = str(beside)
+    return checked_request(path.stem, table, f"{path}: ")
+
+
+def checked_request(name: str, table: Mapping[str, Any], source: str = "") -> DesignRequest:
+    """The request that a table makes.
+
+    Args:
+        name: of the request.
+        table: keys of :class:`DesignFile`.
+        source: what faults begin with.
+
+    Raises:
+        BadInput: with everything that is wrong in it.
+    """
+    targets = {key: tuple(table.get(key, ())) for key in ("targets", "subject_to")}
+    plain = {
+        key: [its.text if isinstance(its, Target) else its for its in given]
+        for key, given in targets.items()
+    }
+    try:
+        read = DesignFile.model_validate({**table, **plain})
+    except ValidationError as error:
+        raise BadInput(faults_of(error, source.rstrip(": "), DesignFile.model_fields)) from error
+    faults = ErrorCollector()
+    found: dict[str, list[Target]] = {"targets": [], "subject_to": []}
+    for key, given in targets.items():
+        for one in given:
+            with faults:
+                found[key].append(with_tolerance(read_target(one, f"{source}{key}")))
+    counts, bounds, wrong = _varied(read.vary, source)
+    faults.all += [*wrong, *_contradictions([*found["targets"], *found["subject_to"]], source)]
+    faults.all += _settled_twice(read, source)
+    if faults.all:
+        raise BadInput(faults.all)
+    return DesignRequest(
+        name=name,
+        targets=tuple(found["targets"]),
+        subject_to=tuple(found["subject_to"]),
+        counts=counts,
+        bounds=bounds,
+        workflow=read.workflow,
+        settings=read.settings,
+        cubes=read.cubes,
+        starts=read.starts,
+        robustness=read.robustness,
+    )
+
+
+def with_tolerance(target: Target) -> Target:
+    """A target with a tolerance: its own, or 5 % of the wanted value."""
+    if target.tolerance is not None:
+        return target
+    wanted = max(abs(bound) for bound in (target.low, target.high) if np.isfinite(bound))
+    return replace(target, tolerance=max(RELATIVE_TOLERANCE * wanted, LEAST_TOLERANCE))
+
+
+def _varied(
+    vary: Mapping[str, Any], source: str
+) -> tuple[dict[str, tuple[int, ...]], dict[str, tuple[float, float]], list[Fault]]:
+    """What may vary: lists of whole numbers, and bounds; and what is wrong with them."""
+    counts: dict[str, tuple[int, ...]] = {}
+    bounds: dict[str, tuple[float, float]] = {}
+    faults = []
+    for name, value in vary.items():
+        place = f"{source}vary.{name}"
+        if name in COUNTS:
+            listed = value if isinstance(value, list | tuple) else [value]
+            if listed and all(type(one) is int and one > 0 for one in listed):
+                counts[name] = tuple(sorted(set(listed)))
+            else:
+                faults.append(Fault(place, f"is {value!r}; list whole numbers of stitches"))
+        elif name not in VARIABLES:
+            faults.append(Fault(place, unknown(name, (*COUNTS, *VARIABLES), "variable")))
+        elif not _are_bounds(value):
+            example = "give its lowest and highest value above 0, such as [0.8, 1.25]"
+            faults.append(Fault(place, f"is {value!r}; {example}"))
+        else:
+            bounds[name] = (float(value[0]), float(value[1]))
+    return counts, bounds, faults
+
+
+def _are_bounds(value: Any) -> bool:
+    numbers = isinstance(value, list | tuple) and len(value) == 2
+    if not numbers or not all(isinstance(one, int | float) for one in value):
+        return False
+    return bool(0 < value[0] < value[1] < math.inf)
+
+
+def _settled_twice(read: DesignFile, source: str) -> list[Fault]:
+    """Settings that are unknown, that vary too, or that the design itself takes the place of."""
+    faults = []
+    for name in read.settings:
+        place = f"{source}settings.{name}"
+        if name not in SETTINGS:
+            faults.append(Fault(place, unknown(name, SETTINGS, "setting")))
+        elif name in read.vary:
+            faults.append(Fault(place, "may vary too; leave it out of one of the two"))
+        elif name == "robustness":
+            faults.append(Fault(place, "is no setting of a search; give robustness beside targets"))
+        elif isinstance(read.settings[name], list) and not SETTINGS[name].takes_list:
+            faults.append(Fault(place, "is a list; give one value, or let it vary"))
+    return faults
+
+
+def _contradictions(targets: Sequence[Target], source: str) -> list[Fault]:
+    """Targets that no value can meet together."""
+    faults = []
+    for one, other in combinations(targets, 2):
+        if one.label != other.label:
+            continue
+        at = np.array([] if one.curve is None else one.curve[0])
+        low = np.maximum(one.bounds(at)[0], other.bounds(at)[0])
+        high = np.minimum(one.bounds(at)[1], other.bounds(at)[1])
+        if (low > high).any():
+            problem = f"no value meets both {one.text!r} and {other.text!r}; drop one"
+            faults.append(Fault(f"{source}targets", problem))
+    return faults

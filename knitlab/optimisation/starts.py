@@ -1,0 +1,66 @@
+"""Starts of a design: the nearest known designs, of cubes or of a coarse sweep."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from knitlab.execution.run import RunOptions, run_plan
+from knitlab.io.errors import fault
+from knitlab.io.plain_cube import CUBE, PlainCube, open_plain_cube
+from knitlab.optimisation.request import DesignRequest
+from knitlab.optimisation.search_space import DesignLabels, SearchSpace
+from knitlab.study.plan import make_plan
+from knitlab.tables.find import find_designs
+
+
+def starting_designs(
+    request: DesignRequest, space: SearchSpace, folder: Path, options: RunOptions
+) -> tuple[list[DesignLabels], int]:
+    """The designs that are nearest to the targets as the tables have them, the nearest first.
+
+    Constraints count as further targets here: a design that breaks one may meet it when it varies.
+
+    Args:
+        request: the request.
+        space: what may vary.
+        folder: of the trials, where the coarse sweep goes too.
+        options: how to run a coarse sweep, if no cube is given.
+
+    Returns:
+        At most ``request.starts`` designs, and how many were simulated for them.
+
+    Raises:
+        KeyboardInterrupt: if the coarse sweep is interrupted.
+        BadInput: if a cube does not have what the targets name, or no design of it is allowed.
+    """
+    if len(space.designs) <= request.starts and not request.cubes:
+        return list(space.designs), 0
+    cubes, simulated = [open_plain_cube(path) for path in request.cubes], 0
+    if not cubes:
+        cubes, simulated = _coarse_sweep(request, space, folder, options)
+    found = find_designs(cubes, [*request.targets, *request.subject_to]).table
+    allowed = [design for design in _labels(found) if design in space.designs]
+    starts = list(dict.fromkeys(allowed))[: request.starts]
+    if not starts:
+        known = ", ".join(map(str, space.designs))
+        problem = f"hold none of the designs that are allowed; have {known} simulated first"
+        raise fault("cubes", problem)
+    return starts, simulated
+
+
+def _labels(table: pd.DataFrame) -> list[DesignLabels]:
+    return [(int(n), int(m)) for n, m in zip(table["n_stripe"], table["n_subunit"], strict=True)]
+
+
+def _coarse_sweep(
+    request: DesignRequest, space: SearchSpace, folder: Path, options: RunOptions
+) -> tuple[list[PlainCube], int]:
+    labels = {
+        "n_stripe": sorted({n for n, _ in space.designs}),
+        "n_subunit": sorted({m for _, m in space.designs}),
+    }
+    counts = labels if request.counts else {}
+    plan = make_plan(space.workflow, {**space.settings, **counts})
+    if run_plan(plan, folder, options).stopped:
+        raise KeyboardInterrupt
+    return [open_plain_cube(folder / CUBE)], len(plan.cases)

@@ -1,0 +1,69 @@
+"""A finished design in sentences: what was found, what holds it back, what is not determined."""
+
+from collections.abc import Iterator
+
+from knitlab.optimisation.conflict import Conflict
+from knitlab.optimisation.design import Designed
+from knitlab.optimisation.objective import scale_of
+from knitlab.optimisation.search import SearchResult
+from knitlab.tables.target import Target
+
+
+def summary(designed: Designed, conflict: Conflict | None) -> list[str]:
+    """Lines on each candidate, the best first, and on what could not be met.
+
+    Args:
+        designed: the design.
+        conflict: two targets that pull apart, if there are any.
+    """
+    lines: list[str] = []
+    for _, row in designed.table.iterrows():
+        search = designed.searches[int(row["candidate"]) - 1]
+        lines += _of_candidate(int(row["candidate"]), search)
+    if not designed.met:
+        lines += _unmet(designed, conflict)
+    return lines
+
+
+def _of_candidate(number: int, search: SearchResult) -> Iterator[str]:
+    if search.best is None:
+        return
+    trial = search.trials[search.best]
+    values = ", ".join(f"{name} {value:.4g}" for name, value in trial.values.items())
+    n_stripe, n_subunit = search.design
+    yield f"candidate {number}: n_stripe {n_stripe}  n_subunit {n_subunit}  {values}".rstrip()
+    how = " then ".join(search.methods) or "as it is"
+    yield f"  {len(search.trials)} simulations by {how}; {search.ended}"
+    if search.held_by:
+        yield f"  at the bound {', '.join(search.held_by)}"
+    if search.undetermined:
+        names = ", ".join(
+            f"{name} (± {100 * search.determined_to[name]:.0f} %)" for name in search.undetermined
+        )
+        yield f"  hardly determined, as others make up for it: {names}"
+
+
+def _unmet(designed: Designed, conflict: Conflict | None) -> Iterator[str]:
+    number = int(designed.table["candidate"].iloc[0]) if len(designed.table) else None
+    nearest = [its for its in designed.searches if its.best is not None]
+    if number is not None:
+        nearest = [designed.searches[number - 1]]
+    search = nearest[0]
+    if search.best is None:
+        return
+    trial = search.trials[search.best]
+    wanted = (*designed.request.targets, *designed.request.subject_to)
+    for target, off_by in zip(wanted, trial.off_by, strict=True):
+        if off_by is not None and off_by > _allowed(target):
+            yield f"not met: {target.text}: the nearest is off by {off_by:.4g}"
+    if search.held_by:
+        yield f"held back by {', '.join(search.held_by)}: widen it, or relax a target"
+    elif conflict is not None:
+        one, other = conflict.labels
+        yield f"{one!r} and {other!r} pull apart; no bound holds it back"
+    else:
+        yield "no bound holds it back: let more vary, add designs, or raise the budget"
+
+
+def _allowed(target: Target) -> float:
+    return scale_of(target) if target.curve or target.low == target.high else 0.0

@@ -1,0 +1,150 @@
+"""Trials: simulated cases of a search, kept as case files, with derivatives of their results."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import jax
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+
+from knitlab.execution.cube import known_in_advance
+from knitlab.io.case_file import StoredCase, configurations, kept, read_case, write_case_file
+from knitlab.io.design_status import Status
+from knitlab.measure.knit_size import Gauge
+from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
+from knitlab.mechanics.adjoint import Adjoint
+from knitlab.model.configuration import Configuration
+from knitlab.model.fabric import StripePair, fabric_layout
+from knitlab.optimisation.quantities import OF_CLOTH, OF_DESIGN, Measures, of_relaxed, of_strained
+from knitlab.optimisation.request import PARAMETERS
+from knitlab.simulation.case import Case
+from knitlab.simulation.simulate import simulated
+from knitlab.study.gauge import sizes_of
+from knitlab.tables.strain_window import STRAIN, without_gap_at_zero
+
+STRIPE_COUNT = len(STRIPE_PARAMETERS)
+Slopes = Float[np.ndarray, "strain parameter"]
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A simulated case.
+
+    Attributes:
+        case: the case.
+        gauge: of its sizes in cloth.
+        results: what its case file holds.
+        measures: own measures of its shapes.
+    """
+
+    case: Case
+    gauge: Gauge
+    results: xr.Dataset
+    measures: Measures = ()
+
+    @property
+    def converged(self) -> bool:
+        """Whether the whole test converged."""
+        return int(self.results["status"]) == Status.ok
+
+    @property
+    def snapped(self) -> bool:
+        """Whether the fabric snapped on the way to a strain."""
+        return bool((self.results["snapped"] == 1).any())
+
+    @cached_property
+    def strains(self) -> Float[np.ndarray, " strain"]:
+        """Applied strains of the test."""
+        return np.asarray(self.results[STRAIN], float)
+
+    @cached_property
+    def _shapes(self) -> Configuration:
+        return configurations(self.results)
+
+    def values(self, name: str) -> Float[np.ndarray, " strain"]:
+        """A variable: a value at each strain, or a single one.
+
+        Raises:
+            KeyError: if the case has none of that name.
+        """
+        own = dict(self.measures)
+        if name in own:
+            shapes = self._shapes
+            values = [float(own[name](shapes[place])) for place in range(len(self.strains))]
+            return np.array(values)
+        if name in self.results:
+            found = np.atleast_1d(np.asarray(self.results[name], float))
+        else:
+            numbers = {str(key): its.values for key, its in self.results.data_vars.items()}
+            further = known_in_advance(self.case) | sizes_of(self.case, numbers, self.gauge)
+            found = np.atleast_1d(float(further[name]))
+        if len(found) == len(self.strains):
+            found = without_gap_at_zero(self.strains, found[None])[0]
+        return found
+
+    def slopes(self, names: Sequence[str], needed: np.ndarray) -> dict[str, Slopes]:
+        """Derivatives of variables by the logarithm of each number of stripes and gauge.
+
+        Args:
+            names: of :mod:`~knitlab.optimisation.quantities`.
+            needed: whether each strain is needed; the derivatives are 0 at the others.
+
+        Returns:
+            (strain, parameter) by name, one strain for a variable of the design.
+
+        Raises:
+            NoDerivative: if a state is no stable equilibrium, as at a snap.
+        """
+        case, shape = self.case, self.case.mesh_shape
+        stripes = StripePair.of(case.weft, case.warp)
+        layout = fabric_layout(case.sample, case.sheet, case.reading)
+        shapes = jax.tree.map(np.asarray, self._shapes)
+        adjoint = Adjoint(layout, stripes, shapes[0])
+        along = tuple(name for name in names if name not in OF_DESIGN)
+        of_design = tuple(name for name in names if name in OF_DESIGN)
+        found: dict[str, Slopes] = {
+            name: np.zeros((len(self.strains) if name in along else 1, len(PARAMETERS)))
+            for name in names
+        }
+        for place in np.flatnonzero(needed) if along else ():
+            measure = of_strained(shape, case.unit_cells, along, self.measures)
+            strain = float(self.strains[place])
+            by_number = (
+                adjoint.of_strained(strain, shapes[place], measure)
+                if place
+                else adjoint.of_relaxed(measure)
+            )
+            for name, row in zip(along, logarithmic(by_number, stripes), strict=True):
+                found[name][place, :STRIPE_COUNT] = row
+        if "poisson_ratio" in found and len(self.strains) > 1:
+            found["poisson_ratio"][0] = found["poisson_ratio"][1]
+        if of_design:
+            measure = of_relaxed(shape, case.unit_cells, of_design)
+            rows = logarithmic(adjoint.of_relaxed(measure), stripes)
+            relaxed = np.asarray(measure(shapes[0], shapes[0], layout.fabric(stripes)))
+            for name, row, reference in zip(of_design, rows, relaxed, strict=True):
+                value = self.values(name)[0]
+                found[name][0, :STRIPE_COUNT] = row * value / reference
+                if name in OF_CLOTH:
+                    found[name][0, PARAMETERS.index(OF_CLOTH[name][1])] = value
+        return found
+
+
+def run_trial(folder: Path, case: Case, gauge: Gauge, measures: Measures = ()) -> Trial:
+    """Simulate a case, or read it if it was simulated before.
+
+    Args:
+        folder: where case files are kept.
+        case: the case.
+        gauge: of its sizes in cloth.
+        measures: own measures of its shapes.
+
+    Raises:
+        CannotWrite: if its file cannot be written.
+    """
+    if kept(folder, case.case_id) is not StoredCase.sound:
+        write_case_file(folder, case.case_id, simulated(case, lambda name, states: None))
+    return Trial(case, gauge, read_case(folder, case.case_id), measures)
