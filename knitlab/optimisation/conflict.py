@@ -10,6 +10,9 @@ from jaxtyping import Float
 from knitlab.optimisation.design import Designed
 from knitlab.optimisation.objective import scale_of
 
+NOTICED = 0.25
+"""Distance, in tolerances, that has to be given up for two targets to pull apart."""
+
 
 @dataclass(frozen=True)
 class Conflict:
@@ -43,10 +46,15 @@ def conflict_of(designed: Designed) -> Conflict | None:
     best, furthest = None, 1.0
     for one, other in combinations(range(len(wanted)), 2):
         together = float(np.maximum(scaled[one], scaled[other]).min(initial=np.inf))
-        apart = max(float(scaled[one].min()), float(scaled[other].min()))
-        if together > furthest and together > apart:
+        if together > furthest and _pull_apart(scaled[one], scaled[other]):
             best, furthest = (one, other), together
     if best is None:
         return None
     labels = wanted[best[0]].text, wanted[best[1]].text
     return Conflict(labels, scaled[list(best)].T, trials["candidate"].reset_index(drop=True))
+
+
+def _pull_apart(one: Float[np.ndarray, " trial"], other: Float[np.ndarray, " trial"]) -> bool:
+    """Whether the trial that is nearest to one target is farther from the other than need be."""
+    lost = one[np.argmin(other)] - one.min(), other[np.argmin(one)] - other.min()
+    return min(lost) > NOTICED

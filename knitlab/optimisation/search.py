@@ -202,7 +202,7 @@ class Search:
                     ftol=ENOUGH,
                     xtol=ENOUGH,
                     gtol=None,
-                    max_nfev=self.budget,
+                    max_nfev=self.budget + 1,
                 )
         except NoDerivative:
             self.rough = True

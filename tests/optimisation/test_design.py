@@ -1,0 +1,229 @@
+"""Designs from a wish to a workflow: hidden fabrics met, wishes out of reach, kills, budgets."""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+import knitlab as kl
+from knitlab.cli import main
+from knitlab.mechanics.linear_response import NoDerivative
+from knitlab.optimisation.objective import Objective
+from tests.file_events import await_changes
+
+ROOT = Path(__file__).parents[2]
+SMALL = {"n_stripe": [4], "n_subunit": [8]}
+STRAINS = np.array([0.0, 0.05, 0.1, 0.15])
+STEPS = {"strain_step": 0.05, "strain_max": 0.15}
+FACTORS = {
+    f"{knit}_{name}_factor": [0.7, 1.3] for knit in ("rib", "garter") for name in ("k_t", "theta_0")
+}
+
+
+def hidden(n_stripe, n_subunit, **factors):
+    """Poisson's ratio of a fabric whose stripes are not those of the tables, as a target."""
+    design = kl.Design(n_stripe=n_stripe, n_subunit=n_subunit, boundary="periodic")
+    test = kl.simulate(design, STRAINS, **factors)
+    return {
+        "name": "poisson_ratio",
+        "applied_strain": STRAINS[1:].tolist(),
+        "value": test["poisson_ratio"].values[1:].tolist(),
+        "tolerance": 0.01,
+    }
+
+
+def designed(tmp_path, **changes):
+    options = {"vary": SMALL | FACTORS, "robustness": 0, "results": tmp_path, **STEPS}
+    return kl.design(**options | changes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("design", [(4, 8), (2, 8), (6, 24)])
+def test_a_hidden_fabric_is_met_and_what_is_not_determined_is_said(tmp_path, design):
+    factors = dict(zip(FACTORS, (1.2, 0.9, 0.8, 1.1), strict=True))
+    n_stripe, n_subunit = design
+    found = designed(
+        tmp_path,
+        targets=hidden(n_stripe, n_subunit, **factors),
+        vary={"n_stripe": [n_stripe], "n_subunit": [n_subunit], **FACTORS},
+    )
+    assert found.met
+    assert found.simulations <= 60
+    assert found.table["off_by_1"].item() <= 0.01
+    (search,) = found.searches
+    values = search.trials[search.best].values
+    back = [name for name in FACTORS if abs(np.log(values[name] / factors[name])) < 0.05]
+    assert set(back) | set(search.undetermined) == set(FACTORS)
+
+
+@pytest.mark.slow
+def test_the_workflow_of_a_candidate_gives_its_numbers_and_the_cube_is_one_like_any(tmp_path):
+    found = designed(tmp_path, targets="poisson_ratio = -0.1 ± 0.02 @ 0.05:0.15", robustness=1)
+    again = kl.run(found.workflows[0], results=tmp_path / "again")
+    for name in ("poisson_ratio", "reaction_force", "poisson_ratio_low", "poisson_ratio_high"):
+        np.testing.assert_allclose(
+            found.cube[name].values.ravel(), again[name].values.ravel(), rtol=1e-9
+        )
+    listed = kl.query(found.folder, where="distance_worst >= distance")
+    assert listed["candidate"].tolist() == [1]
+    assert (found.table["distance_worst"] >= found.table["distance"]).all()
+    files = kl.find(found.folder, targets="poisson_ratio = -0.1 ± 0.02 @ 0.05:0.15").table
+    assert files["off_by_1"].item() == pytest.approx(found.table["off_by_1"].item())
+
+
+@pytest.mark.slow
+def test_a_wish_out_of_reach_is_said_to_be_so_with_the_bound_that_holds_it_back(tmp_path):
+    path = tmp_path / "wish.toml"
+    path.write_text(
+        'targets = ["poisson_ratio = -0.9 ± 0.02 @ 0.1"]\nrobustness = 0\n'
+        "[vary]\nn_stripe = [4]\nn_subunit = [8]\nrib_theta_0_factor = [0.95, 1.05]\n"
+        "[settings]\nstrain_step = 0.05\n"
+    )
+    ran = CliRunner().invoke(main, ["design", str(path), "--results", str(tmp_path)])
+    assert ran.exit_code == 1, ran.output
+    assert "not met: poisson_ratio = -0.9" in ran.output
+    assert "held back by rib_theta_0_factor" in ran.output
+    assert (tmp_path / "wish" / "figures" / "wanted.png").is_file()
+
+
+@pytest.mark.slow
+def test_two_targets_that_pull_apart_make_a_front(tmp_path):
+    found = designed(
+        tmp_path,
+        targets=["reaction_force = 0.1 ± 0.01 @ 0.1", "reaction_force = 2 ± 0.01 @ 0.15"],
+        figures=True,
+    )
+    assert not found.met
+    assert (found.folder / "figures" / "pareto.png").is_file()
+
+
+@pytest.mark.slow
+def test_constraints_are_kept(tmp_path):
+    free = designed(tmp_path, targets="reaction_force = 0.5 ± 0.01 @ 0.1", name="free")
+    held = designed(
+        tmp_path,
+        targets="reaction_force = 0.5 ± 0.01 @ 0.1",
+        subject_to="poisson_ratio > -0.05 @ 0.1",
+        name="held",
+    )
+    for found, broken in ((free, True), (held, False)):
+        ratio = found.cube["poisson_ratio"].sel(applied_strain=0.1).item()
+        assert (ratio < -0.05) == broken, ratio
+
+
+@pytest.mark.slow
+def test_a_budget_of_one_is_one_simulation(tmp_path):
+    found = designed(tmp_path, targets="poisson_ratio = -0.2 @ 0.1", budget=1)
+    assert found.simulations == len(found.trials) == 1
+    assert found.searches[0].ended == "the budget is spent"
+    with pytest.raises(kl.BadInput, match="coarse sweep of 10 designs"):
+        designed(tmp_path, targets="poisson_ratio = -0.2 @ 0.1", vary={}, budget=5, name="more")
+    with pytest.raises(kl.BadInput, match="budget soon"):
+        designed(tmp_path, targets="poisson_ratio = -0.2 @ 0.1", budget="soon")
+
+
+@pytest.mark.slow
+def test_a_target_without_derivatives_is_searched_without_gradients(tmp_path):
+    found = designed(tmp_path, targets="wavelength_x = 2.42 ± 0.01", budget=25)
+    (search,) = found.searches
+    assert search.methods == ["CMA-ES"]
+    assert search.trials[search.best].distance < 0.5 * search.trials[0].distance
+
+
+@pytest.mark.slow
+def test_where_a_state_has_no_derivative_the_search_goes_on_without_gradients(
+    tmp_path, monkeypatch
+):
+    def snapping(self, trial):
+        raise NoDerivative("a branch ends here")
+
+    monkeypatch.setattr(Objective, "jacobian", snapping)
+    found = designed(tmp_path, targets="poisson_ratio = -0.15 ± 0.01 @ 0.05:0.15", budget=25)
+    (search,) = found.searches
+    assert search.methods == ["least squares", "CMA-ES"]
+    assert search.trials[search.best].distance < search.trials[0].distance
+
+
+@pytest.mark.slow
+def test_own_functions_of_the_shape_can_be_wanted(tmp_path):
+    def thickness(shape):
+        return jnp.ptp(shape.positions[..., 2])
+
+    found = designed(
+        tmp_path, targets="thickness = 0.72 ± 0.01 @ 0.1", measures={"thickness": thickness}
+    )
+    assert found.searches[0].methods == ["least squares"]
+    reached = found.cube["thickness"].sel(applied_strain=0.1).item()
+    assert reached == pytest.approx(0.72, abs=0.01)
+    with pytest.raises(kl.BadInput, match="workers"):
+        designed(
+            tmp_path,
+            targets="thickness = 1 @ 0.1",
+            measures={"thickness": thickness},
+            workers=1,
+            name="spawned",
+        )
+
+
+PROGRAM = """
+import socket, sys
+from pathlib import Path
+from tests.file_events import pause_before_changes
+pause_before_changes(socket.socket(fileno=int(sys.argv.pop())), Path.cwd(), ".nc")
+from knitlab.cli import main
+main()
+"""
+WISH = """
+targets = ["poisson_ratio = -0.2 ± 0.01 @ 0.05:0.15"]
+robustness = 0
+[vary]
+n_stripe = [4]
+n_subunit = [8]
+rib_k_t_factor = [0.5, 2.0]
+garter_theta_0_factor = [0.8, 1.25]
+[settings]
+strain_step = 0.05
+"""
+
+
+@pytest.mark.slow
+def test_a_killed_design_goes_on_and_ends_as_if_it_had_not_been(tmp_path):
+    (tmp_path / "wish.toml").write_text(WISH)
+    words = ["design", "wish.toml", "--results", str(tmp_path / "results")]
+    ours, theirs = socket.socketpair()
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, *words, str(theirs.fileno())],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])},
+        pass_fds=[theirs.fileno()],
+        stderr=subprocess.DEVNULL,
+    )
+    theirs.close()
+    with ours:
+        await_changes(ours, 3)
+        process.kill()
+        process.wait()
+    trials = tmp_path / "results" / "wish" / "trials" / "cases"
+    before = {path.name: path.stat().st_mtime_ns for path in trials.glob("*.nc")}
+    assert before
+    went_on = kl.design(tmp_path / "wish.toml", results=tmp_path / "results")
+    whole = kl.design(tmp_path / "wish.toml", results=tmp_path / "whole")
+    assert all((trials / name).stat().st_mtime_ns == its for name, its in before.items())
+    assert went_on.trials.equals(whole.trials)
+    assert len(before) < len(whole.trials)
+    xr.testing.assert_allclose(
+        went_on.cube[["poisson_ratio", "distance"]], whole.cube[["poisson_ratio", "distance"]]
+    )
+    kept = json.loads((tmp_path / "whole" / "wish" / "request.json").read_text())
+    assert kept["vary"]["n_stripe"] == [4]
+    (tmp_path / "wish.toml").write_text(WISH.replace("-0.2", "-0.1"))
+    with pytest.raises(kl.BadInput, match="holds the design of another request"):
+        kl.design(tmp_path / "wish.toml", results=tmp_path / "results")
