@@ -6,6 +6,7 @@ off the tables by up to 25 %, at random with a fixed seed, and the search is fre
 """
 
 import tempfile
+from typing import Any
 
 import click
 import numpy as np
@@ -26,7 +27,8 @@ def round_trip(design: tuple[int, int], factors: dict[str, float], results: str)
     """Hide a fabric, look for it, and say in a line what came of it."""
     n_stripe, n_subunit = design
     knit = kl.Design(n_stripe=n_stripe, n_subunit=n_subunit, boundary="periodic")
-    curve = kl.simulate(knit, STRAINS, **factors)["poisson_ratio"].values[1:]
+    settings: dict[str, Any] = dict(factors)
+    curve = kl.simulate(knit, STRAINS, **settings)["poisson_ratio"].values[1:]
     wanted = {
         "name": "poisson_ratio",
         "applied_strain": STRAINS[1:].tolist(),
@@ -34,7 +36,7 @@ def round_trip(design: tuple[int, int], factors: dict[str, float], results: str)
         "tolerance": TOLERANCE,
     }
     stitches = {"n_stripe": [n_stripe], "n_subunit": [n_subunit]}
-    bounds = dict.fromkeys(FACTORS, [1 - FREE, 1 + FREE])
+    bounds = {name: [1 - FREE, 1 + FREE] for name in FACTORS}
     designed = kl.design(
         targets=[wanted],
         vary=stitches | bounds,
