@@ -16,6 +16,7 @@ from knitlab.io.atomic_write import atomic_write
 from knitlab.io.cube_file import write_cube
 from knitlab.io.errors import fault
 from knitlab.io.fingerprint import text_fingerprint
+from knitlab.io.lock import held
 from knitlab.io.plain_cube import CUBE, PlainCube
 from knitlab.io.schema import described
 from knitlab.measure.knit_size import ALONG_X, ALONG_Y, Gauge
@@ -24,7 +25,7 @@ from knitlab.optimisation.objective import Objective, check_targets, scale_of
 from knitlab.optimisation.quantities import Measures
 from knitlab.optimisation.request import DesignRequest
 from knitlab.optimisation.search import SearchResult, TrialRecord
-from knitlab.optimisation.search_jobs import TRIALS, SearchJob, run_searches
+from knitlab.optimisation.search_jobs import SEARCHES, TRIALS, SearchJob, run_searches
 from knitlab.optimisation.search_space import SearchSpace, search_space
 from knitlab.optimisation.starts import starting_designs
 from knitlab.optimisation.trial import run_trial
@@ -124,7 +125,8 @@ def run_design(
     check_targets((*request.targets, *request.subject_to), objective.own, first)
     _check_folder(request, folder)
     run = RunOptions(workers=options.workers)
-    with interrupted_by_signals():
+    # The folder itself is held by the run that tests the candidates.
+    with held(folder / SEARCHES), interrupted_by_signals():
         coarse = not request.cubes and len(space.designs) > request.starts
         if coarse and options.budget <= len(space.designs):
             problem = f"goes on the coarse sweep of {len(space.designs)} designs; raise it, or"

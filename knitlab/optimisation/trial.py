@@ -11,8 +11,16 @@ import xarray as xr
 from jaxtyping import Float
 
 from knitlab.execution.cube import known_in_advance
-from knitlab.io.case_file import StoredCase, configurations, kept, read_case, write_case_file
+from knitlab.io.case_file import (
+    StoredCase,
+    configurations,
+    kept,
+    read_case,
+    read_code,
+    write_case_file,
+)
 from knitlab.io.design_status import Status
+from knitlab.io.fingerprint import code_fingerprint
 from knitlab.measure.knit_size import Gauge
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.mechanics.adjoint import Adjoint
@@ -134,7 +142,7 @@ class Trial:
 
 
 def run_trial(folder: Path, case: Case, gauge: Gauge, measures: Measures = ()) -> Trial:
-    """Simulate a case, or read it if it was simulated before.
+    """Simulate a case, or read it if it was simulated before by the same code.
 
     Args:
         folder: where case files are kept.
@@ -145,6 +153,7 @@ def run_trial(folder: Path, case: Case, gauge: Gauge, measures: Measures = ()) -
     Raises:
         CannotWrite: if its file cannot be written.
     """
-    if kept(folder, case.case_id) is not StoredCase.sound:
+    sound = kept(folder, case.case_id) is StoredCase.sound
+    if not sound or read_code(folder, case.case_id) != code_fingerprint():
         write_case_file(folder, case.case_id, simulated(case, lambda name, states: None))
     return Trial(case, gauge, read_case(folder, case.case_id), measures)
