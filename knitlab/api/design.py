@@ -1,11 +1,13 @@
 """A design: one checkerboard of rib and garter patches, as a user names it."""
 
-import math
 from dataclasses import dataclass
 
-from knitlab.io.errors import BadInput, Fault
+from pydantic import ValidationError
+
+from knitlab.io.errors import BadInput, Fault, faults_of
 from knitlab.model.options import Boundary
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe
+from knitlab.study.parameters import QUANTITIES, StripeRow
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,11 +58,10 @@ class Design:
                 given = f"a {stripe.knit} stripe of {stripe.n} stitches"
                 wanted = f"n_stripe = {self.n_stripe} takes a {knit} stripe of {n}"
                 faults.append(Fault(knit, f"is {given}, and {wanted}"))
-            for name in ("period", "k_s", "k_t", "theta_0"):
-                value, largest = getattr(stripe, name), math.pi if name == "theta_0" else math.inf
-                if not 0 < value < largest:
-                    bound = f"between 0 and {largest:.4g}" if name == "theta_0" else "above 0"
-                    faults.append(Fault(f"{knit}.{name}", f"is {value}; give one {bound}"))
+            try:
+                StripeRow.model_validate({name: getattr(stripe, name) for name in QUANTITIES})
+            except ValidationError as error:
+                faults += faults_of(error, knit)
         if faults:
             raise BadInput(faults)
 

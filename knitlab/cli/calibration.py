@@ -6,7 +6,7 @@ from typing import Literal
 
 import click
 
-from knitlab.cli.options import SOME_CASE_NOT_OK, explains_bad_input
+from knitlab.cli.options import SOME_CASE_NOT_OK, check_toml, explains_bad_input
 
 MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
 
@@ -52,8 +52,7 @@ def calibrate(
     from knitlab.io.errors import fault
 
     output = output or Path(f"{knit}-{stitches}.toml")
-    if output.suffix != ".toml":
-        raise fault(f"output {output}", "has no suffix .toml; give it one")
+    check_toml(output)
     measured = read_tension_curve(curve, width, thickness)
 
     from knitlab.figures.calibration import calibration_figure

@@ -8,6 +8,7 @@ import click
 
 from knitlab.cli.options import (
     SOME_CASE_NOT_OK,
+    check_toml,
     explains_bad_input,
     results_option,
     select_option,
@@ -99,11 +100,9 @@ def fit(
     ten to thirty times.
     """
     from knitlab.io.cube_file import open_cube
-    from knitlab.io.errors import fault
     from knitlab.tables.selection import selected
 
-    if output.suffix != ".toml":
-        raise fault(f"output {output}", "has no suffix .toml; give it one")
+    check_toml(output)
     cube = selected(open_cube(experiment), selections)
 
     from knitlab.api.laboratory import fit_experiment

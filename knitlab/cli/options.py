@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from knitlab.io.errors import BadInput
+from knitlab.io.errors import BadInput, fault
 
 BAD_INPUT = 2
 SOME_CASE_NOT_OK = 1
@@ -31,6 +31,16 @@ def explains_bad_input(command: Command) -> Command:
             sys.exit(BAD_INPUT)
 
     return explained
+
+
+def check_toml(output: Path) -> None:
+    """Refuse a file for stripes that is no TOML file.
+
+    Raises:
+        BadInput: if its suffix is another one.
+    """
+    if output.suffix != ".toml":
+        raise fault(f"output {output}", "has no suffix .toml; give it one")
 
 
 def _with_options(message: str) -> str:
