@@ -24,7 +24,7 @@ def design(
     vary: Mapping[str, Any] | None = None,
     subject_to: Wanted | Sequence[Wanted] = (),
     workflow: str | Path = "preview",
-    cubes: Sequence[str | Path] = (),
+    cubes: str | Path | Sequence[str | Path] = (),
     starts: int = 3,
     robustness: int = 4,
     measures: Mapping[str, Measure] | None = None,
@@ -84,6 +84,7 @@ def design(
         >>> designed.table["candidate"].tolist()
         [1]
     """
+    from_cubes = [cubes] if isinstance(cubes, str | Path) else cubes
     given = {"targets": targets, "subject_to": subject_to}
     if file is not None:
         if any(given.values()) or vary or cubes or settings:
@@ -94,9 +95,9 @@ def design(
             name,
             {
                 **{key: _listed(its) for key, its in given.items()},
-                "vary": dict(vary or {}),
+                "vary": vary or {},
                 "workflow": str(workflow),
-                "cubes": [str(cube) for cube in cubes],
+                "cubes": [str(cube) for cube in from_cubes],
                 "starts": starts,
                 "robustness": robustness,
                 "settings": settings,
@@ -117,6 +118,8 @@ def design_request(
     measures: Mapping[str, Measure],
 ) -> Designed:
     """The same for a request that has been read; see :func:`design`."""
+    if workers < 0:
+        raise fault(f"workers {workers}", "is below 0; give 0 for this process, or more")
     most, minutes = read_budget(budget)
     options = DesignOptions(workers, most, minutes, progress)
     designed = run_design(request, results / request.name, options, tuple(measures.items()))

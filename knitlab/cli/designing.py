@@ -49,8 +49,10 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
         click.echo("stopped: what is simulated is kept; run again to go on", err=True)
         sys.exit(SOME_CASE_NOT_OK)
     if style == "table":
-        for number, target in enumerate(request.targets, start=1):
-            click.echo(f"target {number}: {target.text}")
+        wanted = (*request.targets, *request.subject_to)
+        for number, target in enumerate(wanted, start=1):
+            kind = "target" if number <= len(request.targets) else "subject to"
+            click.echo(f"{kind} {number}: {target.text}")
     click.echo(formatted(designed.table, style))
     for line in summary(designed, conflict_of(designed)):
         click.echo(line, err=style != "table")

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomli_w
 
 from knitlab.io.atomic_write import atomic_write
@@ -37,11 +38,11 @@ def write_workflow(
         raise TypeError("a search without a trial that converged has no workflow")
     base = workflow_file(space.workflow)
     table: dict[str, Any] = read_toml(base)
-    values = search.trials[search.best].values
+    place = np.array(search.trials[search.best].place)
     n_stripe, n_subunit = search.design
     settings = {
         **space.settings,
-        **space.values(space.place_of(values)),
+        **space.values(place),
         "robustness": request.robustness,
         "n_stripe": [n_stripe],
         "n_subunit": [n_subunit],

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,13 @@ from knitlab.io.plain_cube import CUBE, PlainCube
 from knitlab.io.schema import described
 from knitlab.measure.knit_size import ALONG_X, ALONG_Y, Gauge
 from knitlab.optimisation.candidate_workflow import write_workflow
-from knitlab.optimisation.objective import Objective, check_targets, scale_of
+from knitlab.optimisation.objective import (
+    Objective,
+    all_met,
+    check_targets,
+    scale_of,
+    violation_of,
+)
 from knitlab.optimisation.quantities import Measures
 from knitlab.optimisation.request import DesignRequest
 from knitlab.optimisation.search import SearchResult, TrialRecord
@@ -92,8 +99,10 @@ class Designed:
 
     @property
     def met(self) -> bool:
-        """Whether a candidate meets all targets and constraints."""
-        return any(its.best is not None and its.trials[its.best].met for its in self.searches)
+        """Whether the best candidate, tested afresh, meets all targets and constraints."""
+        wanted = (*self.request.targets, *self.request.subject_to)
+        best = [float(its.off_by[0]) for its in self.found.reached if len(its.off_by)]
+        return bool(best) and all_met(wanted, best)
 
 
 def run_design(
@@ -123,7 +132,11 @@ def run_design(
     )
     first, _ = space.case(space.designs[0], space.start(space.designs[0]))
     check_targets((*request.targets, *request.subject_to), objective.own, first)
+    if not objective.has_gradient and find_spec("cmaes") is None:
+        problem = "is needed for targets without derivatives; pip install 'knitlab[design]'"
+        raise fault("the package cmaes", problem)
     _check_folder(request, folder)
+    began = time.time()
     run = RunOptions(workers=options.workers)
     # The folder itself is held by the run that tests the candidates.
     with held(folder / SEARCHES), interrupted_by_signals():
@@ -131,13 +144,18 @@ def run_design(
         if coarse and options.budget <= len(space.designs):
             problem = f"goes on the coarse sweep of {len(space.designs)} designs; raise it, or"
             raise fault(f"budget {options.budget}", f"{problem} give cubes to start from")
-        starts, spent = starting_designs(request, space, folder / TRIALS, run)
-        jobs = _jobs(space, objective, starts, options, options.budget - spent, measures)
+        starts, spent = starting_designs(request, space, folder / TRIALS, run, objective.own)
+        with atomic_write(folder / REQUEST) as temporary:
+            temporary.write_text(request.fingerprint)
+        jobs = _jobs(space, objective, starts, options, options.budget - spent, began, measures)
         searches = _searched(jobs, folder, options)
         plan = _candidates_plan(request, space, searches)
         if not plan.cases:
             problem = "no start converges; try other designs, bounds or settings"
             raise fault(request.name, problem)
+        # An earlier cube may hold candidates that are none any more.
+        for old in (folder / CUBE, *folder.glob("candidate_*.toml")):
+            old.unlink(missing_ok=True)
         tested = run_plan(plan, folder, replace(run, refresh=True))
         if tested.stopped:
             raise KeyboardInterrupt
@@ -170,8 +188,6 @@ def _check_folder(request: DesignRequest, folder: Path) -> None:
     if path.is_file() and path.read_text() != request.fingerprint:
         problem = "holds the design of another request; name another --results, or remove it"
         raise fault(str(folder), problem)
-    with atomic_write(path) as temporary:
-        temporary.write_text(request.fingerprint)
 
 
 def _jobs(
@@ -180,13 +196,14 @@ def _jobs(
     starts: Sequence[tuple[int, int]],
     options: DesignOptions,
     budget: int,
+    began: float,
     measures: Measures,
 ) -> list[SearchJob]:
     """Searches from the starts, among which the budget is divided."""
     starts = starts[: max(budget, 1)]
     rounds = -(-len(starts) // max(options.workers, 1))
     seconds = np.inf if options.minutes is None else 60 * options.minutes
-    began, jobs = time.time(), []
+    jobs = []
     for place, design in enumerate(starts):
         share = budget // len(starts) + (place < budget % len(starts))
         turn = place // max(options.workers, 1) + 1
@@ -201,7 +218,7 @@ def _searched(
     labels = {job.start.case_id: job.design for job in jobs}
     best = np.inf
     with tqdm(
-        total=sum(job.budget for job in jobs),
+        total=None if options.minutes else sum(job.budget for job in jobs),
         unit="simulation",
         disable=not options.show_progress,
         bar_format="{n_fmt}/{total_fmt} simulations |{bar}| {elapsed} elapsed, {desc}",
@@ -228,7 +245,7 @@ def _candidates_plan(
             continue
         plan = space.plan(search.design, {})
         gauge = gauge or plan.gauge
-        case, _ = space.case(search.design, space.place_of(search.trials[search.best].values))
+        case, _ = space.case(search.design, np.array(search.trials[search.best].place))
         labels = {**case.design, "candidate": number}
         tested = replace(case, design=labels, robustness=request.robustness)
         cases[tested.case_id] = tested
@@ -260,10 +277,11 @@ def _completed(
         name: np.full((*cube["status"].shape, cube.sizes[STRAIN]), np.nan) for name, _ in measures
     }
     sizes = {name: cube[name].values.copy() for name in (*ALONG_X, *ALONG_Y)}
+    stitches = {name: np.full(cube["status"].shape, np.nan) for name in declared(Gauge)}
     for number, search in enumerate(searches, start=1):
         if search.best is None:
             continue
-        case, gauge = space.case(search.design, space.place_of(search.trials[search.best].values))
+        case, gauge = space.case(search.design, np.array(search.trials[search.best].place))
         trial = run_trial(folder / TRIALS, case, gauge, measures)
         labels = case.design | {"candidate": number}
         place = tuple(int(np.flatnonzero(cube[dim].values == labels[str(dim)])[0]) for dim in dims)
@@ -271,9 +289,12 @@ def _completed(
             values[place] = trial.values(name)
         for name, values in sizes.items():
             values[place] = trial.values(name)[0]
+        for name, values in stitches.items():
+            values[place] = getattr(gauge, name)
     completed = cube.assign({name: ((*dims, STRAIN), values) for name, values in own.items()})
     if set(declared(Gauge)) & set(space.names):
-        completed = completed.assign({name: (dims, values) for name, values in sizes.items()})
+        varied = sizes | stitches
+        completed = completed.assign({name: (dims, values) for name, values in varied.items()})
         completed.attrs = {
             name: its for name, its in cube.attrs.items() if name not in ATTRIBUTES.values()
         }
@@ -281,15 +302,32 @@ def _completed(
 
 
 def _ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
-    """The candidates by their worst distance within the spread."""
-    found = find_designs([PlainCube.of(cube)], request.targets)
-    parts = [its.worst / scale_of(its.target) for its in found.reached]
-    worst = np.sqrt(np.mean(np.square(parts), axis=0))
-    order = np.argsort(worst, kind="stable")
-    table = found.table.iloc[order].reset_index(drop=True)
-    table.insert(list(table.columns).index("distance") + 1, WORST, worst[order])
-    reached = tuple(in_order(its, order) for its in found.reached)
-    return Found(table, reached, found.passed_over)
+    """The candidates that meet the constraints, then the others; by their worst distance."""
+    wanted, held = request.targets, request.subject_to
+    found = find_designs([PlainCube.of(cube)], [*wanted, *held])
+    reached, constraints = found.reached[: len(wanted)], found.reached[len(wanted) :]
+
+    def distances(off_by: Sequence[np.ndarray]) -> np.ndarray:
+        scaled = [its / scale_of(target) for its, target in zip(off_by, wanted, strict=True)]
+        return np.sqrt(np.mean(np.square(scaled), axis=0))
+
+    worst = distances([its.worst for its in reached])
+    violation = np.array(
+        [
+            violation_of(held, [its.worst[place] for its in constraints])
+            for place in range(len(found.table))
+        ]
+    )
+    order = np.lexsort((worst, violation))
+    table = found.table.assign(distance=distances([its.off_by for its in reached]))
+    table.insert(list(table.columns).index("distance") + 1, WORST, worst)
+    if held:
+        table.insert(list(table.columns).index(WORST) + 1, "violation", violation)
+    return Found(
+        table.iloc[order].reset_index(drop=True),
+        tuple(in_order(its, order) for its in found.reached),
+        found.passed_over,
+    )
 
 
 def _with_distances(cube: xr.Dataset, found: Found) -> xr.Dataset:

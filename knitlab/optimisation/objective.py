@@ -18,6 +18,8 @@ from knitlab.tables.target import Target
 
 OF_PLANS = ("design", "stripes", "cloth")
 """Kinds of variables that follow from a case without its file."""
+INSET = 0.9
+"""Part of an allowance that a search makes use of."""
 INSIDE = 0.1
 """Part of the tolerance by which a search aims inside a wanted range, to end within it."""
 
@@ -34,6 +36,17 @@ def scale_of(target: Target) -> float:
     if target.tolerance is None:
         raise TypeError(f"target {target.text} has no tolerance")
     return target.tolerance
+
+
+def all_met(targets: Sequence[Target], off_by: Sequence[float]) -> bool:
+    """Whether distances from targets are allowed, each in the unit of its variable."""
+    return all(off <= its.allowance for off, its in zip(off_by, targets, strict=True))
+
+
+def violation_of(targets: Sequence[Target], off_by: Sequence[float]) -> float:
+    """Largest of distances from targets, past what is allowed, over its tolerance; 0 if met."""
+    past = zip(off_by, targets, strict=True)
+    return max((max(off - its.allowance, 0.0) / scale_of(its) for off, its in past), default=0.0)
 
 
 def aimed(target: Target) -> Target:
@@ -103,18 +116,14 @@ class Objective:
         return float(np.sqrt(np.mean(np.square(scaled))))
 
     def violation(self, trial: Trial) -> float:
-        """Largest distance from a constraint, over its scale; 0 where all are met."""
+        """Largest distance from a constraint, past what is allowed, over its tolerance."""
         off_by = self.off_by(trial)[len(self.targets) :]
-        scaled = [off / scale_of(its) for off, its in zip(off_by, self.subject_to, strict=True)]
-        return max(scaled, default=0.0)
+        return violation_of(self.subject_to, off_by)
 
     def met(self, trial: Trial) -> bool:
         """Whether a trial is within a tolerance of each wanted value, and within each range."""
         wanted = (*self.targets, *self.subject_to)
-        return all(
-            off <= (scale_of(its) if its.curve or its.low == its.high else 0.0)
-            for off, its in zip(self.off_by(trial), wanted, strict=True)
-        )
+        return all_met(wanted, self.off_by(trial))
 
     def residuals(self, trial: Trial) -> Residuals:
         """Rows whose sum of squares is the squared distance of what the search aims at."""
@@ -172,7 +181,7 @@ class Objective:
             low, high = target.bounds(read.at)
             for sign, bound in ((1.0, low), (-1.0, high)):
                 if np.isfinite(bound).all():
-                    rows.append(sign * (read.values - bound) / scale)
+                    rows.append((sign * (read.values - bound) + INSET * target.allowance) / scale)
                     by.append(sign * read.slopes / scale)
         return np.concatenate(rows), np.concatenate(by)
 
@@ -224,6 +233,9 @@ def check_targets(targets: Sequence[Target], measures: Sequence[str], case: Case
         place = f"target {target.text}"
         if target.name not in known:
             faults.append(Fault(place, unknown(target.name, sorted(known), "variable")))
+        elif target.name.startswith("poisson_ratio") and case.all_corners_held:
+            problem = "a sample of one unit cell between clamps has none; add unit_cells"
+            faults.append(Fault(place, problem))
         elif known[target.name] and target.window is None:
             problem = f"{target.name} lies along {STRAIN}; add @ STRAIN or @ FROM:TO"
             faults.append(Fault(place, problem))

@@ -34,9 +34,10 @@ VARIABLES = (
     *declared(Gauge),
 )
 """What may vary within bounds."""
-LEAST_TOLERANCE = 0.01
 RELATIVE_TOLERANCE = 0.05
 """Tolerance of a target that states none: this part of the wanted value."""
+TOLERANCE_OF_ZERO = 0.01
+"""Where that is zero."""
 Given = Annotated[tuple[str | dict[str, Any], ...], Field(strict=False)]
 
 
@@ -115,27 +116,34 @@ def read_request(path: Path) -> DesignRequest:
         if isinstance(table.get(key), str):
             table[key] = [table[key]]
     if isinstance(table.get("cubes"), list):
-        table["cubes"] = [str(path.parent / str(cube)) for cube in table["cubes"]]
+        table["cubes"] = [str((path.parent / str(cube)).resolve()) for cube in table["cubes"]]
     if (beside := path.parent / str(table.get("workflow"))).is_file():
-        table["workflow"] = str(beside)
-    return checked_request(path.stem, table, f"{path}: ")
+        table["workflow"] = str(beside.resolve())
+    return checked_request(path.stem, table, f"{path}: ", path.parent)
 
 
-def checked_request(name: str, table: Mapping[str, Any], source: str = "") -> DesignRequest:
+def checked_request(
+    name: str, table: Mapping[str, Any], source: str = "", folder: Path = Path()
+) -> DesignRequest:
     """The request that a table makes.
 
     Args:
         name: of the request.
         table: keys of :class:`DesignFile`.
         source: what faults begin with.
+        folder: that paths of curves are relative to.
 
     Raises:
         BadInput: with everything that is wrong in it.
     """
-    targets = {key: tuple(table.get(key, ())) for key in ("targets", "subject_to")}
+    listed = {
+        key: table.get(key, ())
+        for key in ("targets", "subject_to")
+        if isinstance(table.get(key, ()), list | tuple)
+    }
     plain = {
         key: [its.text if isinstance(its, Target) else its for its in given]
-        for key, given in targets.items()
+        for key, given in listed.items()
     }
     try:
         read = DesignFile.model_validate({**table, **plain})
@@ -143,10 +151,10 @@ def checked_request(name: str, table: Mapping[str, Any], source: str = "") -> De
         raise BadInput(faults_of(error, source.rstrip(": "), DesignFile.model_fields)) from error
     faults = ErrorCollector()
     found: dict[str, list[Target]] = {"targets": [], "subject_to": []}
-    for key, given in targets.items():
+    for key, given in listed.items():
         for one in given:
             with faults:
-                found[key].append(with_tolerance(read_target(one, f"{source}{key}")))
+                found[key].append(with_tolerance(read_target(one, f"{source}{key}", folder)))
     counts, bounds, wrong = _varied(read.vary, source)
     faults.all += [*wrong, *_contradictions([*found["targets"], *found["subject_to"]], source)]
     faults.all += _settled_twice(read, source)
@@ -167,11 +175,11 @@ def checked_request(name: str, table: Mapping[str, Any], source: str = "") -> De
 
 
 def with_tolerance(target: Target) -> Target:
-    """A target with a tolerance: its own, or 5 % of the wanted value."""
+    """A target with a tolerance: its own, or 5 % of the wanted value, 0.01 where that is zero."""
     if target.tolerance is not None:
         return target
     wanted = max(abs(bound) for bound in (target.low, target.high) if np.isfinite(bound))
-    return replace(target, tolerance=max(RELATIVE_TOLERANCE * wanted, LEAST_TOLERANCE))
+    return replace(target, tolerance=RELATIVE_TOLERANCE * wanted or TOLERANCE_OF_ZERO)
 
 
 def _varied(
@@ -229,8 +237,8 @@ def _contradictions(targets: Sequence[Target], source: str) -> list[Fault]:
         if one.label != other.label:
             continue
         at = np.array([] if one.curve is None else one.curve[0])
-        low = np.maximum(one.bounds(at)[0], other.bounds(at)[0])
-        high = np.minimum(one.bounds(at)[1], other.bounds(at)[1])
+        (low, high), (other_low, other_high) = one.allowed(at), other.allowed(at)
+        low, high = np.maximum(low, other_low), np.minimum(high, other_high)
         if (low > high).any():
             problem = f"no value meets both {one.text!r} and {other.text!r}; drop one"
             faults.append(Fault(f"{source}targets", problem))

@@ -10,7 +10,6 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import least_squares, minimize
 
-from knitlab.io.errors import fault
 from knitlab.mechanics.linear_response import NoDerivative
 from knitlab.optimisation.objective import Objective
 from knitlab.optimisation.quantities import Measures
@@ -27,7 +26,12 @@ SPREAD_OF_FIRST = 0.15
 """Standard deviation of the first trials without gradients, in parts of the bounds."""
 PENALTY = 10.0
 """Weight of a violated constraint beside the distance, without gradients."""
-NARROW = 1e-6
+INSET = 1e-3
+"""Distance of a start from the bounds, in parts of these."""
+PLACES = 12
+"""Decimal places of a place."""
+MOST_FAILED = 3
+"""Trials that may not converge before gradients are given up."""
 UNIFORM = 12**-0.5
 """Standard deviation of a value of which only its bounds are known, in parts of these."""
 HARDLY = 0.5
@@ -41,6 +45,7 @@ class TrialRecord:
     """What is kept of a trial beside its case file.
 
     Attributes:
+        place: of the variables between their bounds.
         values: of the variables, in their units.
         case_id: of its case file.
         converged: whether its whole test converged.
@@ -51,6 +56,7 @@ class TrialRecord:
         met: whether all targets and constraints are met.
     """
 
+    place: list[float]
     values: dict[str, float]
     case_id: str
     converged: bool
@@ -95,6 +101,10 @@ class SearchEnded(Exception):
     """A search that ends before its method would end it, with the reason."""
 
 
+class _Rough(Exception):
+    """A search that gradients lead nowhere."""
+
+
 @dataclass
 class Search:
     """Trials of one design.
@@ -126,10 +136,11 @@ class Search:
         """Search from the values of the tables.
 
         Raises:
-            BadInput: if it has to go on without gradients and there is nothing to do so by.
             CannotWrite: if a trial cannot be written.
         """
-        start, methods, ended = self.space.start(self.design), list[str](), "the search converged"
+        # Within the bounds, for on one there is no way back for a trust region.
+        start = np.clip(self.space.start(self.design), INSET, 1 - INSET)
+        methods, ended = list[str](), "the search converged"
         try:
             self.trial(start)
             if len(start):
@@ -150,6 +161,8 @@ class Search:
         Raises:
             SearchEnded: if the targets are well met, or the budget is spent.
         """
+        # What shifts a place back and forth rounds it.
+        place = np.round(np.clip(place, 0, 1), PLACES)
         key = place.tobytes()
         if self._last is not None and self._last[0] == key:
             return self._last[1:]
@@ -160,7 +173,7 @@ class Search:
         if self.records and time.time() > self.deadline:
             raise SearchEnded("the time is up")
         found = run_trial(self.folder, case, gauge, self.measures)
-        record = self._record(found, values)
+        record = self._record(found, place, values)
         self.records.append(record)
         self.rough |= not record.converged or record.snapped
         self._last = key, found, record
@@ -169,11 +182,12 @@ class Search:
             raise SearchEnded("the targets are met")
         return found, record
 
-    def _record(self, trial: Trial, values: dict[str, float]) -> TrialRecord:
+    def _record(self, trial: Trial, place: Place, values: dict[str, float]) -> TrialRecord:
         known = trial.converged
         off_by = self.objective.off_by(trial) if known else []
         known = known and bool(np.isfinite(off_by).all())
         return TrialRecord(
+            place=place.tolist(),
             values=values,
             case_id=trial.case.case_id,
             converged=trial.converged,
@@ -193,18 +207,18 @@ class Search:
             if self.objective.subject_to:
                 self._constrained(start)
             else:
-                # Within, for a start on a bound has no gradient towards the inside.
+                # Shifted by one, as the first trust region is as large as the start.
                 least_squares(
-                    self._residuals,
-                    np.clip(start, NARROW, 1 - NARROW),
-                    jac=lambda place: self.objective.jacobian(self.trial(place)[0]),
-                    bounds=(0, 1),
+                    lambda shifted: self._residuals(shifted - 1),
+                    start + 1,
+                    jac=lambda shifted: self.objective.jacobian(self.trial(shifted - 1)[0]),
+                    bounds=(1, 2),
                     ftol=ENOUGH,
                     xtol=ENOUGH,
                     gtol=None,
                     max_nfev=self.budget + 1,
                 )
-        except NoDerivative:
+        except (NoDerivative, _Rough):
             self.rough = True
 
     def _residuals(self, place: Place) -> Float[np.ndarray, " row"]:
@@ -219,6 +233,8 @@ class Search:
         def squared(place: Place) -> tuple[float, Place]:
             found, record = self.trial(place)
             if record.distance is None:
+                if sum(its.distance is None for its in self.records) >= MOST_FAILED:
+                    raise _Rough
                 return FAR**2, np.zeros_like(place)
             residuals = objective.residuals(found)
             return float(residuals @ residuals), 2 * residuals @ objective.jacobian(found)
@@ -248,16 +264,16 @@ class Search:
         """Sample around the best trial with an evolution strategy until the budget is spent.
 
         Raises:
-            BadInput: if the library is not installed.
+            SearchEnded: if the library is not installed, or the budget is spent.
         """
         try:
             from cmaes import CMA
-        except ImportError as error:
-            problem = "is needed to search without gradients; pip install 'knitlab[design]'"
-            raise fault("the package cmaes", problem) from error
+        except ImportError:
+            remedy = "pip install 'knitlab[design]' to search on without them"
+            raise SearchEnded(f"gradients lead no further here; {remedy}") from None
         variables = len(self.space.names)
         best = self._best()
-        at = self.space.place_of(self.records[best].values) if best is not None else None
+        at = np.array(self.records[best].place) if best is not None else None
         strategy = CMA(
             mean=np.full(variables, 0.5) if at is None else at,
             sigma=SPREAD_OF_FIRST,
@@ -289,7 +305,7 @@ class Search:
     def _with_conditions(self, found: SearchResult, best: int) -> SearchResult:
         """With the bounds that hold the best trial back, and how well its values are determined."""
         names, spans = self.space.names, self.space.upper - self.space.lower
-        place = self.space.place_of(self.records[best].values)
+        place = np.array(self.records[best].place)
         case, gauge = self.space.case(self.design, place)
         trial = run_trial(self.folder, case, gauge, self.measures)
         anywhere = self.space.bounds_at(place, np.zeros_like(place))
@@ -299,12 +315,16 @@ class Search:
             residuals, jacobian = self.objective.residuals(trial), self.objective.jacobian(trial)
         except NoDerivative:
             return replace(found, held_by=anywhere)
+        downhill = -(residuals @ jacobian)
+        if self.records[best].violation:
+            broken = np.minimum(self.objective.constraints(trial), 0)
+            downhill -= PENALTY * broken @ self.objective.constraints_jacobian(trial)
         # A value is known to lie within its bounds in any case: uniform between them.
         information = jacobian.T @ jacobian + np.eye(len(names)) / UNIFORM**2
         deviations = np.sqrt(np.diag(np.linalg.inv(information)))
         return replace(
             found,
-            held_by=self.space.bounds_at(place, -(residuals @ jacobian)) if residuals.any() else [],
+            held_by=self.space.bounds_at(place, downhill) if downhill.any() else [],
             determined_to=dict(zip(names, np.expm1(deviations * spans).tolist(), strict=True)),
             undetermined=[
                 name for name, its in zip(names, deviations, strict=True) if its > HARDLY * UNIFORM

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 from pydantic import TypeAdapter
 
 from knitlab.execution.workers import BatchError, Task, pool_of
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, Fault
+from knitlab.io.fingerprint import code_fingerprint
 from knitlab.optimisation.objective import Objective
 from knitlab.optimisation.quantities import Measures
 from knitlab.optimisation.search import Search, SearchResult
@@ -43,6 +45,16 @@ class SearchJob:
     budget: int
     deadline: float
     measures: Measures = ()
+
+    @property
+    def stamp(self) -> str:
+        """What a kept result must be of to be taken again; nothing where time or own code decides.
+
+        All else is that of the request, which a folder has one of.
+        """
+        if self.measures or np.isfinite(self.deadline):
+            return ""
+        return f"{self.budget} simulations, code {code_fingerprint()}"
 
     @property
     def start(self) -> Case:
@@ -87,7 +99,9 @@ def _search_batch(
 ) -> None:
     """Run the search that begins with the only case of a batch."""
     (start,) = batch
-    job = jobs[start.case_id]
+    job, path = jobs[start.case_id], _result_path(folder, start.case_id)
+    if path.is_file() and job.stamp and json.loads(path.read_text()).get("of") == job.stamp:
+        return
     search = Search(
         job.space,
         job.objective,
@@ -98,8 +112,8 @@ def _search_batch(
         lambda distance: progress(start.case_id, distance),
         job.measures,
     )
-    record = search.run().record()
-    with atomic_write(_result_path(folder, start.case_id)) as temporary:
+    record = search.run().record() | {"of": job.stamp}
+    with atomic_write(path) as temporary:
         temporary.write_text(json.dumps(record, indent=1))
 
 

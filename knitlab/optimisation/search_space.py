@@ -133,6 +133,9 @@ def search_space(request: DesignRequest) -> SearchSpace:
     """
     settings = {**request.settings, "robustness": 0}
     labels = {name: list(values) for name, values in request.counts.items()}
+    if "strain_step" in settings:
+        # The workflow's last strain need be no multiple of it.
+        settings.setdefault("strain_max", settings["strain_step"])
     whole = make_plan(request.workflow, {**settings, **labels})
     if any(name not in ("n_stripe", "n_subunit") for name in whole.dims):
         raise fault(request.workflow, f"has dimensions {whole.dims}; a search takes one setting")
@@ -157,6 +160,8 @@ def _test_of(request: DesignRequest, plan: Plan) -> dict[str, float]:
     """The last strain of the test, as far as the targets need it."""
     windows = [its.window for its in (*request.targets, *request.subject_to) if its.window]
     needed = max((window.stop for window in windows), default=0.0)
+    if len(plan.applied_strain) < 2:
+        raise fault("strain_max = 0", "leaves nothing to pull; raise it, or leave it out")
     last, step = plan.applied_strain[-1], plan.applied_strain[1]
     if "strain_max" not in request.settings:
         steps = max(1, int(np.ceil(needed / step - ROUND_OFF)))

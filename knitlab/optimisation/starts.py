@@ -1,5 +1,6 @@
 """Starts of a design: the nearest known designs, of cubes or of a coarse sweep."""
 
+from collections.abc import Collection
 from pathlib import Path
 
 import pandas as pd
@@ -14,7 +15,11 @@ from knitlab.tables.find import find_designs
 
 
 def starting_designs(
-    request: DesignRequest, space: SearchSpace, folder: Path, options: RunOptions
+    request: DesignRequest,
+    space: SearchSpace,
+    folder: Path,
+    options: RunOptions,
+    own: Collection[str] = (),
 ) -> tuple[list[DesignLabels], int]:
     """The designs that are nearest to the targets as the tables have them, the nearest first.
 
@@ -25,6 +30,7 @@ def starting_designs(
         space: what may vary.
         folder: of the trials, where the coarse sweep goes too.
         options: how to run a coarse sweep, if no cube is given.
+        own: names of own measures, which no cube has; targets on them do not count here.
 
     Returns:
         At most ``request.starts`` designs, and how many were simulated for them.
@@ -38,12 +44,15 @@ def starting_designs(
     cubes, simulated = [open_plain_cube(path) for path in request.cubes], 0
     if not cubes:
         cubes, simulated = _coarse_sweep(request, space, folder, options)
-    found = find_designs(cubes, [*request.targets, *request.subject_to]).table
+    known = [its for its in (*request.targets, *request.subject_to) if its.name not in own]
+    if not known:
+        return list(space.designs[: request.starts]), simulated
+    found = find_designs(cubes, known).table
     allowed = [design for design in _labels(found) if design in space.designs]
     starts = list(dict.fromkeys(allowed))[: request.starts]
     if not starts:
-        known = ", ".join(map(str, space.designs))
-        problem = f"hold none of the designs that are allowed; have {known} simulated first"
+        labels = ", ".join(map(str, space.designs))
+        problem = f"hold none of the designs that are allowed; have {labels} simulated first"
         raise fault("cubes", problem)
     return starts, simulated
 

@@ -4,9 +4,7 @@ from collections.abc import Iterator
 
 from knitlab.optimisation.conflict import Conflict
 from knitlab.optimisation.design import Designed
-from knitlab.optimisation.objective import scale_of
 from knitlab.optimisation.search import SearchResult
-from knitlab.tables.target import Target
 
 
 def summary(designed: Designed, conflict: Conflict | None) -> list[str]:
@@ -40,7 +38,7 @@ def _of_candidate(number: int, search: SearchResult) -> Iterator[str]:
         names = ", ".join(
             f"{name} (± {100 * search.determined_to[name]:.0f} %)" for name in search.undetermined
         )
-        yield f"  hardly determined, as others make up for it: {names}"
+        yield f"  hardly determined by the targets: {names}"
 
 
 def _unmet(designed: Designed, conflict: Conflict | None) -> Iterator[str]:
@@ -54,7 +52,7 @@ def _unmet(designed: Designed, conflict: Conflict | None) -> Iterator[str]:
     trial = search.trials[search.best]
     wanted = (*designed.request.targets, *designed.request.subject_to)
     for target, off_by in zip(wanted, trial.off_by, strict=True):
-        if off_by is not None and off_by > _allowed(target):
+        if off_by is not None and off_by > target.allowance:
             yield f"not met: {target.text}: the nearest is off by {off_by:.4g}"
     if search.held_by:
         yield f"held back by {', '.join(search.held_by)}: widen it, or relax a target"
@@ -63,7 +61,3 @@ def _unmet(designed: Designed, conflict: Conflict | None) -> Iterator[str]:
         yield f"{one!r} and {other!r} pull apart; no bound holds it back"
     else:
         yield "no bound holds it back: let more vary, add designs, or raise the budget"
-
-
-def _allowed(target: Target) -> float:
-    return scale_of(target) if target.curve or target.low == target.high else 0.0

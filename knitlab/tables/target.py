@@ -65,12 +65,23 @@ class Target:
         subject = f"{self.reduction}({self.name})" if self.reduction else self.name
         return f"{subject} @ {self.window}" if self.window else subject
 
+    @property
+    def allowance(self) -> float:
+        """Distance that still counts as met: the tolerance of a value or curve, 0 of a range."""
+        single = self.curve is not None or self.low == self.high
+        return self.tolerance or 0.0 if single else 0.0
+
     def bounds(self, strains: np.ndarray) -> tuple[np.ndarray | float, np.ndarray | float]:
         """Lowest and highest values that meet it, at strains of its window."""
         if self.curve is None:
             return self.low, self.high
         wanted = np.interp(strains, *self.curve)
         return wanted, wanted
+
+    def allowed(self, strains: np.ndarray) -> tuple[np.ndarray | float, np.ndarray | float]:
+        """The same with what still counts as met."""
+        low, high = self.bounds(strains)
+        return low - self.allowance, high + self.allowance
 
     def departure(self, values: np.ndarray, strains: np.ndarray) -> np.ndarray:
         """How far values at some strains lie above (+) or below (−) what is wanted, 0 inside."""
@@ -114,13 +125,16 @@ class CurveTable(StrictModel):
         )
 
 
-def read_target(given: str | Mapping[str, Any] | Target, source: str = "target") -> Target:
+def read_target(
+    given: str | Mapping[str, Any] | Target, source: str = "target", folder: Path = Path()
+) -> Target:
     """A target from its text, see :func:`parse_target`, or from a table of a wanted curve.
 
     Args:
         given: the text, ``{"name": …, "applied_strain": […], "value": […], "tolerance": …}``, or
             a target, which is returned.
         source: the argument that it was given by, for a fault.
+        folder: that the path of a curve's file is relative to.
 
     Raises:
         BadInput: with everything that is wrong in it.
@@ -133,20 +147,21 @@ def read_target(given: str | Mapping[str, Any] | Target, source: str = "target")
     if isinstance(given, Target):
         return given
     if isinstance(given, str):
-        return parse_target(given, source)
+        return parse_target(given, source, folder)
     try:
         return CurveTable.model_validate(dict(given)).target()
     except ValidationError as error:
         raise BadInput(faults_of(error, source)) from error
 
 
-def parse_target(text: str, source: str = "target") -> Target:
+def parse_target(text: str, source: str = "target", folder: Path = Path()) -> Target:
     """Read a target.
 
     Args:
         text: a variable, a relation and a number, with ``± TOLERANCE`` and ``@ WINDOW`` if
             wanted; see :data:`FORMS`.
         source: the argument that it was given by, for a fault.
+        folder: that the path of a curve's file is relative to.
 
     Raises:
         BadInput: if it cannot be read.
@@ -158,7 +173,7 @@ def parse_target(text: str, source: str = "target") -> Target:
     """
     where = f"{source} {text}"
     if curve := _CURVE.fullmatch(text):
-        return _curve_of_file(curve, text, where)
+        return _curve_of_file(curve, text, where, folder)
     match = _ONE_SIDED.fullmatch(text) or _TWO_SIDED.fullmatch(text)
     if match is None:
         raise fault(where, f"cannot be read; write one of {FORMS}")
@@ -191,9 +206,9 @@ def _tolerance(text: str | None, where: str) -> float | None:
     return float(text)
 
 
-def _curve_of_file(match: re.Match[str], text: str, where: str) -> Target:
+def _curve_of_file(match: re.Match[str], text: str, where: str, folder: Path) -> Target:
     """A target whose values are the columns ``strain`` and the variable's name of a CSV file."""
-    path, name = Path(match["path"]), match["name"]
+    path, name = folder / match["path"], match["name"]
     headers, table = read_table(path, CURVE_EXAMPLE)
     names = [header.partition("[")[0].strip() for header in headers]
     columns = {}

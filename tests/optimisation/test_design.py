@@ -120,6 +120,36 @@ def test_constraints_are_kept(tmp_path):
 
 
 @pytest.mark.slow
+def test_a_search_that_starts_on_a_bound_leaves_it(tmp_path):
+    found = designed(
+        tmp_path,
+        targets="poisson_ratio = -0.3 ± 0.03 @ 0.05:0.1",
+        vary=SMALL | {"k_t_factor": [1.0, 2.0]},
+    )
+    (search,) = found.searches
+    assert search.held_by == ["k_t_factor <= 2"]
+    assert search.trials[search.best].distance < 0.6 * search.trials[0].distance
+
+
+@pytest.mark.slow
+def test_candidates_that_keep_the_constraints_come_first_and_a_smaller_budget_leaves_fewer(
+    tmp_path,
+):
+    asked = {
+        "targets": "poisson_ratio = -0.4 ± 0.03 @ 0.05",
+        "subject_to": "knit_cell_x < 9",
+        "vary": {"n_stripe": [4], "n_subunit": [8, 16], "k_t_factor": [0.9, 1.1]},
+    }
+    found = designed(tmp_path, **asked, budget=6)
+    assert found.table["n_subunit"].tolist() == [8, 16]
+    assert found.table["violation"].iloc[0] == 0 < found.table["violation"].iloc[1]
+    assert found.table["distance"].iloc[0] > found.table["distance"].iloc[1]
+    fewer = designed(tmp_path, **asked, budget=1)
+    assert len(fewer.table) == len(fewer.workflows) == 1
+    assert len(list(fewer.folder.glob("candidate_*.toml"))) == 1
+
+
+@pytest.mark.slow
 def test_a_budget_of_one_is_one_simulation(tmp_path):
     found = designed(tmp_path, targets="poisson_ratio = -0.2 @ 0.1", budget=1)
     assert found.simulations == len(found.trials) == 1
@@ -161,6 +191,10 @@ def test_own_functions_of_the_shape_can_be_wanted(tmp_path):
         tmp_path, targets="thickness = 0.72 ± 0.01 @ 0.1", measures={"thickness": thickness}
     )
     assert found.searches[0].methods == ["least squares"]
+    again = designed(
+        tmp_path, targets="thickness = 0.72 ± 0.01 @ 0.1", measures={"thickness": thickness}
+    )
+    assert again.trials.equals(found.trials)
     reached = found.cube["thickness"].sel(applied_strain=0.1).item()
     assert reached == pytest.approx(0.72, abs=0.01)
     with pytest.raises(kl.BadInput, match="workers"):

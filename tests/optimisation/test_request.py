@@ -21,6 +21,9 @@ def test_a_target_without_a_tolerance_has_a_twentieth_of_its_value():
     ("changes", "message"),
     [
         ({"targets": []}, "targets"),
+        ({"targets": 3}, "targets"),
+        ({"subject_to": 3}, "subject_to"),
+        ({"vary": [1, 2]}, "vary"),
         ({"targets": ["poisson_ratio"]}, "cannot be read"),
         ({"vary": {"rib_kt": [1, 2]}}, "unknown variable 'rib_kt'|no variable 'rib_kt'"),
         ({"vary": {"rib_k_t": [2, 1]}}, "lowest and highest value"),
@@ -67,6 +70,8 @@ def test_a_curve_is_read_from_a_table_or_a_file(tmp_path):
     assert of_file.curve == of_table.curve
     assert of_file.tolerance == 0.02
     assert of_file.bounds(0.15)[0] == pytest.approx(-0.3)
+    (tmp_path / "wish.toml").write_text('targets = "poisson_ratio = wanted.csv"\n')
+    assert read_request(tmp_path / "wish.toml").targets[0].curve == of_table.curve
     path.write_text("strain [1],ratio [1]\n0.1,-0.4\n")
     with pytest.raises(BadInput, match="column poisson_ratio"):
         request(targets=[f"poisson_ratio = {path}"])
