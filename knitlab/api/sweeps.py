@@ -15,6 +15,7 @@ from knitlab.execution.status import FolderStatus, workflow_status
 from knitlab.io.errors import Fault
 from knitlab.io.plain_cube import CUBE
 from knitlab.study.plan import Plan, make_plan
+from knitlab.tables import accessor as _accessor  # noqa: F401  (registers cube.knitlab)
 
 RESULTS = Path("results")
 """Folder that holds a folder of results for each workflow, unless another is named."""
