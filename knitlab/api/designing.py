@@ -4,14 +4,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from knitlab.api.finding import Wanted
+from knitlab.api.finding import Wanted, listed
 from knitlab.api.measures import Measure
 from knitlab.api.sweeps import RESULTS
 from knitlab.io.errors import fault
 from knitlab.optimisation.conflict import conflict_of
 from knitlab.optimisation.design import BUDGET, Designed, DesignOptions, run_design
 from knitlab.optimisation.request import DesignRequest, checked_request, read_request
-from knitlab.tables.target import Target
 
 MOST = 1_000_000
 """Simulations of a design whose budget is a time."""
@@ -94,7 +93,7 @@ def design(
         request = checked_request(
             name,
             {
-                **{key: _listed(its) for key, its in given.items()},
+                **{key: listed(its) for key, its in given.items()},
                 "vary": vary or {},
                 "workflow": str(workflow),
                 "cubes": [str(cube) for cube in from_cubes],
@@ -177,7 +176,3 @@ def draw(designed: Designed) -> list[Path]:
                 files.append(designed.folder / "figures" / f"{name}.{suffix}")
                 save(figure, files[-1])
     return files
-
-
-def _listed(given: Wanted | Sequence[Wanted]) -> list[Wanted]:
-    return [given] if isinstance(given, str | Mapping | Target) else list(given)

@@ -67,6 +67,11 @@ def find(
     return find_designs(plain, wanted, required, most)
 
 
+def listed(given: Wanted | Sequence[Wanted]) -> list[Wanted]:
+    """One or several targets as a list."""
+    return [given] if isinstance(given, str | Mapping | Target) else list(given)
+
+
 def read_targets(given: Wanted | Sequence[Wanted], source: str) -> list[Target]:
     """Targets, each from its text or table.
 
@@ -79,7 +84,7 @@ def read_targets(given: Wanted | Sequence[Wanted], source: str) -> list[Target]:
     """
     faults = ErrorCollector()
     found: list[Target] = []
-    for one in [given] if isinstance(given, str | Mapping | Target) else given:
+    for one in listed(given):
         with faults:
             found.append(read_target(one, source))
     if faults.all:

@@ -1,7 +1,6 @@
 """Own functions of the shape of a fabric, along a test, with their derivatives."""
 
 import json
-from collections.abc import Callable
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,10 +14,8 @@ from knitlab.mechanics.adjoint import Adjoint
 from knitlab.mechanics.linear_response import NoDerivative
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, StripePair, fabric_layout
+from knitlab.optimisation.quantities import Measure
 from knitlab.simulation.case import Case, case_of
-
-Measure = Callable[[Configuration], Float[Array, ""]]
-"""A number read off the shape of a fabric, in JAX."""
 
 
 def evaluate(test: xr.Dataset, *, sensitivities: bool = True, **measures: Measure) -> xr.Dataset:

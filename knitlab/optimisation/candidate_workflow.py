@@ -34,11 +34,11 @@ def write_workflow(
     Raises:
         CannotWrite: if it cannot be written.
     """
-    if search.best is None:
+    if search.winner is None:
         raise TypeError("a search without a trial that converged has no workflow")
     base = workflow_file(space.workflow)
     table: dict[str, Any] = read_toml(base)
-    place = np.array(search.trials[search.best].place)
+    place = np.array(search.winner.place)
     n_stripe, n_subunit = search.design
     settings = {
         **space.settings,

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -26,14 +27,14 @@ from knitlab.optimisation.objective import (
     Objective,
     all_met,
     check_targets,
-    scale_of,
+    distance_of,
     violation_of,
 )
 from knitlab.optimisation.quantities import Measures
 from knitlab.optimisation.request import DesignRequest
 from knitlab.optimisation.search import SearchResult, TrialRecord
 from knitlab.optimisation.search_jobs import SEARCHES, TRIALS, SearchJob, run_searches
-from knitlab.optimisation.search_space import SearchSpace, search_space
+from knitlab.optimisation.search_space import DesignLabels, SearchSpace, search_space
 from knitlab.optimisation.starts import starting_designs
 from knitlab.optimisation.trial import run_trial
 from knitlab.simulation.case import Case
@@ -166,7 +167,7 @@ def run_design(
     workflows = tuple(
         write_workflow(folder / f"candidate_{number}.toml", request, space, search)
         for number, search in enumerate(searches, start=1)
-        if search.best is not None
+        if search.winner is not None
     )
     trials = trials_table(request, searches)
     with atomic_write(folder / "trials.csv") as temporary:
@@ -193,7 +194,7 @@ def _check_folder(request: DesignRequest, folder: Path) -> None:
 def _jobs(
     space: SearchSpace,
     objective: Objective,
-    starts: Sequence[tuple[int, int]],
+    starts: Sequence[DesignLabels],
     options: DesignOptions,
     budget: int,
     began: float,
@@ -215,7 +216,6 @@ def _jobs(
 def _searched(
     jobs: Sequence[SearchJob], folder: Path, options: DesignOptions
 ) -> list[SearchResult]:
-    labels = {job.start.case_id: job.design for job in jobs}
     best = np.inf
     with tqdm(
         total=None if options.minutes else sum(job.budget for job in jobs),
@@ -224,11 +224,11 @@ def _searched(
         bar_format="{n_fmt}/{total_fmt} simulations |{bar}| {elapsed} elapsed, {desc}",
     ) as bar:
 
-        def progress(case_id: str, distance: float) -> None:
+        def progress(design: DesignLabels, distance: float) -> None:
             nonlocal best
             if distance < best:
                 best = distance
-                bar.set_description_str(f"best distance {best:.3g} by {labels[case_id]}")
+                bar.set_description_str(f"best distance {best:.3g} by {design}")
             bar.update()
 
         return run_searches(jobs, folder, options.workers, progress)
@@ -239,13 +239,10 @@ def _candidates_plan(
 ) -> Plan:
     """The best trial of each search, to be tested from the start with siblings."""
     cases: dict[str, Case] = {}
-    gauge: Gauge | None = None
     for number, search in enumerate(searches, start=1):
-        if search.best is None:
+        if search.winner is None:
             continue
-        plan = space.plan(search.design, {})
-        gauge = gauge or plan.gauge
-        case, _ = space.case(search.design, np.array(search.trials[search.best].place))
+        case, _ = space.case(search.design, np.array(search.winner.place))
         labels = {**case.design, "candidate": number}
         tested = replace(case, design=labels, robustness=request.robustness)
         cases[tested.case_id] = tested
@@ -260,7 +257,7 @@ def _candidates_plan(
         overrides=(),
         inputs={},
         stripes=text_fingerprint(request.fingerprint),
-        gauge=gauge or space.plan(space.designs[0], {}).gauge,
+        gauge=space.plan(space.designs[0], {}).gauge,
     )
 
 
@@ -279,12 +276,12 @@ def _completed(
     sizes = {name: cube[name].values.copy() for name in (*ALONG_X, *ALONG_Y)}
     stitches = {name: np.full(cube["status"].shape, np.nan) for name in declared(Gauge)}
     for number, search in enumerate(searches, start=1):
-        if search.best is None:
+        if search.winner is None:
             continue
-        case, gauge = space.case(search.design, np.array(search.trials[search.best].place))
+        case, gauge = space.case(search.design, np.array(search.winner.place))
         trial = run_trial(folder / TRIALS, case, gauge, measures)
         labels = case.design | {"candidate": number}
-        place = tuple(int(np.flatnonzero(cube[dim].values == labels[str(dim)])[0]) for dim in dims)
+        place = _place(cube, labels)
         for name, values in own.items():
             values[place] = trial.values(name)
         for name, values in sizes.items():
@@ -307,11 +304,7 @@ def _ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
     found = find_designs([PlainCube.of(cube)], [*wanted, *held])
     reached, constraints = found.reached[: len(wanted)], found.reached[len(wanted) :]
 
-    def distances(off_by: Sequence[np.ndarray]) -> np.ndarray:
-        scaled = [its / scale_of(target) for its, target in zip(off_by, wanted, strict=True)]
-        return np.sqrt(np.mean(np.square(scaled), axis=0))
-
-    worst = distances([its.worst for its in reached])
+    worst = distance_of(wanted, [its.worst for its in reached])
     violation = np.array(
         [
             violation_of(held, [its.worst[place] for its in constraints])
@@ -319,7 +312,7 @@ def _ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
         ]
     )
     order = np.lexsort((worst, violation))
-    table = found.table.assign(distance=distances([its.off_by for its in reached]))
+    table = found.table.assign(distance=distance_of(wanted, [its.off_by for its in reached]))
     table.insert(list(table.columns).index("distance") + 1, WORST, worst)
     if held:
         table.insert(list(table.columns).index(WORST) + 1, "violation", violation)
@@ -331,14 +324,18 @@ def _ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
 
 
 def _with_distances(cube: xr.Dataset, found: Found) -> xr.Dataset:
-    dims = [str(dim) for dim in cube["status"].dims]
     for name in ("distance", WORST):
         values = np.full(cube["status"].shape, np.nan)
         for _, row in found.table.iterrows():
-            place = tuple(int(np.flatnonzero(cube[dim].values == row[dim])[0]) for dim in dims)
-            values[place] = row[name]
-        cube[name] = (dims, values)
+            values[_place(cube, row)] = row[name]
+        cube[name] = (cube["status"].dims, values)
     return described(cube)
+
+
+def _place(cube: xr.Dataset, labels: Mapping[str, Any] | pd.Series) -> tuple[int, ...]:
+    """Where the candidate of some labels is along the dimensions of the designs."""
+    dims = map(str, cube["status"].dims)
+    return tuple(int(np.flatnonzero(cube[dim].values == labels[dim])[0]) for dim in dims)
 
 
 def trials_table(request: DesignRequest, searches: Sequence[SearchResult]) -> pd.DataFrame:

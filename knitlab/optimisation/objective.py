@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -36,6 +37,17 @@ def scale_of(target: Target) -> float:
     if target.tolerance is None:
         raise TypeError(f"target {target.text} has no tolerance")
     return target.tolerance
+
+
+def distance_of(targets: Sequence[Target], off_by: Sequence[Any]) -> Any:
+    """Root mean square of distances from targets, each over its tolerance.
+
+    Args:
+        targets: the targets.
+        off_by: distance from each, in the unit of its variable: numbers, or arrays over trials.
+    """
+    scaled = [off / scale_of(its) for off, its in zip(off_by, targets, strict=True)]
+    return np.sqrt(np.mean(np.square(scaled), axis=0))
 
 
 def all_met(targets: Sequence[Target], off_by: Sequence[float]) -> bool:
@@ -109,21 +121,17 @@ class Objective:
             found.append(float(np.sqrt(weights @ excess**2)))
         return found
 
-    def distance(self, trial: Trial) -> float:
-        """Root mean square of the distances from the targets, each over its scale."""
-        off_by = self.off_by(trial)[: len(self.targets)]
-        scaled = [off / scale_of(its) for off, its in zip(off_by, self.targets, strict=True)]
-        return float(np.sqrt(np.mean(np.square(scaled))))
+    def distance(self, off_by: Sequence[float]) -> float:
+        """Distance of what is so far off from the targets, see :func:`distance_of`."""
+        return float(distance_of(self.targets, off_by[: len(self.targets)]))
 
-    def violation(self, trial: Trial) -> float:
-        """Largest distance from a constraint, past what is allowed, over its tolerance."""
-        off_by = self.off_by(trial)[len(self.targets) :]
-        return violation_of(self.subject_to, off_by)
+    def violation(self, off_by: Sequence[float]) -> float:
+        """Violation of the constraints, see :func:`violation_of`."""
+        return violation_of(self.subject_to, off_by[len(self.targets) :])
 
-    def met(self, trial: Trial) -> bool:
-        """Whether a trial is within a tolerance of each wanted value, and within each range."""
-        wanted = (*self.targets, *self.subject_to)
-        return all_met(wanted, self.off_by(trial))
+    def met(self, off_by: Sequence[float]) -> bool:
+        """Whether all is within a tolerance of each wanted value, and within each range."""
+        return all_met((*self.targets, *self.subject_to), off_by)
 
     def residuals(self, trial: Trial) -> Residuals:
         """Rows whose sum of squares is the squared distance of what the search aims at."""

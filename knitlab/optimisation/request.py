@@ -17,6 +17,7 @@ from knitlab.io.suggestions import unknown
 from knitlab.io.toml import read_toml
 from knitlab.measure.knit_size import Gauge
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
+from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.study.declared_fields import declared
 from knitlab.study.settings import SETTINGS
 from knitlab.tables.target import Target, read_target
@@ -25,12 +26,10 @@ COUNTS = ("n_stripe", "n_subunit")
 """What may vary in whole numbers, as a list."""
 PARAMETERS = (*STRIPE_PARAMETERS, *declared(Gauge))
 """Numbers of stripes and gauge that what varies acts on."""
-SHARED = ("period", "k_s", "k_t", "theta_0")
-"""Quantities of both stripes, which ``k_t_factor`` and the like multiply."""
 VARIABLES = (
     *STRIPE_PARAMETERS,
     *(f"{name}_factor" for name in STRIPE_PARAMETERS),
-    *(f"{name}_factor" for name in SHARED),
+    *(f"{name}_factor" for name in STRIPE_QUANTITIES),
     *declared(Gauge),
 )
 """What may vary within bounds."""

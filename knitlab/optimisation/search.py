@@ -92,6 +92,11 @@ class SearchResult:
     determined_to: dict[str, float] = field(default_factory=dict)
     undetermined: list[str] = field(default_factory=list)
 
+    @property
+    def winner(self) -> TrialRecord | None:
+        """The best trial, if any converged."""
+        return None if self.best is None else self.trials[self.best]
+
     def record(self) -> dict[str, Any]:
         """The result as JSON holds it."""
         return asdict(self)
@@ -193,9 +198,9 @@ class Search:
             converged=trial.converged,
             snapped=trial.snapped,
             off_by=[float(one) if np.isfinite(one) else None for one in off_by],
-            distance=self.objective.distance(trial) if known else None,
-            violation=self.objective.violation(trial) if known else None,
-            met=known and self.objective.met(trial),
+            distance=self.objective.distance(off_by) if known else None,
+            violation=self.objective.violation(off_by) if known else None,
+            met=known and self.objective.met(off_by),
         )
 
     def _by_gradients(self, start: Place) -> None:

@@ -1,7 +1,7 @@
 """Searches as jobs of the workers: one start each, its result kept as a JSON file."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -63,7 +63,10 @@ class SearchJob:
 
 
 def run_searches(
-    jobs: Sequence[SearchJob], folder: Path, workers: int, progress: Progress
+    jobs: Sequence[SearchJob],
+    folder: Path,
+    workers: int,
+    progress: Callable[[DesignLabels, float], None],
 ) -> list[SearchResult]:
     """Run searches, each in one worker.
 
@@ -73,16 +76,20 @@ def run_searches(
         jobs: the searches.
         folder: of the results of the design.
         workers: processes on this machine; 0 for this process.
-        progress: called with the start's identifier and the distance of each trial.
+        progress: called with the design and the distance of each trial.
 
     Raises:
         BadInput: with the reason of every search that failed.
     """
-    by_start = {job.start.case_id: job for job in jobs}
-    starts = {case_id: job.start for case_id, job in by_start.items()}
+    starts = {start.case_id: start for start in (job.start for job in jobs)}
+    by_start = dict(zip(starts, jobs, strict=True))
+
+    def reported(case_id: str, distance: float) -> None:
+        progress(by_start[case_id].design, distance)
+
     task = Task(partial(_search_batch, by_start), folder)
     errors: dict[str, BatchError] = {}
-    with pool_of(task, min(workers, len(jobs)), None, False, progress) as pool:
+    with pool_of(task, min(workers, len(jobs)), None, False, reported) as pool:
         for batch, error in pool([(case,) for case in starts.values()]):
             if error is not None:
                 errors[batch[0].case_id] = error

@@ -49,7 +49,7 @@ class SearchSpace:
         return dict(zip(self.names, np.exp(logarithms).tolist(), strict=True))
 
     def place_of(self, values: Mapping[str, float]) -> Place:
-        """The place of values of the variables; the inverse of :meth:`values`."""
+        """The place of values, or the nearest within the bounds; the inverse of :meth:`values`."""
         logarithms = np.log([values[name] for name in self.names])
         return np.clip((logarithms - self.lower) / (self.upper - self.lower), 0, 1)
 
@@ -91,13 +91,12 @@ class SearchSpace:
         """The place of the tables' values, or the nearest within the bounds."""
         plan = self.plan(design, {})
         (case,) = plan.cases.values()
-        known = [
-            1.0
-            if name.endswith("_factor")
-            else float(_number(name, {"weft": case.weft, "warp": case.warp}, plan.gauge))
+        stripes = {"weft": case.weft, "warp": case.warp}
+        known = {
+            name: 1.0 if name.endswith("_factor") else _number(name, stripes, plan.gauge)
             for name in self.names
-        ]
-        return np.clip((np.log(known) - self.lower) / (self.upper - self.lower), 0, 1)
+        }
+        return self.place_of(known)
 
     def acts_on(self) -> Float[np.ndarray, "parameter variable"]:
         """How the logarithm of each parameter of stripes and gauge follows each place."""

@@ -24,9 +24,9 @@ def summary(designed: Designed, conflict: Conflict | None) -> list[str]:
 
 
 def _of_candidate(number: int, search: SearchResult) -> Iterator[str]:
-    if search.best is None:
+    trial = search.winner
+    if trial is None:
         return
-    trial = search.trials[search.best]
     values = ", ".join(f"{name} {value:.4g}" for name, value in trial.values.items())
     n_stripe, n_subunit = search.design
     yield f"candidate {number}: n_stripe {n_stripe}  n_subunit {n_subunit}  {values}".rstrip()
@@ -42,14 +42,11 @@ def _of_candidate(number: int, search: SearchResult) -> Iterator[str]:
 
 
 def _unmet(designed: Designed, conflict: Conflict | None) -> Iterator[str]:
-    number = int(designed.table["candidate"].iloc[0]) if len(designed.table) else None
-    nearest = [its for its in designed.searches if its.best is not None]
-    if number is not None:
-        nearest = [designed.searches[number - 1]]
-    search = nearest[0]
-    if search.best is None:
+    found = [designed.searches[int(number) - 1] for number in designed.table["candidate"]]
+    search = [*found, *(its for its in designed.searches if its.winner is not None)][0]
+    trial = search.winner
+    if trial is None:
         return
-    trial = search.trials[search.best]
     wanted = (*designed.request.targets, *designed.request.subject_to)
     for target, off_by in zip(wanted, trial.off_by, strict=True):
         if off_by is not None and off_by > target.allowance:
