@@ -7,8 +7,12 @@ for an answer. So what holds the other end knows where it is, without a look at 
 import os
 import signal
 import socket
+import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
 
 
 def pause_before_changes(channel: socket.socket, folder: Path, suffix: str = "") -> None:
@@ -41,6 +45,33 @@ def await_changes(channel: socket.socket, count: int) -> None:
         if number:
             channel.send(b".")
         assert channel.recv(1), f"the process ended after {number} changes of files"
+
+
+PROGRAM = """
+import socket, sys
+from pathlib import Path
+from tests.file_events import pause_before_changes
+pause_before_changes(socket.socket(fileno=int(sys.argv.pop())), Path.cwd(), ".nc")
+from knitlab.cli import main
+main()
+"""
+
+
+def kill_command(folder: Path, words: Sequence[str], changes: int) -> None:
+    """Run ``knitlab`` in a folder, and kill it before it changes so many netCDF files."""
+    ours, theirs = socket.socketpair()
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, *words, str(theirs.fileno())],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])},
+        pass_fds=[theirs.fileno()],
+        stderr=subprocess.DEVNULL,
+    )
+    theirs.close()
+    with ours:
+        await_changes(ours, changes)
+        process.kill()
+        process.wait()
 
 
 def kill(pid: int) -> None:

@@ -10,12 +10,12 @@ from jaxtyping import Array, Float
 from knitlab.io.case_file import configurations
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
-from knitlab.mechanics.adjoint import Adjoint
 from knitlab.mechanics.linear_response import NoDerivative
 from knitlab.model.configuration import Configuration
-from knitlab.model.fabric import Fabric, StripePair, fabric_layout
+from knitlab.model.fabric import Fabric, StripePair
 from knitlab.optimisation.quantities import Measure
 from knitlab.simulation.case import Case, case_of
+from knitlab.simulation.stripe_sensitivity import adjoint_of
 
 
 def evaluate(test: xr.Dataset, *, sensitivities: bool = True, **measures: Measure) -> xr.Dataset:
@@ -94,8 +94,7 @@ def _slopes(
 
     slopes = np.full((len(strains), len(measures), len(STRIPE_PARAMETERS)), np.nan)
     try:
-        layout = fabric_layout(case.sample, case.sheet, case.reading)
-        adjoint = Adjoint(layout, stripes, shapes[0])
+        adjoint = adjoint_of(case, shapes[0])
     except NoDerivative:
         return slopes
     for place in np.flatnonzero(reached):

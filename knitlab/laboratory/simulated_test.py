@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
-from knitlab.mechanics.adjoint import Adjoint
 from knitlab.mechanics.domain_decomposition import find_equilibrium_by_subdomains
 from knitlab.mechanics.equilibrium_search import SearchRules
 from knitlab.mechanics.executor import run
@@ -18,11 +17,11 @@ from knitlab.mechanics.relaxation import relax
 from knitlab.mechanics.solver import Evaluate, Solver
 from knitlab.mechanics.state import State, TensileTest
 from knitlab.mechanics.tensile_test import stretch
-from knitlab.model.fabric import Fabric, StripePair, fabric_layout
+from knitlab.model.fabric import Fabric, StripePair
 from knitlab.model.network import Network
 from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import starts
-from knitlab.simulation.stripe_sensitivity import measured_by
+from knitlab.simulation.stripe_sensitivity import adjoint_of, measured_by
 
 QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")
 """Quantities measured in a test, in this order."""
@@ -50,8 +49,7 @@ class SimulatedTest:
         """
         case, (relaxed, *strained) = self.case, self.test.states
         stripes = StripePair.of(case.weft, case.warp)
-        layout = fabric_layout(case.sample, case.sheet, case.reading)
-        adjoint = Adjoint(layout, stripes, relaxed.configuration)
+        adjoint = adjoint_of(case, relaxed.configuration)
         measure = measured_by(case.mesh_shape, case.unit_cells, QUANTITIES)
         found = [
             logarithmic(adjoint.of_strained(strain, state.configuration, measure), stripes)

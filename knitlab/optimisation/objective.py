@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.io.errors import BadInput, Fault
+from knitlab.io.errors import BadInput, ErrorCollector, Fault
 from knitlab.io.schema import VARIABLES
 from knitlab.io.suggestions import unknown
 from knitlab.optimisation.quantities import ALONG_STRAIN, OF_DESIGN
@@ -15,7 +15,7 @@ from knitlab.optimisation.trial import Slopes, Trial
 from knitlab.simulation.case import Case
 from knitlab.simulation.measurement import variables_of
 from knitlab.tables.strain_window import REDUCTIONS, STRAIN, gradient
-from knitlab.tables.target import Target
+from knitlab.tables.target import Target, check_window
 
 OF_PLANS = ("design", "stripes", "cloth")
 """Kinds of variables that follow from a case without its file."""
@@ -230,7 +230,7 @@ def check_targets(targets: Sequence[Target], measures: Sequence[str], case: Case
     Raises:
         BadInput: with all of them.
     """
-    faults = []
+    faults = ErrorCollector()
     there = variables_of(case)
     known = {
         name: STRAIN in its.dims
@@ -240,15 +240,12 @@ def check_targets(targets: Sequence[Target], measures: Sequence[str], case: Case
     for target in targets:
         place = f"target {target.text}"
         if target.name not in known:
-            faults.append(Fault(place, unknown(target.name, sorted(known), "variable")))
+            faults.all.append(Fault(place, unknown(target.name, sorted(known), "variable")))
         elif target.name.startswith("poisson_ratio") and case.all_corners_held:
             problem = "a sample of one unit cell between clamps has none; add unit_cells"
-            faults.append(Fault(place, problem))
-        elif known[target.name] and target.window is None:
-            problem = f"{target.name} lies along {STRAIN}; add @ STRAIN or @ FROM:TO"
-            faults.append(Fault(place, problem))
-        elif not known[target.name] and (target.window or target.reduction):
-            problem = f"{target.name} is one number of a design; leave out the window"
-            faults.append(Fault(place, problem))
-    if faults:
-        raise BadInput(faults)
+            faults.all.append(Fault(place, problem))
+        else:
+            with faults:
+                check_window(target, known[target.name], place)
+    if faults.all:
+        raise BadInput(faults.all)

@@ -23,13 +23,13 @@ from knitlab.io.design_status import Status
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.measure.knit_size import Gauge
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
-from knitlab.mechanics.adjoint import Adjoint
 from knitlab.model.configuration import Configuration
-from knitlab.model.fabric import StripePair, fabric_layout
+from knitlab.model.fabric import StripePair
 from knitlab.optimisation.quantities import OF_CLOTH, OF_DESIGN, Measures, of_relaxed, of_strained
 from knitlab.optimisation.request import PARAMETERS
 from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import simulated
+from knitlab.simulation.stripe_sensitivity import adjoint_of
 from knitlab.study.gauge import sizes_of
 from knitlab.tables.strain_window import STRAIN, without_gap_at_zero
 
@@ -106,11 +106,21 @@ class Trial:
         Raises:
             NoDerivative: if a state is no stable equilibrium, as at a snap.
         """
+        key = tuple(names), needed.tobytes()
+        if key not in self._known_slopes:
+            self._known_slopes[key] = self._derived(names, needed)
+        return self._known_slopes[key]
+
+    @cached_property
+    def _known_slopes(self) -> dict[tuple[tuple[str, ...], bytes], dict[str, Slopes]]:
+        """Derivatives that were taken: a constrained search asks for them twice."""
+        return {}
+
+    def _derived(self, names: Sequence[str], needed: np.ndarray) -> dict[str, Slopes]:
         case, shape = self.case, self.case.mesh_shape
         stripes = StripePair.of(case.weft, case.warp)
-        layout = fabric_layout(case.sample, case.sheet, case.reading)
         shapes = jax.tree.map(np.asarray, self._shapes)
-        adjoint = Adjoint(layout, stripes, shapes[0])
+        adjoint = adjoint_of(case, shapes[0])
         along = tuple(name for name in names if name not in OF_DESIGN)
         of_design = tuple(name for name in names if name in OF_DESIGN)
         found: dict[str, Slopes] = {
@@ -132,7 +142,7 @@ class Trial:
         if of_design:
             measure = of_relaxed(shape, case.unit_cells, of_design)
             rows = logarithmic(adjoint.of_relaxed(measure), stripes)
-            relaxed = np.asarray(measure(shapes[0], shapes[0], layout.fabric(stripes)))
+            relaxed = np.asarray(measure(shapes[0], shapes[0], case.assemble()[1]))
             for name, row, reference in zip(of_design, rows, relaxed, strict=True):
                 value = self.values(name)[0]
                 found[name][0, :STRIPE_COUNT] = row * value / reference

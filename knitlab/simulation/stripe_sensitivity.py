@@ -48,6 +48,20 @@ def measured_by(
     return lambda q0, q, fabric: jnp.stack([quantity(q0, q, fabric) for quantity in chosen])
 
 
+def adjoint_of(case: Case, relaxed: Configuration) -> Adjoint:
+    """Derivatives along the test of a case by the numbers of its stripes.
+
+    Args:
+        case: the case.
+        relaxed: its relaxed shape.
+
+    Raises:
+        NoDerivative: if that is no stable equilibrium.
+    """
+    layout = fabric_layout(case.sample, case.sheet, case.reading)
+    return Adjoint(layout, StripePair.of(case.weft, case.warp), relaxed)
+
+
 def sensitivities(
     case: Case, reached: Sequence[State]
 ) -> dict[str, Float[np.ndarray, "strain parameter"]]:
@@ -65,8 +79,7 @@ def sensitivities(
     found = np.full((len(QUANTITIES), len(reached), len(STRIPE_PARAMETERS)), np.nan)
     relaxed, *strained = reached
     try:
-        layout = fabric_layout(case.sample, case.sheet, case.reading)
-        adjoint = Adjoint(layout, stripes, relaxed.configuration)
+        adjoint = adjoint_of(case, relaxed.configuration)
     except NoDerivative:
         strained = []
     for place, state in enumerate(strained, start=1):

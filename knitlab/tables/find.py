@@ -11,7 +11,7 @@ from knitlab.io.errors import fault
 from knitlab.io.plain_cube import PlainCube
 from knitlab.tables.candidates import Candidates
 from knitlab.tables.strain_window import REDUCTIONS, root_mean_square
-from knitlab.tables.target import Target
+from knitlab.tables.target import Target, check_window
 
 DISTANCE = "distance"
 COVERED = {True: "yes", False: "no", None: "unknown"}
@@ -131,16 +131,13 @@ def reach(candidates: Candidates, target: Target) -> Reached:
         BadInput: if the target names what the cubes do not have, or needs a window of strain.
     """
     source = f"target {target.text}"
-    if not candidates.lies_along_strain(target.name, source):
-        if target.window is not None or target.reduction is not None:
-            raise fault(source, f"{target.name} is one number of a design; leave out the window")
+    check_window(target, candidates.lies_along_strain(target.name, source), source)
+    if target.window is None:
         values = candidates.numbers(target.name)
         none = np.zeros(0)
         off_by = target.excess(values, none)
         covered = _covered(target, none, [], len(values))
         return Reached(target, none, values[:, None], values, off_by, off_by, covered)
-    if target.window is None:
-        raise fault(source, f"{target.name} lies along applied_strain; add @ STRAIN or @ FROM:TO")
     at, curves = candidates.curves(target.name, target.window)
     band = [
         candidates.curves(f"{target.name}_{side}", target.window)[1]

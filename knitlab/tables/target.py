@@ -12,7 +12,7 @@ from pydantic import Field, PositiveFloat, ValidationError, model_validator
 from knitlab.io.errors import BadInput, fault, faults_of
 from knitlab.io.strict_model import StrictModel
 from knitlab.io.table_file import numbers_of, read_table
-from knitlab.tables.strain_window import REDUCTIONS, StrainWindow
+from knitlab.tables.strain_window import REDUCTIONS, STRAIN, StrainWindow
 
 Relation = Literal["=", "<", ">"]
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -123,6 +123,23 @@ class CurveTable(StrictModel):
             window,
             curve=(self.applied_strain, self.value),
         )
+
+
+def check_window(target: Target, along_strain: bool, source: str) -> None:
+    """Refuse a target that lacks its window of strain, or has one without need.
+
+    Args:
+        target: the target.
+        along_strain: whether its variable lies along the applied strain.
+        source: what faults begin with.
+
+    Raises:
+        BadInput: if so.
+    """
+    if along_strain and target.window is None:
+        raise fault(source, f"{target.name} lies along {STRAIN}; add @ STRAIN or @ FROM:TO")
+    if not along_strain and (target.window is not None or target.reduction is not None):
+        raise fault(source, f"{target.name} is one number of a design; leave out the window")
 
 
 def read_target(

@@ -1,10 +1,6 @@
 """A real sweep that is killed, taken up again, damaged and reproduced, as a user types it."""
 
 import json
-import os
-import socket
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +9,8 @@ import xarray as xr
 from click.testing import CliRunner
 
 from knitlab.cli import main
-from tests.file_events import await_changes
+from tests.file_events import kill_command
 
-ROOT = Path(__file__).parents[2]
 DESIGNS = ("--set", "n_stripe=4,8", "--set", "n_subunit=8,16", "--set", "strain_max=0.06")
 
 
@@ -23,32 +18,9 @@ def knitlab(*words):
     return CliRunner().invoke(main, words)
 
 
-PROGRAM = """
-import socket, sys
-from pathlib import Path
-from tests.file_events import pause_before_changes
-pause_before_changes(socket.socket(fileno=int(sys.argv.pop())), Path.cwd(), ".nc")
-from knitlab.cli import main
-main()
-"""
-
-
 def killed(folder, after):
     """A run in a process of its own, killed before it puts one more case in place."""
-    ours, theirs = socket.socketpair()
-    words = ["run", "preview", *DESIGNS, "--workers", "0", str(theirs.fileno())]
-    process = subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, *words],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])},
-        pass_fds=[theirs.fileno()],
-        stderr=subprocess.DEVNULL,
-    )
-    theirs.close()
-    with ours:
-        await_changes(ours, after + 1)
-        process.kill()
-        process.wait()
+    kill_command(folder, ["run", "preview", *DESIGNS, "--workers", "0"], after + 1)
     return len(list((folder / "results" / "preview" / "cases").glob("*.nc")))
 
 

@@ -1,11 +1,6 @@
 """Designs from a wish to a workflow: hidden fabrics met, wishes out of reach, kills, budgets."""
 
 import json
-import os
-import socket
-import subprocess
-import sys
-from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -17,9 +12,8 @@ import knitlab as kl
 from knitlab.cli import main
 from knitlab.mechanics.linear_response import NoDerivative
 from knitlab.optimisation.objective import Objective
-from tests.file_events import await_changes
+from tests.file_events import kill_command
 
-ROOT = Path(__file__).parents[2]
 SMALL = {"n_stripe": [4], "n_subunit": [8]}
 STRAINS = np.array([0.0, 0.05, 0.1, 0.15])
 STEPS = {"strain_step": 0.05, "strain_max": 0.15}
@@ -207,14 +201,6 @@ def test_own_functions_of_the_shape_can_be_wanted(tmp_path):
         )
 
 
-PROGRAM = """
-import socket, sys
-from pathlib import Path
-from tests.file_events import pause_before_changes
-pause_before_changes(socket.socket(fileno=int(sys.argv.pop())), Path.cwd(), ".nc")
-from knitlab.cli import main
-main()
-"""
 WISH = """
 targets = ["poisson_ratio = -0.2 ± 0.01 @ 0.05:0.15"]
 robustness = 0
@@ -232,19 +218,7 @@ strain_step = 0.05
 def test_a_killed_design_goes_on_and_ends_as_if_it_had_not_been(tmp_path):
     (tmp_path / "wish.toml").write_text(WISH)
     words = ["design", "wish.toml", "--results", str(tmp_path / "results")]
-    ours, theirs = socket.socketpair()
-    process = subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, *words, str(theirs.fileno())],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])},
-        pass_fds=[theirs.fileno()],
-        stderr=subprocess.DEVNULL,
-    )
-    theirs.close()
-    with ours:
-        await_changes(ours, 3)
-        process.kill()
-        process.wait()
+    kill_command(tmp_path, words, 3)
     trials = tmp_path / "results" / "wish" / "trials" / "cases"
     before = {path.name: path.stat().st_mtime_ns for path in trials.glob("*.nc")}
     assert before
