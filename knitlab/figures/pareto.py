@@ -8,6 +8,8 @@ from matplotlib.figure import Figure
 from knitlab.figures.style import ONE_COLUMN
 
 HEIGHT = 3.0
+MARGIN = 0.3
+"""Room around the front, in parts of its extent."""
 FRONT, WITHIN = "#D55E00", "#009E73"
 
 
@@ -36,15 +38,16 @@ def pareto_figure(
     front = non_dominated(off_by)
     for number in sorted(candidates.unique()):
         of_search = (candidates == number).to_numpy()
-        axes.plot(*off_by[of_search].T, "o", ms=3, alpha=0.7, label=f"search {number}")
+        axes.plot(*off_by[of_search].T, "o", ms=4, alpha=0.7, label=f"search {number}")
     order = np.argsort(off_by[front][:, 0])
     axes.plot(*off_by[front][order].T, "-", color=FRONT, lw=1, label="Pareto front", zorder=0)
     axes.axvspan(0, 1, color=WITHIN, alpha=0.1, lw=0)
     axes.axhspan(0, 1, color=WITHIN, alpha=0.1, lw=0)
-    for axis, label in zip("xy", labels, strict=True):
+    for axis, label, distances in zip("xy", labels, off_by[front].T, strict=True):
         getattr(axes, f"set_{axis}label")(f"off by, in tolerances:\n{label}", fontsize="small")
-        getattr(axes, f"set_{axis}scale")("symlog", linthresh=1.0)
-    axes.set_xlim(left=-0.1)
-    axes.set_ylim(bottom=-0.1)
+        # Trials far from the front would hide its shape.
+        room = MARGIN * max(float(np.ptp(distances)), 1.0)
+        limits = max(float(distances.min()) - room, -0.1), float(distances.max()) + room
+        getattr(axes, f"set_{axis}lim")(*limits)
     axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
