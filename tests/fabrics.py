@@ -13,8 +13,9 @@ from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.state import State, TensileTest
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.configuration import Configuration
-from knitlab.model.fabric import Fabric, Sheet, assemble_fabric
+from knitlab.model.fabric import Fabric, Sheet
 from knitlab.model.inertia import MassAndDrag, inertia
+from knitlab.model.layout import assemble_fabric
 from knitlab.model.network import Network
 from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import Pattern, patch_map
@@ -60,7 +61,7 @@ def patterned(
 
 def checkerboard(periods: int, unit_cells: tuple[int, int] = (1, 1)) -> Pattern:
     """The paper's fabric: unit cells, so many along (y, x), of 2 × 2 alternating patches."""
-    return Pattern(np.tile(np.array([[True, False], [False, True]]), unit_cells), periods)
+    return patch_map(["GR", "RG"], periods).tiled(unit_cells)
 
 
 def checkered(
@@ -75,6 +76,11 @@ def pure(
     """A pure stripe; ``ridges`` "R" or "G" lays them along y or x, whatever its knit."""
     letter = ridges or ("R" if of.knit == "rib" else "G")
     return assemble_fabric(patch_map([letter], periods), of, of, SHEET, reading)
+
+
+def cell_of(fabric: Fabric) -> np.ndarray:
+    """Sides (x, y) of the grid cells of a fabric whose cells are all alike."""
+    return np.array([fabric.cell_x[0], fabric.cell_y[0]])
 
 
 def relaxed(net: Network, fabric: Fabric, settings: SolverSettings = DEFAULT) -> State:

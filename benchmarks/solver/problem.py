@@ -13,7 +13,7 @@ from knitlab.mechanics.evaluation import WHOLE, Evaluation
 from knitlab.mechanics.loading import all_free, rigidly_aligned, tensile
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, flat_sheet
-from knitlab.model.inertia import Inertia, inertia
+from knitlab.model.inertia import Inertia
 from knitlab.model.network import MeshShape, Network
 from knitlab.simulation.case import Case
 
@@ -43,8 +43,7 @@ class Problem:
     @classmethod
     def of(cls, case: Case, tolerance: float) -> "Problem":
         """The problem that a case poses."""
-        moving = case.mass_and_drag
-        its = inertia(case.weft, case.warp, case.reading, moving) if moving else None
+        its = case.inertia() if case.mass_and_drag else None
         return cls(*case.assemble(), its, case.applied_strain, tolerance)
 
     @property

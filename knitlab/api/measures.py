@@ -12,7 +12,7 @@ from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.mechanics.linear_response import NoDerivative
 from knitlab.model.configuration import Configuration
-from knitlab.model.fabric import Fabric, StripePair
+from knitlab.model.fabric import Fabric
 from knitlab.optimisation.quantities import Measure
 from knitlab.simulation.case import Case, case_of
 from knitlab.simulation.stripe_sensitivity import adjoint_of
@@ -87,7 +87,7 @@ def _slopes(
     reached: np.ndarray,
     measures: dict[str, Measure],
 ) -> Float[np.ndarray, "strain measure parameter"]:
-    stripes = StripePair.of(case.weft, case.warp)
+    stripes = case.stripe_pair
 
     def together(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
         return jnp.stack([measure(strained) for measure in measures.values()])

@@ -165,7 +165,7 @@ def _obstacles(
     shape = net.shape
     chart = panel_chart(electrodes, shape, LEVELS[0])
     panels = np.asarray(panels_on(chart, shape, configurations))
-    reach = float(np.asarray(fabric.cell).max())
+    reach = float(np.asarray(fabric.cell_sides).max())
     along = np.eye(3)[electrodes.axis]
     periods = [
         length * along if shape.periodic else None

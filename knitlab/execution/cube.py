@@ -153,7 +153,7 @@ def _attributes(
 
 def known_in_advance(case: Case) -> Values:
     """Sample size, periods and stripe parameters of a case, under the registry's names."""
-    sizes = dict(zip(UNIT_CELLS, case.unit_cells, strict=True))
+    sizes = dict(zip(UNIT_CELLS, case.cell_grid.count, strict=True))
     stripes = {
         f"{stripe.knit}_{name}": getattr(stripe, name)
         for stripe in (case.weft, case.warp)

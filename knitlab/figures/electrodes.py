@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from knitlab.simulation.case import Case
 
 COLOURS = ("#D55E00", "#0072B2")
-RIB, GARTER, FABRIC = "0.82", "0.94", "0.85"
+RIB, GARTER, PLAIN, FABRIC = "0.82", "0.94", "1.0", "0.85"
+SHADES = {"R": RIB, "G": GARTER, "P": PLAIN}
 HEIGHT = 3.6
 """Of the figure [in]."""
 ZOOM = 1.25
@@ -44,6 +45,7 @@ def electrodes_figure(case_file: xr.Dataset) -> Figure:
         BadInput: if the case has no electrodes.
     """
     # Only who draws this figure waits for JAX.
+    from knitlab.model.pattern import KNIT_OF_LETTER
     from knitlab.simulation.case import case_of
 
     parameters = json.loads(case_file.attrs["parameters"])
@@ -60,19 +62,24 @@ def electrodes_figure(case_file: xr.Dataset) -> Figure:
     patches = [
         Patch(color=colour, label=f"electrode {k}") for k, colour in zip("AB", COLOURS, strict=True)
     ]
-    knits = [("rib", RIB), ("garter", GARTER)] if not case.pure else [(case.weft.knit, GARTER)]
-    patches += [Patch(color=shade, label=knit) for knit, shade in knits]
+    knits = [(KNIT_OF_LETTER[letter], SHADES[letter]) for letter in np.unique(case.sample.knit)]
+    if case.pure:
+        knits = [(case.weft.knit, GARTER)]
+    patches += [
+        Patch(facecolor=shade, edgecolor="0.6", lw=0.5, label=knit) for knit, shade in knits
+    ]
     figure.legend(handles=patches, loc="lower center", ncols=4, frameon=False)
     return figure
 
 
 def _draw_chart(axes: Axes, case: "Case") -> None:
-    rib = case.sample.rib
-    size = case.sample.cells_per_patch
-    for row, column in np.ndindex(rib.shape):
-        corner = (column * size, row * size)
-        shade = RIB if rib[row, column] else GARTER
-        axes.add_patch(Rectangle(corner, size, size, color=shade, lw=0))
+    sample = case.sample
+    rows, columns = sample.row_borders, sample.column_borders
+    for row, column in np.ndindex(sample.knit.shape):
+        width, height = columns[column + 1] - columns[column], rows[row + 1] - rows[row]
+        shade = SHADES[str(sample.knit[row, column])]
+        corner = float(columns[column]), float(rows[row])
+        axes.add_patch(Rectangle(corner, float(width), float(height), color=shade, lw=0))
     for strips, colour in zip(case.electrodes.strips, COLOURS, strict=True):
         polygons = [
             [
@@ -84,7 +91,7 @@ def _draw_chart(axes: Axes, case: "Case") -> None:
             for strip in strips
         ]
         axes.add_collection(PolyCollection(polygons, facecolor=colour, edgecolor="none"))
-    height, width = (cells * size for cells in rib.shape)
+    height, width = sample.grid
     axes.set(
         xlim=(0, width),
         ylim=(0, height),

@@ -18,7 +18,7 @@ from knitlab.figures.style import TWO_COLUMNS
 from knitlab.io.case_file import configurations
 
 if TYPE_CHECKING:
-    from knitlab.model.fabric import FabricLayout
+    from knitlab.model.layout import FabricLayout
     from knitlab.model.network import Elements
 
 ROLES: dict[str, dict[str, Any]] = {
@@ -44,21 +44,26 @@ def spring_network(case: xr.Dataset) -> Figure:
         case: a case file, with its node positions.
     """
     # Only who draws this figure waits for JAX.
+    from knitlab.measure.cell_grid import CellGrid
     from knitlab.measure.patches import central_cell
-    from knitlab.model.fabric import Sheet, fabric_layout
+    from knitlab.model.fabric import Sheet
+    from knitlab.model.grading import recorded_pattern
+    from knitlab.model.layout import fabric_layout
     from knitlab.model.network import MeshShape
     from knitlab.model.options import ModelOptions
-    from knitlab.model.pattern import patch_map
+    from knitlab.model.plain import PlainKnit
 
     parameters = json.loads(case.attrs["parameters"])
     options = ModelOptions(**parameters["reading"] | {"boundary": "periodic"})
-    pattern = patch_map(parameters["pattern"], parameters["periods"])
-    lines = _by_role(fabric_layout(pattern, Sheet(**parameters["sheet"]), options))
+    pattern = recorded_pattern(parameters, (1, 1))
+    plain = PlainKnit(**parameters["plain"]) if parameters.get("plain") else None
+    lines = _by_role(fabric_layout(pattern, Sheet(**parameters["sheet"]), options, plain))
 
     periodic = "length_x" in case
     cells_y, cells_x = (case.sizes[dim] - (not periodic) for dim in ("node_y", "node_x"))
     shape = MeshShape(cells_y, cells_x, periodic)
-    cell = central_cell(shape, tuple(parameters["unit_cells"]), configurations(case)[0])
+    repeats = CellGrid.even(shape, tuple(parameters["unit_cells"]))
+    cell = central_cell(shape, repeats, configurations(case)[0])
 
     figure = Figure(figsize=(TWO_COLUMNS, HEIGHT))
     flat = figure.add_axes((0.06, 0.2, 0.36, 0.72))

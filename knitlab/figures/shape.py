@@ -1,6 +1,7 @@
 """The shape of one design, as a shaded relief seen from the technical face."""
 
 import json
+from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
@@ -12,6 +13,12 @@ from matplotlib.patheffects import withStroke
 from knitlab.figures.relief import draw_relief, faces_of
 from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS
 
+if TYPE_CHECKING:
+    from knitlab.model.pattern import Pattern
+
+NAME_SIZE, SMALL_NAME_SIZE = 8, 4
+MOST_LARGE_NAMES = 4
+"""Patches along a side that are named in large letters."""
 PERIODIC_REPEATS = 2
 """Unit cells of periodic fabric that are drawn each way."""
 
@@ -22,25 +29,35 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     Args:
         case: a case file, with its node positions, of which the first strain is shown.
     """
+    # Only who draws this figure waits for JAX.
+    from knitlab.model.grading import recorded_pattern
+
     parameters = json.loads(case.attrs["parameters"])
     nodes = whole_sheet(case)
     periodic = parameters["reading"]["boundary"] == "periodic"
-    cells_y = case.sizes["node_y"] - (not periodic)
-    spans = cells_y // (parameters["unit_cells"][0] * len(parameters["pattern"]))
+    along_y, along_x = parameters["unit_cells"]
+    repeats = PERIODIC_REPEATS if periodic else 1
+    sample = recorded_pattern(parameters, (repeats * along_y, repeats * along_x))
 
     faces = faces_of(nodes)
     heights = faces[:, :, 2].mean(axis=1)
     norm = mpl.colors.Normalize(heights.min(), heights.max())
     colours = mpl.colormaps[SEQUENCE_COLOURS](norm(heights))
     borders = np.concatenate(
-        [_segments(line) for line in (*nodes[::spans], *nodes.swapaxes(0, 1)[::spans])]
+        [
+            _segments(line)
+            for line in (
+                *nodes[sample.row_borders],
+                *nodes[:, sample.column_borders].swapaxes(0, 1),
+            )
+        ]
     )
     extent = np.ptp(nodes[..., :2], axis=(0, 1))
     height = ONE_COLUMN * min(1.6, 0.8 * extent[1] / extent[0]) + 0.7
     figure = Figure(figsize=(ONE_COLUMN * 1.2, height), layout="constrained")
     axes = figure.add_subplot()
     draw_relief(axes, faces, colours, borders)
-    _name_patches(axes, nodes, parameters["pattern"], spans)
+    _name_patches(axes, nodes, sample, (len(parameters["pattern"]), len(parameters["pattern"][0])))
     design = f"n_stripe = {int(case['n_stripe'])}, n_subunit = {int(case['n_subunit'])}"
     strain = float(case["applied_strain"][0])
     notes = [design, *(["periodic"] if periodic else []), *([f"at {strain:.0%}"] if strain else [])]
@@ -69,22 +86,29 @@ def whole_sheet(case: xr.Dataset) -> np.ndarray:
     return np.concatenate([sheet, sheet[:1] + PERIODIC_REPEATS * along], axis=0)
 
 
-def _name_patches(axes: Axes, nodes: np.ndarray, pattern: list[str], spans: int) -> None:
-    """Write ``rib`` or ``garter`` on the patches of a unit cell near the middle."""
-    rows, columns = len(pattern), len(pattern[0])
-    first_y = rows * ((nodes.shape[0] // (rows * spans) - 1) // 2)
-    first_x = columns * ((nodes.shape[1] // (columns * spans) - 1) // 2)
-    for patch_y, letters in enumerate(reversed(pattern)):
-        for patch_x, letter in enumerate(letters):
-            middle_y = int((first_y + patch_y + 0.5) * spans)
-            middle_x = int((first_x + patch_x + 0.5) * spans)
-            x, y, _ = nodes[middle_y, middle_x]
-            axes.text(
-                x,
-                y,
-                "rib" if letter in "Rr" else "garter",
-                ha="center",
-                va="center",
-                color="white",
-                path_effects=[withStroke(linewidth=2, foreground="black")],
-            )
+def _name_patches(
+    axes: Axes, nodes: np.ndarray, sample: "Pattern", repeat: tuple[int, int]
+) -> None:
+    """Write the knit on the patches of the repeat of the pattern nearest the middle."""
+    from knitlab.model.pattern import KNIT_OF_LETTER
+
+    first = [
+        size * ((whole // size - 1) // 2)
+        for size, whole in zip(repeat, sample.knit.shape, strict=True)
+    ]
+    rows, columns = sample.row_borders, sample.column_borders
+    for patch_y, patch_x in np.ndindex(repeat):
+        row, column = first[0] + patch_y, first[1] + patch_x
+        x, y, _ = nodes[
+            (rows[row] + rows[row + 1]) // 2, (columns[column] + columns[column + 1]) // 2
+        ]
+        axes.text(
+            x,
+            y,
+            KNIT_OF_LETTER[str(sample.knit[row, column])],
+            ha="center",
+            va="center",
+            fontsize=NAME_SIZE if max(repeat) <= MOST_LARGE_NAMES else SMALL_NAME_SIZE,
+            color="white",
+            path_effects=[withStroke(linewidth=2, foreground="black")],
+        )

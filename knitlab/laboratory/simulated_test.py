@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -17,8 +18,9 @@ from knitlab.mechanics.relaxation import relax
 from knitlab.mechanics.solver import Evaluate, Solver
 from knitlab.mechanics.state import State, TensileTest
 from knitlab.mechanics.tensile_test import stretch
-from knitlab.model.fabric import Fabric, StripePair
+from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
+from knitlab.model.stripe import Stripe
 from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import starts
 from knitlab.simulation.stripe_sensitivity import adjoint_of, measured_by
@@ -48,9 +50,9 @@ class SimulatedTest:
             NoDerivative: if a state is no stable equilibrium.
         """
         case, (relaxed, *strained) = self.case, self.test.states
-        stripes = StripePair.of(case.weft, case.warp)
+        stripes = case.stripe_pair
         adjoint = adjoint_of(case, relaxed.configuration)
-        measure = measured_by(case.mesh_shape, case.unit_cells, QUANTITIES)
+        measure = measured_by(case.mesh_shape, case.cell_grid, QUANTITIES)
         found = [
             logarithmic(adjoint.of_strained(strain, state.configuration, measure), stripes)
             for strain, state in zip(case.applied_strain[1:], strained, strict=True)
@@ -65,12 +67,16 @@ def with_factors(case: Case, factors: Mapping[str, float]) -> Case:
         case: the case.
         factors: by the names of :data:`STRIPE_PARAMETERS`.
     """
-    stripes = {"weft": case.weft, "warp": case.warp}
-    for label, factor in factors.items():
-        side, name = STRIPE_PARAMETERS[label]
-        changed = {name: getattr(stripes[side], name) * factor}
-        stripes[side] = replace(stripes[side], **changed)
-    return replace(case, weft=stripes["weft"], warp=stripes["warp"])
+
+    def scaled(side: str, stripe: Stripe) -> Stripe:
+        numbers = {
+            name: getattr(stripe, name) * factors[label]
+            for label, (of, name) in STRIPE_PARAMETERS.items()
+            if of == side and label in factors
+        }
+        return replace(stripe, **numbers)
+
+    return case.with_stripes(partial(scaled, "weft"), partial(scaled, "warp"))
 
 
 def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTest | None:
@@ -91,7 +97,7 @@ def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTe
     test = run(case.mesh_shape, fabric, solver)
     if test.loading is None or not all(state.converged for state in test.states):
         return None
-    measure = measured_by(case.mesh_shape, case.unit_cells, QUANTITIES)
+    measure = measured_by(case.mesh_shape, case.cell_grid, QUANTITIES)
     relaxed, *strained = test.states
     if len(strained) < len(case.applied_strain) - 1:
         return None

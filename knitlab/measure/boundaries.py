@@ -5,6 +5,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.wavelength import FEWEST_WAVES, Wave, wave_of
 from knitlab.model.configuration import Configuration
 from knitlab.model.network import MeshShape
@@ -17,7 +18,7 @@ Direction = Literal["x", "y"]
 
 def boundary_line(
     shape: MeshShape,
-    unit_cells: tuple[int, int],
+    unit_cells: CellGrid,
     configuration: Configuration,
     direction: Direction,
 ) -> Float[np.ndarray, "point 2"]:
@@ -25,7 +26,7 @@ def boundary_line(
 
     Args:
         shape: mesh of the configuration.
-        unit_cells: number of unit cells along (y, x).
+        unit_cells: the unit cells.
         configuration: of one state. In periodic fabric the boundary is followed across
             :data:`PERIODIC_CELLS` cells.
         direction: that it runs along, the weft x or the warp y.
@@ -35,10 +36,10 @@ def boundary_line(
     """
     nodes, sides = np.asarray(configuration.positions)[..., :2], configuration.lengths
     if direction == "x":
-        line = nodes[shape.cells_y // unit_cells[0] * (unit_cells[0] // 2)]
+        line = nodes[unit_cells.rows[unit_cells.count[0] // 2]]
         length = sides[0]
     else:
-        line = nodes[:, shape.cells_x // unit_cells[1] * (unit_cells[1] // 2), ::-1]
+        line = nodes[:, unit_cells.columns[unit_cells.count[1] // 2], ::-1]
         length = sides[1]
     if not shape.periodic:
         return line
@@ -48,7 +49,7 @@ def boundary_line(
 
 def boundary_wave(
     shape: MeshShape,
-    unit_cells: tuple[int, int],
+    unit_cells: CellGrid,
     configuration: Configuration,
     direction: Direction,
 ) -> Wave | None:
@@ -56,7 +57,7 @@ def boundary_wave(
 
     Arguments as for :func:`boundary_line`.
     """
-    cells = unit_cells[1] if direction == "x" else unit_cells[0]
+    cells = unit_cells.count[1 if direction == "x" else 0]
     if shape.periodic:
         cells *= PERIODIC_CELLS
     if cells < FEWEST_WAVES:

@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Array, Float
 
+from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.grid_nodes import nodes_at
 from knitlab.model.configuration import Configuration
 from knitlab.model.network import MeshShape
@@ -10,18 +11,15 @@ from knitlab.model.network import MeshShape
 
 def unit_cell_corners(
     shape: MeshShape,
-    unit_cells: tuple[int, int],
+    cells: CellGrid,
     configuration: Configuration,
 ) -> Float[Array | np.ndarray, "*state corner_y corner_x 2"]:
     """Positions (x, y) of the corners of the unit cells [mm].
 
     Args:
         shape: mesh of the configuration.
-        unit_cells: number of unit cells along (y, x).
+        cells: the unit cells.
         configuration: of one state or several; in periodic fabric the last corners are the
             first ones' images.
     """
-    steps = shape.cells_y // unit_cells[0], shape.cells_x // unit_cells[1]
-    rows = steps[0] * np.arange(unit_cells[0] + 1)
-    columns = steps[1] * np.arange(unit_cells[1] + 1)
-    return nodes_at(shape, configuration, rows, columns)[..., :2]
+    return nodes_at(shape, configuration, np.array(cells.rows), np.array(cells.columns))[..., :2]

@@ -14,7 +14,6 @@ from typing import Annotated
 from pydantic import PositiveFloat
 
 from knitlab.model.setting_types import Unit
-from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH
 
 ALONG_X = ("knit_cell_x", "knit_wavelength_x", "knit_width")
 ALONG_Y = ("knit_cell_y", "knit_wavelength_y", "knit_length")
@@ -33,24 +32,24 @@ class Gauge:
     stitch_height: Annotated[PositiveFloat, Unit("mm")]
 
 
-def stitches_of_cell(patches: tuple[int, int], n_subunit: int) -> tuple[int, int]:
-    """Courses and wales of a unit cell (paper, Fig. "knit stitches").
+@dataclass(frozen=True)
+class Stitches:
+    """Stitches of a fabric.
 
-    A patch is ``n_subunit`` stitches wide and, as a stitch is about twice as wide as high, twice
-    as many high.
-
-    Args:
-        patches: of a unit cell along (y, x).
-        n_subunit: stitches along a garter stripe.
-
-    Returns:
-        Stitches along (y, x): (64, 32) for the checkerboard of n_subunit 16.
+    Attributes:
+        courses_in_cell, wales_in_cell: along the sides of a unit cell; the mean of the central
+            ones where they differ. The paper's, of 2 × 2 patches that are n_subunit stitches wide
+            and 2 n_subunit high, has (64, 32) for n_subunit 16 (Fig. "knit stitches").
+        courses, wales: along the sides of the whole fabric.
     """
-    patches_y, patches_x = patches
-    return patches_y * GARTER_STITCHES_PER_RIB_STITCH * n_subunit, patches_x * n_subunit
+
+    courses_in_cell: float
+    wales_in_cell: float
+    courses: float
+    wales: float
 
 
-def knit_cell(relaxed: float, flat: float, stitches: int, stitch: float) -> float:
+def knit_cell(relaxed: float, flat: float, stitches: float, stitch: float) -> float:
     """Finished length of a unit cell in cloth: contraction × stitches × stitch size.
 
     Args:
@@ -66,37 +65,32 @@ def knit_cell(relaxed: float, flat: float, stitches: int, stitch: float) -> floa
 
 
 def knit_sizes(
-    lengths: Mapping[str, float],
-    patches: tuple[int, int],
-    n_subunit: int,
-    unit_cells: tuple[int, int] | None,
-    gauge: Gauge,
+    lengths: Mapping[str, float], stitches: Stitches, periodic: bool, gauge: Gauge
 ) -> dict[str, float]:
-    """Finished sizes in cloth of a fabric of rib and garter patches.
+    """Finished sizes in cloth of a fabric of patches.
 
     Args:
         lengths: of the network, relaxed_cell, flat_cell and wavelength along x and y, by the names
             of the registry; not a number where missing [mm].
-        patches: of a unit cell along (y, x).
-        n_subunit: stitches along a garter stripe.
-        unit_cells: of the sample along (y, x), or None for periodic fabric.
+        stitches: of the fabric.
+        periodic: whether it has no edges.
         gauge: size of a stitch.
 
     Returns:
         By name, those of :data:`ALONG_X` and :data:`ALONG_Y`: size of a unit cell, wavelength of
-        the boundary, and size of the sample, which is missing of periodic fabric [mm].
+        the boundary, and size of the sample, which is missing of periodic fabric; of a graded
+        sample by the contraction of its central unit cells [mm].
     """
-    courses, wales = stitches_of_cell(patches, n_subunit)
-    cells_y, cells_x = unit_cells or (float("nan"), float("nan"))
     sizes: dict[str, float] = {}
-    for axis, names, stitches, stitch, cells in (
-        ("x", ALONG_X, wales, gauge.stitch_width, cells_x),
-        ("y", ALONG_Y, courses, gauge.stitch_height, cells_y),
+    for axis, names, in_cell, whole, stitch in (
+        ("x", ALONG_X, stitches.wales_in_cell, stitches.wales, gauge.stitch_width),
+        ("y", ALONG_Y, stitches.courses_in_cell, stitches.courses, gauge.stitch_height),
     ):
-        relaxed = lengths[f"relaxed_cell_{axis}"]
-        cell = knit_cell(relaxed, lengths[f"flat_cell_{axis}"], stitches, stitch)
+        relaxed, flat = lengths[f"relaxed_cell_{axis}"], lengths[f"flat_cell_{axis}"]
+        cell = knit_cell(relaxed, flat, in_cell, stitch)
         wavelength = lengths[f"wavelength_{axis}"] * cell / relaxed
-        sizes |= dict(zip(names, (cell, wavelength, cells * cell), strict=True))
+        sample = float("nan") if periodic else whole / in_cell * cell
+        sizes |= dict(zip(names, (cell, wavelength, sample), strict=True))
     return sizes
 
 

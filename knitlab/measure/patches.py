@@ -1,63 +1,62 @@
 """Patches: how far each has contracted, at its centre and at its edges (paper, "Relaxation")."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Float
 
+from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.grid_nodes import nodes_at
 from knitlab.model.configuration import Configuration
 from knitlab.model.network import MeshShape
+from knitlab.model.pattern import KNIT_OF_LETTER, Pattern
 
 
 def central_cell(
-    shape: MeshShape,
-    unit_cells: tuple[int, int],
-    configuration: Configuration,
+    shape: MeshShape, cells: CellGrid, configuration: Configuration
 ) -> Float[np.ndarray, "row column 3"]:
     """Nodes of the unit cell nearest the middle, its last row and column included [mm].
 
     Args:
         shape: mesh of the configuration.
-        unit_cells: number of unit cells along (y, x).
+        cells: the unit cells.
         configuration: of one state; the cell of periodic fabric is closed by images of its first
             nodes.
     """
-    ranges = []
-    for cells, count in zip((shape.cells_y, shape.cells_x), unit_cells, strict=True):
-        span = cells // count
-        ranges.append(span * ((count - 1) // 2) + np.arange(span + 1))
-    return np.asarray(nodes_at(shape, configuration, *ranges))
+    rows, columns = (np.arange(lines.start, lines.stop) for lines in cells.middle)
+    return np.asarray(nodes_at(shape, configuration, rows, columns))
 
 
 def widths_across_folds(
-    cell: Float[np.ndarray, "row column 3"], pattern: Sequence[str]
+    shape: MeshShape, pattern: Pattern, cells: CellGrid, configuration: Configuration
 ) -> dict[str, tuple[float, float]]:
     """Width of the patches of a unit cell across their folds, at the centre and at the edges [mm].
 
     A rib patch is as wide as its borders lie apart along the weft: at its centre on its middle
     row, at its edges on its first and last row, of which the mean is taken. A garter patch
-    likewise along the warp. Patches of a kind are averaged.
+    likewise along the warp. Patches of a knit in the unit cell nearest the middle are averaged.
 
     Args:
-        cell: nodes of a unit cell, the last row and column included.
-        pattern: its patch map, top course first.
+        shape: mesh of the configuration.
+        pattern: of the whole fabric.
+        cells: its unit cells.
+        configuration: of one state.
 
     Returns:
-        (centre, edge) of ``rib`` and ``garter``, as far as the pattern has them.
+        (centre, edge) of ``rib`` and ``garter``, as far as the unit cell has them.
     """
-    span_y = (cell.shape[0] - 1) // len(pattern)
-    span_x = (cell.shape[1] - 1) // len(pattern[0])
+    middle = central_cell(shape, cells, configuration)
+    rows, columns = cells.middle
     found: dict[str, list[tuple[float, float]]] = {}
-    for place_y, letters in enumerate(reversed(pattern)):
-        for place_x, letter in enumerate(letters):
-            nodes = cell[
-                place_y * span_y : (place_y + 1) * span_y + 1,
-                place_x * span_x : (place_x + 1) * span_x + 1,
-            ]
-            rib = letter in "Rr"
-            width = nodes[:, -1, 0] - nodes[:, 0, 0] if rib else nodes[-1, :, 1] - nodes[0, :, 1]
-            centre, edge = width[len(width) // 2], (width[0] + width[-1]) / 2
-            found.setdefault("rib" if rib else "garter", []).append((float(centre), float(edge)))
-    means = {kind: np.mean(widths, axis=0) for kind, widths in found.items()}
-    return {kind: (float(mean[0]), float(mean[1])) for kind, mean in means.items()}
+    for row, column in np.ndindex(pattern.knit.shape):
+        low, high = pattern.row_borders[row : row + 2] - rows.start
+        left, right = pattern.column_borders[column : column + 2] - columns.start
+        inside = low >= 0 and left >= 0 and high < middle.shape[0] and right < middle.shape[1]
+        knit = KNIT_OF_LETTER[str(pattern.knit[row, column])]
+        if not inside or knit == "plain":
+            continue
+        nodes = middle[low : high + 1, left : right + 1]
+        across = nodes[:, -1, 0] - nodes[:, 0, 0]
+        width = across if knit == "rib" else nodes[-1, :, 1] - nodes[0, :, 1]
+        centre, edge = width[len(width) // 2], (width[0] + width[-1]) / 2
+        found.setdefault(knit, []).append((float(centre), float(edge)))
+    means = {knit: np.mean(widths, axis=0) for knit, widths in found.items()}
+    return {knit: (float(mean[0]), float(mean[1])) for knit, mean in means.items()}

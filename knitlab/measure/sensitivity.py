@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.corners import unit_cell_corners
 from knitlab.measure.strain import central_mean, local_strain, mean_cell_size, poisson_ratio
 from knitlab.model.configuration import Configuration
@@ -17,16 +18,16 @@ Quantity = Callable[[Configuration, Configuration, Fabric], Float[Array, ""]]
 """A number read off the relaxed configuration, that under strain and the fabric."""
 
 
-def quantities(shape: MeshShape, unit_cells: tuple[int, int]) -> dict[str, Quantity]:
+def quantities(shape: MeshShape, cells: CellGrid) -> dict[str, Quantity]:
     """What is read off the shapes in a tensile test, each by its name in the cube.
 
     Args:
         shape: the mesh shape.
-        unit_cells: unit cells along (y, x).
+        cells: the unit cells.
     """
 
     def corners(configuration: Configuration) -> Float[Array, "corner_y corner_x 2"]:
-        return jnp.asarray(unit_cell_corners(shape, unit_cells, configuration))
+        return jnp.asarray(unit_cell_corners(shape, cells, configuration))
 
     def strains(relaxed: Configuration, strained: Configuration) -> list[Array]:
         local = local_strain(corners(relaxed), corners(strained))
@@ -47,13 +48,19 @@ def quantities(shape: MeshShape, unit_cells: tuple[int, int]) -> dict[str, Quant
 def logarithmic(derivative: StripePair, stripes: StripePair) -> Float[np.ndarray, "quantity 8"]:
     """Logarithmic derivatives p ∂J/∂p by every parameter p, as :data:`STRIPE_PARAMETERS` has them.
 
-    They are the change of J for a relative change of p, and so comparable between parameters.
+    They are the change of J for a relative change of p, and so comparable between parameters. Of
+    a graded fabric p changes by the same part in all stripes of a knit.
 
     Args:
         derivative: of every quantity J by each number.
         stripes: the numbers.
     """
-    by_log = jax.tree.map(jnp.multiply, derivative, stripes)
+
+    def by_log_of(by_number: Array, number: Array) -> Float[np.ndarray, " quantity"]:
+        per_stripe = np.asarray(by_number) * np.asarray(number)[..., None]
+        return per_stripe.reshape(-1, per_stripe.shape[-1]).sum(axis=0)
+
+    by_log = jax.tree.map(by_log_of, derivative, stripes)
     return np.stack(
         [getattr(getattr(by_log, side), name) for side, name in STRIPE_PARAMETERS.values()], axis=-1
     )

@@ -24,7 +24,8 @@ from knitlab.mechanics.linear_response import LinearResponses
 from knitlab.mechanics.loading import all_free, drive_along, free_under_tension, rigidly_aligned
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
-from knitlab.model.fabric import Fabric, FabricLayout, StripePair, flat_sheet
+from knitlab.model.fabric import Fabric, StripePair, flat_sheet
+from knitlab.model.layout import FabricLayout
 from knitlab.model.network import MeshShape, network
 
 Unknowns = Float[Array, " unknown"]
@@ -61,7 +62,7 @@ class Adjoint:
             layout.fabric(stripes),
             _slope(layout, stripes),
         )
-        self._numbers = jax.tree.structure(stripes)
+        self._stripes = stripes
         self._under_tension = LinearResponses.of(self._shape, free_under_tension(self._shape))
         at_rest = LinearResponses.of(self._shape, all_free(self._shape))
         self._at_rest = at_rest.at(self._fabric, self._relaxed)
@@ -97,7 +98,8 @@ class Adjoint:
                 function for all fabrics of a mesh shape.
 
         Returns:
-            Of every number that the measure gives, by each number of the stripes.
+            Of every number that the measure gives, by each number of the stripes; of a graded
+            fabric, by that of each stripe along the first axis.
 
         Raises:
             NoDerivative: if the state is no stable equilibrium.
@@ -129,8 +131,16 @@ class Adjoint:
             self._fabric, self._relaxed, multipliers, by_fabric
         )
         rows = [np.reshape(leaf, (len(by_relaxed), -1)) for leaf in jax.tree.leaves(by_fabric)]
+        by_number = np.concatenate(rows, axis=1) @ self._slope
+        numbers, structure = jax.tree.flatten(self._stripes)
+        ends = np.cumsum([np.size(number) for number in numbers])
+        parts = np.split(by_number.T, ends[:-1])
         derivatives: StripePair = jax.tree.unflatten(
-            self._numbers, (np.concatenate(rows, axis=1) @ self._slope).T
+            structure,
+            [
+                part.reshape(*np.shape(number), -1)
+                for part, number in zip(parts, numbers, strict=True)
+            ],
         )
         return derivatives
 

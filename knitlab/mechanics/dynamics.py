@@ -19,7 +19,7 @@ from pydantic import Field, PositiveFloat, PositiveInt
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import Energy, energy
 from knitlab.model.fabric import Fabric
-from knitlab.model.inertia import Inertia, drag, kinetic_energy, lagrangian, nodes_moved
+from knitlab.model.inertia import Inertia, drag, kinetic_energy, lagrangian, moved_mass
 from knitlab.model.network import MeshShape, Network, network
 from knitlab.model.setting_types import Fraction, Unit
 
@@ -175,7 +175,7 @@ def equations_of_motion(
     """Time derivative of a motion (paper, equations of motion)."""
     moving = drive.holding(time, motion)
     elastic, viscous = forces(net, fabric, inertia, moving)
-    acceleration = (elastic + viscous) / (inertia.node_mass * nodes_moved(net.shape).flattened())
+    acceleration = (elastic + viscous) / moved_mass(net.shape, inertia).flattened()
     return Motion(
         unknowns=jnp.where(drive.free, moving.velocity, 0.0),
         velocity=jnp.where(drive.free, acceleration, 0.0),

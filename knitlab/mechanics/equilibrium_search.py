@@ -47,7 +47,7 @@ class SearchRules:
         convexified: bool = True,
     ) -> "SearchRules":
         """Rules for a fabric; no step is longer than ``settings.step_limit`` of a grid cell."""
-        longest = settings.step_limit * float(fabric.cell.min())
+        longest = settings.step_limit * float(fabric.cell_sides.min())
         return cls(free_stiffness(shape, free), longest, settings, floor, convexified)
 
     def up_to(self, iterations: int) -> "SearchRules":

@@ -90,7 +90,7 @@ def relax_near(
 def intermediate_settings(settings: SolverSettings, fabric: Fabric) -> SolverSettings:
     """Settings for a state that is only passed: near equilibrium is enough."""
     moments = np.asarray(fabric.fold_stiffness * abs(fabric.rest_fold))
-    near = settings.waypoint_force * float(moments.max() / fabric.cell.min())
+    near = settings.waypoint_force * float(moments.max() / fabric.cell_sides.min())
     return replace(settings, tolerance=max(settings.tolerance, near))
 
 

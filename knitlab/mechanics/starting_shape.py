@@ -23,9 +23,9 @@ def imperfect_sheet(net: Network, fabric: Fabric, seed: int) -> Configuration:
         fabric: its numbers.
         seed: of the random numbers.
     """
-    flat, cell = flat_sheet(net, fabric), np.asarray(fabric.cell)
+    flat, sides = flat_sheet(net, fabric), np.asarray(fabric.cell_sides)
     noise = np.random.default_rng(seed).normal(size=flat.positions.shape)
-    moved = np.asarray(flat.positions) + IMPERFECTION * float(cell.min()) * noise
+    moved = np.asarray(flat.positions) + IMPERFECTION * float(sides.min()) * noise
     return Configuration(moved, np.asarray(flat.lengths))
 
 

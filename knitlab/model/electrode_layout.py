@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from pydantic import (
     AfterValidator,
     PositiveFloat,
@@ -17,7 +17,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from knitlab.model.electrodes import NAMES, Along, Electrodes, Strip
-from knitlab.model.fabric import patch_senses
+from knitlab.model.fold_lines import Ridge, fold_senses
 from knitlab.model.network import MeshShape, mesh_shape
 from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import Pattern
@@ -50,7 +50,12 @@ Width = Annotated[PositiveFloat | Literal["stripe"], WrapValidator(_width)]
 Mask = Annotated[tuple[str, ...], AfterValidator(_mask)]
 
 SENSES: dict[Face, tuple[int, ...]] = {"front": (1,), "back": (-1,), "both": (1, -1)}
-CELLS_PER_STRIPE = 2
+
+
+StitchCounts = tuple[Float[np.ndarray, " grid_y"], Float[np.ndarray, " grid_x"]]
+"""Courses in every row of grid cells, and wales in every column."""
+SHARP = 1e-9
+"""Part of a stripe that a ridge takes where its middle line alone is wanted."""
 
 
 class BadLayout(ValueError):
@@ -92,7 +97,7 @@ class ElectrodeLayout:
 
 
 def place_electrodes(
-    layout: ElectrodeLayout, pattern: Pattern, options: ModelOptions, stitches: tuple[float, float]
+    layout: ElectrodeLayout, pattern: Pattern, options: ModelOptions, stitches: StitchCounts
 ) -> Electrodes:
     """The electrodes of a layout on a fabric.
 
@@ -100,7 +105,7 @@ def place_electrodes(
         layout: the layout.
         pattern: which patch is rib and which garter.
         options: of the model: where folds lie and whether the fabric is periodic.
-        stitches: wales and courses in a grid cell.
+        stitches: courses in every row of grid cells, and wales in every column.
 
     Raises:
         BadLayout: with every fault, each with its place.
@@ -119,13 +124,16 @@ def place_electrodes(
 
 def ridge_lines(layout: ElectrodeLayout, pattern: Pattern, options: ModelOptions) -> list[int]:
     """Grid lines of the ridges that a layout counts."""
-    rib_senses, garter_senses = patch_senses(pattern, options)
-    senses = rib_senses if layout.along == "wale" else garter_senses.T
+    like = pattern.cells_of("rib") if layout.along == "wale" else pattern.cells_of("garter").T
+    sharp = Ridge(pattern.cells_per_period, SHARP)
+    senses = fold_senses(like, options.fold_phase, options.boundary == "periodic", sharp)
+    if layout.along == "course" and options.garter_start == "valley":
+        senses = -senses
     folded = np.asarray(np.isin(senses, SENSES[layout.face]).any(axis=0))
     if layout.within == "patch":
-        patches = len(folded) // pattern.cells_per_patch
-        first = (patches - 1) // 2 * pattern.cells_per_patch
-        folded[:first], folded[first + pattern.cells_per_patch :] = False, False
+        borders = pattern.column_borders if layout.along == "wale" else pattern.row_borders
+        middle = (len(borders) - 2) // 2
+        folded[: borders[middle]], folded[borders[middle + 1] :] = False, False
     return np.flatnonzero(folded).tolist()
 
 
@@ -134,7 +142,7 @@ def _along_ridges(
     pattern: Pattern,
     options: ModelOptions,
     shape: MeshShape,
-    stitches: tuple[float, float],
+    stitches: StitchCounts,
 ) -> Electrodes:
     lines = ridge_lines(layout, pattern, options)
     if missing := sorted({number for number in layout.ridges if number > len(lines)}):
@@ -146,13 +154,18 @@ def _along_ridges(
                 for number in missing
             ]
         )
-    across = stitches[0 if layout.along == "wale" else 1]
-    width = CELLS_PER_STRIPE if layout.width == "stripe" else layout.width / across
+    across = stitches[1 if layout.along == "wale" else 0]
     length = shape.cells_y if layout.along == "wale" else shape.cells_x
     start, end = (part * length for part in layout.span)
     strips = []
     for number in layout.ridges:
-        low, high = lines[number - 1] - width / 2, lines[number - 1] + width / 2
+        line = lines[number - 1]
+        width = (
+            pattern.cells_per_period / 2
+            if layout.width == "stripe"
+            else layout.width / across[line]
+        )
+        low, high = line - width / 2, line + width / 2
         on = (low, high, start, end) if layout.along == "wale" else (start, end, low, high)
         strips.append((Strip(*on),))
     return Electrodes((strips[0], strips[1]), layout.along)

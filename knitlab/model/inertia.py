@@ -3,12 +3,14 @@
 Units are mm, N, g and ms, in which 1 N = 1 g mm/ms².
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 from pydantic import PositiveFloat
 
@@ -17,7 +19,7 @@ from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, Network
 from knitlab.model.options import ModelOptions
-from knitlab.model.pattern import CELLS_PER_PERIOD
+from knitlab.model.pattern import Pattern
 from knitlab.model.setting_types import Unit
 from knitlab.model.stripe import Stripe
 
@@ -39,18 +41,18 @@ class Inertia(eqx.Module):
     """Mass and drag of one fabric on its network.
 
     Attributes:
-        node_mass: lumped mass of a node, m [g].
+        node_mass: lumped mass of a node, m, one for all or one for each [g].
         damping: viscous damping of a node, c [g/ms].
     """
 
-    node_mass: Float[Array, ""]
+    node_mass: Float[Array, "*grid"]
     damping: Float[Array, ""]
 
 
 def inertia(
     weft: Stripe, warp: Stripe, options: ModelOptions, mass_and_drag: MassAndDrag
 ) -> Inertia:
-    """Inertia of a fabric: m = ρ_s (w/4)(h/4) (paper, Sec. "3D model").
+    """Inertia of a fabric of one pair of stripes: m = ρ_s (w/4)(h/4) (paper, Sec. "3D model").
 
     Args:
         weft: the stripe across the wales, with the tabulated period w.
@@ -58,19 +60,68 @@ def inertia(
         options: of the model; ``length_scale`` multiplies both periods.
         mass_and_drag: ρ_s and c.
     """
-    sides = [options.length_scale * stripe.period / CELLS_PER_PERIOD for stripe in (weft, warp)]
+    sides = [_side(stripe, options) for stripe in (weft, warp)]
     return Inertia(
         node_mass=jnp.asarray(mass_and_drag.surface_density * sides[0] * sides[1]),
         damping=jnp.asarray(mass_and_drag.damping, float),
     )
 
 
-def nodes_moved(shape: MeshShape) -> Configuration:
-    """How many nodes' mass and drag each unknown carries.
+def graded_inertia(
+    pattern: Pattern,
+    weft: Sequence[Stripe],
+    warp: Sequence[Stripe],
+    options: ModelOptions,
+    mass_and_drag: MassAndDrag,
+) -> Inertia:
+    """Inertia of a fabric of several stripes: a node has the mean size of the cells beside it.
 
-    A coordinate carries its node's. L_x and L_y, which are knitlab's and not the paper's, move the
-    images of a line of nodes, and carry that line's; at equilibrium it is all one.
+    Args:
+        pattern: of the whole fabric, with the number of the stripe of each row and column.
+        weft: its rib stripes.
+        warp: its garter stripes.
+        options: of the model.
+        mass_and_drag: ρ_s and c.
     """
+    width = np.array([_side(stripe, options) for stripe in weft])
+    height = np.array([_side(stripe, options) for stripe in warp])
+    lines = [
+        _about_lines(side, options.boundary == "periodic")
+        for side in (
+            height[pattern.row_stripe[pattern.patch_of_row]],
+            width[pattern.column_stripe[pattern.patch_of_column]],
+        )
+    ]
+    return Inertia(
+        node_mass=jnp.asarray(mass_and_drag.surface_density * np.outer(*lines)),
+        damping=jnp.asarray(mass_and_drag.damping, float),
+    )
+
+
+def _side(stripe: Stripe, options: ModelOptions) -> float:
+    return options.length_scale * stripe.period / options.cells_per_period
+
+
+def _about_lines(side: Float[np.ndarray, " cell"], periodic: bool) -> Float[np.ndarray, " line"]:
+    """Mean side of the cells before and behind each grid line, of one at an edge."""
+    if periodic:
+        return (np.roll(side, 1) + side) / 2
+    return (np.concatenate([side[:1], side]) + np.concatenate([side, side[-1:]])) / 2
+
+
+def moved_mass(shape: MeshShape, inertia: Inertia) -> Configuration:
+    """Mass that each unknown moves [g].
+
+    A coordinate moves its node's. L_x and L_y, which are knitlab's and not the paper's, move the
+    images of a line of nodes, and that line's mass; at equilibrium it is all one.
+    """
+    mass = jnp.broadcast_to(inertia.node_mass, (shape.nodes_y, shape.nodes_x))
+    lines = jnp.stack([mass[:, 0].sum(), mass[0].sum()])
+    return Configuration(jnp.broadcast_to(mass[..., None], (*mass.shape, 3)), lines)
+
+
+def nodes_moved(shape: MeshShape) -> Configuration:
+    """How many nodes each unknown moves, see :func:`moved_mass`."""
     lines = [float(shape.nodes_y), float(shape.nodes_x)]
     return Configuration(jnp.ones((shape.nodes_y, shape.nodes_x, 3)), jnp.array(lines))
 
@@ -83,8 +134,8 @@ def kinetic_energy(net: Network, inertia: Inertia, velocity: Configuration) -> F
         inertia: its mass.
         velocity: rate at which its configuration changes [mm/ms].
     """
-    nodes, rates = nodes_moved(net.shape).flattened(), velocity.flattened()
-    return 0.5 * inertia.node_mass * jnp.sum(nodes * rates**2)
+    mass, rates = moved_mass(net.shape, inertia).flattened(), velocity.flattened()
+    return jnp.asarray(0.5 * jnp.sum(mass * rates**2))
 
 
 def lagrangian(

@@ -45,8 +45,7 @@ class MeshShape:
 
 def mesh_shape(pattern: Pattern, boundary: Boundary) -> MeshShape:
     """Mesh shape of a pattern under a boundary."""
-    cells_y, cells_x = pattern.rib_cells.shape
-    return MeshShape(cells_y, cells_x, boundary == "periodic")
+    return MeshShape(*pattern.grid, boundary == "periodic")
 
 
 @dataclass(frozen=True, eq=False)

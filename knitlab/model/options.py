@@ -5,6 +5,8 @@ from typing import Literal
 
 from pydantic import PositiveFloat
 
+from knitlab.model.setting_types import Fraction
+
 CellSize = Literal["flat", "relaxed"]
 FoldPhase = Literal["stripe_centre", "stripe_border"]
 Hinges = Literal["fold_lines", "all"]
@@ -12,6 +14,7 @@ HingeStiffness = Literal["per_edge", "per_length"]
 GarterStart = Literal["mountain", "valley"]
 FoldAngle = Literal["whole_normals", "across_edge"]
 Boundary = Literal["clamped", "periodic"]
+CellsPerPeriod = Literal[4, 8, 16]
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,10 @@ class ModelOptions:
             far that both vanish; ``"across_edge"`` takes their parts across the edge, so that a
             cell that turns about the edge changes the fold by just that.
         length_scale: factor on the stripes' periods, and so on every grid length [1].
+        cells_per_period: grid cells along one period, 4 in the paper; on a finer grid folds are
+            rounded (:mod:`~knitlab.model.fold_lines`).
+        ridge_fraction: part of a stripe that its rounded ridge takes; without effect on the
+            paper's grid [1].
         boundary: ``"clamped"`` sample or ``"periodic"`` fabric without edges.
     """
 
@@ -48,4 +55,6 @@ class ModelOptions:
     garter_start: GarterStart = "mountain"
     fold_angle: FoldAngle = "whole_normals"
     length_scale: PositiveFloat = 1.0
+    cells_per_period: CellsPerPeriod = 4
+    ridge_fraction: Fraction = 0.5
     boundary: Boundary = "clamped"

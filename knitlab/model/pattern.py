@@ -1,96 +1,254 @@
-"""Patterns: which patch is rib, which garter, and the folds that follow from it."""
+"""Patterns: which patch is rib, garter or plain knit, how large it is, and which stripe it has."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Int
+from pydantic import Field
 
-from knitlab.model.options import FoldPhase
+from knitlab.model.setting_types import RestAngle
 
 CELLS_PER_PERIOD = 4
-"""Grid cells along one period: two a stripe (paper, Fig. 1F: grid of size w/4)."""
+"""Grid cells along one period in the paper: two a stripe (Fig. 1F: grid of size w/4)."""
+
+Knit = Literal["rib", "garter", "plain"]
+KNIT_OF_LETTER: dict[str, Knit] = {"R": "rib", "G": "garter", "P": "plain"}
+LETTERS = "R for rib, G for garter and P for plain knit"
+
+Along = Literal["wale", "course"]
+"""What a line of the fabric runs along: a wale, up the warp, or a course, along the weft."""
+Patches = Annotated[float, Field(ge=0)]
+"""A place or an extent, counted in patches of the pattern: 1.5 is the middle of the second."""
+
+
+class BadPattern(ValueError):
+    """A pattern that cannot be knitted.
+
+    Attributes:
+        problems: a sentence for each fault, with its place.
+    """
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        super().__init__("; ".join(problems))
+        self.problems = tuple(problems)
+
+
+@dataclass(frozen=True)
+class SingleFold:
+    """One line of a pattern that folds by itself.
+
+    Attributes:
+        along: what the line runs along.
+        at: where it lies across that: patches from the left edge of the pattern to a line along
+            a wale, from its lower edge to one along a course. It must fall on a grid line.
+        start, end: from where to where it runs, in patches; to the end of the pattern if ``end``
+            is left out.
+        sense: to which face it points.
+        theta_0: its interior rest angle; π is flat [rad].
+    """
+
+    along: Along
+    at: Patches
+    theta_0: RestAngle
+    sense: Literal["mountain", "valley"] = "mountain"
+    start: Patches = 0.0
+    end: Patches | None = None
+
+    @property
+    def rest_fold(self) -> float:
+        """Its signed fold angle at rest, positive for a mountain [rad]."""
+        return (np.pi - self.theta_0) * (1 if self.sense == "mountain" else -1)
+
+
+@dataclass(frozen=True)
+class GridFold:
+    """A single fold on the grid.
+
+    Attributes:
+        along: what it runs along.
+        line: the grid line that it lies on.
+        start, end: grid lines between which it runs.
+        rest_fold: signed fold angle at rest [rad].
+    """
+
+    along: Along
+    line: int
+    start: int
+    end: int
+    rest_fold: float
 
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """A map of rib and garter patches, each ``periods`` periods wide and high.
+    """Patches in rows and columns, each with its knit; row 0 is the lowest, column 0 the leftmost.
+
+    All patches of a column have the same wales, and all of a row the same courses, so that
+    neighbours meet stitch for stitch: a column has one width and one rib stripe, a row one height
+    and one garter stripe.
 
     Attributes:
-        rib: True where a patch is rib, False where it is garter; row 0 is the bottom course.
-        periods: P, periods of a stripe that fill a patch.
+        knit: letter of every patch, see :data:`KNIT_OF_LETTER`.
+        row_periods: periods of its garter stripe that fill the height of each row.
+        column_periods: periods of its rib stripe that fill the width of each column.
+        row_stripe: number of the garter stripe of each row, from 0.
+        column_stripe: number of the rib stripe of each column, from 0.
+        folds: single folds.
+        cells_per_period: grid cells along one period.
     """
 
-    rib: Bool[np.ndarray, "patch_y patch_x"]
-    periods: int
+    knit: np.ndarray
+    row_periods: Int[np.ndarray, " patch_y"]
+    column_periods: Int[np.ndarray, " patch_x"]
+    row_stripe: Int[np.ndarray, " patch_y"] = field(default_factory=lambda: np.zeros(0, int))
+    column_stripe: Int[np.ndarray, " patch_x"] = field(default_factory=lambda: np.zeros(0, int))
+    folds: tuple[SingleFold, ...] = ()
+    cells_per_period: int = CELLS_PER_PERIOD
+
+    def __post_init__(self) -> None:
+        for name, count in zip(("row_stripe", "column_stripe"), self.knit.shape, strict=True):
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, np.zeros(count, int))
 
     @property
-    def cells_per_patch(self) -> int:
-        """Grid cells along each side of a patch, 4P."""
-        return CELLS_PER_PERIOD * self.periods
+    def patch_of_row(self) -> Int[np.ndarray, " grid_y"]:
+        """Row of patches that each row of grid cells lies in."""
+        return np.repeat(np.arange(len(self.row_periods)), self.cells_per_period * self.row_periods)
 
     @property
-    def rib_cells(self) -> Bool[np.ndarray, "grid_y grid_x"]:
-        """True for each grid cell that lies in a rib patch."""
-        return np.kron(self.rib, np.ones((self.cells_per_patch,) * 2, dtype=bool)).astype(bool)
+    def patch_of_column(self) -> Int[np.ndarray, " grid_x"]:
+        """Column of patches that each column of grid cells lies in."""
+        periods = self.column_periods
+        return np.repeat(np.arange(len(periods)), self.cells_per_period * periods)
+
+    @property
+    def row_borders(self) -> Int[np.ndarray, " border"]:
+        """Grid lines along which rows of patches meet or end."""
+        return self.cells_per_period * np.concatenate([[0], np.cumsum(self.row_periods)])
+
+    @property
+    def column_borders(self) -> Int[np.ndarray, " border"]:
+        """Grid lines along which columns of patches meet or end."""
+        return self.cells_per_period * np.concatenate([[0], np.cumsum(self.column_periods)])
+
+    @property
+    def grid(self) -> tuple[int, int]:
+        """Grid cells along (y, x)."""
+        return int(self.row_borders[-1]), int(self.column_borders[-1])
+
+    def cells_of(self, knit: Knit) -> Bool[np.ndarray, "grid_y grid_x"]:
+        """Which grid cells lie in a patch of a knit."""
+        of_patch = np.vectorize(KNIT_OF_LETTER.__getitem__, otypes=[object])(self.knit) == knit
+        return of_patch[np.ix_(self.patch_of_row, self.patch_of_column)]
+
+    def tiled(self, repeats: tuple[int, int]) -> "Pattern":
+        """The pattern repeated along (y, x)."""
+        rows, columns = self.knit.shape
+        folds = [
+            _moved(fold, turn_y * rows, turn_x * columns, rows, columns)
+            for turn_y, turn_x in np.ndindex(repeats)
+            for fold in self.folds
+        ]
+        along_y, along_x = repeats
+        return replace(
+            self,
+            knit=np.tile(self.knit, repeats),
+            row_periods=np.tile(self.row_periods, along_y),
+            column_periods=np.tile(self.column_periods, along_x),
+            row_stripe=np.tile(self.row_stripe, along_y),
+            column_stripe=np.tile(self.column_stripe, along_x),
+            folds=tuple(folds),
+        )
+
+    def grid_folds(self) -> tuple[GridFold, ...]:
+        """Its single folds on the grid.
+
+        Raises:
+            BadPattern: with every fold that lies outside the pattern or between grid lines.
+        """
+        problems: list[str] = []
+        found = []
+        for number, fold in enumerate(self.folds, 1):
+            across, length = self.column_borders, self.row_borders
+            if fold.along == "course":
+                across, length = length, across
+            end = len(length) - 1 if fold.end is None else fold.end
+            lines: list[int] = []
+            for name, place, borders in (
+                ("at", fold.at, across),
+                ("start", fold.start, length),
+                ("end", end, length),
+            ):
+                line = _grid_line(place, borders)
+                if isinstance(line, str):
+                    problems.append(f"fold {number}: {name} = {place:g} {line}")
+                else:
+                    lines.append(line)
+            if len(lines) < 3:
+                continue
+            line, start, last = lines
+            if start >= last:
+                problems.append(f"fold {number}: start = {fold.start:g} is not below end = {end:g}")
+            found.append(GridFold(fold.along, line, start, last, fold.rest_fold))
+        if problems:
+            raise BadPattern(problems)
+        return tuple(found)
 
 
 def patch_map(rows: Sequence[str], periods: int) -> Pattern:
-    """Pattern from text, top course first: ``R`` is a rib patch, ``G`` a garter patch.
+    """Pattern of equal patches from text, top course first.
+
+    Args:
+        rows: a letter for each patch: ``R`` for rib, ``G`` for garter, ``P`` for plain knit.
+        periods: P, periods of a stripe that fill a patch.
 
     Raises:
-        ValueError: if the rows differ in length, are empty, or hold another letter.
+        BadPattern: if the rows differ in length, are empty, or hold another letter.
+    """
+    knit = letters_of(rows)
+    height, width = knit.shape
+    return Pattern(knit, np.full(height, periods), np.full(width, periods))
+
+
+def letters_of(rows: Sequence[str]) -> np.ndarray:
+    """Letters (row, column) of a patch map, lowest row first.
+
+    Raises:
+        BadPattern: if the rows differ in length, are empty, or hold another letter.
     """
     widths = {len(row) for row in rows}
     if not rows or len(widths) != 1 or widths == {0}:
-        raise ValueError(f"patch map {list(rows)} is not a rectangle; give rows of equal length")
-    if unknown := sorted(set("".join(rows).upper()) - set("RG")):
-        raise ValueError(f"patch map holds {unknown}; use R for rib and G for garter")
-    rib = np.array([[letter in "Rr" for letter in row] for row in rows[::-1]])
-    return Pattern(rib, periods)
+        lengths = ", ".join(f"row {k} has {len(row)}" for k, row in enumerate(rows, 1))
+        problem = f"patch map {list(rows)} is not a rectangle; give rows of equal length"
+        raise BadPattern([f"{problem} (from the top, {lengths} patches)" if rows else problem])
+    problems = [
+        f"patch map, row {row} from the top, column {column}: {letter!r} is no knit; use {LETTERS}"
+        for row, letters in enumerate(rows, 1)
+        for column, letter in enumerate(letters, 1)
+        if letter.upper() not in KNIT_OF_LETTER
+    ]
+    if problems:
+        raise BadPattern(problems)
+    return np.array([list(row.upper()) for row in rows[::-1]])
 
 
-def inside_runs(
-    like: Bool[np.ndarray, "line cell"], periodic: bool
-) -> Bool[np.ndarray, "line cell"]:
-    """Whether the edge before each cell lies inside a run of like cells, along axis 1."""
-    inside = like & np.roll(like, 1, axis=1)
-    if not periodic:
-        inside[:, 0] = False
-    return inside
+def _moved(fold: SingleFold, up: int, right: int, rows: int, columns: int) -> SingleFold:
+    across, along = (right, up) if fold.along == "wale" else (up, right)
+    length = rows if fold.along == "wale" else columns
+    end = length if fold.end is None else fold.end
+    return replace(fold, at=fold.at + across, start=fold.start + along, end=end + along)
 
 
-SENSE_BY_LINE = {
-    "stripe_border": np.array([-1.0, 0.0, 1.0, 0.0]),
-    "stripe_centre": np.array([0.0, 1.0, 0.0, -1.0]),
-}
-"""Sense of the fold at a grid line, by its place in the period of four cells."""
-
-
-def fold_senses(
-    like: Bool[np.ndarray, "line cell"], fold_phase: FoldPhase, periodic: bool
-) -> Float[np.ndarray, "line cell"]:
-    """Sense of the fold on the edge before each cell: +1 and −1 in turn, 0 where it rests flat.
-
-    Lines are counted from the start of each run of like cells, so neighbouring patches of one
-    knit fold together and no fold lies on the border between two knits. In periodic fabric
-    a run may wrap around; one that fills the whole line is counted from line 0.
-
-    Args:
-        like: which cells are of this knit; axis 1 runs across its folds.
-        fold_phase: whether the folds lie on the odd or the even lines of a run.
-        periodic: whether axis 1 wraps around.
-
-    Returns:
-        At index k of axis 1 the sense of the edge between cells k − 1 and k.
-    """
-    lines, cells = like.shape
-    start = np.where(like.all(axis=1), 0, np.argmin(like, axis=1)) if periodic else np.zeros(lines)
-    order = (start[:, None].astype(int) + np.arange(cells)) % cells
-    unrolled = np.take_along_axis(like, order, axis=1)
-    last_other = np.maximum.accumulate(np.where(unrolled, -1, np.arange(cells)), axis=1)
-    place = np.empty((lines, cells), dtype=int)
-    np.put_along_axis(place, order, np.arange(cells) - last_other - 1, axis=1)
-    return np.where(
-        inside_runs(like, periodic), SENSE_BY_LINE[fold_phase][place % CELLS_PER_PERIOD], 0.0
-    )
+def _grid_line(place: float, borders: Int[np.ndarray, " border"]) -> int | str:
+    """Grid line at a place in patches, or what is wrong with that."""
+    if not 0 <= place <= len(borders) - 1:
+        return f"lies outside the pattern, which has {len(borders) - 1} patches there"
+    patch = min(int(place), len(borders) - 2)
+    cells = int(borders[patch + 1] - borders[patch])
+    line = (place - patch) * cells
+    if abs(line - round(line)) > 1e-6:
+        near = sorted({int(line), int(line) + 1})
+        places = " or ".join(f"{patch + k / cells:g}" for k in near)
+        return f"lies between grid lines; take {places}"
+    return int(borders[patch]) + round(line)

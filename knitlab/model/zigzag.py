@@ -5,6 +5,8 @@ rest angle θ0 alternate with joints that rest straight. The paper's Sec. "2D mo
 number open.
 """
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -50,7 +52,7 @@ def zigzag(stripe: Stripe, options: ModelOptions = AS_CALIBRATED) -> Zigzag:
         options: of the model; by default those that a calibration takes, by which w or h is the
             relaxed period.
     """
-    cell = cell_length(stripe, options)
+    cell = cell_length(stripe, replace(options, cells_per_period=4))
     k_t = stripe.k_t * (cell if options.hinge_stiffness == "per_length" else 1.0)
     period = CELLS_PER_PERIOD * cell * stripe.contraction
     numbers = period, stripe.k_s, k_t, stripe.theta_0

@@ -6,6 +6,7 @@ from functools import lru_cache
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.sensitivity import quantities
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric
@@ -32,19 +33,19 @@ Measures = tuple[tuple[str, Measure], ...]
 
 @lru_cache(maxsize=64)
 def of_strained(
-    shape: MeshShape, unit_cells: tuple[int, int], names: tuple[str, ...], measures: Measures
+    shape: MeshShape, cells: CellGrid, names: tuple[str, ...], measures: Measures
 ) -> Callable[[Configuration, Configuration, Fabric], Float[Array, " quantity"]]:
     """Quantities of a state under strain; the same function for the same arguments.
 
     Args:
         shape: the mesh shape.
-        unit_cells: unit cells along (y, x).
+        cells: the unit cells.
         names: of :data:`ALONG_STRAIN`, or of own measures.
         measures: the own measures.
     """
     own = dict(measures)
     known = tuple(name for name in names if name not in own)
-    together = measured_by(shape, unit_cells, known) if known else None
+    together = measured_by(shape, cells, known) if known else None
 
     def measured(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
         values = together(relaxed, strained, fabric) if together else ()
@@ -56,19 +57,19 @@ def of_strained(
 
 @lru_cache(maxsize=64)
 def of_relaxed(
-    shape: MeshShape, unit_cells: tuple[int, int], names: tuple[str, ...]
+    shape: MeshShape, cells: CellGrid, names: tuple[str, ...]
 ) -> Callable[[Configuration, Configuration, Fabric], Float[Array, " quantity"]]:
     """Quantities of the relaxed fabric, up to a factor that no stripe number changes.
 
     Args:
         shape: the mesh shape.
-        unit_cells: unit cells along (y, x).
+        cells: the unit cells.
         names: of :data:`OF_DESIGN`; a size in cloth is given as its contraction, relaxed over flat.
     """
-    known = quantities(shape, unit_cells)
+    known = quantities(shape, cells)
 
     def measured(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
-        flat = {"relaxed_cell_x": fabric.cell[0], "relaxed_cell_y": fabric.cell[1]}
+        flat = {"relaxed_cell_x": fabric.cell_x.mean(), "relaxed_cell_y": fabric.cell_y.mean()}
         values = []
         for name in names:
             cell = OF_CLOTH[name][0] if name in OF_CLOTH else name

@@ -24,7 +24,6 @@ from knitlab.io.fingerprint import code_fingerprint
 from knitlab.measure.knit_size import Gauge
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.model.configuration import Configuration
-from knitlab.model.fabric import StripePair
 from knitlab.optimisation.quantities import OF_CLOTH, OF_DESIGN, Measures, of_relaxed, of_strained
 from knitlab.optimisation.request import PARAMETERS
 from knitlab.simulation.case import Case
@@ -118,7 +117,7 @@ class Trial:
 
     def _derived(self, names: Sequence[str], needed: np.ndarray) -> dict[str, Slopes]:
         case, shape = self.case, self.case.mesh_shape
-        stripes = StripePair.of(case.weft, case.warp)
+        stripes = case.stripe_pair
         shapes = jax.tree.map(np.asarray, self._shapes)
         adjoint = adjoint_of(case, shapes[0])
         along = tuple(name for name in names if name not in OF_DESIGN)
@@ -128,7 +127,7 @@ class Trial:
             for name in names
         }
         for place in np.flatnonzero(needed) if along else ():
-            measure = of_strained(shape, case.unit_cells, along, self.measures)
+            measure = of_strained(shape, case.cell_grid, along, self.measures)
             strain = float(self.strains[place])
             by_number = (
                 adjoint.of_strained(strain, shapes[place], measure)
@@ -140,7 +139,7 @@ class Trial:
         if "poisson_ratio" in found and len(self.strains) > 1:
             found["poisson_ratio"][0] = found["poisson_ratio"][1]
         if of_design:
-            measure = of_relaxed(shape, case.unit_cells, of_design)
+            measure = of_relaxed(shape, case.cell_grid, of_design)
             rows = logarithmic(adjoint.of_relaxed(measure), stripes)
             relaxed = np.asarray(measure(shapes[0], shapes[0], case.assemble()[1]))
             for name, row, reference in zip(of_design, rows, relaxed, strict=True):

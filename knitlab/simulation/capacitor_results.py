@@ -92,7 +92,7 @@ def _capacitance_unloading(
     """
     values = capacitance.copy()
     moved = np.abs(unloading.flattened() - loading.flattened()).max(axis=1)
-    apart = moved > SAME * case.assemble()[1].cell.min()
+    apart = moved > SAME * case.assemble()[1].cell_sides.min()
     if apart.any():
         values[apart] = _measured(case, unloading[apart]).capacitance
     return values

@@ -2,24 +2,34 @@
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import TypeAdapter
 
 from knitlab.capacitance.capacitor import Capacitor
+from knitlab.measure.cell_grid import CellGrid
+from knitlab.measure.central import central
+from knitlab.measure.knit_size import Stitches
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.solver import SolverSettings
-from knitlab.model.electrode_layout import CELLS_PER_STRIPE, place_electrodes
+from knitlab.model.electrode_layout import StitchCounts, place_electrodes
 from knitlab.model.electrodes import Electrodes
-from knitlab.model.fabric import Fabric, Sheet, assemble_fabric
-from knitlab.model.inertia import MassAndDrag
+from knitlab.model.fabric import Fabric, Sheet, StripePair
+from knitlab.model.grading import Grading, graded_pattern
+from knitlab.model.inertia import Inertia, MassAndDrag, graded_inertia, inertia
+from knitlab.model.layout import FabricLayout, fabric_layout
 from knitlab.model.network import MeshShape, Network, mesh_shape
-from knitlab.model.options import Boundary, ModelOptions
-from knitlab.model.pattern import Pattern, patch_map
+from knitlab.model.options import ModelOptions
+from knitlab.model.pattern import CELLS_PER_PERIOD, BadPattern, Pattern, SingleFold
+from knitlab.model.plain import PlainKnit
 from knitlab.model.stripe import Stripe
+
+UNUSED_LEFT_OUT = ("robustness", "grading", "folds", "cell_patches", "plain")
+"""Fields that a case's record leaves out where they are empty."""
 
 Method = Literal["equilibrium", "dynamics"]
 Label = int | float | str
@@ -45,6 +55,11 @@ class Case:
         unloading: whether the fabric is let go again, through the same strains.
         capacitor: the electrodes on it, if any.
         robustness: siblings that are tested beside it, to see how far its results spread.
+        grading: sizes and stripes of rows and columns of the pattern, if they differ; ``weft``,
+            ``warp`` and ``periods`` are then those of the design that it varies.
+        folds: single folds of the pattern.
+        cell_patches: patches of a unit cell along (y, x), if it is not the whole pattern.
+        plain: numbers of plain knit, if the pattern has any.
     """
 
     design: dict[str, Label]
@@ -63,16 +78,25 @@ class Case:
     unloading: bool = False
     capacitor: Capacitor | None = None
     robustness: int = 0
+    grading: Grading | None = None
+    folds: tuple[SingleFold, ...] = ()
+    cell_patches: tuple[int, int] | None = None
+    plain: PlainKnit | None = None
 
     @cached_property
     def record(self) -> dict[str, Any]:
         """The case as JSON holds it; :func:`case_of` reads it.
 
-        Without siblings robustness is left out: the identifier is that of a version without it.
+        Fields and options that it does not use are left out, so that its identifier is that of a
+        version without them.
         """
         record = asdict(self)
-        if not self.robustness:
-            del record["robustness"]
+        for name in UNUSED_LEFT_OUT:
+            if not record[name]:
+                del record[name]
+        if self.reading.cells_per_period == CELLS_PER_PERIOD:
+            for name in ("cells_per_period", "ridge_fraction"):
+                del record["reading"][name]
         return record
 
     @cached_property
@@ -97,13 +121,99 @@ class Case:
 
     @property
     def sample(self) -> Pattern:
-        """The whole sample: the unit cell's patch map repeated."""
-        return _sample(self.pattern, self.periods, self.unit_cells)
+        """The whole sample: the patch map repeated."""
+        return graded_pattern(
+            self.pattern,
+            self.periods,
+            self.unit_cells,
+            self.grading,
+            self.folds,
+            self.reading.cells_per_period,
+        )
 
     @property
     def mesh_shape(self) -> MeshShape:
         """Its mesh shape; cases of one plan that share it can be one batch."""
-        return _mesh_shape(self.pattern, self.periods, self.unit_cells, self.reading.boundary)
+        return mesh_shape(self.sample, self.reading.boundary)
+
+    @property
+    def cell_grid(self) -> CellGrid:
+        """Its unit cells on the grid: whole patterns, or blocks of ``cell_patches``."""
+        sample = self.sample
+        height, width = self.cell_patches or (len(self.pattern), len(self.pattern[0]))
+        rows, columns = sample.row_borders[::height], sample.column_borders[::width]
+        return CellGrid(tuple(rows.tolist()), tuple(columns.tolist()))
+
+    def check_cells(self) -> None:
+        """Refuse unit cells that do not fill the pattern.
+
+        Raises:
+            BadPattern: if they do not.
+        """
+        extents = len(self.pattern), len(self.pattern[0])
+        if self.cell_patches and any(
+            whole % part for whole, part in zip(extents, self.cell_patches, strict=True)
+        ):
+            raise BadPattern(
+                [
+                    f"cell = {list(self.cell_patches)} does not fill the pattern of {extents[0]} by"
+                    f" {extents[1]} patches; give numbers that divide them"
+                ]
+            )
+
+    @property
+    def central_cells(self) -> tuple[slice, slice]:
+        """Rows and columns of grid cells in the central unit cells, over which is averaged."""
+        rows, columns = self.cell_grid.rows, self.cell_grid.columns
+        along_y, along_x = (central(count) for count in self.cell_grid.count)
+        return (
+            slice(rows[along_y.start], rows[along_y.stop]),
+            slice(columns[along_x.start], columns[along_x.stop]),
+        )
+
+    @property
+    def flat_cell(self) -> tuple[float, float]:
+        """Mean flat sides (x, y) of the central unit cells [mm]."""
+        _, fabric = self.assemble()
+        rows, columns = self.central_cells
+        along_y, along_x = (central(count) for count in self.cell_grid.count)
+        width = float(fabric.cell_x[columns].sum()) / (along_x.stop - along_x.start)
+        height = float(fabric.cell_y[rows].sum()) / (along_y.stop - along_y.start)
+        return width, height
+
+    @property
+    def stitches(self) -> Stitches:
+        """Its stitches: in the central unit cells, and in the whole fabric."""
+        courses, wales = self.stitches_per_cell
+        rows, columns = self.central_cells
+        along_y, along_x = (central(count) for count in self.cell_grid.count)
+        return Stitches(
+            courses_in_cell=float(courses[rows].sum()) / (along_y.stop - along_y.start),
+            wales_in_cell=float(wales[columns].sum()) / (along_x.stop - along_x.start),
+            courses=float(courses.sum()),
+            wales=float(wales.sum()),
+        )
+
+    @property
+    def stripe_pair(self) -> StripePair:
+        """The numbers of its stripes: of each knit one, or several along an axis."""
+        if self.grading is None:
+            return StripePair.of(self.weft, self.warp)
+        return StripePair.of_several(self.grading.weft, self.grading.warp)
+
+    def with_stripes(
+        self, rib: Callable[[Stripe], Stripe], garter: Callable[[Stripe], Stripe]
+    ) -> "Case":
+        """The case with every rib and every garter stripe changed; a pure stripe by ``rib``."""
+        grading = self.grading
+        if grading is not None:
+            grading = replace(
+                grading,
+                row_stripes=tuple(map(garter, grading.row_stripes)),
+                column_stripes=tuple(map(rib, grading.column_stripes)),
+            )
+        warp = rib(self.warp) if self.pure else garter(self.warp)
+        return replace(self, weft=rib(self.weft), warp=warp, grading=grading)
 
     @property
     def pure(self) -> bool:
@@ -113,7 +223,7 @@ class Case:
     @property
     def all_corners_held(self) -> bool:
         """Whether every corner of a unit cell lies on a clamp: then none can move across."""
-        return self.reading.boundary == "clamped" and self.unit_cells[0] == 1
+        return self.reading.boundary == "clamped" and self.cell_grid.count[0] == 1
 
     @property
     def periodic_cell(self) -> "Case":
@@ -131,8 +241,21 @@ class Case:
         """
         if self.capacitor is None:
             raise TypeError(f"case {self.case_id} has no capacitor")
-        cells_per_stitch = self.weft.n / CELLS_PER_STRIPE, self.warp.n / CELLS_PER_STRIPE
-        return place_electrodes(self.capacitor.layout, self.sample, self.reading, cells_per_stitch)
+        return place_electrodes(
+            self.capacitor.layout, self.sample, self.reading, self.stitches_per_cell
+        )
+
+    @property
+    def stitches_per_cell(self) -> StitchCounts:
+        """Courses in every row of grid cells, and wales in every column."""
+        sample, grading = self.sample, self.grading
+        cells_per_stripe = sample.cells_per_period / 2
+        warp = (self.warp,) if grading is None else grading.warp
+        weft = (self.weft,) if grading is None else grading.weft
+        courses = np.array([stripe.n for stripe in warp])[sample.row_stripe[sample.patch_of_row]]
+        wales = np.array([stripe.n for stripe in weft])
+        wales = wales[sample.column_stripe[sample.patch_of_column]]
+        return courses / cells_per_stripe, wales / cells_per_stripe
 
     @property
     def equilibrium_solver(self) -> SolverSettings:
@@ -145,9 +268,28 @@ class Case:
             raise TypeError(f"case {self.case_id} has no settings of the equilibrium solver")
         return self.solver
 
+    @property
+    def layout(self) -> FabricLayout:
+        """Its fabric but for the numbers of its stripes."""
+        return fabric_layout(self.sample, self.sheet, self.reading, self.plain)
+
     def assemble(self) -> tuple[Network, Fabric]:
         """Its network, and its fabric: the numbers on that."""
-        return assemble_fabric(self.sample, self.weft, self.warp, self.sheet, self.reading)
+        layout = self.layout
+        return layout.net, layout.fabric(self.stripe_pair)
+
+    def inertia(self) -> Inertia:
+        """Its mass and drag.
+
+        Raises:
+            TypeError: if it has none, as a case that is solved in equilibrium.
+        """
+        if self.mass_and_drag is None:
+            raise TypeError(f"case {self.case_id} has no mass and drag")
+        if self.grading is None:
+            return inertia(self.weft, self.warp, self.reading, self.mass_and_drag)
+        stripes = self.grading.weft, self.grading.warp
+        return graded_inertia(self.sample, *stripes, self.reading, self.mass_and_drag)
 
 
 def case_of(record: dict[str, Any]) -> Case:
@@ -160,15 +302,3 @@ def case_of(record: dict[str, Any]) -> Case:
     # Left to itself, the union would take the first kind that all keys fit.
     solver = settings(**record["solver"])
     return replace(TypeAdapter(Case).validate_python(record), solver=solver)
-
-
-@lru_cache(maxsize=256)
-def _sample(pattern: tuple[str, ...], periods: int, unit_cells: tuple[int, int]) -> Pattern:
-    return Pattern(np.tile(patch_map(pattern, periods).rib, unit_cells), periods)
-
-
-@lru_cache(maxsize=256)
-def _mesh_shape(
-    pattern: tuple[str, ...], periods: int, unit_cells: tuple[int, int], boundary: Boundary
-) -> MeshShape:
-    return mesh_shape(_sample(pattern, periods, unit_cells), boundary)

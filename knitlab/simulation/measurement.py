@@ -13,7 +13,7 @@ from knitlab.measure.boundaries import Direction, boundary_wave
 from knitlab.measure.corners import unit_cell_corners
 from knitlab.measure.folds import hinges_past_pi
 from knitlab.measure.intersections import self_intersections
-from knitlab.measure.patches import central_cell, widths_across_folds
+from knitlab.measure.patches import widths_across_folds
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.measure.strain import (
     central_mean,
@@ -26,7 +26,6 @@ from knitlab.measure.wavelength import POINTS
 from knitlab.mechanics.state import History, State, TensileTest
 from knitlab.mechanics.zigzag_tension import ChainState
 from knitlab.model.configuration import Configuration
-from knitlab.model.fabric import cell_length
 from knitlab.simulation.capacitor_results import capacitor_values
 from knitlab.simulation.case import Case
 from knitlab.simulation.robustness import SiblingTest, spread
@@ -78,15 +77,14 @@ def measured(
     """
     reached = [state for state in test.states if state.converged]
     complete = len(reached) == len(case.applied_strain)
-    cells = case.sample.cells_per_patch * np.array([len(case.pattern[0]), len(case.pattern)])
-    shape = case.mesh_shape
+    shape, flat_cell = case.mesh_shape, case.flat_cell
     values: dict[str, Any] = {
         "status": np.int8(Status.ok if complete else Status.not_converged),
         "case_id": case.case_id,
         "code": code_fingerprint(),
         "periods": case.periods,
-        "flat_cell_x": float(cells[0] * cell_length(case.weft, case.reading)),
-        "flat_cell_y": float(cells[1] * cell_length(case.warp, case.reading)),
+        "flat_cell_x": flat_cell[0],
+        "flat_cell_y": flat_cell[1],
         "residual_force": [state.residual for state in test.states],
         "iterations": [float(state.iterations) for state in test.states],
         "factorisations": [float(state.factorisations) for state in test.states],
@@ -148,7 +146,7 @@ def _boundaries(case: Case, relaxed: State) -> dict[str, Any]:
     values: dict[str, Any] = {}
     directions: tuple[Direction, ...] = ("x", "y")
     for direction in directions:
-        wave = boundary_wave(case.mesh_shape, case.unit_cells, relaxed.configuration, direction)
+        wave = boundary_wave(case.mesh_shape, case.cell_grid, relaxed.configuration, direction)
         if wave is not None:
             values |= {
                 f"wavelength_{direction}": wave.wavelength,
@@ -160,9 +158,11 @@ def _boundaries(case: Case, relaxed: State) -> dict[str, Any]:
 
 
 def _patches(case: Case, relaxed: State) -> dict[str, Any]:
-    cell = central_cell(case.mesh_shape, case.unit_cells, relaxed.configuration)
     values: dict[str, Any] = {}
-    for kind, (centre, edge) in widths_across_folds(cell, case.pattern).items():
+    widths = widths_across_folds(
+        case.mesh_shape, case.sample, case.cell_grid, relaxed.configuration
+    )
+    for kind, (centre, edge) in widths.items():
         extent = "width" if kind == "rib" else "height"
         values |= {f"{kind}_{extent}_centre": centre, f"{kind}_{extent}_edge": edge}
     return values
@@ -186,7 +186,7 @@ def _history(case: Case, history: History) -> dict[str, Any]:
 
 def _strains(case: Case, reached: list[State], complete: bool) -> dict[str, Any]:
     configurations = Configuration.stacked([state.configuration for state in reached])
-    corners = unit_cell_corners(case.mesh_shape, case.unit_cells, configurations)
+    corners = unit_cell_corners(case.mesh_shape, case.cell_grid, configurations)
     strain_xx, strain_yy = local_strain(corners[0], corners)
     mean_xx, mean_yy = (np.asarray(central_mean(strain)) for strain in (strain_xx, strain_yy))
     cell_x, cell_y = mean_cell_size(corners[0])
@@ -216,8 +216,8 @@ def _dataset(case: Case, values: dict[str, Any]) -> xr.Dataset:
     shape = case.mesh_shape
     sizes = {
         "applied_strain": len(case.applied_strain),
-        "cell_y": case.unit_cells[0],
-        "cell_x": case.unit_cells[1],
+        "cell_y": case.cell_grid.count[0],
+        "cell_x": case.cell_grid.count[1],
         **{name: len(labels) for name, labels in FIXED_COORDINATES.items()},
         "node_y": shape.nodes_y,
         "node_x": shape.nodes_x,

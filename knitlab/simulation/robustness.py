@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -54,9 +55,9 @@ def sibling(case: Case, number: int) -> Case:
         other: Start = "flat" if settings.start == "endless" else "endless"
         solver = replace(settings, start=other)
     return replace(
-        case,
-        weft=_scaled(case.weft, factors[0]),
-        warp=_scaled(case.warp, factors[0] if case.pure else factors[1]),
+        case.with_stripes(
+            partial(_scaled, factors=factors[0]), partial(_scaled, factors=factors[1])
+        ),
         solver=solver,
         sensitivities=False,
         unloading=False,

@@ -21,7 +21,6 @@ from knitlab.mechanics.tensile_test import stretch
 from knitlab.mechanics.zigzag_tension import ChainState, pull_chain
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric
-from knitlab.model.inertia import inertia
 from knitlab.model.network import Network
 from knitlab.model.zigzag import zigzag
 from knitlab.simulation.case import Case
@@ -178,11 +177,7 @@ def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest
     settings = cases[0].solver
     if not isinstance(settings, DynamicsSettings):
         raise TypeError(f"case {cases[0].case_id} has no settings of the dynamics")
-    inertias = [
-        inertia(case.weft, case.warp, case.reading, case.mass_and_drag)
-        for case in cases
-        if case.mass_and_drag is not None
-    ]
+    inertias = [case.inertia() for case in cases]
     fabrics = [case.assemble()[1] for case in cases]
     return stretch_by_dynamics(
         MovingBatch(cases[0].mesh_shape, fabrics, inertias, settings),

@@ -8,12 +8,13 @@ from typing import Any, TypeVar
 from knitlab.io.errors import fault
 from knitlab.model.fabric import Sheet
 from knitlab.model.inertia import MassAndDrag
+from knitlab.model.plain import PlainKnit
 from knitlab.model.stripe import Stripe
 
 STRIPE_QUANTITIES = ("period", "k_s", "k_t", "theta_0")
 """The numbers of a stripe, in the order in which siblings draw theirs at random."""
 
-Table = TypeVar("Table", Sheet, MassAndDrag)
+Table = TypeVar("Table", Sheet, MassAndDrag, PlainKnit)
 
 
 def changed_stripe(stripe: Stripe, changes: Mapping[str, float]) -> Stripe:
@@ -41,10 +42,10 @@ def changed_stripe(stripe: Stripe, changes: Mapping[str, float]) -> Stripe:
 
 
 def changed_table(table: Table, changes: Mapping[str, float]) -> Table:
-    """A table of the sheet with numbers replaced and multiplied.
+    """A table with numbers replaced and multiplied.
 
     Args:
-        table: walls, or mass and drag.
+        table: walls, plain knit, or mass and drag.
         changes: numbers by names such as ``z_max``, and factors such as ``z_max_factor``.
     """
     names = [field.name for field in fields(table)]

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.sensitivity import (
     STRIPE_PARAMETERS,
     logarithmic,
@@ -19,7 +20,7 @@ from knitlab.mechanics.loading import drive_along, reaction_force
 from knitlab.mechanics.state import State
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
-from knitlab.model.fabric import Fabric, StripePair, fabric_layout
+from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
 from knitlab.simulation.case import Case
 
@@ -28,13 +29,13 @@ QUANTITIES = ("poisson_ratio", "reaction_force")
 
 @lru_cache(maxsize=16)
 def measured_by(
-    shape: MeshShape, unit_cells: tuple[int, int], names: tuple[str, ...]
+    shape: MeshShape, cells: CellGrid, names: tuple[str, ...]
 ) -> Callable[[Configuration, Configuration, Fabric], Float[Array, " quantity"]]:
     """Several quantities of a tensile test at once; the same function for the same arguments.
 
     Args:
         shape: the mesh shape.
-        unit_cells: unit cells along (y, x).
+        cells: the unit cells.
         names: of :func:`~knitlab.measure.sensitivity.quantities`, or ``reaction_force``.
     """
 
@@ -43,7 +44,7 @@ def measured_by(
         drive, length = drive_along(shape, relaxed)
         return reaction_force(shape, drive, length, gradient.flattened())
 
-    known = quantities(shape, unit_cells) | {"reaction_force": force}
+    known = quantities(shape, cells) | {"reaction_force": force}
     chosen = [known[name] for name in names]
     return lambda q0, q, fabric: jnp.stack([quantity(q0, q, fabric) for quantity in chosen])
 
@@ -58,8 +59,8 @@ def adjoint_of(case: Case, relaxed: Configuration) -> Adjoint:
     Raises:
         NoDerivative: if that is no stable equilibrium.
     """
-    layout = fabric_layout(case.sample, case.sheet, case.reading)
-    return Adjoint(layout, StripePair.of(case.weft, case.warp), relaxed)
+    layout = case.layout
+    return Adjoint(layout, case.stripe_pair, relaxed)
 
 
 def sensitivities(
@@ -74,8 +75,8 @@ def sensitivities(
         case: the case.
         reached: its converged states, the relaxed one first.
     """
-    measure = measured_by(case.mesh_shape, case.unit_cells, QUANTITIES)
-    stripes = StripePair.of(case.weft, case.warp)
+    measure = measured_by(case.mesh_shape, case.cell_grid, QUANTITIES)
+    stripes = case.stripe_pair
     found = np.full((len(QUANTITIES), len(reached), len(STRIPE_PARAMETERS)), np.nan)
     relaxed, *strained = reached
     try:

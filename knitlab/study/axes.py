@@ -9,7 +9,7 @@ from knitlab.io.variable import Variable
 from knitlab.model.electrode_layout import ElectrodeLayout
 from knitlab.simulation.case import Label
 from knitlab.study.declared_fields import declared
-from knitlab.study.settings import SAMPLE_SIZE, Setting
+from knitlab.study.settings import PATTERN, SAMPLE_SIZE, Setting
 from knitlab.study.workflow import Workflow
 
 LAYOUT_SETTINGS = ("layout", *declared(ElectrodeLayout))
@@ -48,6 +48,8 @@ class SweepAxis:
             long_name = f"factor on {quantity}"
         elif self.name == SAMPLE_SIZE:
             long_name = "unit cells of the sample, along y and x"
+        elif self.name == PATTERN:
+            long_name = "named pattern of patches"
         elif self.name in LAYOUT_SETTINGS:
             long_name = f"{self.name} of the electrodes"
         return Variable((self.name,), self.setting.unit, long_name)

@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from knitlab.capacitance.capacitor import Capacitor
-from knitlab.io.errors import fault
+from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.strict_model import StrictModel
+from knitlab.io.suggestions import unknown
 from knitlab.model.electrode_layout import BadLayout, ElectrodeLayout
 from knitlab.model.options import Boundary
+from knitlab.model.pattern import BadPattern
 from knitlab.model.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
     Knit,
@@ -22,13 +24,22 @@ from knitlab.study.axes import SweepAxis, combinations
 from knitlab.study.declared_fields import declared
 from knitlab.study.design_space import DesignSpace, Source
 from knitlab.study.parameters import Parameters, read_stripe_file
+from knitlab.study.patterns import PatternEntry, read_pattern_file
 from knitlab.study.sample_size import sample_size
-from knitlab.study.workflow import ElectrodesSection, ModelSection, Workflow
+from knitlab.study.settings import PATTERN
+from knitlab.study.workflow import (
+    DesignSection,
+    ElectrodesSection,
+    ModelSection,
+    Workflow,
+    pattern_name,
+)
 from knitlab.study.workflow_text import WorkflowText
 
 # A pure stripe has its ridges along x, whatever its knit, and is pulled across them along y.
 PULLED_ACROSS = ("G",)
 STRIPE_FILES = "model.stripe_files"
+PATTERN_FILES = "design.pattern_files"
 Table = TypeVar("Table")
 
 
@@ -112,18 +123,32 @@ def _cases(
         return changed_stripe(parameters.stripes.stripe(knit, stitches), changes)
 
     if workflow.design is not None:
+        entry, folder = _pattern(workflow.design, parameters, source)
+        rows = entry.patches(folder)
+        if "P" in "".join(rows):
+            common["plain"] = changed_table(parameters.plain, changes)
         for n_stripe, n_subunit in space.designs:
             n, m = int(n_stripe), int(n_subunit)
-            yield Case(
-                design={"n_stripe": n, "n_subunit": m, **labels},
-                weft=stripe("rib", n),
-                warp=stripe("garter", GARTER_STITCHES_PER_RIB_STITCH * n),
-                reading=model_options,
-                pattern=workflow.design.pattern,
-                periods=periods_per_patch(n, m),
-                unit_cells=sample_size(workflow.design, m),
-                **common,
-            )
+            try:
+                case = Case(
+                    design={"n_stripe": n, "n_subunit": m, **labels},
+                    weft=stripe("rib", n),
+                    warp=stripe("garter", GARTER_STITCHES_PER_RIB_STITCH * n),
+                    reading=model_options,
+                    pattern=rows,
+                    periods=periods_per_patch(n, m),
+                    unit_cells=sample_size(workflow.design, entry.stitches(rows, n, m)),
+                    grading=entry.grading(rows, n, m, stripe),
+                    folds=entry.single_folds,
+                    cell_patches=entry.cell,
+                    **common,
+                )
+                case.sample.grid_folds()
+                case.check_cells()
+            except BadPattern as error:
+                place = f"{source('design.pattern')} (n_stripe {n}, n_subunit {m})"
+                raise BadInput(Fault(place, problem) for problem in error.problems) from error
+            yield case
     elif workflow.stripes is not None:
         for knit, stitches, boundary in space.designs:
             pure = stripe("rib" if knit == "rib" else "garter", int(stitches))
@@ -138,6 +163,50 @@ def _cases(
                 unit_cells=(1, 1),
                 **common,
             )
+
+
+def _pattern(
+    section: DesignSection, parameters: Parameters, source: Source
+) -> tuple[PatternEntry, Path]:
+    """The pattern of a workflow, and the folder that its paths are relative to."""
+    name = pattern_name(section.pattern)
+    if name is None:
+        return PatternEntry(rows=section.pattern), Path()
+    if name not in parameters.patterns:
+        raise fault(source("design.pattern"), unknown(name, parameters.patterns, "pattern"))
+    return parameters.patterns[name]
+
+
+def pattern_inputs(
+    section: DesignSection, parameters: Parameters, text: WorkflowText
+) -> list[Path]:
+    """Files that the patterns of a workflow are read from, besides ``patterns.toml``."""
+    swept = [value for axis in text.axes if axis.name == PATTERN for value in axis.values]
+    names = {pattern_name(section.pattern), *swept} & set(parameters.patterns)
+    used = [parameters.patterns[name] for name in sorted(map(str, names))]
+    return [
+        *_pattern_files(section, text),
+        *(path for entry, folder in used for path in entry.files(folder)),
+    ]
+
+
+def _pattern_files(section: DesignSection, text: WorkflowText) -> list[Path]:
+    return [text.folder(PATTERN_FILES) / name for name in section.pattern_files]
+
+
+def with_pattern_files(
+    section: DesignSection, parameters: Parameters, text: WorkflowText
+) -> Parameters:
+    """The parameters, with the patterns of a workflow's ``pattern_files`` added or replaced.
+
+    Raises:
+        BadInput: with every fault of a file.
+    """
+    patterns = dict(parameters.patterns)
+    for path in _pattern_files(section, text):
+        read = read_pattern_file(path, text.source(PATTERN_FILES))
+        patterns |= {name: (entry, path.parent) for name, entry in read.items()}
+    return replace(parameters, patterns=patterns)
 
 
 def electrode_problems(case: Case) -> tuple[str, ...]:

@@ -80,8 +80,11 @@ def optional(types: Types) -> Fields:
 
 
 def with_defaults(table: type) -> Fields:
-    """Fields that have the defaults of a dataclass."""
-    defaults = {field.name: field.default for field in dataclasses.fields(table)}
+    """Fields that have the defaults of a dataclass; those without one must be there."""
+    defaults = {
+        field.name: ... if field.default is dataclasses.MISSING else field.default
+        for field in dataclasses.fields(table)
+    }
     return {name: (_of_toml(kind), defaults[name]) for name, kind in declared(table).items()}
 
 

@@ -28,14 +28,7 @@ def sizes_of(case: Case, values: Mapping[str, Any], gauge: Gauge) -> dict[str, f
         f"{kind}_{axis}" for kind in ("relaxed_cell", "flat_cell", "wavelength") for axis in "xy"
     )
     lengths = {name: float(values[name]) for name in names}
-    periodic = case.reading.boundary == "periodic"
-    return knit_sizes(
-        lengths,
-        (len(case.pattern), len(case.pattern[0])),
-        int(case.design["n_subunit"]),
-        None if periodic else case.unit_cells,
-        gauge,
-    )
+    return knit_sizes(lengths, case.stitches, case.reading.boundary == "periodic", gauge)
 
 
 def sizes_at(

@@ -24,6 +24,7 @@ from knitlab.model.electrode_layout import ElectrodeLayout
 from knitlab.model.fabric import Sheet
 from knitlab.model.inertia import MassAndDrag
 from knitlab.model.options import ModelOptions
+from knitlab.model.plain import PlainKnit
 from knitlab.model.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
     Knit,
@@ -39,6 +40,7 @@ from knitlab.study.declared_fields import (
     with_defaults,
     with_fields,
 )
+from knitlab.study.patterns import PatternEntry, PatternFile
 
 Table = TypeVar("Table")
 QUANTITIES = declared(Stripe, without=("knit", "n"))
@@ -163,6 +165,7 @@ class Parameters:
     Attributes:
         stripes: the stripe tables.
         sheet: the walls.
+        plain: plain knit.
         mass_and_drag: mass and damping.
         model_options: what the paper leaves open.
         solver: of equilibria.
@@ -171,11 +174,13 @@ class Parameters:
         layouts: named layouts of electrodes.
         gauge: size of a stitch.
         designs: named sets of designs.
+        patterns: named patterns, each with the folder that its paths are relative to.
         sources: where each value comes from, by the name of its setting.
     """
 
     stripes: Stripes
     sheet: Sheet
+    plain: PlainKnit
     mass_and_drag: MassAndDrag
     model_options: ModelOptions
     solver: SolverSettings
@@ -184,18 +189,21 @@ class Parameters:
     layouts: dict[str, ElectrodeLayout]
     gauge: Gauge
     designs: DesignSets
+    patterns: dict[str, tuple[PatternEntry, Path]]
     sources: dict[str, str]
 
 
 FILES: dict[str, type[BaseModel]] = {
     "stripes": Stripes,
     "sheet": _file(StrictModel, Sheet, MassAndDrag),
+    "plain": _file(StrictModel, PlainKnit),
     "reading": _file(StrictModel, ModelOptions),
     "solver": _file(StrictModel, SolverSettings),
     "dynamics": _file(StrictModel, DynamicsSettings),
     "electrodes": _file(ElectrodesFile, Capacitor),
     "gauge": _file(StrictModel, Gauge),
     "designs": DesignSets,
+    "patterns": PatternFile,
 }
 """Schemas of the parameter files, by name."""
 
@@ -255,6 +263,7 @@ def read_parameters(folder: Path) -> Parameters:
     return Parameters(
         stripes=read["stripes"],
         sheet=_table(Sheet, values),
+        plain=_table(PlainKnit, values),
         mass_and_drag=_table(MassAndDrag, values),
         model_options=_table(ModelOptions, values),
         solver=_table(SolverSettings, values),
@@ -263,6 +272,7 @@ def read_parameters(folder: Path) -> Parameters:
         layouts=layouts,
         gauge=_table(Gauge, values),
         designs=read["designs"],
+        patterns={name: (entry, folder) for name, entry in read["patterns"].root.items()},
         sources={name: entry.source for name, entry in found.items()},
     )
 

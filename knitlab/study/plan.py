@@ -27,7 +27,9 @@ from knitlab.study.cases import (
     cases,
     electrode_problems,
     overridden,
+    pattern_inputs,
     stripe_files,
+    with_pattern_files,
     with_stripe_files,
 )
 from knitlab.study.common_settings import common_settings
@@ -181,6 +183,8 @@ def make_plan(
             inputs += stripe_files(model, text)
     with faults:
         if parameters and (design := text.section("design")):
+            parameters = with_pattern_files(design, parameters, text)
+            inputs += pattern_inputs(design, parameters, text)
             space = design_space(design, parameters, text.source)
     with faults:
         if parameters and (stripes := text.section("stripes")):

@@ -1,31 +1,25 @@
 """Sample size: how many unit cells fit on a given number of needles (paper, "Kinematics")."""
 
-from collections.abc import Sequence
-
+from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH
 from knitlab.study.workflow import DesignSection
 
 
-def sample_size(section: DesignSection, n_subunit: int) -> tuple[int, int]:
-    """Unit cells of a sample along (y, x).
+def sample_size(section: DesignSection, stitches: tuple[int, int]) -> tuple[int, int]:
+    """Repeats of a pattern in a sample along (y, x); of the paper's pattern, its unit cells.
 
-    Given needles, it is as wide as a whole number of unit cells can be on them, at least one: a
-    patch takes n_subunit needles. It is ``aspect`` times as long as wide, counted in unit cells,
-    which are about square, as a stitch is about twice as wide as high and a patch has twice as
-    many courses as wales.
+    Given needles, it is as wide as a whole number of repeats can be on them, at least one. It is
+    ``aspect`` times as long as wide, counting two courses as long as a wale is wide.
 
     Args:
         section: the workflow's section.
-        n_subunit: stitches along a garter stripe.
+        stitches: courses and wales of the pattern.
 
     Returns:
-        Unit cells along (y, x).
+        Repeats along (y, x).
     """
     if section.needles is None:
         return section.unit_cells or (1, 1)
-    patches_y, patches_x = _extent(section.pattern)
-    cells_x = max(1, int(section.needles * section.scale // (patches_x * n_subunit)))
-    return max(1, round(section.aspect * cells_x * patches_x / patches_y)), cells_x
-
-
-def _extent(pattern: Sequence[str]) -> tuple[int, int]:
-    return len(pattern), len(pattern[0])
+    courses, wales = stitches
+    along_x = max(1, int(section.needles * section.scale // wales))
+    length = section.aspect * along_x * wales
+    return max(1, round(length * GARTER_STITCHES_PER_RIB_STITCH / courses)), along_x

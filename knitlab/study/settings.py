@@ -14,6 +14,7 @@ from typing import Any, get_origin
 from knitlab.io.shipped import shipped
 from knitlab.study.declared_fields import FactorOn, parts, unit_of
 from knitlab.study.parameters import read_parameters
+from knitlab.study.patterns import is_pattern_name
 from knitlab.study.type_words import in_words
 from knitlab.study.workflow import SECTIONS
 
@@ -21,6 +22,8 @@ SWEPT_SECTIONS = ("model", "solver", "dynamics", "electrodes")
 """Sections of which any single setting may be a list, and is then a dimension of the cube."""
 SAMPLE_SIZE = "unit_cells"
 """The setting of ``[design]`` that may be a list too, of pairs."""
+PATTERN = "pattern"
+"""The one that may be a list of names."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,9 @@ class Setting:
             return False
         if self.name == SAMPLE_SIZE:
             return all(isinstance(one, list) for one in value)
+        if self.name == PATTERN:
+            names = [isinstance(one, str) and is_pattern_name(one) for one in value]
+            return len(value) > 1 and all(names)
         return self.section in SWEPT_SECTIONS and not self.takes_list
 
 
@@ -115,6 +121,7 @@ def settings_table(parameter_folder: Path | None = None) -> tuple[SettingRow, ..
     tables = (
         parameters.model_options,
         parameters.sheet,
+        parameters.plain,
         parameters.mass_and_drag,
         parameters.solver,
         parameters.dynamics,

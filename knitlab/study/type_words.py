@@ -34,7 +34,8 @@ def _words(schema: dict[str, Any]) -> str:
     if "anyOf" in schema:
         return " or ".join(_words(one) for one in schema["anyOf"] if one.get("type") != "null")
     if "const" in schema or "enum" in schema:
-        return " or ".join(f'"{value}"' for value in schema.get("enum", [schema.get("const")]))
+        values = schema.get("enum", [schema.get("const")])
+        return " or ".join(f'"{its}"' if isinstance(its, str) else str(its) for its in values)
     if schema["type"] == "array":
         members = schema.get("prefixItems")
         return (

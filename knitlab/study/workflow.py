@@ -21,13 +21,15 @@ from knitlab.model.electrode_layout import ElectrodeLayout
 from knitlab.model.fabric import Sheet
 from knitlab.model.inertia import MassAndDrag
 from knitlab.model.options import Boundary, ModelOptions
-from knitlab.model.pattern import patch_map
+from knitlab.model.pattern import letters_of
+from knitlab.model.plain import PlainKnit
 from knitlab.model.setting_types import Fraction
 from knitlab.model.stripe import Knit, Stripe
 from knitlab.simulation.case import Method
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.study.declared_fields import Types, declared, factors, optional, with_fields
 from knitlab.study.figure_names import FigureName
+from knitlab.study.patterns import is_pattern_name
 
 Sizes = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
 """Numbers of stitches."""
@@ -54,8 +56,24 @@ def even_strains(strain_max: float, strain_step: float) -> tuple[float, ...]:
     return tuple(round(step * strain_step, 12) for step in range(steps + 1))
 
 
+def _one_or_several(given: Any) -> Any:
+    return (given,) if isinstance(given, str) else given
+
+
+PatternText = Annotated[tuple[str, ...], Field(strict=False), BeforeValidator(_one_or_several)]
+"""Rows of patches, top course first, or the name of a pattern alone."""
+
+
+def pattern_name(rows: tuple[str, ...]) -> str | None:
+    """The name that a ``pattern`` is, or None if it is rows of patches."""
+    return rows[0] if len(rows) == 1 and is_pattern_name(rows[0]) else None
+
+
 class DesignSection(StrictModel):
     """``[design]``: which designs, as a named set or as a grid, and the sample they make.
+
+    ``pattern`` is rows of patches, top course first, or the name of a pattern of ``patterns.toml``
+    or of the ``pattern_files``; several names are a dimension of the cube.
 
     With a set, ``n_stripe`` or ``n_subunit`` alone keep those members of it; both together
     replace it by their grid. The size of the sample is given in ``unit_cells``, or by ``needles``:
@@ -66,7 +84,8 @@ class DesignSection(StrictModel):
     set: str | None = None
     n_stripe: Sizes | None = None
     n_subunit: Sizes | None = None
-    pattern: Annotated[tuple[str, ...], Field(strict=False)] = ("GR", "RG")
+    pattern: PatternText = ("GR", "RG")
+    pattern_files: Annotated[tuple[str, ...], Field(strict=False)] = ()
     unit_cells: Annotated[tuple[PositiveInt, PositiveInt] | None, Field(strict=False)] = None
     needles: PositiveInt | None = None
     aspect: PositiveFloat = 2.0
@@ -75,7 +94,8 @@ class DesignSection(StrictModel):
     @field_validator("pattern")
     @classmethod
     def _is_a_patch_map(cls, rows: tuple[str, ...]) -> tuple[str, ...]:
-        patch_map(rows, periods=1)
+        if pattern_name(rows) is None:
+            letters_of(rows)
         return rows
 
     @model_validator(mode="after")
@@ -150,6 +170,7 @@ class ProtocolSection(StrictModel):
 
 STRIPE_NUMBERS = {name: declared(Stripe)[name] for name in STRIPE_QUANTITIES}
 SHEET_NUMBERS = declared(Sheet) | declared(MassAndDrag)
+PLAIN_NUMBERS = declared(PlainKnit) | factors(declared(PlainKnit))
 
 
 def _of_knit(knit: Knit) -> Types:
@@ -168,7 +189,7 @@ CHANGES: Types = {
 of stripes that a cube states."""
 
 
-@with_fields(optional(CHANGES | declared(ModelOptions)))
+@with_fields(optional(CHANGES | PLAIN_NUMBERS | declared(ModelOptions)))
 class ModelSection(StrictModel):
     """``[model]``: what replaces the values of ``reading.toml``, ``sheet.toml``, ``stripes.toml``.
 
@@ -181,8 +202,8 @@ class ModelSection(StrictModel):
 
     @property
     def changes(self) -> dict[str, float]:
-        """Numbers and factors that it gives for stripes and sheet."""
-        return self.model_dump(include=set(CHANGES), exclude_none=True)
+        """Numbers and factors that it gives for stripes, plain knit and sheet."""
+        return self.model_dump(include=set(CHANGES | PLAIN_NUMBERS), exclude_none=True)
 
 
 @with_fields(optional(declared(SolverSettings)))

@@ -11,7 +11,7 @@ from knitlab.capacitance.capacitor_status import CapacitorStatus
 from knitlab.model.configuration import Configuration
 from knitlab.model.electrode_layout import ElectrodeLayout, place_electrodes
 from knitlab.model.pattern import patch_map
-from tests.fabrics import CLAMPED, PERIODIC, pure, stripe
+from tests.fabrics import CLAMPED, PERIODIC, cell_of, pure, stripe
 
 PERIODS = 2
 RIDGES = ElectrodeLayout(along="course")
@@ -29,7 +29,7 @@ STRIPE = stripe("garter", 8)
 
 def folded(net, fabric, angles):
     """A corrugated stripe at several interior fold angles, ridges at its lines 2 and 6."""
-    shape, (across, along) = net.shape, np.asarray(fabric.cell)
+    shape, (across, along) = net.shape, cell_of(fabric)
     rows, columns = np.arange(shape.nodes_y), np.arange(shape.nodes_x)
     states = []
     for angle in angles:
@@ -47,7 +47,8 @@ def measured(angles, reading=PERIODIC, **changes):
     net, fabric = pure(STRIPE, reading, PERIODS, ridges="G")
     capacitor = replace(CAPACITOR, **changes)
     pattern = patch_map(["G"], PERIODS)
-    electrodes = place_electrodes(capacitor.layout, pattern, reading, (4.0, 4.0))
+    stitches = tuple(np.full(cells, 4.0) for cells in pattern.grid)
+    electrodes = place_electrodes(capacitor.layout, pattern, reading, stitches)
     return capacitances(electrodes, net, fabric, folded(net, fabric, angles), capacitor)
 
 
@@ -69,7 +70,7 @@ def test_flat_it_is_that_of_coplanar_strips():
     # Strips of two cells, two cells apart.
     modulus = 2 / (2 + 2 * 2)
     exact = ellipk(1 - modulus**2) / ellipk(modulus**2)
-    length = float(fabric.cell[0]) * net.shape.cells_x
+    length = float(cell_of(fabric)[0]) * net.shape.cells_x
     assert found.capacitance[0] == pytest.approx(VACUUM_PERMITTIVITY * length * exact, rel=4e-3)
 
 

@@ -10,14 +10,14 @@ from knitlab.model.configuration import Configuration
 from knitlab.model.electrodes import Electrodes, Strip
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.network import MeshShape
-from tests.fabrics import CLAMPED, PERIODIC, pure, shaken, stripe
+from tests.fabrics import CLAMPED, PERIODIC, cell_of, pure, shaken, stripe
 
 LEVELS = (1, 2, 3)
 
 
 def rib(reading, periods=2):
     net, fabric = pure(stripe("rib", 4), reading, periods)
-    return net.shape, np.asarray(fabric.cell), jax.tree.map(np.asarray, flat_sheet(net, fabric))
+    return net.shape, cell_of(fabric), jax.tree.map(np.asarray, flat_sheet(net, fabric))
 
 
 def up_the_warp(shape, low=0.5, width=1.0, apart=4.0):

@@ -2,10 +2,12 @@ import numpy as np
 import pytest
 
 from knitlab.measure.boundaries import boundary_line, boundary_wave
+from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.patches import central_cell, widths_across_folds
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import flat_sheet
-from tests.fabrics import CLAMPED, PERIODIC, checkered, relaxed
+from knitlab.model.network import MeshShape
+from tests.fabrics import CLAMPED, PERIODIC, checkerboard, checkered, relaxed
 
 
 def waved(net, fabric, cells, amplitude=0.4):
@@ -22,7 +24,7 @@ def waved(net, fabric, cells, amplitude=0.4):
 def test_boundary_of_a_waved_sheet_has_its_wavelength_and_amplitude(reading, cells):
     net, fabric = checkered(4, 2, reading, cells)
     configuration, width = waved(net, fabric, cells[1])
-    wave = boundary_wave(net.shape, cells, configuration, "x")
+    wave = boundary_wave(net.shape, CellGrid.even(net.shape, cells), configuration, "x")
     assert wave.wavelength == pytest.approx(width, rel=0.01)
     assert wave.amplitude == pytest.approx(0.4, rel=0.05)
 
@@ -30,17 +32,17 @@ def test_boundary_of_a_waved_sheet_has_its_wavelength_and_amplitude(reading, cel
 def test_boundary_lies_between_unit_cells_next_to_the_middle():
     net, fabric = checkered(4, 2, CLAMPED, (4, 3))
     flat = flat_sheet(net, fabric)
-    across_x = boundary_line(net.shape, (4, 3), flat, "x")[:, 1]
+    across_x = boundary_line(net.shape, CellGrid.even(net.shape, (4, 3)), flat, "x")[:, 1]
     nodes = flat.positions
     assert np.allclose(across_x, np.ptp(nodes[..., 1]) / 2 + nodes[..., 1].min())
-    across_y = boundary_line(net.shape, (4, 3), flat, "y")[:, 1]
+    across_y = boundary_line(net.shape, CellGrid.even(net.shape, (4, 3)), flat, "y")[:, 1]
     assert np.allclose(across_y, np.ptp(nodes[..., 0]) / 3 + nodes[..., 0].min())
 
 
 def test_boundary_across_a_single_unit_cell_has_no_wave():
     net, fabric = checkered(4, 2, CLAMPED, (1, 1))
     flat = flat_sheet(net, fabric)
-    assert boundary_wave(net.shape, (1, 1), flat, "x") is None
+    assert boundary_wave(net.shape, CellGrid.even(net.shape, (1, 1)), flat, "x") is None
 
 
 @pytest.mark.slow
@@ -48,7 +50,8 @@ def test_wavelength_of_relaxed_endless_fabric_is_its_unit_cell():
     net, fabric = checkered(4, 2, PERIODIC)
     state = relaxed(net, fabric)
     for direction, length in zip("xy", state.configuration.lengths, strict=True):
-        wave = boundary_wave(net.shape, (1, 1), state.configuration, direction)
+        cells = CellGrid.even(net.shape, (1, 1))
+        wave = boundary_wave(net.shape, cells, state.configuration, direction)
         assert wave.wavelength == pytest.approx(length, rel=2e-3)
         assert wave.amplitude > 0.5
 
@@ -58,7 +61,7 @@ def test_wavelength_of_relaxed_endless_fabric_is_its_unit_cell():
 def test_central_cell_is_a_whole_unit_cell(reading, cells):
     net, fabric = checkered(4, 2, reading, cells)
     flat = flat_sheet(net, fabric)
-    cell = central_cell(net.shape, cells, flat)
+    cell = central_cell(net.shape, CellGrid.even(net.shape, cells), flat)
     assert cell.shape == (17, 17, 3)
     steps = np.diff(cell[..., :2], axis=0)[..., 1], np.diff(cell[..., :2], axis=1)[..., 0]
     for step in steps:
@@ -72,6 +75,8 @@ def test_widths_across_folds_tell_the_centre_of_a_patch_from_its_edges():
     x = x - 2 * bulge * np.mod(x, 8) / 8 - 2 * bulge * (x // 8)
     cell = np.stack([x, y, 0 * x], axis=-1)
     cell[:, 16, 0] = cell[:, 8, 0] + (8 - 2 * bulge[:, 0])
-    widths = widths_across_folds(cell, ("GR", "RG"))
+    shape = MeshShape(16, 16, periodic=False)
+    sheet = Configuration(cell, np.zeros(2))
+    widths = widths_across_folds(shape, checkerboard(2), CellGrid.even(shape, (1, 1)), sheet)
     assert widths["rib"] == pytest.approx((6, 8))
     assert widths["garter"] == pytest.approx((8, 8))

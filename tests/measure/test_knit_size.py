@@ -8,14 +8,13 @@ from knitlab.measure.knit_size import (
     ALONG_X,
     ALONG_Y,
     Gauge,
+    Stitches,
     at_gauge,
     knit_sizes,
-    stitches_of_cell,
 )
 from knitlab.study.plan import make_plan
 
 PAPER = Gauge(200 / 360, 100 / 360)
-CHECKERBOARD = (2, 2)
 FLAT = {
     "relaxed_cell_x": 3.0,
     "relaxed_cell_y": 4.0,
@@ -31,6 +30,12 @@ fabrics = st.fixed_dictionaries(dict.fromkeys(FLAT, lengths))
 designs = st.tuples(st.integers(1, 100), st.tuples(st.integers(1, 30), st.integers(1, 30)))
 
 
+def stitches(n_subunit, unit_cells=(1, 1)):
+    """Of the paper's checkerboard."""
+    courses, wales = 4 * n_subunit, 2 * n_subunit
+    return Stitches(courses, wales, courses * unit_cells[0], wales * unit_cells[1])
+
+
 def test_the_shipped_gauge_is_that_of_the_papers_samples():
     gauge = make_plan("preview").gauge
     assert gauge == PAPER
@@ -38,8 +43,7 @@ def test_the_shipped_gauge_is_that_of_the_papers_samples():
 
 
 def test_without_contraction_a_cell_is_stitches_times_stitch_size():
-    sizes = knit_sizes(FLAT, CHECKERBOARD, 16, (22, 11), PAPER)
-    assert stitches_of_cell(CHECKERBOARD, 16) == (64, 32)
+    sizes = knit_sizes(FLAT, stitches(16, (22, 11)), False, PAPER)
     assert sizes["knit_cell_x"] == 32 * PAPER.stitch_width
     assert sizes["knit_cell_y"] == 64 * PAPER.stitch_height
     assert sizes["knit_cell_x"] == pytest.approx(17.8, abs=0.05)
@@ -51,18 +55,16 @@ def test_without_contraction_a_cell_is_stitches_times_stitch_size():
 @pytest.mark.parametrize("case", make_plan("paper").cases.values(), ids=lambda case: case.label)
 def test_the_papers_samples_are_knit_within_200_mm_of_needles(case):
     n_subunit = case.design["n_subunit"]
-    width = knit_sizes(FLAT, CHECKERBOARD, n_subunit, case.unit_cells, PAPER)["knit_width"]
+    assert case.stitches == stitches(n_subunit, case.unit_cells)
+    width = knit_sizes(FLAT, case.stitches, False, PAPER)["knit_width"]
     cell = 2 * n_subunit * PAPER.stitch_width
     assert 200 - cell < width <= 200 + 1e-9
 
 
 @given(fabrics, designs, gauges)
 def test_a_wider_stitch_widens_and_lengthens_nothing(fabric, design, gauge):
-    n_subunit, unit_cells = design
     wider = Gauge(2 * gauge.stitch_width, gauge.stitch_height)
-    before, after = (
-        knit_sizes(fabric, CHECKERBOARD, n_subunit, unit_cells, its) for its in (gauge, wider)
-    )
+    before, after = (knit_sizes(fabric, stitches(*design), False, its) for its in (gauge, wider))
     assert set(before) == {*ALONG_X, *ALONG_Y}
     assert {name: after[name] for name in ALONG_X} == {name: 2 * before[name] for name in ALONG_X}
     assert {name: after[name] for name in ALONG_Y} == {name: before[name] for name in ALONG_Y}
@@ -70,11 +72,10 @@ def test_a_wider_stitch_widens_and_lengthens_nothing(fabric, design, gauge):
 
 @given(fabrics, fabrics, designs, gauges, gauges)
 def test_ratios_between_designs_do_not_depend_on_the_gauge(one, other, design, gauge, another):
-    n_subunit, unit_cells = design
 
     def ratio(its):
         first, second = (
-            knit_sizes(fabric, CHECKERBOARD, n_subunit, unit_cells, its) for fabric in (one, other)
+            knit_sizes(fabric, stitches(*design), False, its) for fabric in (one, other)
         )
         return [first[name] / second[name] for name in first]
 
@@ -83,16 +84,13 @@ def test_ratios_between_designs_do_not_depend_on_the_gauge(one, other, design, g
 
 @given(fabrics, designs, gauges, gauges)
 def test_sizes_at_another_gauge_are_those_computed_by_it(fabric, design, gauge, another):
-    n_subunit, unit_cells = design
-    before, after = (
-        knit_sizes(fabric, CHECKERBOARD, n_subunit, unit_cells, its) for its in (gauge, another)
-    )
+    before, after = (knit_sizes(fabric, stitches(*design), False, its) for its in (gauge, another))
     assert at_gauge(before, gauge, another) == pytest.approx(after)
     assert at_gauge(before, gauge, gauge) == before
 
 
 def test_endless_fabric_has_cells_but_no_size():
-    sizes = knit_sizes(FLAT, CHECKERBOARD, 16, None, PAPER)
+    sizes = knit_sizes(FLAT, stitches(16), True, PAPER)
     assert math.isnan(sizes["knit_width"])
     assert math.isnan(sizes["knit_length"])
     assert sizes["knit_cell_x"] == 32 * PAPER.stitch_width
@@ -100,6 +98,6 @@ def test_endless_fabric_has_cells_but_no_size():
 
 def test_what_is_missing_of_the_network_is_missing_in_cloth():
     unknown = dict.fromkeys(FLAT, math.nan) | {"flat_cell_x": 3.0, "flat_cell_y": 4.0}
-    assert all(map(math.isnan, knit_sizes(unknown, CHECKERBOARD, 16, (2, 1), PAPER).values()))
-    no_wave = knit_sizes(FLAT | {"wavelength_x": math.nan}, CHECKERBOARD, 16, (2, 1), PAPER)
+    assert all(map(math.isnan, knit_sizes(unknown, stitches(16, (2, 1)), False, PAPER).values()))
+    no_wave = knit_sizes(FLAT | {"wavelength_x": math.nan}, stitches(16, (2, 1)), False, PAPER)
     assert [name for name, size in no_wave.items() if math.isnan(size)] == ["knit_wavelength_x"]

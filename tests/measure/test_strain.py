@@ -4,6 +4,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.central import central
 from knitlab.measure.corners import unit_cell_corners
 from knitlab.measure.strain import (
@@ -14,7 +15,7 @@ from knitlab.measure.strain import (
     poisson_ratio,
 )
 from knitlab.model.fabric import flat_sheet
-from tests.fabrics import CLAMPED, PERIODIC, checkered
+from tests.fabrics import CLAMPED, PERIODIC, cell_of, checkered
 
 ENTRY = st.floats(-1, 1)
 MATRIX = st.tuples(ENTRY, ENTRY, ENTRY, ENTRY).map(
@@ -82,9 +83,11 @@ def test_poisson_ratio_is_undefined_without_axial_strain():
 @pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
 def test_corners_of_the_flat_sheet_are_its_lattice(reading):
     net, fabric = checkered(4, 1, reading, unit_cells=(3, 2))
-    corners = np.asarray(unit_cell_corners(net.shape, (3, 2), flat_sheet(net, fabric)))
+    corners = np.asarray(
+        unit_cell_corners(net.shape, CellGrid.even(net.shape, (3, 2)), flat_sheet(net, fabric))
+    )
     y, x = np.mgrid[:4, :3]
-    assert np.allclose(corners, np.stack([x, y], axis=-1) * 8 * np.asarray(fabric.cell))
+    assert np.allclose(corners, np.stack([x, y], axis=-1) * 8 * cell_of(fabric))
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.mechanics.adjoint import Adjoint
 from knitlab.mechanics.alignment import aligning_rotation
@@ -22,7 +23,8 @@ from knitlab.mechanics.loading import all_free, rigidly_aligned, tensile
 from knitlab.mechanics.solver import Evaluate
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.configuration import Configuration
-from knitlab.model.fabric import Fabric, FabricLayout, Sheet, StripePair, fabric_layout, flat_sheet
+from knitlab.model.fabric import Fabric, Sheet, StripePair, flat_sheet
+from knitlab.model.layout import FabricLayout, fabric_layout
 from knitlab.model.options import ModelOptions
 from knitlab.simulation.stripe_sensitivity import measured_by
 from tests.fabrics import CLAMPED, FINE, PERIODIC, checkerboard, stripe
@@ -56,8 +58,12 @@ class Pulled:
     strained: Configuration
 
     @property
+    def cells(self):
+        return CellGrid.even(self.layout.net.shape, self.unit_cells)
+
+    @property
     def measure(self):
-        return measured_by(self.layout.net.shape, self.unit_cells, NAMES)
+        return measured_by(self.layout.net.shape, self.cells, NAMES)
 
     def under(self, stripes: StripePair) -> tuple[Configuration, Configuration, Fabric]:
         """Its states under slightly other stripes, each found from the one it has."""
@@ -203,7 +209,7 @@ def test_the_relaxed_shape_alone_has_the_same_derivatives(periodic):
 def test_any_scalar_of_the_states_has_a_gradient(periodic):
     """The chain rule holds for a loss made of several quantities."""
 
-    strains = measured_by(periodic.layout.net.shape, periodic.unit_cells, NAMES[1:3])
+    strains = measured_by(periodic.layout.net.shape, periodic.cells, NAMES[1:3])
 
     def loss(relaxed, strained, fabric):
         return jnp.sum(strains(relaxed, strained, fabric) ** 2)

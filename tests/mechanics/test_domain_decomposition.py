@@ -142,7 +142,7 @@ def test_subdomain_solutions_lower_the_energy_and_their_cost_is_counted(small_su
     executor = Executor(net.shape, fabric)
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
     settings = subdomain_settings(DEFAULT)
-    longest = DEFAULT.step_limit * float(fabric.cell.min())
+    longest = DEFAULT.step_limit * float(fabric.cell_sides.min())
     solved, share = executor.answer(SolveSubdomains(start, free, longest, settings))
     energies = [float(executor.answer(at).energy.total) for at in (start, solved)]
     assert energies[1] < energies[0]

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
+from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.corners import unit_cell_corners
 from knitlab.measure.strain import central_mean, local_strain, poisson_ratio
 from knitlab.mechanics.dynamic_tensile_test import MotionPath, move, stretch_by_dynamics
@@ -29,7 +30,7 @@ PATCHES = (2, 2)
 
 def patch_poisson_ratio(shape, test):
     configurations = Configuration.stacked([state.configuration for state in test.states])
-    corners = unit_cell_corners(shape, PATCHES, configurations)
+    corners = unit_cell_corners(shape, CellGrid.even(shape, PATCHES), configurations)
     strain_xx, strain_yy = local_strain(corners[0], corners)
     return np.asarray(poisson_ratio(central_mean(strain_xx), central_mean(strain_yy)))[1:]
 

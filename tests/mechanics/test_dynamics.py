@@ -13,7 +13,7 @@ from knitlab.mechanics.state import Outcome
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric, flat_sheet
-from knitlab.model.inertia import Inertia, nodes_moved
+from knitlab.model.inertia import Inertia, moved_mass
 from knitlab.model.network import MeshShape, network
 from tests.fabrics import CLAMPED, PERIODIC, checkered, moving, relaxed
 
@@ -115,7 +115,7 @@ def test_damping_is_near_critical_for_the_softest_mode():
     net, fabric = checkered(4, 2, PERIODIC)
     state = relaxed(net, fabric)
     (inertia,) = moving([(4, 2)], PERIODIC, SETTINGS).inertias
-    mass = np.asarray(inertia.node_mass * nodes_moved(net.shape).flattened())
+    mass = np.asarray(moved_mass(net.shape, inertia).flattened())
     hessian = jax.jit(
         jax.hessian(lambda q: energy(net, fabric, Configuration.of(q, net.shape)).total)
     )

@@ -16,6 +16,7 @@ from tests.fabrics import (
     EVERY_STRIPE,
     FINE,
     PERIODIC,
+    cell_of,
     pure,
     relaxed,
     stretched,
@@ -75,7 +76,7 @@ def test_a_pure_stripe_relaxes_to_the_sine_of_half_its_rest_angle(of, reading):
     state = relaxed(net, fabric, FINEST)
     assert state.converged
     assert float(state.energy.total) == pytest.approx(0, abs=1e-15)
-    cells, cell = 4, float(fabric.cell[0])
+    cells, cell = 4, float(cell_of(fabric)[0])
     if reading is PERIODIC:
         lengths = state.configuration.lengths / (cells * cell)
         across, straight = lengths if of.knit == "rib" else lengths[::-1]
@@ -98,7 +99,7 @@ def test_tension_across_the_ridges_is_that_of_three_unknowns(of):
     assert len(test.states) == len(STRAINS)
     for strain, state in zip(STRAINS[1:], test.states[1:], strict=True):
         width, force = across_the_ridges(of, strain)
-        assert state.configuration.lengths[0] / (4 * fabric.cell[0]) == pytest.approx(
+        assert state.configuration.lengths[0] / (4 * cell_of(fabric)[0]) == pytest.approx(
             width, rel=1e-6
         )
         assert test.loading.reaction_force(state.gradient) == pytest.approx(4 * force, rel=1e-6)
@@ -111,7 +112,7 @@ def test_tension_along_the_ridges_is_that_of_three_unknowns(of):
     test = stretched(net, fabric, strains, FINE)
     for strain, state in zip(strains[1:], test.states[1:], strict=True):
         length, force = along_the_ridges(of, strain)
-        width = 4 * float(fabric.cell[0]) * length * of.contraction
+        width = 4 * float(cell_of(fabric)[0]) * length * of.contraction
         assert state.configuration.lengths[0] == pytest.approx(width, rel=1e-6)
         assert test.loading.reaction_force(state.gradient) == pytest.approx(4 * force, rel=1e-6)
 

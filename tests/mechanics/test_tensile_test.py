@@ -16,7 +16,7 @@ from knitlab.mechanics.tensile_test import _Path, stretch
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.options import ModelOptions
-from knitlab.model.pattern import Pattern, patch_map
+from knitlab.model.pattern import patch_map
 from tests.fabrics import (
     CLAMPED,
     DEFAULT,
@@ -86,7 +86,7 @@ def test_the_reaction_force_does_the_work_that_the_energy_gains(reading):
 def test_mirrored_patterns_make_mirrored_shapes(flip):
     pattern = patch_map(["RGG", "GRG"], 1)
     net, fabric = patterned(4, pattern, CLAMPED)
-    _, mirrored = patterned(4, Pattern(flip(pattern.rib), 1), CLAMPED)
+    _, mirrored = patterned(4, replace(pattern, knit=flip(pattern.knit)), CLAMPED)
     one, other = (relaxed(net, these, FINE) for these in (fabric, mirrored))
     assert float(one.energy.total) == pytest.approx(float(other.energy.total), rel=1e-10)
     axis = 0 if flip is np.fliplr else 1

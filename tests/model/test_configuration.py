@@ -8,7 +8,7 @@ import pytest
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
 from knitlab.model.fabric import flat_sheet
-from tests.fabrics import CLAMPED, PERIODIC, checkered, shaken
+from tests.fabrics import CLAMPED, PERIODIC, cell_of, checkered, shaken
 
 
 @pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
@@ -25,7 +25,7 @@ def test_flattening_and_back_is_the_identity(reading, states):
 def test_the_flat_sheet_lies_on_its_grid():
     net, fabric = checkered(4, 1, PERIODIC)
     flat = flat_sheet(net, fabric)
-    width, height = fabric.cell
+    width, height = cell_of(fabric)
     np.testing.assert_allclose(flat.positions[2, 3], [3 * width, 2 * height, 0])
     np.testing.assert_allclose(
         flat.lengths, [net.shape.cells_x * width, net.shape.cells_y * height]

@@ -14,13 +14,19 @@ from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import patch_map
 from tests.fabrics import CLAMPED, PERIODIC, checkerboard
 
-STITCHES = 2.0, 4.0
-"""Wales and courses in a grid cell of n_stripe 4."""
+
+def stitches(pattern):
+    """Courses and wales in the grid cells of n_stripe 4."""
+    rows, columns = pattern.grid
+    return np.full(rows, 4.0), np.full(columns, 2.0)
+
+
 RIDGES = ElectrodeLayout()
 
 
 def laid(layout, periods=2, reading=PERIODIC, unit_cells=(1, 1)):
-    return place_electrodes(layout, checkerboard(periods, unit_cells), reading, STITCHES)
+    pattern = checkerboard(periods, unit_cells)
+    return place_electrodes(layout, pattern, reading, stitches(pattern))
 
 
 def test_neighbouring_rib_ridges_of_the_first_patch_carry_a_stripe_each():
@@ -114,12 +120,14 @@ def test_a_layout_that_cannot_be_is_refused_with_its_place(layout, reading, mess
 )
 def test_a_drawing_that_cannot_be_is_refused_with_its_place(rows, reading, message):
     with pytest.raises(BadLayout, match=message):
-        place_electrodes(drawn(*rows), SQUARE, reading, STITCHES)
+        place_electrodes(drawn(*rows), SQUARE, reading, stitches(SQUARE))
 
 
 @pytest.mark.parametrize("reading", [CLAMPED, PERIODIC])
 def test_a_drawn_electrode_may_wander(reading):
-    electrodes = place_electrodes(drawn("a..b", "aa.b", ".a.b", "aa.b"), SQUARE, reading, STITCHES)
+    electrodes = place_electrodes(
+        drawn("a..b", "aa.b", ".a.b", "aa.b"), SQUARE, reading, stitches(SQUARE)
+    )
     assert sum(strip.area for strip in electrodes.strips[0]) == 6
     # The first row of the drawing is the top of the fabric.
     assert Strip(0, 1, 3, 4) in electrodes.strips[0]

@@ -10,7 +10,7 @@ from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.options import ModelOptions
-from tests.fabrics import ALL_STRIPES, CLAMPED, PERIODIC, checkered, pure, shaken
+from tests.fabrics import ALL_STRIPES, CLAMPED, PERIODIC, cell_of, checkered, pure, shaken
 
 
 def zigzag(net, fabric, of):
@@ -18,7 +18,7 @@ def zigzag(net, fabric, of):
     y, x = np.mgrid[: net.shape.nodes_y, : net.shape.nodes_x]
     along = x if of.knit == "rib" else y
     other = y if of.knit == "rib" else x
-    cell = float(fabric.cell[0])
+    cell = float(cell_of(fabric)[0])
     # Line 2 of an open run is its first mountain, line 0 of a periodic one a valley before it.
     height = cell * np.cos(of.theta_0 / 2) * (2 - np.abs((along % 4) - 2))
     across, straight = cell * np.sin(of.theta_0 / 2) * along, cell * other

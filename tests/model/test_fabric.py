@@ -4,7 +4,7 @@ import pytest
 from knitlab.model.fabric import cell_length
 from knitlab.model.options import ModelOptions
 from knitlab.model.stripe import periods_per_patch
-from tests.fabrics import CLAMPED, checkerboard, checkered, patterned, stripe
+from tests.fabrics import CLAMPED, cell_of, checkerboard, checkered, patterned, stripe
 
 
 def test_a_relaxed_cell_folds_to_the_measured_period():
@@ -32,14 +32,14 @@ def test_k_t_per_length_is_k_t_times_the_length_of_the_edge():
     net, edge = checkered(4, 1, ModelOptions(hinge_stiffness="per_edge"))
     _, length = checkered(4, 1, ModelOptions(hinge_stiffness="per_length"))
     ratio = np.asarray(length.fold_stiffness / edge.fold_stiffness)
-    assert np.allclose(ratio[net.wale], edge.cell[1])
-    assert np.allclose(ratio[~net.wale], edge.cell[0])
+    assert np.allclose(ratio[net.wale], cell_of(edge)[1])
+    assert np.allclose(ratio[~net.wale], cell_of(edge)[0])
 
 
 def test_fold_lines_alone_leave_no_hinge_against_the_folds_or_on_borders():
     net, every = checkered(4, 2, ModelOptions(hinges="all"))
     _, lines = checkered(4, 2, ModelOptions(hinges="fold_lines"))
-    rib = checkerboard(2).rib_cells
+    rib = checkerboard(2).cells_of("rib")
     after = rib[tuple(net.hinge_cells.T)]
     before = rib[tuple((net.hinge_cells - np.where(net.wale[:, None], [0, 1], [1, 0])).T)]
     inside = np.where(net.wale, after & before, ~after & ~before)

@@ -11,13 +11,13 @@ from knitlab.model.configuration import Configuration
 from knitlab.model.energy import element_vectors
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.fold_angle import fold_from_rest
-from tests.fabrics import CLAMPED, checkered, shaken
+from tests.fabrics import CLAMPED, cell_of, checkered, shaken
 
 
 def creased(net, fabric, axis=0, half=0.3):
     """A sheet folded along its middle to a mountain of twice an angle; its cells are planes."""
     flat = flat_sheet(net, fabric).positions
-    ridge = 4.0 * fabric.cell[axis]
+    ridge = 4.0 * cell_of(fabric)[axis]
     folded = flat.at[..., axis].set(ridge + (flat[..., axis] - ridge) * jnp.cos(half))
     folded = folded.at[..., 2].set(-jnp.abs(flat[..., axis] - ridge) * jnp.sin(half))
     return Configuration(folded, jnp.zeros(2))

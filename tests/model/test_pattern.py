@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from knitlab.model.pattern import fold_senses, patch_map
+from knitlab.model.fold_lines import fold_senses
+from knitlab.model.pattern import patch_map
 from tests.fabrics import checkerboard
 
 LINES = hnp.arrays(bool, st.tuples(st.integers(1, 3), st.integers(1, 6))).map(
@@ -15,7 +16,7 @@ PHASES = st.sampled_from(["stripe_border", "stripe_centre"])
 
 @pytest.mark.parametrize(("phase", "folds"), [("stripe_border", 2 * 3 - 1), ("stripe_centre", 6)])
 def test_a_lone_patch_has_as_many_folds_as_the_reading_says(phase, folds):
-    senses = fold_senses(checkerboard(3).rib_cells, phase, periodic=True)
+    senses = fold_senses(checkerboard(3).cells_of("rib"), phase, periodic=True)
     assert (np.count_nonzero(senses, axis=1) == folds).all()
 
 
@@ -52,13 +53,13 @@ def test_endless_folds_shift_with_their_pattern(like, phase, patches):
 
 
 def test_neighbouring_patches_of_one_knit_fold_as_one():
-    one = fold_senses(patch_map(["RR"], 1).rib_cells, "stripe_border", periodic=False)
-    other = fold_senses(patch_map(["R"], 2).rib_cells, "stripe_border", periodic=False)
+    one = fold_senses(patch_map(["RR"], 1).cells_of("rib"), "stripe_border", periodic=False)
+    other = fold_senses(patch_map(["R"], 2).cells_of("rib"), "stripe_border", periodic=False)
     assert (one[0] == other[0]).all()
 
 
 def test_text_reads_from_the_top_course_down():
-    assert patch_map(["GR", "RG"], 2).rib.tolist() == checkerboard(2).rib.tolist()
+    assert patch_map(["GR", "RG"], 2).knit.tolist() == [["R", "G"], ["G", "R"]]
 
 
 @pytest.mark.parametrize("rows", [[], ["RG", "R"], ["RX"], [""]])

@@ -14,6 +14,7 @@ import pandas as pd
 from knitlab.io.case_file import configurations, read_case
 from knitlab.io.cube_file import open_cube
 from knitlab.laboratory.synthetic import Camera, Protocol, along_test, tracked, with_losses
+from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.corners import unit_cell_corners
 from knitlab.model.network import MeshShape
 
@@ -50,7 +51,7 @@ def main(results: Path, folder: Path) -> None:
     cube = open_cube(results).sel(n_stripe=4, n_subunit=16)
     case = read_case(results, str(cube["case_id"].item()))
     shape = MeshShape(case.sizes["node_y"] - 1, case.sizes["node_x"] - 1, periodic=False)
-    corners = unit_cell_corners(shape, UNIT_CELLS, configurations(case))
+    corners = unit_cell_corners(shape, CellGrid.even(shape, UNIT_CELLS), configurations(case))
     strains = case["applied_strain"].values
     end, length = strains[-1], float(np.ptp(corners[0, [0, -1], :, 1].mean(axis=1)))
     width = float(np.ptp(corners[0, :, [0, -1], 0].mean(axis=1)))
