@@ -72,12 +72,22 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
 
 def _by_face(case: xr.Dataset, field: np.ndarray) -> np.ndarray:
     """The value of its unit cell for every grid cell, face after face."""
-    faces = case.sizes["node_y"] - 1, case.sizes["node_x"] - 1
-    rows, columns = (np.arange(n) * m // n for n, m in zip(faces, field.shape, strict=True))
+    # Only who draws this figure waits for JAX.
+    from knitlab.model.grading import recorded_pattern
+
+    record = json.loads(case.attrs["parameters"])
+    sample = recorded_pattern(record)
+    patches = record.get("cell_patches") or (len(record["pattern"]), len(record["pattern"][0]))
+    rows, columns = (
+        np.repeat(np.arange(len(borders[::size]) - 1), np.diff(borders[::size]))
+        for borders, size in zip((sample.row_borders, sample.column_borders), patches, strict=True)
+    )
     return field[np.ix_(rows, columns)].ravel()
 
 
 def _name(case: xr.Dataset) -> str:
-    cells_y, cells_x = json.loads(case.attrs["parameters"])["unit_cells"]
+    cells_y, cells_x = case["strain_xx"].shape[-2:]
     design = f"({int(case['n_stripe'])}, {int(case['n_subunit'])})"
+    if "pattern" in case.coords:
+        design = str(case["pattern"].item()).replace("_", " ")
     return f"{design}\n{cells_x} × {cells_y} cells"
