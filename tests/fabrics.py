@@ -1,5 +1,7 @@
 """Fabrics that several tests share, made of the shipped stripe tables."""
 
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
@@ -75,7 +77,8 @@ def pure(
 ) -> tuple[Network, Fabric]:
     """A pure stripe; ``ridges`` "R" or "G" lays them along y or x, whatever its knit."""
     letter = ridges or ("R" if of.knit == "rib" else "G")
-    return assemble_fabric(patch_map([letter], periods), of, of, SHEET, reading)
+    pattern = replace(patch_map([letter], periods), cells_per_period=reading.cells_per_period)
+    return assemble_fabric(pattern, of, of, SHEET, reading)
 
 
 def cell_of(fabric: Fabric) -> np.ndarray:

@@ -196,10 +196,14 @@ def fabric_layout(
 
     Raises:
         BadPattern: if a single fold lies outside the pattern or between grid lines.
-        ValueError: if the pattern has plain knit and no numbers of it are given.
+        ValueError: if the pattern has plain knit and no numbers of it are given, or another grid
+            than the options.
     """
     shape = mesh_shape(pattern, options.boundary)
     net = network(shape)
+    if pattern.cells_per_period != options.cells_per_period:
+        counts = f"{pattern.cells_per_period} and {options.cells_per_period}"
+        raise ValueError(f"pattern and options have {counts} cells a period; give both the same")
     plain_cells = pattern.cells_of("plain")
     if plain is None and plain_cells.any():
         raise ValueError("the pattern has plain patches (P); give the numbers of plain knit")
