@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from knitlab.api.sweeps import NotAllOk, plan, reproduce, run, status
     from knitlab.io.errors import BadInput
     from knitlab.model.stripe import Stripe
+    from knitlab.study.patterns import Pattern
     from knitlab.tables.accessor import open_cube
 
 __version__ = version("knitlab")
@@ -36,6 +37,7 @@ __all__ = [
     "Design",
     "NotAllOk",
     "NotConverged",
+    "Pattern",
     "Stripe",
     "__version__",
     "calibrate",
@@ -60,6 +62,7 @@ _MODULES = {
     "Design": "knitlab.api.design",
     "NotAllOk": "knitlab.api.sweeps",
     "NotConverged": "knitlab.api.simulation",
+    "Pattern": "knitlab.study.patterns",
     "Stripe": "knitlab.model.stripe",
     "calibrate": "knitlab.api.calibration",
     "claims": "knitlab.api.claims",

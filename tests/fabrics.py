@@ -20,7 +20,7 @@ from knitlab.model.inertia import MassAndDrag, inertia
 from knitlab.model.layout import assemble_fabric
 from knitlab.model.network import Network
 from knitlab.model.options import ModelOptions
-from knitlab.model.pattern import Pattern, patch_map
+from knitlab.model.pattern import PatchGrid, patch_map
 from knitlab.model.stripe import Knit, Stripe
 from knitlab.study.parameters import read_parameters
 
@@ -54,14 +54,14 @@ EVERY_STRIPE = pytest.mark.parametrize(
 
 
 def patterned(
-    n_stripe: int, pattern: Pattern, reading: ModelOptions, sheet: Sheet = SHEET
+    n_stripe: int, pattern: PatchGrid, reading: ModelOptions, sheet: Sheet = SHEET
 ) -> tuple[Network, Fabric]:
     return assemble_fabric(
         pattern, stripe("rib", n_stripe), stripe("garter", 2 * n_stripe), sheet, reading
     )
 
 
-def checkerboard(periods: int, unit_cells: tuple[int, int] = (1, 1)) -> Pattern:
+def checkerboard(periods: int, unit_cells: tuple[int, int] = (1, 1)) -> PatchGrid:
     """The paper's fabric: unit cells, so many along (y, x), of 2 × 2 alternating patches."""
     return patch_map(["GR", "RG"], periods).tiled(unit_cells)
 

@@ -8,6 +8,7 @@ from knitlab.io.errors import BadInput, Fault, faults_of
 from knitlab.model.options import Boundary
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe
 from knitlab.study.parameters import QUANTITIES, StripeRow
+from knitlab.study.patterns import Pattern
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,8 +20,11 @@ class Design:
         n_subunit: stitches along a garter stripe, a multiple of ``2 * n_stripe``.
         boundary: ``"periodic"`` for fabric without edges, ``"clamped"`` for a sample whose first
             and last row are held, as the paper tests it.
-        pattern: map of the patches of a unit cell, top course first, R for rib and G for garter.
-        unit_cells: unit cells of the sample along the warp (y) and the weft (x); 1 × 1 by default.
+        pattern: the patches that repeat: a map, top course first, with R for rib, G for garter
+            and P for plain knit; the name of a pattern of ``params/patterns.toml``; or a
+            :class:`knitlab.Pattern` with sizes, stripes or folds of its own.
+        unit_cells: repeats of the pattern in the sample along the warp (y) and the weft (x); 1 × 1
+            by default.
         needles: needles of the machine, in place of ``unit_cells``: the sample is as wide as
             whole unit cells fit on them, and twice as long.
         rib: stripe of the rib patches; by default that of ``params/stripes.toml`` [mm, N, rad].
@@ -41,7 +45,7 @@ class Design:
     n_stripe: int
     n_subunit: int
     boundary: Boundary = "clamped"
-    pattern: tuple[str, ...] = ("GR", "RG")
+    pattern: tuple[str, ...] | str | Pattern = ("GR", "RG")
     unit_cells: tuple[int, int] | None = None
     needles: int | None = None
     rib: Stripe | None = None

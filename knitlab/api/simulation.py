@@ -15,7 +15,8 @@ from knitlab.io.design_status import Status
 from knitlab.io.schema import described
 from knitlab.simulation.simulate import simulated
 from knitlab.study.gauge import sizes_of, stated
-from knitlab.study.single_case import single_case
+from knitlab.study.patterns import Pattern
+from knitlab.study.single_case import OWN_PATTERN, single_case
 
 DEFAULT_STRAINS = tuple(round(0.03 * step, 2) for step in range(16))
 """Those of the preview: 0 to 45 % in steps of 3 %."""
@@ -66,12 +67,13 @@ def simulate(
         {
             "n_stripe": [design.n_stripe],
             "n_subunit": [design.n_subunit],
-            "pattern": list(design.pattern),
+            "pattern": _pattern(design),
             **_sample(design),
         },
         design.stripes,
         np.asarray(applied_strain, dtype=float).tolist(),
         {"boundary": design.boundary, **settings},
+        design.pattern if isinstance(design.pattern, Pattern) else None,
     )
     case = resolved.case
     with tqdm(total=case.states, unit="state", disable=not progress) as bar:
@@ -87,6 +89,13 @@ def simulate(
     if results["status"] != Status.ok:
         warnings.warn(f"{case.label}: {results.attrs['reason']}", NotConverged, stacklevel=2)
     return described(results)
+
+
+def _pattern(design: Design) -> list[str]:
+    """The key of a workflow's ``[design]`` that names the pattern, or holds its patches."""
+    if isinstance(design.pattern, Pattern):
+        return [OWN_PATTERN]
+    return [design.pattern] if isinstance(design.pattern, str) else list(design.pattern)
 
 
 def _sample(design: Design) -> dict[str, Any]:

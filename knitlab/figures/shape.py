@@ -14,7 +14,7 @@ from knitlab.figures.relief import draw_relief, faces_of
 from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS
 
 if TYPE_CHECKING:
-    from knitlab.model.pattern import Pattern
+    from knitlab.model.pattern import PatchGrid
 
 NAME_SIZE, SMALL_NAME_SIZE = 8, 4
 MOST_LARGE_NAMES = 4
@@ -87,7 +87,7 @@ def whole_sheet(case: xr.Dataset) -> np.ndarray:
 
 
 def _name_patches(
-    axes: Axes, nodes: np.ndarray, sample: "Pattern", repeat: tuple[int, int]
+    axes: Axes, nodes: np.ndarray, sample: "PatchGrid", repeat: tuple[int, int]
 ) -> None:
     """Write the knit on the patches of the repeat of the pattern nearest the middle."""
     from knitlab.model.pattern import KNIT_OF_LETTER

@@ -7,7 +7,7 @@ from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.grid_nodes import nodes_at
 from knitlab.model.configuration import Configuration
 from knitlab.model.network import MeshShape
-from knitlab.model.pattern import KNIT_OF_LETTER, Pattern
+from knitlab.model.pattern import KNIT_OF_LETTER, PatchGrid
 
 
 def central_cell(
@@ -26,7 +26,7 @@ def central_cell(
 
 
 def widths_across_folds(
-    shape: MeshShape, pattern: Pattern, cells: CellGrid, configuration: Configuration
+    shape: MeshShape, pattern: PatchGrid, cells: CellGrid, configuration: Configuration
 ) -> dict[str, tuple[float, float]]:
     """Width of the patches of a unit cell across their folds, at the centre and at the edges [mm].
 

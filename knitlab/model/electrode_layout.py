@@ -20,7 +20,7 @@ from knitlab.model.electrodes import NAMES, Along, Electrodes, Strip
 from knitlab.model.fold_lines import Ridge, fold_senses
 from knitlab.model.network import MeshShape, mesh_shape
 from knitlab.model.options import ModelOptions
-from knitlab.model.pattern import Pattern
+from knitlab.model.pattern import PatchGrid
 from knitlab.model.setting_types import Position
 
 BARE = "."
@@ -97,7 +97,7 @@ class ElectrodeLayout:
 
 
 def place_electrodes(
-    layout: ElectrodeLayout, pattern: Pattern, options: ModelOptions, stitches: StitchCounts
+    layout: ElectrodeLayout, pattern: PatchGrid, options: ModelOptions, stitches: StitchCounts
 ) -> Electrodes:
     """The electrodes of a layout on a fabric.
 
@@ -122,7 +122,7 @@ def place_electrodes(
     return electrodes
 
 
-def ridge_lines(layout: ElectrodeLayout, pattern: Pattern, options: ModelOptions) -> list[int]:
+def ridge_lines(layout: ElectrodeLayout, pattern: PatchGrid, options: ModelOptions) -> list[int]:
     """Grid lines of the ridges that a layout counts."""
     like = pattern.cells_of("rib") if layout.along == "wale" else pattern.cells_of("garter").T
     sharp = Ridge(pattern.cells_per_period, SHARP)
@@ -139,7 +139,7 @@ def ridge_lines(layout: ElectrodeLayout, pattern: Pattern, options: ModelOptions
 
 def _along_ridges(
     layout: ElectrodeLayout,
-    pattern: Pattern,
+    pattern: PatchGrid,
     options: ModelOptions,
     shape: MeshShape,
     stitches: StitchCounts,

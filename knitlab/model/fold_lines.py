@@ -14,7 +14,7 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from knitlab.model.options import FoldPhase, ModelOptions
-from knitlab.model.pattern import CELLS_PER_PERIOD, Pattern
+from knitlab.model.pattern import CELLS_PER_PERIOD, PatchGrid
 
 SENSE_BY_LINE = {
     "stripe_border": np.array([-1.0, 0.0, 1.0, 0.0]),
@@ -173,7 +173,7 @@ def ridge_of(options: ModelOptions) -> Ridge:
 
 
 def patch_senses(
-    pattern: Pattern, options: ModelOptions
+    pattern: PatchGrid, options: ModelOptions
 ) -> tuple[Float[np.ndarray, "row column"], Float[np.ndarray, "row column"]]:
     """Parts of the folds of rib and of garter patches, > 0 for a mountain and < 0 for a valley.
 
@@ -190,7 +190,7 @@ def patch_senses(
 
 
 def fold_stiffness_factors(
-    pattern: Pattern, options: ModelOptions
+    pattern: PatchGrid, options: ModelOptions
 ) -> tuple[Float[np.ndarray, "row column"], Float[np.ndarray, "row column"]]:
     """Factors on k_t of hinges inside rib patches, and inside garter patches; 1 elsewhere.
 

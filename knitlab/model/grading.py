@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
-from knitlab.model.pattern import CELLS_PER_PERIOD, Pattern, SingleFold, letters_of
+from knitlab.model.pattern import CELLS_PER_PERIOD, PatchGrid, SingleFold, letters_of
 from knitlab.model.stripe import Stripe
 
 
@@ -47,7 +47,7 @@ def graded_pattern(
     grading: Grading | None = None,
     folds: tuple[SingleFold, ...] = (),
     cells_per_period: int = CELLS_PER_PERIOD,
-) -> Pattern:
+) -> PatchGrid:
     """The pattern of a whole fabric.
 
     Args:
@@ -64,9 +64,9 @@ def graded_pattern(
     knit = letters_of(rows)
     height, width = knit.shape
     if grading is None:
-        pattern = Pattern(knit, np.full(height, periods), np.full(width, periods))
+        pattern = PatchGrid(knit, np.full(height, periods), np.full(width, periods))
     else:
-        pattern = Pattern(
+        pattern = PatchGrid(
             knit,
             row_periods=np.array(grading.row_periods[::-1]),
             column_periods=np.array(grading.column_periods),
@@ -76,7 +76,9 @@ def graded_pattern(
     return replace(pattern, folds=folds, cells_per_period=cells_per_period).tiled(repeats)
 
 
-def recorded_pattern(record: Mapping[str, Any], repeats: tuple[int, int] | None = None) -> Pattern:
+def recorded_pattern(
+    record: Mapping[str, Any], repeats: tuple[int, int] | None = None
+) -> PatchGrid:
     """The pattern of a whole fabric, from the record of its case.
 
     Args:

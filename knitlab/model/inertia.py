@@ -19,7 +19,7 @@ from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, Network
 from knitlab.model.options import ModelOptions
-from knitlab.model.pattern import Pattern
+from knitlab.model.pattern import PatchGrid
 from knitlab.model.setting_types import Unit
 from knitlab.model.stripe import Stripe
 
@@ -68,7 +68,7 @@ def inertia(
 
 
 def graded_inertia(
-    pattern: Pattern,
+    pattern: PatchGrid,
     weft: Sequence[Stripe],
     warp: Sequence[Stripe],
     options: ModelOptions,

@@ -15,7 +15,7 @@ from knitlab.model.fold_lines import (
 )
 from knitlab.model.network import Network, mesh_shape, network
 from knitlab.model.options import ModelOptions
-from knitlab.model.pattern import CELLS_PER_PERIOD, Pattern
+from knitlab.model.pattern import CELLS_PER_PERIOD, PatchGrid
 from knitlab.model.plain import PlainKnit
 from knitlab.model.stripe import Stripe
 
@@ -176,7 +176,7 @@ def _by_number(stripe: object, name: str) -> Float[Array, " stripe"]:
 
 
 def fabric_layout(
-    pattern: Pattern, sheet: Sheet, options: ModelOptions, plain: PlainKnit | None = None
+    pattern: PatchGrid, sheet: Sheet, options: ModelOptions, plain: PlainKnit | None = None
 ) -> FabricLayout:
     """Where a patterned fabric has which spring, hinge and fold (paper, Sec. "3D model").
 
@@ -242,7 +242,7 @@ def fabric_layout(
 
 
 def assemble_fabric(
-    pattern: Pattern,
+    pattern: PatchGrid,
     weft: Stripe,
     warp: Stripe,
     sheet: Sheet,
@@ -282,7 +282,7 @@ def _spring_cells(net: Network) -> Int[np.ndarray, "spring 2 2"]:
     return np.clip(cells, 0, size - 1)
 
 
-def _single_folds(pattern: Pattern, net: Network, periodic: bool) -> Float[np.ndarray, " hinge"]:
+def _single_folds(pattern: PatchGrid, net: Network, periodic: bool) -> Float[np.ndarray, " hinge"]:
     rest = np.full(len(net.wale), np.nan)
     (row, column), (rows, columns) = net.hinge_cells.T, pattern.grid
     for fold in pattern.grid_folds():

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from knitlab.model.options import Boundary
-from knitlab.model.pattern import Pattern
+from knitlab.model.pattern import PatchGrid
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class MeshShape:
         return 3 * self.nodes + 2
 
 
-def mesh_shape(pattern: Pattern, boundary: Boundary) -> MeshShape:
+def mesh_shape(pattern: PatchGrid, boundary: Boundary) -> MeshShape:
     """Mesh shape of a pattern under a boundary."""
     return MeshShape(*pattern.grid, boundary == "periodic")
 

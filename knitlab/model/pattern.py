@@ -81,7 +81,7 @@ class GridFold:
 
 
 @dataclass(frozen=True, eq=False)
-class Pattern:
+class PatchGrid:
     """Patches in rows and columns, each with its knit; row 0 is the lowest, column 0 the leftmost.
 
     All patches of a column have the same wales, and all of a row the same courses, so that
@@ -142,7 +142,7 @@ class Pattern:
         of_patch = np.vectorize(KNIT_OF_LETTER.__getitem__, otypes=[object])(self.knit) == knit
         return of_patch[np.ix_(self.patch_of_row, self.patch_of_column)]
 
-    def tiled(self, repeats: tuple[int, int]) -> "Pattern":
+    def tiled(self, repeats: tuple[int, int]) -> "PatchGrid":
         """The pattern repeated along (y, x)."""
         rows, columns = self.knit.shape
         folds = [
@@ -196,7 +196,7 @@ class Pattern:
         return tuple(found)
 
 
-def patch_map(rows: Sequence[str], periods: int) -> Pattern:
+def patch_map(rows: Sequence[str], periods: int) -> PatchGrid:
     """Pattern of equal patches from text, top course first.
 
     Args:
@@ -208,7 +208,7 @@ def patch_map(rows: Sequence[str], periods: int) -> Pattern:
     """
     knit = letters_of(rows)
     height, width = knit.shape
-    return Pattern(knit, np.full(height, periods), np.full(width, periods))
+    return PatchGrid(knit, np.full(height, periods), np.full(width, periods))
 
 
 def letters_of(rows: Sequence[str]) -> np.ndarray:

@@ -24,7 +24,7 @@ from knitlab.model.inertia import Inertia, MassAndDrag, graded_inertia, inertia
 from knitlab.model.layout import FabricLayout, fabric_layout
 from knitlab.model.network import MeshShape, Network, mesh_shape
 from knitlab.model.options import ModelOptions
-from knitlab.model.pattern import CELLS_PER_PERIOD, BadPattern, Pattern, SingleFold
+from knitlab.model.pattern import CELLS_PER_PERIOD, BadPattern, PatchGrid, SingleFold
 from knitlab.model.plain import PlainKnit
 from knitlab.model.stripe import Stripe
 
@@ -120,7 +120,7 @@ class Case:
         return "  ".join(f"{name} {value}" for name, value in self.design.items())
 
     @property
-    def sample(self) -> Pattern:
+    def sample(self) -> PatchGrid:
         """The whole sample: the patch map repeated."""
         return graded_pattern(
             self.pattern,

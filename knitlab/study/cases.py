@@ -24,7 +24,7 @@ from knitlab.study.axes import SweepAxis, combinations
 from knitlab.study.declared_fields import declared
 from knitlab.study.design_space import DesignSpace, Source
 from knitlab.study.parameters import Parameters, read_stripe_file
-from knitlab.study.patterns import PatternEntry, read_pattern_file
+from knitlab.study.patterns import Pattern, read_pattern_file
 from knitlab.study.sample_size import sample_size
 from knitlab.study.settings import PATTERN
 from knitlab.study.workflow import (
@@ -167,11 +167,11 @@ def _cases(
 
 def _pattern(
     section: DesignSection, parameters: Parameters, source: Source
-) -> tuple[PatternEntry, Path]:
+) -> tuple[Pattern, Path]:
     """The pattern of a workflow, and the folder that its paths are relative to."""
     name = pattern_name(section.pattern)
     if name is None:
-        return PatternEntry(rows=section.pattern), Path()
+        return Pattern(rows=section.pattern), Path()
     if name not in parameters.patterns:
         raise fault(source("design.pattern"), unknown(name, parameters.patterns, "pattern"))
     return parameters.patterns[name]

@@ -40,7 +40,7 @@ from knitlab.study.declared_fields import (
     with_defaults,
     with_fields,
 )
-from knitlab.study.patterns import PatternEntry, PatternFile
+from knitlab.study.patterns import Pattern, PatternFile
 
 Table = TypeVar("Table")
 QUANTITIES = declared(Stripe, without=("knit", "n"))
@@ -189,7 +189,7 @@ class Parameters:
     layouts: dict[str, ElectrodeLayout]
     gauge: Gauge
     designs: DesignSets
-    patterns: dict[str, tuple[PatternEntry, Path]]
+    patterns: dict[str, tuple[Pattern, Path]]
     sources: dict[str, str]
 
 

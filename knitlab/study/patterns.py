@@ -25,8 +25,8 @@ class FoldEntry(StrictModel):
     """A :class:`~knitlab.model.pattern.SingleFold`."""
 
 
-class PatternEntry(StrictModel):
-    """A pattern: the knit of its patches, and what of it does not follow from n_stripe, n_subunit.
+class Pattern(StrictModel):
+    """Patches that repeat, and what of them does not follow from n_stripe and n_subunit.
 
     Patches are given as ``rows`` of letters, top course first, as a text file ``map`` of such rows,
     or as an ``image`` with a pixel for each patch and the letter of each of its ``colours``. Lists
@@ -48,7 +48,17 @@ class PatternEntry(StrictModel):
         row_n_stripe: n_stripe of the garter stripe of each row, which has 2 n_stripe courses.
         cell: patches of a unit cell along (y, x), between whose corners strains are measured; the
             whole pattern by default.
-        folds: single folds.
+        folds: single folds, each a table with the keys of
+            :class:`~knitlab.model.pattern.SingleFold`.
+
+    Raises:
+        ValidationError: with every key that is wrong.
+
+    Example:
+        >>> import knitlab as kl
+        >>> border = kl.Pattern(rows=("PPP", "PRP", "PPP"), column_stitches=(8, 16, 8))
+        >>> border.stitches(border.rows, n_stripe=4, n_subunit=16)
+        (96, 32)
     """
 
     source: str = Field(default="own pattern", min_length=1)
@@ -66,7 +76,7 @@ class PatternEntry(StrictModel):
     folds: Annotated[tuple[FoldEntry, ...], Field(strict=False)] = ()
 
     @model_validator(mode="after")
-    def _says_each_once(self) -> "PatternEntry":
+    def _says_each_once(self) -> "Pattern":
         given = [name for name in ("rows", "map", "image") if getattr(self, name) is not None]
         if len(given) != 1:
             found = f"has {' and '.join(given)}" if given else "has no patches"
@@ -264,7 +274,7 @@ def is_pattern_name(text: str) -> bool:
     return bool(set(text.upper()) - set(KNIT_OF_LETTER))
 
 
-class PatternFile(RootModel[dict[str, PatternEntry]]):
+class PatternFile(RootModel[dict[str, Pattern]]):
     """``patterns.toml``: patterns by name."""
 
     @model_validator(mode="after")
@@ -275,7 +285,7 @@ class PatternFile(RootModel[dict[str, PatternEntry]]):
         return self
 
 
-def read_pattern_file(path: Path, source: str) -> dict[str, PatternEntry]:
+def read_pattern_file(path: Path, source: str) -> dict[str, Pattern]:
     """Patterns of a file, by name.
 
     Args:

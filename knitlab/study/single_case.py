@@ -12,9 +12,16 @@ from knitlab.io.suggestions import unknown
 from knitlab.measure.knit_size import Gauge
 from knitlab.model.stripe import Knit, Stripe
 from knitlab.simulation.case import Case
-from knitlab.study.cases import cases, electrode_problems, overridden, with_stripe_files
+from knitlab.study.cases import (
+    cases,
+    electrode_problems,
+    overridden,
+    with_pattern_files,
+    with_stripe_files,
+)
 from knitlab.study.design_space import design_space
 from knitlab.study.parameters import Parameters, StripeRow, StripeTable, read_parameters
+from knitlab.study.patterns import Pattern
 from knitlab.study.settings import SETTINGS
 from knitlab.study.workflow_text import WorkflowText
 
@@ -22,6 +29,8 @@ OF_THE_DESIGN = ("design", "stripes")
 """Sections of a workflow that the design itself takes the place of."""
 OF_THE_STRAINS = ("strain_max", "strain_step", "further_strains")
 SOURCE = "given to knitlab.Design"
+OWN_PATTERN = "own pattern"
+"""Name of a pattern that is given as such."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +51,7 @@ def single_case(
     stripes: Sequence[Stripe],
     applied_strain: Sequence[float],
     settings: Mapping[str, Any],
+    pattern: Pattern | None = None,
 ) -> SingleCase:
     """Resolve one design, with settings that replace those of ``params/*.toml``.
 
@@ -50,6 +60,7 @@ def single_case(
         stripes: stripes that replace or complete the tables of ``params/stripes.toml``.
         applied_strain: strains of the tensile test, ascending from 0 [1].
         settings: one value for each of some keys of a workflow's other sections.
+        pattern: what the design names :data:`OWN_PATTERN`; its paths are relative to here.
 
     Raises:
         BadInput: with everything that is wrong in the design, the strains and the settings.
@@ -69,6 +80,10 @@ def single_case(
         raise TypeError("a table with [design] was read as one without")
     parameters = with_stripe_files(read.model, read_parameters(shipped("params")), text)
     parameters = _with_stripes(parameters, stripes)
+    parameters = with_pattern_files(read.design, parameters, text)
+    if pattern is not None:
+        patterns = {**parameters.patterns, OWN_PATTERN: (pattern, Path())}
+        parameters = replace(parameters, patterns=patterns)
     space = design_space(read.design, parameters, text.source)
     (case,) = cases(read, (), space, parameters, text.source)
     if problems := electrode_problems(case):
