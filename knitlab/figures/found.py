@@ -11,6 +11,7 @@ from knitlab.tables.find import Found, Reached
 MOST_SHOWN = 6
 """Designs that are drawn, the nearest first."""
 WANTED = "#009E73"
+NAMED_BY = ("n_stripe", "n_subunit", "pattern")
 COLOURS = ("C0", "C1", "C3", "C4", "C5", "C6")
 """Of the designs: none is green."""
 PANEL_HEIGHT = 2.4
@@ -65,7 +66,7 @@ def found_figure(found: Found, title: str = "designs", bands: bool = False) -> F
 
 def _name(found: Found, place: int) -> str:
     row = found.table.iloc[place]
-    labels = ", ".join(str(row[name]) for name in ("n_stripe", "n_subunit") if name in row)
+    labels = ", ".join(str(row[name]) for name in NAMED_BY if name in row)
     if "candidate" in row:
         return f"{row['candidate']}: ({labels})"
     cube = f"\n{row['cube']}" if "cube" in row else ""

@@ -39,21 +39,20 @@ def write_workflow(
     base = workflow_file(space.workflow)
     table: dict[str, Any] = read_toml(base)
     place = np.array(search.winner.place)
-    n_stripe, n_subunit = search.design
     settings = {
         **space.settings,
         **space.values(place),
         "robustness": request.robustness,
-        "n_stripe": [n_stripe],
-        "n_subunit": [n_subunit],
+        **{name: [label] for name, label in space.labels(search.design).items()},
     }
     for name, value in settings.items():
         table.setdefault(SETTINGS[name].section, {})[name] = value
     table["design"].pop("set", None)
     table["title"] = f"{path.stem} of the design {request.name}"
     table["figures"] = FIGURES
-    if files := table.get("model", {}).get("stripe_files"):
-        table["model"]["stripe_files"] = [str((base.parent / its).resolve()) for its in files]
+    for section, name in (("model", "stripe_files"), ("design", "pattern_files")):
+        if files := table.get(section, {}).get(name):
+            table[section][name] = [str((base.parent / file).resolve()) for file in files]
     with atomic_write(path) as temporary:
         temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
     return path

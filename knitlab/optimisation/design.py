@@ -169,7 +169,7 @@ def run_design(
         for number, search in enumerate(searches, start=1)
         if search.winner is not None
     )
-    trials = trials_table(request, searches)
+    trials = trials_table(request, space.dims, searches)
     with atomic_write(folder / "trials.csv") as temporary:
         trials.to_csv(temporary, index=False)
     return Designed(
@@ -243,7 +243,7 @@ def _candidates_plan(
         if search.winner is None:
             continue
         case, _ = space.case(search.design, np.array(search.winner.place))
-        labels = {**case.design, "candidate": number}
+        labels = {**space.labels(search.design), "candidate": number}
         tested = replace(case, design=labels, robustness=request.robustness)
         cases[tested.case_id] = tested
     return Plan(
@@ -280,7 +280,7 @@ def _completed(
             continue
         case, gauge = space.case(search.design, np.array(search.winner.place))
         trial = run_trial(folder / TRIALS, case, gauge, measures)
-        labels = case.design | {"candidate": number}
+        labels = space.labels(search.design) | {"candidate": number}
         place = _place(cube, labels)
         for name, values in own.items():
             values[place] = trial.values(name)
@@ -338,15 +338,16 @@ def _place(cube: xr.Dataset, labels: Mapping[str, Any] | pd.Series) -> tuple[int
     return tuple(int(np.flatnonzero(cube[dim].values == labels[dim])[0]) for dim in dims)
 
 
-def trials_table(request: DesignRequest, searches: Sequence[SearchResult]) -> pd.DataFrame:
+def trials_table(
+    request: DesignRequest, dims: Sequence[str], searches: Sequence[SearchResult]
+) -> pd.DataFrame:
     """One row for each trial: design, values, distance, and how far it is from each target."""
     targets: list[Target] = [*request.targets, *request.subject_to]
     return pd.DataFrame(
         [
             {
                 "candidate": number,
-                "n_stripe": search.design[0],
-                "n_subunit": search.design[1],
+                **dict(zip(dims, search.design, strict=True)),
                 **trial.values,
                 "converged": trial.converged,
                 "snapped": trial.snapped,

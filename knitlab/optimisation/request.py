@@ -19,11 +19,14 @@ from knitlab.measure.knit_size import Gauge
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.study.declared_fields import declared
-from knitlab.study.settings import SETTINGS
+from knitlab.study.patterns import is_pattern_name
+from knitlab.study.settings import PATTERN, SETTINGS
 from knitlab.tables.target import Target, read_target
 
 COUNTS = ("n_stripe", "n_subunit")
 """What may vary in whole numbers, as a list."""
+CHOICES = (*COUNTS, PATTERN)
+"""What may vary as a list: designs are made of all combinations."""
 PARAMETERS = (*STRIPE_PARAMETERS, *declared(Gauge))
 """Numbers of stripes and gauge that what varies acts on."""
 VARIABLES = (
@@ -62,7 +65,8 @@ class DesignRequest:
         name: of the request, and of its folder of results.
         targets: what is wanted.
         subject_to: what must be met.
-        counts: numbers of stitches that n_stripe and n_subunit may take, where they may vary.
+        choices: numbers of stitches that n_stripe and n_subunit may take, and names of patterns,
+            where they may vary.
         bounds: lowest and highest values of numbers of stripes and gauge, by name.
         workflow: name or path of the workflow that everything else is taken from.
         settings: that replace the workflow's.
@@ -74,7 +78,7 @@ class DesignRequest:
     name: str
     targets: tuple[Target, ...]
     subject_to: tuple[Target, ...]
-    counts: Mapping[str, tuple[int, ...]]
+    choices: Mapping[str, tuple[int, ...] | tuple[str, ...]]
     bounds: Mapping[str, tuple[float, float]]
     workflow: str
     settings: Mapping[str, Any]
@@ -92,7 +96,7 @@ class DesignRequest:
         return json.dumps(
             {
                 **wanted,
-                "vary": dict(self.counts) | dict(self.bounds),
+                "vary": dict(self.choices) | dict(self.bounds),
                 "workflow": self.workflow,
                 "settings": dict(self.settings),
                 "cubes": self.cubes,
@@ -154,7 +158,7 @@ def checked_request(
         for one in given:
             with faults:
                 found[key].append(with_tolerance(read_target(one, f"{source}{key}", folder)))
-    counts, bounds, wrong = _varied(read.vary, source)
+    choices, bounds, wrong = _varied(read.vary, source)
     faults.all += [*wrong, *_contradictions([*found["targets"], *found["subject_to"]], source)]
     faults.all += _settled_twice(read, source)
     if faults.all:
@@ -163,7 +167,7 @@ def checked_request(
         name=name,
         targets=tuple(found["targets"]),
         subject_to=tuple(found["subject_to"]),
-        counts=counts,
+        choices=choices,
         bounds=bounds,
         workflow=read.workflow,
         settings=read.settings,
@@ -183,27 +187,34 @@ def with_tolerance(target: Target) -> Target:
 
 def _varied(
     vary: Mapping[str, Any], source: str
-) -> tuple[dict[str, tuple[int, ...]], dict[str, tuple[float, float]], list[Fault]]:
-    """What may vary: lists of whole numbers, and bounds; and what is wrong with them."""
-    counts: dict[str, tuple[int, ...]] = {}
+) -> tuple[
+    dict[str, tuple[int, ...] | tuple[str, ...]], dict[str, tuple[float, float]], list[Fault]
+]:
+    """What may vary: lists of choices, and bounds; and what is wrong with them."""
+    choices: dict[str, tuple[int, ...] | tuple[str, ...]] = {}
     bounds: dict[str, tuple[float, float]] = {}
     faults = []
     for name, value in vary.items():
         place = f"{source}vary.{name}"
-        if name in COUNTS:
-            listed = value if isinstance(value, list | tuple) else [value]
+        listed = list(value) if isinstance(value, list | tuple) else [value]
+        if name == PATTERN:
+            if listed and all(isinstance(one, str) and is_pattern_name(one) for one in listed):
+                choices[name] = tuple(dict.fromkeys(listed))
+            else:
+                faults.append(Fault(place, f"is {value!r}; list names of patterns"))
+        elif name in COUNTS:
             if listed and all(type(one) is int and one > 0 for one in listed):
-                counts[name] = tuple(sorted(set(listed)))
+                choices[name] = tuple(sorted(set(listed)))
             else:
                 faults.append(Fault(place, f"is {value!r}; list whole numbers of stitches"))
         elif name not in VARIABLES:
-            faults.append(Fault(place, unknown(name, (*COUNTS, *VARIABLES), "variable")))
+            faults.append(Fault(place, unknown(name, (*CHOICES, *VARIABLES), "variable")))
         elif not _are_bounds(value):
             example = "give its lowest and highest value above 0, such as [0.8, 1.25]"
             faults.append(Fault(place, f"is {value!r}; {example}"))
         else:
             bounds[name] = (float(value[0]), float(value[1]))
-    return counts, bounds, faults
+    return choices, bounds, faults
 
 
 def _are_bounds(value: Any) -> bool:

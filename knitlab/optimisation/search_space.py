@@ -1,6 +1,6 @@
 """The search space: designs, and the numbers of stripes and gauge that vary within bounds."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,15 +11,15 @@ from knitlab.io.errors import fault
 from knitlab.measure.knit_size import Gauge
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.model.stripe import Stripe
-from knitlab.optimisation.request import PARAMETERS, DesignRequest
+from knitlab.optimisation.request import CHOICES, PARAMETERS, DesignRequest
 from knitlab.simulation.case import Case
 from knitlab.study.plan import Plan, make_plan
 
 ROUND_OFF = 1e-9
 AT_BOUND = 1e-3
 """Part of the way between bounds within which a value counts as on one."""
-DesignLabels = tuple[int, int]
-"""n_stripe and n_subunit."""
+DesignLabels = tuple[int | str, ...]
+"""n_stripe, n_subunit and, where it varies, the name of the pattern."""
 Place = Float[np.ndarray, " variable"]
 """Values of the variables as parts of the way, in logarithms, between their bounds [1]."""
 
@@ -31,13 +31,15 @@ class SearchSpace:
     Attributes:
         workflow: name or path of the workflow.
         settings: that replace the workflow's, the strains of the test included.
-        designs: the possible (n_stripe, n_subunit).
+        dims: what the labels of designs are: n_stripe, n_subunit and, if it varies, pattern.
+        designs: the labels of the possible designs.
         names: of the variables.
         lower, upper: logarithms of their bounds.
     """
 
     workflow: str
     settings: Mapping[str, Any]
+    dims: tuple[str, ...]
     designs: tuple[DesignLabels, ...]
     names: tuple[str, ...]
     lower: Place
@@ -77,9 +79,11 @@ class SearchSpace:
         Raises:
             BadInput: if a value is out of range, as a rest angle that reaches π.
         """
-        n_stripe, n_subunit = design
-        labels = {"n_stripe": n_stripe, "n_subunit": n_subunit}
-        return make_plan(self.workflow, {**self.settings, **values, **labels})
+        return make_plan(self.workflow, {**self.settings, **values, **self.labels(design)})
+
+    def labels(self, design: DesignLabels) -> dict[str, int | str]:
+        """The labels of a design, by dimension."""
+        return dict(zip(self.dims, design, strict=True))
 
     def case(self, design: DesignLabels, place: Place) -> tuple[Case, Gauge]:
         """The case at a place, and the gauge of its sizes in cloth."""
@@ -109,6 +113,10 @@ class SearchSpace:
         ).reshape(len(PARAMETERS), len(self.names))
 
 
+def _labels(design: Sequence[Any]) -> DesignLabels:
+    return tuple(label if isinstance(label, str) else int(label) for label in design)
+
+
 def _number(name: str, stripes: Mapping[str, Stripe], gauge: Gauge) -> float:
     if name not in STRIPE_PARAMETERS:
         return float(getattr(gauge, name))
@@ -131,19 +139,21 @@ def search_space(request: DesignRequest) -> SearchSpace:
             the test ends before a target's window.
     """
     settings = {**request.settings, "robustness": 0}
-    labels = {name: list(values) for name, values in request.counts.items()}
+    labels = {name: list(values) for name, values in request.choices.items()}
     if "strain_step" in settings:
         # The workflow's last strain need be no multiple of it.
         settings.setdefault("strain_max", settings["strain_step"])
     whole = make_plan(request.workflow, {**settings, **labels})
-    if any(name not in ("n_stripe", "n_subunit") for name in whole.dims):
+    if any(name not in CHOICES for name in whole.dims):
         raise fault(request.workflow, f"has dimensions {whole.dims}; a search takes one setting")
     settings |= _test_of(request, whole)
-    designs = tuple((int(n), int(m)) for n, m in whole.designs.values())
+    settings |= {name: only[0] for name, only in labels.items() if name not in whole.dims}
+    designs = tuple(_labels(design) for design in whole.designs.values())
     bounds = np.array(list(request.bounds.values())).reshape(-1, 2)
     space = SearchSpace(
         request.workflow,
         settings,
+        whole.dims,
         designs,
         tuple(request.bounds),
         np.log(bounds[:, 0]),

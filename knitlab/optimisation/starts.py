@@ -1,6 +1,6 @@
 """Starts of a design: the nearest known designs, of cubes or of a coarse sweep."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -11,7 +11,10 @@ from knitlab.io.plain_cube import CUBE, PlainCube, open_plain_cube
 from knitlab.optimisation.request import DesignRequest
 from knitlab.optimisation.search_space import DesignLabels, SearchSpace
 from knitlab.study.plan import make_plan
+from knitlab.study.settings import PATTERN
 from knitlab.tables.find import find_designs
+
+PAPERS_PATTERN = "checkerboard"
 
 
 def starting_designs(
@@ -48,7 +51,7 @@ def starting_designs(
     if not known:
         return list(space.designs[: request.starts]), simulated
     found = find_designs(cubes, known).table
-    allowed = [design for design in _labels(found) if design in space.designs]
+    allowed = [design for design in _labels(found, space.dims) if design in space.designs]
     starts = list(dict.fromkeys(allowed))[: request.starts]
     if not starts:
         labels = ", ".join(map(str, space.designs))
@@ -57,19 +60,27 @@ def starting_designs(
     return starts, simulated
 
 
-def _labels(table: pd.DataFrame) -> list[DesignLabels]:
-    return [(int(n), int(m)) for n, m in zip(table["n_stripe"], table["n_subunit"], strict=True)]
+def _labels(table: pd.DataFrame, dims: Sequence[str]) -> list[DesignLabels]:
+    """Labels of the designs of a table; one that names no pattern is of the paper's."""
+    columns = [
+        table[dim].astype(str)
+        if dim == PATTERN and dim in table
+        else [PAPERS_PATTERN] * len(table)
+        if dim == PATTERN
+        else table[dim].astype(int)
+        for dim in dims
+    ]
+    return list(zip(*columns, strict=True))
 
 
 def _coarse_sweep(
     request: DesignRequest, space: SearchSpace, folder: Path, options: RunOptions
 ) -> tuple[list[PlainCube], int]:
     labels = {
-        "n_stripe": sorted({n for n, _ in space.designs}),
-        "n_subunit": sorted({m for _, m in space.designs}),
+        dim: list(dict.fromkeys(along))
+        for dim, along in zip(space.dims, zip(*space.designs, strict=True), strict=True)
     }
-    counts = labels if request.counts else {}
-    plan = make_plan(space.workflow, {**space.settings, **counts})
+    plan = make_plan(space.workflow, {**space.settings, **(labels if request.choices else {})})
     if run_plan(plan, folder, options).stopped:
         raise KeyboardInterrupt
     return [open_plain_cube(folder / CUBE)], len(plan.cases)

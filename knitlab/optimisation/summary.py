@@ -1,6 +1,6 @@
 """A finished design in sentences: what was found, what holds it back, what is not determined."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from knitlab.optimisation.conflict import Conflict
 from knitlab.optimisation.design import Designed
@@ -15,21 +15,22 @@ def summary(designed: Designed, conflict: Conflict | None) -> list[str]:
         conflict: two targets that pull apart, if there are any.
     """
     lines: list[str] = []
+    dims = [str(dim) for dim in designed.cube["status"].dims if dim != "candidate"]
     for _, row in designed.table.iterrows():
         search = designed.searches[int(row["candidate"]) - 1]
-        lines += _of_candidate(int(row["candidate"]), search)
+        lines += _of_candidate(int(row["candidate"]), search, dims)
     if not designed.met:
         lines += _unmet(designed, conflict)
     return lines
 
 
-def _of_candidate(number: int, search: SearchResult) -> Iterator[str]:
+def _of_candidate(number: int, search: SearchResult, dims: Sequence[str]) -> Iterator[str]:
     trial = search.winner
     if trial is None:
         return
     values = ", ".join(f"{name} {value:.4g}" for name, value in trial.values.items())
-    n_stripe, n_subunit = search.design
-    yield f"candidate {number}: n_stripe {n_stripe}  n_subunit {n_subunit}  {values}".rstrip()
+    labels = "  ".join(f"{dim} {label}" for dim, label in zip(dims, search.design, strict=True))
+    yield f"candidate {number}: {labels}  {values}".rstrip()
     how = " then ".join(search.methods) or "as it is"
     yield f"  {len(search.trials)} simulations by {how}; {search.ended}"
     if search.held_by:
