@@ -62,7 +62,7 @@ class FigureKind:
         needs: variable that the case it shows must have.
         coordinates: further coordinates that it can be sliced along.
         designs: designs (n_stripe, n_subunit) whose cases it shows side by side; those that are
-            missing are left out.
+            missing are left out, and where all are, it shows as many of the others.
         several: whether it takes a list of cubes: any, or experiments beside one simulation, or of
             these only one a design.
     """
@@ -340,11 +340,11 @@ def _cases(name: str, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]:
         for design, case_id in zip(designs["design"].values, designs.values, strict=True)
         if case_id and case_path(folder, case_id).is_file()
     }
-    if found := [there[design] for design in FIGURES[name].designs if design in there]:
+    preferred = FIGURES[name].designs
+    found = [there[design] for design in preferred if design in there]
+    if found := found or [*there.values()][: len(preferred)]:
         return [read_case(folder, case_id) for case_id in found]
-    wanted = ", ".join(map(str, FIGURES[name].designs))
-    problem = f"holds none of the designs {wanted}, which {name} shows; {RUN_THERE}"
-    raise fault(str(folder / "cases"), problem)
+    raise fault(str(folder / "cases"), f"holds none of these designs; {RUN_THERE}")
 
 
 def _most_auxetic_case(cube: xr.Dataset, folder: Path, needs: str) -> xr.Dataset:

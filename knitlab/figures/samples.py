@@ -15,7 +15,7 @@ from knitlab.io.errors import fault
 
 MARGIN = 1.1
 """Width and height of a panel over those of what it shows."""
-DRAWN, TEXT = 0.75, 0.9
+DRAWN, TEXT = 0.75, 1.3
 """Part of the width that the panels take, and height of the text above and below [in]."""
 
 

@@ -16,9 +16,10 @@ from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS
 if TYPE_CHECKING:
     from knitlab.model.pattern import PatchGrid
 
-NAME_SIZE, SMALL_NAME_SIZE = 8, 4
-MOST_LARGE_NAMES = 4
-"""Patches along a side that are named in large letters."""
+NAME_SIZE, LETTER_SIZE = 8, 6
+MOST_NAMES = 4
+"""Patches along a side that are named; where there are more they have a letter each."""
+LETTERS = "R rib, G garter, P plain"
 PERIODIC_REPEATS = 2
 """Unit cells of periodic fabric that are drawn each way."""
 
@@ -37,6 +38,7 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     periodic = parameters["reading"]["boundary"] == "periodic"
     along_y, along_x = parameters["unit_cells"]
     repeats = PERIODIC_REPEATS if periodic else 1
+    repeat = len(parameters["pattern"]), len(parameters["pattern"][0])
     sample = recorded_pattern(parameters, (repeats * along_y, repeats * along_x))
 
     faces = faces_of(nodes)
@@ -57,10 +59,12 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     figure = Figure(figsize=(ONE_COLUMN * 1.2, height), layout="constrained")
     axes = figure.add_subplot()
     draw_relief(axes, faces, colours, borders)
-    _name_patches(axes, nodes, sample, (len(parameters["pattern"]), len(parameters["pattern"][0])))
+    _name_patches(axes, nodes, sample, repeat)
     design = f"n_stripe = {int(case['n_stripe'])}, n_subunit = {int(case['n_subunit'])}"
     strain = float(case["applied_strain"][0])
     notes = [design, *(["periodic"] if periodic else []), *([f"at {strain:.0%}"] if strain else [])]
+    if max(repeat) > MOST_NAMES:
+        notes.append(f"\n{LETTERS}")
     axes.set_title(", ".join(notes))
     figure.colorbar(
         mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS), ax=axes, label="height z [mm]", shrink=0.8
@@ -97,18 +101,20 @@ def _name_patches(
         for size, whole in zip(repeat, sample.knit.shape, strict=True)
     ]
     rows, columns = sample.row_borders, sample.column_borders
+    large = max(repeat) <= MOST_NAMES
     for patch_y, patch_x in np.ndindex(repeat):
         row, column = first[0] + patch_y, first[1] + patch_x
+        letter = str(sample.knit[row, column])
         x, y, _ = nodes[
             (rows[row] + rows[row + 1]) // 2, (columns[column] + columns[column + 1]) // 2
         ]
         axes.text(
             x,
             y,
-            KNIT_OF_LETTER[str(sample.knit[row, column])],
+            KNIT_OF_LETTER[letter] if large else letter,
             ha="center",
             va="center",
-            fontsize=NAME_SIZE if max(repeat) <= MOST_LARGE_NAMES else SMALL_NAME_SIZE,
+            fontsize=NAME_SIZE if large else LETTER_SIZE,
             color="white",
             path_effects=[withStroke(linewidth=2, foreground="black")],
         )
