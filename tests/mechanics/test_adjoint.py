@@ -24,8 +24,11 @@ from knitlab.mechanics.solver import Evaluate
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, Sheet, StripePair, flat_sheet
+from knitlab.model.grading import Grading, graded_pattern
 from knitlab.model.layout import FabricLayout, fabric_layout
 from knitlab.model.options import ModelOptions
+from knitlab.model.pattern import SingleFold
+from knitlab.model.plain import PlainKnit
 from knitlab.simulation.stripe_sensitivity import measured_by
 from tests.fabrics import CLAMPED, FINE, PERIODIC, checkerboard, stripe
 
@@ -104,10 +107,15 @@ def pulled(
     unit_cells: tuple[int, int] = (1, 1),
     sheet: Sheet = WALLS_FAR,
 ) -> Pulled:
-    strain = 0.05
     layout = fabric_layout(checkerboard(1, unit_cells), sheet, reading)
     stripes = StripePair.of(stripe("rib", n_stripe), stripe("garter", 2 * n_stripe))
-    fabric = layout.fabric(stripes)
+    return pulled_fabric(layout, stripes, unit_cells, sheet)
+
+
+def pulled_fabric(
+    layout: FabricLayout, stripes: StripePair, unit_cells: tuple[int, int], sheet: Sheet
+) -> Pulled:
+    strain, fabric = 0.05, layout.fabric(stripes)
     test = run(layout.net.shape, fabric, stretch(layout.net, fabric, [0, strain], FINE))
     relaxed, strained = test.states
     assert strained.converged
@@ -169,6 +177,25 @@ def test_derivatives_of_a_sample_pressed_by_walls_are_those_of_differences():
     pressed = pulled(4, CLAMPED, (2, 1), WALLS_NEAR)
     assert (np.abs(pressed.strained.positions[..., 2]) > WALLS_NEAR.z_max).any()
     assert_agree(pressed.sensitivities(), by_differences(pressed))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cells_per_period", [4, 8])
+def test_derivatives_of_graded_fabric_are_those_of_differences(cells_per_period):
+    """Two ribs and two garters, plain knit beside them, and a single fold."""
+    ribs, garters = [stripe("rib", n) for n in (4, 6)], [stripe("garter", n) for n in (8, 12)]
+    grading = Grading((1, 1), (1, 1, 1), (garters[1], garters[0]), (*ribs, ribs[0]))
+    fold = SingleFold(along="wale", at=2.5, theta_0=2.2, end=1)
+    rows = ("GRP", "RGP")
+    pattern = graded_pattern(rows, 1, (1, 1), grading, (fold,), cells_per_period)
+    options = ModelOptions(boundary="periodic", cells_per_period=cells_per_period)
+    plain = PlainKnit(
+        plain_stretch_weft=0.9, plain_stretch_warp=2.5, plain_bend_weft=0.02, plain_bend_warp=0.05
+    )
+    layout = fabric_layout(pattern, WALLS_FAR, options, plain)
+    stripes = StripePair.of_several(grading.weft, grading.warp)
+    graded = pulled_fabric(layout, stripes, (1, 1), WALLS_FAR)
+    assert_agree(graded.sensitivities(), by_differences(graded))
 
 
 @pytest.mark.slow
