@@ -30,6 +30,8 @@ def test_a_target_without_a_tolerance_has_a_twentieth_of_its_value():
         ({"vary": {"rib_k_t": 2}}, "lowest and highest value"),
         ({"vary": {"n_stripe": [4, 0]}}, "whole numbers"),
         ({"vary": {"n_stripe": [4.5]}}, "whole numbers"),
+        ({"vary": {"pattern": ["GR", "RG"]}}, "list names of patterns"),
+        ({"vary": {"pattern": 4}}, "list names of patterns"),
         ({"settings": {"k_s": 2}}, "k_s"),
         ({"settings": {"k_t_factor": 2}, "vary": {"k_t_factor": [1, 2]}}, "may vary too"),
         ({"settings": {"robustness": 2}}, "beside targets"),
