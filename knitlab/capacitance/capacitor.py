@@ -84,6 +84,7 @@ def capacitances(
     fabric: Fabric,
     configurations: Configuration,
     capacitor: Capacitor,
+    refinement: int = 1,
 ) -> Capacitances:
     """Capacitance in every state, by the boundary-element method at two or more panel sizes.
 
@@ -98,10 +99,12 @@ def capacitances(
         fabric: its numbers.
         configurations: of every state, along a leading axis.
         capacitor: what else it depends on.
+        refinement: grid cells along one cell of the paper's grid, as far as which gaps are looked
+            for.
     """
     shape, states = net.shape, len(configurations.lengths)
     status = np.full(states, CapacitorStatus.measured)
-    gap, through = _obstacles(electrodes, net, fabric, configurations)
+    gap, through = _obstacles(electrodes, net, fabric, configurations, refinement)
     status[through] = CapacitorStatus.folded_through
     status[~through & (gap < capacitor.clearance)] = CapacitorStatus.touching
     value, mutual, error = (np.full(states, np.nan) for _ in range(3))
@@ -160,12 +163,13 @@ def _obstacles(
     net: Network,
     fabric: Fabric,
     configurations: Configuration,
+    refinement: int,
 ) -> tuple[Float[np.ndarray, " state"], Bool[np.ndarray, " state"]]:
     """How near the electrodes come in every state, and whether a fold at them is passed through."""
     shape = net.shape
     chart = panel_chart(electrodes, shape, LEVELS[0])
     panels = np.asarray(panels_on(chart, shape, configurations))
-    reach = float(np.asarray(fabric.cell_sides).max())
+    reach = refinement * float(np.asarray(fabric.cell_sides).max())
     along = np.eye(3)[electrodes.axis]
     periods = [
         length * along if shape.periodic else None

@@ -18,6 +18,7 @@ from knitlab.capacitance.sensor import hysteresis, sensing_range, sensor_of, str
 from knitlab.capacitance.wedge import side_by_side, wedge_capacitance
 from knitlab.mechanics.state import State
 from knitlab.model.configuration import Configuration
+from knitlab.model.pattern import CELLS_PER_PERIOD
 from knitlab.simulation.case import Case
 
 SAME = 1e-5
@@ -99,7 +100,10 @@ def _capacitance_unloading(
 
 
 def _measured(case: Case, configurations: Configuration) -> Capacitances:
-    return capacitances(case.electrodes, *case.assemble(), configurations, _capacitor(case))
+    refinement = case.reading.cells_per_period // CELLS_PER_PERIOD
+    return capacitances(
+        case.electrodes, *case.assemble(), configurations, _capacitor(case), refinement
+    )
 
 
 def _capacitor(case: Case) -> Capacitor:
