@@ -37,7 +37,7 @@ from knitlab.optimisation.search_jobs import SEARCHES, TRIALS, SearchJob, run_se
 from knitlab.optimisation.search_space import DesignLabels, SearchSpace, search_space
 from knitlab.optimisation.starts import starting_designs
 from knitlab.optimisation.trial import run_trial
-from knitlab.simulation.case import Case
+from knitlab.simulation.case import Case, Label
 from knitlab.study.declared_fields import declared
 from knitlab.study.gauge import ATTRIBUTES
 from knitlab.study.plan import Plan, batched
@@ -243,7 +243,7 @@ def _candidates_plan(
         if search.winner is None:
             continue
         case, _ = space.case(search.design, np.array(search.winner.place))
-        labels = {**space.labels(search.design), "candidate": number}
+        labels: dict[str, Label] = {**space.labels(search.design), "candidate": number}
         tested = replace(case, design=labels, robustness=request.robustness)
         cases[tested.case_id] = tested
     return Plan(
