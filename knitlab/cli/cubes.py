@@ -3,12 +3,11 @@
 import re
 from contextlib import suppress
 from pathlib import Path
-from typing import get_args
 
 import click
 
 from knitlab.cli.options import explains_bad_input, select_option
-from knitlab.study.figure_names import FigureName
+from knitlab.study.figure_names import FIGURE_NAMES
 
 format_option = click.option(
     "--format",
@@ -78,7 +77,7 @@ def compare(
 @click.command(
     name="map",
     help="Draw a figure of KIND from CUBES, of which most kinds take one.\n\nKIND is one of "
-    f"{', '.join(get_args(FigureName))}.",
+    f"{', '.join(FIGURE_NAMES)}.",
 )
 @click.argument("kind")
 @click.argument("cubes", type=click.Path(path_type=Path), nargs=-1, required=True)

@@ -192,14 +192,14 @@ def run(
 def _is_finished(workflow: str, overrides: tuple[str, ...], results: Path) -> bool:
     """Whether there is nothing to run or draw; if so, print what exists."""
     from knitlab.execution.finished import finished_plan
-    from knitlab.figures.drawn import asked_figures, fingerprint_of_figure, is_drawn
+    from knitlab.figures.drawn import fingerprint_of_figure, is_drawn, requested_figures
     from knitlab.io.plain_cube import CUBE, open_plain_cube
 
     record = finished_plan(workflow, overrides, results)
     if record is None:
         return False
     folder = results / record["workflow"]
-    figures = asked_figures(record["figures"], open_plain_cube(folder), folder)
+    figures = requested_figures(record["figures"], open_plain_cube(folder), folder)
     for its in figures:
         fingerprint = fingerprint_of_figure(its.kind, [folder], its.selections)
         if not all(is_drawn(output, fingerprint) for output in its.outputs):

@@ -7,13 +7,13 @@ import pytest
 import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from knitlab.figures.auxetic import auxetic_map
-from knitlab.figures.curves import tension_curves
 from knitlab.figures.drawing import draw_figure
-from knitlab.figures.network import spring_network
-from knitlab.figures.samples import stretched_samples
-from knitlab.figures.sensitivity import sensitivity_map
-from knitlab.figures.shapes import relaxed_shapes
+from knitlab.figures.kinds.auxetic import auxetic_map
+from knitlab.figures.kinds.curves import tension_curves
+from knitlab.figures.kinds.network import spring_network
+from knitlab.figures.kinds.samples import stretched_samples
+from knitlab.figures.kinds.sensitivity import sensitivity_map
+from knitlab.figures.kinds.shapes import relaxed_shapes
 from knitlab.io.errors import BadInput
 from tests.tables.artificial_cubes import made_up_cube
 
@@ -98,7 +98,7 @@ def test_a_figure_is_written_whole_in_the_format_of_its_suffix(cube_file, tmp_pa
         ("auxetic", "map.pdf", ("n_stripe=3",), "no n_stripe = 3"),
         ("shape", "shape.png", (), "holds no node position"),
         ("curves", "curves.png", ("n_stripe=2", "n_subunit=64"), "no design of this selection"),
-        ("auxetic", "map.pdf", ("applied_strain=0.1",), "says nothing to auxetic"),
+        ("auxetic", "map.pdf", ("applied_strain=0.1",), "is no coordinate of auxetic"),
         ("sensitivity", "map.pdf", (), "run with --set sensitivities=true"),
         ("shapes", "map.pdf", (), r"none of the designs \(4, 16\), .*which shapes shows"),
     ],

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.cli import main
-from knitlab.figures.capacitors import capacitors_figure
-from knitlab.figures.sensor import sensor_map
+from knitlab.figures.kinds.capacitors import capacitors_figure
+from knitlab.figures.kinds.sensor import sensor_map
+from knitlab.figures.kinds.wedge import wedge_figure
 from knitlab.figures.trade_off import pareto_front, values_of_designs
-from knitlab.figures.wedge import wedge_figure
 from knitlab.io.errors import BadInput
 from tests.tables.artificial_cubes import made_up_cube
 

@@ -9,18 +9,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
+from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.relief import draw_relief, faces_of
 from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS
 
 PERIODIC_REPEATS = 2
-"""Unit cells of periodic fabric that are drawn each way."""
+"""Unit cells of periodic fabric that are drawn along each direction."""
 
 
 def fabric_shape(case: xr.Dataset) -> Figure:
-    """Relief of a fabric: colour is height, shading is slope, lines are patch borders.
+    """Relief of a fabric seen from the technical face; relaxed, or at ``applied_strain``.
+
+    Colour is height, shading is slope, lines are patch borders.
 
     Args:
-        case: a case file, with its node positions, of which the first strain is shown.
+        case: contents of a case file, with node positions; its first strain is shown.
     """
     parameters = json.loads(case.attrs["parameters"])
     nodes = whole_sheet(case)
@@ -88,3 +91,6 @@ def _name_patches(axes: Axes, nodes: np.ndarray, pattern: list[str], spans: int)
                 color="white",
                 path_effects=[withStroke(linewidth=2, foreground="black")],
             )
+
+
+FIGURE = FigureKind(fabric_shape, needs="position", coordinates=("applied_strain",))
