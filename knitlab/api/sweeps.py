@@ -73,7 +73,7 @@ def run_workflow(
 
     Raises:
         BadInput: if another run holds the folder, or its cube is of other dimensions.
-        CannotWrite: if the folder cannot be written; what is done is kept.
+        CannotWrite: if the folder cannot be written; finished cases are kept.
     """
     folder = results / plan.workflow
     done = run_plan(plan, folder, options)
@@ -111,7 +111,7 @@ def run(
         retries: how often a batch that raised an error is tried again.
         fail_fast: whether to stop at the first case that is not ok.
         case_timeout: longest time for a case [s].
-        refresh: whether to compute stale results anew.
+        refresh: whether to recompute stale results.
         figures: whether to draw the workflow's figures into the results folder.
         progress: whether to draw a progress bar.
         settings: settings of the workflow to replace; a list makes a dimension of the cube:
@@ -180,7 +180,7 @@ def status(
 ) -> FolderStatus:
     """How far the last plan of a workflow has come, and what of it is stale.
 
-    If a file that the plan was made of has changed, the workflow is resolved anew.
+    If an input file of the plan has changed, the workflow is planned again.
 
     Args:
         workflow: name of a shipped workflow, or path of a TOML file.

@@ -70,7 +70,7 @@ def plan(workflow: str, results: Path, overrides: tuple[str, ...]) -> None:
         )
         for case_id in batch.cases[:MOST_LINES]:
             case = made.cases[case_id]
-            click.echo(f"  {case.label}  P {case.periods}  {case_id}  {status.words[case_id]}")
+            click.echo(f"  {case.label}  P {case.periods}  {case_id}  {status.statuses[case_id]}")
         if len(batch.cases) > MOST_LINES:
             click.echo(f"  … and {len(batch.cases) - MOST_LINES} more")
     if len(made.batches) > MOST_LINES:
@@ -132,7 +132,7 @@ def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
     "--keep-going/--fail-fast",
     default=True,
     show_default=True,
-    help="Whether to go on after a case that is not ok.",
+    help="Whether to continue after a case that is not ok.",
 )
 @click.option(
     "--case-timeout",
@@ -140,7 +140,7 @@ def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
     metavar="SECONDS",
     help="Longest time for one case.",
 )
-@click.option("--refresh", is_flag=True, help="Compute stale results anew.")
+@click.option("--refresh", is_flag=True, help="Recompute stale results.")
 @click.option("--dashboard", is_flag=True, help="Open dask's dashboard on this machine.")
 @explains_bad_input
 def run(
@@ -234,10 +234,10 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
     click.echo(f"{len(found.designs)} cases: {_counted(found.counts)}")
     for path in found.changed:
         click.echo(f"changed since the plan: {path}")
-    not_ok = [case_id for case_id, word in found.words.items() if word != "ok"]
+    not_ok = [case_id for case_id, word in found.statuses.items() if word != "ok"]
     for case_id in not_ok[:MOST_LINES]:
         reason = found.failures.get(case_id, "")
-        state = f"{found.words[case_id]}: {reason}" if reason else found.words[case_id]
+        state = f"{found.statuses[case_id]}: {reason}" if reason else found.statuses[case_id]
         click.echo(f"  {found.label(case_id)}  {case_id}  {state}")
     if len(not_ok) > MOST_LINES:
         click.echo(f"  … and {len(not_ok) - MOST_LINES} more; --json lists them all")

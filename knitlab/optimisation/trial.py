@@ -13,8 +13,8 @@ from jaxtyping import Float
 from knitlab.execution.cube import known_in_advance
 from knitlab.io.case_file import (
     StoredCase,
+    check_case_file,
     configurations,
-    kept,
     read_case,
     read_code,
     write_case_file,
@@ -163,7 +163,7 @@ def run_trial(folder: Path, case: Case, gauge: Gauge, measures: Measures = ()) -
     Raises:
         CannotWrite: if its file cannot be written.
     """
-    sound = kept(folder, case.case_id) is StoredCase.sound
+    sound = check_case_file(folder, case.case_id) is StoredCase.sound
     if not sound or read_code(folder, case.case_id) != code_fingerprint():
         write_case_file(folder, case.case_id, simulated(case, lambda name, states: None))
     return Trial(case, gauge, read_case(folder, case.case_id), measures)

@@ -9,7 +9,7 @@ import pandas as pd
 from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput, Fault
 from knitlab.io.plain_cube import PlainCube
-from knitlab.io.schema import FLAGS, SIMULATION, SOURCE, VARIABLES, WHOLE
+from knitlab.io.schema import FLAGS, INTEGERS, SIMULATION, SOURCE, VARIABLES
 from knitlab.tables.expression import holds, no_column
 from knitlab.tables.reduced_columns import relabelled, with_columns
 from knitlab.tables.selection import chosen_places, refuse_others, selections_along
@@ -56,7 +56,7 @@ def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFra
     for name in FLAGS.keys() & set(table):
         names = {flag.value: flag.name for flag in FLAGS[name]}
         table[name] = [names.get(code) for code in table[name]]
-    for name in set(WHOLE) & set(table) - set(FLAGS):
+    for name in set(INTEGERS) & set(table) - set(FLAGS):
         table[name] = table[name].astype("Int64")
     return table
 
@@ -96,11 +96,11 @@ def _origin(cube: PlainCube, cubes: Sequence[PlainCube]) -> dict[str, Any]:
     """What distinguishes a cube from others: its name, boundary, and model options that differ."""
     differing = {
         name
-        for name in cube.reading.keys() | {name for its in cubes for name in its.reading}
-        if len({its.reading.get(name) for its in cubes}) > 1
+        for name in {name for other in cubes for name in other.options}
+        if len({other.options.get(name) for other in cubes}) > 1
     }
     shown = sorted(differing | {"boundary"}, key=lambda name: (name != "boundary", name))
-    return {"cube": cube.name} | {name: cube.reading.get(name) for name in shown}
+    return {"cube": cube.name} | {name: cube.options.get(name) for name in shown}
 
 
 def query_cubes(

@@ -55,7 +55,7 @@ def test_a_killed_sweep_goes_on_and_ends_as_if_it_had_not_been(tmp_path, monkeyp
 
     other = knitlab("run", "preview", *DESIGNS, "--set", "z_max=4", "--workers", "0")
     assert other.exit_code == 1
-    assert "3 cases stay as they were computed with other parameters" in other.output
+    assert "3 cases are kept as computed with other parameters" in other.output
     assert "3 stale: other parameters" in knitlab("status", "preview").output
 
 

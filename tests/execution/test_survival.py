@@ -19,7 +19,7 @@ import knitlab.execution.survey as survey_module
 from knitlab.execution.run import RunOptions, run_plan
 from knitlab.execution.status import read_plan
 from knitlab.execution.survey import CaseState
-from knitlab.io.case_file import StoredCase, case_path, kept
+from knitlab.io.case_file import StoredCase, case_path, check_case_file
 from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput, CannotWrite
 from knitlab.io.lock import held
@@ -239,11 +239,11 @@ def test_a_damaged_case_file_is_named_and_computed_again(tmp_path, damage):
     else:
         flipped = whole[:2000] + bytes([whole[2000] ^ 1]) + whole[2001:]
         path.write_bytes({"truncated": whole[:-7], "flipped": flipped, "emptied": b""}[damage])
-    assert kept(tmp_path, case_id) is StoredCase.damaged
+    assert check_case_file(tmp_path, case_id) is StoredCase.damaged
     again = ran(plan, tmp_path)
     assert again.in_state(CaseState.damaged) == again.simulated == (case_id,)
     same(again.cube, before.cube)
-    assert kept(tmp_path, case_id) is StoredCase.sound
+    assert check_case_file(tmp_path, case_id) is StoredCase.sound
 
 
 @pytest.mark.slow
