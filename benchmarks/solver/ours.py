@@ -20,7 +20,7 @@ from benchmarks.solver.watch import GivenUp, Watch
 from knitlab.linalg.threads import Threads, allowed_threads
 from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.equilibrium_search import SearchRules
-from knitlab.mechanics.evaluation import WHOLE
+from knitlab.mechanics.evaluation import COMPLETE
 from knitlab.mechanics.executor import Executor
 from knitlab.mechanics.factorisation import one_thread_of_blas
 from knitlab.mechanics.loading import all_free
@@ -143,7 +143,7 @@ def _driven(problem: Problem, solver: Solver[Result], executors: Executors, watc
                 watch.factorisations += 1
             case Evaluate(unknowns, stage):
                 gradient = answer.gradient
-                if stage is not WHOLE:
+                if stage is not COMPLETE:
                     with watch.paused():
                         gradient = problem.evaluate(unknowns).gradient
                 watch.sees(float(np.abs(gradient[free]).max()))
@@ -152,7 +152,7 @@ def _driven(problem: Problem, solver: Solver[Result], executors: Executors, watc
 def prepare(problem: Problem) -> None:
     """Compile its programs; plans of assembly and factorisation are made while it is timed."""
     problem.evaluate(problem.flat)
-    problem.chunked.element_hessians(WHOLE, problem.flat)
+    problem.chunked.element_hessians(COMPLETE, problem.flat)
 
 
 def _reached(state: State) -> Unknowns:

@@ -1,4 +1,4 @@
-"""A design: one checkerboard of rib and garter patches, as a user names it."""
+"""A design: one knit of rib and garter patches and its sample."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from knitlab.study.parameters import QUANTITIES, StripeRow
 
 @dataclass(frozen=True, kw_only=True)
 class Design:
-    """One knit: its pattern, its sample, and its stripes where they are not those of the tables.
+    """One knit: its pattern, its sample, and optionally its stripes.
 
     Attributes:
         n_stripe: stitches across a rib stripe; the garter stripe has twice as many courses.
@@ -21,15 +21,14 @@ class Design:
             and last row are held, as the paper tests it.
         pattern: map of the patches of a unit cell, top course first, R for rib and G for garter.
         unit_cells: unit cells of the sample along the warp (y) and the weft (x); 1 × 1 by default.
-        needles: needles of the machine, in place of ``unit_cells``: the sample is as wide as
-            whole unit cells fit on them, and twice as long.
+        needles: needles of the machine, instead of ``unit_cells``: the sample has as many unit
+            cells across as fit on the needles, and is twice as long as wide.
         rib: stripe of the rib patches; by default that of ``params/stripes.toml`` [mm, N, rad].
         garter: stripe of the garter patches, likewise.
 
     Raises:
-        BadInput: if a stripe is of the other knit or of another number of stitches, or if one of
-            its numbers is out of range. What else is wrong is reported by
-            :func:`knitlab.simulate`, which knows the tables.
+        BadInput: if a stripe has the wrong knit or number of stitches, or a parameter out of
+            range. :func:`knitlab.simulate` reports all other errors.
 
     Example:
         >>> import knitlab as kl
@@ -67,5 +66,5 @@ class Design:
 
     @property
     def stripes(self) -> tuple[Stripe, ...]:
-        """Its own stripes."""
+        """The stripes that are given."""
         return tuple(stripe for stripe in (self.rib, self.garter) if stripe is not None)

@@ -97,7 +97,7 @@ TENSILE = [
     (
         "twice",
         lines(lambda text: [text[0].replace("trigger", "force"), *text[1:]]),
-        "is there twice",
+        "occurs twice",
     ),
     ("never pulled", lines(lambda text: text[:30]), "never rises"),
     ("pulled less", lines(lambda text: text[:200]), "but strain_max is 0.3"),
@@ -121,7 +121,7 @@ MARKERS = [
     (
         "cut off",
         lambda path: path.write_bytes(path.read_bytes()[:2000]),
-        "is not a whole .npy array",
+        "is not a complete .npy array",
     ),
     ("flat", array(np.ravel), "(frames, markers, 2)"),
     ("three dimensions", array(lambda tracks: np.repeat(tracks, 2, 2)), "(frames, markers, 2)"),
@@ -133,7 +133,7 @@ MARKERS = [
     ("one marker", array(lambda tracks: tracks[:, :1]), "1 markers are seen"),
     ("a line", array(lambda tracks: tracks[:, :4]), "in one line"),
     ("no grid", array(lambda tracks: tracks**3), "a table of their places"),
-    ("all frames late", array(lambda tracks: tracks[:3]), "shows nothing of the first pull"),
+    ("all frames late", array(lambda tracks: tracks[:3]), "does not cover the first pull"),
 ]
 
 
@@ -158,7 +158,7 @@ ROWS = "frame,marker,x,y\n" + "".join(
         ("frame,marker,x,y\n", "has no rows"),
         (ROWS.replace("marker,", "point,", 1), "column marker: is missing"),
         (ROWS.replace("\n0,4,", "\n0,4.5,"), "has 4.5 at point 5"),
-        (ROWS.replace("\n1,", "\n7,"), "jumps over 1"),
+        (ROWS.replace("\n1,", "\n7,"), "skips 1"),
         (
             ROWS.replace("\n0,", "\n40,").replace("\n1,", "\n41,").replace("\n2,", "\n42,"),
             "frame 40",
@@ -200,23 +200,23 @@ DESCRIPTIONS = [
     ("tensile", "sample.length.unit", "s", "sample.length: is in s"),
     ("tensile", "sample.length.value", -3.0, "is -3; give one above 0"),
     ("tensile", "sample.n_subunit", 15, "not a positive multiple"),
-    ("tensile", "protocol.strain_step", 0.07, "no whole number"),
+    ("tensile", "protocol.strain_step", 0.07, "is not a whole number"),
     ("tensile", "protocol.strain_max", 0.4, "but strain_max is 0.4"),
     ("tensile", "tensile.colour", "red", "not a known key"),
     ("tensile", "tensile", None, "tensile"),
-    ("tensile", "source", "simulation", "is a simulation's"),
+    ("tensile", "source", "simulation", "is reserved for simulations"),
     ("markers", "markers.pixel", None, "markers.pixel: is missing"),
     ("markers", "markers.pixel.unit", "N", "is in N"),
     ("markers", "markers.weft", "sideways", "markers.weft"),
-    ("markers", "markers.weft", "up", "are one line"),
+    ("markers", "markers.weft", "up", "are parallel"),
     ("markers", "markers.frame_rate", None, "frame_rate"),
     ("markers", "markers.starts", None, "needs starts"),
-    ("markers", "markers.relaxed_frames", 10**6, "is more than the"),
+    ("markers", "markers.relaxed_frames", 10**6, "exceeds the number of frames"),
     ("markers", "markers.file", "markers.avi", "no suffix .npy or .csv"),
     ("markers", "markers.file", "none.npy", "cannot be read"),
     ("markers", "sample.unit_cells", [2, 2], "shows 4 × 3 unit cells of a sample of 2 × 2"),
     ("capacitance", "capacitance.starts", None, "or trigger"),
-    ("capacitance", "capacitance.trigger", {"column": "TRIG"}, "or trigger: one"),
+    ("capacitance", "capacitance.trigger", {"column": "TRIG"}, "needs either starts"),
     ("capacitance", "capacitance.starts.value", 1e6, "by the machine's clock"),
     ("capacitance", "capacitance.capacitance.unit", "pH", "is in pH"),
 ]
@@ -276,11 +276,11 @@ SIDEWAYS = [
 CHANGES = [
     # The clock is 30 s off: the fabric is strained where the machine does not pull.
     ("markers", [("markers.starts.value", -20.0)], "correct starts"),
-    ("markers", [("markers.relaxed_frames", 60)], "are pulled to"),
+    ("markers", [("markers.relaxed_frames", 60)], "already reach a strain of"),
     ("markers", [("markers.pixel.value", 1000.0)], "sample.width: is 45 mm for 3 unit cells"),
     ("markers", [("sample.length.value", 30.0)], "sample.length: is 300 mm for 4 unit cells"),
     ("markers", [("markers.markers_per_cell", [2, 1])], "sample.length: is 80 mm"),
-    ("markers", SIDEWAYS, "moves 90° from where its rows part"),
+    ("markers", SIDEWAYS, "moves 90° off the separation of its rows"),
     ("markers", [("markers.turned", 40.0)], "correct them, or give turned"),
     ("markers", [("markers.frame_rate", None), ("markers.strain_per_frame", 0.01)], "has starts"),
     ("tensile", [("protocol.skip_cycles", 1)], "never rises after 1 cycles"),
@@ -297,7 +297,7 @@ def test_a_description_that_the_records_contradict_is_refused(
 
 FALSE = [
     ("negative force", 3, lambda value: -value, "give tension as positive"),
-    ("negative extension", 1, lambda value: -value, "goes to an applied strain of"),
+    ("negative extension", 1, lambda value: -value, "reaches an applied strain of only"),
 ]
 
 
@@ -343,7 +343,7 @@ def test_records_of_a_corrected_sample_are_not_mixed_with_old_ones(tmp_path, goo
     assert imported(tmp_path, good, "tensile")[0].exit_code == 0
     told, _ = imported(tmp_path, good, "markers", [(path, value), ("protocol.strain_max", 0.25)])
     assert told.exit_code == 2
-    assert "remove it, and import all records anew" in told.output
+    assert "remove it, and import all records again" in told.output
 
 
 def test_what_was_imported_before_is_unharmed_by_what_is_refused(tmp_path, good):
@@ -363,4 +363,4 @@ def test_records_of_another_sample_are_not_mixed_in(tmp_path, good):
     assert told.exit_code == 0
     told, _ = imported(tmp_path, good, "markers", [("protocol.strain_step", 0.1)])
     assert told.exit_code == 2
-    assert "is of another sample, length, width, source, cycles or strains" in told.output
+    assert "has another sample, length, width, source, cycles or strains" in told.output

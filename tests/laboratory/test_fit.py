@@ -73,7 +73,7 @@ def test_parameters_perturbed_by_20_percent_come_back_within_their_errors(fit):
 @pytest.mark.slow
 def test_the_match_is_as_good_as_the_noise(fit):
     before, after = fit.chi_squared
-    values = int(fit.target.there.sum())
+    values = int(fit.target.measured.sum())
     assert before > 100 * values
     assert after < 2 * values
     apart = [root_mean_square(curves, fit.target) for curves in fit.curves]
@@ -135,13 +135,13 @@ def test_a_model_that_does_not_meet_the_test_says_so(case, truth):
     bent = Target(STRAINS[1:3], target.values[:, :2] * [[1.6], [1.0], [0.5]], target.errors[:, :2])
     short = replace(case, applied_strain=STRAINS[:3])
     said = " ".join(fit_stripes(short, bent, looseness=0.05, starts=1).warnings)
-    assert "times as far from the test as its errors say" in said
+    assert "times its errors" in said
 
 
 @pytest.mark.slow
 def test_a_sample_that_does_not_come_to_rest_is_refused(case, truth):
     hopeless = replace(case, solver=replace(case.equilibrium_solver, max_iterations=3))
-    with pytest.raises(NoFit, match="does not come to rest"):
+    with pytest.raises(NoFit, match="does not converge"):
         fit_stripes(hopeless, noisy(truth, 0.005, 1), looseness=0.2)
 
 

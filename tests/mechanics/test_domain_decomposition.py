@@ -24,7 +24,7 @@ from knitlab.mechanics.equilibrium import (
     minimise_with_one_factorisation,
 )
 from knitlab.mechanics.equilibrium_search import Search, SearchRules
-from knitlab.mechanics.evaluation import WHOLE, Evaluation
+from knitlab.mechanics.evaluation import COMPLETE, Evaluation
 from knitlab.mechanics.executor import Executor, run, run_to_end
 from knitlab.mechanics.loading import all_free, free_under_tension
 from knitlab.mechanics.solver import Evaluate, Factorise, SolveSubdomains
@@ -53,13 +53,13 @@ def test_on_a_subdomain_act_the_forces_of_the_whole(small_subdomains, sample, pl
     net, fabric, loading = sample
     random = np.random.default_rng(0)
     at = loading.reference + 0.1 * random.normal(size=net.shape.unknowns)
-    whole = ChunkedFabric.of(net.shape, fabric).evaluate(WHOLE, at)
+    whole = ChunkedFabric.of(net.shape, fabric).evaluate(COMPLETE, at)
     free = free_stiffness(net.shape, places(net.shape))
     found = list(subdomains_of(free))
     assert len(found) == 4
     for subdomain in found:
         own = ChunkedFabric.of(subdomain.free.shape, subdomain.fabric(fabric))
-        gradient = np.asarray(own.evaluate(WHOLE, at[subdomain.places]).gradient)
+        gradient = np.asarray(own.evaluate(COMPLETE, at[subdomain.places]).gradient)
         movable = subdomain.free.places
         np.testing.assert_allclose(
             gradient[movable], np.asarray(whole.gradient)[subdomain.places[movable]], atol=1e-10
@@ -76,8 +76,8 @@ def test_a_move_within_a_block_costs_it_what_it_costs_the_whole(small_subdomains
     movable = subdomain.places[subdomain.free.places]
     after[movable] += 0.05 * np.random.default_rng(1).normal(size=movable.size)
     costs = [
-        float(of.evaluate(WHOLE, after[where]).energy.total)
-        - float(of.evaluate(WHOLE, before[where]).energy.total)
+        float(of.evaluate(COMPLETE, after[where]).energy.total)
+        - float(of.evaluate(COMPLETE, before[where]).energy.total)
         for of, where in ((whole, slice(None)), (own, subdomain.places))
     ]
     assert costs[0] == pytest.approx(costs[1], rel=1e-9)

@@ -8,7 +8,7 @@ import pytest
 from knitlab.mechanics import tensile_test
 from knitlab.mechanics.domain_decomposition import find_equilibrium_by_subdomains
 from knitlab.mechanics.element_chunks import ChunkedFabric
-from knitlab.mechanics.evaluation import WHOLE
+from knitlab.mechanics.evaluation import COMPLETE
 from knitlab.mechanics.executor import run
 from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.state import Outcome
@@ -248,6 +248,6 @@ def test_many_subdomains_start_from_where_on_the_line_ahead_the_energy_is_least(
     assert any(part == pytest.approx(one) for one in parts)
     whole = ChunkedFabric.of(net.shape, fabric)
     taken, *others = (
-        float(whole.evaluate(WHOLE, at).energy.total) for at in (starts[0].unknowns, near, far)
+        float(whole.evaluate(COMPLETE, at).energy.total) for at in (starts[0].unknowns, near, far)
     )
     assert taken <= min(others)

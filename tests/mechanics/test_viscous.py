@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from knitlab.mechanics.element_chunks import ChunkedFabric
-from knitlab.mechanics.evaluation import WHOLE
+from knitlab.mechanics.evaluation import COMPLETE
 from knitlab.mechanics.executor import run
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.options import ModelOptions
@@ -39,7 +39,7 @@ def integrated(sample, test, drag):
     def velocity(strain, moving):
         here = loading.holding(loading.reference, strain)
         here[free] = moving
-        return -np.asarray(chunked.evaluate(WHOLE, here).gradient)[free] / drag
+        return -np.asarray(chunked.evaluate(COMPLETE, here).gradient)[free] / drag
 
     return solve_ivp(
         velocity,
