@@ -44,8 +44,8 @@ class Problem:
     def of(cls, case: Case, tolerance: float) -> "Problem":
         """The problem that a case poses."""
         moving = case.mass_and_drag
-        its = inertia(case.weft, case.warp, case.reading, moving) if moving else None
-        return cls(*case.assemble(), its, case.applied_strain, tolerance)
+        each = inertia(case.weft, case.warp, case.reading, moving) if moving else None
+        return cls(*case.assemble(), each, case.applied_strain, tolerance)
 
     @property
     def shape(self) -> MeshShape:

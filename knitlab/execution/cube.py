@@ -119,7 +119,7 @@ def _names(plan: Plan, old: xr.Dataset | None) -> list[str]:
     wanted = {name for name, variable in variables_of(case).items() if variable.in_cube}
     wanted |= set() if old is None else set(map(str, old.data_vars))
     kinds = ("design", "stripes") if case.pure else ("design", "stripes", "cloth")
-    named = [name for name, its in VARIABLES.items() if name in wanted or its.of in kinds]
+    named = [name for name, each in VARIABLES.items() if name in wanted or each.of in kinds]
     # A stripe number that is swept is a coordinate.
     return [name for name in named if name not in plan.dims]
 

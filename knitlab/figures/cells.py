@@ -76,7 +76,7 @@ def draw_cells(axes: Axes, cubes: Sequence[xr.Dataset], style: CellStyle) -> set
     for row, column in np.ndindex(first["status"].shape):
         index = dict(zip(DESIGN_DIMS, (row, column), strict=True))
         designs = [cube.isel(index) for cube in gridded]
-        shown = [its for its in designs if int(its["status"]) != Status.excluded] or designs[:1]
+        shown = [each for each in designs if int(each["status"]) != Status.excluded] or designs[:1]
         for k, design in enumerate(shown[:2]):
             status = Status(int(design["status"]))
             value = float(design[style.name]) if style.name in design else np.nan

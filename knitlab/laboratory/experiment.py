@@ -121,7 +121,7 @@ def _read_markers(folder: Path, description: Description) -> Read:
         time = number(table.starts, "s") + frames / number(table.frame_rate, "Hz")
         strain = pulls.strain(time)
         seen = np.isfinite(strain)
-        spans = [np.flatnonzero(cycle.pulled(time) & seen) for cycle in pulls.cycles]
+        spans = [np.flatnonzero(cycle.loaded(time) & seen) for cycle in pulls.cycles]
         if not len(spans[0]):
             raise _another_time(path, time, pulls)
     else:

@@ -63,7 +63,7 @@ def read_pulls(folder: Path, description: Description, table: TensileTable) -> P
     if not found:
         after = f" after {protocol.skip_cycles} cycles" if protocol.skip_cycles else ""
         raise fault(place, f"never rises{after}; give a test in which the sample is pulled")
-    pulled = found[0].pulled(log.time)
+    pulled = found[0].loaded(log.time)
     strain = log.extension[pulled] / length
     requested = protocol.applied_strain
     if strain.max() < requested[1]:
@@ -95,7 +95,7 @@ def read_pulls(folder: Path, description: Description, table: TensileTable) -> P
 def force_values(pulls: Pulls, cycle: Cycle, description: Description) -> Values:
     """Reaction force in one cycle, by variable name."""
     strains = np.array(description.protocol.applied_strain)
-    pulled = cycle.pulled(pulls.log.time)
+    pulled = cycle.loaded(pulls.log.time)
     force, error, _ = resampled(
         strains, pulls.log.extension[pulled] / pulls.length, pulls.log.force[pulled]
     )
@@ -152,7 +152,7 @@ def capacitance_values(
     """
     strain = pulls.strain(time)
     seen = np.isfinite(strain)
-    loading, unloading = (seen & phase(time) for phase in (cycle.pulled, cycle.let_go))
+    loading, unloading = (seen & phase(time) for phase in (cycle.loaded, cycle.unloaded))
     capacitance, error, _ = resampled(strains, strain[loading], log.capacitance[loading])
     finite = np.isfinite(capacitance)
     values: Values = {

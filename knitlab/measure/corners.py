@@ -1,4 +1,4 @@
-"""Corners of unit cells, picked out of a simulated configuration."""
+"""Corners of the unit cells of a simulated configuration."""
 
 import numpy as np
 from jaxtyping import Array, Float
@@ -18,8 +18,8 @@ def unit_cell_corners(
     Args:
         shape: mesh of the configuration.
         unit_cells: number of unit cells along (y, x).
-        configuration: of one state or several; in periodic fabric the last corners are the
-            first ones' images.
+        configuration: configuration of one state or several; in periodic fabric the last corners
+            are images of the first.
     """
     steps = shape.cells_y // unit_cells[0], shape.cells_x // unit_cells[1]
     rows = steps[0] * np.arange(unit_cells[0] + 1)

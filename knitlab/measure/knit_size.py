@@ -1,10 +1,10 @@
-"""Knit size: how large in cloth what was simulated is, by the gauge.
+"""Knit size: finished sizes in cloth, from simulated contractions and the gauge.
 
-The network's lengths are those of the paper's tables, and its samples are a fraction as large as
-the cloth. What they predict of the cloth is the contraction, relaxed over flat; the gauge gives the
-flat size, stitches times the size of a stitch. The shipped gauge is that of the paper's finished
-samples, about 200 mm wide on 360 needles, taken as the stitch before the fabric folds: absolute
-sizes are therefore indicative, while ratios between designs do not depend on it.
+Lengths of the network are those of the paper's tables, and its samples are several times smaller
+than the cloth. Simulations predict the contraction, relaxed over flat; the gauge gives the flat
+size: the number of stitches times the size of a stitch. The shipped gauge is that of the paper's
+finished samples, about 200 mm wide on 360 needles, used for the stitch before the fabric folds:
+absolute sizes are therefore indicative, while ratios between designs do not depend on it.
 """
 
 from collections.abc import Mapping
@@ -25,8 +25,8 @@ class Gauge:
     """Size of a stitch before the fabric folds.
 
     Attributes:
-        stitch_width: along the course [mm].
-        stitch_height: along the wale [mm].
+        stitch_width: width along the course [mm].
+        stitch_height: height along the wale [mm].
     """
 
     stitch_width: Annotated[PositiveFloat, Unit("mm")]
@@ -37,10 +37,10 @@ def stitches_of_cell(patches: tuple[int, int], n_subunit: int) -> tuple[int, int
     """Courses and wales of a unit cell (paper, Fig. "knit stitches").
 
     A patch is ``n_subunit`` stitches wide and, as a stitch is about twice as wide as high, twice
-    as many high.
+    as many stitches high.
 
     Args:
-        patches: of a unit cell along (y, x).
+        patches: patches of a unit cell along (y, x).
         n_subunit: stitches along a garter stripe.
 
     Returns:
@@ -56,11 +56,11 @@ def knit_cell(relaxed: float, flat: float, stitches: int, stitch: float) -> floa
     Args:
         relaxed: length of the relaxed cell of the network [mm].
         flat: length of the same cell flat [mm].
-        stitches: across the cell.
-        stitch: size of a stitch the same way [mm].
+        stitches: number of stitches across the cell.
+        stitch: size of a stitch in the same direction [mm].
 
     Returns:
-        The length [mm]; missing where the relaxed one is.
+        The length [mm]; NaN if the relaxed one is.
     """
     return relaxed / flat * stitches * stitch
 
@@ -75,16 +75,16 @@ def knit_sizes(
     """Finished sizes in cloth of a fabric of rib and garter patches.
 
     Args:
-        lengths: of the network, relaxed_cell, flat_cell and wavelength along x and y, by the names
-            of the registry; not a number where missing [mm].
-        patches: of a unit cell along (y, x).
+        lengths: relaxed_cell, flat_cell and wavelength of the network along x and y, by variable
+            name; NaN where missing [mm].
+        patches: patches of a unit cell along (y, x).
         n_subunit: stitches along a garter stripe.
-        unit_cells: of the sample along (y, x), or None for periodic fabric.
+        unit_cells: unit cells of the sample along (y, x), or None for periodic fabric.
         gauge: size of a stitch.
 
     Returns:
-        By name, those of :data:`ALONG_X` and :data:`ALONG_Y`: size of a unit cell, wavelength of
-        the boundary, and size of the sample, which is missing of periodic fabric [mm].
+        The variables of :data:`ALONG_X` and :data:`ALONG_Y`: size of a unit cell, wavelength of the
+        boundary, and size of the sample, which is NaN for periodic fabric [mm].
     """
     courses, wales = stitches_of_cell(patches, n_subunit)
     cells_y, cells_x = unit_cells or (float("nan"), float("nan"))
@@ -104,12 +104,12 @@ def at_gauge(sizes: Mapping[str, float], before: Gauge, now: Gauge) -> dict[str,
     """The same finished sizes at another gauge.
 
     Args:
-        sizes: of :func:`knit_sizes` [mm].
-        before: the gauge that they were computed by.
+        sizes: sizes of :func:`knit_sizes` [mm].
+        before: the gauge that they were computed with.
         now: the requested gauge.
 
     Returns:
-        The sizes, to the bit what they were where the gauge is the same [mm].
+        The sizes, unchanged to the last bit if the gauge is the same [mm].
     """
     factors = dict.fromkeys(ALONG_X, now.stitch_width / before.stitch_width)
     factors |= dict.fromkeys(ALONG_Y, now.stitch_height / before.stitch_height)

@@ -1,4 +1,4 @@
-"""Patches: how far each has contracted, at its centre and at its edges (paper, "Relaxation")."""
+"""Patches: their contraction at the centre and at the edges (paper, "Relaxation")."""
 
 from collections.abc import Sequence
 
@@ -15,13 +15,13 @@ def central_cell(
     unit_cells: tuple[int, int],
     configuration: Configuration,
 ) -> Float[np.ndarray, "row column 3"]:
-    """Nodes of the unit cell nearest the middle, its last row and column included [mm].
+    """Nodes of the unit cell nearest the middle, including its last row and column [mm].
 
     Args:
         shape: mesh of the configuration.
         unit_cells: number of unit cells along (y, x).
-        configuration: of one state; the cell of periodic fabric is closed by images of its first
-            nodes.
+        configuration: configuration of one state; the cell of periodic fabric is closed by images
+            of its first nodes.
     """
     ranges = []
     for cells, count in zip((shape.cells_y, shape.cells_x), unit_cells, strict=True):
@@ -35,16 +35,16 @@ def widths_across_folds(
 ) -> dict[str, tuple[float, float]]:
     """Width of the patches of a unit cell across their folds, at the centre and at the edges [mm].
 
-    A rib patch is as wide as its borders lie apart along the weft: at its centre on its middle
-    row, at its edges on its first and last row, of which the mean is taken. A garter patch
-    likewise along the warp. Patches of a kind are averaged.
+    The width of a rib patch is the distance of its borders along the weft: on its middle row at the
+    centre, and averaged over its first and last row at the edges. That of a garter patch is along
+    the warp. Patches of each knit are averaged.
 
     Args:
-        cell: nodes of a unit cell, the last row and column included.
+        cell: nodes of a unit cell, including the last row and column.
         pattern: its patch map, top course first.
 
     Returns:
-        (centre, edge) of ``rib`` and ``garter``, as far as the pattern has them.
+        (centre, edge) of ``rib`` and ``garter``, if the pattern has them.
     """
     span_y = (cell.shape[0] - 1) // len(pattern)
     span_x = (cell.shape[1] - 1) // len(pattern[0])

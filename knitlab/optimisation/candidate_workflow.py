@@ -20,12 +20,12 @@ FIGURES = ["curves", "shape"]
 def write_workflow(
     path: Path, request: DesignRequest, space: SearchSpace, search: SearchResult
 ) -> Path:
-    """Write the workflow of the best trial of a search: the same numbers, to the last digit.
+    """Write a workflow that reproduces the best trial of a search exactly.
 
     Args:
         path: the file.
         request: the request.
-        space: what varied.
+        space: the search space.
         search: the search.
 
     Returns:
@@ -53,7 +53,7 @@ def write_workflow(
     table["title"] = f"{path.stem} of the design {request.name}"
     table["figures"] = FIGURES
     if files := table.get("model", {}).get("stripe_files"):
-        table["model"]["stripe_files"] = [str((base.parent / its).resolve()) for its in files]
+        table["model"]["stripe_files"] = [str((base.parent / file).resolve()) for file in files]
     with atomic_write(path) as temporary:
         temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
     return path

@@ -1,4 +1,4 @@
-"""Quantities with derivatives: what a target may be on where a search follows gradients."""
+"""Quantities with derivatives, which targets of a gradient-based search may use."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -13,7 +13,7 @@ from knitlab.model.network import MeshShape
 from knitlab.simulation.stripe_sensitivity import measured_by
 
 ALONG_STRAIN = ("poisson_ratio", "reaction_force", "mean_strain_xx", "mean_strain_yy")
-"""Along the applied strain."""
+"""Quantities along the applied strain."""
 OF_CLOTH = {
     "knit_cell_x": ("relaxed_cell_x", "stitch_width"),
     "knit_cell_y": ("relaxed_cell_y", "stitch_height"),
@@ -22,12 +22,12 @@ OF_CLOTH = {
 }
 """Sizes in cloth: the cell whose contraction they follow, and the size of a stitch."""
 OF_DESIGN = ("relaxed_cell_x", "relaxed_cell_y", *OF_CLOTH)
-"""Of the relaxed fabric."""
+"""Quantities of the relaxed fabric."""
 
 Measure = Callable[[Configuration], Float[Array, ""]]
-"""A number read off the shape of a fabric, in JAX."""
+"""A function of a configuration that returns a number, in JAX."""
 Measures = tuple[tuple[str, Measure], ...]
-"""Own measures by name, in a form that can be a key."""
+"""Own measures by name, as a hashable tuple."""
 
 
 @lru_cache(maxsize=64)
@@ -39,15 +39,15 @@ def of_strained(
     Args:
         shape: the mesh shape.
         unit_cells: unit cells along (y, x).
-        names: of :data:`ALONG_STRAIN`, or of own measures.
+        names: names of :data:`ALONG_STRAIN`, or of own measures.
         measures: the own measures.
     """
     own = dict(measures)
     known = tuple(name for name in names if name not in own)
-    together = measured_by(shape, unit_cells, known) if known else None
+    combined = measured_by(shape, unit_cells, known) if known else None
 
     def measured(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
-        values = together(relaxed, strained, fabric) if together else ()
+        values = combined(relaxed, strained, fabric) if combined else ()
         found = dict(zip(known, values, strict=True))
         return jnp.stack([own[name](strained) if name in own else found[name] for name in names])
 
@@ -58,12 +58,13 @@ def of_strained(
 def of_relaxed(
     shape: MeshShape, unit_cells: tuple[int, int], names: tuple[str, ...]
 ) -> Callable[[Configuration, Configuration, Fabric], Float[Array, " quantity"]]:
-    """Quantities of the relaxed fabric, up to a factor that no stripe number changes.
+    """Quantities of the relaxed fabric, up to a factor that does not depend on stripe parameters.
 
     Args:
         shape: the mesh shape.
         unit_cells: unit cells along (y, x).
-        names: of :data:`OF_DESIGN`; a size in cloth is given as its contraction, relaxed over flat.
+        names: names of :data:`OF_DESIGN`; a size in cloth is returned as its contraction, relaxed
+            over flat.
     """
     known = quantities(shape, unit_cells)
 

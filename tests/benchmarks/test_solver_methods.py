@@ -39,11 +39,11 @@ def test_fire_and_l_bfgs_relax_to_the_state_of_the_equilibrium_solver(boundary):
 def test_methods_pull_a_sample_to_the_same_state(solver):
     case = Measurement("tension", solver, **SMALL).case("strain_max=0.06")
     problem = Problem.of(case, TOLERANCE)
-    named, shipped = (Measurement("tension", its, **SMALL) for its in (solver, "knitlab"))
+    named, shipped = (Measurement("tension", each, **SMALL) for each in (solver, "knitlab"))
     watch = Watch(PLENTY)
     pulled, expected = (
-        methods.method(measurement).pull(problem, its)
-        for measurement, its in ((named, watch), (shipped, Watch(PLENTY)))
+        methods.method(measurement).pull(problem, each)
+        for measurement, each in ((named, watch), (shipped, Watch(PLENTY)))
     )
     assert watch.states == len(pulled) == len(expected) == 3
     energies = [float(problem.evaluate(states[-1]).energy.total) for states in (pulled, expected)]

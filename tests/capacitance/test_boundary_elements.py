@@ -226,9 +226,9 @@ def test_square_plates_agree_with_fastcap(distance):
         # FastCap counts metres and farads.
         return 1e9 * two_terminal(np.array(problem.solve()))
 
-    ours = extrapolated(*(between(*square_plates(count, distance)) for count in (8, 16)))
-    theirs = extrapolated(*(by_fastcap(count) for count in (16, 32)))
-    assert ours == pytest.approx(theirs, rel=3e-3)
+    computed = extrapolated(*(between(*square_plates(count, distance)) for count in (8, 16)))
+    reference = extrapolated(*(by_fastcap(count) for count in (16, 32)))
+    assert computed == pytest.approx(reference, rel=3e-3)
 
 
 @pytest.mark.slow

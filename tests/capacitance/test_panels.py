@@ -244,13 +244,13 @@ def test_beyond_the_seam_panels_lie_on_the_images_of_nodes(laid):
 def test_an_electrode_a_period_on_has_its_panels_a_period_on(laid):
     shape, _, flat = rib(PERIODIC)
     configuration = shaken(flat, 0.3)
-    here, on = (
+    local, on = (
         panels_on(panel_chart(laid(shape, low), shape, 1), shape, configuration)
         for low in (1.25, 9.25)
     )
     across = 0 if laid is up_the_warp else 1
     shift = configuration.lengths[across] * np.eye(3)[across]
-    assert np.allclose(on, here + shift, atol=1e-12)
+    assert np.allclose(on, local + shift, atol=1e-12)
 
 
 def test_panels_of_many_states_are_those_of_each():

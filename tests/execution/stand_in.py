@@ -150,18 +150,18 @@ def kill_again_and_again(results, kills):
 
 def kill_at_a_change(plan, results, count, begun):
     """Kill a run before its change of a file of this number, or just after it has begun."""
-    ours, theirs = socket.socketpair()
+    own, other_end = socket.socketpair()
     child = os.fork()
     if not child:
-        ours.close()
-        pause_before_changes(theirs, results)
+        own.close()
+        pause_before_changes(other_end, results)
         while True:  # what is done is done: then the cube alone is written, over and over
             run_plan(plan, results, RunOptions(simulate=simulate))
-    theirs.close()
-    with ours:
-        await_changes(ours, count)
+    other_end.close()
+    with own:
+        await_changes(own, count)
         if begun:
-            ours.send(b".")
+            own.send(b".")
         kill(child)
 
 

@@ -154,8 +154,8 @@ def test_a_poisoned_case_harms_no_other(tmp_path, workers):
 def test_processors_that_no_batch_is_left_for_help_the_others(tmp_path, n_stripe, threads):
     plan = make_plan("preview", (f"n_stripe={n_stripe}", "n_subunit=32", "strain_max=0.06"))
     ran(plan, tmp_path, stand_in.simulate_and_tell_threads, workers=4)
-    told = [path.read_text() for path in tmp_path.glob("threads-*")]
-    assert told == [f"{threads} 1"] * len(n_stripe.split(","))
+    result = [path.read_text() for path in tmp_path.glob("threads-*")]
+    assert result == [f"{threads} 1"] * len(n_stripe.split(","))
 
 
 @pytest.mark.slow

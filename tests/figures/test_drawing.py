@@ -190,7 +190,7 @@ def test_a_cube_that_is_none_is_named(tmp_path, content):
 def test_maps_and_queries_never_import_jax():
     modules = "knitlab.cli, knitlab.figures.drawing, knitlab.tables.query"
     program = f"import sys, {modules}; print('jax' in sys.modules)"
-    told = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
-    assert told.stdout.strip() == "False"
+    assert result.stdout.strip() == "False"

@@ -58,8 +58,8 @@ def test_no_design_beats_one_of_the_front_and_one_of_it_beats_every_other(points
         return one != other and one[0] >= other[0] and one[1] >= other[1]
 
     assert front
-    for design, its in figures.items():
-        beaten = any(beats(other, its) for other in points)
+    for design, each in figures.items():
+        beaten = any(beats(other, each) for other in points)
         assert beaten == (design not in front)
 
 
@@ -102,9 +102,9 @@ def test_a_map_of_one_cube_refuses_two(tmp_path):
         ("sensor", "shows one simulation, and experiments beside it"),
         ("wavelength", "shows one cube, not 2"),
     ):
-        told = CliRunner().invoke(main, ["map", kind, cube, cube, "-o", output])
-        assert told.exit_code == 2
-        assert problem in told.output
+        result = CliRunner().invoke(main, ["map", kind, cube, cube, "-o", output])
+        assert result.exit_code == 2
+        assert problem in result.output
     drawn = CliRunner().invoke(
         main, ["map", "capacitors", cube, cube, "-o", str(tmp_path / "map.png")]
     )
@@ -115,5 +115,5 @@ def test_the_steepest_of_a_range_is_found_by_a_query(tmp_path):
     with_electrodes().to_netcdf(tmp_path / "cube.nc")
     asked = ("--where", "working_range >= 0.1 and status == 'ok'", "--sort", "-sensitivity")
     columns = ("--columns", "n_stripe,n_subunit,sensitivity,working_range", "--format", "csv")
-    told = CliRunner().invoke(main, ["query", str(tmp_path / "cube.nc"), *asked, *columns])
-    assert told.output.splitlines()[1:] == ["4,16,2.0,0.1", "2,16,0.5,0.3"]
+    result = CliRunner().invoke(main, ["query", str(tmp_path / "cube.nc"), *asked, *columns])
+    assert result.output.splitlines()[1:] == ["4,16,2.0,0.1", "2,16,0.5,0.3"]

@@ -36,18 +36,18 @@ def imported(tmp_path, good, kind, changes=(), files=()):
     path = tmp_path / "sheet.toml"
     path.write_text(tomli_w.dumps(description))
     results = tmp_path / "results"
-    told = CliRunner().invoke(main, ["import", kind, str(path), "--results", str(results)])
-    return told, results
+    result = CliRunner().invoke(main, ["import", kind, str(path), "--results", str(results)])
+    return result, results
 
 
 def refused(tmp_path, good, kind, *problems, changes=(), files=()):
-    told, results = imported(tmp_path, good, kind, changes, files)
-    assert told.exit_code == 2, told.output
+    result, results = imported(tmp_path, good, kind, changes, files)
+    assert result.exit_code == 2, result.output
     for problem in problems:
-        assert problem in told.output
-    assert "Traceback" not in told.output
+        assert problem in result.output
+    assert "Traceback" not in result.output
     assert not results.exists() or not list(results.rglob("*"))
-    return told
+    return result
 
 
 def lines(change):
@@ -234,9 +234,9 @@ def test_all_faults_come_in_one_message(tmp_path, good):
         ("markers.pixel.value", 0.0),
         ("title", None),
     ]
-    told = refused(tmp_path, good, "markers", changes=changes)
+    result = refused(tmp_path, good, "markers", changes=changes)
     for place in ("tensile.force", "sample.width", "markers.pixel", "title"):
-        assert f"{place}: " in told.output
+        assert f"{place}: " in result.output
 
 
 def test_a_log_lists_the_faults_of_all_its_columns(tmp_path, good):
@@ -310,8 +310,8 @@ def test_a_log_with_its_sign_turned_is_refused(tmp_path, good, what, column, cha
         return [text[0], *(",".join(row) for row in rows)]
 
     files = [("tensile.csv", lines(turned))]
-    told = refused(tmp_path, good, "tensile", files=files)
-    assert problem in told.output or "never rises" in told.output
+    result = refused(tmp_path, good, "tensile", files=files)
+    assert problem in result.output or "never rises" in result.output
 
 
 def test_still_markers_are_refused(tmp_path, good):
@@ -330,9 +330,9 @@ def test_a_cube_of_simulations_is_not_written_over(tmp_path, good):
     path = tmp_path / "results" / "sheet" / "cube.nc"
     made_up_cube().to_netcdf(path)
     before = path.read_bytes()
-    told, _ = imported(tmp_path, good, "tensile")
-    assert told.exit_code == 2
-    assert "holds simulations" in told.output
+    result, _ = imported(tmp_path, good, "tensile")
+    assert result.exit_code == 2
+    assert "holds simulations" in result.output
     assert path.read_bytes() == before
 
 
@@ -341,26 +341,26 @@ def test_a_cube_of_simulations_is_not_written_over(tmp_path, good):
 )
 def test_records_of_a_corrected_sample_are_not_mixed_with_old_ones(tmp_path, good, path, value):
     assert imported(tmp_path, good, "tensile")[0].exit_code == 0
-    told, _ = imported(tmp_path, good, "markers", [(path, value), ("protocol.strain_max", 0.25)])
-    assert told.exit_code == 2
-    assert "remove it, and import all records again" in told.output
+    result, _ = imported(tmp_path, good, "markers", [(path, value), ("protocol.strain_max", 0.25)])
+    assert result.exit_code == 2
+    assert "remove it, and import all records again" in result.output
 
 
 def test_what_was_imported_before_is_unharmed_by_what_is_refused(tmp_path, good):
-    told, results = imported(tmp_path, good, "tensile")
-    assert told.exit_code == 0, told.output
+    result, results = imported(tmp_path, good, "tensile")
+    assert result.exit_code == 0, result.output
     before = (results / "sheet" / "cube.nc").read_bytes()
     (tmp_path / "tensile.csv").write_text("")
-    told = CliRunner().invoke(
+    result = CliRunner().invoke(
         main, ["import", "tensile", str(tmp_path / "sheet.toml"), "--results", str(results)]
     )
-    assert told.exit_code == 2
+    assert result.exit_code == 2
     assert (results / "sheet" / "cube.nc").read_bytes() == before
 
 
 def test_records_of_another_sample_are_not_mixed_in(tmp_path, good):
-    told, _ = imported(tmp_path, good, "tensile")
-    assert told.exit_code == 0
-    told, _ = imported(tmp_path, good, "markers", [("protocol.strain_step", 0.1)])
-    assert told.exit_code == 2
-    assert "has another sample, length, width, source, cycles or strains" in told.output
+    result, _ = imported(tmp_path, good, "tensile")
+    assert result.exit_code == 0
+    result, _ = imported(tmp_path, good, "markers", [("protocol.strain_step", 0.1)])
+    assert result.exit_code == 2
+    assert "has another sample, length, width, source, cycles or strains" in result.output

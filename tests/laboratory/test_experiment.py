@@ -185,15 +185,15 @@ def both(tmp_path_factory, cube):
 def test_figures_take_an_experiment_with_a_simulation_and_without(tmp_path, both, kind):
     simulated, measured = both
     for cubes in ([measured], [simulated, measured], [measured, simulated]):
-        told = drawn(kind, cubes, tmp_path / "map.png")
-        assert told.exit_code == 0, told.output
+        result = drawn(kind, cubes, tmp_path / "map.png")
+        assert result.exit_code == 0, result.output
 
 
 @pytest.mark.parametrize("kind", ["shape", "wavelength", "sensitivity"])
 def test_figures_of_what_no_laboratory_measures_say_so(tmp_path, both, kind):
-    told = drawn(kind, both[1:], tmp_path / "map.png")
-    assert told.exit_code == 2
-    assert "experiment was measured; draw auxetic" in told.output
+    result = drawn(kind, both[1:], tmp_path / "map.png")
+    assert result.exit_code == 2
+    assert "experiment was measured; draw auxetic" in result.output
 
 
 def test_two_sources_are_queried_together(both):

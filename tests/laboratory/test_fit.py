@@ -93,7 +93,7 @@ def test_the_fitted_curves_are_those_of_a_test_from_the_start(fit):
     "name",
     [
         "rib_k_t",
-        *(pytest.param(its, marks=pytest.mark.slow) for its in ("garter_theta_0", "garter_k_s")),
+        *(pytest.param(each, marks=pytest.mark.slow) for each in ("garter_theta_0", "garter_k_s")),
     ],
 )
 def test_derivatives_are_those_of_finite_differences(case, name):

@@ -61,7 +61,7 @@ def test_a_wider_stitch_widens_and_lengthens_nothing(fabric, design, gauge):
     n_subunit, unit_cells = design
     wider = Gauge(2 * gauge.stitch_width, gauge.stitch_height)
     before, after = (
-        knit_sizes(fabric, CHECKERBOARD, n_subunit, unit_cells, its) for its in (gauge, wider)
+        knit_sizes(fabric, CHECKERBOARD, n_subunit, unit_cells, each) for each in (gauge, wider)
     )
     assert set(before) == {*ALONG_X, *ALONG_Y}
     assert {name: after[name] for name in ALONG_X} == {name: 2 * before[name] for name in ALONG_X}
@@ -72,9 +72,9 @@ def test_a_wider_stitch_widens_and_lengthens_nothing(fabric, design, gauge):
 def test_ratios_between_designs_do_not_depend_on_the_gauge(one, other, design, gauge, another):
     n_subunit, unit_cells = design
 
-    def ratio(its):
+    def ratio(each):
         first, second = (
-            knit_sizes(fabric, CHECKERBOARD, n_subunit, unit_cells, its) for fabric in (one, other)
+            knit_sizes(fabric, CHECKERBOARD, n_subunit, unit_cells, each) for fabric in (one, other)
         )
         return [first[name] / second[name] for name in first]
 
@@ -85,7 +85,7 @@ def test_ratios_between_designs_do_not_depend_on_the_gauge(one, other, design, g
 def test_sizes_at_another_gauge_are_those_computed_by_it(fabric, design, gauge, another):
     n_subunit, unit_cells = design
     before, after = (
-        knit_sizes(fabric, CHECKERBOARD, n_subunit, unit_cells, its) for its in (gauge, another)
+        knit_sizes(fabric, CHECKERBOARD, n_subunit, unit_cells, each) for each in (gauge, another)
     )
     assert at_gauge(before, gauge, another) == pytest.approx(after)
     assert at_gauge(before, gauge, gauge) == before

@@ -56,9 +56,9 @@ def test_the_order_of_the_markers_does_not_matter(grid, seed):
     points, _ = grid
     order = np.random.default_rng(seed).permutation(len(points))
     one, other = find_grid(points), find_grid(points[order])
-    there = one.marker >= 0
-    np.testing.assert_array_equal(there, other.marker >= 0)
-    np.testing.assert_array_equal(one.marker[there], order[other.marker[there]])
+    present = one.marker >= 0
+    np.testing.assert_array_equal(present, other.marker >= 0)
+    np.testing.assert_array_equal(one.marker[present], order[other.marker[present]])
 
 
 def lattice(rows=5, columns=4):

@@ -52,8 +52,8 @@ def test_a_few_frames_are_joined_by_straight_lines_without_an_error():
 def test_nothing_is_drawn_out_beyond_the_records():
     strain = np.linspace(0.1, 0.3, 101)
     found = resampled(AT, strain, strain).values
-    there = (AT >= 0.1 - 1e-9) & (AT <= 0.3 + 1e-9)
-    np.testing.assert_array_equal(np.isfinite(found), there)
+    known = (AT >= 0.1 - 1e-9) & (AT <= 0.3 + 1e-9)
+    np.testing.assert_array_equal(np.isfinite(found), known)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
@@ -65,8 +65,8 @@ def test_cycles_are_told_apart_whatever_they_are_like(noise):
     turns = [(of.start, of.turn, of.end) for of in found]
     expected = [(5, 15, 30), (30, 40, 50), (50, 60, 60)]
     assert (np.abs(np.subtract(turns, expected)) <= (RESTS if noise else 0.2)).all()
-    assert found[0].pulled(np.array([10.0])).all()
-    assert found[0].let_go(np.array([20.0])).all()
+    assert found[0].loaded(np.array([10.0])).all()
+    assert found[0].unloaded(np.array([20.0])).all()
 
 
 def test_a_test_that_never_pulls_has_no_cycles():

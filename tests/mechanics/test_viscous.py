@@ -37,9 +37,9 @@ def integrated(sample, test, drag):
     chunked = ChunkedFabric.of(net.shape, fabric)
 
     def velocity(strain, moving):
-        here = loading.holding(loading.reference, strain)
-        here[free] = moving
-        return -np.asarray(chunked.evaluate(COMPLETE, here).gradient)[free] / drag
+        current = loading.holding(loading.reference, strain)
+        current[free] = moving
+        return -np.asarray(chunked.evaluate(COMPLETE, current).gradient)[free] / drag
 
     return solve_ivp(
         velocity,

@@ -224,7 +224,7 @@ def test_a_killed_design_goes_on_and_ends_as_if_it_had_not_been(tmp_path):
     assert before
     went_on = kl.design(tmp_path / "wish.toml", results=tmp_path / "results")
     whole = kl.design(tmp_path / "wish.toml", results=tmp_path / "whole")
-    assert all((trials / name).stat().st_mtime_ns == its for name, its in before.items())
+    assert all((trials / name).stat().st_mtime_ns == each for name, each in before.items())
     assert went_on.trials.equals(whole.trials)
     assert len(before) < len(whole.trials)
     xr.testing.assert_allclose(

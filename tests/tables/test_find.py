@@ -102,7 +102,7 @@ def test_cubes_on_other_strains_are_searched_together():
 @pytest.mark.parametrize(
     ("targets", "message"),
     [
-        ([], "say what is wanted"),
+        ([], "give a target"),
         ("poisson_ratio", "cannot be read"),
         ("poisson_ratio = -0.3", "add @ STRAIN"),
         ("poison_ratio = -0.3 @ 0.1", "did you mean 'poisson_ratio'"),
