@@ -52,7 +52,7 @@ def test_methods_pull_a_sample_to_the_same_state(solver):
 
 
 @pytest.mark.slow
-def test_a_method_that_is_given_up_leaves_no_time_but_its_residual():
+def test_a_method_that_fails_records_its_residual_but_no_time():
     record = methods.measure(Measurement("relaxation", "fire", **SMALL, time_limit=0.0))
     assert not record["reached"]
     assert "limit" in record["reason"]
@@ -70,7 +70,7 @@ def test_every_factorisation_solves_the_stiffness(solver):
 
 
 @pytest.mark.slow
-def test_a_batch_is_run_to_the_last_strain_in_turn_and_in_step():
+def test_a_batch_reaches_the_last_strain_sequentially_and_in_lockstep():
     fabrics, states = 2, 16
     for solver in (IN_TURN, IN_STEP):
         named = Measurement("batch", solver, **SMALL, boundary="periodic")

@@ -25,7 +25,7 @@ def killed(folder, after):
 
 
 @pytest.mark.slow
-def test_a_killed_sweep_goes_on_and_ends_as_if_it_had_not_been(tmp_path, monkeypatch):
+def test_a_killed_sweep_resumes_to_the_same_cube(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = killed(tmp_path, after=1)
     assert done == 1

@@ -215,7 +215,7 @@ def test_designs_of_another_model_do_not_join_a_cube(tmp_path, change):
     xr.testing.assert_equal(knitlab.open_cube(tmp_path), before)
 
 
-def test_results_of_other_code_are_told_and_computed_anew_only_when_asked(tmp_path, monkeypatch):
+def test_results_of_other_code_are_reported_and_recomputed_on_request(tmp_path, monkeypatch):
     plan = planned(*PAIRS)
     ran(plan, tmp_path)
     monkeypatch.setattr(survey_module, "code_fingerprint", lambda: "other code")

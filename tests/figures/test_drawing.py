@@ -83,7 +83,7 @@ def test_curves_have_a_line_for_every_run_and_a_cross_where_one_ended():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".pdf", ".svg", ".png"])
-def test_a_figure_is_written_whole_in_the_format_of_its_suffix(cube_file, tmp_path, suffix):
+def test_a_figure_is_written_in_the_format_of_its_suffix(cube_file, tmp_path, suffix):
     output = tmp_path / "figures" / f"map{suffix}"
     assert draw_figure("auxetic", [cube_file], output) == output
     assert [path.name for path in output.parent.iterdir()] == [output.name]
@@ -178,7 +178,7 @@ def test_relaxed_shapes_stand_side_by_side_with_their_sizes():
 
 
 @pytest.mark.parametrize("content", [None, b"not netCDF"])
-def test_a_cube_that_is_none_is_named(tmp_path, content):
+def test_a_file_that_is_no_cube_is_named(tmp_path, content):
     path = tmp_path / "cube.nc"
     if content is not None:
         path.write_bytes(content)

@@ -89,7 +89,7 @@ def test_the_wedge_integral_is_compared_state_by_state():
 
 
 @pytest.mark.parametrize("draw", [sensor_map, lambda cube: capacitors_figure([cube])])
-def test_a_cube_without_electrodes_is_told_so(draw):
+def test_a_cube_without_electrodes_is_refused(draw):
     with pytest.raises(BadInput, match="electrodes"):
         draw(made_up_cube())
 

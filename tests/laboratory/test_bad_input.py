@@ -244,7 +244,7 @@ def test_a_log_lists_the_faults_of_all_its_columns(tmp_path, good):
     refused(tmp_path, good, "tensile", "point 7 is 'x'", "point 8 is 'y'", files=files)
 
 
-def test_a_trigger_that_never_rises_is_told(tmp_path, good):
+def test_a_trigger_that_never_rises_is_refused(tmp_path, good):
     changes = [
         ("capacitance.starts", None),
         ("capacitance.trigger", {"column": "TRIG"}),
@@ -261,7 +261,7 @@ def test_a_trigger_that_never_rises_is_told(tmp_path, good):
     )
 
 
-def test_a_capacitance_below_zero_is_told(tmp_path, good):
+def test_a_capacitance_below_zero_is_refused(tmp_path, good):
     files = [("meter.csv", cell(5, 1, "-3"))]
     refused(tmp_path, good, "capacitance", "a capacitance is above 0", files=files)
 
@@ -346,7 +346,7 @@ def test_records_of_a_corrected_sample_are_not_mixed_with_old_ones(tmp_path, goo
     assert "remove it, and import all records again" in result.output
 
 
-def test_what_was_imported_before_is_unharmed_by_what_is_refused(tmp_path, good):
+def test_a_refused_import_does_not_change_the_cube(tmp_path, good):
     result, results = imported(tmp_path, good, "tensile")
     assert result.exit_code == 0, result.output
     before = (results / "sheet" / "cube.nc").read_bytes()

@@ -130,7 +130,7 @@ def test_without_data_the_tables_stay(case, truth):
 
 
 @pytest.mark.slow
-def test_a_model_that_does_not_meet_the_test_says_so(case, truth):
+def test_a_poor_fit_warns(case, truth):
     target = noisy(truth, 0.005, seed=1)
     bent = Target(STRAINS[1:3], target.values[:, :2] * [[1.6], [1.0], [0.5]], target.errors[:, :2])
     short = replace(case, applied_strain=STRAINS[:3])
@@ -184,7 +184,7 @@ def experiment(case, truth, **changes):
     return cube.assign_coords(**changes)
 
 
-def test_a_target_is_of_the_same_sample_with_the_errors_that_are_asked_for(case, truth):
+def test_a_target_has_the_size_of_the_sample_and_the_requested_errors(case, truth):
     cube = experiment(case, truth)
     target = target_of(cube, case, model_error=0.01)
     assert at_strains_of(case, target).applied_strain == STRAINS
@@ -195,7 +195,7 @@ def test_a_target_is_of_the_same_sample_with_the_errors_that_are_asked_for(case,
     np.testing.assert_allclose(target.errors, 0.01 * largest * np.ones(len(STRAINS) - 1))
 
 
-def test_what_cannot_be_fitted_is_told(case, truth):
+def test_experiments_that_cannot_be_fitted_are_refused(case, truth):
     plan = make_plan("laboratory", PERIODIC)
     cube = experiment(case, truth)
     assert case_for(plan, cube).design == case.design

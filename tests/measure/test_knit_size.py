@@ -91,7 +91,7 @@ def test_sizes_at_another_gauge_are_those_computed_by_it(fabric, design, gauge, 
     assert at_gauge(before, gauge, gauge) == before
 
 
-def test_endless_fabric_has_cells_but_no_size():
+def test_periodic_fabric_has_cells_but_no_size():
     sizes = knit_sizes(FLAT, CHECKERBOARD, 16, None, PAPER)
     assert math.isnan(sizes["knit_width"])
     assert math.isnan(sizes["knit_length"])

@@ -65,7 +65,7 @@ def lattice(rows=5, columns=4):
     return np.stack(np.mgrid[:columns, :rows][::1], axis=-1).swapaxes(0, 1).reshape(-1, 2) * 10.0
 
 
-def test_dust_is_left_out():
+def test_stray_markers_are_ignored():
     points = np.concatenate([lattice(), [[14.0, 26.0], [200.0, 3.0]]])
     found = find_grid(points)
     assert found.strays == (20, 21)

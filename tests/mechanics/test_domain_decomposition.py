@@ -66,7 +66,9 @@ def test_on_a_subdomain_act_the_forces_of_the_whole(small_subdomains, sample, pl
         )
 
 
-def test_a_move_within_a_block_costs_it_what_it_costs_the_whole(small_subdomains, sample):
+def test_a_move_within_a_subdomain_changes_its_energy_as_that_of_the_sample(
+    small_subdomains, sample
+):
     net, fabric, loading = sample
     subdomain = list(subdomains_of(free_stiffness(net.shape, loading.free)))[1]
     whole = ChunkedFabric.of(net.shape, fabric)
@@ -170,7 +172,7 @@ def test_a_sample_reaches_the_same_state_by_subdomains_and_as_a_whole(
 
 
 @pytest.mark.slow
-def test_in_a_batch_on_the_device_only_the_whole_is_solved(small_subdomains, sample):
+def test_a_batch_on_the_device_solves_no_subdomains(small_subdomains, sample):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
     (state,) = run_in_lockstep(
@@ -194,7 +196,7 @@ def test_periodic_fabric_and_small_samples_have_no_subdomains():
     assert worth_dividing(checkered(4, 2, CLAMPED, unit_cells=(5, 3))[0].shape)
 
 
-def test_where_a_search_stalls_after_its_subdomains_the_whole_begins_anew_without_them(
+def test_a_search_that_stalls_after_its_subdomains_restarts_without_them(
     small_subdomains, sample, monkeypatch
 ):
     net, fabric, loading = sample
@@ -272,7 +274,7 @@ class FoldedToNothing(Executor):
         return super().answer(request)
 
 
-def test_where_subdomains_collapse_the_whole_goes_on_without_them(small_subdomains, sample):
+def test_collapsed_subdomains_are_discarded(small_subdomains, sample):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
     solver = find_equilibrium_by_subdomains(start, slow(sample))

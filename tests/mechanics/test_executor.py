@@ -26,7 +26,7 @@ def stretches(net, fabrics):
         pytest.param(CLAMPED, id="clamped", marks=pytest.mark.slow),
     ],
 )
-def test_a_batch_on_the_device_gives_what_its_fabrics_give_alone(reading):
+def test_a_batch_on_the_device_equals_single_fabrics(reading):
     net, four = checkered(4, 1, reading)
     _, eight = checkered(8, 1, reading)
     # Close to a snap the energy is told to 1e-7 by a finer tolerance alone.

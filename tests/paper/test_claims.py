@@ -294,7 +294,7 @@ def test_a_line_is_fitted_with_its_confidence_interval():
     assert fit.slope_halfwidth == pytest.approx(halfwidth, rel=1e-5)
 
 
-def test_slopes_of_one_line_are_told_from_those_of_several():
+def test_slopes_of_one_line_and_of_several_are_distinguished():
     random = np.random.default_rng(0)
     x = np.arange(8.0)
 

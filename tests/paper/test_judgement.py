@@ -73,7 +73,7 @@ def test_missing_designs_never_change_the_margin_of_the_rest(kind, name, missing
     assert (part.judged, part.wanted) == (len(kept), whole.wanted)
 
 
-def test_a_claim_is_judged_on_the_designs_there_are_and_says_so():
+def test_a_claim_is_judged_on_the_available_designs_and_states_their_number():
     gone = [design for design in DESIGNS if design[0] == 8][:3]
     found = finding("longer_cells_are_less_auxetic", without(good_checkerboards(), gone))
     assert found.verdict is Verdict.holds
@@ -100,7 +100,7 @@ def test_a_claim_is_judged_on_the_designs_there_are_and_says_so():
         ("steeper_capacitors_are_narrower", [(4, 16), (4, 24)], Verdict.not_measured),
     ],
 )
-def test_too_few_designs_say_nothing(name, left, verdict):
+def test_too_few_designs_are_not_judged(name, left, verdict):
     found = finding(name, without(good_checkerboards(), set(DESIGNS) - set(left)))
     assert found.verdict is verdict
     assert (found.margin is None) == (verdict is Verdict.not_measured)

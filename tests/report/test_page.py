@@ -119,7 +119,7 @@ def test_what_to_rely_on_holds_by_a_good_margin(judgements):
             assert (group == "gross") == (margin < -0.25)
 
 
-def test_what_another_cube_denies_is_not_to_be_relied_on(cubes, tmp_path):
+def test_claims_that_another_cube_contradicts_are_not_reliable(cubes, tmp_path):
     boards = good_checkerboards().assign_attrs(reading_boundary="periodic")
     boards["rib_width_centre"] += 10
     write_cube(boards, tmp_path / "other.nc")

@@ -78,7 +78,7 @@ def test_curves_are_compared_at_the_measured_strains_and_forces_for_one_width():
     assert table.loc["reaction_force", "units"] == "N"
 
 
-def test_what_cannot_be_compared_is_told():
+def test_cubes_that_cannot_be_compared_are_refused():
     with pytest.raises(BadInput, match="begins with a simulation, but bench 3 was measured"):
         compared(measured_cube(), [measured_cube()])
     with pytest.raises(BadInput, match="experiments after it"):

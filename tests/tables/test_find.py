@@ -77,7 +77,7 @@ def test_the_spread_covers_what_its_band_reaches():
     assert set(kl.find(without, targets=CURVE).table["in_spread_1"]) == {"unknown"}
 
 
-def test_what_is_required_leaves_designs_out_and_says_so():
+def test_constraints_leave_designs_out_and_report_it():
     found = kl.find(cube(), targets=CURVE, subject_to=["knit_cell_x < 15"])
     assert designs(found) == [(4, 24), (4, 16)]
     assert found.passed_over["do not meet what they are subject to"] == 2

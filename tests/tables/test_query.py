@@ -114,7 +114,7 @@ def test_sorted_by_two_columns_the_second_decides_where_the_first_is_equal(first
     assert list(zip(found["a"], found["b"], strict=True)) == rows
 
 
-def test_rows_of_two_cubes_say_which_cube_boundary_and_reading_they_are_of():
+def test_rows_of_two_cubes_have_their_cube_boundary_and_options():
     cubes = []
     for name, boundary, cells in (("one", "periodic", "flat"), ("two", "clamped", "relaxed")):
         cube = made_up_cube().assign_attrs(
