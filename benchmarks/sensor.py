@@ -52,8 +52,8 @@ def capacitances_of(results: Path, case_id: str, steps: int) -> tuple[int, int, 
     if case.capacitor is None:
         raise click.UsageError(f"case {case_id} has no electrodes")
     states = configurations(dataset)
-    there = np.flatnonzero(np.isfinite(states.flattened()).all(axis=1))
-    chosen = there[np.linspace(0, len(there) - 1, min(steps, len(there))).round().astype(int)]
+    stored = np.flatnonzero(np.isfinite(states.flattened()).all(axis=1))
+    chosen = stored[np.linspace(0, len(stored) - 1, min(steps, len(stored))).round().astype(int)]
     began = time.perf_counter()
     found = capacitances(case.electrodes, *case.assemble(), states[chosen], case.capacitor)
     seconds = time.perf_counter() - began

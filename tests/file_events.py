@@ -59,17 +59,17 @@ main()
 
 def kill_command(folder: Path, words: Sequence[str], changes: int) -> None:
     """Run ``knitlab`` in a folder, and kill it before it changes so many netCDF files."""
-    ours, theirs = socket.socketpair()
+    own, other_end = socket.socketpair()
     process = subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, *words, str(theirs.fileno())],
+        [sys.executable, "-c", PROGRAM, *words, str(other_end.fileno())],
         cwd=folder,
         env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])},
-        pass_fds=[theirs.fileno()],
+        pass_fds=[other_end.fileno()],
         stderr=subprocess.DEVNULL,
     )
-    theirs.close()
-    with ours:
-        await_changes(ours, changes)
+    other_end.close()
+    with own:
+        await_changes(own, changes)
         process.kill()
         process.wait()
 

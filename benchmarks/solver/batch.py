@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.solver.measurement import IN_STEP, IN_TURN, Measurement, Record
 from knitlab.mechanics.batch import run_in_lockstep
-from knitlab.mechanics.executor import Runner, run_in_turn
+from knitlab.mechanics.executor import Runner, run_sequentially
 from knitlab.simulation.simulate import equilibrium_tests
 
 FABRICS, SOFTEST, STIFFEST = 16, 0.7, 1.4
@@ -20,7 +20,7 @@ FABRICS, SOFTEST, STIFFEST = 16, 0.7, 1.4
 STRAINS_TO_COMPILE = 2
 """With the relaxed shape and one strain, all is compiled that a test of many needs."""
 
-RUNNERS: dict[str, Runner] = {IN_TURN: run_in_turn, IN_STEP: run_in_lockstep}
+RUNNERS: dict[str, Runner] = {IN_TURN: run_sequentially, IN_STEP: run_in_lockstep}
 
 
 def measure(measurement: Measurement, fabrics: int = FABRICS) -> Record:

@@ -186,11 +186,11 @@ def _costs(frame: pd.DataFrame) -> xr.Dataset:
     if COMPARED_TO in middle["solver"]:
         machine_of = cube["measured_on"].max("repeat")
         same_machine = machine_of == machine_of.sel(solver=COMPARED_TO, drop=True)
-        ours = middle.sel(solver=COMPARED_TO, drop=True).where(same_machine)
-        ratio = middle / ours
+        own = middle.sel(solver=COMPARED_TO, drop=True).where(same_machine)
+        ratio = middle / own
         words = f"median time over that of {COMPARED_TO} for the same on the same machine"
         cube["times_slower"] = ratio.assign_attrs(units="1", long_name=words)
-        least = cube["given_up_after"].max("repeat") / ours
+        least = cube["given_up_after"].max("repeat") / own
         words = f"time after which it was given up over the median time of {COMPARED_TO} there"
         cube["times_slower_at_least"] = least.assign_attrs(units="1", long_name=words)
     best = cube["factorise_seconds"].median("repeat").min("solver")
@@ -204,10 +204,10 @@ def _slopes(cube: xr.Dataset) -> xr.DataArray:
     """The s of time ~ nodes^s, by least squares in logarithms over samples of one design."""
 
     def slope(seconds: np.ndarray, nodes: np.ndarray) -> float:
-        there = np.isfinite(seconds) & np.isfinite(nodes)
-        if there.sum() < 2:
+        stored = np.isfinite(seconds) & np.isfinite(nodes)
+        if stored.sum() < 2:
             return np.nan
-        return float(np.polyfit(np.log(nodes[there]), np.log(seconds[there]), 1)[0])
+        return float(np.polyfit(np.log(nodes[stored]), np.log(seconds[stored]), 1)[0])
 
     return xr.apply_ufunc(
         slope,

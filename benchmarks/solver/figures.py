@@ -62,21 +62,21 @@ def time_against_size(cube: xr.Dataset) -> Figure | None:
     axes = figure.subplots()
     for solver in _shown(of):
         colour, marker, label = LOOKS[solver]
-        its = of.sel(solver=solver, workers=THREADS.get(solver, 1)).sortby("nodes")
-        middle = its["seconds_median"]
-        spread = np.array([middle - its["seconds_least"], its["seconds_most"] - middle])
-        slope = float(its["slope"])
+        each = of.sel(solver=solver, workers=THREADS.get(solver, 1)).sortby("nodes")
+        middle = each["seconds_median"]
+        spread = np.array([middle - each["seconds_least"], each["seconds_most"] - middle])
+        slope = float(each["slope"])
         fit = f", $s$ = {slope:.2f}" if np.isfinite(slope) else ""
-        given_up = its["given_up_after"].max("repeat")
+        given_up = each["given_up_after"].max("repeat")
         if given_up.notnull().any():
             fit += "; ↑ given up"
-        failed = (its["status"] == NOT_REACHED).any("repeat") & given_up.isnull()
+        failed = (each["status"] == NOT_REACHED).any("repeat") & given_up.isnull()
         if failed.any():
-            fit += f"; fails at {float(its['nodes'].where(failed).min()):,.0f} nodes"
+            fit += f"; fails at {float(each['nodes'].where(failed).min()):,.0f} nodes"
         outline, line, size = ("none", "--", 6) if solver in OPEN else (colour, "-", 3.5)
         draw = partial(
             axes.errorbar,
-            its["nodes"],
+            each["nodes"],
             color=colour,
             marker=marker,
             ls="",
@@ -85,7 +85,7 @@ def time_against_size(cube: xr.Dataset) -> Figure | None:
         )
         draw(middle, spread, mfc=outline, ms=size, label=label + fit)
         draw(given_up, ARROW * given_up, lolims=True, mfc="white", ms=3.5)
-        _draw_fit(axes, its["nodes"].values, middle.values, slope, colour, line)
+        _draw_fit(axes, each["nodes"].values, middle.values, slope, colour, line)
     axes.set(xscale="log", yscale="log", xlabel="size [nodes]")
     axes.set_ylabel("relaxation + 15 load steps [s]")
     figure.legend(
@@ -101,11 +101,11 @@ def time_against_size(cube: xr.Dataset) -> Figure | None:
 def _draw_fit(
     axes: Axes, nodes: np.ndarray, seconds: np.ndarray, slope: float, colour: str, line: str
 ) -> None:
-    there = np.isfinite(nodes) & np.isfinite(seconds)
-    if not np.isfinite(slope) or not there.any():
+    known = np.isfinite(nodes) & np.isfinite(seconds)
+    if not np.isfinite(slope) or not known.any():
         return
-    ends = np.array([nodes[there].min(), nodes[there].max()])
-    level = np.exp(np.mean(np.log(seconds[there]) - slope * np.log(nodes[there])))
+    ends = np.array([nodes[known].min(), nodes[known].max()])
+    level = np.exp(np.mean(np.log(seconds[known]) - slope * np.log(nodes[known])))
     axes.plot(ends, level * ends**slope, color=colour, ls=line, lw=0.9)
 
 
@@ -129,16 +129,16 @@ def time_to_residual(cube: xr.Dataset) -> Figure | None:
         # One load step or many: relaxation is the same.
         if solver == "knitlab_direct" or solver not in times["solver"]:
             continue
-        its = times.sel(solver=solver).sortby("level", ascending=False)
-        middle, level = its.median("repeat").values, its["level"].values
-        there = np.isfinite(middle)
-        if not there.any():
+        each = times.sel(solver=solver).sortby("level", ascending=False)
+        middle, level = each.median("repeat").values, each["level"].values
+        known = np.isfinite(middle)
+        if not known.any():
             continue
         colour, marker, label = LOOKS[solver]
-        reached = level[there].min() <= lowest
+        reached = level[known].min() <= lowest
         axes.plot(
-            middle[there],
-            level[there],
+            middle[known],
+            level[known],
             color=colour,
             marker=marker,
             markevery=[-1],
@@ -147,9 +147,9 @@ def time_to_residual(cube: xr.Dataset) -> Figure | None:
             label=label if reached else f"{label} (given up)",
         )
         axes.fill_betweenx(
-            level[there],
-            its.min("repeat").values[there],
-            its.max("repeat").values[there],
+            level[known],
+            each.min("repeat").values[known],
+            each.max("repeat").values[known],
             color=colour,
             alpha=0.2,
             lw=0,
@@ -174,5 +174,5 @@ def _one_design(cube: xr.Dataset) -> xr.Dataset:
 
 
 def _shown(of: xr.Dataset) -> list[str]:
-    there = (of["status"] != NOT_MEASURED).any(["size", "workers", "repeat"])
-    return [name for name in LOOKS if name in of["solver"] and bool(there.sel(solver=name))]
+    known = (of["status"] != NOT_MEASURED).any(["size", "workers", "repeat"])
+    return [name for name in LOOKS if name in of["solver"] and bool(known.sel(solver=name))]

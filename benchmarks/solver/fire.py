@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from benchmarks.solver.problem import Free, Problem, Search, Unknowns
 from benchmarks.solver.watch import GivenUp, Watch
-from knitlab.mechanics.evaluation import WHOLE, evaluate
+from knitlab.mechanics.evaluation import COMPLETE, evaluate
 from knitlab.mechanics.loading import all_free
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
@@ -82,7 +82,7 @@ def _compiled(shape: MeshShape) -> Callable[..., tuple[_Motion, Array]]:
         motion: _Motion,
     ) -> tuple[_Motion, Array]:
         def force(position: Float[Array, " unknown"]) -> Float[Array, " unknown"]:
-            return jnp.where(free, -evaluate(net, fabric, WHOLE, position).gradient, 0.0)
+            return jnp.where(free, -evaluate(net, fabric, COMPLETE, position).gradient, 0.0)
 
         # The first call has no force yet.
         motion = eqx.tree_at(lambda m: m.force, motion, force(motion.position))

@@ -16,7 +16,7 @@ from benchmarks.solver.cholmod import Vector, cholmod_factoriser
 from benchmarks.solver.measurement import Measurement, Record
 from knitlab.linalg.threads import Threads, allowed_threads
 from knitlab.mechanics.element_chunks import ChunkedFabric
-from knitlab.mechanics.evaluation import WHOLE
+from knitlab.mechanics.evaluation import COMPLETE
 from knitlab.mechanics.factorisation import factoriser, one_thread_of_blas
 from knitlab.mechanics.loading import tensile
 from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
@@ -96,10 +96,10 @@ def measure(measurement: Measurement) -> Record:
     free = free_stiffness(shape, tensile(shape, start).free)
 
     def assembled() -> np.ndarray:
-        return free.shifted(free.entries(sample.element_hessians(WHOLE, unknowns)), SHIFT)
+        return free.shifted(free.entries(sample.element_hessians(COMPLETE, unknowns)), SHIFT)
 
     def evaluated() -> Vector:
-        return np.asarray(sample.evaluate(WHOLE, unknowns).gradient)[free.places]
+        return np.asarray(sample.evaluate(COMPLETE, unknowns).gradient)[free.places]
 
     hessian_seconds, entries = _timed(assembled)
     evaluation_seconds, gradient = _timed(evaluated)

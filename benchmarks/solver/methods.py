@@ -6,7 +6,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from benchmarks.solver import dynamics, fire, lbfgs, ours
+from benchmarks.solver import dynamics, fire, knitlab_solver, lbfgs
 from benchmarks.solver.cholmod import CholmodExecutor
 from benchmarks.solver.measurement import ACROSS_EDGE, TOLERANCE, Measurement, Record
 from benchmarks.solver.problem import Method, Problem, by
@@ -49,13 +49,13 @@ def method(measurement: Measurement) -> Method:
         setting = UNTRIED.get(solver, 0.0)
     match solver:
         case "knitlab":
-            return ours.knitlab(still)
+            return knitlab_solver.knitlab(still)
         case _ if solver in SWEPT:
-            return ours.knitlab(still, periodic=measurement.case().periodic_cell)
+            return knitlab_solver.knitlab(still, periodic=measurement.case().periodic_cell)
         case "knitlab_direct":
-            return ours.knitlab(still, direct=True)
+            return knitlab_solver.knitlab(still, direct=True)
         case "knitlab_cholmod":
-            return ours.knitlab(still, CholmodExecutor)
+            return knitlab_solver.knitlab(still, CholmodExecutor)
         case "dynamics":
             wider = dynamics.WIDER if measurement.size == "1x1" else 1.0
             prepare = partial(dynamics.prepare, moving)
@@ -107,7 +107,7 @@ def measure_shipped(measurement: Measurement) -> Record:
     watch = Watch(measurement.time_limit, measurement.workers)
     values: Record = {"nodes": case.mesh_shape.nodes, "unknowns": 3 * case.mesh_shape.nodes}
     try:
-        state = ours.shipped_relaxation(case, watch)
+        state = knitlab_solver.shipped_relaxation(case, watch)
     except GivenUp as error:
         return values | _cost(watch, str(error))
     if not state.converged:

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from benchmarks.solver.watch import Watch
 from knitlab.mechanics.element_chunks import ChunkedFabric
-from knitlab.mechanics.evaluation import WHOLE, Evaluation
+from knitlab.mechanics.evaluation import COMPLETE, Evaluation
 from knitlab.mechanics.loading import all_free, rigidly_aligned, tensile
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, flat_sheet
@@ -67,7 +67,7 @@ class Problem:
 
     def evaluate(self, unknowns: Unknowns) -> Evaluation:
         """Energy and gradient."""
-        return self.chunked.evaluate(WHOLE, unknowns)
+        return self.chunked.evaluate(COMPLETE, unknowns)
 
 
 Search = Callable[[Problem, Unknowns, Free, Watch], Unknowns]

@@ -15,12 +15,12 @@ Curve = Sequence[float] | Float[np.ndarray, " point"]
 def calibrate(strain: Curve, force: Curve, *, period: float) -> Calibration:
     """Fit k_s, k_t and θ0 of a stripe to the tension curve of its pure fabric (paper, "2D model").
 
-    Measure until the folds are open and the springs stretch, to about 200 % strain: short of that
-    the three cannot be determined separately, and ``warnings`` says so.
+    Measure until the folds are open and the springs stretch, to about 200 % strain: below that the
+    three cannot be determined separately, and ``warnings`` states it.
 
     Args:
-        strain: of the relaxed period, not negative [1].
-        force: on one row of the network [N].
+        strain: strain relative to the relaxed period, not negative [1].
+        force: force on one row of the network [N].
         period: relaxed peak-to-peak distance of the stripe [mm].
 
     Returns:

@@ -15,10 +15,10 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
     """Judge the paper's claims by cubes: each holds, nearly holds, fails, or is not measured.
 
     Args:
-        cubes: cubes or results folders; of several that measure a claim, the one with the
-            paper's samples decides it.
-        output: page to write too, ``.html`` or ``.md``.
-        selections: a value for each coordinate that a setting was swept along.
+        cubes: cubes or results folders; if several measure a claim, the one with the paper's
+            samples decides it.
+        output: report to write, ``.html`` or ``.md``.
+        selections: a value for each swept setting.
 
     Returns:
         One row for each claim, with its verdict, margin, and the cube that decided it.
@@ -35,7 +35,7 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
     texts = selection_texts(selections)
     judgements = judged(read_claims(), [Path(cube) for cube in cubes], texts)
     if output is not None:
-        # Only who writes a page waits for matplotlib.
+        # Matplotlib is imported only to write a report.
         from knitlab.report.page import check_suffix, write_page
 
         check_suffix(Path(output))

@@ -1,4 +1,4 @@
-"""A design: one checkerboard of rib and garter patches, as a user names it."""
+"""A design: one knit of rib and garter patches and its sample."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from knitlab.study.patterns import Pattern
 
 @dataclass(frozen=True, kw_only=True)
 class Design:
-    """One knit: its pattern, its sample, and its stripes where they are not those of the tables.
+    """One knit: its pattern, its sample, and optionally its stripes.
 
     Attributes:
         n_stripe: stitches across a rib stripe; the garter stripe has twice as many courses.
@@ -31,9 +31,8 @@ class Design:
         garter: stripe of the garter patches, likewise.
 
     Raises:
-        BadInput: if a stripe is of the other knit or of another number of stitches, or if one of
-            its numbers is out of range. What else is wrong is reported by
-            :func:`knitlab.simulate`, which knows the tables.
+        BadInput: if a stripe has the wrong knit or number of stitches, or a parameter out of
+            range. :func:`knitlab.simulate` reports all other errors.
 
     Example:
         >>> import knitlab as kl
@@ -71,5 +70,5 @@ class Design:
 
     @property
     def stripes(self) -> tuple[Stripe, ...]:
-        """Its own stripes."""
+        """The stripes that are given."""
         return tuple(stripe for stripe in (self.rib, self.garter) if stripe is not None)

@@ -1,4 +1,4 @@
-"""Designing a knit for a wish, by simulation."""
+"""Designing a knit for targets, by simulation."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,7 +13,7 @@ from knitlab.optimisation.design import BUDGET, Designed, DesignOptions, run_des
 from knitlab.optimisation.request import DesignRequest, checked_request, read_request
 
 MOST = 1_000_000
-"""Simulations of a design whose budget is a time."""
+"""Largest number of simulations if the budget is a time."""
 
 
 def design(
@@ -35,42 +35,42 @@ def design(
     progress: bool = False,
     **settings: Any,
 ) -> Designed:
-    """Find the stripes and sizes that come closest to a wish, by simulation.
+    """Find the stripes and sizes that come closest to targets, by simulation.
 
     The nearest designs of ``cubes``, or of a coarse sweep, are refined within the bounds of
-    ``vary``: by least squares with exact adjoint derivatives, by SLSQP where there are constraints,
-    and by the evolution strategy CMA-ES where a snap or a target without derivatives makes
-    gradients useless. Each winner is simulated afresh with its siblings, and the winners are
-    ranked by the worst within that spread. An interrupted design goes on when it is run again.
+    ``vary``: by least squares with exact adjoint derivatives, by SLSQP if there are constraints,
+    and by the evolution strategy CMA-ES if a snap or a target without derivatives rules out
+    gradients. Each result is simulated again from the flat sheet, with its siblings, and results
+    are ranked by the worst within that spread. An interrupted design continues when it is run
+    again.
 
     Args:
-        file: TOML file of the request, in place of ``targets`` to ``robustness`` and settings.
-        targets: what is wanted, as for :func:`knitlab.find`. A target without a tolerance has
-            5 % of its value.
+        file: TOML file of the request, instead of ``targets`` to ``robustness`` and settings.
+        targets: targets, as for :func:`knitlab.find`. The default tolerance is 5 % of the value.
         vary: ``n_stripe`` and ``n_subunit`` as lists; lowest and highest value of numbers of
             stripes and gauge, such as ``rib_k_t_factor`` or ``garter_theta_0`` [mm, N, rad].
         subject_to: targets that must be met.
-        workflow: name or path of the workflow that everything else is taken from.
+        workflow: name or path of the workflow that all other settings are taken from.
         cubes: cubes of designs to start from; a coarse sweep by default.
-        starts: most designs that are refined.
-        robustness: siblings that each winner is tested with.
-        measures: own functions of a configuration by name, in JAX, that targets may then be on:
+        starts: largest number of designs that are refined.
+        robustness: number of siblings that each result is tested with.
+        measures: own functions of a configuration, in JAX, that targets may refer to by name:
             ``{"height": lambda shape: shape.positions[..., 2].max()}``.
-        budget: most simulations of sweep and searches, or a time such as ``"30min"``; the tests
-            of the winners come on top.
-        workers: processes on this machine; 0 simulates in this process.
+        budget: largest number of simulations of sweep and searches, or a time such as
+            ``"30min"``; the tests of the results are extra.
+        workers: number of processes on this machine; 0 simulates in this process.
         results: folder that holds a folder of results for each request.
-        name: of the folder, if no file gives it.
-        figures: whether to draw what is wanted and obtained.
+        name: name of that folder; with ``file`` it is that of the file.
+        figures: whether to draw the targets and the results.
         progress: whether to draw a progress bar with the best distance so far.
         settings: settings of the workflow to replace, as for :func:`knitlab.run`.
 
     Returns:
-        The candidates: ``table``, the best first, ``cube``, ``trials``, ``workflows`` that
-        reproduce them, ``met``, and each search with the bounds that hold it back.
+        The candidates: ``table``, best first, ``cube``, ``trials``, ``workflows`` that reproduce
+        them, ``met``, and each search with its active bounds.
 
     Raises:
-        BadInput: with everything that is wrong in the request, or if targets contradict.
+        BadInput: with every fault of the request, or if targets contradict each other.
 
     Example:
         >>> import knitlab as kl
@@ -87,13 +87,13 @@ def design(
     given = {"targets": targets, "subject_to": subject_to}
     if file is not None:
         if any(given.values()) or vary or cubes or settings:
-            raise fault("file", "gives targets, bounds and settings itself; leave out the others")
+            raise fault("file", "already gives targets, bounds and settings; leave out the others")
         request = read_request(Path(file))
     else:
         request = checked_request(
             name,
             {
-                **{key: listed(its) for key, its in given.items()},
+                **{key: listed(value) for key, value in given.items()},
                 "vary": vary or {},
                 "workflow": str(workflow),
                 "cubes": [str(cube) for cube in from_cubes],
@@ -116,7 +116,7 @@ def design_request(
     progress: bool,
     measures: Mapping[str, Measure],
 ) -> Designed:
-    """The same for a request that has been read; see :func:`design`."""
+    """:func:`design` for a request that has been read."""
     if workers < 0:
         raise fault(f"workers {workers}", "is below 0; give 0 for this process, or more")
     most, minutes = read_budget(budget)
@@ -128,7 +128,7 @@ def design_request(
 
 
 def read_budget(budget: int | str) -> tuple[int, float | None]:
-    """Most simulations, and minutes if the budget is a time.
+    """Largest number of simulations, and minutes if the budget is a time.
 
     Raises:
         BadInput: if it is neither.
@@ -151,7 +151,7 @@ def read_budget(budget: int | str) -> tuple[int, float | None]:
 
 
 def draw(designed: Designed) -> list[Path]:
-    """Draw what is wanted and obtained, and the trade-off if two targets pull apart.
+    """Draw targets and results, and the Pareto front if two targets conflict.
 
     Args:
         designed: the design.

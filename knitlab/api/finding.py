@@ -1,4 +1,4 @@
-"""Which known design comes closest to a wish."""
+"""Finding the known designs that come closest to targets."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 Wanted = str | Mapping[str, Any] | Target
-"""A target as text, as a table of a curve, or as it is."""
+"""A target as text, as the table of a curve, or as an object."""
 
 
 def find(
@@ -23,30 +23,30 @@ def find(
     subject_to: Wanted | Sequence[Wanted] = (),
     most: int | None = None,
 ) -> Found:
-    """Find the designs that come closest to wanted values; nothing is simulated.
+    """Find the designs that come closest to targets; nothing is simulated.
 
     A target is a variable, a relation and a number: ``"knit_cell_x < 20"``. A variable along the
-    applied strain needs the strain or the window that it is wanted at, and is read there by
-    linear interpolation: ``"poisson_ratio = -0.3 @ 0.05:0.25"`` is wanted at every strain of the
-    window, ``"mean(poisson_ratio) = -0.3 @ 0.05:0.25"`` on average. Reductions are ``mean``,
-    ``min``, ``max``, ``slope`` and ``spread`` (largest less smallest). ``± 0.02`` gives the
-    distance that counts as one; without it that is the scatter among the designs.
+    applied strain needs a strain or a window, and is interpolated linearly:
+    ``"poisson_ratio = -0.3 @ 0.05:0.25"`` applies to every strain of the window,
+    ``"mean(poisson_ratio) = -0.3 @ 0.05:0.25"`` to the mean over it. Reductions are ``mean``,
+    ``min``, ``max``, ``slope`` and ``spread`` (largest minus smallest). ``± 0.02`` is the
+    tolerance, which is the unit of distance; by default it is the scatter among the designs.
 
     Args:
         cubes: cubes of designs along the same dimensions, or their paths.
-        targets: what is wanted. A curve is ``"poisson_ratio = wanted.csv"``, with the columns
+        targets: targets. A curve is ``"poisson_ratio = wanted.csv"``, with the columns
             ``strain`` and ``poisson_ratio``, or ``{"name": "poisson_ratio", "applied_strain": […],
             "value": […], "tolerance": 0.02}``.
         subject_to: targets that must be met; designs that do not are left out.
-        most: how many designs are kept, all by default.
+        most: largest number of designs to return, all by default.
 
     Returns:
-        The designs by their distance, the nearest first. ``table`` holds for the first target
-        ``value_1``, ``off_by_1`` in the variable's unit, and ``in_spread_1``: whether the spread
-        over a design's siblings covers the target; likewise for the others.
+        The designs by their distance, the nearest first. For the first target ``table`` has
+        ``value_1``, ``off_by_1`` in the unit of the variable, and ``in_spread_1``: whether the
+        spread over a design's siblings covers the target; and so on for the others.
 
     Raises:
-        BadInput: with every target that cannot be read or is of no variable of the cubes.
+        BadInput: with every target that cannot be read or is not of a variable of the cubes.
 
     Example:
         >>> import knitlab as kl
@@ -76,8 +76,8 @@ def read_targets(given: Wanted | Sequence[Wanted], source: str) -> list[Target]:
     """Targets, each from its text or table.
 
     Args:
-        given: one or several.
-        source: the argument that they were given by, for a fault.
+        given: one target or several.
+        source: name of the argument that gives them, for the message.
 
     Raises:
         BadInput: with every one that cannot be read.

@@ -1,4 +1,4 @@
-"""What a laboratory recorded: imported beside simulations, and fitted to."""
+"""Laboratory records: importing them as cubes, and fitting stripes to them."""
 
 from pathlib import Path
 from typing import Any
@@ -18,18 +18,18 @@ from knitlab.study.plan import Plan, make_plan
 def import_records(
     kind: RecordKind, description: str | Path, *, results: str | Path = "results"
 ) -> Imported:
-    """Import what a TOML file describes into a cube.
+    """Import the records that a TOML file describes into a cube.
 
     Args:
         kind: ``"markers"``, ``"tensile"`` or ``"capacitance"``.
-        description: TOML file that says which records, of which sample, in which units.
+        description: TOML file that describes the records, their units and the sample.
         results: folder that holds a folder of results for each experiment.
 
     Returns:
-        Path of the cube and a summary of what was read, in lines of text.
+        The cube, its path, and a summary of the records in lines of text.
 
     Raises:
-        BadInput: with everything that is wrong in the description and its records.
+        BadInput: with every fault of the description and its records.
     """
     return import_kind(kind, Path(description), Path(results))
 
@@ -46,16 +46,16 @@ def fit(
 ) -> Fit:
     """Fit k_s, k_t and θ0 of both stripes to a test of a whole fabric.
 
-    The sample is the one case of the workflow that is of the experiment's design. It is simulated
-    some ten to thirty times.
+    The sample is the only case of the workflow with the design of the experiment. It is simulated
+    about ten to thirty times.
 
     Args:
         experiment: cube of one experiment on one design, in one cycle.
         workflow: name or path of a workflow that has the design.
-        looseness: relative standard deviation that the tabulated stripes are trusted to.
-        model_error: part of a curve's largest value that the model is trusted to.
-        starts: most starts that are tried until the test is met.
-        step: called after every test with their number and χ² of the last.
+        looseness: relative standard deviation of the tabulated stripes, as a prior.
+        model_error: error of the model, as a fraction of the largest value of a curve.
+        starts: largest number of starts that are tried until the test is matched.
+        step: called after every test with the number of tests and χ² of the last.
         settings: settings of the workflow to replace.
 
     Returns:
@@ -76,7 +76,7 @@ def fit_experiment(
     starts: int,
     step: Step,
 ) -> Fit:
-    """The same for a plan, one case of which is of the experiment's design; see :func:`fit`."""
+    """:func:`fit` for a plan with one case of the experiment's design."""
     case = case_for(plan, experiment)
     target = target_of(experiment, case, model_error)
     try:

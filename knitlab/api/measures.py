@@ -21,20 +21,19 @@ from knitlab.simulation.stripe_sensitivity import adjoint_of
 def evaluate(test: xr.Dataset, *, sensitivities: bool = True, **measures: Measure) -> xr.Dataset:
     """Evaluate own functions of the shape at every strain of a test.
 
-    Derivatives are exact, by one adjoint solve a state: how the number changes as the fabric
-    follows its stripe parameters at the same applied strain.
+    Derivatives are exact, by one adjoint solve for each state: the change of the value as the
+    fabric follows a change of its stripe parameters at fixed applied strain.
 
     Args:
-        test: of :func:`knitlab.simulate`, or a case file.
-        sensitivities: whether to take derivatives too.
+        test: dataset of :func:`knitlab.simulate`, or of a case file.
+        sensitivities: whether to compute derivatives.
         measures: functions of a configuration, with ``positions`` (node_y, node_x, 3) and
             ``lengths`` (2) in mm, that return one number and are written in JAX.
 
     Returns:
-        A variable of its name for each function, along ``applied_strain``, and its logarithmic
+        For each function a variable with its name, along ``applied_strain``, and its logarithmic
         derivatives p ∂f/∂p as ``NAME_sensitivity`` (applied_strain, stripe_parameter). Values
-        are NaN where the test did not converge, and derivatives also where there are none, at
-        snaps.
+        are NaN where the test did not converge; derivatives are also NaN at snaps.
 
     Raises:
         BadInput: if the dataset has no shapes, or a function does not return one number.
@@ -89,7 +88,7 @@ def _slopes(
 ) -> Float[np.ndarray, "strain measure parameter"]:
     stripes = case.stripe_pair
 
-    def together(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
+    def stacked(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
         return jnp.stack([measure(strained) for measure in measures.values()])
 
     slopes = np.full((len(strains), len(measures), len(STRIPE_PARAMETERS)), np.nan)
@@ -100,9 +99,9 @@ def _slopes(
     for place in np.flatnonzero(reached):
         try:
             derivatives = (
-                adjoint.of_strained(float(strains[place]), shapes[place], together)
+                adjoint.of_strained(float(strains[place]), shapes[place], stacked)
                 if place
-                else adjoint.of_relaxed(together)
+                else adjoint.of_relaxed(stacked)
             )
         except NoDerivative:
             continue

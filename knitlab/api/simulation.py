@@ -19,11 +19,11 @@ from knitlab.study.patterns import Pattern
 from knitlab.study.single_case import OWN_PATTERN, single_case
 
 DEFAULT_STRAINS = tuple(round(0.03 * step, 2) for step in range(16))
-"""Those of the preview: 0 to 45 % in steps of 3 %."""
+"""Strains of the preview: 0 to 45 % in steps of 3 %."""
 
 
 class NotConverged(UserWarning):
-    """A test that did not reach its last strain: what is missing is NaN, ``status`` says so."""
+    """A test that did not reach its last strain: missing results are NaN, see ``status``."""
 
 
 def simulate(
@@ -41,20 +41,20 @@ def simulate(
         design: the knit and its sample.
         applied_strain: strains of the test along the warp, ascending from 0 [1].
         progress: whether to draw a progress bar.
-        settings: settings by name that replace those of ``params/*.toml``, as ``--set`` does:
+        settings: settings that override those of ``params/*.toml``, like ``--set``:
             ``k_t_factor=1.2``, ``cell_size="relaxed"``, ``robustness=2``, ``layout="ridges"``.
 
     Returns:
         A dataset of this design: every variable of a cube along ``applied_strain``, and
         ``position`` (applied_strain, node_y, node_x, component) in mm. Each has its unit in
-        ``attrs["units"]``. ``status``, ``residual_force`` and ``iterations`` say how well the
-        states are known.
+        ``attrs["units"]``. ``status``, ``residual_force`` and ``iterations`` describe the
+        convergence.
 
     Raises:
-        BadInput: with everything that is wrong in the design, the strains and the settings.
+        BadInput: with every fault of the design, the strains and the settings.
 
     Warns:
-        NotConverged: if a strain was not reached; from there on results are NaN.
+        NotConverged: if a strain was not reached; results from there on are NaN.
 
     Example:
         >>> import knitlab as kl
@@ -82,7 +82,7 @@ def simulate(
             bar.update(int(states) - bar.n)
 
         results = simulated(case, report)
-    values = {str(name): its.values for name, its in results.data_vars.items()}
+    values = {str(name): array.values for name, array in results.data_vars.items()}
     sizes = sizes_of(case, values, resolved.gauge)
     results = results.assign(known_in_advance(case) | sizes)
     results.attrs |= stated(resolved.gauge)
@@ -99,6 +99,6 @@ def _pattern(design: Design) -> list[str]:
 
 
 def _sample(design: Design) -> dict[str, Any]:
-    """The keys of a workflow's ``[design]`` that set the size of the sample."""
+    """The keys of the ``[design]`` section of a workflow that set the size of the sample."""
     given = {"needles": design.needles, "unit_cells": design.unit_cells}
-    return {name: its for name, its in given.items() if its is not None}
+    return {name: value for name, value in given.items() if value is not None}

@@ -1,4 +1,4 @@
-"""Sweeps: workflows planned, run, surveyed, and single cases of them reproduced."""
+"""Sweeps: planning and running workflows, their status, and reproducing single cases."""
 
 import warnings
 from collections.abc import Callable
@@ -18,23 +18,23 @@ from knitlab.study.plan import Plan, make_plan
 from knitlab.tables import accessor as _accessor  # noqa: F401  (registers cube.knitlab)
 
 RESULTS = Path("results")
-"""Folder that holds a folder of results for each workflow, unless another is named."""
+"""Default folder for the results folders of all workflows."""
 
 
 class NotAllOk(UserWarning):
-    """A run some of whose cases are not ok, stale or unfinished."""
+    """A run with cases that are not ok, stale or unfinished."""
 
 
 @dataclass(frozen=True)
 class WorkflowRun:
-    """What a run of a workflow left behind.
+    """The result of running a workflow.
 
     Attributes:
-        plan: what was to be run.
+        plan: the plan.
         folder: results folder of the workflow.
-        run: what was run, and the cube.
+        run: result of running the plan, with the cube.
         figures: files of the figures that were drawn.
-        faults: why a figure could not be drawn.
+        faults: why some figures could not be drawn.
     """
 
     plan: Plan
@@ -53,7 +53,7 @@ class WorkflowRun:
 
     @property
     def all_ok(self) -> bool:
-        """Whether every case is ok and of the parameters that were asked for."""
+        """Whether every case is ok and was computed with the requested parameters."""
         return not (self.run.failures or self.run.stale_parameters or self.run.stopped)
 
     def _label(self, entry: dict[str, Any]) -> str:
@@ -63,7 +63,7 @@ class WorkflowRun:
 def run_workflow(
     plan: Plan, results: Path, options: RunOptions, *, figures: bool = True
 ) -> WorkflowRun:
-    """Simulate what is missing of a plan, write its cube, draw its figures.
+    """Simulate the missing cases of a plan, write its cube, and draw its figures.
 
     Args:
         plan: the plan.
@@ -72,14 +72,14 @@ def run_workflow(
         figures: whether to draw the workflow's figures.
 
     Raises:
-        BadInput: if another run holds the folder, or its cube is of other dimensions.
-        CannotWrite: if the folder cannot be written; what is done is kept.
+        BadInput: if another run holds the folder, or its cube has other dimensions.
+        CannotWrite: if the folder cannot be written; finished cases are kept.
     """
     folder = results / plan.workflow
     done = run_plan(plan, folder, options)
     if not figures:
         return WorkflowRun(plan, folder, done)
-    # Only a run that draws waits for matplotlib.
+    # Matplotlib is imported only to draw.
     from knitlab.figures.drawing import draw_figures
 
     drawn, faults = draw_figures(plan.figures, folder)
@@ -100,32 +100,32 @@ def run(
     progress: bool = False,
     **settings: Any,
 ) -> xr.Dataset:
-    """Run a workflow: simulate the cases that are missing and build its cube.
+    """Run a workflow: simulate the missing cases and build its cube.
 
     Args:
         workflow: name of a shipped workflow, such as ``"preview"``, or path of a TOML file.
         results: folder that holds a folder of results for each workflow.
-        workers: processes on this machine; 0 simulates in this process. A script that asks for
-            workers needs the guard ``if __name__ == "__main__":``, as they are spawned.
-        scheduler: address of an existing dask scheduler, used in place of ``workers``.
+        workers: number of processes on this machine; 0 simulates in this process. A script that
+            uses workers needs the guard ``if __name__ == "__main__":``, as they are spawned.
+        scheduler: address of an existing dask scheduler, used instead of ``workers``.
         retries: how often a batch that raised an error is tried again.
         fail_fast: whether to stop at the first case that is not ok.
         case_timeout: longest time for a case [s].
-        refresh: whether to compute stale results anew.
+        refresh: whether to recompute stale results.
         figures: whether to draw the workflow's figures into the results folder.
         progress: whether to draw a progress bar.
         settings: settings of the workflow to replace; a list makes a dimension of the cube:
             ``k_t_factor=[0.8, 1.0, 1.2]``.
 
     Returns:
-        The cube, with every design that the results folder knows.
+        The cube, with every design of the results folder.
 
     Raises:
-        BadInput: with everything that is wrong in the workflow and its settings, or if the
-            folder is in use or of other dimensions.
+        BadInput: with every fault of the workflow and its settings, or if the folder is in use
+            or its cube has other dimensions.
 
     Warns:
-        NotAllOk: if a case is not ok, stale, or left undone.
+        NotAllOk: if a case is not ok, stale or unfinished.
 
     Example:
         >>> import knitlab as kl
@@ -165,7 +165,7 @@ def plan(workflow: str | Path, **settings: Any) -> Plan:
         time [s] and memory [byte].
 
     Raises:
-        BadInput: with everything that is wrong in the workflow and its settings.
+        BadInput: with every fault of the workflow and its settings.
 
     Example:
         >>> import knitlab as kl
@@ -178,9 +178,9 @@ def plan(workflow: str | Path, **settings: Any) -> Plan:
 def status(
     workflow: str | Path, *, results: str | Path = RESULTS, check: bool = False
 ) -> FolderStatus:
-    """How far the last plan of a workflow has come, and what of it is stale.
+    """Status of the cases of the last plan of a workflow.
 
-    If a file that the plan was made of has changed, the workflow is resolved anew.
+    If an input file of the plan has changed, the workflow is planned again.
 
     Args:
         workflow: name of a shipped workflow, or path of a TOML file.
@@ -196,12 +196,12 @@ def status(
 def reproduce(
     case_id: str, *, results: str | Path = RESULTS, report: Callable[[str], None] = print
 ) -> bool:
-    """Run one case alone, in this process, and report how every state was reached.
+    """Run one case in this process, and report how every state was reached.
 
     Args:
-        case_id: identifier of the case, or the beginning of it.
+        case_id: identifier of the case, or its first characters.
         results: folder that holds a folder of results for each workflow, or one of these.
-        report: takes each line of the report.
+        report: called with each line of the report.
 
     Returns:
         Whether every state converged and agrees with the case file, if there is one.

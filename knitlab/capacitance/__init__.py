@@ -1,1 +1,1 @@
-"""Capacitance of conductors on a fabric, by boundary elements; what a capacitor is as a sensor."""
+"""Capacitance of electrodes on a fabric by boundary elements, and its figures as a sensor."""

@@ -1,9 +1,9 @@
-"""Capacitance of conductors cut into panels, by the boundary-element method.
+"""Capacitance of conductors divided into panels, by the boundary-element method.
 
-Every panel carries a uniform charge. The mean potential that a unit charge on one panel makes on
+Every panel carries a uniform charge. The mean potential on one panel due to a unit charge on
 another (Galerkin's method) fills a symmetric matrix; its inverse, summed over the panels of each
-conductor, is Maxwell's capacitance matrix. Between panels that are near, the potential is the
-closed form of :mod:`~knitlab.capacitance.potential`, else that of quadrature points.
+conductor, is Maxwell's capacitance matrix. Potentials of near panels are in closed form
+(:mod:`~knitlab.capacitance.potential`), others by quadrature.
 """
 
 import math
@@ -23,30 +23,30 @@ VACUUM_PERMITTIVITY = 8.8541878128e-3
 """ε0 [pF/mm] (CODATA 2018)."""
 
 NEAR = 2.0
-"""Panels are near if their centres lie within so many times the larger one's size."""
+"""Largest distance of the centres of near panels, over the size of the larger one."""
 POINTS_A_SIDE = 2
 """Gauss points along each side of a panel."""
 PAIRS_AT_ONCE = 512
-"""Near pairs that are worked on together."""
+"""Near pairs that are computed together."""
 PAIRS_RATIO = 1.25
-"""Ratio of the numbers of pairs, of which each has its own program."""
+"""Ratio of successive numbers of pairs for which a program is compiled."""
 STATES_AT_ONCE = 4
-"""States that are worked on together."""
+"""States that are computed together."""
 TIE = 1e-9
-"""Part by which sizes of panels must differ for one to be the larger."""
+"""Relative difference in size above which one panel counts as larger."""
 FEWEST_IMAGES = 2
 IMAGES_AN_EXTENT = 3
-"""Multipoles begin where images are so many times as far away as the conductors are wide."""
+"""Distance from which images are summed as multipoles, over the width of the conductors."""
 
 
 class Images(eqx.Module):
     """Periodic repetition of all conductors along one axis.
 
     Attributes:
-        count: images on either side that are summed one by one.
-        beyond: ζ(3) and ζ(5) of those further out, which are summed by their second and fourth
-            multipole; the odd ones of either side cancel.
-        axis: that they repeat along, 0 for x and 1 for y.
+        count: number of images on either side that are summed one by one.
+        beyond: ζ(3) and ζ(5) of images further away, which are summed as second and fourth
+            multipoles; odd multipoles of the two sides cancel.
+        axis: axis of the repetition, 0 for x and 1 for y.
     """
 
     count: Int[Array, ""]
@@ -59,12 +59,12 @@ def images_along(
     panels: Float[np.ndarray, "state panel 4 3"],
     period: Float[np.ndarray, " state"],
 ) -> Images:
-    """As many images as it takes for the multipoles beyond them to converge.
+    """Enough images for the multipoles of the others to converge.
 
     Args:
-        axis: that conductors repeat along.
-        panels: corners of their panels [mm].
-        period: of the repetition [mm].
+        axis: axis of the repetition.
+        panels: corners of the panels [mm].
+        period: period of the repetition [mm].
     """
     across = np.delete(panels, axis, axis=-1)
     extent = np.linalg.norm(np.ptp(across, axis=(1, 2)), axis=-1)
@@ -78,15 +78,15 @@ def near_pairs(
     images: Images | None = None,
     period: Float[np.ndarray, " state"] | None = None,
 ) -> Int[np.ndarray, "pair 2"]:
-    """Pairs of panels that are near in any state, once each, and every panel with itself.
+    """Pairs of panels that are near in any state, each once, including every panel with itself.
 
     Args:
         panels: corners of the panels [mm].
-        images: how they repeat, if they do.
-        period: of the repetition [mm].
+        images: periodic repetition, if any.
+        period: period of the repetition [mm].
 
     Returns:
-        The pairs, the larger panel second, and the last of them again and again.
+        The pairs, with the larger panel second, padded with copies of the last pair.
     """
     states, count = panels.shape[:2]
     turns = np.zeros((states, 1, 3))
@@ -106,9 +106,9 @@ def near_pairs(
             near[found.row[close], found.col[close]] = True
     pairs = np.argwhere(np.triu(near | near.T))
     first, second = extent[pairs].T
-    # Gauss's points of a large panel would miss what a small one does near by.
+    # Gauss points of a large panel would not resolve the potential of a small one close to it.
     pairs[first > second * (1 + TIE)] = pairs[first > second * (1 + TIE)][:, ::-1]
-    # So that few programs serve many shapes, their number is one of few.
+    # The number of pairs is rounded up, so that few programs are compiled for many shapes.
     steps = math.ceil(math.log(max(len(pairs) / PAIRS_AT_ONCE, 1), PAIRS_RATIO))
     filled = PAIRS_AT_ONCE * math.ceil(PAIRS_RATIO**steps)
     return np.concatenate([pairs, np.repeat(pairs[-1:], filled - len(pairs), axis=0)])
@@ -124,16 +124,16 @@ def maxwell_matrices(
 ) -> Float[Array, "state conductor conductor"]:
     """Maxwell's capacitance matrices in vacuum [pF].
 
-    They are NaN where the potentials are not positive definite, as where panels lie in one
-    another. Of conductors that repeat it is the charge of one period, at potentials against a
-    reference that has no meaning; what has one is :func:`two_terminal`.
+    They are NaN if the matrix of potentials is not positive definite, as for panels inside each
+    other. For periodic conductors they give the charge of one period at potentials relative to an
+    arbitrary reference; only :func:`two_terminal` is then meaningful.
 
     Args:
         panels: corners of the panels in order around each; a corner may repeat [mm].
-        membership: 1 where a panel is a part of a conductor, else 0.
-        near: pairs of panels that are near, see :func:`near_pairs`.
-        images: how all conductors repeat, if they do.
-        period: of the repetition [mm].
+        membership: 1 if a panel belongs to a conductor, else 0.
+        near: near pairs of panels, see :func:`near_pairs`.
+        images: periodic repetition, if any.
+        period: period of the repetition [mm].
     """
 
     def of_state(
@@ -144,11 +144,11 @@ def maxwell_matrices(
         return half.T @ half
 
     lengths = jnp.ones(len(panels)) if period is None else period
-    # Filled up to whole batches, or the rest would be compiled a second time.
+    # Padded to whole batches, as a smaller one would be compiled separately.
     filled = -(-len(panels) // STATES_AT_ONCE) * STATES_AT_ONCE
     batches = jax.tree.map(
-        lambda of: jnp.take(of, jnp.arange(filled), axis=0, mode="clip").reshape(
-            -1, STATES_AT_ONCE, *of.shape[1:]
+        lambda x: jnp.take(x, jnp.arange(filled), axis=0, mode="clip").reshape(
+            -1, STATES_AT_ONCE, *x.shape[1:]
         ),
         (panels, lengths),
     )
@@ -160,10 +160,9 @@ def maxwell_matrices(
 def two_terminal(
     matrix: Float[Array | np.ndarray, "*state 2 2"],
 ) -> Float[Array | np.ndarray, "*state"]:
-    """Capacitance between two conductors whose charges are opposite, as a meter reads it [pF].
+    """Capacitance between two conductors with opposite charges, as a meter measures it [pF].
 
-    A shift of all potentials by the total charge, as periodic conductors leave open, changes the
-    matrix but not this.
+    It does not depend on a shift of all potentials, which is arbitrary for periodic conductors.
     """
     one, other, mutual = matrix[..., 0, 0], matrix[..., 1, 1], matrix[..., 0, 1]
     return (one * other - mutual**2) / (one + other + 2 * mutual)
@@ -175,9 +174,9 @@ def potential_coefficients(
     images: Images | None,
     period: Float[Array, ""],
 ) -> Float[Array, "panel panel"]:
-    """4πε0 times the mean potential on each panel for a unit charge on each [1/mm].
+    """4πε0 times the mean potential on each panel due to a unit charge on each [1/mm].
 
-    With images it is that of a charge and of all its images, but for a constant.
+    With images it is that of a charge and all its images, up to a constant.
     """
     centre = panels.mean(axis=1)
     turns = jnp.zeros((len(panels),) * 2)
@@ -233,15 +232,15 @@ def _far_images(
     images: Images,
     period: Float[Array, ""],
 ) -> Float[Array, "panel panel"]:
-    """Potential of all images beyond those counted, by their second and fourth multipole."""
-    apart = (centre[:, None] - centre[None]) / period
-    along = apart[..., images.axis] - turns
-    squared = (apart**2).sum(axis=-1) - apart[..., images.axis] ** 2 + along**2
+    """Potential of the images further away, by their second and fourth multipoles."""
+    distance = (centre[:, None] - centre[None]) / period
+    along = distance[..., images.axis] - turns
+    squared = (distance**2).sum(axis=-1) - distance[..., images.axis] ** 2 + along**2
     second = (3 * along**2 - squared) / 2
     fourth = (35 * along**4 - 30 * along**2 * squared + 3 * squared**2) / 8
     by_second, by_fourth = images.beyond
     potential = 2 * (by_second * second + by_fourth * fourth) / period
-    # The constant lifts the potentials far enough for the matrix to be positive definite.
+    # The constant raises the potentials enough for the matrix to be positive definite.
     across = jnp.sqrt(jnp.maximum(squared - along**2, 0)).max()
     return potential + 4 * (1 + jnp.log1p(across)) / period
 
@@ -249,7 +248,7 @@ def _far_images(
 def _closed_form(
     seen_from: Float[Array, "pair 4 3"], charged: Float[Array, "pair 4 3"]
 ) -> Float[Array, " pair"]:
-    """Mean of the potential of uniformly charged panels over others, each as two triangles."""
+    """Mean potential of uniformly charged panels, each of two triangles, over other panels."""
     points, share = _quadrature(seen_from, POINTS_A_SIDE)
     corners = jnp.moveaxis(charged, 0, -1)
     halves = jnp.stack([corners[np.array(half)] for half in ((0, 1, 2), (0, 2, 3))], axis=2)
@@ -263,7 +262,7 @@ def _closed_form(
 def _quadrature(
     panels: Float[Array, "panel 4 3"], order: int
 ) -> tuple[Float[Array, "point panel 3"], Float[Array, "point panel"]]:
-    """Gauss's points of panels, and the part of each panel's area that is its weight."""
+    """Gauss points of panels, and their weights as fractions of the area of the panel."""
     at, weight = np.polynomial.legendre.leggauss(order)
     u, v = (each.ravel()[:, None, None] for each in np.meshgrid((1 + at) / 2, (1 + at) / 2))
     first, second, third, fourth = jnp.moveaxis(panels, 1, 0)

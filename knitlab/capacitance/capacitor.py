@@ -1,4 +1,4 @@
-"""A knitted capacitor along a test: its capacitance in every state, or why there is none."""
+"""A knitted capacitor during a test: its capacitance in every state, or why it has none."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -27,27 +27,27 @@ from knitlab.model.network import MeshShape, Network
 from knitlab.model.setting_types import Fraction, Unit
 
 ORDER = 2
-"""Order at which the capacitance converges with the size of panels that are graded."""
+"""Order of convergence of the capacitance with the size of graded panels."""
 CAUTION = 0.7
-"""Part of what extrapolation adds that counts as its error: on folds of 0.15 to 2 rad, and levels 1
-to 3, the true one was never more."""
+"""Estimated error over the change by extrapolation; on folds of 0.15 to 2 rad and at levels 1 to 3
+the true error was never larger."""
 LEVELS = (1, 2, 3, 4)
 MOST_PANELS = 2400
-"""Panels that a finer level may have."""
+"""Largest number of panels of a finer level."""
 
 
 @dataclass(frozen=True)
 class Capacitor:
-    """Electrodes on a fabric, and what their capacitance depends on beside its shape.
+    """Parameters of electrodes on a fabric.
 
     Attributes:
-        layout: where the electrodes run.
+        layout: layout of the electrodes.
         electrode_length: relaxed length of the electrodes on periodic fabric [mm].
-        permittivity: of what is around the electrodes, over that of vacuum [1].
-        clearance: distance at which electrodes count as touching [mm].
-        accuracy: largest estimated error of a capacitance, over itself [1].
+        permittivity: relative permittivity of the surroundings [1].
+        clearance: distance below which electrodes count as touching [mm].
+        accuracy: largest estimated relative error of a capacitance [1].
         linearity: R² that the working range must have [1].
-        unfolded: part of the relaxed fold angle that is left where unfolding is complete [1].
+        unfolded: fold angle over the relaxed one at which unfolding is complete [1].
     """
 
     layout: ElectrodeLayout
@@ -64,11 +64,11 @@ class Capacitances:
     """A capacitor in every state of a test.
 
     Attributes:
-        status: what there is of it in each state.
-        capacitance: two-terminal, NaN where it is not measured; of one period if periodic [pF].
-        mutual: the mutual capacitance −C₁₂ of Maxwell's matrix, of open samples alone [pF].
-        error: estimated error of the capacitance, over itself; there too where it is too large.
-        gap: shortest distance between the electrodes, looked for up to :attr:`reach` [mm].
+        status: status in each state, see :class:`CapacitorStatus`.
+        capacitance: two-terminal capacitance, NaN if not measured; of one period if periodic [pF].
+        mutual: mutual capacitance −C₁₂ of Maxwell's matrix, for open samples only [pF].
+        error: estimated relative error of the capacitance, also where it is too large [1].
+        gap: shortest distance between the electrodes, searched up to the size of a grid cell [mm].
     """
 
     status: Int[np.ndarray, " state"]
@@ -88,13 +88,13 @@ def capacitances(
 ) -> Capacitances:
     """Capacitance in every state, by the boundary-element method at two or more panel sizes.
 
-    A value is extrapolated from the last two sizes; most of what that adds is its estimated error.
-    Panels are refined where that is larger than ``capacitor.accuracy``. There is no value where
-    the electrodes touch or a fold at them has passed through itself: the model has no contact, and
-    what it goes on to there no fabric does.
+    A value is extrapolated from the last two sizes; the estimated error is :data:`CAUTION` times
+    the change. Panels are refined while the error exceeds ``capacitor.accuracy``. There is no
+    value if the electrodes touch or a fold at them has passed through itself: the model has no
+    contact, so that such states are not physical.
 
     Args:
-        electrodes: what is plated.
+        electrodes: the plated cells.
         net: network of the fabric.
         fabric: its numbers.
         configurations: of every state, along a leading axis.
@@ -109,21 +109,21 @@ def capacitances(
     status[~through & (gap < capacitor.clearance)] = CapacitorStatus.touching
     value, mutual, error = (np.full(states, np.nan) for _ in range(3))
     coarse, coarse_level = np.full((states, 2), np.nan), 0
-    left = np.flatnonzero(status == CapacitorStatus.measured)
+    pending = np.flatnonzero(status == CapacitorStatus.measured)
     for level in LEVELS:
         chart = panel_chart(electrodes, shape, level)
-        if not left.size or (level > LEVELS[1] and len(chart.cell) > MOST_PANELS):
+        if not pending.size or (level > LEVELS[1] and len(chart.cell) > MOST_PANELS):
             break
         fine = np.full((states, 2), np.nan)
-        fine[left] = _pair(electrodes, chart, shape, configurations[left])
+        fine[pending] = _pair(electrodes, chart, shape, configurations[pending])
         if coarse_level:
             gain = 1 / ((level / coarse_level) ** ORDER - 1)
             limit = fine + gain * (fine - coarse)
-            value[left], mutual[left] = limit[left].T
-            error[left] = CAUTION * np.abs(limit - fine)[left, 0] / np.abs(limit[left, 0])
-            left = left[~(error[left] <= capacitor.accuracy)]
+            value[pending], mutual[pending] = limit[pending].T
+            error[pending] = CAUTION * np.abs(limit - fine)[pending, 0] / np.abs(limit[pending, 0])
+            pending = pending[~(error[pending] <= capacitor.accuracy)]
         coarse, coarse_level = fine, level
-    status[left] = CapacitorStatus.unresolved
+    status[pending] = CapacitorStatus.unresolved
     unmeasured = status != CapacitorStatus.measured
     value[unmeasured] = mutual[unmeasured] = np.nan
     if shape.periodic:
@@ -145,7 +145,7 @@ def _pair(
     near = near_pairs(panels, images, period)
     found = []
     for first in range(0, len(panels), STATES_AT_ONCE):
-        # The last batch is filled up, or it would be compiled anew.
+        # The last batch is padded, as a smaller one would be compiled separately.
         batch = np.minimum(np.arange(first, first + STATES_AT_ONCE), len(panels) - 1)
         matrices = maxwell_matrices(
             jnp.asarray(panels[batch]),
@@ -165,7 +165,7 @@ def _obstacles(
     configurations: Configuration,
     refinement: int,
 ) -> tuple[Float[np.ndarray, " state"], Bool[np.ndarray, " state"]]:
-    """How near the electrodes come in every state, and whether a fold at them is passed through."""
+    """Distance of the electrodes in every state, and whether a fold at them is beyond ±π."""
     shape = net.shape
     chart = panel_chart(electrodes, shape, LEVELS[0])
     panels = np.asarray(panels_on(chart, shape, configurations))
@@ -194,15 +194,15 @@ def _obstacles(
 def mean_fold(
     electrodes: Electrodes, net: Network, fabric: Fabric, configurations: Configuration
 ) -> Float[np.ndarray, " state"]:
-    """Mean angle of the folds at and between the electrodes that run as they do [rad].
+    """Mean angle of the folds at and between the electrodes and parallel to them [rad].
 
-    Their opening is what moves the electrodes apart.
+    The electrodes move apart as these open.
 
     Args:
-        electrodes: what is plated.
+        electrodes: the plated cells.
         net: network of the fabric.
-        fabric: its numbers.
-        configurations: of every state, along a leading axis.
+        fabric: the fabric.
+        configurations: configurations of all states, along a leading axis.
     """
     rest = np.asarray(fabric.rest_fold)
     alongside = net.wale if electrodes.along == "wale" else ~net.wale
@@ -212,10 +212,10 @@ def mean_fold(
 
 
 def electrode_length(electrodes: Electrodes, shape: MeshShape, relaxed: Configuration) -> float:
-    """Length of the electrodes on a relaxed fabric, of one period if it is periodic [mm].
+    """Length of the electrodes on a relaxed fabric; that of one period if it is periodic [mm].
 
     Args:
-        electrodes: what is plated.
+        electrodes: the plated cells.
         shape: mesh shape of the fabric.
         relaxed: its relaxed configuration.
     """
@@ -229,14 +229,14 @@ def electrode_length(electrodes: Electrodes, shape: MeshShape, relaxed: Configur
 
 
 def hinges_at(electrodes: Electrodes, net: Network) -> Bool[np.ndarray, " hinge"]:
-    """Hinges that lie on the electrodes or between them."""
+    """Hinges on the electrodes or between them."""
     strips = [strip for strips in electrodes.strips for strip in strips]
     left, right = min(strip.left for strip in strips), max(strip.right for strip in strips)
     bottom, top = min(strip.bottom for strip in strips), max(strip.top for strip in strips)
     row, column = net.hinge_cells.T
     beside = (column >= np.floor(left)) & (column < np.ceil(right))
     above = (row >= np.floor(bottom)) & (row < np.ceil(top))
-    # On periodic fabric electrodes may lie beyond the seam.
+    # On periodic fabric electrodes may cross the periodic boundary.
     beside |= (column + net.shape.cells_x < np.ceil(right)) & net.shape.periodic
     above |= (row + net.shape.cells_y < np.ceil(top)) & net.shape.periodic
     return beside & above

@@ -1,4 +1,4 @@
-"""What there is of a capacitance in a state. Needs no library, for cubes are read without JAX."""
+"""Status of a capacitance in a state. Imports no library, as cubes are read without JAX."""
 
 from enum import IntEnum
 
@@ -6,10 +6,10 @@ from enum import IntEnum
 class CapacitorStatus(IntEnum):
     """Whether a capacitance is measured, or why not.
 
-    ``touching``: the electrodes are nearer than they are thick, or pass through each other.
-    ``folded_through``: a fold at them is past half a turn, or one of them passes through itself;
-    the model has no contact, and goes on where no fabric does. ``unresolved``: finer panels still
-    change it by more than the required accuracy.
+    ``touching``: the electrodes are closer than they are thick, or pass through each other.
+    ``folded_through``: a fold at them is beyond half a turn, or one of them passes through itself,
+    which the model does not prevent. ``unresolved``: finer panels still change it by more than the
+    required accuracy.
     """
 
     measured = 0

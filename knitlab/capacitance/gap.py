@@ -1,4 +1,4 @@
-"""Gaps: how near surfaces of panels come to one another, and whether they pass through."""
+"""Gaps: distances between surfaces of panels, and whether they pass through each other."""
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -10,7 +10,7 @@ Points = Float[np.ndarray, "... 3"]
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])
 EDGES = ((0, 1), (1, 2), (2, 0))
 FLAT = 1e-12
-"""Part of what it could be below which a determinant is taken for zero."""
+"""Determinant, over its largest possible value, below which it counts as zero."""
 
 
 def gap_between(
@@ -22,9 +22,9 @@ def gap_between(
     """Shortest distance between two electrodes, 0 where they pass through each other [mm].
 
     Args:
-        panels: corners of the panels, each of which is taken as two triangles.
-        electrode: 0 or 1, which one each panel is a part of.
-        reach: how far to look; the answer is no larger [mm].
+        panels: corners of the panels, each of which is treated as two triangles.
+        electrode: electrode that each panel belongs to, 0 or 1.
+        reach: largest distance that is searched; the result is not larger [mm].
         period: of periodic electrodes, from one image to the next [mm].
     """
     triangles = panels[:, HALVES].reshape(-1, 3, 3)
@@ -41,7 +41,7 @@ def gap_between(
 def crosses_itself(
     panels: Float[np.ndarray, "panel 4 3"], period: Float[np.ndarray, "3"] | None = None
 ) -> bool:
-    """Whether a surface of panels passes through itself, where they are not neighbours.
+    """Whether panels of a surface that are not neighbours pass through each other.
 
     Args:
         panels: corners of the panels; neighbours have a corner in common.
@@ -51,8 +51,8 @@ def crosses_itself(
     one, other = _near(triangles, _with_images(triangles, period), 0.0)
     size = np.ptp(triangles, axis=1).max()
     corners = np.linalg.norm(one[:, :, None] - other[:, None], axis=-1)
-    apart = corners.min(axis=(1, 2)) > 1e-9 * size
-    return bool(passes_through(one[apart], other[apart]).any())
+    disjoint = corners.min(axis=(1, 2)) > 1e-9 * size
+    return bool(passes_through(one[disjoint], other[disjoint]).any())
 
 
 def _with_images(triangles: Triangles, period: Float[np.ndarray, "3"] | None) -> Triangles:
@@ -120,7 +120,7 @@ def segment_distance(
 
 
 def _distance_to_face(point: Points, face: Triangles) -> Float[np.ndarray, " pair"]:
-    """Height over a triangle, infinite beside it."""
+    """Height above a triangle; infinite beside it."""
     normal = _normal(face)
     size = _length(normal)
     height = np.abs(_dot(point - face[:, 0], normal)) / np.where(size > 0, size, 1)

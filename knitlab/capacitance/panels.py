@@ -1,4 +1,4 @@
-"""Panels: electrodes of the flat chart, cut up and carried onto the deformed fabric."""
+"""Panels: electrodes of the flat chart, divided and mapped onto the deformed fabric."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,12 +14,12 @@ from knitlab.model.network import MeshShape
 
 @dataclass(frozen=True, eq=False)
 class PanelChart:
-    """Panels on the flat chart; none reaches over the border of a grid cell.
+    """Panels on the flat chart; none crosses the border of a grid cell.
 
     Attributes:
-        cell: grid cell (y, x) that each panel lies in, beyond the seam too.
-        corners: of each panel, in order around it: (x, y) within its cell, from 0 to 1.
-        electrode: number of the electrode that each is a part of.
+        cell: grid cell (y, x) of each panel, which may lie beyond a periodic boundary.
+        corners: corners of each panel in order around it: (x, y) within its cell, from 0 to 1.
+        electrode: number of the electrode that each panel belongs to.
     """
 
     cell: Int[np.ndarray, "panel 2"]
@@ -28,20 +28,20 @@ class PanelChart:
 
     @property
     def membership(self) -> Float[np.ndarray, "panel electrode"]:
-        """1 where a panel is a part of an electrode, else 0."""
+        """1 if a panel belongs to an electrode, else 0."""
         return np.eye(self.electrode.max() + 1)[self.electrode]
 
 
 def panel_chart(electrodes: Electrodes, shape: MeshShape, level: int) -> PanelChart:
-    """Cut electrodes into panels, narrower towards their edges, where charge gathers.
+    """Divide electrodes into panels, narrower towards their edges, where charge concentrates.
 
-    Each way a grid cell is cut into ``level`` panels, into twice as many if the electrode ends at
-    one side of it, into four times as many if it ends at both.
+    Along each direction a grid cell is divided into ``level`` panels, twice as many if the
+    electrode ends at one side of it, and four times as many if it ends at both.
 
     Args:
-        electrodes: what is plated.
-        shape: mesh of the fabric, which decides where periodic electrodes are continued.
-        level: of refinement.
+        electrodes: the plated cells.
+        shape: mesh of the fabric, which determines where periodic electrodes continue.
+        level: level of refinement.
     """
     cells: list[tuple[int, int]] = []
     corners: list[list[tuple[float, float]]] = []
@@ -64,10 +64,10 @@ def panel_chart(electrodes: Electrodes, shape: MeshShape, level: int) -> PanelCh
 
 
 def graded(level: int, low_free: bool, high_free: bool) -> Float[np.ndarray, " line"]:
-    """Lines from 0 to 1 that cut a cell into panels, crowded where charge gathers.
+    """Lines from 0 to 1 that divide a cell into panels, denser where charge concentrates.
 
-    Where the electrode ends at one side of a cell, the other mostly is its ridge: an outer edge,
-    and as crowded.
+    If the electrode ends at one side of a cell, the other side is usually the ridge of a fold: also
+    an outer edge, with lines as dense.
     """
     count = level * 2 ** (low_free + high_free)
     lines = np.linspace(0, 1, count + 1)
@@ -84,7 +84,7 @@ def panels_on(
     Args:
         chart: the panels.
         shape: mesh of the configuration.
-        configuration: of one state or several.
+        configuration: configuration of one state or several.
     """
     places = chart.cell[:, None, ::-1] + chart.corners
     cells = np.repeat(chart.cell, 4, axis=0)
@@ -101,10 +101,10 @@ def points_on(
     """Points of the flat chart on a deformed fabric, bilinear between nodes [mm].
 
     Args:
-        places: their (x, y) on the chart [grid cells].
-        cells: grid cell (y, x) that each belongs to, which decides for those on a border.
+        places: coordinates (x, y) of the points on the chart [grid cells].
+        cells: grid cell (y, x) of each point, which is ambiguous on a border.
         shape: mesh of the configuration.
-        configuration: of one state or several.
+        configuration: configuration of one state or several.
     """
     first, last = cells.min(axis=0), cells.max(axis=0)
     rows, columns = (np.arange(low, high + 2) for low, high in zip(first, last, strict=True))
@@ -117,7 +117,7 @@ def points_on(
 
 
 class _Sides:
-    """Where the parts of one electrode meet."""
+    """Sides at which the parts of one electrode meet."""
 
     def __init__(self, plated: list[Strip], wrapped_axis: int, shape: MeshShape) -> None:
         self.wrapped_axis = wrapped_axis
@@ -126,7 +126,7 @@ class _Sides:
         self.end = {self._side(part, axis, 1) for part in plated for axis in (0, 1)}
 
     def free(self, part: Strip, axis: int) -> tuple[bool, bool]:
-        """Whether the electrode ends at the lower, and at the upper side of a part."""
+        """Whether the electrode ends at the lower and at the upper side of a part."""
         return (
             self._side(part, axis, 0) not in self.end,
             self._side(part, axis, 1) not in self.begin,

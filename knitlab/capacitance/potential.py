@@ -1,6 +1,6 @@
 """Potential of a uniformly charged triangle, in closed form (Wilton et al., IEEE T-AP 32, 1984).
 
-Components come first and points last, for XLA makes fast loops of long last axes.
+Components come first and points last, as XLA compiles fast loops over long last axes.
 """
 
 import jax.numpy as jnp
@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 import knitlab.model  # noqa: F401  (float64)
 
 SMALLEST = 1e-300
-"""Keeps quotients finite where what they are multiplied with is zero."""
+"""Keeps quotients finite where their factor is zero."""
 
 Vector = list[Array]
 """Three components, each for all points."""
@@ -20,17 +20,17 @@ def triangle_potential(
 ) -> Float[Array, "..."]:
     """Integral of 1/r over a triangle, as seen from a point.
 
-    With the point at height d over the plane of the triangle, and each edge at distance t from
-    the point's foot and reaching from l⁻ to l⁺ along itself,
+    With the point at height d above the plane of the triangle, and each edge at distance t from
+    the foot of the perpendicular, extending from l⁻ to l⁺,
 
         ∫ dA/r = Σ_edges t ln((R⁺ + l⁺)/(R⁻ + l⁻))
                  − |d| (atan(t l⁺/(R₀² + |d| R⁺)) − atan(t l⁻/(R₀² + |d| R⁻))).
 
-    It holds on the triangle and its edges too. A triangle without area gives 0.
+    It also holds on the triangle and its edges. A triangle without area gives 0.
 
     Args:
         at: the points [mm].
-        corners: the triangle that each sees, by corner and component [mm].
+        corners: the triangle for each point, by corner and component [mm].
 
     Returns:
         The integrals [mm].
@@ -46,12 +46,12 @@ def triangle_potential(
         ahead, behind = _dot(ends[second], along), _dot(ends[first], along)
         outwards = _dot(ends[first], _cross(along, normal))
         from_edge = outwards**2 + height**2
-        # Of two equal forms, the one in which nothing cancels.
+        # Of two equivalent forms, the one without cancellation.
         forwards = ahead + behind > 0
         above = jnp.where(forwards, distance[second] + ahead, distance[first] - behind)
         below = jnp.where(forwards, distance[first] + behind, distance[second] - ahead)
         logarithm = jnp.log(jnp.maximum(above, SMALLEST) / jnp.maximum(below, SMALLEST))
-        # The difference of two angles, of which each lies within a quarter turn of zero.
+        # The difference of two angles, each within ±π/2.
         far = from_edge + height * distance[second]
         near = from_edge + height * distance[first]
         angle = jnp.arctan2(

@@ -1,6 +1,6 @@
-"""What a capacitor is worth as a strain sensor: slope, linearity, range (paper, "Knit capacitors").
+"""Figures of a capacitor as a strain sensor: slope, linearity, range (paper, "Knit capacitors").
 
-All of it is read off a curve C(ε), simulated or measured, of at least three points.
+All follow from a curve C(ε), simulated or measured, with at least three points.
 """
 
 from dataclasses import dataclass
@@ -10,9 +10,9 @@ from jaxtyping import Bool, Float
 from scipy.interpolate import PchipInterpolator
 
 CENTRAL_PART = 0.2
-"""Part of the strain range, in its middle, over which the paper averages the slope."""
+"""Central fraction of the strain range over which the paper averages the slope."""
 RESOLUTION = 200
-"""Parts that a strain range is cut into to look for a window in it."""
+"""Number of intervals of a strain range in the search for a window."""
 FEWEST_POINTS = 3
 
 Curve = Float[np.ndarray, " point"]
@@ -21,14 +21,14 @@ Kept = Bool[np.ndarray, " point"]
 
 @dataclass(frozen=True)
 class Sensor:
-    """A strain sensor by its curve.
+    """Figures of a strain sensor.
 
     Attributes:
         sensitivity: mean |dC/dε| over the central 20 % of the strain range [pF].
         gauge_factor: (C_end − C_0)/C_0 over the strain between [1].
         linearity: R² of a straight line over the whole range [1].
-        working_range: width of the widest strain window in which a straight line has the R² that
-            is required [1].
+        working_range: width of the widest strain window in which a straight line has the required
+            R² [1].
         working_start: strain at which that window begins [1].
         working_slope: slope of that line [pF].
     """
@@ -47,8 +47,8 @@ def sensor_of(strain: Curve, capacitance: Curve, least_linearity: float) -> Sens
     Between points the curve is interpolated by monotone cubics.
 
     Args:
-        strain: ascending [1].
-        capacitance: at these strains [pF].
+        strain: strains, ascending [1].
+        capacitance: capacitance at these strains [pF].
         least_linearity: R² that the working range must have.
     """
     if len(strain) < FEWEST_POINTS:
@@ -69,25 +69,25 @@ def sensor_of(strain: Curve, capacitance: Curve, least_linearity: float) -> Sens
 
 
 def sensing_range(strain: Curve, capacitance: Curve, unfolded: float) -> Kept:
-    """At which strains of a test a fabric can serve as a sensor.
+    """The strains of a test at which a fabric can serve as a sensor.
 
-    It is the longest run of strains, the first of several, at which there is a capacitance and the
-    fabric is not yet unfolded.
+    It is the longest interval of strains, or the first of equal ones, in which there is a
+    capacitance and the fabric is not yet unfolded.
 
     Args:
-        strain: ascending from 0 [1].
-        capacitance: at these strains, NaN where there is none [pF].
+        strain: strains, ascending from 0 [1].
+        capacitance: capacitance at these strains, NaN where there is none [pF].
         unfolded: strain at which unfolding is complete, see :func:`strain_unfolded`; NaN if it is
             not within the test [1].
     """
     return longest_run(np.isfinite(capacitance) & ~(strain > unfolded))
 
 
-def longest_run(able: Kept) -> Kept:
-    """The longest run of true values without a gap, the first of several."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], able, [False]])))
+def longest_run(usable: Kept) -> Kept:
+    """The longest run of true values, or the first of equal ones."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]])))
     runs = edges.reshape(-1, 2)
-    kept = np.zeros_like(able)
+    kept = np.zeros_like(usable)
     if len(runs):
         start, end = runs[np.argmax(runs[:, 1] - runs[:, 0])]
         kept[start:end] = True
@@ -98,8 +98,8 @@ def mean_slope(strain: Curve, capacitance: Curve) -> float:
     """Mean |dC/dε| over the central 20 % of a strain range (paper, Fig. "capacitor testing" D).
 
     Args:
-        strain: ascending [1].
-        capacitance: at these strains; straight in between [pF].
+        strain: strains, ascending [1].
+        capacitance: capacitance at these strains, linear in between [pF].
     """
     middle, half = (strain[0] + strain[-1]) / 2, CENTRAL_PART / 2 * (strain[-1] - strain[0])
     inner = strain[(strain > middle - half) & (strain < middle + half)]
@@ -115,24 +115,24 @@ def linearity(strain: Curve, capacitance: Curve) -> Float[np.ndarray, ""]:
 def widest_linear(
     strain: Curve, capacitance: Curve, least_linearity: float
 ) -> tuple[float, float, float]:
-    """The widest strain window in which a straight line has an R², and the slope of the line there.
+    """The widest strain window in which a straight line has an R², and the slope of that line.
 
     Args:
-        strain: evenly spaced, ascending [1].
-        capacitance: at these strains [pF].
+        strain: strains, evenly spaced and ascending [1].
+        capacitance: capacitance at these strains [pF].
         least_linearity: the R².
 
     Returns:
-        Where it begins and ends [1], and the slope [pF]. Of windows of one width the steepest.
+        Its first and last strain [1], and the slope [pF]; of equally wide windows the steepest.
     """
     squared, slope = _fits(strain, capacitance)
     width = strain[None, :] - strain[:, None]
     # Two points are always on a line.
-    able = (squared >= least_linearity) & (width > 1.5 * (strain[1] - strain[0]))
-    if not able.any():
+    usable = (squared >= least_linearity) & (width > 1.5 * (strain[1] - strain[0]))
+    if not usable.any():
         return float(strain[0]), float(strain[0]), 0.0
-    widest = width[able].max()
-    candidates = able & np.isclose(width, widest)
+    widest = width[usable].max()
+    candidates = usable & np.isclose(width, widest)
     place = np.argmax(np.where(candidates, np.abs(slope), -1.0))
     first, last = np.unravel_index(place, width.shape)
     return float(strain[first]), float(strain[last]), float(slope[first, last])
@@ -159,8 +159,8 @@ def hysteresis(loading: Curve, unloading: Curve) -> float:
     """Largest difference between loading and unloading, over the range of the curve [1].
 
     Args:
-        loading: capacitance while pulled [pF].
-        unloading: at the same strains while let go; missing ones are left out.
+        loading: capacitance during loading [pF].
+        unloading: capacitance at the same strains during unloading; NaNs are ignored [pF].
     """
     both = np.isfinite(loading) & np.isfinite(unloading)
     if not both.any():
@@ -172,15 +172,15 @@ def hysteresis(loading: Curve, unloading: Curve) -> float:
 def strain_unfolded(strain: Curve, fold: Curve, left: float) -> float:
     """Applied strain at which unfolding is complete, NaN if it is not within the test [1].
 
-    It is where the folds that keep the electrodes together are open: where their mean angle has
-    fallen to a part of what it is relaxed, or is least, if from there on they close again. A
-    checkerboard reaches that at its largest transverse strain, as the paper says of unfolding
-    (Sec. "Kinematics under tension"): what is pulled further narrows, and its folds with it.
+    Unfolding is complete when the folds between the electrodes are open: when their mean angle has
+    fallen to a fraction of its relaxed value, or to its minimum if they close again from there on.
+    A checkerboard reaches this at its largest transverse strain, as the paper describes (Sec.
+    "Kinematics under tension"); when pulled further it narrows, and its folds close.
 
     Args:
-        strain: ascending from 0 [1].
+        strain: strains, ascending from 0 [1].
         fold: mean fold angle of those folds at these strains [rad].
-        left: the part of the relaxed angle.
+        left: the fraction of the relaxed angle.
     """
     least = int(np.argmin(fold))
     open_enough = np.flatnonzero(fold <= left * fold[0])

@@ -1,14 +1,14 @@
-"""Capacitance by the wedge integral: two strips side by side as plates of a hinge, fast.
+"""Capacitance by the wedge integral: a fast estimate for two strips side by side.
 
-Field lines are taken for arcs about the line halfway between the strips, through the wedge before
-the fabric and through that behind it. Each wedge of angle θ between flat strips has
+Field lines are approximated by arcs about the line halfway between the strips, through the wedge in
+front of the fabric and through that behind it. Each wedge of angle θ between flat strips has
 
     C = ε L ∫ dr/(r θ) = ε L G,  G = ln(r2/r1)/θ,
 
-or G = width over distance if they are parallel plates. What the field gains beyond the ends of the
-strips follows from the plane: r^(π/θ) maps the wedge on a half plane, and there two coplanar strips
-have C = ε L K(k')/2K(k) with k = exp(−π G). That is exact for flat fabric, and G + ln 4/π where the
-wedge is tight.
+or G = width over distance if they are parallel plates. The fringe field follows from the plane
+problem: r^(π/θ) maps the wedge to a half plane, where two coplanar strips have
+C = ε L K(k')/2K(k) with k = exp(−π G). That is exact for flat fabric, and G + ln 4/π for a narrow
+wedge.
 """
 
 import math
@@ -26,15 +26,15 @@ from knitlab.model.electrodes import Electrodes
 from knitlab.model.network import MeshShape
 
 POINTS_A_CELL = 3
-"""Gauss points along each part of a grid cell, each way."""
+"""Gauss points in each part of a grid cell, along each direction."""
 MEAN_STEPS = 8
 """Steps of the arithmetic-geometric mean."""
 SMALLEST, TIGHT = 1e-12, 12.0
-"""Wedges so open that nothing is left of them, and so tight that G + ln 4/π is exact."""
+"""G below which a wedge is negligible, and G above which G + ln 4/π is exact."""
 
 
 def side_by_side(electrodes: Electrodes) -> bool:
-    """Whether both electrodes are single strips of one width that run beside each other."""
+    """Whether both electrodes are single strips of equal width side by side."""
     if any(len(strips) != 1 for strips in electrodes.strips):
         return False
     across = 1 - electrodes.axis
@@ -50,7 +50,7 @@ def wedge_capacitance(
 ) -> Float[Array, "*state"]:
     """Capacitance between two strips in vacuum, by the wedge integral [pF].
 
-    It can be differentiated by the configuration. Of periodic fabric it is that of one period.
+    It is differentiable by the configuration. For periodic fabric it is that of one period.
 
     Args:
         electrodes: two strips, see :func:`side_by_side`.
@@ -71,7 +71,7 @@ def wedge_capacitance(
         _cut(right[across][0] - middle, right[across][1] - middle, (middle, -middle))
     )
     run, run_weight = _gauss(_cut(*left[axis], (0.0,)))
-    # Mirror images about the middle line: first the left strip, then the right.
+    # Mirror images about the centre line: first the left strip, then the right.
     plates = [_plate(middle + side * reach, run, axis, shape, configuration) for side in (-1, 1)]
     chord = jnp.linalg.norm(plates[1][0] - plates[0][0], axis=-1)
     outwards = -plates[0][1], plates[1][1]
@@ -83,7 +83,7 @@ def wedge_capacitance(
     length = sum(jnp.linalg.norm(plate[2], axis=-1) for plate in plates) / 2
     total = jnp.zeros(chord.shape[:-2])
     for wedge in (angle, 2 * jnp.pi - angle):
-        # An arc is chord × (θ/2)/sin(θ/2) long, and infinite about the back of parallel plates.
+        # The length of an arc is chord × (θ/2)/sin(θ/2), infinite behind parallel plates.
         across_gap = jnp.sinc(wedge / (2 * jnp.pi)) / chord
         ratio = (reach_weight * (area / length) * across_gap).sum(axis=-1)
         total += (run_weight * length.mean(axis=-1) * with_ends(ratio)).sum(axis=-1)
@@ -91,7 +91,7 @@ def wedge_capacitance(
 
 
 def with_ends(ratio: Float[Array, "*wedge"]) -> Float[Array, "*wedge"]:
-    """K(k')/2K(k) for k = exp(−π G): a wedge of G = ``ratio``, and the field beyond its ends."""
+    """K(k')/2K(k) for k = exp(−π G): a wedge of G = ``ratio`` with its fringe field."""
     bounded = jnp.clip(ratio, SMALLEST, TIGHT)
     small = jnp.exp(-jnp.pi * bounded)
     exact = _mean(jnp.sqrt(-jnp.expm1(-2 * jnp.pi * bounded))) / _mean(small) / 2
@@ -113,7 +113,7 @@ def _plate(
     shape: MeshShape,
     configuration: Configuration,
 ) -> tuple[Float[Array, "*state run reach 3"], ...]:
-    """Points of a strip, and the tangents across and along it, by a step of the chart [mm]."""
+    """Points of a strip, and the tangents across and along it per grid cell [mm]."""
     grid = np.stack(np.broadcast_arrays(at[None, :], run[:, None]), axis=-1).reshape(-1, 2)
     places = grid if axis == 1 else grid[:, ::-1]
     cells = np.floor(places).astype(int)
@@ -123,14 +123,14 @@ def _plate(
         points = points_on(corner, cells[:, ::-1], shape, configuration)
         return jnp.asarray(points).reshape(*points.shape[:-2], len(run), len(at), 3)
 
-    here = on((np.nan, np.nan))
+    points_here = on((np.nan, np.nan))
     by_x = on((1, np.nan)) - on((0, np.nan))
     by_y = on((np.nan, 1)) - on((np.nan, 0))
-    return (here, by_x, by_y) if axis == 1 else (here, by_y, by_x)
+    return (points_here, by_x, by_y) if axis == 1 else (points_here, by_y, by_x)
 
 
 def _cut(low: float, high: float, origins: tuple[float, ...]) -> list[float]:
-    """An interval, cut where it crosses the border of a grid cell counted from any origin."""
+    """An interval, divided at the borders of grid cells counted from each origin."""
     lines = {low, high}
     for origin in origins:
         cell = np.arange(np.floor(low + origin) + 1, np.ceil(high + origin)) - origin

@@ -14,22 +14,26 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
 @click.command()
 @click.argument("curve", type=click.Path(path_type=Path, dir_okay=False))
 @click.option("--stripe", "knit", type=click.Choice(["rib", "garter"]), required=True)
-@click.option("-n", "stitches", type=click.IntRange(min=1), required=True, help="Its stitches.")
+@click.option(
+    "-n", "stitches", type=click.IntRange(min=1), required=True, help="Stitches across the stripe."
+)
 @click.option(
     "--period", type=MILLIMETRES, required=True, help="Relaxed peak-to-peak distance [mm]."
 )
 @click.option(
     "--cell-size",
     type=click.Choice(["flat", "relaxed"]),
-    help="Reading that the stripe is to be simulated in. [default: that of params/reading.toml]",
+    help="Model option to simulate the stripe with. [default: that of params/reading.toml]",
 )
 @click.option("--width", type=MILLIMETRES, help="Width of one row, for a curve of stress [mm].")
-@click.option("--thickness", type=MILLIMETRES, help="Of the fabric, for stress over area [mm].")
+@click.option(
+    "--thickness", type=MILLIMETRES, help="Thickness of the fabric, for stress over area [mm]."
+)
 @click.option(
     "-o",
     "--output",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Stripe entry to write, .toml; figures lie beside it. [default: STRIPE-N.toml]",
+    help="Stripe entry to write, .toml, with figures beside it. [default: STRIPE-N.toml]",
 )
 @explains_bad_input
 def calibrate(
@@ -46,7 +50,7 @@ def calibrate(
 
     CURVE is a CSV file with a header such as "strain [1],force [N]": the force on one row of the
     network, or the stress with the row's --width. Measure until the folds are open and the springs
-    stretch, to about 200 % strain: short of that the three cannot be determined separately.
+    stretch, to about 200 % strain: below that the three cannot be determined separately.
     """
     from knitlab.io.curve_file import read_tension_curve
     from knitlab.io.errors import fault
@@ -75,11 +79,11 @@ def calibrate(
     for warning in found.warnings:
         click.echo(f"knitlab: {warning}", err=True)
     if found.usable:
-        read_as = cell_size or read_parameters(shipped("params")).model_options.cell_size
-        write_stripe_file(output, knit, stitches, found, curve, read_as)
+        used_size = cell_size or read_parameters(shipped("params")).model_options.cell_size
+        write_stripe_file(output, knit, stitches, found, curve, used_size)
         click.echo(f"stripe   {output}")
     else:
-        click.echo("knitlab: no stripe is written, for this fit cannot be used", err=True)
+        click.echo("knitlab: no stripe is written, as this fit cannot be used", err=True)
     with print_style():
         figure = calibration_figure(found.strain, found.force, found.fitted_force, title)
         for suffix in (".pdf", ".png"):

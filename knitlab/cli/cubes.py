@@ -3,12 +3,11 @@
 import re
 from contextlib import suppress
 from pathlib import Path
-from typing import get_args
 
 import click
 
 from knitlab.cli.options import explains_bad_input, select_option
-from knitlab.study.figure_names import FigureName
+from knitlab.study.figure_names import FIGURE_NAMES
 
 format_option = click.option(
     "--format",
@@ -64,8 +63,8 @@ def compare(
 ) -> None:
     """Compare SIMULATION with EXPERIMENTS, curve by curve.
 
-    The uncertainty is that of the RMS difference, by the scatter of the records; the noise
-    is the RMS difference to expect of equal curves.
+    The uncertainty is that of the RMS difference, from the scatter of the records; the noise
+    is the RMS difference expected for equal curves.
     """
     from knitlab.api.comparison import compare_selected
     from knitlab.io.cube_file import open_cube
@@ -77,8 +76,8 @@ def compare(
 
 @click.command(
     name="map",
-    help="Draw a figure of KIND from CUBES, of which most kinds take one.\n\nKIND is one of "
-    f"{', '.join(get_args(FigureName))}.",
+    help="Draw a figure of KIND from CUBES, most kinds take one.\n\nKIND is one of "
+    f"{', '.join(FIGURE_NAMES)}.",
 )
 @click.argument("kind")
 @click.argument("cubes", type=click.Path(path_type=Path), nargs=-1, required=True)
@@ -92,10 +91,10 @@ def compare(
 @select_option
 @explains_bad_input
 def draw_map(kind: str, cubes: tuple[Path, ...], output: Path, selections: tuple[str, ...]) -> None:
-    """Draw a figure of a cube, unless it is drawn already."""
+    """Draw a figure of a cube, unless its file is up to date."""
     from knitlab.figures.drawn import fingerprint_of_figure, is_drawn
 
-    with suppress(OSError):  # a cube that cannot be read is explained where it is drawn
+    with suppress(OSError):  # draw_figure explains why a cube cannot be read
         if is_drawn(output, fingerprint_of_figure(kind, cubes, selections)):
             click.echo(f"figure  {output}")
             return
@@ -111,15 +110,15 @@ def draw_map(kind: str, cubes: tuple[Path, ...], output: Path, selections: tuple
     "-o",
     "--output",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Page to write: .html holds its figures; those of .md lie in a folder beside it.",
+    help="Report to write: .html contains its figures; .md has them in a folder beside it.",
 )
 @explains_bad_input
 def claims(cubes: tuple[Path, ...], selections: tuple[str, ...], output: Path | None) -> None:
-    """Judge what the paper says by CUBES: each claim holds, fails, or is not measured.
+    """Judge the paper's claims by CUBES: each claim holds, fails, or is not measured.
 
-    Its margin says how far it is from its threshold, below 0 if it fails; from -0.25 to 0 it is a
-    near miss. Of several cubes that measure a claim the one with the paper's samples decides it:
-    clamped before periodic, then with more of the designs, then with more unit cells.
+    The margin is the distance from the threshold of a claim, below 0 if it fails; from -0.25 to 0
+    it is a near miss. If several cubes measure a claim, the one with the paper's samples decides
+    it: clamped before periodic, then with more of the designs, then with more unit cells.
     """
     from knitlab.paper.claims import read_claims
     from knitlab.paper.judgement import judged, listed

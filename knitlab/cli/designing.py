@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from knitlab.cli.cubes import format_option
-from knitlab.cli.options import SOME_CASE_NOT_OK, explains_bad_input, results_option
+from knitlab.cli.options import SOME_CASE_NOT_OK, explains_bad_input, results_option, workers_option
 
 
 @click.command()
@@ -17,22 +17,17 @@ from knitlab.cli.options import SOME_CASE_NOT_OK, explains_bad_input, results_op
     default="60",
     show_default=True,
     metavar="N|MINUTESmin",
-    help="Most simulations of coarse sweep and searches, or a time such as 30min.",
+    help="Largest number of simulations of coarse sweep and searches, or a time such as 30min.",
 )
-@click.option(
-    "--workers",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Worker processes on this machine; 0 runs in this process.",
-)
+@workers_option(0)
 @format_option
 @explains_bad_input
 def design(file: Path, results: Path, budget: str, workers: int, style: str) -> None:
     """Find the stripes and sizes that come closest to the targets of a TOML file, by simulation.
 
-    Writes a cube of the candidates, a workflow that reproduces each, a table of all trials and
-    figures into a folder of the file's name. An interrupted design goes on when it is run again.
+    Writes a cube of the candidates, a workflow that reproduces each, a table of all trials, and
+    figures into a folder with the name of the file. An interrupted design continues when it is
+    run again.
     Exit code 1 if no candidate meets all targets.
     """
     from knitlab.api.designing import design_request, draw
@@ -46,7 +41,7 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     try:
         designed = design_request(request, budget, workers, results, False, True, {})
     except KeyboardInterrupt:
-        click.echo("stopped: what is simulated is kept; run again to go on", err=True)
+        click.echo("stopped: finished simulations are kept; run again to continue", err=True)
         sys.exit(SOME_CASE_NOT_OK)
     if style == "table":
         wanted = (*request.targets, *request.subject_to)

@@ -16,13 +16,13 @@ from knitlab.cli.options import explains_bad_input
     multiple=True,
     required=True,
     metavar="TARGET",
-    help='What is wanted, such as "poisson_ratio = -0.3 @ 0.05:0.25". Repeatable.',
+    help='Target, such as "poisson_ratio = -0.3 @ 0.05:0.25". Repeatable.',
 )
 @click.option(
     "--subject-to",
     multiple=True,
     metavar="TARGET",
-    help='What must be met, such as "knit_cell_x < 20". Repeatable.',
+    help='Target that must be met, such as "knit_cell_x < 20". Repeatable.',
 )
 @click.option(
     "--most", type=click.IntRange(min=1), default=10, show_default=True, help="Designs to list."
@@ -32,7 +32,7 @@ from knitlab.cli.options import explains_bad_input
     "-o",
     "--output",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Figure of what is wanted and what was found, .pdf, .svg or .png.",
+    help="Figure of the targets and the nearest designs, .pdf, .svg or .png.",
 )
 @explains_bad_input
 def find(
@@ -46,9 +46,9 @@ def find(
     """List the designs of CUBES that come closest to the targets; nothing is simulated.
 
     A target is NAME = VALUE, NAME < VALUE, NAME > VALUE or VALUE < NAME < VALUE. A variable along
-    the applied strain needs @ STRAIN or @ FROM:TO, and may be reduced over that: mean(NAME),
-    min, max, slope or spread. VALUE ± TOLERANCE gives the distance that counts as one; without it
-    that is the scatter among the designs.
+    the applied strain needs @ STRAIN or @ FROM:TO, and may be reduced over a window: mean(NAME),
+    min, max, slope or spread. VALUE ± TOLERANCE gives the unit of distance; by default that is the
+    scatter among the designs.
     """
     from knitlab.api.finding import find as find_in
     from knitlab.study.figure_names import check_still
@@ -58,8 +58,8 @@ def find(
         check_still(output)
     found = find_in(*cubes, targets=targets, subject_to=subject_to, most=most)
     if style == "table":
-        for number, its in enumerate(found.reached, start=1):
-            click.echo(f"target {number}: {its.target.text}")
+        for number, reached in enumerate(found.reached, start=1):
+            click.echo(f"target {number}: {reached.target.text}")
     click.echo(formatted(found.table, style))
     for reason, count in found.passed_over.items():
         click.echo(f"{count} designs {reason}", err=True)

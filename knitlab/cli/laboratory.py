@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @click.group(name="import")
 def import_group() -> None:
-    """Import laboratory records as a cube, to show beside simulations."""
+    """Import laboratory records as a cube, to compare with simulations."""
 
 
 def _importing(kind: "RecordKind", summary: str) -> click.Command:
@@ -43,7 +43,7 @@ def _importing(kind: "RecordKind", summary: str) -> click.Command:
 _SUMMARIES: "dict[RecordKind, str]" = {
     "markers": "Import the tracked markers described by DESCRIPTION, a TOML file.",
     "tensile": "Import the tensile test described by DESCRIPTION, a TOML file.",
-    "capacitance": "Import the LCR meter's log described by DESCRIPTION, a TOML file.",
+    "capacitance": "Import the log of an LCR meter described by DESCRIPTION, a TOML file.",
 }
 for _kind, _summary in _SUMMARIES.items():
     import_group.add_command(_importing(_kind, _summary))
@@ -59,21 +59,21 @@ for _kind, _summary in _SUMMARIES.items():
     type=click.FloatRange(min=0, max=2, min_open=True),
     default=0.2,
     show_default=True,
-    help="Relative standard deviation that the tables are trusted to.",
+    help="Relative standard deviation of the tabulated stripes.",
 )
 @click.option(
     "--model-error",
     type=click.FloatRange(min=0, max=1),
     default=0.01,
     show_default=True,
-    help="Part of a curve's largest value that the model is trusted to.",
+    help="Error of the model, as a fraction of the largest value of a curve.",
 )
 @click.option(
     "--starts",
     type=click.IntRange(min=1, max=64),
     default=4,
     show_default=True,
-    help="Most starts to try until the test is met.",
+    help="Largest number of starts to try until the test is matched.",
 )
 @click.option(
     "-o",
@@ -81,7 +81,7 @@ for _kind, _summary in _SUMMARIES.items():
     type=click.Path(path_type=Path, dir_okay=False),
     default=Path("fitted.toml"),
     show_default=True,
-    help="Stripes to write, .toml; figures lie beside it.",
+    help="Stripes to write, .toml, with figures beside it.",
 )
 @explains_bad_input
 def fit(
@@ -96,8 +96,8 @@ def fit(
 ) -> None:
     """Fit k_s, k_t and theta_0 of both stripes to an imported EXPERIMENT on a whole fabric.
 
-    The sample is the one case of WORKFLOW that is of the experiment's design. It is simulated some
-    ten to thirty times.
+    The sample is the only case of WORKFLOW with the design of the experiment. It is simulated
+    about ten to thirty times.
     """
     from knitlab.io.cube_file import open_cube
     from knitlab.tables.selection import selected

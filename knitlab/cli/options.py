@@ -1,4 +1,4 @@
-"""What commands share: options, exit codes, and messages of bad input."""
+"""Options, exit codes and messages that commands share."""
 
 import sys
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from knitlab.io.errors import BadInput, fault
 BAD_INPUT = 2
 SOME_CASE_NOT_OK = 1
 MOST_LINES = 20
-"""Cases that a command lists at most."""
+"""Largest number of cases that a command lists."""
 
 Command = Callable[..., None]
 
@@ -34,17 +34,17 @@ def explains_bad_input(command: Command) -> Command:
 
 
 def check_toml(output: Path) -> None:
-    """Refuse a file for stripes that is no TOML file.
+    """Check the suffix of a file for stripes.
 
     Raises:
-        BadInput: if its suffix is another one.
+        BadInput: if it is not ``.toml``.
     """
     if output.suffix != ".toml":
         raise fault(f"output {output}", "has no suffix .toml; give it one")
 
 
 def _with_options(message: str) -> str:
-    """A fault of a Python argument as one of the option that gives it."""
+    """The message about a Python argument, with the name of its option instead."""
     argument, space, rest = message.partition(" ")
     for parameter in click.get_current_context().command.params:
         if parameter.name == argument.removesuffix(":") and isinstance(parameter, click.Option):
@@ -60,6 +60,17 @@ results_option = click.option(
     show_default=True,
     help="Folder that holds a folder of results for each workflow.",
 )
+
+
+def workers_option(default: int, shown: str | bool = True) -> Callable[[Command], Command]:
+    """The option ``--workers``, with the default of a command and how to show it."""
+    return click.option(
+        "--workers",
+        type=click.IntRange(min=0),
+        default=default,
+        show_default=shown,
+        help="Worker processes on this machine; 0 runs in this process.",
+    )
 
 
 set_option = click.option(

@@ -17,6 +17,7 @@ from knitlab.cli.options import (
     explains_bad_input,
     results_option,
     set_option,
+    workers_option,
 )
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def workflow_options(command: Command) -> Command:
-    """The argument and options that name a workflow and its results."""
+    """Add the argument and options that name a workflow and its results."""
 
     @wraps(command)
     def scaled(
@@ -38,7 +39,7 @@ def workflow_options(command: Command) -> Command:
         click.option(
             "--scale",
             type=click.FloatRange(min=0, max=1, min_open=True),
-            help="Part of the needles that a sample is knitted on; short for --set scale=.",
+            help="Fraction of the needles that a sample is knitted on; short for --set scale=.",
         ),
         set_option,
         click.argument("workflow"),
@@ -70,7 +71,7 @@ def plan(workflow: str, results: Path, overrides: tuple[str, ...]) -> None:
         )
         for case_id in batch.cases[:MOST_LINES]:
             case = made.cases[case_id]
-            click.echo(f"  {case.label}  P {case.periods}  {case_id}  {status.words[case_id]}")
+            click.echo(f"  {case.label}  P {case.periods}  {case_id}  {status.statuses[case_id]}")
         if len(batch.cases) > MOST_LINES:
             click.echo(f"  … and {len(batch.cases) - MOST_LINES} more")
     if len(made.batches) > MOST_LINES:
@@ -112,27 +113,20 @@ def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
 
 @click.command()
 @workflow_options
-@click.option(
-    "--workers",
-    type=click.IntRange(min=0),
-    default=os.cpu_count() or 1,
-    show_default="all cores",
-    help="Worker processes on this machine; 0 runs in this process. Where batches are fewer,"
-    " each has the more threads for a large sample.",
-)
+@workers_option(os.cpu_count() or 1, shown="all cores")
 @click.option("--scheduler", metavar="ADDRESS", help="Use this dask scheduler instead.")
 @click.option(
     "--retries",
     type=click.IntRange(min=0),
     default=0,
     show_default=True,
-    help="How often to try a batch again that raised an error.",
+    help="How often to repeat a batch that raised an error.",
 )
 @click.option(
     "--keep-going/--fail-fast",
     default=True,
     show_default=True,
-    help="Whether to go on after a case that is not ok.",
+    help="Whether to continue after a case that is not ok.",
 )
 @click.option(
     "--case-timeout",
@@ -140,7 +134,7 @@ def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
     metavar="SECONDS",
     help="Longest time for one case.",
 )
-@click.option("--refresh", is_flag=True, help="Compute stale results anew.")
+@click.option("--refresh", is_flag=True, help="Recompute stale results.")
 @click.option("--dashboard", is_flag=True, help="Open dask's dashboard on this machine.")
 @explains_bad_input
 def run(
@@ -155,7 +149,7 @@ def run(
     refresh: bool,
     dashboard: bool,
 ) -> None:
-    """Simulate the cases of WORKFLOW that are missing, build its cube and draw its figures."""
+    """Simulate the missing cases of WORKFLOW, build its cube and draw its figures."""
     if _is_finished(workflow, overrides, results):
         return
     from knitlab.api.sweeps import run_workflow
@@ -192,23 +186,23 @@ def run(
 def _is_finished(workflow: str, overrides: tuple[str, ...], results: Path) -> bool:
     """Whether there is nothing to run or draw; if so, print what exists."""
     from knitlab.execution.finished import finished_plan
-    from knitlab.figures.drawn import asked_figures, fingerprint_of_figure, is_drawn
+    from knitlab.figures.drawn import fingerprint_of_figure, is_drawn, requested_figures
     from knitlab.io.plain_cube import CUBE, open_plain_cube
 
     record = finished_plan(workflow, overrides, results)
     if record is None:
         return False
     folder = results / record["workflow"]
-    figures = asked_figures(record["figures"], open_plain_cube(folder), folder)
-    for its in figures:
-        fingerprint = fingerprint_of_figure(its.kind, [folder], its.selections)
-        if not all(is_drawn(output, fingerprint) for output in its.outputs):
+    figures = requested_figures(record["figures"], open_plain_cube(folder), folder)
+    for figure in figures:
+        fingerprint = fingerprint_of_figure(figure.kind, [folder], figure.selections)
+        if not all(is_drawn(output, fingerprint) for output in figure.outputs):
             return False
     for *design, reason in record["excluded"]:
         click.echo(_excluded(record["dims"], design, reason))
     click.echo(f"0 cases simulated, {len(record['cases'])} already there")
     click.echo(f"cube    {folder / CUBE}")
-    for output in (output for its in figures for output in its.outputs):
+    for output in (output for figure in figures for output in figure.outputs):
         click.echo(f"figure  {output}")
     return True
 
@@ -217,13 +211,12 @@ def _is_finished(workflow: str, overrides: tuple[str, ...], results: Path) -> bo
 @click.argument("workflow")
 @results_option
 @click.option("--check", is_flag=True, help="Compare every case file with its checksum.")
-@click.option("--json", "as_json", is_flag=True, help="For scripts.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, for scripts.")
 @explains_bad_input
 def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
-    """Show the progress of the last plan of WORKFLOW, and what of it is stale.
+    """Show the status of the cases of the last plan of WORKFLOW.
 
-    If a file that the plan was made of has changed, the workflow is resolved anew, with the same
-    settings.
+    If an input file of the plan has changed, the workflow is planned again with the same settings.
     """
     from knitlab.execution.status import workflow_status
 
@@ -234,10 +227,10 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
     click.echo(f"{len(found.designs)} cases: {_counted(found.counts)}")
     for path in found.changed:
         click.echo(f"changed since the plan: {path}")
-    not_ok = [case_id for case_id, word in found.words.items() if word != "ok"]
+    not_ok = [case_id for case_id, word in found.statuses.items() if word != "ok"]
     for case_id in not_ok[:MOST_LINES]:
         reason = found.failures.get(case_id, "")
-        state = f"{found.words[case_id]}: {reason}" if reason else found.words[case_id]
+        state = f"{found.statuses[case_id]}: {reason}" if reason else found.statuses[case_id]
         click.echo(f"  {found.label(case_id)}  {case_id}  {state}")
     if len(not_ok) > MOST_LINES:
         click.echo(f"  … and {len(not_ok) - MOST_LINES} more; --json lists them all")
@@ -248,9 +241,10 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
 @results_option
 @explains_bad_input
 def reproduce(case_id: str, results: Path) -> None:
-    """Run one case alone, in this process, and show how every state was reached.
+    """Run one case in this process, and show how every state was reached.
 
-    CASE_ID may be the beginning of one. Where its file is kept, the results are compared with it.
+    CASE_ID may be the first characters of an identifier. The results are compared with the case
+    file, if there is one.
     """
     from knitlab.api.sweeps import reproduce as reproduce_case
 

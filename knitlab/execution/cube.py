@@ -25,18 +25,18 @@ from knitlab.study.design_space import Design
 from knitlab.study.gauge import sizes_at, sizes_of, stated
 from knitlab.study.plan import Plan
 
-WORDS = ("case_id", "code")
+TEXT_VARIABLES = ("case_id", "code")
 UNIT_CELLS = ("unit_cells_y", "unit_cells_x")
 Values = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Entry:
-    """What goes into one cell of a cube.
+    """The contents of one cell of a cube.
 
     Attributes:
-        values: by variable, along the strains and unit cells of its own test.
-        strains: of its test.
+        values: values by variable, along the strains and unit cells of the design's own test.
+        strains: applied strains of that test [1].
     """
 
     values: Values
@@ -44,9 +44,9 @@ class Entry:
 
     @property
     def unit_cells(self) -> tuple[int, int]:
-        """Of its sample, along (y, x)."""
+        """Unit cells of the sample along (y, x)."""
         if self.of_earlier_version:
-            # Its sample is at most as large as the largest of that cube.
+            # The sample is at most as large as the largest one of that cube.
             shape = np.shape(self.values["strain_xx"])
             return shape[1], shape[2]
         rows, columns = (int(self.values[name]) for name in UNIT_CELLS)
@@ -67,28 +67,28 @@ def build_cube(
     failed: Collection[str],
     damaged: Collection[str] = (),
 ) -> xr.Dataset:
-    """Cube of a plan, from its case files and the cube that there was.
+    """Cube of a plan, from its case files and the previous cube.
 
-    Cells of the old cube that the plan does not touch stay as they are; combinations that
-    nobody requested are ``excluded``; planned cases without a file are ``failed`` if they are
-    among ``failed``, else ``pending``. Planned cases that an earlier version put into the old
-    cube, without all that is stated now, are read again.
+    Cells of the old cube that are not in the plan are kept; combinations that were never requested
+    are ``excluded``; planned cases without a file are ``failed`` if they are among ``failed``, else
+    ``pending``. Planned cases that an earlier version wrote into the old cube with fewer variables
+    are read again.
 
     Args:
-        plan: what was to be simulated.
+        plan: the plan.
         results: results folder of the workflow.
-        old: the cube that there was, along the same dimensions.
+        old: the previous cube, along the same dimensions.
         computed: identifiers of cases whose files are newer than the old cube.
-        kept_stale: identifiers of cases in whose place other parameters' results stay.
+        kept_stale: identifiers of cases for which results of other parameters are kept.
         failed: identifiers of cases that this run could not compute.
-        damaged: identifiers of cases whose files are not to be read.
+        damaged: identifiers of cases whose files must not be read.
     """
     known = {} if old is None else cells(PlainCube.of(old))
     entries = {} if old is None else _old_entries(plan, old, known)
     for case_id, case in plan.cases.items():
         design = tuple(case.design.values())
-        there = known.get(design)
-        same = there is not None and there.case_id == case_id and there.has_results
+        cell = known.get(design)
+        same = cell is not None and cell.case_id == case_id and cell.has_results
         untouched = same and case_id not in computed and case_id not in failed
         path = case_path(results, case_id)
         readable = case_id not in damaged and path.is_file()
@@ -119,7 +119,7 @@ def _names(plan: Plan, old: xr.Dataset | None) -> list[str]:
     wanted = {name for name, variable in variables_of(case).items() if variable.in_cube}
     wanted |= set() if old is None else set(map(str, old.data_vars))
     kinds = ("design", "stripes") if case.pure else ("design", "stripes", "cloth")
-    named = [name for name, its in VARIABLES.items() if name in wanted or its.of in kinds]
+    named = [name for name, each in VARIABLES.items() if name in wanted or each.of in kinds]
     # A stripe number that is swept is a coordinate.
     return [name for name in named if name not in plan.dims]
 
@@ -137,7 +137,7 @@ def _old_entries(plan: Plan, old: xr.Dataset, known: Mapping[Design, Cell]) -> d
 def _attributes(
     plan: Plan, old: xr.Dataset | None, entries: Mapping[Design, Entry]
 ) -> dict[str, str]:
-    """Attributes of a cube: of its parameters, those alone that hold for every design."""
+    """Attributes of a cube: its provenance, and the parameters that all of its designs share."""
     common = plan.common
     planned = [entry.values["case_id"] in plan.cases for entry in entries.values()]
     if old is not None and not all(planned):
@@ -168,12 +168,12 @@ def _empty_entry(case: Case, status: Status) -> Entry:
 
 
 def _read_entry(path: Path, case: Case, gauge: Gauge) -> Entry:
-    # By netCDF4 itself and unmasked: through xarray, reading takes several times as long.
+    # With netCDF4 and unmasked, which is several times as fast as through xarray.
     values = known_in_advance(case)
     with netCDF4.Dataset(path) as dataset:
         dataset.set_auto_maskandscale(False)
         for name, variable in variables_of(case).items():
-            # A file of an earlier version has not all of them.
+            # A file of an earlier version may lack some.
             if variable.in_cube and name in dataset.variables:
                 values[name] = unmasked(name, dataset[name][...])
     return Entry(values | sizes_of(case, values, gauge), case.applied_strain)
@@ -190,10 +190,10 @@ def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) 
     arrays: dict[str, np.ndarray] = {
         name: np.full((*grid, *(sizes[dim] for dim in VARIABLES[name].dims)), np.nan)
         for name in names
-        if name not in WORDS
+        if name not in TEXT_VARIABLES
     }
     arrays["status"] = np.full(grid, Status.excluded, np.int8)
-    arrays |= {name: np.full(grid, "", dtype=object) for name in WORDS}
+    arrays |= {name: np.full(grid, "", dtype=object) for name in TEXT_VARIABLES}
 
     places = [{label: k for k, label in enumerate(along)} for along in labels]
     rank = {strain: k for k, strain in enumerate(strains)}
@@ -203,9 +203,9 @@ def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) 
         for name, value in entry.values.items():
             dims = VARIABLES[name].dims
             if "applied_strain" not in dims:
-                arrays[name][place] = str(value) if name in WORDS else value
+                arrays[name][place] = str(value) if name in TEXT_VARIABLES else value
             else:
-                # Values of an old cube may be padded further than the new one is.
+                # Values of an old cube may be padded to more unit cells than the new one has.
                 extents = zip(dims[1:], np.shape(value)[1:], strict=True)
                 within = tuple(slice(0, min(size, sizes[dim])) for dim, size in extents)
                 arrays[name][place][(rows, *within)] = value[(slice(None), *within)]
@@ -227,6 +227,6 @@ def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) 
 
 
 def _along(designs: Sequence[Design], place: int) -> list[Label]:
-    """Labels along one dimension: numbers ascending, words as they come."""
+    """Labels along one dimension: numbers in ascending order, texts in order of appearance."""
     labels = list(dict.fromkeys(design[place] for design in designs))
     return labels if any(isinstance(label, str) for label in labels) else sorted(labels)

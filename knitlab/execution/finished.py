@@ -1,4 +1,4 @@
-"""Finished runs: whether a results folder holds all that a run would make. Needs no JAX."""
+"""Finished runs: whether a results folder holds everything that a run would make. Needs no JAX."""
 
 from pathlib import Path
 from typing import Any
@@ -13,10 +13,10 @@ from knitlab.study.workflow_file import workflow_file
 def finished_plan(
     workflow: str, overrides: tuple[str, ...], results: Path
 ) -> dict[str, Any] | None:
-    """The record of a plan that was run to its end, if nothing changed since.
+    """The record of a plan whose run is complete, if nothing has changed since.
 
-    Its inputs, its settings and the code are the same, and every case is ok, sound, of this code
-    and in the cube. Otherwise None: the plan is to be made and run.
+    Inputs, settings and code are the same, and every case is ok, undamaged, computed by this code
+    and in the cube. Otherwise None: the plan must be made and run.
 
     Args:
         workflow: name of a shipped workflow, or path of a file of the same form.

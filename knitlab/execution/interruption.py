@@ -1,4 +1,4 @@
-"""Interruption: signals that end a run end it as Ctrl-C does."""
+"""Interruption: signals that end a process are handled like Ctrl-C."""
 
 import signal
 import threading
@@ -8,15 +8,16 @@ from contextlib import contextmanager
 ENDING = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
-"""Ctrl-C, what a batch system or ``kill`` sends, and, if there is one, the terminal that closes."""
+"""Ctrl-C; what a batch system or ``kill`` sends; and, where it exists, a closed terminal."""
 
 
 @contextmanager
 def interrupted_by_signals() -> Iterator[None]:
     """Raise KeyboardInterrupt on any signal that asks a process to end.
 
-    One that is ignored stays so, as Ctrl-C in the background of a shell, or the end of the terminal
-    under ``nohup``. Outside the main thread nothing is changed, for Python allows it there alone.
+    A signal that is ignored stays ignored, such as Ctrl-C in a shell's background or a closed
+    terminal under ``nohup``. Outside the main thread this does nothing, as Python installs signal
+    handlers only there.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -1,4 +1,4 @@
-"""Progress: a bar over the work of a run, weighed so that its time left is honest."""
+"""Progress: a bar over the estimated work of a run, so that its remaining time is realistic."""
 
 import sys
 from types import TracebackType
@@ -15,9 +15,9 @@ SECONDS_BETWEEN_LINES = 30.0
 
 
 class ProgressBar:
-    """A bar over all states of some cases; a case that ends early is credited in full.
+    """A bar over all states of some cases; a case that ends early counts in full.
 
-    Where it is no terminal that it is drawn on, it writes a line every half minute.
+    If the output is not a terminal, it writes a line every half minute.
     """
 
     def __init__(self, cases: dict[str, Case], shown: bool, file: TextIO = sys.stderr) -> None:
@@ -25,15 +25,15 @@ class ProgressBar:
         self._states = dict.fromkeys(cases, 0.0)
         self._ended = 0
         self._total = sum(work(case, case.states) for case in cases.values())
-        drawn = file.isatty()
+        on_terminal = file.isatty()
         self._bar = tqdm(
             total=self._total,
             smoothing=0,
             disable=not shown,
-            file=file if drawn else _Lines(file),
-            bar_format=BAR if drawn else LINE,
-            mininterval=0.1 if drawn else SECONDS_BETWEEN_LINES,
-            # Work is done in amounts of any size.
+            file=file if on_terminal else _Lines(file),
+            bar_format=BAR if on_terminal else LINE,
+            mininterval=0.1 if on_terminal else SECONDS_BETWEEN_LINES,
+            # The amount of work of an update is arbitrary.
             miniters=0,
         )
         self._describe()
@@ -50,22 +50,22 @@ class ProgressBar:
         self._bar.close()
 
     def reached(self, case_id: str, states: float) -> None:
-        """Note that a case has this many of its states; part of one if it is on the way."""
+        """Record how many states of a case are done; a fraction is part of a state."""
         case = self._cases[case_id]
         advance = work(case, states) - work(case, self._states[case_id])
         if advance > 0:
             self._states[case_id] = states
-            # Round-off must not carry the bar past its end.
+            # Round-off must not move the bar past its end.
             self._bar.update(min(advance, self._total - self._bar.n))
 
     def ended(self, case_id: str) -> None:
-        """Note that a case has ended, whatever became of it."""
+        """Record that a case has ended, with whatever result."""
         self._ended += 1
         self.reached(case_id, self._cases[case_id].states)
         self._describe()
 
-    def say(self, sentence: str) -> None:
-        """Say something above the bar."""
+    def write(self, sentence: str) -> None:
+        """Print a sentence above the bar."""
         self._bar.write(sentence, file=sys.stderr)
 
     def _describe(self) -> None:
@@ -73,7 +73,7 @@ class ProgressBar:
 
 
 class _Lines:
-    """Writes what would be drawn over and over on a terminal as lines."""
+    """Writes each update of the bar as a line, for output that is not a terminal."""
 
     def __init__(self, file: TextIO) -> None:
         self._file = file

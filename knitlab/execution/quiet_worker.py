@@ -1,4 +1,4 @@
-"""Preloaded by dask's workers: Ctrl-C is the run's business, and so are the messages about it."""
+"""Preloaded by dask's workers, which ignore Ctrl-C and log nothing: the run handles both."""
 
 import logging
 import signal

@@ -1,4 +1,4 @@
-"""Reproducing one case alone, in this process, with all that is known of it."""
+"""Reproducing one case in this process, with details of every state."""
 
 import json
 import time
@@ -27,18 +27,18 @@ HEADER = (
     f" {'nu':>9} {'force [N]':>10}"
 )
 AGREES = 1e-3
-"""Difference in Poisson's ratio, and part of the largest force, up to which two results agree."""
+"""Difference in Poisson's ratio, and in force over the largest force, up to which results agree."""
 MOST_NAMED = 5
-"""Identifiers of one beginning that a message lists."""
+"""Largest number of identifiers that a message lists."""
 
 
 @dataclass(frozen=True)
 class RecordedCase:
-    """A case as a results folder has it.
+    """A case as recorded in a results folder.
 
     Attributes:
         case: the case.
-        case_id: the identifier that it is kept under; another version may give it another one.
+        case_id: the identifier that it is stored under, which may be that of another version.
         folder: the results folder.
     """
 
@@ -48,21 +48,21 @@ class RecordedCase:
 
     @property
     def kept(self) -> xr.Dataset | None:
-        """Its case file, if it is there."""
+        """The contents of its case file, if it exists."""
         if not case_path(self.folder, self.case_id).is_file():
             return None
         return read_case(self.folder, self.case_id)
 
 
 def find_case(results: Path, case_id: str) -> RecordedCase:
-    """The case of an identifier, from the plans, failures and case files under a folder.
+    """The case with an identifier, from the plans, failures and case files under a folder.
 
     Args:
         results: folder that holds a folder of results for each workflow, or one of these.
-        case_id: its identifier, or the beginning of it.
+        case_id: its identifier, or the first characters of it.
 
     Raises:
-        BadInput: if there is none, several begin so, or it was recorded by another version.
+        BadInput: if there is none, if several begin so, or if another version recorded it.
     """
     found: dict[str, tuple[Path, dict[str, Any]]] = {}
     for folder in [results, *sorted(path for path in results.glob("*") if path.is_dir())]:
@@ -76,7 +76,7 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
         raise fault(case_id, where)
     if len(found) > 1:
         some = ", ".join(list(found)[:MOST_NAMED])
-        raise fault(case_id, f"{len(found)} cases begin so ({some}, …); give more of it")
+        raise fault(case_id, f"{len(found)} cases begin so ({some}, …); give more characters")
     ((name, (folder, record)),) = found.items()
     try:
         return RecordedCase(case_of(record), name, folder)
@@ -85,32 +85,32 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
 
 
 def _records(folder: Path, begins: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Cases of a results folder whose identifiers begin so, with what is recorded of them."""
+    """Recorded cases of a results folder whose identifiers begin with ``begins``."""
     planned: Mapping[str, Any] = {}
     if (folder / PLAN).is_file():
         planned = read_plan(folder)["cases"]
     failed = {name: entry["case"] for name, entry in earlier_failures(folder).items()}
     recorded = failed | dict(planned)
-    yield from ((name, dict(its)) for name, its in recorded.items() if name.startswith(begins))
+    yield from ((key, dict(value)) for key, value in recorded.items() if key.startswith(begins))
     for path in sorted(folder.glob("cases/*.nc")):
         if path.stem.startswith(begins) and path.stem not in recorded:
             yield path.stem, dict(json.loads(read_case(folder, path.stem).attrs["parameters"]))
 
 
 def reproduce(recorded: RecordedCase, say: Callable[[str], None]) -> bool:
-    """Run a case alone and say how every state was reached; nothing is written.
+    """Run a case and report how every state was reached; no file is written.
 
     Args:
         recorded: the case.
-        say: takes each line.
+        say: called with each line of the report.
 
     Returns:
-        Whether every state converged, and agrees with what is kept of the case if anything is.
+        Whether every state converged, and agrees with the case file if there is one.
     """
     case = recorded.case
     say(f"{recorded.case_id}: {case.label}")
     if case.case_id != recorded.case_id:
-        say(f"recorded by another version; this one calls it {case.case_id}")
+        say(f"recorded by another version; its identifier is now {case.case_id}")
     say(f"{case.mesh_shape.unknowns} unknowns, method {case.method}, code {code_fingerprint()}")
     say(json.dumps(case.record))
     began = time.perf_counter()
@@ -122,7 +122,7 @@ def reproduce(recorded: RecordedCase, say: Callable[[str], None]) -> bool:
 
     try:
         (test,) = tensile_tests([case], report)
-    except Exception:  # whatever it raises is what one wants to see
+    except Exception:  # the report shows whatever it raises
         say(traceback.format_exc().rstrip())
         return False
     results = measured(case, test)
@@ -139,7 +139,7 @@ def reproduce(recorded: RecordedCase, say: Callable[[str], None]) -> bool:
 
 
 def states_table(case: Case, test: TensileTest, results: xr.Dataset) -> list[str]:
-    """How every state of a test was reached and what it gave, in lines of text."""
+    """Table of how every state of a test was reached, and of its results, as lines of text."""
     return [
         HEADER,
         *(
@@ -157,22 +157,22 @@ def states_table(case: Case, test: TensileTest, results: xr.Dataset) -> list[str
 
 
 def comparison(results: xr.Dataset, kept: xr.Dataset) -> tuple[bool, str]:
-    """Whether a case's results agree with those that are kept of it, and by how much, in words.
+    """Whether results of a case agree with its case file, and a sentence with the differences.
 
     Args:
-        results: of the case.
-        kept: its file.
+        results: new results of the case.
+        kept: contents of its case file.
     """
-    one, other = results["poisson_ratio"].values, kept["poisson_ratio"].values
+    ratio, kept_ratio = results["poisson_ratio"].values, kept["poisson_ratio"].values
     force, kept_force = results["reaction_force"].values, kept["reaction_force"].values
     same = bool((np.isfinite(force) == np.isfinite(kept_force)).all())
-    ratios = _largest(one - other)
+    ratios = _largest(ratio - kept_ratio)
     forces = _largest(force - kept_force) / max(_largest(kept_force), np.finfo(float).tiny)
     agree = same and ratios <= AGREES and forces <= AGREES
-    word = "agrees with" if agree else "DOES NOT agree with"
+    verdict = "agrees with" if agree else "DOES NOT agree with"
     differ = f"nu differs by at most {ratios:.1e}, force by {forces:.1e} of the largest"
     missing = "" if same else ", and other states are missing"
-    return agree, f"{differ}{missing}: {word}"
+    return agree, f"{differ}{missing}: {verdict}"
 
 
 def _largest(values: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""Running a plan: what is missing is simulated, then one writer builds the cube."""
+"""Running a plan: missing cases are simulated, then the cube is built."""
 
 import itertools
 import json
@@ -28,29 +28,29 @@ from knitlab.study.common_settings import differences, parameters_of
 from knitlab.study.plan import Plan
 
 MAY_DIFFER = ("applied_strain", "unit_cells", "solver", "sensitivities", "unloading", "robustness")
-"""What designs of one cube may differ in: how far they are pulled, how large a sample of them is
-(each has its ``unit_cells_y`` and ``unit_cells_x`` in the cube), how that is solved, and whether
-sensitivities, the way back or siblings are asked for."""
+"""Parameters in which designs of one cube may differ: strains, sample size (which the cube has for
+each design, as ``unit_cells_y`` and ``unit_cells_x``), solver settings, and whether sensitivities,
+unloading or siblings are requested."""
 ONE_BY_ONE = 2
-"""Attempts after which batches are run one by one."""
+"""Number of attempts after which batches are run one by one."""
 Failed = dict[str, BatchError]
 """Why cases could not be computed, by identifier."""
 
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a plan is run; nothing of it changes a number.
+    """How a plan is run; none of these options changes a result.
 
     Attributes:
         workers: processes on this machine; 0 simulates in this process.
         scheduler: address of an existing dask scheduler, whose workers see the results folder.
-        retries: how often a batch that raised is tried again as it is.
+        retries: how often a batch that raised is tried again unchanged.
         fail_fast: whether to stop at the first case that is not ok.
         case_timeout: longest time for a case, if any [s].
-        refresh: whether to compute stale results anew.
+        refresh: whether to recompute stale results.
         dashboard: whether to open dask's dashboard.
         show_progress: whether to draw a progress bar.
-        simulate: what simulates a batch.
+        simulate: function that simulates a batch.
     """
 
     workers: int = 0
@@ -66,98 +66,98 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class Run:
-    """What a run left behind.
+    """The result of a run.
 
     Attributes:
         cube: the cube, as written.
         simulated: identifiers of the cases that this run simulated.
-        standing: what there was of each planned case before.
-        failures: the reason that each case that is not ok gives.
-        stopped: whether the run was broken off.
-        changed: what differs from the parameters of stale results.
+        states_before: state of every planned case before the run, by identifier.
+        failures: an entry with its reason for each case that is not ok.
+        stopped: whether the run was interrupted.
+        changed: differences to the parameters of stale results.
     """
 
     cube: xr.Dataset
     simulated: tuple[str, ...]
-    standing: dict[str, CaseState]
+    states_before: dict[str, CaseState]
     failures: tuple[dict[str, Any], ...]
     stopped: bool
     changed: tuple[str, ...] = ()
 
-    def in_state(self, standing: CaseState) -> tuple[str, ...]:
-        """Cases that were of one standing before, by identifier."""
-        return tuple(case_id for case_id, its in self.standing.items() if its is standing)
+    def in_state(self, state: CaseState) -> tuple[str, ...]:
+        """Identifiers of the cases that were in a state before the run."""
+        return tuple(case_id for case_id, before in self.states_before.items() if before is state)
 
     @property
     def reused(self) -> tuple[str, ...]:
-        """Cases whose results were there, be it of other code."""
-        there = {*self.in_state(CaseState.done), *self.in_state(CaseState.stale_code)}
-        return tuple(there - set(self.simulated))
+        """Identifiers of cases whose results were reused, even if other code computed them."""
+        stored = {*self.in_state(CaseState.done), *self.in_state(CaseState.stale_code)}
+        return tuple(stored - set(self.simulated))
 
     @property
     def stale_code(self) -> tuple[str, ...]:
-        """Cases that are still of other code."""
+        """Identifiers of cases whose results are still of other code."""
         return tuple(set(self.in_state(CaseState.stale_code)) - set(self.simulated))
 
     @property
     def stale_parameters(self) -> tuple[str, ...]:
-        """Cases that are still of other parameters."""
+        """Identifiers of cases whose results are still of other parameters."""
         return tuple(set(self.in_state(CaseState.stale_parameters)) - set(self.simulated))
 
     @property
     def unfinished(self) -> tuple[str, ...]:
-        """Cases that have no result."""
+        """Identifiers of cases without a result."""
         without = {*self.in_state(CaseState.pending), *self.in_state(CaseState.damaged)}
         return tuple(without - set(self.simulated))
 
     def remarks(self, folder: Path) -> list[str]:
-        """Lines about a run whose results are not all as they should be."""
+        """Remarks about damaged, failed, stale and unfinished cases, one line each."""
         lines = [
             f"damaged: {case_path(folder, case_id)} was not as it had been written"
             for case_id in self.in_state(CaseState.damaged)
         ]
         if self.failures:
-            lines.append(f"one alone, in detail: knitlab reproduce CASE_ID (see {FAILURES})")
+            lines.append(f"for details of one case: knitlab reproduce CASE_ID (see {FAILURES})")
         if self.stale_code:
             lines.append(
-                f"stale: {len(self.stale_code)} cases were computed by other code and stay as they"
-                " are; --refresh computes them anew"
+                f"stale: {len(self.stale_code)} cases were computed by other code and are kept;"
+                " --refresh recomputes them"
             )
         if self.stale_parameters:
             lines.append(
-                f"stale: {len(self.stale_parameters)} cases stay as they were computed with other"
+                f"stale: {len(self.stale_parameters)} cases are kept as computed with other"
                 f" parameters ({'; '.join(self.changed) or 'of single designs'}); --refresh"
-                " computes them anew, --results FOLDER keeps both"
+                " recomputes them, --results FOLDER keeps both"
             )
         if self.stopped:
             left = f"{len(self.unfinished)} cases are left"
-            lines.append(f"stopped: what is done is kept, {left}; run again to go on")
+            lines.append(f"stopped: finished cases are kept, {left}; run again to continue")
         return lines
 
 
 @dataclass
 class RunProgress:
-    """How far a run has come; it outlives a Ctrl-C."""
+    """Cases that have ended or failed so far; kept when the run is interrupted."""
 
     ended: set[str] = field(default_factory=set)
     failed: Failed = field(default_factory=dict)
 
 
 def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
-    """Simulate the cases of a plan that have no sound file, then write ``cube.nc``.
+    """Simulate the cases of a plan that have no undamaged file, then write ``cube.nc``.
 
-    Results of other code or parameters stay unless ``options.refresh``. A batch that raises or
-    whose worker dies is tried again, then its cases alone; one that has no result even so is
-    ``failed``. Ctrl-C keeps what is done, and so does SIGTERM.
+    Results of other code or parameters are kept unless ``options.refresh``. A batch that raises or
+    whose worker dies is tried again, then each of its cases on its own; a case that still has no
+    result is ``failed``. Ctrl-C and SIGTERM keep finished cases.
 
     Args:
-        plan: the plan, frozen here into ``plan.json``.
+        plan: the plan, which is written to ``plan.json``.
         results: results folder of the workflow.
         options: how to run it.
 
     Raises:
-        BadInput: if another run holds the folder, or its cube is of other dimensions.
-        CannotWrite: if the folder cannot be written, or is full; what is done is kept.
+        BadInput: if another run holds the folder, or its cube has other dimensions.
+        CannotWrite: if the folder cannot be written, or is full; finished cases are kept.
     """
     if options.scheduler is not None:
         connected(options.scheduler).close()  # before anything is written
@@ -165,11 +165,11 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
         clear_unfinished(results)
         old = _old_cube(plan, results / CUBE)
         known = None if old is None else PlainCube.of(old)
-        standing = survey(plan.designs, results, known, check=True)
+        states = survey(plan.designs, results, known, check=True)
         missing = {
             case_id: plan.cases[case_id]
-            for case_id, its in standing.items()
-            if its in (CaseState.pending, CaseState.damaged) or (its.stale and options.refresh)
+            for case_id, state in states.items()
+            if state in (CaseState.pending, CaseState.damaged) or (state.stale and options.refresh)
         }
         plan.write(results / PLAN)
         progress = RunProgress()
@@ -178,43 +178,42 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
         simulated = tuple(case_id for case_id in missing if case_id in progress.ended)
         stale = {
             case_id
-            for case_id, its in standing.items()
-            if its is CaseState.stale_parameters and case_id not in simulated
+            for case_id, state in states.items()
+            if state is CaseState.stale_parameters and case_id not in simulated
         }
         damaged = {
             case_id
-            for case_id, its in standing.items()
-            if its is CaseState.damaged and case_id not in simulated
+            for case_id, state in states.items()
+            if state is CaseState.damaged and case_id not in simulated
         }
         cube = build_cube(plan, results, old, simulated, stale, progress.failed, damaged)
         write_cube(cube, results / CUBE)
         failures = tuple(_failures(plan, results, cube, simulated, progress.failed))
         with atomic_write(results / FAILURES) as temporary:
             temporary.write_text("".join(json.dumps(entry) + "\n" for entry in failures))
-    mine = tuple(entry for entry in failures if entry["case_id"] in plan.cases)
-    changed = () if old is None else differences(parameters_of(old), plan.common)
-    words = tuple(map(str, changed)) if stale else ()
-    return Run(cube, simulated, standing, mine, stopped, words)
+    planned = tuple(entry for entry in failures if entry["case_id"] in plan.cases)
+    changed = differences(parameters_of(old), plan.common) if old is not None and stale else ()
+    return Run(cube, simulated, states, planned, stopped, tuple(map(str, changed)))
 
 
 def _old_cube(plan: Plan, path: Path) -> xr.Dataset | None:
-    """The cube that there is, if the plan's designs can join it."""
+    """The existing cube, if there is one; refused if the plan's designs cannot be added to it."""
     if not path.exists():
         return None
     try:
         cube = open_cube(path)
     except BadInput as error:
-        problem = "cannot be read; remove it and run again: it is made anew of the case files"
+        problem = "cannot be read; remove it and run again: it is rebuilt from the case files"
         raise fault(str(path), problem) from error
     check_dims(PlainCube.of(cube), plan.dims, path)
     others = set(cells(PlainCube.of(cube))) - set(plan.designs.values())
     changed = differences(parameters_of(cube), plan.common)
     changed = tuple(change for change in changed if change.key[0] not in MAY_DIFFER)
     if others and changed:
-        words = "; ".join(map(str, changed))
+        listed = "; ".join(map(str, changed))
         raise fault(
             str(path),
-            f"holds {len(others)} designs computed otherwise ({words}); name another"
+            f"holds {len(others)} designs computed otherwise ({listed}); name another"
             " --results, or list the values of a setting to make it a dimension",
         )
     return cube
@@ -223,7 +222,7 @@ def _old_cube(plan: Plan, path: Path) -> xr.Dataset | None:
 def _simulate_all(
     plan: Plan, results: Path, missing: dict[str, Case], options: RunOptions, progress: RunProgress
 ) -> bool:
-    """Simulate what is missing; whether it was broken off."""
+    """Simulate the missing cases; returns whether the run was interrupted."""
     batches = [
         batch
         for planned in plan.batches
@@ -232,7 +231,7 @@ def _simulate_all(
     if not batches:
         return False
     workers = min(options.workers, len(batches))
-    # Processors that no batch is left for help those that have one; others' are not known.
+    # Processors without a batch go to the others as threads; those of a scheduler are not known.
     threads = 1 if options.scheduler else options.workers // max(workers, 1)
     task = Task(options.simulate, results.resolve(), options.case_timeout, threads)
     with ProgressBar(missing, shown=options.show_progress) as bar:
@@ -241,7 +240,7 @@ def _simulate_all(
                 try:
                     return _in_rounds(pool, batches, results, options, progress, bar)
                 except KeyboardInterrupt:
-                    bar.say("stopping: the workers end and the cube is written; wait a moment")
+                    bar.write("stopping: the workers end and the cube is written; wait a moment")
                     raise
         except KeyboardInterrupt:
             return True
@@ -255,10 +254,10 @@ def _in_rounds(
     progress: RunProgress,
     bar: ProgressBar,
 ) -> bool:
-    """Simulate batches, then those again that need it, until none does.
+    """Simulate batches, and repeat those that need it; returns whether the run was stopped.
 
-    A batch may be lost because it was handed to a worker that another had just killed. What was
-    lost twice is therefore run one by one: there nothing but itself can have killed its worker.
+    A batch may be lost because another batch killed the worker that it was assigned to. A batch
+    that was lost twice is therefore run alone, where only itself can kill its worker.
     """
     attempts = 0
     while batches:
@@ -291,10 +290,10 @@ def _all_ok(results: Path, batch: Sequence[Case]) -> bool:
 def _failures(
     plan: Plan, results: Path, cube: xr.Dataset, simulated: Collection[str], failed: Failed
 ) -> Iterator[dict[str, Any]]:
-    """Of every design of the cube that is not ok the reason, and how to run it alone."""
+    """For every design of the cube that is not ok the reason, and the record to run it alone."""
     earlier = earlier_failures(results)
     bad = cube["status"].isin([Status.not_converged, Status.failed])
-    # One that failed when it was refreshed keeps its old results in the cube.
+    # A case that failed when it was refreshed keeps its old results in the cube.
     for case_id in dict.fromkeys([*cube["case_id"].values[bad.values], *failed]):
         if case_id in earlier and case_id not in simulated and case_id not in failed:
             yield earlier[case_id]

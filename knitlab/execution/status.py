@@ -1,4 +1,4 @@
-"""The status of a results folder: what is done, what is not, and what is stale. Needs no JAX."""
+"""The status of a results folder: which cases are done, pending or stale. Needs no JAX."""
 
 import json
 from collections import Counter
@@ -19,34 +19,34 @@ FAILURES = "failures.jsonl"
 
 @dataclass(frozen=True)
 class FolderStatus:
-    """What a results folder holds of its plan.
+    """The progress of the plan of a results folder.
 
     Attributes:
         designs: labels of the planned cases, by identifier.
-        dims: what they are labels of.
-        words: how each case stands: a status, or why it is not done.
-        failures: the reasons that failed cases give.
+        dims: dimensions of the labels.
+        statuses: status of every planned case, or why it is not done, by identifier.
+        failures: reason of every failed case, by identifier.
         changed: files that have changed since the plan was made.
     """
 
     designs: dict[str, Design]
     dims: tuple[str, ...]
-    words: dict[str, str]
+    statuses: dict[str, str]
     failures: dict[str, str]
     changed: tuple[str, ...]
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many cases stand how, the most first."""
-        return dict(Counter(self.words.values()).most_common())
+        """Number of cases by status, in descending order."""
+        return dict(Counter(self.statuses.values()).most_common())
 
     def label(self, case_id: str) -> str:
-        """The design of a case in words."""
+        """The design of a case as text."""
         labels = zip(self.dims, self.designs[case_id], strict=True)
         return "  ".join(f"{name} {value}" for name, value in labels)
 
     def record(self) -> dict[str, Any]:
-        """The status as JSON holds it."""
+        """The status as a JSON object."""
         return {
             "cases": len(self.designs),
             "counts": self.counts,
@@ -55,11 +55,11 @@ class FolderStatus:
                 {
                     "case_id": case_id,
                     **dict(zip(self.dims, self.designs[case_id], strict=True)),
-                    "status": word,
+                    "status": status,
                     "reason": self.failures.get(case_id, ""),
                 }
-                for case_id, word in self.words.items()
-                if word != Status.ok.name
+                for case_id, status in self.statuses.items()
+                if status != Status.ok.name
             ],
         }
 
@@ -86,18 +86,18 @@ def read_plan(folder: Path) -> dict[str, Any]:
 
 
 def changed_inputs(record: Mapping[str, Any]) -> tuple[str, ...]:
-    """Files of which a plan was made and that are not now what they were."""
+    """Input files of a plan that have changed since it was made."""
     now = digests(map(Path, record["inputs"]))
     return tuple(path for path, digest in record["inputs"].items() if now.get(path) != digest)
 
 
 def workflow_status(workflow: str, results: Path, check: bool) -> FolderStatus:
-    """How far the last plan of a workflow has come, and what of it is stale.
+    """Progress of the last plan of a workflow.
 
-    If a file that the plan was made of has changed, the workflow is resolved anew.
+    If an input file of the plan has changed, the workflow is planned again.
 
     Args:
-        workflow: its name, or the path of its file.
+        workflow: name of the workflow, or path of its file.
         results: folder that holds a folder of results for each workflow.
         check: whether to compare case files with their checksums.
 
@@ -108,7 +108,7 @@ def workflow_status(workflow: str, results: Path, check: bool) -> FolderStatus:
     record = read_plan(folder)
     designs = planned_designs(record)
     if changed_inputs(record):
-        from knitlab.study.plan import make_plan  # only a changed workflow waits for JAX
+        from knitlab.study.plan import make_plan  # imports JAX, which only this case needs
 
         designs = make_plan(workflow, tuple(record["overrides"])).designs
     return folder_status(folder, record, designs, check)
@@ -117,34 +117,36 @@ def workflow_status(workflow: str, results: Path, check: bool) -> FolderStatus:
 def folder_status(
     folder: Path, record: Mapping[str, Any], designs: Mapping[str, Design], check: bool
 ) -> FolderStatus:
-    """State of every planned case in a results folder.
+    """Status of every planned case in a results folder.
 
     Args:
         folder: the folder.
-        record: of its plan, see :func:`read_plan`.
+        record: record of its plan, see :func:`read_plan`.
         designs: labels of the planned cases, by identifier.
         check: whether to compare case files with their checksums.
 
     Raises:
-        BadInput: if its cube is none.
+        BadInput: if its ``cube.nc`` is not a cube.
     """
     cube = open_plain_cube(folder / CUBE) if (folder / CUBE).exists() else None
-    there = {} if cube is None else cells(cube)
+    stored = {} if cube is None else cells(cube)
     failures = earlier_failures(folder)
-    words = {}
-    for case_id, standing in survey(designs, folder, cube, check).items():
-        cell = there.get(designs[case_id])
-        if standing is CaseState.done:
+    statuses = {}
+    for case_id, state in survey(designs, folder, cube, check).items():
+        cell = stored.get(designs[case_id])
+        if state is CaseState.done:
             in_cube = cell is not None and cell.case_id == case_id
-            words[case_id] = cell.status.name if cell and in_cube else "done, not yet in the cube"
-        elif standing is CaseState.pending and case_id in failures:
-            words[case_id] = Status.failed.name
+            statuses[case_id] = (
+                cell.status.name if cell and in_cube else "done, not yet in the cube"
+            )
+        elif state is CaseState.pending and case_id in failures:
+            statuses[case_id] = Status.failed.name
         else:
-            words[case_id] = standing.value
+            statuses[case_id] = state.value
     return FolderStatus(
         designs=dict(designs),
         dims=tuple(record["dims"]),
-        words=words,
+        statuses=statuses,
         failures={case_id: entry["reason"] for case_id, entry in failures.items()},
         changed=changed_inputs(record),
     )
@@ -156,10 +158,10 @@ def planned_designs(record: Mapping[str, Any]) -> dict[str, Design]:
 
 
 def earlier_failures(folder: Path) -> dict[str, dict[str, Any]]:
-    """Reasons that the last run gave of designs that are not ok, by case identifier."""
+    """Entries of the last run for designs that are not ok, by case identifier."""
     try:
         lines = (folder / FAILURES).read_text().splitlines()
         entries = [json.loads(line) for line in lines]
         return {entry["case_id"]: entry for entry in entries if entry["reason"] and entry["case"]}
     except (OSError, ValueError, TypeError, KeyError):
-        return {}  # it is written anew by every run, and nothing depends on it
+        return {}  # every run rewrites the file, and no result depends on it

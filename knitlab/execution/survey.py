@@ -1,4 +1,4 @@
-"""The survey: how far each design of a plan has come in a results folder. Needs no JAX."""
+"""The survey: the state of every case of a plan in a results folder. Needs no JAX."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from knitlab.io.case_file import StoredCase, case_path, checksum_path, kept, read_code
+from knitlab.io.case_file import StoredCase, case_path, check_case_file, checksum_path, read_code
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
 from knitlab.io.fingerprint import code_fingerprint
@@ -18,7 +18,7 @@ Design = tuple[Any, ...]
 
 
 class CaseState(Enum):
-    """What there is of a planned case."""
+    """State of a planned case in a results folder."""
 
     done = "done"
     pending = "pending"
@@ -28,19 +28,19 @@ class CaseState(Enum):
 
     @property
     def stale(self) -> bool:
-        """Whether its results are of other code or parameters."""
+        """Whether the results are of other code or parameters."""
         return self in (CaseState.stale_code, CaseState.stale_parameters)
 
 
 @dataclass(frozen=True)
 class Cell:
-    """What a cube holds of one design.
+    """A design of a cube.
 
     Attributes:
-        place: where in the cube, an index for each design dimension.
-        case_id: its case.
+        place: its index in the cube, one for each design dimension.
+        case_id: identifier of its case.
         code: fingerprint of the code that computed it.
-        status: of it.
+        status: its status.
     """
 
     place: tuple[int, ...]
@@ -55,10 +55,10 @@ class Cell:
 
 
 def cells(cube: PlainCube) -> dict[Design, Cell]:
-    """The designs of a cube by their labels; combinations that are none are left out."""
+    """The designs of a cube by their labels, without excluded combinations."""
     labels = [cube.coordinates[dim].tolist() for dim in cube.design_dims]
     status, case_id = cube.read("status"), cube.read("case_id")
-    # Cubes of earlier versions do not hold it.
+    # Cubes of earlier versions lack it.
     code = cube.read("code") if "code" in cube.dims else np.full(status.shape, "")
     found = {}
     for place in zip(*map(np.ndarray.tolist, np.nonzero(status != Status.excluded)), strict=True):
@@ -70,15 +70,15 @@ def cells(cube: PlainCube) -> dict[Design, Cell]:
 
 
 def check_dims(cube: PlainCube, dims: tuple[str, ...], path: Path) -> None:
-    """Refuse a cube whose designs lie along other dimensions than a plan's.
+    """Check that a cube has the dimensions of a plan.
 
     Raises:
-        BadInput: if they do.
+        BadInput: if it has others.
     """
     if cube.design_dims != dims:
         raise fault(
             str(path),
-            f"lies along {', '.join(cube.design_dims)}, but the workflow along"
+            f"has the dimensions {', '.join(cube.design_dims)}, but the workflow has"
             f" {', '.join(dims)}; name another --results",
         )
 
@@ -86,34 +86,36 @@ def check_dims(cube: PlainCube, dims: tuple[str, ...], path: Path) -> None:
 def survey(
     cases: Mapping[str, Design], folder: Path, cube: PlainCube | None, check: bool
 ) -> dict[str, CaseState]:
-    """Standing of every planned case.
+    """State of every planned case, by identifier.
 
     Args:
         cases: designs by case identifier.
         folder: results folder of the workflow.
         cube: its cube, if there is one.
-        check: whether to compare every case file with its checksum, or only look whether both
-            are there.
+        check: whether to compare every case file with its checksum, rather than only test that
+            both files exist.
     """
-    there = {} if cube is None else cells(cube)
+    stored = {} if cube is None else cells(cube)
     names = {path.name for path in (folder / "cases").glob("*")}
-    return dict(_survey(cases, folder, there, names, check))
+    return dict(_survey(cases, folder, stored, names, check))
 
 
 def _survey(
     cases: Mapping[str, Design],
     folder: Path,
-    there: Mapping[Design, Cell],
+    stored: Mapping[Design, Cell],
     names: set[str],
     check: bool,
 ) -> Iterator[tuple[str, CaseState]]:
     for case_id, design in cases.items():
-        cell = there.get(design)
+        cell = stored.get(design)
         result, checksum = case_path(folder, case_id).name, checksum_path(folder, case_id).name
         if result not in names:
             stale = cell is not None and cell.case_id != case_id and cell.has_results
             yield case_id, CaseState.stale_parameters if stale else CaseState.pending
-        elif checksum not in names or (check and kept(folder, case_id) is not StoredCase.sound):
+        elif checksum not in names or (
+            check and check_case_file(folder, case_id) is not StoredCase.sound
+        ):
             yield case_id, CaseState.damaged
         else:
             if cell is not None and cell.case_id == case_id and cell.code:

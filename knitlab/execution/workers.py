@@ -1,4 +1,4 @@
-"""Workers: where batches are simulated, in this process or by dask."""
+"""Workers: batches are simulated in this process, or by dask."""
 
 import logging
 import os
@@ -19,14 +19,14 @@ from knitlab.linalg.threads import ONE_THREAD
 from knitlab.simulation.case import Case
 from knitlab.simulation.reporting import Progress
 
-# One thread a worker, except for Task.threads; and a solve cached on disk must not hold host
-# callbacks.
+# One thread per worker, except for Task.threads; and a compiled program cached on disk must not
+# contain host callbacks.
 WORKER_ENVIRONMENT = ONE_THREAD | {"EQX_ON_ERROR": "nan"}
 PROGRESS_TOPIC = "knitlab-progress"
 TIMED_OUT = ".timed-out-"
-"""What the marks begin with that workers leave in a results folder when time is up."""
+"""Prefix of the marker files that workers leave in a results folder on a timeout."""
 TIME_IS_UP = 75
-"""Exit code of such a worker."""
+"""Exit code of a worker that timed out."""
 
 Batch = Sequence[Case]
 Simulate = Callable[[Path, Batch, Progress], None]
@@ -38,10 +38,10 @@ class BatchError:
     """Why a batch has no results.
 
     Attributes:
-        reason: in a sentence.
-        trace: where it was raised, if it was.
-        lost: whether its worker died with it.
-        cannot_write: the fault, if there was no writing its files.
+        reason: the reason, as a sentence.
+        trace: traceback, if an exception was raised.
+        lost: whether its worker died.
+        cannot_write: the error, if its files could not be written.
     """
 
     reason: str
@@ -64,23 +64,23 @@ class BatchError:
 
     @classmethod
     def late(cls, seconds: float) -> "BatchError":
-        """A batch whose time was up."""
+        """A batch that timed out."""
         return cls(f"it took longer than {seconds:g} s (--case-timeout)")
 
 
 Pool = Callable[[Sequence[Batch]], Iterator[tuple[Batch, BatchError | None]]]
-"""Simulates batches and yields each as it ends, with the error that ended it if any."""
+"""Simulates batches and yields each when it ends, with its error if there was one."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """What is done with every batch, and where.
+    """How every batch is simulated.
 
     Attributes:
-        simulate: what simulates a batch.
+        simulate: function that simulates a batch.
         results: results folder of the workflow, as the workers see it.
         case_timeout: longest time for each case of a batch, if any [s].
-        threads: that a worker on this machine may use for one large sample.
+        threads: number of threads that a worker on this machine may use for one large sample.
     """
 
     simulate: Simulate
@@ -92,13 +92,13 @@ class Task:
         """Longest time for a batch [s]."""
         return None if self.case_timeout is None else self.case_timeout * len(batch)
 
-    def mark(self, batch: Batch) -> Path:
-        """What is left behind where the time for a batch was up."""
+    def marker(self, batch: Batch) -> Path:
+        """Marker file that a worker leaves when a batch times out."""
         return self.results / f"{TIMED_OUT}{batch[0].case_id}"
 
 
 def in_process(task: Task, progress: Progress) -> Pool:
-    """A pool that simulates in this process, one batch after the other."""
+    """A pool that simulates in this process, one batch after another."""
 
     def simulated(batches: Sequence[Batch]) -> Iterator[tuple[Batch, BatchError | None]]:
         for batch in batches:
@@ -117,7 +117,7 @@ def in_process(task: Task, progress: Progress) -> Pool:
 
 @contextmanager
 def _alarm(seconds: float | None) -> Iterator[None]:
-    """Raise TimeoutError here when time is up; a compiled program ends first."""
+    """Raise TimeoutError after a time; a compiled program that is running is completed first."""
 
     def ring(number: int, frame: FrameType | None) -> None:
         raise TimeoutError
@@ -126,7 +126,7 @@ def _alarm(seconds: float | None) -> Iterator[None]:
         yield
         return
     before = signal.signal(signal.SIGALRM, ring)
-    # Again and again, for what it raises may be lost in a callback.
+    # Repeatedly, because an exception raised in a callback may be lost.
     signal.setitimer(signal.ITIMER_REAL, seconds, max(seconds, 1.0))
     try:
         yield
@@ -137,9 +137,9 @@ def _alarm(seconds: float | None) -> Iterator[None]:
 
 @contextmanager
 def dask_pool(client: Client, task: Task, progress: Progress) -> Iterator[Pool]:
-    """A pool on a dask cluster; progress comes back as events of the scheduler."""
+    """A pool on a dask cluster; progress is reported as events of the scheduler."""
 
-    def heard(event: tuple[float, tuple[str, float]]) -> None:
+    def receive(event: tuple[float, tuple[str, float]]) -> None:
         progress(*event[1])
 
     def simulated(batches: Sequence[Batch]) -> Iterator[tuple[Batch, BatchError | None]]:
@@ -153,18 +153,18 @@ def dask_pool(client: Client, task: Task, progress: Progress) -> Iterator[Pool]:
         finally:
             client.cancel(list(futures), force=True)
 
-    client.subscribe_topic(PROGRESS_TOPIC, heard)
+    client.subscribe_topic(PROGRESS_TOPIC, receive)
     try:
         yield simulated
     finally:
-        with suppress(Exception):  # a scheduler that is gone needs no farewell
+        with suppress(Exception):  # the scheduler may be gone already
             client.unsubscribe_topic(PROGRESS_TOPIC)
 
 
 def _explained(task: Task, batch: Batch, error: BaseException) -> BatchError:
-    mark = task.mark(batch)
-    if isinstance(error, KilledWorker) and mark.exists():
-        mark.unlink()
+    marker = task.marker(batch)
+    if isinstance(error, KilledWorker) and marker.exists():
+        marker.unlink()
         return BatchError.late(task.limit(batch) or 0.0)
     return BatchError.of(error)
 
@@ -172,18 +172,18 @@ def _explained(task: Task, batch: Batch, error: BaseException) -> BatchError:
 def simulate_on_worker(task: Task, batch: Batch) -> None:
     """The dask task: simulate a batch and log its progress as events.
 
-    When its time is up the process ends, for nothing else ends a compiled program.
+    On a timeout the process exits, because a compiled program cannot be interrupted otherwise.
     """
     worker = get_worker()
     if task.threads > 1:
-        # Not of the cluster's settings: dask would let this process's own variables go before.
+        # Not through the cluster's settings, which this process's own variables would override.
         os.environ["OMP_NUM_THREADS"] = str(task.threads)
 
     def progress(case_id: str, states: float) -> None:
         worker.log_event(PROGRESS_TOPIC, (case_id, states))
 
     def give_up() -> None:
-        task.mark(batch).touch()
+        task.marker(batch).touch()
         os._exit(TIME_IS_UP)
 
     limit = task.limit(batch)
@@ -192,7 +192,7 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
         watch.daemon = True
         watch.start()
     try:
-        # On a worker xarray would request a lock from the scheduler to write, at every variable.
+        # On a worker, xarray would request a lock from the scheduler for every variable it writes.
         with dask.config.set(scheduler="synchronous"):
             task.simulate(task.results, batch, progress)
     finally:
@@ -204,17 +204,18 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
 def pool_of(
     task: Task, workers: int, scheduler: str | None, dashboard: bool, progress: Progress
 ) -> Iterator[Pool]:
-    """The pool that a run requests.
+    """The pool for a run.
 
     Args:
-        task: what is done with every batch.
-        workers: processes on this machine, spawned; 0 for this process.
+        task: how every batch is simulated.
+        workers: number of processes to spawn on this machine; 0 simulates in this process.
         scheduler: address of an existing dask scheduler; it overrides ``workers``.
         dashboard: whether to open dask's dashboard, on this machine alone.
         progress: called with a case's identifier and how many of its states are done.
 
     Raises:
-        BadInput: if there is no scheduler at the address, or no way to end a case in time.
+        BadInput: if no scheduler answers at the address, or the system has no timers for
+            ``case_timeout``.
     """
     if scheduler is None and workers == 0:
         if task.case_timeout is not None and not hasattr(signal, "setitimer"):
@@ -252,11 +253,11 @@ def _client(workers: int, scheduler: str | None, dashboard: bool) -> Iterator[Cl
         "distributed.nanny.pre-spawn-environ": WORKER_ENVIRONMENT,
         "distributed.worker.multiprocessing-method": "spawn",
         "distributed.worker.daemon": False,
-        # A case that kills its worker would kill others; run_plan tries again, and alone.
+        # A case that kills its worker would kill others; run_plan itself tries again, and alone.
         "distributed.scheduler.allowed-failures": 0,
         "distributed.scheduler.worker-saturation": 1.0,
-        # A worker that died is started anew, however long that takes: dask would else give it up
-        # after 15 s, and with the last of them the run would wait for ever.
+        # A worker that died is restarted, however long that takes: by default dask gives up after
+        # 15 s, and the run would wait for ever once the last worker is gone.
         "distributed.deploy.lost-worker-timeout": "1 day",
         "distributed.worker.preload": ["knitlab.execution.quiet_worker"],
     }
@@ -269,7 +270,7 @@ def _client(workers: int, scheduler: str | None, dashboard: bool) -> Iterator[Cl
             threads_per_worker=1,
             processes=True,
             host="127.0.0.1",
-            # Any free port: a second run on this machine is no reason for a warning.
+            # Any free port, so that a second run on this machine causes no warning.
             dashboard_address="127.0.0.1:0",
             scheduler_kwargs={"dashboard": dashboard},
             silence_logs=logging.CRITICAL,

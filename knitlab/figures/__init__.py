@@ -1,1 +1,1 @@
-"""Figures of cubes, one file a figure. Reads files only and never imports JAX."""
+"""Drawing of cubes. Reads files and never imports JAX."""

@@ -1,4 +1,4 @@
-"""The calibration: measured curve, fitted zigzag and what is left between them."""
+"""The calibration: measured curve, fitted zigzag and residual."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,7 +15,7 @@ def calibration_figure(
         strain: applied strain [1].
         force: measured, on one row [N].
         fitted_force: of the fitted zigzag [N].
-        title: what was fitted, a line or more.
+        title: what was fitted; one line or more.
     """
     figure = Figure(figsize=(ONE_COLUMN * 1.2, 3.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))

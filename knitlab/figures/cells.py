@@ -39,7 +39,7 @@ DASHED: dict[str, Any] = {
     "zorder": 3,
 }
 MEASURED_HEIGHT = 0.42
-"""Of what is measured, in a cell that is simulated too."""
+"""Height of the measured part of a cell whose design is simulated too."""
 
 Colour = tuple[float, float, float, float]
 
@@ -49,47 +49,47 @@ class CellStyle:
     """How the cells of a map show a value.
 
     Attributes:
-        name: of the variable.
-        colour: of a value.
-        words: text in a cell of that value, given its cell of the cube.
+        name: the variable shown.
+        colour: colour of a value.
+        text: text of a cell, given its value and its cell of the cube.
     """
 
     name: str
     colour: Callable[[float], Colour]
-    words: Callable[[float, xr.Dataset], str]
+    text: Callable[[float, xr.Dataset], str]
 
 
-def draw_cells(axes: Axes, cubes: Sequence[xr.Dataset], look: CellStyle) -> set[Status]:
+def draw_cells(axes: Axes, cubes: Sequence[xr.Dataset], style: CellStyle) -> set[Status]:
     """Draw a map of cells, and return the statuses that are marked in it.
 
-    A design that is measured has a dashed frame; where it is simulated too, that is the strip
-    at the foot of its cell.
+    A measured design has a dashed frame; where it is simulated too, the measurement is the strip
+    at the bottom of its cell.
 
     Args:
-        axes: where to.
-        cubes: of checkerboards; at most one is simulated.
-        look: of the cells.
+        axes: axes to draw on.
+        cubes: cubes of checkerboards, at most one of them simulated.
+        style: how the cells show their value.
     """
     gridded = [cube.transpose(*DESIGN_DIMS, ...) for cube in on_one_grid(cubes)]
     first, *_ = gridded = sorted(gridded, key=is_measured)
     marked: set[Status] = set()
     for row, column in np.ndindex(first["status"].shape):
-        here = [cube.isel(dict(zip(DESIGN_DIMS, (row, column), strict=True))) for cube in gridded]
-        shown = [its for its in here if int(its["status"]) != Status.excluded] or here[:1]
-        for place, its in enumerate(shown[:2]):
-            code = Status(int(its["status"]))
-            value = float(its[look.name]) if look.name in its else np.nan
-            top = 0.5 if place == 0 else MEASURED_HEIGHT - 0.5
-            foot = MEASURED_HEIGHT - 0.5 if place == 0 and len(shown) > 1 else -0.5
-            if code is Status.ok and np.isfinite(value):
-                colour = look.colour(value)
-                edge = DASHED if is_measured(its) else {"edgecolor": "white"}
-                cell(axes, row, column, bottom=row + foot, top=row + top, facecolor=colour, **edge)
-                middle = row + (foot + top) / 2
+        index = dict(zip(DESIGN_DIMS, (row, column), strict=True))
+        designs = [cube.isel(index) for cube in gridded]
+        shown = [each for each in designs if int(each["status"]) != Status.excluded] or designs[:1]
+        for k, design in enumerate(shown[:2]):
+            status = Status(int(design["status"]))
+            value = float(design[style.name]) if style.name in design else np.nan
+            top = row + (0.5 if k == 0 else MEASURED_HEIGHT - 0.5)
+            bottom = row + (MEASURED_HEIGHT - 0.5 if k == 0 and len(shown) > 1 else -0.5)
+            if status is Status.ok and np.isfinite(value):
+                colour = style.colour(value)
+                edge = DASHED if is_measured(design) else {"edgecolor": "white"}
+                cell(axes, row, column, bottom=bottom, top=top, facecolor=colour, **edge)
                 axes.text(
                     column,
-                    middle,
-                    look.words(value, its),
+                    (bottom + top) / 2,
+                    style.text(value, design),
                     ha="center",
                     va="center",
                     color=ink_on(colour),
@@ -98,8 +98,8 @@ def draw_cells(axes: Axes, cubes: Sequence[xr.Dataset], look: CellStyle) -> set[
                     zorder=4,
                 )
             else:
-                cell(axes, row, column, bottom=row + foot, top=row + top, **MARKS[code])
-                marked.add(code)
+                cell(axes, row, column, bottom=bottom, top=top, **MARKS[status])
+                marked.add(status)
     rows, columns = first["status"].shape
     axes.set(
         xlim=(-0.5, columns - 0.5),
@@ -114,7 +114,7 @@ def draw_cells(axes: Axes, cubes: Sequence[xr.Dataset], look: CellStyle) -> set[
 
 
 def row_count(cubes: Sequence[xr.Dataset]) -> int:
-    """Rows of a map of cubes: every n_stripe that one of them has."""
+    """Rows of a map of cubes: every n_stripe that occurs in any of them."""
     return len({n for cube in cubes for n in cube["n_stripe"].values.tolist()})
 
 
@@ -126,7 +126,7 @@ def values_of(cubes: Sequence[xr.Dataset], name: str) -> np.ndarray:
 
 
 def measured_note(cubes: Sequence[xr.Dataset]) -> list[Patch]:
-    """What a dashed frame means, if cubes have one, for a legend."""
+    """Legend entry of the dashed frames, if any cube is measured."""
     names = ", ".join(dict.fromkeys(source_of(cube) for cube in cubes if is_measured(cube)))
     return [Patch(label=f"measured: {names}", facecolor="white", **DASHED)] if names else []
 
@@ -148,8 +148,8 @@ def frame(figure: Figure, axes: Axes, scale: ScalarMappable, **colorbar: Any) ->
     """Remove the frame and the ticks of a map of cells, and add a colour bar.
 
     Args:
-        figure: the map's.
-        axes: its axes.
+        figure: the figure of the map.
+        axes: the axes of the map.
         scale: norm and colours.
         colorbar: further arguments of the colour bar, such as its label.
     """
@@ -175,7 +175,7 @@ def marks_legend(
     Args:
         figure: the figure.
         marked: the statuses that are marked.
-        no_value: why a design that is ok may have no value, if not as in the auxetic map.
+        no_value: why a design that is ok may have no value; by default that of the auxetic map.
         notes: further entries of the legend.
     """
     names = NAMES if no_value is None else NAMES | {Status.ok: no_value}

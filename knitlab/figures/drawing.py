@@ -1,34 +1,25 @@
-"""Every figure by name, drawn from a cube and written whole."""
+"""Drawing figures by name, and writing their files."""
 
 import itertools
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from importlib import import_module
 from pathlib import Path
-from typing import Any, Literal
 
 import xarray as xr
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from knitlab.figures.auxetic import auxetic_map
-from knitlab.figures.capacitors import capacitors_figure
-from knitlab.figures.curves import tension_curves
-from knitlab.figures.drawn import MARK, MOST_SLICES, asked_figures, fingerprint_of_figure, is_drawn
-from knitlab.figures.electrodes import electrodes_figure
-from knitlab.figures.network import spring_network
-from knitlab.figures.readings import readings_figure
-from knitlab.figures.relaxation import FRAMES_PER_SECOND, folding_animation, relaxation_figure
-from knitlab.figures.samples import stretched_samples
-from knitlab.figures.sensitivity import sensitivity_map
-from knitlab.figures.sensor import sensor_map
-from knitlab.figures.shape import fabric_shape
-from knitlab.figures.shapes import PAPER_SHAPES, relaxed_shapes
-from knitlab.figures.stripes import stripe_departure, stripe_tension
+from knitlab.figures.drawn import (
+    MARK,
+    MOST_SLICES,
+    fingerprint_of_figure,
+    is_drawn,
+    requested_figures,
+)
+from knitlab.figures.figure_kind import Drawing, FigureKind
+from knitlab.figures.kinds.folding import FRAMES_PER_SECOND
 from knitlab.figures.style import print_style
-from knitlab.figures.tension import PAPER_DESIGNS, tension_maps
-from knitlab.figures.wavelength import wavelength_figure
-from knitlab.figures.wedge import wedge_figure
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.case_file import case_path, read_case
 from knitlab.io.cube_file import (
@@ -43,9 +34,9 @@ from knitlab.io.cube_file import (
 )
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.plain_cube import PlainCube
-from knitlab.io.schema import DESIGN_DIMS, STRIPE_DIMS, VARIABLES
+from knitlab.io.schema import DESIGN_DIMS, VARIABLES
 from knitlab.io.suggestions import unknown
-from knitlab.study.figure_names import COMPARING, suffixes
+from knitlab.study.figure_names import COMPARING, FIGURE_NAMES, suffixes
 from knitlab.tables.selection import choices, refuse_others, selected, selections_along
 
 Drawing = Figure | FuncAnimation
@@ -95,7 +86,7 @@ FIGURES = {
     "wedge": FigureKind(wedge_figure, dims=None, several="any"),
     "electrodes": FigureKind(electrodes_figure, dims=None, needs="position"),
 }
-RUN_THERE = "shapes are in case files, not in the cube: run the designs into this folder"
+NO_CASE_FILES = "shapes are in case files, not in the cube: run the designs into this folder"
 
 
 def draw_figure(
@@ -134,35 +125,35 @@ def draw_figure(
 def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[Fault]]:
     """Draw a workflow's figures into its results folder, each for print and for the screen.
 
-    A cube that lies along swept settings too gives a figure for each of their values. What is
-    drawn of this cube by this code already stays as it is.
+    A cube with dimensions of swept settings gives a figure for each of their values. Figures that
+    are up to date are kept.
 
     Returns:
-        The files, and why a figure could not be drawn of these results.
+        The files, and why some figures could not be drawn.
     """
     saved: list[Path] = []
     faults: list[Fault] = []
     cube = open_cube(folder)
-    asked = asked_figures(kinds, PlainCube.of(cube), folder)
-    slices = {its.selections for its in asked if its.kind not in COMPARING}
+    requested = requested_figures(kinds, PlainCube.of(cube), folder)
+    slices = {figure.selections for figure in requested if figure.kind not in COMPARING}
     if len(slices) > MOST_SLICES:
-        problem = f"{len(slices)} slices are too many to draw unasked; draw one by knitlab map"
+        problem = f"{len(slices)} slices are too many to draw in a run; draw one by knitlab map"
         faults.append(Fault("figures", problem))
-        asked = [its for its in asked if its.kind in COMPARING]
-    for its in asked:
-        fingerprint = fingerprint_of_figure(its.kind, [folder], its.selections)
-        left = [output for output in its.outputs if not is_drawn(output, fingerprint)]
+        requested = [figure for figure in requested if figure.kind in COMPARING]
+    for figure in requested:
+        fingerprint = fingerprint_of_figure(figure.kind, [folder], figure.selections)
+        missing = [output for output in figure.outputs if not is_drawn(output, fingerprint)]
         try:
-            if left:
+            if missing:
                 with print_style():
-                    figure = _drawn(its.kind, [folder], [cube], its.selections)
-                    for output in left:
-                        save(figure, output, fingerprint)
+                    drawing = _drawn(figure.kind, [folder], [cube], figure.selections)
+                    for output in missing:
+                        save(drawing, output, fingerprint)
         except BadInput as error:
-            stem = its.outputs[0].stem
+            stem = figure.outputs[0].stem
             faults += [Fault(f"figure {stem}", entry.problem) for entry in error.faults]
         else:
-            saved += its.outputs
+            saved += figure.outputs
     return saved, faults
 
 
@@ -176,7 +167,7 @@ def draw(kind: str, cubes: Sequence[xr.Dataset], selections: Sequence[str] = ())
         selections: texts ``NAME=VALUE`` that slice the cubes first.
 
     Returns:
-        The figure, or a film where the kind moves.
+        The figure, or an animation if the kind is a film.
 
     Raises:
         BadInput: if a cube or a selection is at fault.
@@ -193,10 +184,10 @@ def draw(kind: str, cubes: Sequence[xr.Dataset], selections: Sequence[str] = ())
 
 
 def _check_count(kind: str, cubes: int) -> None:
-    """Refuse no cube, and several for a kind that takes one.
+    """Check the number of cubes.
 
     Raises:
-        BadInput: if so.
+        BadInput: if there is none, or more than one for a kind that takes one.
     """
     if not cubes:
         raise fault(kind, "shows a cube; give one")
@@ -225,12 +216,15 @@ def _drawn(
     kind = FIGURES[name]
     for cube in cubes:
         if kind.dims not in (None, base_dims(cube)):
-            able = [other for other, its in FIGURES.items() if its.dims in (None, base_dims(cube))]
-            raise fault(name, f"is not of such designs as this cube's; draw {', '.join(able)}")
+            able = [name for name, kind in FIGURES.items() if kind.dims in (None, base_dims(cube))]
+            raise fault(
+                name,
+                f"does not show designs along the dimensions of this cube; draw {', '.join(able)}",
+            )
     _check_sources(name, kind, cubes)
     dims = {dim: None for cube in cubes for dim in design_dims(cube)}
     known = (*dims, *kind.coordinates)
-    refuse_others(selections, known, f"says nothing to {name}; select of {', '.join(known)}")
+    refuse_others(selections, known, f"is no coordinate of {name}; select along {', '.join(known)}")
     cubes = [selected(cube, selections_along(selections, cube.coords)) for cube in cubes]
     if name in COMPARING:
         return kind.draw(list(zip(cube_paths, cubes, strict=True)))
@@ -253,17 +247,17 @@ def _drawn(
 
 
 def _check_sources(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> None:
-    """Refuse experiments that a kind cannot show, and simulations that it would mix up.
+    """Check which cubes are simulated and which are measured.
 
     Raises:
-        BadInput: if there are such.
+        BadInput: for experiments that a kind cannot show, or cubes that it could not tell apart.
     """
     measured = [source_of(cube) for cube in cubes if is_measured(cube)]
     if measured and kind.several is None:
-        able = ", ".join(other for other, its in FIGURES.items() if its.several)
+        able = ", ".join(other for other, kind in FIGURES.items() if kind.several)
         raise fault(
             name,
-            f"shows what a simulation alone knows, and {measured[0]} was measured; draw {able}",
+            f"needs a simulation, and {measured[0]} was measured; draw {able}",
         )
     if kind.several in ("experiments", "designs") and len(cubes) - len(measured) > 1:
         raise fault(name, "shows one simulation, and experiments beside it; give one simulation")
@@ -275,12 +269,12 @@ def _check_sources(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> 
         for design in itertools.product(*(cube[dim].values.tolist() for dim in DESIGN_DIMS))
     ]
     if len(set(shown)) < len(shown):
-        remedy = "give each a source of its own" if apart else "show one of them"
+        remedy = "give each another source" if apart else "show one of them"
         raise fault(name, f"has several experiments on one design; {remedy}")
 
 
 def _one_slice(name: str, cube: xr.Dataset) -> tuple[xr.Dataset, str]:
-    """A cube without the dimensions of swept settings, and the value of each in words."""
+    """A cube without the dimensions of swept settings, and the value of each as text."""
     swept = swept_dims(cube)
     if several := [dim for dim in swept if cube.sizes[dim] > 1]:
         raise fault(name, f"shows one value of each swept setting; select {choices(cube, several)}")
@@ -293,12 +287,12 @@ def _folder(cube_path: Path) -> Path:
 
 
 def save(drawing: Drawing, output: Path, fingerprint: str = "") -> None:
-    """Write a figure or a film into a file, whole.
+    """Write a figure or a film into a file, atomically.
 
     Args:
         drawing: the figure or film.
         output: the file; its suffix sets the format.
-        fingerprint: of all that it shows, for :func:`~knitlab.figures.drawn.is_drawn`.
+        fingerprint: of everything it depends on, for :func:`~knitlab.figures.drawn.is_drawn`.
     """
     mark = f"{MARK}{fingerprint}"
     with atomic_write(output) as temporary:
@@ -329,13 +323,13 @@ class _MarkedFilm(PillowWriter):
 
 
 _NOTE = {".png": "Description", ".svg": "Description", ".pdf": "Keywords"}
-"""What each format calls a note about a file."""
+"""Metadata key of the fingerprint, by format."""
 
 
 def _cases(name: str, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]:
-    """Cases of the designs that a figure shows, of those that have a case file."""
+    """Cases of the designs that a figure shows and that have a case file."""
     designs = cube["case_id"].stack(design=DESIGN_DIMS)
-    there = {
+    stored = {
         design: case_id
         for design, case_id in zip(designs["design"].values, designs.values, strict=True)
         if case_id and case_path(folder, case_id).is_file()
@@ -355,7 +349,7 @@ def _most_auxetic_case(cube: xr.Dataset, folder: Path, needs: str) -> xr.Dataset
             if needs in case:
                 return case
     if not any(designs["case_id"].values):
-        raise fault("selections", "no design of this selection was ever to be run; choose others")
+        raise fault("selections", "no design of this selection is planned; choose others")
     what = VARIABLES[needs].long_name
-    how = "run them with method=dynamics" if VARIABLES[needs].of == "dynamics" else RUN_THERE
+    how = "run them with method=dynamics" if VARIABLES[needs].of == "dynamics" else NO_CASE_FILES
     raise fault(str(folder / "cases"), f"holds no {what} of these designs; {how}")

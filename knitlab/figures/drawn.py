@@ -1,6 +1,6 @@
 """Drawn figures: the files of a figure, and whether they are up to date.
 
-Needs neither matplotlib nor xarray, so that a run with nothing to do takes no time.
+Imports neither matplotlib nor xarray, so that a run with nothing to do is fast.
 """
 
 import hashlib
@@ -16,20 +16,20 @@ from knitlab.study.figure_names import COMPARING, suffixes
 
 MARK = "knitlab-drawn-of:"
 """Prefix of the fingerprint that is stored in the file of every figure."""
-UNASKED = ".svg"
-"""Format that a run does not draw."""
+UNDRAWN = ".svg"
+"""Format that a run does not write."""
 MOST_SLICES = 8
-"""Values of swept settings that a run draws by itself."""
+"""Largest number of values of swept settings for which a run draws figures."""
 
 
 @dataclass(frozen=True)
-class Asked:
+class RequestedFigure:
     """A figure that a workflow asks for.
 
     Attributes:
-        kind: its name.
+        kind: name of the figure.
         selections: the slice of the cube that it shows.
-        outputs: its files.
+        outputs: files to write.
     """
 
     kind: str
@@ -37,13 +37,13 @@ class Asked:
     outputs: tuple[Path, ...]
 
 
-def asked_figures(kinds: Iterable[str], cube: PlainCube, folder: Path) -> list[Asked]:
+def requested_figures(kinds: Iterable[str], cube: PlainCube, folder: Path) -> list[RequestedFigure]:
     """The figures of a workflow, one for each value of swept settings unless it compares them.
 
     Args:
         kinds: names of figures.
-        cube: the workflow's.
-        folder: its results folder.
+        cube: cube of the workflow.
+        folder: results folder of the workflow.
     """
     swept = cube.design_dims[len(base_of(cube.design_dims)) :]
     along = [[f"{dim}={value}" for value in cube.coordinates[dim]] for dim in swept]
@@ -52,16 +52,16 @@ def asked_figures(kinds: Iterable[str], cube: PlainCube, folder: Path) -> list[A
     for kind in kinds:
         for selections in [()] if kind in COMPARING else slices:
             stem = "_".join([kind, *(text.replace("=", "-") for text in selections)])
-            names = [f"{stem}{suffix}" for suffix in suffixes(kind) if suffix != UNASKED]
+            names = [f"{stem}{suffix}" for suffix in suffixes(kind) if suffix != UNDRAWN]
             outputs = tuple(folder / "figures" / name for name in names)
-            found.append(Asked(kind, selections, outputs))
+            found.append(RequestedFigure(kind, selections, outputs))
     return found
 
 
 def fingerprint_of_figure(
     kind: str, cube_paths: Sequence[Path], selections: Sequence[str] = ()
 ) -> str:
-    """Fingerprint of all that a figure depends on: cubes, code and the drawing library.
+    """Fingerprint of everything a figure depends on: cubes, code and the version of matplotlib.
 
     Args:
         kind: a name of a figure.
@@ -77,5 +77,5 @@ def fingerprint_of_figure(
 
 
 def is_drawn(output: Path, fingerprint: str) -> bool:
-    """Whether a file shows the figure of a fingerprint."""
+    """Whether a file holds the figure with this fingerprint."""
     return output.is_file() and f"{MARK}{fingerprint}".encode() in output.read_bytes()

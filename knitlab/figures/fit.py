@@ -17,16 +17,16 @@ BEFORE, AFTER = "0.55", "#0072B2"
 
 
 class Fitted(NamedTuple):
-    """What a fit is shown by.
+    """Curves and factors of a fit.
 
     Attributes:
         applied_strain: above 0 [1].
         measured: mean transverse and axial strain, and reaction force, (quantity, strain).
-        errors: of these, likewise.
-        before: with the stripes of the tables.
-        after: with the fitted stripes.
-        factors: fitted over tabulated, by parameter.
-        standard_errors: of their logarithms.
+        errors: standard errors of these, (quantity, strain).
+        before: simulated with the tabulated stripes, (quantity, strain).
+        after: simulated with the fitted stripes, (quantity, strain).
+        factors: fitted over tabulated value, by parameter.
+        standard_errors: standard errors of the logarithms of the factors.
     """
 
     applied_strain: Sequence[float]
@@ -43,7 +43,7 @@ def fit_figure(shown: Fitted, title: str) -> Figure:
 
     Args:
         shown: the fit.
-        title: of the figure.
+        title: title of the figure.
     """
     figure = Figure(figsize=(TWO_COLUMNS, 3.6), layout="constrained")
     grid = figure.subplots(2, 4, height_ratios=(2.5, 1), width_ratios=(1, 1, 1, 0.9))

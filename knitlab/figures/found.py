@@ -13,9 +13,9 @@ MOST_SHOWN = 6
 WANTED = "#009E73"
 NAMED_BY = ("n_stripe", "n_subunit", "pattern")
 COLOURS = ("C0", "C1", "C3", "C4", "C5", "C6")
-"""Of the designs: none is green."""
+"""Colours of the designs; none is green."""
 PANEL_HEIGHT = 2.4
-"""Of each target [in]."""
+"""Height of the panel of a target [in]."""
 
 
 def found_figure(found: Found, title: str = "designs", bands: bool = False) -> Figure:
@@ -23,8 +23,8 @@ def found_figure(found: Found, title: str = "designs", bands: bool = False) -> F
 
     Args:
         found: designs by their distance from the targets.
-        title: what they are called.
-        bands: whether to shade the spread over their siblings.
+        title: what the designs are called.
+        bands: whether to shade the range over the siblings of a design.
     """
     shown = min(MOST_SHOWN, len(found.table))
     names = [_name(found, place) for place in range(shown)]

@@ -1,4 +1,4 @@
-"""A sheet in perspective, coloured by height: what the snapshots of a relaxation show."""
+"""A sheet in perspective, coloured by height, and the snapshots of a relaxation."""
 
 import matplotlib as mpl
 import numpy as np
@@ -26,7 +26,7 @@ def snapshot_nodes(case: xr.Dataset) -> np.ndarray:
 
 
 def by_height(nodes: np.ndarray) -> mpl.colors.Normalize:
-    """What colours sheets by their heights."""
+    """Norm of the colours of sheets, by height."""
     return mpl.colors.Normalize(nodes[..., 2].min(), nodes[..., 2].max())
 
 
@@ -36,7 +36,7 @@ def draw_sheet(axes: Axes3D, nodes: np.ndarray, norm: mpl.colors.Normalize) -> N
     Args:
         axes: three-dimensional axes.
         nodes: positions (y, x, component).
-        norm: of the heights.
+        norm: norm of the heights.
     """
     faces = (nodes[:-1, :-1, 2] + nodes[1:, :-1, 2] + nodes[:-1, 1:, 2] + nodes[1:, 1:, 2]) / 4
     axes.plot_surface(
@@ -64,3 +64,13 @@ def frame_sheet(axes: Axes3D, around: np.ndarray, zoom: float = FLAT_SHEET_FITS)
     axes.set_box_aspect(half, zoom=zoom)
     axes.view_init(**VIEW)
     axes.set_axis_off()
+
+
+def time_text(time: float) -> str:
+    """A time [ms] as a label."""
+    return f"{time:.2g} ms"
+
+
+def design_text(case: xr.Dataset) -> str:
+    """The design of a case as a label."""
+    return f"n_stripe = {int(case['n_stripe'])}, n_subunit = {int(case['n_subunit'])}"

@@ -6,7 +6,7 @@ from matplotlib.collections import PolyCollection
 
 LIGHT = np.array([-0.5, 0.5, 0.7])
 LIFT = 0.02
-"""How far lines ride above their faces, as a part of the relief's height."""
+"""Height of lines above their faces, as a fraction of the height of the relief."""
 
 
 def faces_of(nodes: np.ndarray) -> np.ndarray:
@@ -20,14 +20,14 @@ def draw_relief(
 ) -> None:
     """Draw faces shaded by their slope, and white lines on them.
 
-    They are painted from below, so that a fold hides what lies under it.
+    They are drawn from the lowest to the highest, so that a fold hides what lies under it.
 
     Args:
-        axes: where.
+        axes: axes to draw on.
         faces: corners (face, corner, component).
-        colours: of every face, RGBA.
+        colours: RGBA colour of every face.
         lines: segments (segment, end, component).
-        rasterised: whether they are pixels in a vector file, as large samples should be.
+        rasterised: whether to rasterise them in vector files, which large samples need.
     """
     normals = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -36,8 +36,8 @@ def draw_relief(
     shaded[:, :3] *= (0.45 + 0.55 * light)[:, None]
 
     heights = faces[:, :, 2].mean(axis=1)
-    riding = lines[:, :, 2].mean(axis=1) + LIFT * np.ptp(heights)
-    from_below = np.argsort(np.concatenate([heights, riding]))
+    lifted = lines[:, :, 2].mean(axis=1) + LIFT * np.ptp(heights)
+    from_below = np.argsort(np.concatenate([heights, lifted]))
     polygons = [*faces[:, :, :2], *lines[:, :, :2]]
     shades = np.concatenate([shaded, np.ones((len(lines), 4))])[from_below]
     widths = np.repeat([0.2, 1.2], [len(faces), len(lines)])[from_below]

@@ -11,12 +11,12 @@ from knitlab.io.schema import DESIGN_DIMS
 
 
 def lines_of(cube: xr.Dataset) -> str:
-    """Style of the lines of a cube: dashed if it is measured, as in the paper."""
+    """Line style of a cube: dashed if it is measured, as in the paper."""
     return "--" if is_measured(cube) else "-"
 
 
 def on_one_grid(cubes: Sequence[xr.Dataset]) -> list[xr.Dataset]:
-    """Cubes of checkerboards along all designs that one of them has."""
+    """Cubes of checkerboards, each extended to the designs of all of them."""
     labels = {
         dim: np.unique(np.concatenate([cube[dim].values for cube in cubes])) for dim in DESIGN_DIMS
     }

@@ -11,9 +11,9 @@ TWO_COLUMNS = 175 / 25.4
 """Width of two journal columns [in]."""
 
 STRAIN_COLOURS = "RdBu_r"
-"""Diverging map for signed values, white at zero."""
+"""Diverging colour map for signed values, white at zero."""
 SEQUENCE_COLOURS = "viridis"
-"""Sequential map for ordered values."""
+"""Sequential colour map for ordered values."""
 
 
 @contextmanager

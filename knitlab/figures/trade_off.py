@@ -1,7 +1,8 @@
-"""The Pareto front: designs that no other design dominates in two variables."""
+"""Pareto fronts: what nothing else dominates."""
 
 import numpy as np
 import xarray as xr
+from jaxtyping import Bool, Float
 
 from knitlab.io.design_status import Status
 from knitlab.io.schema import DESIGN_DIMS
@@ -10,7 +11,7 @@ Design = tuple[int, int]
 
 
 def values_of_designs(cube: xr.Dataset, *names: str) -> dict[Design, tuple[float, ...]]:
-    """Some variables of every design (n_stripe, n_subunit) that is ok and has all of them."""
+    """Values of some variables, by design; only of designs that are ok and have all of them."""
     designs = cube[["status", *names]].stack(design=DESIGN_DIMS)
     found = {}
     for k, (n_stripe, n_subunit) in enumerate(designs["design"].values):
@@ -21,22 +22,23 @@ def values_of_designs(cube: xr.Dataset, *names: str) -> dict[Design, tuple[float
 
 
 def pareto_front(values: dict[Design, tuple[float, ...]]) -> list[Design]:
-    """The designs that no other design dominates: has more of one value and no less of the others.
+    """The designs that no other dominates, that is, equals in all values and exceeds in one.
 
     Args:
-        values: of every design; more is better.
+        values: values of every design; larger is better.
 
     Returns:
         The designs, in descending order of the first value.
     """
-    front = [
-        design
-        for design, its in values.items()
-        if not any(_dominates(other, its) for other in values.values())
-    ]
+    if not values:
+        return []
+    on_front = non_dominated(-np.array(list(values.values())))
+    front = [design for design, kept in zip(values, on_front, strict=True) if kept]
     return sorted(front, key=lambda design: values[design], reverse=True)
 
 
-def _dominates(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
-    pairs = list(zip(one, other, strict=True))
-    return all(a >= b for a, b in pairs) and any(a > b for a, b in pairs)
+def non_dominated(losses: Float[np.ndarray, "point loss"]) -> Bool[np.ndarray, " point"]:
+    """Whether no other point dominates a point: no larger in any loss, and smaller in one."""
+    own, other = losses[:, None], losses[None]
+    dominated = np.all(other <= own, axis=2) & np.any(other < own, axis=2)
+    return np.logical_not(dominated.any(axis=1))

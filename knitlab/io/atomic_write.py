@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Atomic writes: a file is replaced completely or not at all."""
 
 import shutil
 from collections.abc import Iterator
@@ -9,16 +9,16 @@ from tempfile import mkdtemp
 from knitlab.io.errors import CannotWrite, Fault
 
 UNFINISHED = ".writing-"
-"""What the folders of unfinished files begin with."""
+"""Prefix of the folders of unfinished files."""
 PROBE_BYTES = 1 << 20
 
 
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
-    """Give a temporary path to write to, and put it in place of ``path`` when all went well.
+    """Yield a temporary path to write to; on success it replaces ``path``.
 
     Raises:
-        CannotWrite: if the folder cannot be written, or has no room.
+        CannotWrite: if the folder cannot be written, or is full.
     """
     folder = None
     try:
@@ -28,11 +28,11 @@ def atomic_write(path: Path) -> Iterator[Path]:
         yield temporary
         temporary.replace(path)
     except OSError as error:
-        # Of a full disk netCDF may say that it is not permitted; a plain file says why.
+        # On a full disk netCDF may report a missing permission; a plain file gives the reason.
         reason = _refusal(folder) if folder is not None else None
         raise _cannot_write(path, reason or error) from error
     except RuntimeError as error:
-        # HDF5 does not say why it could not write; a plain file does.
+        # HDF5 does not report why it could not write; a plain file does.
         if folder is not None and (reason := _refusal(folder)):
             raise _cannot_write(path, reason) from error
         raise
@@ -42,9 +42,9 @@ def atomic_write(path: Path) -> Iterator[Path]:
 
 
 def clear_unfinished(folder: Path) -> None:
-    """Remove what a killed process left unfinished in a folder and its folders."""
-    for left in (*folder.glob(f"{UNFINISHED}*"), *folder.glob(f"*/{UNFINISHED}*")):
-        shutil.rmtree(left, ignore_errors=True)
+    """Remove unfinished files of killed processes from a folder and its subfolders."""
+    for unfinished in (*folder.glob(f"{UNFINISHED}*"), *folder.glob(f"*/{UNFINISHED}*")):
+        shutil.rmtree(unfinished, ignore_errors=True)
 
 
 def _refusal(folder: Path) -> OSError | None:
@@ -57,7 +57,7 @@ def _refusal(folder: Path) -> OSError | None:
 
 def _cannot_write(path: Path, error: OSError) -> CannotWrite:
     why = (error.strerror or str(error)).lower()
-    remedy = "free some room" if "space" in why or "quota" in why else "choose another folder"
+    remedy = "free some space" if "space" in why or "quota" in why else "choose another folder"
     return CannotWrite(
-        [Fault(str(path), f"cannot be written ({why}); {remedy}; what was there is unharmed")]
+        [Fault(str(path), f"cannot be written ({why}); {remedy}; the previous file is unchanged")]
     )

@@ -1,4 +1,4 @@
-"""The registry's variables of a fabric with electrodes."""
+"""Variables of a fabric with electrodes."""
 
 from knitlab.io.variable import Variable
 
@@ -19,8 +19,8 @@ def _of_capacitor(
 CAPACITOR_VARIABLES = {
     "capacitor_status": _of_capacitor(
         "1",
-        "what a meter would make of the electrodes",
-        "where it is not measured there is no capacitance",
+        "whether the capacitance can be measured",
+        "the capacitance is missing unless this is measured",
     ),
     "capacitance": _of_capacitor(
         "pF", "capacitance", "between the electrodes; on periodic fabric, of electrode_length"
@@ -36,33 +36,33 @@ CAPACITOR_VARIABLES = {
     "capacitance_error": _of_capacitor(
         "1",
         "estimated error of the capacitance over itself",
-        "from two sizes of panels; of a measured one, its standard error",
+        "from two panel sizes; standard error of a measured one",
     ),
     "capacitance_wedge": _of_capacitor(
-        "pF", "capacitance by the wedge integral", "a fast estimate, where folds are shut too"
+        "pF", "capacitance by the wedge integral", "a fast estimate, also for closed folds"
     ),
     "electrode_gap": _of_capacitor(
         "mm",
         "shortest distance between the electrodes",
-        "0 where they pass through each other; looked for up to a grid cell",
+        "0 where they pass through each other; searched up to the size of a grid cell",
     ),
     "electrode_length": _of_capacitor(
-        "mm", "relaxed length of the electrodes", "that the capacitance is of", _ONCE
+        "mm", "relaxed length of the electrodes", "to which the capacitance applies", _ONCE
     ),
     "fold_between": _of_capacitor(
-        "rad", "mean fold angle at and between the electrodes", "of the folds that run as they do"
+        "rad", "mean fold angle at and between the electrodes", "of the folds parallel to them"
     ),
     "applied_strain_opened": _of_capacitor(
         "1",
         "applied strain at which sensing begins",
-        "the first at which the electrodes are apart, of the longest run that is measured",
+        "the first strain of the longest interval in which the capacitance is measured",
         _ONCE,
     ),
     "applied_strain_unfolded": _of_capacitor(
         "1",
         "applied strain at which unfolding is complete",
-        "fold_between has fallen to the part of its relaxed value that electrodes.toml names, or is"
-        " least; missing if neither is by the end of the test",
+        "fold_between has fallen to the fraction of its relaxed value given in electrodes.toml, or"
+        " to its minimum; missing if neither happens within the test",
         _ONCE,
     ),
     "sensing_end": _of_capacitor("1", "applied strain at which sensing ends", _RANGE, _ONCE),
@@ -76,19 +76,17 @@ CAPACITOR_VARIABLES = {
     "working_range": _of_capacitor(
         "1",
         "working range",
-        f"width of the widest strain window in which a line has the R² asked for, {_RANGE}",
+        f"width of the widest strain window in which a line has the required R², {_RANGE}",
         _ONCE,
     ),
     "working_start": _of_capacitor("1", "applied strain at which the working range begins", "", ()),
     "working_slope": _of_capacitor("pF", "slope of the line over the working range", "", _ONCE),
-    "capacitance_unloading": Variable(
-        _STATE, "pF", "capacitance while the fabric is let go", of="unloading"
-    ),
+    "capacitance_unloading": Variable(_STATE, "pF", "capacitance during unloading", of="unloading"),
     "hysteresis": Variable(
         (),
         "1",
         "hysteresis of the capacitance",
-        "largest difference between pulling and letting go, over the range of the capacitance",
+        "largest difference between loading and unloading, over the range of the capacitance",
         of="unloading",
     ),
 }

@@ -1,4 +1,4 @@
-"""Case files: one netCDF file a case with its checksum beside it. Needs no JAX."""
+"""Case files: for each case a netCDF file and its checksum. Needs no JAX."""
 
 from enum import Enum
 from pathlib import Path
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class StoredCase(Enum):
-    """What there is of a case in a results folder."""
+    """Whether a results folder has the file of a case."""
 
     nothing = "pending"
     sound = "sound"
@@ -26,19 +26,19 @@ class StoredCase(Enum):
 
 
 def case_path(results: Path, case_id: str) -> Path:
-    """Where the file of a case lies within a results folder."""
+    """Path of the file of a case in a results folder."""
     return results / "cases" / f"{case_id}.nc"
 
 
 def checksum_path(results: Path, case_id: str) -> Path:
-    """Where its checksum lies, as ``sha256sum --check`` reads it."""
+    """Path of its checksum, in the format of ``sha256sum --check``."""
     return results / "cases" / f"{case_id}.sha256"
 
 
 def write_case_file(results: Path, case_id: str, dataset: "xr.Dataset") -> None:
-    """Write a case file and its checksum, each whole.
+    """Write a case file and its checksum, each atomically.
 
-    The checksum comes first, so that a case is either whole or not there.
+    The checksum is written first, so that a case file without one is damaged.
 
     Raises:
         CannotWrite: if they cannot be written.
@@ -50,21 +50,21 @@ def write_case_file(results: Path, case_id: str, dataset: "xr.Dataset") -> None:
             checksum.write_text(f"{file_digest(temporary)}  {path.name}\n")
 
 
-def kept(results: Path, case_id: str) -> StoredCase:
-    """Whether a case file is there and has the contents that were written."""
+def check_case_file(results: Path, case_id: str) -> StoredCase:
+    """Compare a case file with its checksum."""
     try:
         stated = checksum_path(results, case_id).read_bytes().split(b" ")[0]
         found = file_digest(case_path(results, case_id))
     except FileNotFoundError:
-        there = case_path(results, case_id).exists()
-        return StoredCase.damaged if there else StoredCase.nothing
+        exists = case_path(results, case_id).exists()
+        return StoredCase.damaged if exists else StoredCase.nothing
     except OSError:
         return StoredCase.damaged
     return StoredCase.sound if found.encode() == stated else StoredCase.damaged
 
 
 def read_code(results: Path, case_id: str) -> str | None:
-    """Fingerprint of the code that computed a case; None if the file is no case."""
+    """Fingerprint of the code that computed a case; None if the file is not a case file."""
     try:
         with netCDF4.Dataset(case_path(results, case_id)) as dataset:
             return str(dataset["code"][...])
@@ -75,7 +75,7 @@ def read_code(results: Path, case_id: str) -> str | None:
 def configurations(case: "xr.Dataset") -> "Configuration":
     """Configurations of a case at every strain, along a leading axis.
 
-    The lengths, which open samples do not have, are 0 there.
+    The lengths of open samples, which have none, are 0.
     """
     from knitlab.model.configuration import Configuration
 

@@ -1,4 +1,4 @@
-"""Cube files: how a cube is written, opened, and what its designs lie along."""
+"""Cube files: reading and writing cubes, and their dimensions."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ def open_cube(path: str | Path) -> xr.Dataset:
 
 
 def write_cube(cube: xr.Dataset, path: Path) -> None:
-    """Replace a cube's file whole, or leave the old one.
+    """Write the file of a cube atomically.
 
     Raises:
         CannotWrite: if it cannot be written.
@@ -36,37 +36,37 @@ def write_cube(cube: xr.Dataset, path: Path) -> None:
 
 
 def design_dims(cube: xr.Dataset) -> tuple[str, ...]:
-    """The dimensions that the designs of a cube lie along, those of swept settings included."""
+    """The design dimensions of a cube, including those of swept settings."""
     return tuple(map(str, cube["status"].dims))
 
 
 def base_dims(cube: xr.Dataset) -> tuple[str, ...]:
-    """Those of a checkerboard or of a pure stripe."""
+    """The design dimensions of a checkerboard or of a pure stripe, without swept settings."""
     return base_of(design_dims(cube))
 
 
 def swept_dims(cube: xr.Dataset) -> tuple[str, ...]:
-    """Those of settings that the workflow gave as lists."""
+    """The dimensions of settings that the workflow gives as lists."""
     return design_dims(cube)[len(base_dims(cube)) :]
 
 
 def source_of(cube: xr.Dataset) -> str:
-    """What a cube is of: a simulation, or an experiment by its name."""
+    """Source of a cube: ``simulation``, or the name of an experiment."""
     return str(cube[SOURCE].item()) if SOURCE in cube.coords else SIMULATION
 
 
 def is_measured(cube: xr.Dataset) -> bool:
-    """Whether a cube is of an experiment."""
+    """Whether a cube holds an experiment."""
     return source_of(cube) != SIMULATION
 
 
 def is_case(dataset: xr.Dataset) -> bool:
-    """Whether a dataset is of a single case, with nothing along the dimensions of designs."""
+    """Whether a dataset holds a single case, without design dimensions."""
     return not dataset["status"].dims
 
 
 def as_cube(case: xr.Dataset) -> xr.Dataset:
-    """A single case as a cube of one design, without what only case files hold."""
-    dims = [str(name) for name, its in case.coords.items() if not its.dims]
+    """A single case as a cube of one design, without the variables that only case files have."""
+    dims = [str(name) for name, each in case.coords.items() if not each.dims]
     names = [name for name in case.data_vars if VARIABLES[str(name)].in_cube]
     return case[names].expand_dims(dims)

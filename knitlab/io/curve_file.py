@@ -13,7 +13,7 @@ from knitlab.io.table_file import factor_of, numbers_of, read_table
 COLUMN = re.compile(r"\s*(?P<name>[^\[\]]+?)\s*\[(?P<unit>[^\[\]]*)\]\s*")
 EXAMPLE = "write it as in 'strain [1],force [N]'"
 LEAST_POINTS = 4
-"""One more than a stripe has parameters to fit, for their errors."""
+"""One more than the fitted parameters of a stripe, so that their errors can be estimated."""
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,10 @@ def read_tension_curve(
     """Read a tension curve: a column of strain, and one of force or of stress.
 
     Force is for one row of the network. Stress is force over width [N/mm] or, with a thickness,
-    over cross-section [MPa]; any unit of these dimensions will do. Other columns are passed over.
+    over cross-section [MPa]; any unit of these dimensions is accepted. Other columns are ignored.
 
     Args:
-        path: the CSV file; lines that start with # are passed over.
+        path: the CSV file; lines that start with # are ignored.
         width: of one row, for stress [mm].
         thickness: of the fabric, for stress over cross-section [mm].
 
@@ -58,7 +58,7 @@ def read_tension_curve(
         if not unit:
             faults.append(Fault(f"{path}: column {name}", f"has no unit; {EXAMPLE}"))
         if name in columns:
-            faults.append(Fault(f"{path}: column {name}", "is there twice; keep one"))
+            faults.append(Fault(f"{path}: column {name}", "occurs twice; keep one"))
         columns[name], units[name] = place, unit
     loads = [name for name in ("force", "stress") if name in columns]
     if "strain" not in columns:

@@ -1,10 +1,10 @@
-"""How far the designs of a cube have come."""
+"""Status of the designs of a cube."""
 
 from enum import IntEnum
 
 
 class Status(IntEnum):
-    """How far a design has come."""
+    """Status of a design."""
 
     pending = 0
     ok = 1

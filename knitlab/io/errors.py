@@ -1,4 +1,4 @@
-"""Faults of the user's input, collected so that one message lists them all."""
+"""Errors in the user's input, collected so that one message lists them all."""
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from knitlab.io.suggestions import unknown
 
 @dataclass(frozen=True)
 class Fault:
-    """One mistake: where it stands and what is wrong with it."""
+    """One error in the input: its place, and the problem with its remedy."""
 
     path: str
     problem: str
@@ -22,7 +22,7 @@ class Fault:
 
 
 SINGLE_VALUES = ("bool_type", "float_type", "int_type", "literal_error", "string_type")
-"""What pydantic calls the faults of values that should be a single one."""
+"""Pydantic's error types for values that should be a single one."""
 
 
 class BadInput(Exception):
@@ -33,16 +33,16 @@ class BadInput(Exception):
         super().__init__("\n".join(map(str, self.faults)))
 
     def __reduce__(self) -> tuple[type["BadInput"], tuple[tuple["Fault", ...]]]:
-        """Pickled by its faults, as it comes back from a worker."""
+        """Pickle it by its faults, as workers return it."""
         return type(self), (self.faults,)
 
 
 class CannotWrite(BadInput):
-    """A file that cannot be written, so that going on is no use."""
+    """A file that cannot be written, so that continuing is pointless."""
 
 
 class ErrorCollector:
-    """Collects the faults of several checks; ``with gathered:`` ends each at its first raise."""
+    """Collects the faults of several checks, each run in ``with collector:``."""
 
     def __init__(self) -> None:
         self.all: list[Fault] = []
@@ -68,12 +68,12 @@ def fault(path: str, problem: str) -> BadInput:
 
 
 def faults_of(error: ValidationError, source: str, known: Collection[str] = ()) -> list[Fault]:
-    """The faults that pydantic found in what was read from ``source``.
+    """The faults that pydantic found in input from ``source``.
 
     Args:
-        error: what pydantic raised.
-        source: of what was read.
-        known: the keys that there are, to suggest which may have been meant.
+        error: the exception that pydantic raised.
+        source: where the input was read from.
+        known: valid keys, to suggest one for a misspelt key.
     """
     return [
         Fault(
@@ -87,7 +87,7 @@ def faults_of(error: ValidationError, source: str, known: Collection[str] = ()) 
 
 
 def _reported(error: ValidationError) -> list[ErrorDetails]:
-    """What pydantic found, without what only follows from it: that a list of faults is empty."""
+    """Pydantic's errors, without those that only follow from others: lists left empty by them."""
     found = error.errors()
     inner = {entry["loc"][:-1] for entry in found}
     return [
@@ -107,7 +107,7 @@ def _problem(entry: ErrorDetails) -> str:
         return "is not a known key; remove it or check its spelling"
     if isinstance(given, list) and kind in SINGLE_VALUES:
         if isinstance(entry["loc"][-1], int):
-            return f"is a list within a list, {given!r}; take one pair of brackets away"
+            return f"is a list within a list, {given!r}; remove one pair of brackets"
         return f"is a list, {given!r}; give one value"
     if kind == "value_error":
         return _uncapitalised(str(entry["ctx"]["error"]))

@@ -18,7 +18,7 @@ COMPUTING = (
 )
 """Parts of the package whose text can change the numbers of a case."""
 OF_CUBES = ("measure/knit_size.py",)
-"""Files of these that a cube's numbers alone come of."""
+"""Files of these that affect the cube but no case file."""
 DIGITS = 12
 
 
@@ -30,12 +30,12 @@ def code_fingerprint() -> str:
 
 @lru_cache(maxsize=1)
 def package_fingerprint() -> str:
-    """Fingerprint of all of the package's code."""
+    """Fingerprint of all code of the package."""
     return _fingerprint(PACKAGE, sorted(_names(PACKAGE, PACKAGE.rglob("*.py"))))
 
 
 def fingerprint_of(package: Path) -> str:
-    """Fingerprint of the computing code of a package that lies in a folder."""
+    """Fingerprint of the computing code of the package in a folder."""
     return _fingerprint(package, computing_files(package))
 
 
@@ -52,7 +52,7 @@ def _names(package: Path, files: Iterable[Path]) -> set[str]:
 
 
 def computing_files(package: Path) -> list[str]:
-    """Files of a package whose text can change the numbers of a case, by their path in it."""
+    """Paths, within a package, of the files whose text can change the numbers of a case."""
     files = [
         file
         for part in COMPUTING
@@ -77,7 +77,7 @@ def file_digest(path: Path) -> str:
 
 
 def digests(paths: Iterable[Path]) -> dict[str, str]:
-    """SHA-256 of files by their absolute path; empty where a file is not there."""
+    """SHA-256 of files by absolute path; empty for a missing file."""
     return {
         str(path.resolve()): file_digest(path) if path.is_file() else "" for path in sorted(paths)
     }

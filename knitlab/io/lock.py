@@ -1,4 +1,4 @@
-"""The lock of a results folder: one run at a time, and whose it is. Needs no JAX."""
+"""The lock of a results folder, which allows one run at a time. Needs no JAX."""
 
 import getpass
 import json
@@ -15,15 +15,15 @@ from knitlab.io.errors import CannotWrite, Fault, fault
 
 LOCK_NAME = ".lock"
 HOLDER_NAME = ".lock.json"
-"""Beside the lock, as Windows lets nobody read a locked file."""
+"""Separate from the lock, because a locked file cannot be read on Windows."""
 
 
 @contextmanager
 def held(folder: Path) -> Iterator[None]:
-    """Hold a results folder; the lock goes when the process does, however it ends.
+    """Lock a results folder; the lock is released when the process ends, however it ends.
 
     Raises:
-        BadInput: if another process holds it, naming which.
+        BadInput: if another process holds the lock; the message names it.
         CannotWrite: if the folder cannot be written.
     """
     try:
@@ -47,7 +47,7 @@ def _name_holder(folder: Path) -> None:
         "host": socket.gethostname(),
         "since": datetime.now().isoformat(timespec="seconds"),
     }
-    # The lock holds without a name too.
+    # The lock works without the file that names its holder.
     with suppress(OSError):
         (folder / HOLDER_NAME).write_text(json.dumps(holder))
 

@@ -1,4 +1,4 @@
-"""A cube as plain arrays: without xarray, whose import alone takes longer than most questions."""
+"""A cube as plain arrays, without xarray, whose import takes longer than most queries."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -10,42 +10,42 @@ import netCDF4
 import numpy as np
 
 from knitlab.io.errors import fault
-from knitlab.io.schema import DESIGN_DIMS, MISSING, STRIPE_DIMS, WHOLE
+from knitlab.io.schema import DESIGN_DIMS, INTEGERS, MISSING, STRIPE_DIMS
 
 if TYPE_CHECKING:
     import xarray as xr
 
 CUBE = "cube.nc"
 READING = "reading_"
-"""What the attributes of a cube begin with that state its reading."""
+"""Prefix of the attributes of a cube that state its model options."""
 
 
 @dataclass(frozen=True)
 class PlainCube:
-    """What a cube holds, read on request.
+    """A cube whose variables are read on request.
 
     Attributes:
-        dims: of every variable that is no coordinate.
+        dims: dimensions of every variable that is not a coordinate.
         coordinates: values along every labelled dimension.
-        read: gives the values of a variable.
-        name: of its folder, or of its file.
-        reading: the model's open choices that all of its designs share.
+        read: returns the values of a variable.
+        name: name of its folder, or of its file.
+        options: the model options that all of its designs share.
     """
 
     dims: dict[str, tuple[str, ...]]
     coordinates: dict[str, np.ndarray]
     read: Callable[[str], np.ndarray]
     name: str
-    reading: dict[str, Any]
+    options: dict[str, Any]
 
     @property
     def design_dims(self) -> tuple[str, ...]:
-        """The dimensions that its designs lie along, those of swept settings included."""
+        """The dimensions of its designs, including those of swept settings."""
         return self.dims["status"]
 
     @classmethod
     def of(cls, cube: "xr.Dataset") -> "PlainCube":
-        """The same of an xarray cube."""
+        """The plain form of an xarray cube."""
         return cls(
             {str(name): tuple(map(str, cube[name].dims)) for name in cube.data_vars},
             {str(name): cube[name].values for name in cube.coords if name in cube.dims},
@@ -66,22 +66,22 @@ def open_plain_cube(path: str | Path) -> PlainCube:
     """
     path = cube_path(path)
     with read_as_cube(path), netCDF4.Dataset(path) as dataset:
-        dims = {name: its.dimensions for name, its in dataset.variables.items()}
+        dims = {name: array.dimensions for name, array in dataset.variables.items()}
         coordinates = {name: dataset[name][...] for name in dims if dims[name] == (name,)}
-        reading = stated_options({name: dataset.getncattr(name) for name in dataset.ncattrs()})
+        options = stated_options({name: dataset.getncattr(name) for name in dataset.ncattrs()})
     cube = PlainCube(
-        {name: its for name, its in dims.items() if name not in coordinates},
+        {name: along for name, along in dims.items() if name not in coordinates},
         {name: np.ma.getdata(values) for name, values in coordinates.items()},
         lambda name: read_values(path, name),
         path.resolve().parent.name if path.name == CUBE else path.name,
-        reading,
+        options,
     )
     check_is_cube(path, cube.dims.get("status") if "case_id" in cube.dims else None)
     return cube
 
 
 def stated_options(attributes: Mapping[Any, Any]) -> dict[str, Any]:
-    """The reading that the attributes of a cube state, by setting."""
+    """The model options that the attributes of a cube state, by name."""
     return {
         str(name).removeprefix(READING): value
         for name, value in attributes.items()
@@ -90,7 +90,7 @@ def stated_options(attributes: Mapping[Any, Any]) -> dict[str, Any]:
 
 
 def cube_path(path: str | Path) -> Path:
-    """The file of a cube that is named by it or by its folder."""
+    """The file of a cube, given this file or its folder."""
     path = Path(path)
     return path / CUBE if path.is_dir() else path
 
@@ -100,7 +100,7 @@ def read_as_cube(path: Path) -> Iterator[None]:
     """Explain why a file cannot be read as a cube.
 
     Raises:
-        BadInput: if it is not there, or not netCDF.
+        BadInput: if it does not exist, or is not netCDF.
     """
     try:
         yield
@@ -113,19 +113,19 @@ def read_as_cube(path: Path) -> Iterator[None]:
 
 
 def read_values(path: Path, name: str) -> np.ndarray:
-    """Values of one variable; missing ones are not numbers."""
+    """Values of one variable; missing ones are NaN."""
     with netCDF4.Dataset(path) as dataset:
         dataset.set_auto_maskandscale(False)
         return unmasked(name, dataset[name][...])
 
 
 def unmasked(name: str, values: np.ndarray) -> np.ndarray:
-    """Stored values of a variable as they are meant: whole numbers may be missing."""
-    return np.where(values == MISSING, np.nan, values) if name in WHOLE else values
+    """Stored values of a variable, with NaN for missing integers."""
+    return np.where(values == MISSING, np.nan, values) if name in INTEGERS else values
 
 
 def check_is_cube(path: Path, dims: tuple[str, ...] | None) -> None:
-    """Refuse what has no designs.
+    """Check that a file has design dimensions.
 
     Raises:
         BadInput: if it has none.
@@ -139,7 +139,7 @@ def check_is_cube(path: Path, dims: tuple[str, ...] | None) -> None:
 
 
 def base_of(dims: tuple[str, ...]) -> tuple[str, ...]:
-    """Of design dimensions, those of a checkerboard or of a pure stripe; none if it is neither."""
+    """The leading design dimensions of a checkerboard or of a pure stripe; empty if neither."""
     for known in (DESIGN_DIMS, STRIPE_DIMS):
         if dims[: len(known)] == known:
             return known

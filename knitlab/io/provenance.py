@@ -1,4 +1,4 @@
-"""Provenance: which code made a result."""
+"""Provenance: the code and libraries that computed a result."""
 
 import platform
 import subprocess
@@ -12,7 +12,7 @@ LIBRARIES = ("equinox", "jax", "jaxlib", "netCDF4", "numpy", "scipy", "xarray")
 
 @lru_cache(maxsize=1)
 def provenance() -> dict[str, str]:
-    """Global attributes that say which code and libraries made a file, by CF's names."""
+    """Global attributes that state the code and libraries behind a file, with CF names."""
     return {
         "Conventions": "CF-1.11",
         "source": f"knitlab {version('knitlab')}",
@@ -26,7 +26,7 @@ def provenance() -> dict[str, str]:
 
 
 def git_commit() -> str:
-    """Commit of the source tree, with a mark if it has changes; ``unknown`` if installed."""
+    """Commit of the source tree, marked if it has changes; ``unknown`` if installed."""
 
     def git(*words: str) -> str:
         command = ["git", "-C", str(PACKAGE), *words]

@@ -1,4 +1,4 @@
-"""The registry: every variable of a case and of a cube, with its dims, units and meaning."""
+"""The schema: every variable of a case and of a cube, with its dimensions, unit and meaning."""
 
 from enum import IntEnum
 from typing import TYPE_CHECKING
@@ -18,9 +18,9 @@ STRIPE_DIMS = ("knit", "n", "boundary")
 CYCLE = "cycle"
 """Dimension of an experiment that was pulled several times."""
 SOURCE = "source"
-"""Coordinate that says what a cube is of."""
+"""Coordinate that states the source of a cube."""
 SIMULATION = "simulation"
-"""The source of a simulated cube; an experiment has a name of its own."""
+"""Source of a simulated cube; that of an experiment is its name."""
 
 COORDINATES = {
     "n_stripe": Variable(("n_stripe",), "1", "stitches across a rib stripe"),
@@ -28,7 +28,7 @@ COORDINATES = {
     "knit": Variable(("knit",), "1", "knit of a pure stripe"),
     "n": Variable(("n",), "1", "stitches across a stripe"),
     "boundary": Variable(("boundary",), "1", "clamped sample, or periodic fabric"),
-    "source": Variable((), "1", "simulation, or what an experiment is called"),
+    "source": Variable((), "1", "simulation, or the name of an experiment"),
     "cycle": Variable(("cycle",), "1", "cycle of a tensile test"),
     "applied_strain": Variable(
         ("applied_strain",),
@@ -45,20 +45,20 @@ COORDINATES = {
         "rib_period is the paper's w, garter_period its h; k_s stretches, k_t and theta_0 fold",
     ),
     "boundary_point": Variable(
-        ("boundary_point",), "1", "place along a boundary, over its length from end to end"
+        ("boundary_point",), "1", "position along a boundary, over its length from end to end"
     ),
     "node_y": Variable(("node_y",), "1", "node row along the warp"),
     "node_x": Variable(("node_x",), "1", "node column along the weft"),
     "component": Variable(("component",), "1", "component of a position"),
     "candidate": Variable(("candidate",), "1", "candidate of a design"),
-    "time": Variable(("time",), "ms", "time since the flat sheet was let go"),
-    "snapshot": Variable(("snapshot",), "ms", "time since the flat sheet was let go"),
+    "time": Variable(("time",), "ms", "time since the flat sheet was released"),
+    "snapshot": Variable(("snapshot",), "ms", "time since the flat sheet was released"),
 }
 
 _STATE = ("applied_strain",)
 _PARAMETERS = ("applied_strain", "stripe_parameter")
 _LOGARITHMIC = (
-    "for a parameter p, p times the derivative by p, the applied strain held: the change for a"
+    "for a parameter p, p times the derivative by p at fixed applied strain: the change for a"
     " relative change of p, comparable between parameters; divide by p for the plain derivative."
     " Missing at zero strain, and where the state is no stable equilibrium"
 )
@@ -170,7 +170,7 @@ VARIABLES = {
     "energy_stretch": Variable(_STATE, "N mm", "energy of the extensional springs"),
     "energy_fold": Variable(_STATE, "N mm", "energy of the torsional springs"),
     "energy_wall": Variable(_STATE, "N mm", "energy of the wall penalty"),
-    "residual_force": Variable(_STATE, "N", "largest force left on a free unknown"),
+    "residual_force": Variable(_STATE, "N", "largest residual force on a free unknown"),
     "iterations": Variable(
         _STATE,
         "1",
@@ -323,11 +323,11 @@ VARIABLES = {
 
 
 FLAGS: dict[str, type[IntEnum]] = {"status": Status, "capacitor_status": CapacitorStatus}
-"""Variables whose values are flags, and what these are."""
+"""Variables whose values are flags, and their flags."""
 
 
 def described(dataset: "xr.Dataset") -> "xr.Dataset":
-    """The dataset with the CF attributes of every registered variable and coordinate."""
+    """The dataset with the CF attributes of every variable and coordinate of the schema."""
     for name, variable in (COORDINATES | VARIABLES).items():
         if name in dataset.variables:
             dataset[name].attrs |= variable.attributes
@@ -340,7 +340,7 @@ def described(dataset: "xr.Dataset") -> "xr.Dataset":
     return dataset
 
 
-WHOLE = (
+INTEGERS = (
     "iterations",
     "factorisations",
     "hinges_past_pi",
@@ -354,20 +354,20 @@ WHOLE = (
     "markers_lost",
     "cells_lost",
 )
-"""Variables that are stored as whole numbers."""
+"""Variables that are stored as integers."""
 MISSING = -1
-"""Missing value of these."""
+"""Their missing value."""
 
 
 def encoding(dataset: "xr.Dataset") -> dict[str, dict[str, object]]:
-    """NetCDF encoding of a case or cube: compressed, whole numbers as such."""
+    """NetCDF encoding of a case or cube: compressed, with integers stored as such."""
     chosen: dict[str, dict[str, object]] = {}
     for name in dataset.data_vars:
         kind = dataset[name].dtype.kind
         chosen[str(name)] = (
             {"zlib": True, "complevel": 4} if kind in "fi" and dataset[name].ndim else {}
         )
-    for name in WHOLE:
+    for name in INTEGERS:
         if name in dataset:
             chosen[name] |= {"dtype": "int32", "_FillValue": MISSING}
     return chosen

@@ -1,4 +1,4 @@
-"""Where the parameters and workflows that come with knitlab lie."""
+"""Folders of the parameters and workflows that are shipped with knitlab."""
 
 from pathlib import Path
 

@@ -29,8 +29,8 @@ def write_stripe_file(
         knit: rib or garter.
         stitches: across a stripe, n.
         calibration: the fit.
-        curve: the file that it was fitted to, named as the source.
-        cell_size: the reading that the stripe is for, on which its period depends.
+        curve: the file that it was fitted to, which is named as the source.
+        cell_size: the model option on which the tabulated period depends.
     """
     numbers = {"period": calibration.tabulated_period(cell_size), **calibration.values}
     errors = ", ".join(

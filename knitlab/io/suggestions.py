@@ -1,19 +1,19 @@
-"""Names that are not known: what was meant, or what there is."""
+"""Messages about unknown names: similar names, or the known ones."""
 
 import difflib
 from collections.abc import Iterable
 
 MOST_NAMES = 20
-"""Names that a message lists."""
+"""Largest number of names that a message lists."""
 
 
 def unknown(name: str, known: Iterable[str], kind: str = "") -> str:
-    """Say that a name is not known, and which may have been meant or what there is.
+    """Message that a name is unknown, with similar names or the list of known ones.
 
     Args:
         name: the name.
-        known: the names that there are.
-        kind: what they are names of, such as "setting".
+        known: the known names.
+        kind: what the names refer to, such as "setting".
     """
     names = sorted(known)
     problem = f"there is no {kind} {name!r}" if kind else f"there is no {name!r}"
@@ -22,5 +22,5 @@ def unknown(name: str, known: Iterable[str], kind: str = "") -> str:
     if nearest:
         return f"{problem}; did you mean {' or '.join(repr(by_case[near]) for near in nearest)}?"
     if len(names) > MOST_NAMES:
-        return f"{problem}; it is none of the {len(names)} that there are; check its spelling"
+        return f"{problem}; it is none of the {len(names)} known ones; check its spelling"
     return f"{problem}; choose from {', '.join(names)}"

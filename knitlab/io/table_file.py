@@ -1,4 +1,4 @@
-"""Tables of numbers: CSV files as they come from a laboratory, and the units of their columns."""
+"""Tables of numbers: CSV files of a laboratory, and the units of their columns."""
 
 from io import StringIO
 from pathlib import Path
@@ -12,14 +12,14 @@ from knitlab.io.errors import Fault, fault
 
 
 def read_table(path: Path, example: str) -> tuple[list[str], pd.DataFrame]:
-    """Headers, which may repeat, and the rows below them, as text.
+    """Headers, which may contain duplicates, and the rows below them, as text.
 
     Args:
-        path: the file; lines that start with # are passed over.
-        example: how such a table is to be written, for the message.
+        path: the file; lines that start with # are ignored.
+        example: an example of such a table, for the message.
 
     Raises:
-        BadInput: if it cannot be read, or is no table.
+        BadInput: if it cannot be read, or is not a table.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -37,15 +37,15 @@ def read_table(path: Path, example: str) -> tuple[list[str], pd.DataFrame]:
         raise fault(str(path), f"is not a CSV table ({problem}); {example}") from error
     headers = table.iloc[0].tolist()
     if len(headers) == 1 and (mark := next((mark for mark in ";\t" if mark in headers[0]), None)):
-        named = "semicolons" if mark == ";" else "tabs"
-        raise fault(str(path), f"is separated by {named}; separate its columns by commas")
+        separators = "semicolons" if mark == ";" else "tabs"
+        raise fault(str(path), f"is separated by {separators}; separate its columns by commas")
     return headers, table.iloc[1:]
 
 
 def numbers_of(
     path: Path, name: str, column: pd.Series
 ) -> tuple[Float[np.ndarray, " point"], list[Fault]]:
-    """A column's numbers, and what is wrong with those that are none."""
+    """The numbers of a column, and faults of the entries that are not numbers."""
     values = pd.to_numeric(column, errors="coerce").to_numpy(float)
     bad = np.flatnonzero(~np.isfinite(values))
     faults = []
@@ -59,13 +59,13 @@ def numbers_of(
 
 
 def factor_of(place: str, unit: str, target: str, remedy: str) -> tuple[float, list[Fault]]:
-    """What numbers are multiplied by to be in a unit, and what is wrong with theirs.
+    """Factor that converts numbers to a unit, and faults of their own unit.
 
     Args:
-        place: where they stand, for the message.
-        unit: theirs.
-        target: the unit that is asked for.
-        remedy: which units would do, for the message.
+        place: where the numbers come from, for the message.
+        unit: their unit.
+        target: the unit to convert to.
+        remedy: the accepted units, for the message.
     """
     try:
         once, twice = (_in_unit(value, unit, target) for value in (1.0, 2.0))
@@ -74,7 +74,7 @@ def factor_of(place: str, unit: str, target: str, remedy: str) -> tuple[float, l
         return once, []
     except pint.DimensionalityError:
         return np.nan, [Fault(place, f"is in {unit}; give it in a unit {remedy}")]
-    except Exception:  # pint raises many kinds on a text that is no unit
+    except Exception:  # pint raises many types for a text that is not a unit
         return np.nan, [Fault(place, f"has the unknown unit {unit!r}; give one {remedy}")]
 
 

@@ -1,4 +1,4 @@
-"""Reading TOML, with a fault instead of a traceback where it cannot be read."""
+"""Reading TOML, with a message instead of a traceback if it cannot be read."""
 
 import tomllib
 from pathlib import Path

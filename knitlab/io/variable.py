@@ -1,4 +1,4 @@
-"""A variable of a case or of a cube: its dims, units and meaning."""
+"""A variable of a case or of a cube: its dimensions, unit and meaning."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -10,16 +10,16 @@ class Variable:
 
     Attributes:
         dims: its dimensions within a case.
-        units: UDUNITS text.
-        long_name: the label of a figure's axis.
-        description: what it is, where the name leaves a question.
-        in_cube: whether the cube has it, or the case alone.
-        of: what cases have it: all, those reached by dynamics, those of a pure stripe, those of
-            rib and garter patches, those of which sensitivities were asked for, those with
-            electrodes, those with electrodes that are let go again, those with siblings,
-            measured ones, or candidates of a design. What is of a design or of its stripes is in
-            the cube alone, as a case's file states it among its parameters; what is of cloth too,
-            as the cube's gauge makes it of a case with rib and garter patches.
+        units: unit in UDUNITS notation.
+        long_name: label for the axis of a figure.
+        description: further explanation, if the name needs one.
+        in_cube: whether cubes have it, rather than case files only.
+        of: which cases have it: all, those computed by dynamics, those of a pure stripe, those of
+            rib and garter patches, those with sensitivities, those with electrodes, those with
+            electrodes and unloading, those with siblings, experiments, or candidates of a design.
+            Variables of a ``design``, of its ``stripes`` or of ``cloth`` are in the cube only: case
+            files state the first two among their parameters, and the last follow from the gauge
+            of the cube, for cases with rib and garter patches.
     """
 
     dims: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""Descriptions: the short TOML file that lists the records of an experiment and its sample."""
+"""Descriptions: the TOML file that describes an experiment: its sample and its records."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -28,10 +28,10 @@ UPRIGHT = ("up", "down")
 
 
 class SampleTable(StrictModel):
-    """``[sample]``: the fabric between the clamps, relaxed.
+    """``[sample]``: the relaxed fabric between the clamps.
 
-    Its ``unit_cells`` are those along (y, x); ``length`` is that between the clamps, over which
-    the extension is the applied strain.
+    ``unit_cells`` are counted along (y, x); ``length`` is the length between the clamps, relative
+    to which the extension is the applied strain.
     """
 
     n_stripe: PositiveInt
@@ -47,10 +47,10 @@ class SampleTable(StrictModel):
 
 
 class ProtocolTable(StrictModel):
-    """``[protocol]``: the applied strains at which results are asked for, from 0 up.
+    """``[protocol]``: the applied strains at which to evaluate the records, from 0 upwards.
 
-    A turn of the machine by less than ``least_turn`` of the whole extension is no cycle, and the
-    first ``skip_cycles``, of a sample that is still settling in, are left out.
+    A reversal of the machine by less than ``least_turn`` of the full extension does not count as a
+    cycle. The first ``skip_cycles``, in which a sample is conditioned, are ignored.
     """
 
     strain_max: Annotated[float, Field(gt=0)]
@@ -63,7 +63,7 @@ class ProtocolTable(StrictModel):
         steps = self.strain_max / self.strain_step
         if abs(steps - round(steps)) > 1e-6 or steps > MOST_STEPS:
             raise ValueError(
-                f"strain_max = {self.strain_max:g} over strain_step = {self.strain_step:g} is no"
+                f"strain_max = {self.strain_max:g} over strain_step = {self.strain_step:g} is not a"
                 f" whole number up to {MOST_STEPS}; change one"
             )
         return self
@@ -75,10 +75,10 @@ class ProtocolTable(StrictModel):
 
 
 class RecordedTable(StrictModel):
-    """A record with its own clock, and how that is converted to the machine's.
+    """A record with its own clock, and how it is synchronised with the machine's.
 
-    Either ``starts`` says at which time of the machine its clock was at 0, or both records have a
-    ``trigger``, a column that rises past the middle of its range at one and the same moment.
+    Either ``starts`` is the machine's time at which the clock was at 0, or both records have a
+    ``trigger``: a column that rises past the middle of its range at the same moment.
     """
 
     file: str = Field(min_length=1)
@@ -86,7 +86,7 @@ class RecordedTable(StrictModel):
 
 
 class TensileTable(StrictModel):
-    """``[tensile]``: the machine's log, whose clock all other records are brought to."""
+    """``[tensile]``: the log of the machine, whose clock is the reference for all records."""
 
     file: str = Field(min_length=1)
     time: TimeColumn
@@ -105,7 +105,7 @@ class CapacitanceTable(RecordedTable):
     @model_validator(mode="after")
     def _is_synchronised(self) -> "CapacitanceTable":
         if (self.starts is None) == (self.trigger is None):
-            raise ValueError("needs starts, the machine's time at its own 0, or trigger: one")
+            raise ValueError("needs either starts, the machine's time at its own 0, or trigger")
         return self
 
 
@@ -113,14 +113,14 @@ class MarkersTable(RecordedTable):
     """``[markers]``: tracked points, in pixels.
 
     ``file`` is an array (frame, marker, 2) with x to the right and y down, as tracking-markers
-    writes it, or a CSV table with the columns frame, marker, x and y. ``weft`` and ``warp`` say
-    which way in the picture the fabric's x and y run, to within 30° or, turned anticlockwise by
-    ``turned`` degrees, to within 30° of that; with ``align`` = pull they are then turned so that
-    the pull is along y, else they stay as they are. The grid of unit-cell corners is found, or
-    read from the table ``places`` with the columns marker, row and column; every
-    ``markers_per_cell`` along (y, x) there is a corner. The relaxed shape is the mean of the first
-    ``relaxed_frames``. A frame's applied strain is the machine's at its time, by ``frame_rate``
-    and ``starts``, or else ``strain_per_frame`` after the first, with which the pull begins.
+    writes it, or a CSV table with the columns frame, marker, x and y. ``weft`` and ``warp`` are
+    the directions of the fabric's x and y in the picture, to within 30°, after a rotation by
+    ``turned`` degrees anticlockwise. With ``align`` = pull the fabric is then rotated so that the
+    pull is along y. The grid of unit-cell corners is detected, or read from the table ``places``
+    with the columns marker, row and column; every ``markers_per_cell``-th marker along (y, x) is a
+    corner. The relaxed shape is the mean of the first ``relaxed_frames``. The applied strain of a
+    frame is that of the machine at its time, from ``frame_rate`` and ``starts``, or increases by
+    ``strain_per_frame`` from the first frame on.
     """
 
     pixel: Length
@@ -138,7 +138,8 @@ class MarkersTable(RecordedTable):
     def _has_two_axes(self) -> "MarkersTable":
         if (self.weft in UPRIGHT) == (self.warp in UPRIGHT):
             raise ValueError(
-                f"weft = {self.weft} and warp = {self.warp} are one line; give them across"
+                f"weft = {self.weft} and warp = {self.warp} are parallel; give perpendicular"
+                " directions"
             )
         return self
 
@@ -146,10 +147,10 @@ class MarkersTable(RecordedTable):
     def _has_strains(self) -> "MarkersTable":
         if (self.frame_rate is None) == (self.strain_per_frame is None):
             raise ValueError(
-                "needs frame_rate, with starts, or strain_per_frame: one, to know its strains"
+                "needs either frame_rate with starts, or strain_per_frame, to determine its strains"
             )
         if self.frame_rate is None and self.starts is not None:
-            raise ValueError("has starts, but strain_per_frame knows no time; leave it out")
+            raise ValueError("has starts, which strain_per_frame does not use; leave it out")
         if self.frame_rate is not None and self.starts is None:
             raise ValueError("needs starts, the machine's time at frame 0, beside frame_rate")
         return self
@@ -158,8 +159,8 @@ class MarkersTable(RecordedTable):
 class Description(StrictModel):
     """A description: the sample, the applied strains to evaluate, and the records.
 
-    ``source`` is what the sample is called beside simulations; ``synthetic`` says that it was
-    made up.
+    ``source`` is the name of the experiment in tables and figures; ``synthetic`` states that its
+    records were generated.
     """
 
     title: str = Field(min_length=1)
@@ -174,7 +175,9 @@ class Description(StrictModel):
     @model_validator(mode="after")
     def _has_dependencies(self) -> "Description":
         if self.source == SIMULATION:
-            raise ValueError(f"source = {SIMULATION} is a simulation's; give another name")
+            raise ValueError(
+                f"source = {SIMULATION} is reserved for simulations; give another name"
+            )
         if self.tensile is None and self.capacitance is not None:
             raise ValueError("[capacitance] needs [tensile], for its strains; add it")
         if self.markers and self.markers.frame_rate is not None and self.tensile is None:
@@ -196,5 +199,5 @@ def read_description(path: Path, kind: RecordKind) -> Description:
     except ValidationError as error:
         raise BadInput(faults_of(error, str(path))) from error
     if getattr(description, kind) is None:
-        raise BadInput([Fault(f"{path}: {kind}", "is missing; add a table that says where it is")])
+        raise BadInput([Fault(f"{path}: {kind}", "is missing; add a table that names its file")])
     return description

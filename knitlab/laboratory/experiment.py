@@ -1,4 +1,4 @@
-"""Experiments as cubes: a laboratory's records under the names, dims and units of simulations."""
+"""Experiments as cubes: records with the names, dimensions and units of simulations."""
 
 import json
 from collections.abc import Sequence
@@ -38,8 +38,8 @@ IMPORTS = "imports"
 LARGEST_AT_REST = 0.25
 """Largest strain of the reference shape, as a fraction of the first applied strain."""
 LEAST_FOLLOWED = 0.02
-"""Axial strain at the centre over applied strain, below which a sample counts as not pulled."""
-WORDS = ("status", "case_id", "code", "periods")
+"""Axial strain at the centre over applied strain, below which a sample counts as unloaded."""
+COMMON_VARIABLES = ("status", "case_id", "code", "periods")
 """Variables that every import has."""
 
 
@@ -48,9 +48,9 @@ class Imported:
     """An import.
 
     Attributes:
-        cube: of the experiment.
-        path: where it lies.
-        summary: what was found, line by line.
+        cube: the cube of the experiment.
+        path: file of the cube.
+        summary: summary of the records, in lines of text.
     """
 
     cube: xr.Dataset
@@ -61,23 +61,23 @@ class Imported:
 def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
     """Import the records of one kind that a description names into the experiment's cube.
 
-    The cube lies in a folder of the description's name. What it has of other kinds is kept, if it
-    is of the same sample at the same strains.
+    The cube is written to a folder with the name of the description. Records of other kinds that
+    it already holds are kept, if they are of the same sample at the same strains.
 
     Args:
-        kind: of the records.
+        kind: kind of the records.
         path: the description, a TOML file beside the records.
         results: folder of results.
 
     Raises:
-        BadInput: with every fault that was found; then nothing is written.
+        BadInput: with every fault that was found; nothing is written then.
     """
     description = read_description(path, kind)
     cycles, summary = _READERS[kind](path.parent, description)
     cube_file = results / path.stem / CUBE
     cube = _experiment(description, cycles)
     files = {name: file_digest(path.parent / name) for name in _files(description, kind)}
-    names = [str(name) for name in cube.data_vars if name not in WORDS]
+    names = [str(name) for name in cube.data_vars if name not in COMMON_VARIABLES]
     imports = {kind: {"description": file_digest(path), "files": files, "variables": names}}
     if cube_file.exists():
         old = open_cube(cube_file)
@@ -106,14 +106,14 @@ def _read_markers(folder: Path, description: Description) -> Read:
         raise TypeError("the description has no markers")
     marked = read_marked(folder, table, description.sample)
     frames = np.arange(len(marked.corners))
-    asked, path = description.protocol.applied_strain, folder / table.file
+    requested, path = description.protocol.applied_strain, folder / table.file
     if table.strain_per_frame is not None:
         strain = frames * table.strain_per_frame
-        if strain[-1] < asked[-1] * (1 - 1e-9):
+        if strain[-1] < requested[-1] * (1 - 1e-9):
             raise fault(
                 str(path),
                 f"ends at an applied strain of {strain[-1]:.3g}, but strain_max is"
-                f" {asked[-1]:g}; ask for less",
+                f" {requested[-1]:g}; reduce strain_max",
             )
         pulls, spans = None, [frames]
     elif table.frame_rate is not None and table.starts is not None and tensile is not None:
@@ -121,19 +121,19 @@ def _read_markers(folder: Path, description: Description) -> Read:
         time = number(table.starts, "s") + frames / number(table.frame_rate, "Hz")
         strain = pulls.strain(time)
         seen = np.isfinite(strain)
-        spans = [np.flatnonzero(cycle.pulled(time) & seen) for cycle in pulls.cycles]
+        spans = [np.flatnonzero(cycle.loaded(time) & seen) for cycle in pulls.cycles]
         if not len(spans[0]):
             raise _another_time(path, time, pulls)
     else:
-        raise TypeError("the description does not say when its frames are")
-    _check_at_rest(path, strain[: table.relaxed_frames], asked[1])
+        raise TypeError("the description has no times for its frames")
+    _check_at_rest(path, strain[: table.relaxed_frames], requested[1])
     if table.align == "pull":
         marked = along_pull(path, marked, strain)
-    values = [marker_values(marked, asked, strain[span], span) for span in spans]
-    _check_from_rest(path, values[0], asked)
+    values = [marker_values(marked, requested, strain[span], span) for span in spans]
+    _check_from_rest(path, values[0], requested)
     summary = [marked.summary, *([_counted(pulls)] if pulls else [])]
     if not np.isfinite(values[0]["mean_strain_yy"]).any():
-        summary.append("no central unit cell keeps its markers: there are no mean strains")
+        summary.append("no central unit cell keeps its markers, so there are no mean strains")
     return values, summary
 
 
@@ -141,31 +141,31 @@ def _check_at_rest(path: Path, strain: Float[np.ndarray, " frame"], step: float)
     """Check that the frames of the relaxed shape precede the pull.
 
     Raises:
-        BadInput: if they are not.
+        BadInput: if they do not.
     """
     pulled = np.nanmax(np.abs(strain), initial=0.0)
     if pulled > LARGEST_AT_REST * step:
         raise fault(
             f"{path}: relaxed_frames {len(strain)}",
-            f"are pulled to {pulled:.3g} already; give fewer, or correct starts or"
+            f"already reach a strain of {pulled:.3g}; give fewer, or correct starts or"
             " strain_per_frame",
         )
 
 
-def _check_from_rest(path: Path, values: Values, asked: Sequence[float]) -> None:
-    """Check that the fabric is strained when, and only when, the machine pulls it.
+def _check_from_rest(path: Path, values: Values, requested: Sequence[float]) -> None:
+    """Check that the fabric is strained if and only if the machine pulls it.
 
     Raises:
-        BadInput: if it is otherwise.
+        BadInput: if not.
     """
     mean = values["mean_strain_yy"]
-    if abs(mean[0]) > max(asked[1] / 2, 5 * np.nan_to_num(values["mean_strain_yy_error"][0])):
+    if abs(mean[0]) > max(requested[1] / 2, 5 * np.nan_to_num(values["mean_strain_yy_error"][0])):
         raise fault(
             str(path),
             f"shows an axial strain of {mean[0]:.3g} where the applied strain is 0; correct starts"
             " or relaxed_frames",
         )
-    if np.isfinite(mean).any() and np.nanmax(np.abs(mean)) < LEAST_FOLLOWED * asked[-1]:
+    if np.isfinite(mean).any() and np.nanmax(np.abs(mean)) < LEAST_FOLLOWED * requested[-1]:
         problem = "shows markers that do not move while the sample is pulled; correct starts"
         raise fault(str(path), problem)
 
@@ -174,7 +174,7 @@ def _another_time(path: Path, time: Float[np.ndarray, " frame"], pulls: Pulls) -
     first = pulls.cycles[0]
     return fault(
         str(path),
-        f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, and shows nothing of"
+        f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, and does not cover"
         f" the first pull, from {first.start:g} s to {first.turn:g} s; correct starts or"
         " frame_rate",
     )
@@ -184,23 +184,23 @@ def _read_tensile(folder: Path, description: Description) -> Read:
     if description.tensile is None:
         raise TypeError("the description has no tensile test")
     pulls = read_pulls(folder, description, description.tensile)
-    return [force_values(pulls, its, description) for its in pulls.cycles], [_counted(pulls)]
+    return [force_values(pulls, cycle, description) for cycle in pulls.cycles], [_counted(pulls)]
 
 
 def _read_capacitance(folder: Path, description: Description) -> Read:
     table, tensile = description.capacitance, description.tensile
     if table is None or tensile is None:
-        raise TypeError("the description has no capacitance along a tensile test")
+        raise TypeError("the description has no capacitance with a tensile test")
     pulls = read_pulls(folder, description, tensile)
     log, time = read_capacitance(folder, table, pulls)
     strains = np.array(description.protocol.applied_strain)
     least = read_parameters(shipped("params")).capacitor.linearity
 
-    def of(cycle: Cycle) -> Values:
+    def values_of(cycle: Cycle) -> Values:
         return capacitance_values(log, time, pulls, cycle, strains, least)
 
     shift = f"the meter's clock is {time[0] - log.time[0]:+.3g} s from the machine's"
-    return [of(cycle) for cycle in pulls.cycles], [_counted(pulls), shift]
+    return [values_of(cycle) for cycle in pulls.cycles], [_counted(pulls), shift]
 
 
 _READERS = {
@@ -216,7 +216,7 @@ def _counted(pulls: Pulls) -> str:
 
 
 def _files(description: Description, kind: RecordKind) -> list[str]:
-    """Files that an import of a kind reads."""
+    """Files that an import of one kind reads."""
     markers, capacitance, tensile = (
         description.markers,
         description.capacitance,
@@ -232,7 +232,7 @@ def _files(description: Description, kind: RecordKind) -> list[str]:
 
 
 def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
-    """Cube of one design, along the cycles if there are several."""
+    """Cube of one design, with a dimension for cycles if there are several."""
     sample, strains = description.sample, description.protocol.applied_strain
     labels = {"n_stripe": [sample.n_stripe], "n_subunit": [sample.n_subunit]}
     coordinates: dict[str, Any] = {**labels, "applied_strain": list(strains)}
@@ -249,15 +249,15 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
     variables: dict[str, Any] = {}
     dims = (*DESIGN_DIMS, CYCLE) if len(cycles) > 1 else DESIGN_DIMS
     for name in dict.fromkeys([*common, *(name for values in cycles for name in values)]):
-        its = VARIABLES[name].dims
+        dims_of_variable = VARIABLES[name].dims
         known = [(common | values).get(name) for values in cycles]
         shape = next(np.shape(value) for value in known if value is not None)
         filled = [np.full(shape, np.nan) if value is None else value for value in known]
         array = np.array(filled, dtype=object if isinstance(filled[0], str) else None)
         if len(cycles) == 1:
             array = array[0]
-        variables[name] = ((*dims, *its), np.asarray(array)[None, None])
-        for dim, size in zip(its, shape, strict=True):
+        variables[name] = ((*dims, *dims_of_variable), np.asarray(array)[None, None])
+        for dim, size in zip(dims_of_variable, shape, strict=True):
             if dim != "applied_strain":
                 coordinates[dim] = np.arange(size)
     coordinates[SOURCE] = description.source
@@ -267,20 +267,20 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
 def _check_same(
     old: xr.Dataset, new: xr.Dataset, kept: list[str], description: Description, path: Path
 ) -> None:
-    """Check that an existing cube is of the same sample and strains.
+    """Check that an existing cube has the same sample and strains.
 
     Raises:
         BadInput: if it is not.
     """
-    places = (*design_dims(new), "applied_strain", SOURCE)
-    same = set(places) <= set(old.coords) and all(
-        np.array_equal(old[name], new[name]) for name in places
+    coordinates = (*design_dims(new), "applied_strain", SOURCE)
+    same = set(coordinates) <= set(old.coords) and all(
+        np.array_equal(old[name], new[name]) for name in coordinates
     )
     if kept and not (same and parameters_of(old) == _parameters(description)):
         raise fault(
             str(path),
-            "is of another sample, length, width, source, cycles or strains than the description"
-            " says now; remove it, and import all records anew",
+            "has another sample, length, width, source, cycles or strains than the description;"
+            " remove it, and import all records again",
         )
 
 

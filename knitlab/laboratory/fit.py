@@ -1,15 +1,14 @@
-"""Fit to the whole fabric: the stripes with which a simulated test meets a measured one.
+"""Fit to a whole fabric: stripe parameters with which a simulated test matches a measured one.
 
-The paper fits every stripe to the tension curve of its own pure fabric, and names the fit to
-whole fabrics as the next step. Here the tables are what is known before: a parameter may depart
-from them, but has to earn it by a better match (least squares with a Gaussian prior). Derivatives
-are exact, by one adjoint solve a quantity and strain.
+The paper fits every stripe to the tension curve of its own pure fabric, and names the fit to whole
+fabrics as the next step. Here the tables are the prior: least squares with a Gaussian prior lets a
+parameter depart from its table value only if the match improves. Derivatives are exact, by one
+adjoint solve for each quantity and strain.
 
-A fabric has many states. Every test of a search starts from the states of the one before, so that
-it stays on one branch and its curves change smoothly; where a test of the result from the start, as
-a sweep runs it, comes to other states, the search goes on from those. Where no branch that it
-comes to meets the test, it begins anew with stripes that are off the tables by as much as these
-are trusted to.
+A fabric has many equilibria. Every test of a search starts from the states of the previous one, so
+that it stays on one branch and its curves change smoothly. The result is then tested from the flat
+sheet, as in a sweep; if that test reaches other states, the search continues from those. If no
+branch matches the test, the search is repeated from stripe parameters drawn from the prior.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -31,7 +30,7 @@ from knitlab.mechanics.linear_response import NoDerivative
 from knitlab.simulation.case import Case
 
 FITTED = tuple(name for name in STRIPE_PARAMETERS if not name.endswith("period"))
-"""What is fitted by default: all but the periods, which are measured by a ruler."""
+"""Parameters fitted by default: all but the periods, which can be measured directly."""
 LARGEST_FACTOR = 3.0
 """Largest ratio between a fitted and a tabulated parameter, or its inverse."""
 LARGEST_REST_ANGLE = 3.0
@@ -40,17 +39,17 @@ MOST_TESTS = 25
 """Largest number of tests in a search on one branch."""
 MOST_SEARCHES = 4
 """Largest number of branches searched from one start."""
-WELL_MET = 1.0
-"""χ² for each measured value up to which no other start is tried."""
-SAME = 0.5
-"""Difference of two tests, in standard errors, up to which they are of the same states."""
-ENOUGH = 1e-3
+GOOD_MATCH = 1.0
+"""χ² per measured value up to which no other start is tried."""
+SAME_STATES = 0.5
+"""Difference of two tests, in standard errors, up to which they have the same states."""
+TOLERANCE = 1e-3
 """Relative change of χ², and of a factor, that ends a search."""
-MUCH_TOO_FAR = 4.0
-"""χ² for each degree of freedom above which the fit is reported as poor."""
+POOR_FIT = 4.0
+"""χ² per degree of freedom above which the fit is reported as poor."""
 AT_BOUND = 1e-3
 INSIDE = 0.9
-"""Fraction of the way to a bound within which starts lie."""
+"""Fraction of the distance to a bound within which starts are placed."""
 
 Curves = Float[np.ndarray, "quantity strain"]
 Factors = dict[str, float]
@@ -62,10 +61,10 @@ class Target:
     """A measured test.
 
     Attributes:
-        applied_strain: above 0, ascending [1].
-        values: of :data:`~knitlab.laboratory.simulated_test.QUANTITIES`, NaN where not measured;
-            the force is over the width of the simulated sample.
-        errors: standard errors of the values, above 0.
+        applied_strain: positive, ascending [1].
+        values: values of :data:`~knitlab.laboratory.simulated_test.QUANTITIES`, NaN where not
+            measured; the force is over the width of the simulated sample.
+        errors: standard errors of the values, positive.
     """
 
     applied_strain: tuple[float, ...]
@@ -73,8 +72,8 @@ class Target:
     errors: Curves
 
     @property
-    def there(self) -> Bool[np.ndarray, "quantity strain"]:
-        """Which values are measured."""
+    def measured(self) -> Bool[np.ndarray, "quantity strain"]:
+        """Whether each value is measured."""
         return np.isfinite(self.values)
 
 
@@ -83,18 +82,18 @@ class Fit:
     """A fit to a whole fabric.
 
     Attributes:
-        names: of the parameters that were fitted.
-        before: the case with the stripes of the tables.
-        after: with the fitted ones.
-        factors: fitted over tabulated.
-        standard_errors: of the factors' logarithms, with what the tables say taken for data.
-        learned: part of the prior variance that the test has removed, by parameter.
-        correlations: between the fitted.
-        target: what was fitted to.
-        curves: of the tests with the stripes of the tables, and with the fitted ones, each run
-            from the start as a sweep does.
-        chi_squared: sum of the squared misfits over their errors, before and after.
-        tests: how many tests were simulated.
+        names: names of the fitted parameters.
+        before: the case with the tabulated stripes.
+        after: the case with the fitted stripes.
+        factors: fitted over tabulated value, by parameter.
+        standard_errors: standard errors of the logarithms of the factors, including the prior.
+        learned: fraction of the prior variance that the test has removed, by parameter.
+        correlations: correlations between the fitted parameters.
+        target: the measured test.
+        curves: curves of the tests with the tabulated and with the fitted stripes, each simulated
+            from the flat sheet, as in a sweep.
+        chi_squared: χ² before and after the fit.
+        tests: number of simulated tests.
         converged: whether the search met its tolerances.
         warnings: reasons to doubt the fit.
     """
@@ -115,7 +114,7 @@ class Fit:
 
 
 class NoFit(ValueError):
-    """A fit that cannot begin, with the reason."""
+    """A fit that cannot be started, with the reason."""
 
 
 def fit_stripes(
@@ -129,28 +128,29 @@ def fit_stripes(
     """Fit stripe parameters to a measured test.
 
     Args:
-        case: the simulated sample, with the stripes of the tables.
+        case: the simulated sample, with the tabulated stripes.
         target: the measured test.
-        looseness: standard deviation that the tables are trusted to, relative: 0.2 for 20 %.
-        names: of the parameters, of :data:`STRIPE_PARAMETERS`.
-        starts: most starts that are tried until the test is met, the first from the tables.
+        looseness: relative standard deviation of the prior: 0.2 for 20 %.
+        names: parameters to fit, of :data:`STRIPE_PARAMETERS`.
+        starts: largest number of starts that are tried until the test is matched; the first is
+            the tables.
         step: called after every test with the number of tests and χ² of the last.
 
     Raises:
-        NoFit: if the sample with the stripes of the tables cannot be tested.
+        NoFit: if the test with the tabulated stripes does not converge.
     """
     search = _Search(case, target, looseness, tuple(names), step)
     first = search.begin(np.zeros(len(names)))
     if first is None:
-        raise NoFit("the sample with the stripes of the tables does not come to rest everywhere")
+        raise NoFit("the test with the tabulated stripes does not converge at every strain")
     lower, upper = search.bounds
     quantiles = qmc.Halton(len(names), rng=0).random(starts)
     others = np.clip(looseness * norm.ppf(quantiles[1:]), lower * INSIDE, upper * INSIDE)
     best: _Found | None = None
-    for at in (np.zeros(len(names)), *others):
-        if at.any() and search.begin(at) is None:
+    for start in (np.zeros(len(names)), *others):
+        if start.any() and search.begin(start) is None:
             continue
-        found = search.found(at)
+        found = search.found(start)
         if best is None or found.cost < best.cost:
             best = found
         if search.met(found.chi_squared):
@@ -161,12 +161,12 @@ def fit_stripes(
 
 
 def _bounds(case: Case, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """How far the logarithms of the factors may go."""
+    """Lower and upper bounds of the logarithms of the factors."""
     upper = np.full(len(names), np.log(LARGEST_FACTOR))
     for place, name in enumerate(names):
-        side, of = STRIPE_PARAMETERS[name]
-        if of == "theta_0":
-            upper[place] = np.log(LARGEST_REST_ANGLE / getattr(getattr(case, side), of))
+        side, quantity = STRIPE_PARAMETERS[name]
+        if quantity == "theta_0":
+            upper[place] = np.log(LARGEST_REST_ANGLE / getattr(getattr(case, side), quantity))
     return np.full(len(names), -np.log(LARGEST_FACTOR)), upper
 
 
@@ -175,11 +175,11 @@ class _Found:
     """Result of a search from one start.
 
     Attributes:
-        result: of the last search on a branch.
-        fitted: the test that it ended with.
-        confirmed: the same from the start; ``None`` if that did not converge.
-        room: between every parameter and the end of where it was looked for.
-        chi_squared: of the confirmed test, or infinite.
+        result: result of the last search on a branch.
+        fitted: the test at its end.
+        confirmed: the test repeated from the flat sheet; ``None`` if it did not converge.
+        room: distance of every parameter from its nearest bound.
+        chi_squared: χ² of the confirmed test, or infinite.
     """
 
     result: OptimizeResult
@@ -190,13 +190,13 @@ class _Found:
 
     @property
     def cost(self) -> float:
-        """χ², what the tables say included."""
+        """χ² including the prior."""
         prior = self.result.fun[-len(self.result.x) :]
         return self.chi_squared + float(prior @ prior)
 
 
 class _Search:
-    """Simulated tests of a search; the last is kept for its derivatives."""
+    """Simulated tests of a search; the last one is kept for its derivatives."""
 
     def __init__(
         self, case: Case, target: Target, looseness: float, names: tuple[str, ...], step: Step
@@ -205,74 +205,73 @@ class _Search:
         self.target, self.looseness, self.names, self.step = target, looseness, names, step
         self.places = [list(STRIPE_PARAMETERS).index(name) for name in names]
         self.bounds = _bounds(case, names)
-        self.tests = self.underivable = 0
+        self.tests = self.without_derivatives = 0
         self.near: SimulatedTest | None = None
-        self.at = b""
+        self.point = b""
 
     def begin(self, logarithms: Float[np.ndarray, " name"]) -> SimulatedTest | None:
         """Simulate a test from the relaxed state; the search continues from it."""
         self.near = simulated_test(with_factors(self.case, self.factors(logarithms)))
-        self.at = logarithms.tobytes()
+        self.point = logarithms.tobytes()
         self.tests += 1
         return self.near
 
-    def found(self, at: Float[np.ndarray, " name"]) -> _Found:
+    def found(self, point: Float[np.ndarray, " name"]) -> _Found:
         """Search from a start whose test is already simulated."""
         confirmed: SimulatedTest | None = None
         for _ in range(MOST_SEARCHES):
-            result = self._on_branch(at)
-            at, fitted = result.x, self.converged(result.x)
-            confirmed = self.begin(at)
+            result = self._on_branch(point)
+            point, fitted = result.x, self.converged(result.x)
+            confirmed = self.begin(point)
             chi_squared = np.inf if confirmed is None else self.chi_squared(confirmed)
             if confirmed is None or self.same(fitted, confirmed) or self.met(chi_squared):
                 break
         lower, upper = self.bounds
-        room = np.minimum(at - lower, upper - at)
+        room = np.minimum(point - lower, upper - point)
         return _Found(result, fitted, confirmed, room, chi_squared)
 
-    def _on_branch(self, at: Float[np.ndarray, " name"]) -> OptimizeResult:
+    def _on_branch(self, point: Float[np.ndarray, " name"]) -> OptimizeResult:
         return least_squares(
             self.residuals,
-            at,
+            point,
             jac=self.jacobian,
             bounds=self.bounds,
             method="trf",
             x_scale=self.looseness,
-            ftol=ENOUGH,
-            xtol=ENOUGH,
+            ftol=TOLERANCE,
+            xtol=TOLERANCE,
             gtol=None,
             max_nfev=MOST_TESTS,
         )
 
     def same(self, one: SimulatedTest, other: SimulatedTest) -> bool:
-        """Whether two tests are of the same states."""
-        apart = self.misfit(one.values) - self.misfit(other.values)
-        return bool(np.abs(apart).max() < SAME)
+        """Whether two tests have the same states."""
+        difference = self.misfit(one.values) - self.misfit(other.values)
+        return bool(np.abs(difference).max() < SAME_STATES)
 
     def factors(self, logarithms: Float[np.ndarray, " name"]) -> Factors:
         return dict(zip(self.names, np.exp(logarithms).tolist(), strict=True))
 
     def test(self, logarithms: Float[np.ndarray, " name"]) -> SimulatedTest | None:
-        """The test at some logarithms of factors; its neighbours start from it if it converged."""
-        if logarithms.tobytes() == self.at:
+        """The test with these logarithms of factors; if it converges, later ones start from it."""
+        if logarithms.tobytes() == self.point:
             return self.near
         found = simulated_test(with_factors(self.case, self.factors(logarithms)), self.near)
         self.tests += 1
         if found is not None:
-            self.near, self.at = found, logarithms.tobytes()
+            self.near, self.point = found, logarithms.tobytes()
         return found
 
     def converged(self, logarithms: Float[np.ndarray, " name"]) -> SimulatedTest:
-        """The test at some logarithms where one has converged before."""
+        """The test at a point where a test has already converged."""
         found = self.test(logarithms)
         if found is None:
-            raise TypeError("a search went to where no test converged")
+            raise TypeError("the search reached a point where no test converged")
         return found
 
     def residuals(self, logarithms: Float[np.ndarray, " name"]) -> Float[np.ndarray, " row"]:
         found = self.test(logarithms)
-        there = self.target.there
-        rows = int(there.sum()) + len(self.names)
+        rows = int(self.target.measured.sum()) + len(self.names)
         if found is None:
             return np.full(rows, np.inf)
         misfit = self.misfit(found.values)
@@ -284,29 +283,28 @@ class _Search:
         return float(misfit @ misfit)
 
     def met(self, chi_squared: float) -> bool:
-        return chi_squared <= WELL_MET * int(self.target.there.sum())
+        return chi_squared <= GOOD_MATCH * int(self.target.measured.sum())
 
     def misfit(self, values: Curves) -> Float[np.ndarray, " row"]:
-        there = self.target.there
-        return ((values - self.target.values) / self.target.errors)[there]
+        return ((values - self.target.values) / self.target.errors)[self.target.measured]
 
     def jacobian(self, logarithms: Float[np.ndarray, " name"]) -> Float[np.ndarray, "row name"]:
         found = self.converged(logarithms)
         try:
             slopes = found.slopes()[..., self.places]
         except NoDerivative:
-            # The next step then follows the tables alone, and the search says that it was so.
-            self.underivable += 1
+            # The next step then depends on the prior alone, and the fit has a warning.
+            self.without_derivatives += 1
             slopes = np.zeros((*found.values.shape, len(self.names)))
-        rows = (slopes / self.target.errors[..., None])[self.target.there]
+        rows = (slopes / self.target.errors[..., None])[self.target.measured]
         return np.concatenate([rows, np.eye(len(self.names)) / self.looseness])
 
     def concluded(self, first: SimulatedTest, best: _Found) -> Fit:
         """The fit of the best search.
 
         Args:
-            first: the test with the stripes of the tables.
-            best: what was found.
+            first: the test with the tabulated stripes.
+            best: the best result.
         """
         slopes = best.result.jac
         covariance = np.linalg.inv(slopes.T @ slopes)
@@ -332,30 +330,31 @@ class _Search:
 
     def _warnings(self, best: _Found, chi_squared: float) -> Iterator[str]:
         if not best.result.success:
-            yield f"the search was given up after {self.tests} tests; do not use it"
+            yield f"the search did not converge in {self.tests} tests; do not use it"
         for name, left in zip(self.names, best.room, strict=True):
             if left < AT_BOUND:
-                yield f"{name} is at the end of where it was looked for"
-        if self.underivable:
-            yield f"{self.underivable} tests had a state without derivatives, at a snap"
+                yield f"{name} is at a bound of the search"
+        if self.without_derivatives:
+            yield f"{self.without_derivatives} tests had a state without derivatives, at a snap"
         if best.confirmed is None:
-            yield "the fitted fabric, tested from the start, does not converge; do not use it"
+            yield "the fitted fabric, tested from the flat sheet, does not converge; do not use it"
         elif not (self.same(best.fitted, best.confirmed) or self.met(best.chi_squared)):
             yield (
-                f"the fabric has several states, and {MOST_SEARCHES} searches came to others than"
-                " a test of their result; the match is that of the test, the standard errors are"
-                " not to be trusted"
+                f"the fabric has several states, and {MOST_SEARCHES} searches reached others than"
+                " a test of their result; the match is that of the test, and the standard errors"
+                " are not reliable"
             )
-        freedom = max(int(self.target.there.sum()) - len(self.names), 1)
-        if (spread := chi_squared / freedom) > MUCH_TOO_FAR:
+        freedom = max(int(self.target.measured.sum()) - len(self.names), 1)
+        if (spread := chi_squared / freedom) > POOR_FIT:
             yield (
-                f"the fit is {np.sqrt(spread):.1f} times as far from the test as its errors say;"
-                " the standard errors do not cover that"
+                f"the difference from the test is {np.sqrt(spread):.1f} times its errors; the"
+                " standard errors do not include this"
             )
 
 
 def root_mean_square(curves: Curves, target: Target) -> dict[str, float]:
-    """Root of the mean square difference from a measured test, by quantity, in its unit."""
-    apart = np.where(target.there, curves - target.values, 0.0)
-    count = np.maximum(target.there.sum(axis=1), 1)
-    return dict(zip(QUANTITIES, np.sqrt((apart**2).sum(axis=1) / count).tolist(), strict=True))
+    """Root mean square difference from a measured test, by quantity, in its unit."""
+    difference = np.where(target.measured, curves - target.values, 0.0)
+    count = np.maximum(target.measured.sum(axis=1), 1)
+    mean_square = (difference**2).sum(axis=1) / count
+    return dict(zip(QUANTITIES, np.sqrt(mean_square).tolist(), strict=True))

@@ -16,14 +16,13 @@ from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.model.stripe import Stripe
 from knitlab.simulation.case import Case
 
-HEADER = f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  told by test"
-HEADER = f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  told by test"
+HEADER = f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  from test"
 ALIKE = 0.9
 """Correlation above which two parameters are reported as hard to separate."""
 
 
 def report(fit: Fit) -> list[str]:
-    """The fit in lines of text."""
+    """The fit as lines of text."""
     lines = [HEADER]
     for name in fit.names:
         before, after = (_value(case, name) for case in (fit.before, fit.after))
@@ -41,13 +40,13 @@ def report(fit: Fit) -> list[str]:
             )
     first, last = (root_mean_square(curves, fit.target) for curves in fit.curves)
     for place, name in enumerate(QUANTITIES):
-        if fit.target.there[place].any():
+        if fit.target.measured[place].any():
             unit = VARIABLES[name].units
             lines.append(
                 f"{VARIABLES[name].long_name}: RMS difference {first[name]:.3g} before,"
                 f" {last[name]:.3g} after [{unit}]"
             )
-    count = int(fit.target.there.sum())
+    count = int(fit.target.measured.sum())
     lines.append(
         f"chi² {fit.chi_squared[0]:.4g} before, {fit.chi_squared[1]:.4g} after, over {count}"
         f" values; {fit.tests} tests"
@@ -56,8 +55,8 @@ def report(fit: Fit) -> list[str]:
 
 
 def _value(case: Case, name: str) -> float:
-    side, of = STRIPE_PARAMETERS[name]
-    return float(getattr(getattr(case, side), of))
+    side, quantity = STRIPE_PARAMETERS[name]
+    return float(getattr(getattr(case, side), quantity))
 
 
 def write_stripes(path: Path, fit: Fit, experiment: Path) -> None:
@@ -66,7 +65,7 @@ def write_stripes(path: Path, fit: Fit, experiment: Path) -> None:
     Args:
         path: the file.
         fit: the fit.
-        experiment: the cube that it was fitted to, named as the source.
+        experiment: the cube that it was fitted to, which is named as the source.
     """
     table: dict[str, Any] = {}
     for side in ("weft", "warp"):
@@ -75,10 +74,10 @@ def write_stripes(path: Path, fit: Fit, experiment: Path) -> None:
         errors = ", ".join(
             f"{STRIPE_PARAMETERS[name][1]} {fit.standard_errors[name]:.1%}" for name in names
         )
-        said = "".join(f"; {warning}" for warning in fit.warnings)
+        warnings = "".join(f"; {warning}" for warning in fit.warnings)
         row = {name: float(f"{asdict(stripe)[name]:.{DIGITS}g}") for name in ENTRY_UNITS}
         table[stripe.knit] = {
-            "source": f"knitlab fit {experiment}; standard errors {errors or 'none'}{said}",
+            "source": f"knitlab fit {experiment}; standard errors {errors or 'none'}{warnings}",
             "unit": ENTRY_UNITS,
             "n": {str(stripe.n): row},
         }

@@ -31,12 +31,12 @@ Values = dict[str, Any]
 
 @dataclass(frozen=True)
 class Pulls:
-    """How a machine pulled a sample.
+    """A tensile test as recorded by the machine.
 
     Attributes:
-        log: what it wrote.
-        length: relaxed, between the clamps [mm].
-        cycles: of the test.
+        log: log of the machine.
+        length: relaxed length between the clamps [mm].
+        cycles: cycles of the test.
     """
 
     log: TensileLog
@@ -53,7 +53,7 @@ def read_pulls(folder: Path, description: Description, table: TensileTable) -> P
     """Read a tensile test and check that its first cycle spans the applied strains.
 
     Raises:
-        BadInput: if the file is at fault, or does not.
+        BadInput: if the file is at fault, or the cycle does not span them.
     """
     path, length = folder / table.file, number(description.sample.length, "mm")
     log = read_tensile_log(path, table)
@@ -63,26 +63,26 @@ def read_pulls(folder: Path, description: Description, table: TensileTable) -> P
     if not found:
         after = f" after {protocol.skip_cycles} cycles" if protocol.skip_cycles else ""
         raise fault(place, f"never rises{after}; give a test in which the sample is pulled")
-    pulled = found[0].pulled(log.time)
+    pulled = found[0].loaded(log.time)
     strain = log.extension[pulled] / length
-    asked = protocol.applied_strain
-    if strain.max() < asked[1]:
+    requested = protocol.applied_strain
+    if strain.max() < requested[1]:
         raise fault(
             place,
-            f"goes to an applied strain of {strain.max():.3g} alone in its first cycle; check its"
+            f"reaches an applied strain of only {strain.max():.3g} in its first cycle; check its"
             " unit and sign and the sample's length, or skip_cycles",
         )
-    if strain.min() > asked[1] / 2:
+    if strain.min() > requested[1] / 2:
         raise fault(
             place,
             f"begins at an applied strain of {strain.min():.3g}; give the extension from the"
             " relaxed length, which is 0 there",
         )
-    if strain.max() < asked[-1] * (1 - 1e-9):
+    if strain.max() < requested[-1] * (1 - 1e-9):
         raise fault(
             place,
             f"ends at an applied strain of {strain.max():.3g} in its first cycle, but strain_max is"
-            f" {asked[-1]:g}; ask for less, or skip_cycles",
+            f" {requested[-1]:g}; reduce strain_max, or give skip_cycles",
         )
     if np.ptp(log.force[pulled]) > 0 and np.corrcoef(strain, log.force[pulled])[0, 1] < 0:
         raise fault(
@@ -93,9 +93,9 @@ def read_pulls(folder: Path, description: Description, table: TensileTable) -> P
 
 
 def force_values(pulls: Pulls, cycle: Cycle, description: Description) -> Values:
-    """Reaction force in one cycle, under the registry's names."""
+    """Reaction force in one cycle, by variable name."""
     strains = np.array(description.protocol.applied_strain)
-    pulled = cycle.pulled(pulls.log.time)
+    pulled = cycle.loaded(pulls.log.time)
     force, error, _ = resampled(
         strains, pulls.log.extension[pulled] / pulls.length, pulls.log.force[pulled]
     )
@@ -109,10 +109,10 @@ def force_values(pulls: Pulls, cycle: Cycle, description: Description) -> Values
 def read_capacitance(
     folder: Path, table: CapacitanceTable, pulls: Pulls
 ) -> tuple[CapacitanceLog, Times]:
-    """Read an LCR meter's log, and the machine's times of its records.
+    """Read the log of an LCR meter, and the machine's time of each of its records.
 
     Raises:
-        BadInput: if the file is at fault, or tells of another time than the machine's.
+        BadInput: if the file is at fault, or does not overlap with the machine's log.
     """
     path = folder / table.file
     log = read_capacitance_log(path, table)
@@ -140,37 +140,37 @@ def capacitance_values(
     strains: Float[np.ndarray, " strain"],
     least_linearity: float,
 ) -> Values:
-    """Capacitance of one cycle from an LCR meter's log, under the registry's names.
+    """Capacitance of one cycle from the log of an LCR meter, by variable name.
 
     Args:
         log: of the meter.
         time: of its records, by the machine's clock [s].
         pulls: the test.
         cycle: the cycle.
-        strains: applied strains that are asked for [1].
+        strains: applied strains that are requested for [1].
         least_linearity: R² that the working range must have.
     """
     strain = pulls.strain(time)
     seen = np.isfinite(strain)
-    up, down = (seen & while_(time) for while_ in (cycle.pulled, cycle.let_go))
-    capacitance, error, _ = resampled(strains, strain[up], log.capacitance[up])
-    able = np.isfinite(capacitance)
+    loading, unloading = (seen & phase(time) for phase in (cycle.loaded, cycle.unloaded))
+    capacitance, error, _ = resampled(strains, strain[loading], log.capacitance[loading])
+    finite = np.isfinite(capacitance)
     values: Values = {
         "capacitance": capacitance,
         "capacitance_error": error / capacitance,
-        "capacitor_status": np.where(able, CapacitorStatus.measured, np.nan),
+        "capacitor_status": np.where(finite, CapacitorStatus.measured, np.nan),
     }
     if cycle.end > cycle.turn:
-        back = resampled(strains, strain[down], log.capacitance[down]).values
+        back = resampled(strains, strain[unloading], log.capacitance[unloading]).values
         values["capacitance_unloading"] = back
         values["hysteresis"] = hysteresis(capacitance, back)
-    if able.any():
+    if finite.any():
         values |= {
-            "capacitance_ratio": capacitance / capacitance[able][0],
-            "applied_strain_opened": strains[able][0],
-            "sensing_end": strains[able][-1],
+            "capacitance_ratio": capacitance / capacitance[finite][0],
+            "applied_strain_opened": strains[finite][0],
+            "sensing_end": strains[finite][-1],
         }
-    sensor = sensor_of(strains[able], capacitance[able], least_linearity)
+    sensor = sensor_of(strains[finite], capacitance[finite], least_linearity)
     if sensor is not None:
         values |= asdict(sensor)
     return values

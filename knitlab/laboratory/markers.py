@@ -1,4 +1,4 @@
-"""Strains and Poisson's ratio from tracked markers, as they are measured in simulations."""
+"""Strains and Poisson's ratio from tracked markers, evaluated as in simulations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,17 +23,17 @@ from knitlab.measure.strain import (
     poisson_ratio_of_test,
 )
 
-MOST_PULLED = 0.1
-"""Part of the largest strain within which a frame shows the whole pull."""
+PULLED_MARGIN = 0.1
+"""Frames within this fraction of the largest strain count as fully pulled."""
 AGREEING = np.radians(6)
-"""Angle between drift and separation up to which the drift is the direction of the pull."""
+"""Angle between drift and separation up to which the drift gives the direction of the pull."""
 LEAST_DRIFT = 0.1
-"""Displacement of the middle, over that by which the last row parts from the first, that tells of
-one moving clamp."""
-MOST_ASKEW = 35.0
-"""Angle between the fabric and its stated direction, above which it is refused [°]."""
-MOST_UNLIKE = 1.6
-"""Ratio of measured to stated size, above which it is refused."""
+"""Displacement of the middle over the separation of the first and last rows, above which one clamp
+is taken to move."""
+LARGEST_MISALIGNMENT = 35.0
+"""Angle between the fabric and its stated direction above which it is refused [°]."""
+LARGEST_SIZE_RATIO = 1.6
+"""Ratio of measured to stated size, or its inverse, above which it is refused."""
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,13 @@ class MarkedSample:
     """The corners of a sample's unit cells in every frame, along the fabric's axes.
 
     Attributes:
-        relaxed: before the test [mm].
-        corners: in every frame; NaN where the marker is lost [mm].
-        grid: which marker is which corner, or between two of them.
-        relaxed_frames: that the relaxed shape is the mean of.
-        unit_cells: of the sample along (y, x), whether they bear markers or not.
-        turn: by how much the fabric was turned in the picture, anticlockwise, beside what the
-            description says [rad].
+        relaxed: corners before the test [mm].
+        corners: corners in every frame; NaN where the marker is lost [mm].
+        grid: grid position of every marker.
+        relaxed_frames: number of frames that the relaxed shape is averaged over.
+        unit_cells: unit cells of the sample along (y, x), with or without markers.
+        turn: rotation of the fabric in the picture, anticlockwise, relative to the description
+            [rad].
     """
 
     relaxed: Float[np.ndarray, "corner_y corner_x 2"]
@@ -59,17 +59,17 @@ class MarkedSample:
 
     @property
     def summary(self) -> str:
-        """A summary in one sentence."""
+        """Summary in one sentence."""
         found = " × ".join(str(count - 1) for count in self.relaxed.shape[:2])
-        of = " × ".join(map(str, self.unit_cells))
+        whole = " × ".join(map(str, self.unit_cells))
         missing = int((self.grid.marker < 0).sum())
         turn = round(np.degrees(self.turn), 1) + 0.0
-        parts = [f"{found} unit cells of {of}", f"turned by {turn:.1f}°"]
+        parts = [f"{found} unit cells of {whole}", f"turned by {turn:.1f}°"]
         if missing:
-            parts.append(f"{missing} place{'s' * (missing > 1)} of the grid without a marker")
+            parts.append(f"{missing} position{'s' * (missing > 1)} of the grid without a marker")
         if self.grid.strays:
-            named = ", ".join(map(str, self.grid.strays))
-            parts.append(f"markers {named} stand on no grid and are left out")
+            listed = ", ".join(map(str, self.grid.strays))
+            parts.append(f"markers {listed} are not on the grid and are ignored")
         return "; ".join(parts)
 
 
@@ -77,7 +77,7 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
     """Read the markers of a description.
 
     Args:
-        folder: of the description.
+        folder: folder of the description.
         table: its markers.
         sample: its sample.
 
@@ -89,17 +89,17 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
     if table.relaxed_frames > len(tracks):
         raise fault(
             f"{path}: relaxed_frames {table.relaxed_frames}",
-            f"is more than the {len(tracks)} frames there are; give fewer",
+            f"exceeds the number of frames, {len(tracks)}; give fewer",
         )
     before = tracks[: table.relaxed_frames]
-    there = np.isfinite(before).all(axis=2)
-    known = np.where(there[..., None], before, 0.0).sum(axis=0)
-    first = np.where(there.any(axis=0)[:, None], known / there.sum(axis=0).clip(1)[:, None], np.nan)
+    seen = np.isfinite(before).all(axis=2)
+    known = np.where(seen[..., None], before, 0.0).sum(axis=0)
+    first = np.where(seen.any(axis=0)[:, None], known / seen.sum(axis=0).clip(1)[:, None], np.nan)
     grid = grid_of(path, first, folder / table.places if table.places else None)
     every_y, every_x = table.markers_per_cell
-    places = slice(None, None, every_y), slice(None, None, every_x)
-    relaxed = grid.corners(first[None])[(0, *places)]
-    corners = grid.corners(tracks)[(slice(None), *places)]
+    every = slice(None, None, every_y), slice(None, None, every_x)
+    relaxed = grid.corners(first[None])[(0, *every)]
+    corners = grid.corners(tracks)[(slice(None), *every)]
     marked = MarkedSample(relaxed, corners, grid, table.relaxed_frames, sample.unit_cells)
     _check_fits(path, marked, sample)
     return marked
@@ -109,7 +109,7 @@ def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
     """Check direction, number and size of the unit cells against the description.
 
     Raises:
-        BadInput: if they do not.
+        BadInput: if they do not agree.
     """
     found = tuple(count - 1 for count in marked.relaxed.shape[:2])
     rows, columns = sample.unit_cells
@@ -126,20 +126,21 @@ def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
     mean = edges.mean(axis=0)
     sizes = np.linalg.norm(mean, axis=0)
     (xx, xy), (yx, yy) = mean / sizes
-    askew = np.degrees(np.arctan2(yx - xy, xx + yy))
-    if abs(askew) > MOST_ASKEW:
+    misaligned = np.degrees(np.arctan2(yx - xy, xx + yy))
+    if abs(misaligned) > LARGEST_MISALIGNMENT:
         raise fault(
             f"{path}: weft and warp",
-            f"are {askew:.0f}° from the rows and columns of markers; correct them, or give turned",
+            f"are {misaligned:.0f}° from the rows and columns of markers; correct them, or give"
+            " turned",
         )
     for size, whole, count, side in (
         (sizes[0], number(sample.width, "mm"), columns, "width"),
         (sizes[1], number(sample.length, "mm"), rows, "length"),
     ):
-        if not 1 / MOST_UNLIKE < size * count / whole < MOST_UNLIKE:
+        if not 1 / LARGEST_SIZE_RATIO < size * count / whole < LARGEST_SIZE_RATIO:
             raise fault(
                 f"{path}: sample.{side}",
-                f"is {whole:.4g} mm for {count} unit cells, but theirs by the markers is"
+                f"is {whole:.4g} mm for {count} unit cells, but the markers give"
                 f" {size:.4g} mm each; correct it, unit_cells, pixel or markers_per_cell",
             )
 
@@ -147,43 +148,44 @@ def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
 def along_pull(
     path: Path, marked: MarkedSample, strain: Float[np.ndarray, " frame"]
 ) -> MarkedSample:
-    """The same markers, turned so that the pull is along y.
+    """The same markers, rotated so that the pull is along y.
 
-    Where one clamp moves, so does the middle of the sample, and along the pull: what a sample does
-    is the same when it is turned by half a turn, so that the mean of a marker and its partner
-    across the middle moves so, whatever the unit cells are like. But the camera may move too, and
-    both clamps: it is along the pull that rows of markers part, if not as exactly. So the first
-    decides unless the second is otherwise.
+    If one clamp moves, the middle of the sample drifts along the pull: the sample is symmetric
+    under rotation by 180°, so that the mean displacement of a marker and its opposite is along the
+    pull for any unit cell. But the camera may move, or both clamps. Rows of markers always separate
+    along the pull, but less exactly. So the drift is used where it agrees with the separation.
 
     Args:
-        path: of the markers, for the message.
+        path: file of the markers, for the message.
         marked: the markers.
-        strain: applied strain in every frame; NaN where it is not known.
+        strain: applied strain in every frame; NaN where it is unknown.
 
     Raises:
-        BadInput: if the pull is across the warp, or its direction is not clear.
+        BadInput: if the pull is across the warp, or its direction is ambiguous.
     """
-    pulled = np.flatnonzero(strain >= (1 - MOST_PULLED) * np.nanmax(strain))
+    pulled = np.flatnonzero(strain >= (1 - PULLED_MARGIN) * np.nanmax(strain))
     moved = marked.corners[pulled] - marked.relaxed
     drifts = (moved + moved[:, ::-1, ::-1]) / 2
     one, other = np.triu_indices(moved.shape[1], 1)
-    partings = (moved[:, other] - moved[:, one]) / (other - one)[:, None, None]
-    if not np.nan_to_num(partings).any():
+    separations = (moved[:, other] - moved[:, one]) / (other - one)[:, None, None]
+    if not np.nan_to_num(separations).any():
         return marked
-    drift, parting = (np.nanmedian(of.reshape(-1, 2), axis=0) for of in (drifts, partings))
-    by_drift, turn = _direction(drift), _direction(parting)
-    apart = (by_drift - turn + np.pi / 2) % np.pi - np.pi / 2
-    whole = np.linalg.norm(parting) * (moved.shape[1] - 1)
+    drift, separation = (
+        np.nanmedian(each.reshape(-1, 2), axis=0) for each in (drifts, separations)
+    )
+    by_drift, turn = _direction(drift), _direction(separation)
+    difference = (by_drift - turn + np.pi / 2) % np.pi - np.pi / 2
+    whole = np.linalg.norm(separation) * (moved.shape[1] - 1)
     drifting = np.linalg.norm(drift) > LEAST_DRIFT * whole
-    if drifting and abs(apart) > np.radians(MOST_ASKEW):
+    if drifting and abs(difference) > np.radians(LARGEST_MISALIGNMENT):
         raise fault(
             str(path),
-            f"shows a sample that moves {abs(np.degrees(apart)):.0f}° from where its rows part;"
-            " correct weft and warp, or if the camera moved give align = picture",
+            f"shows a sample that moves {abs(np.degrees(difference)):.0f}° off the separation of"
+            " its rows; correct weft and warp, or if the camera moved give align = picture",
         )
-    if drifting and abs(apart) <= AGREEING:
+    if drifting and abs(difference) <= AGREEING:
         turn = by_drift
-    if abs(turn) > np.radians(MOST_ASKEW):
+    if abs(turn) > np.radians(LARGEST_MISALIGNMENT):
         raise fault(
             str(path),
             f"shows a pull that is {np.degrees(turn):.0f}° from the warp; correct weft, warp or"
@@ -202,29 +204,29 @@ def _direction(moved: Float[np.ndarray, "2"]) -> float:
 
 def marker_values(
     marked: MarkedSample,
-    at: Sequence[float],
+    requested: Sequence[float],
     strain: Float[np.ndarray, " frame"],
     frames: np.ndarray,
 ) -> dict[str, Any]:
-    """Strains and Poisson's ratio of a pull from its markers, under the registry's names.
+    """Strains and Poisson's ratio of a pull from its markers, by variable name.
 
     Args:
         marked: the markers.
-        at: applied strains that are asked for.
+        requested: requested applied strains.
         strain: applied strain of the frames of this pull.
-        frames: which frames these are.
+        frames: indices of these frames.
 
     Raises:
         BadInput: if every unit cell lost a marker.
     """
-    strains = np.asarray(at)
+    strains = np.asarray(requested)
     values: dict[str, Any] = {}
     errors = {}
     for name, field in zip(
         ("xx", "yy"), local_strain(marked.relaxed, marked.corners[frames]), strict=True
     ):
         mean = resampled(strains, strain, np.asarray(central_mean(field)))
-        # The relaxed shape is a mean of a few frames, as noisy as any.
+        # The relaxed shape is a mean of a few frames, each with the same noise.
         noise = mean.noise[np.isfinite(mean.noise)]
         of_relaxed = np.median(noise) / np.sqrt(marked.relaxed_frames) if len(noise) else 0.0
         errors[name] = np.hypot(mean.errors, of_relaxed)

@@ -15,11 +15,11 @@ REMEDIES = {
     "N": "of force, such as N",
     "pF": "of capacitance, such as pF",
 }
-"""Units that knitlab uses, and units that may be given for each."""
+"""Units that knitlab uses, and for each the units that may be given instead."""
 
 
 class _WithUnit(StrictModel):
-    """What has a unit."""
+    """Base of everything with a unit."""
 
     unit: str = Field(min_length=1)
 
@@ -46,7 +46,7 @@ def conversion(unit: str, target: str) -> float:
     """Factor that converts numbers in a unit to one of :data:`REMEDIES`.
 
     Raises:
-        ValueError: if the unit is none of that kind.
+        ValueError: if the unit has another dimension.
     """
     factor, faults = factor_of("", unit, target, REMEDIES[target])
     if faults:

@@ -23,10 +23,10 @@ class TensileLog:
     """Log of a tensile tester.
 
     Attributes:
-        time: by its own clock, ascending [s].
-        extension: of the sample, from the relaxed length [mm].
-        force: over the whole width [N].
-        triggered: when its trigger rose, if it has one [s].
+        time: time by its own clock, ascending [s].
+        extension: extension of the sample from its relaxed length [mm].
+        force: force over the whole width [N].
+        triggered: time at which its trigger rose, if it has one [s].
     """
 
     time: Record
@@ -40,9 +40,9 @@ class CapacitanceLog:
     """Log of an LCR meter.
 
     Attributes:
-        time: by its own clock, ascending [s].
-        capacitance: [pF].
-        triggered: when its trigger rose, if it has one [s].
+        time: time by its own clock, ascending [s].
+        capacitance: capacitance [pF].
+        triggered: time at which its trigger rose, if it has one [s].
     """
 
     time: Record
@@ -73,7 +73,7 @@ def read_capacitance_log(path: Path, table: CapacitanceTable) -> CapacitanceLog:
     if not lowest > 0:
         raise fault(
             f"{path}: column {table.capacitance.column}",
-            f"goes down to {lowest:g} pF; a capacitance is above 0: correct its zero",
+            f"goes down to {lowest:g} pF, but a capacitance is above 0; correct its zero",
         )
     return CapacitanceLog(values["time"], values["capacitance"], triggered)
 
@@ -86,11 +86,11 @@ def _read_log(
 ) -> tuple[dict[str, Record], float | None]:
     headers, rows = read_table(path, EXAMPLE)
     headers = [header.strip() for header in headers]
-    asked: dict[str, Column | PlainColumn] = dict(columns)
+    requested: dict[str, Column | PlainColumn] = dict(columns)
     if trigger is not None:
-        asked["trigger"] = trigger
+        requested["trigger"] = trigger
     values, faults = {}, list[Fault]()
-    for name, column in asked.items():
+    for name, column in requested.items():
         found, wrong = _column(path, headers, rows, column.column)
         faults += wrong
         if found is not None:
@@ -117,13 +117,13 @@ def _read_log(
 def _column(
     path: Path, headers: list[str], rows: pd.DataFrame, name: str
 ) -> tuple[Record | None, list[Fault]]:
-    """A column by its header, and what is wrong with it."""
+    """A column by its header, and its faults."""
     places = [place for place, header in enumerate(headers) if header == name]
     place = f"{path}: column {name}"
     if not places:
         return None, [Fault(place, f"is missing; the file has {', '.join(headers)}")]
     if len(places) > 1:
-        return None, [Fault(place, "is there twice; keep one")]
+        return None, [Fault(place, "occurs twice; keep one")]
     return numbers_of(path, name, rows[places[0]])
 
 

@@ -36,7 +36,7 @@ class SimulatedTest:
     Attributes:
         case: the case.
         test: its states.
-        values: of :data:`QUANTITIES` at every strain but the first, which is relaxed.
+        values: values of :data:`QUANTITIES` at every strain except the relaxed one.
     """
 
     case: Case
@@ -65,7 +65,7 @@ def with_factors(case: Case, factors: Mapping[str, float]) -> Case:
 
     Args:
         case: the case.
-        factors: by the names of :data:`STRIPE_PARAMETERS`.
+        factors: factors by name of :data:`STRIPE_PARAMETERS`.
     """
 
     def scaled(side: str, stripe: Stripe) -> Stripe:
@@ -84,9 +84,8 @@ def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTe
 
     Args:
         case: the case.
-        near: a test with almost the same stripes, each of whose states is then where the search
-            for the same strain starts; without it the test is run from the start, as a sweep
-            does.
+        near: a test with almost the same stripes, whose states are the initial guesses for the
+            same strains; without it the test starts from the flat sheet, as in a sweep.
     """
     net, fabric = case.assemble()
     if near is None:
@@ -103,7 +102,7 @@ def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTe
         return None
     first = jax.tree.map(jnp.asarray, relaxed.configuration)
     values = [
-        measure(first, jax.tree.map(jnp.asarray, its.configuration), fabric) for its in strained
+        measure(first, jax.tree.map(jnp.asarray, state.configuration), fabric) for state in strained
     ]
     return SimulatedTest(case, test, np.array(values).T)
 
@@ -118,7 +117,7 @@ def _retested(case: Case, net: Network, fabric: Fabric, near: SimulatedTest) -> 
     rules = SearchRules.of(net.shape, loading.free, fabric, settings, convexified=False)
     states: list[State] = [relaxed]
     for strain, other in zip(case.applied_strain[1:], others, strict=True):
-        # The sample as a whole may have grown: what is new of the relaxed shape comes along.
+        # The relaxed sample may have changed size: add the change of the relaxed shape.
         moved = other.unknowns + relaxed.unknowns - first.unknowns
         start = Evaluate(loading.holding(moved, strain))
         states.append((yield from find_equilibrium_by_subdomains(start, rules)))

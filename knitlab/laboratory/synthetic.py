@@ -1,6 +1,6 @@
-"""Synthetic experiments: records as a laboratory would make them of a simulated test.
+"""Synthetic experiments: records that a laboratory would obtain from a simulated test.
 
-They are for tutorials and tests. Whatever is made here has to say so in its name.
+They are for tutorials and tests, and must be named as synthetic.
 """
 
 from dataclasses import dataclass
@@ -18,8 +18,8 @@ class Camera:
 
     Attributes:
         pixel: size of a pixel on the fabric [mm].
-        turn: how far the fabric is turned in the picture, anticlockwise [rad].
-        centre: pixel that the middle of the relaxed fabric is in, x to the right and y down.
+        turn: rotation of the fabric in the picture, anticlockwise [rad].
+        centre: pixel at the middle of the relaxed fabric, x to the right and y down.
         noise: standard deviation of a tracked coordinate [pixel].
     """
 
@@ -31,11 +31,11 @@ class Camera:
     def sees(
         self, points: Float[np.ndarray, "*any 2"], random: np.random.Generator
     ) -> Float[np.ndarray, "*any 2"]:
-        """Points of the fabric, about its middle, as they are tracked in pixels.
+        """Points of the fabric as tracked in pixels.
 
         Args:
-            points: along weft and warp [mm].
-            random: of the noise.
+            points: positions along weft and warp, relative to the middle [mm].
+            random: source of the noise.
         """
         cosine, sine = np.cos(self.turn), np.sin(self.turn)
         turned = points @ np.array([[cosine, sine], [-sine, cosine]])
@@ -48,9 +48,9 @@ class Protocol:
     """Cycles of loading and unloading at one speed.
 
     Attributes:
-        strain_rate: of the machine [1/s].
-        cycles: how many.
-        rest: before the first pull [s].
+        strain_rate: strain rate of the machine [1/s].
+        cycles: number of cycles.
+        rest: time before the first pull [s].
     """
 
     strain_rate: float
@@ -76,12 +76,12 @@ def along_test(
     strains: Float[np.ndarray, " state"],
     states: Float[np.ndarray, "state *any"],
 ) -> Float[np.ndarray, "record *any"]:
-    """States of a simulation at the strains of a record, on monotone cubics between them.
+    """States of a simulation at the strains of a record, by monotone cubic interpolation.
 
     Args:
-        strain: of the record.
-        strains: of the states, ascending.
-        states: anything that has a value in each state.
+        strain: strains of the record.
+        strains: strains of the states, ascending.
+        states: any quantity with a value in each state.
     """
     return np.asarray(PchipInterpolator(strains, states)(strain))
 
@@ -92,13 +92,13 @@ def tracked(
     order: Int[np.ndarray, " marker"],
     random: np.random.Generator,
 ) -> Float[np.ndarray, "frame marker 2"]:
-    """Corners of unit cells as a camera's pictures were tracked, in pixels.
+    """Corners of unit cells as tracked in the pictures of a camera, in pixels.
 
     Args:
-        corners: in every frame [mm].
+        corners: corners in every frame [mm].
         camera: the camera.
-        order: which corners the markers are, row after row; corners left out have no marker.
-        random: of the noise.
+        order: index of the corner of every marker, row by row; other corners have no marker.
+        random: source of the noise.
     """
     points = corners.reshape(len(corners), -1, 2)
     return camera.sees(points - points[0].mean(axis=0), random)[:, order]
@@ -113,10 +113,10 @@ def with_losses(
     """Tracks of which some are lost for a while, never in the first frame.
 
     Args:
-        tracks: in pixels.
-        losses: how often a marker is lost, on average.
-        longest: frames that it may be lost for.
-        random: of the losses.
+        tracks: positions in pixels.
+        losses: mean number of losses per marker.
+        longest: largest number of frames of a loss.
+        random: source of the losses.
     """
     seen = tracks.copy()
     frames, markers, _ = tracks.shape

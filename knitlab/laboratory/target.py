@@ -1,4 +1,4 @@
-"""Target of a fit: an imported test, on the sample of a workflow."""
+"""Target of a fit: an imported test, scaled to the sample of a workflow."""
 
 from dataclasses import replace
 
@@ -17,20 +17,20 @@ from knitlab.study.plan import Plan
 
 FEWEST_STRAINS = 3
 NO_ERROR = 1.0
-"""Error of a missing value, which enters no misfit."""
+"""Error of a missing value, which does not affect the misfit."""
 
 
 def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Target:
     """The measured curves of an experiment, scaled to the sample of a case.
 
     Args:
-        experiment: its cube.
-        case: the simulated sample; the force is that over as many unit cells as it is wide.
-        model_error: part of the largest value of a curve that is added to its standard errors, in
-            quadrature, as no model is better than that.
+        experiment: cube of the experiment.
+        case: the simulated sample; the force is scaled to its number of unit cells across.
+        model_error: fraction of the largest value of a curve that is added in quadrature to its
+            standard errors, for the error of the model.
 
     Raises:
-        BadInput: if it is no single test with markers or force.
+        BadInput: if it is not a single test with markers or force.
     """
     cell = experiment.squeeze(drop=False)
     if CYCLE in cell.dims:
@@ -60,13 +60,13 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Target:
 
 
 def case_for(plan: Plan, experiment: xr.Dataset) -> Case:
-    """The one case of a plan that is of an experiment's design, at its strains.
+    """The case of a plan with the design of an experiment.
 
     Raises:
         BadInput: if there is none, or several, or it cannot be fitted.
     """
     if not is_measured(experiment):
-        raise fault("fit", "is to an experiment, and this cube was simulated; import one")
+        raise fault("fit", "needs an experiment, and this cube was simulated; import one")
     wanted = {dim: int(experiment[dim].values[0]) for dim in DESIGN_DIMS}
     cases = [
         case
@@ -76,16 +76,16 @@ def case_for(plan: Plan, experiment: xr.Dataset) -> Case:
     named = f"({wanted['n_stripe']}, {wanted['n_subunit']})"
     if len(cases) != 1:
         remedy = "one value of each setting" if cases else "n_stripe= and n_subunit="
-        problem = f"is to have one case of {named}, and has {len(cases)}; --set {remedy}"
+        problem = f"must have one case of {named}, and has {len(cases)}; --set {remedy}"
         raise fault(plan.workflow, problem)
     (case,) = cases
     if case.method != "equilibrium":
-        raise fault(plan.workflow, "is run by dynamics; --set method=equilibrium")
+        raise fault(plan.workflow, "uses dynamics; --set method=equilibrium")
     if int(experiment["status"].values.flat[0]) != Status.ok:
-        raise fault("fit", "is to an experiment that is ok, and this one is not; import it anew")
+        raise fault("fit", "needs an experiment that is ok, and this one is not; import it again")
     return replace(case, capacitor=None, sensitivities=False, unloading=False)
 
 
 def at_strains_of(case: Case, target: Target) -> Case:
-    """The case, at the strains of a target."""
+    """The case at the strains of a target."""
     return replace(case, applied_strain=(0.0, *target.applied_strain))

@@ -15,7 +15,7 @@ from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_p
 Trajectories = Float[np.ndarray, "frame marker 2"]
 FRAMES = "write it as in 'frame,marker,x,y'"
 PLACES = "write it as in 'marker,row,column'"
-MOST_MISSING_NAMED = 5
+MOST_MISSING_LISTED = 5
 IN_PICTURE: dict[Towards, tuple[float, float]] = {
     "right": (1.0, 0.0),
     "left": (-1.0, 0.0),
@@ -54,11 +54,11 @@ def read_trajectories(path: Path) -> Trajectories:
         )
     empty = np.flatnonzero(np.isnan(tracks).all(axis=(1, 2)))
     if len(empty):
-        named = ", ".join(map(str, empty[:MOST_MISSING_NAMED]))
-        more = ", …" if len(empty) > MOST_MISSING_NAMED else ""
+        listed = ", ".join(map(str, empty[:MOST_MISSING_LISTED]))
+        more = ", …" if len(empty) > MOST_MISSING_LISTED else ""
         raise fault(
             str(path),
-            f"shows no marker in {len(empty)} frames ({named}{more}); track them again, or cut"
+            f"shows no marker in {len(empty)} frames ({listed}{more}); track them again, or cut"
             " them off",
         )
     return tracks
@@ -68,19 +68,19 @@ def _read_array(path: Path) -> Trajectories:
     try:
         with path.open("rb") as file:
             if file.read(len(MAGIC_PREFIX)) != MAGIC_PREFIX:
-                raise fault(str(path), "is not an .npy array; save it by numpy.save")
+                raise fault(str(path), "is not an .npy array; save it with numpy.save")
         tracks = np.load(path, allow_pickle=False)
     except OSError as error:
         raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
     except (ValueError, EOFError) as error:
         problem = (
-            "holds pickled objects, which may run any code; save a plain array of floats"
+            "holds pickled objects, which may execute code; save a plain array of floats"
             if "allow_pickle" in str(error)
-            else f"is not a whole .npy array ({error}); save it by numpy.save"
+            else f"is not a complete .npy array ({error}); save it with numpy.save"
         )
         raise fault(str(path), problem) from error
     if not isinstance(tracks, np.ndarray) or tracks.dtype.kind not in "fiu":
-        raise fault(str(path), "holds no array of numbers; save one by numpy.save")
+        raise fault(str(path), "holds no array of numbers; save one with numpy.save")
     if tracks.ndim != 3 or tracks.shape[2] != 2:
         raise fault(
             str(path), f"has the shape {tracks.shape}; give (frames, markers, 2), x and y in pixels"
@@ -91,7 +91,7 @@ def _read_array(path: Path) -> Trajectories:
 
 
 def _read_rows(path: Path) -> Trajectories:
-    """Rows may come in any order; a marker that has none in a frame is lost there."""
+    """Rows may be in any order; a marker without a row in a frame is lost there."""
     table = _columns(path, ("frame", "marker", "x", "y"), FRAMES, lost=("x", "y"))
     frame, marker = _whole(path, "frame", table["frame"]), _whole(path, "marker", table["marker"])
     names, place = np.unique(marker, return_inverse=True)
@@ -100,7 +100,7 @@ def _read_rows(path: Path) -> Trajectories:
         problem = f"begins with frame {frames[0]}; number the frames from 0 or 1, the first in time"
         raise fault(f"{path}: column frame", problem)
     if len(gap := np.setdiff1d(np.arange(frames[0], frames[-1] + 1), frames)):
-        raise fault(f"{path}: column frame", f"jumps over {gap[0]}; number the frames one by one")
+        raise fault(f"{path}: column frame", f"skips {gap[0]}; number the frames consecutively")
     tracks = np.full((len(frames), len(names), 2), np.nan)
     pairs = np.unique(np.stack([when, place], axis=1), axis=0)
     if len(pairs) < len(when):
@@ -129,8 +129,8 @@ def _columns(
         if name in lost:
             text = text.mask(text.str.strip().str.lower().isin(["", "nan"]))
             columns[name] = np.full(len(text), np.nan)
-            there = text.notna().to_numpy()
-            columns[name][there], found = numbers_of(path, name, text[there])
+            given = text.notna().to_numpy()
+            columns[name][given], found = numbers_of(path, name, text[given])
         else:
             columns[name], found = numbers_of(path, name, text)
         faults += found
@@ -148,29 +148,29 @@ def _whole(path: Path, name: str, values: Float[np.ndarray, " row"]) -> np.ndarr
 
 
 def in_fabric_axes(tracks: Trajectories, table: MarkersTable) -> Trajectories:
-    """Trajectories along the x and y of the fabric, by the directions of its description [mm].
+    """Trajectories along the x and y of the fabric, by the directions of the description [mm].
 
     Args:
-        tracks: in pixels.
+        tracks: trajectories in pixels.
         table: pixel size and orientation.
     """
     axes = np.array([IN_PICTURE[table.weft], IN_PICTURE[table.warp]])
     turn = np.radians(table.turned)
-    # In pixels y runs down, so that a turn that is seen anticlockwise is one the other way.
-    turning = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    return number(table.pixel, "mm") * tracks @ (axes @ turning.T).T
+    # In pixels y points down, so that an anticlockwise rotation has the opposite sense.
+    rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    return number(table.pixel, "mm") * tracks @ (axes @ rotation.T).T
 
 
 def grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | None) -> MarkerGrid:
     """The grid of markers, found in the first frame or read from a table.
 
     Args:
-        path: of the trajectories, for the message.
+        path: file of the trajectories, for the message.
         first: the first frame.
-        places: the table, if there is one.
+        places: table of grid positions, if there is one.
 
     Raises:
-        BadInput: if they are on no grid, or the table is at fault.
+        BadInput: if they are not on a grid, or the table is at fault.
     """
     try:
         if places is None:

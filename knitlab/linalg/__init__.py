@@ -1,1 +1,1 @@
-"""Sparse Cholesky factorisation of a sheet's stiffness: elimination order, plan, fronts, BLAS."""
+"""Sparse Cholesky factorisation of the stiffness of a sheet, multifrontal and block-tridiagonal."""

@@ -1,8 +1,8 @@
-"""Cholesky factorisation of a sheet's stiffness in JAX, for a batch of fabrics of one mesh shape.
+"""Block-tridiagonal Cholesky factorisation in JAX, for a batch of fabrics of one mesh shape.
 
-Two neighbouring lines of the grid make a block, and as no coupling reaches further, the matrix is
-block-tridiagonal. What couples to everywhere, the lengths of periodic fabric, makes a border that
-is eliminated last; so do two lines of a ring, which is cut open there. All blocks are of one
+Two neighbouring lines of the grid form a block. Nodes couple no further, so that the matrix is
+block-tridiagonal. The lengths of periodic fabric, which couple to all nodes, form a border that is
+eliminated last; so do two lines of periodic fabric, which cut it open. All blocks have the same
 size, so that a factorisation is one scan of dense steps, each for the whole batch.
 """
 
@@ -21,7 +21,7 @@ Arrays = tuple[Array, ...]
 Pair = tuple[Array, Array]
 
 REACH = 2
-"""Lines over which nodes couple, and so the lines of a block."""
+"""Number of lines over which nodes couple, and so of lines in a block."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,24 +145,24 @@ class BlockTridiagonal:
             eliminate, nothing, jnp.asarray(self.columns)
         )
         corner = _cholesky(values[self.corner] - taken)
-        # Every pivot is asked, as a triangular solve may skip zeros and so lose what is not finite.
+        # All pivots are tested, as a triangular solve may skip zeros and so lose NaNs.
         diagonals = jnp.append(jnp.diagonal(pivots, axis1=1, axis2=2), jnp.diagonal(corner))
         return BlockFactors(pivots, panels, corner, jnp.isfinite(diagonals).all(), self.layout)
 
 
 def _cholesky(matrix: Float[Array, "row row"]) -> Float[Array, "row row"]:
-    # Unsymmetrised, as only the lower triangle is filled.
+    # Not symmetrised, as only the lower triangle is filled.
     return jnp.linalg.cholesky(matrix, symmetrize_input=False)
 
 
 def narrower(
     rows: Int[np.ndarray, " unknown"], columns: Int[np.ndarray, " unknown"]
 ) -> Int[np.ndarray, " unknown"]:
-    """Of the rows and columns of nodes that the unknowns are of, those that make smaller blocks.
+    """Rows or columns, whichever form the smaller blocks.
 
     Args:
-        rows: of every unknown; −1 for the lengths.
-        columns: likewise.
+        rows: row of the node of every unknown; −1 for the lengths.
+        columns: column of the node of every unknown, likewise.
     """
     return min(rows, columns, key=lambda lines: np.bincount(lines[lines >= 0]).max())
 
@@ -177,18 +177,18 @@ def block_tridiagonal(
     Args:
         indptr: where every column starts in ``indices``.
         indices: rows of the non-zeros of the lower triangle, column by column.
-        lines: row, or column, of nodes that each unknown is of; −1 for the lengths, which may
-            couple to all.
+        lines: row (or column) of the node of each unknown; −1 for the lengths, which may couple to
+            all unknowns.
 
     Raises:
-        ValueError: if lines couple that are more than two apart, across the seam of a ring too.
+        ValueError: if lines couple that are more than two apart, also across a periodic boundary.
     """
     size, nonzeros = len(lines), len(indices)
     ends = np.array([indices, np.repeat(np.arange(size), np.diff(indptr))])
     layout = _layout(ends, lines)
     width, inner = layout.width, layout.blocks * layout.width
 
-    # A place without an unknown has 1 on its diagonal, so that it stays out of everything.
+    # Padding has 1 on the diagonal, so that it does not affect the factorisation.
     padding = np.flatnonzero(layout.unknowns == size)
     sources = np.append(np.arange(nonzeros), np.full(len(padding), nonzeros + 1))
     column, row = np.sort(np.append(layout.places[ends], [padding, padding], axis=1), axis=0)
@@ -209,13 +209,13 @@ def _layout(ends: Int[np.ndarray, "2 nonzero"], lines: Int[np.ndarray, " unknown
     bordering = lines < 0
     line = np.searchsorted(np.unique(lines[~bordering]), lines)
     apart = abs(line[ends[0]] - line[ends[1]])[~bordering[ends].any(axis=0)]
-    # Lines so far apart couple only across the seam of a ring, which this cuts open.
+    # Lines so far apart couple only across a periodic boundary, where the grid is cut open.
     if apart.max() > REACH:
         bordering |= line > line.max() - REACH
     blocks = int(line[~bordering].max()) // REACH + 1
     block = np.where(bordering, blocks, line // REACH)
     members = np.bincount(block, minlength=blocks + 1)
-    # Never empty, as not every backend takes an empty matrix.
+    # Never empty, as not every backend accepts an empty matrix.
     width, border = int(members[:-1].max()), max(1, int(members[-1]))
 
     order = np.argsort(block, kind="stable")

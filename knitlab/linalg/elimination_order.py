@@ -1,7 +1,7 @@
-"""Nested dissection of a grid: in which order to eliminate its nodes.
+"""Nested dissection of a grid: the elimination order of its nodes.
 
-The grid is cut in halves again and again by lines of nodes as thick as couplings reach, and the
-cuts are eliminated after what lies beside them. Lines that close to a ring are cut twice.
+The grid is bisected recursively by separators: lines of nodes as thick as the couplings are long.
+A separator is eliminated after the parts on either side. Periodic directions are cut twice.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Int
 
 LEAF_NODES = 32
-"""Nodes up to which a rectangle of the grid is not cut; a larger leaf means fewer calls of BLAS
-and more work in each."""
+"""Nodes up to which a rectangle of the grid is not bisected; larger leaves mean fewer BLAS calls
+with more work in each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,10 +20,10 @@ class GridAxis:
     """One axis of the grid.
 
     Attributes:
-        line: of every unknown, from 0; negative for those of the whole grid.
-        lines: how many there are.
+        line: line of every unknown, from 0; negative for unknowns of the whole grid.
+        lines: number of lines.
         ring: whether the last line is coupled to the first.
-        reach: lines over which unknowns are coupled, so that a cut must be as thick.
+        reach: number of lines over which unknowns are coupled; the thickness of a separator.
     """
 
     line: Int[np.ndarray, " unknown"]
@@ -32,11 +32,11 @@ class GridAxis:
     reach: int
 
     def closed(self, start: int, stop: int) -> bool:
-        """Whether a stretch of lines goes all the way round."""
+        """Whether a range of lines is the full ring."""
         return self.ring and stop - start == self.lines
 
     def halved(self, start: int, stop: int) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-        """The cuts that halve a stretch of lines, and the halves."""
+        """The separators that bisect a range of lines, and the halves."""
         if self.closed(start, stop):
             middle = (start + stop) // 2
             first, second = (start, start + self.reach), (middle, middle + self.reach)
@@ -51,12 +51,12 @@ def grid_axis(
     nodal: Int[np.ndarray, " nodal"],
     distance: Int[np.ndarray, " coupling"],
 ) -> GridAxis:
-    """An axis, from the lines that its unknowns lie on.
+    """An axis, from the lines of its unknowns.
 
     Args:
-        line: of every unknown; negative for those of the whole grid.
-        nodal: of those that lie on one.
-        distance: lines between the two unknowns of every coupling.
+        line: line of every unknown; negative for unknowns of the whole grid.
+        nodal: lines of the other unknowns.
+        distance: number of lines between the two unknowns of every coupling.
     """
     first, last = nodal.min(), nodal.max()
     lines = int(last - first) + 1
@@ -71,9 +71,9 @@ _Rectangle = tuple[int, int, int, int]
 def elimination_order(
     vertical: GridAxis, horizontal: GridAxis
 ) -> tuple[Int[np.ndarray, " unknown"], Int[np.ndarray, " unknown"]]:
-    """Number of every unknown's front, children before parents, and its key within it."""
+    """Front of every unknown, children before parents, and its sort key within the front."""
     label = np.zeros((vertical.lines, horizontal.lines), dtype=np.int64)
-    # Counted along a cut, what borders on a stretch of it is one run, and updates few blocks.
+    # Numbered along a separator, so that neighbours of a segment are contiguous: fewer blocks.
     along_rows = np.arange(label.size).reshape(label.shape)
     along_columns = np.arange(label.size).reshape(label.shape[::-1]).T
     key = np.zeros_like(label)
@@ -84,7 +84,7 @@ def elimination_order(
             part = slice(top, bottom), slice(left, right)
             label[part] = number
             along = along_columns if right - left > bottom - top else along_rows
-            # The two cuts through a ring follow each other, lest their nodes alternate.
+            # The two separators of a ring are numbered one after the other, not alternately.
             key[part] = along[part] + place * label.size
     nodal = vertical.line >= 0
     node = vertical.line[nodal], horizontal.line[nodal]
@@ -96,7 +96,7 @@ def elimination_order(
 def _dissected(
     region: _Rectangle, vertical: GridAxis, horizontal: GridAxis
 ) -> Iterator[Sequence[_Rectangle]]:
-    """The leaves and cuts of a rectangle of the grid, in the order of elimination."""
+    """The leaves and separators of a rectangle of the grid, in elimination order."""
     top, bottom, left, right = region
     height, width = bottom - top, right - left
     # A ring must be cut twice.

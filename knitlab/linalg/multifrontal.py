@@ -1,15 +1,15 @@
-"""Sparse Cholesky factorisation, front by front, as nested dissection has planned it.
+"""Multifrontal sparse Cholesky factorisation, from the symbolic factorisation by nested dissection.
 
-A matrix that is not positive definite can be convexified as it is factored: where a front is not,
-its pivots are replaced by the matrix with the same eigenvectors and the absolute eigenvalues.
-That adds to the matrix just where it curves down, and nothing elsewhere.
+A matrix that is not positive definite can be convexified during the factorisation: the pivots of a
+front that is not positive definite are replaced by the matrix with the same eigenvectors and the
+absolute eigenvalues. This changes the matrix only in directions of negative curvature.
 
-The halves of the sheet, on either side of the cut that is eliminated last, are independent: two
-threads factor them at the same time, as SciPy's BLAS and LAPACK release the interpreter's lock.
-Which thread does what changes no bit of it.
+The halves of the sheet, on either side of the last separator, are independent: two threads
+factorise them at the same time, as SciPy's BLAS and LAPACK release the global interpreter lock. The
+result does not depend on the threads.
 
-Matrices are in Fortran's order, and what BLAS overwrites is contiguous, else SciPy would overwrite
-a copy. Only the lower triangle of a symmetric or triangular matrix is read.
+Matrices are in Fortran order, and those that BLAS overwrites are contiguous, because SciPy would
+otherwise overwrite a copy. Only the lower triangle of a symmetric or triangular matrix is read.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,12 +26,12 @@ from knitlab.linalg.symbolic_factorisation import Columns, Front, NestedDissecti
 from knitlab.linalg.threads import ALONE, Threads
 
 INVERTED_SIZE = 48
-"""Size up to which a triangle is inverted rather than solved with: OpenBLAS multiplies small
-matrices several times faster than it solves with them."""
+"""Size up to which a triangular matrix is inverted rather than solved with: OpenBLAS multiplies
+small matrices several times faster than it solves with them."""
 LEAST_CURVATURE = 1e-6
-"""Floor of the absolute eigenvalues of a convexified front."""
+"""Lower bound of the eigenvalues of a convexified front."""
 WORTH_SHARING = 10**6
-"""Entries of a factor above which a second thread brings more than it costs."""
+"""Entries of a factor above which a second thread pays off."""
 
 
 Matrix = Float[np.ndarray, "_ _"]
@@ -41,14 +41,14 @@ Vector = Float[np.ndarray, " _"]
 
 
 class Multifrontal:
-    """Memory of a factorisation, and what it does there, to be used again and again.
+    """Numeric factorisation of matrices of one sparsity, in memory that is reused.
 
-    New memory for every factor of a large matrix would take the system as long to provide as the
-    factorisation itself.
+    Allocating new memory for every factor of a large matrix would take as long as the
+    factorisation.
 
     Args:
-        plan: of the matrices to factor.
-        threads: two are used.
+        plan: symbolic factorisation of the matrices.
+        threads: threads to use, at most two.
     """
 
     def __init__(self, plan: NestedDissection, threads: Threads = ALONE) -> None:
@@ -56,8 +56,8 @@ class Multifrontal:
         self._threads = threads if plan.stored > WORTH_SHARING else ALONE
         self._stored = np.empty(plan.stored)
         self._solution, beside = np.zeros(len(plan.order)), np.zeros(len(plan.order))
-        self._hopeless = Event()
-        memory = _Memory(self._stored, np.empty(plan.stack), self._hopeless)
+        self._failed = Event()
+        memory = _Memory(self._stored, np.empty(plan.stack), self._failed)
         vectors = self._solution, beside, self._solution
         self._parts = [
             _Part(fronts, memory, vector)
@@ -65,23 +65,23 @@ class Multifrontal:
         ]
 
     def columns(self) -> Iterator[Columns]:
-        """Of every front, L of its pivots and of their coupling to its boundary.
+        """The columns of L of every front: its pivots and their coupling to its boundary.
 
-        What stands above the diagonal of the pivots means nothing.
+        Entries above the diagonal of the pivots are undefined.
         """
         return (front.columns(self._stored) for part in self.plan.parts for front in part)
 
     def factorise(self, entries: Float[np.ndarray, " nonzero"], convexified: bool = False) -> bool:
-        """Factor a matrix, or say that it is not positive definite; the last factor is lost.
+        """Factorise a matrix and return whether it succeeded; this overwrites the previous factor.
 
         Args:
-            entries: of its lower triangle, in the order of the sparsity that was dissected.
-            convexified: whether to factor, if it is not, a matrix nearby that is; it fails then
-                only where the matrix is not finite.
+            entries: non-zeros of its lower triangle, in the order of the sparsity.
+            convexified: whether to factorise a nearby positive definite matrix instead of failing;
+                this fails only if the matrix is not finite.
         """
         self._stored[:] = 0
         self._stored[self.plan.places] = entries
-        self._hopeless.clear()
+        self._failed.clear()
         *halves, top = self._parts
         factored = self._threads.each(lambda half: half.factorise(convexified), halves)
         return all(factored) and top.factorise(convexified)
@@ -109,28 +109,28 @@ class Multifrontal:
 
 @dataclass(frozen=True, eq=False)
 class _Memory:
-    """Where factors and updates lie.
+    """Memory of factors and updates.
 
     Attributes:
-        stored: for the columns of the factor.
-        stack: for updates that wait for their parents.
-        hopeless: set where some pivots are not positive definite, so that no part goes on.
+        stored: memory for the columns of the factor.
+        stack: memory for updates that are not yet added to their parents.
+        failed: set when some pivots are not positive definite, so that both halves stop.
     """
 
     stored: Float[np.ndarray, " entry"]
     stack: Float[np.ndarray, " place"]
-    hopeless: Event
+    failed: Event
 
 
 @dataclass(frozen=True, eq=False)
 class _Elimination:
-    """Where a front is eliminated.
+    """Memory in which a front is eliminated.
 
     Attributes:
         pivots: its pivots, overwritten by their factor.
-        coupling: its boundary with its pivots, overwritten by the factor's rows there.
-        update: what it leaves to its parent.
-        taken: where updates of its children are added, and these.
+        coupling: coupling of boundary and pivots, overwritten by the rows of the factor.
+        update: its update for its parent.
+        taken: target and source of the extend-add of each block of its children's updates.
     """
 
     pivots: Pivots
@@ -141,51 +141,51 @@ class _Elimination:
 
 @dataclass(frozen=True, eq=False)
 class _Substitution:
-    """Where a front is solved with.
+    """Memory in which the triangular solves of a front work.
 
     Attributes:
         pivots: factor of its pivots.
-        coupling: the factor's rows of its boundary.
+        coupling: rows of the factor of its boundary.
         own: its pivots in the solution.
         boundary: unknowns that its pivots are coupled to.
-        there: memory for as many.
+        work: work array for these.
     """
 
     pivots: Pivots
     coupling: Coupling
     own: Float[np.ndarray, " pivot"]
     boundary: Int[np.ndarray, " boundary"]
-    there: Float[np.ndarray, " boundary"]
+    work: Float[np.ndarray, " boundary"]
 
 
 class _Part:
-    """Fronts that are eliminated one after the other.
+    """Fronts that are eliminated one after another.
 
     Attributes:
         own: their pivots.
-        vector: where they are solved for.
+        vector: memory of the solution.
     """
 
     def __init__(self, fronts: Sequence[Front], memory: _Memory, vector: Vector) -> None:
         self.own = slice(fronts[0].pivots.start, fronts[-1].pivots.stop) if fronts else slice(0)
-        self.vector, self._hopeless = vector, memory.hopeless
+        self.vector, self._failed = vector, memory.failed
         widest = max((len(front.boundary) for front in fronts), default=0)
-        self._inverted, there = np.empty(INVERTED_SIZE**2), np.empty(widest)
+        self._inverted, work = np.empty(INVERTED_SIZE**2), np.empty(widest)
         self._eliminations = [_elimination(front, memory) for front in fronts]
         self._substitutions = [
             _Substitution(
                 *front.columns(memory.stored),
                 vector[front.pivots],
                 front.boundary,
-                there[: len(front.boundary)],
+                work[: len(front.boundary)],
             )
             for front in fronts
         ]
 
     def factorise(self, convexified: bool) -> bool:
-        """Factor the fronts; whether they were positive definite, or were made so."""
+        """Factorise the fronts; returns whether they were positive definite, or were made so."""
         for front in self._eliminations:
-            if self._hopeless.is_set():
+            if self._failed.is_set():
                 return False
             front.update[:] = 0
             for target, source in front.taken:
@@ -194,7 +194,7 @@ class _Part:
             if not _factored(front.pivots) and (
                 before is None or not _convexified(front.pivots, before)
             ):
-                self._hopeless.set()
+                self._failed.set()
                 return False
             if len(front.coupling):
                 _multiply_by_inverse(front.coupling, front.pivots, self._inverted)
@@ -202,19 +202,19 @@ class _Part:
         return True
 
     def reduce(self) -> None:
-        """Solve for the pivots, front by front, as if nothing followed."""
+        """Forward substitution, front by front."""
         for front in self._substitutions:
             dtrsv(front.pivots, front.own, lower=1, overwrite_x=1)
-            if len(front.there):
-                dgemv(1.0, front.coupling, front.own, 0.0, front.there, overwrite_y=1)
-                self.vector[front.boundary] -= front.there
+            if len(front.work):
+                dgemv(1.0, front.coupling, front.own, 0.0, front.work, overwrite_y=1)
+                self.vector[front.boundary] -= front.work
 
     def substitute_back(self) -> None:
-        """Take back from the pivots what follows them, the last front first."""
+        """Back substitution, the last front first."""
         for front in reversed(self._substitutions):
-            if len(front.there):
-                np.take(self.vector, front.boundary, out=front.there)
-                dgemv(-1.0, front.coupling, front.there, 1.0, front.own, trans=1, overwrite_y=1)
+            if len(front.work):
+                np.take(self.vector, front.boundary, out=front.work)
+                dgemv(-1.0, front.coupling, front.work, 1.0, front.own, trans=1, overwrite_y=1)
             dtrsv(front.pivots, front.own, lower=1, trans=1, overwrite_x=1)
 
 
@@ -229,17 +229,17 @@ def _elimination(front: Front, memory: _Memory) -> _Elimination:
 
 
 def _factored(pivots: Pivots) -> bool:
-    """Replace pivots by their Cholesky factor; whether they were positive definite."""
+    """Replace pivots by their Cholesky factor; returns whether they were positive definite."""
     _, failed = dpotrf(pivots, lower=1, clean=0, overwrite_a=1)
-    # LAPACK may pass over what is no number, which spoils all pivots after it.
+    # LAPACK may not report NaNs, which spread to all later pivots.
     return not failed and isfinite(pivots[-1, -1])
 
 
 def _convexified(pivots: Pivots, before: Pivots) -> bool:
-    """Replace pivots by the factor of what they were ``before``, made positive definite."""
+    """Replace pivots by the factor of their convexified values ``before`` the factorisation."""
     if not np.isfinite(before).all():
         return False
-    # Of NumPy, whose functions release the interpreter's lock.
+    # NumPy's function releases the global interpreter lock.
     values, vectors = np.linalg.eigh(before)
     pivots[:] = (vectors * np.maximum(np.abs(values), LEAST_CURVATURE)) @ vectors.T
     return _factored(pivots)
@@ -249,10 +249,10 @@ def _multiply_by_inverse(coupling: Coupling, triangle: Pivots, inverted: Vector)
     """``coupling`` ← coupling × triangle⁻ᵀ."""
     size = len(triangle)
     if size <= INVERTED_SIZE:
-        here = inverted[: size * size].reshape(size, size).T
-        here[:] = triangle
-        dtrtri(here, lower=1, overwrite_c=1)
-        dtrmm(1.0, here, coupling, side=1, lower=1, trans_a=1, overwrite_b=1)
+        inverse = inverted[: size * size].reshape(size, size).T
+        inverse[:] = triangle
+        dtrtri(inverse, lower=1, overwrite_c=1)
+        dtrmm(1.0, inverse, coupling, side=1, lower=1, trans_a=1, overwrite_b=1)
         return
     half = size // 2
     first, second = coupling[:, :half], coupling[:, half:]

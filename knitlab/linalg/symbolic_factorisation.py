@@ -1,10 +1,9 @@
-"""Plan of a sparse Cholesky factorisation on a grid of nodes, ordered by nested dissection.
+"""Symbolic Cholesky factorisation on a grid of nodes, ordered by nested dissection.
 
-The grid is cut in halves again and again by lines of nodes as thick as couplings reach, and the
-cuts are eliminated after what lies beside them. The unknowns of one cut, or of one leaf between
-the cuts, are eliminated together in a dense front. The grid decides the order alone: what a
-front is coupled to is read off the sparsity, so that any symmetric matrix is factored rightly,
-and one that is no grid only slowly.
+The unknowns of one separator, or of one leaf, are eliminated together in a dense front. The grid
+only determines the order (:mod:`knitlab.linalg.elimination_order`); the couplings of a front follow
+from the sparsity, so that any symmetric matrix is factorised correctly, though slowly if it is not
+that of a grid.
 """
 
 from collections.abc import Sequence
@@ -21,11 +20,11 @@ Columns = tuple[Float[np.ndarray, "pivot pivot"], Float[np.ndarray, "boundary pi
 
 @dataclass(frozen=True, eq=False)
 class ExtendAdd:
-    """A block of a child's update, and where its parent takes it up.
+    """Extend-add of a block of a child's update into its parent.
 
     Attributes:
         target: 0 for the parent's pivots, 1 for its coupling, 2 for its own update.
-        into: rows and columns there.
+        into: rows and columns of the target.
         block: rows and columns of the child's update.
     """
 
@@ -36,14 +35,14 @@ class ExtendAdd:
 
 @dataclass(frozen=True, eq=False)
 class Front:
-    """Unknowns that are eliminated together, all numbered in the order of elimination.
+    """Unknowns that are eliminated together, numbered in elimination order.
 
     Attributes:
         pivots: the unknowns.
         boundary: later unknowns that their elimination couples to each other, ascending.
-        stored: where its columns of the factor begin among those of all fronts.
-        update: where its update, what it leaves to its parent, begins on the stack.
-        children: fronts whose updates it takes up, and by which blocks.
+        stored: offset of its columns in the stored factor.
+        update: offset of its update on the stack.
+        children: fronts whose updates are added to it, and their extend-add operations.
     """
 
     pivots: slice
@@ -72,15 +71,15 @@ class Front:
 
 @dataclass(frozen=True, eq=False)
 class NestedDissection:
-    """How matrices of one sparsity are factored.
+    """Symbolic factorisation of matrices of one sparsity.
 
     Attributes:
-        order: the unknowns in the order of elimination.
-        parts: the fronts in which they are eliminated, children before parents: first those of
-            two halves that have nothing to do with each other, then what they have in common.
-        places: of every non-zero of the lower triangle, where it enters the factor.
-        stored: entries that the factor takes.
-        stack: entries of updates that wait for their parents, at most.
+        order: the unknowns in elimination order.
+        parts: the fronts, children before parents: those of two independent halves, then those
+            that both halves update.
+        places: position of every non-zero of the lower triangle in the stored factor.
+        stored: number of entries of the factor.
+        stack: largest number of entries of pending updates.
     """
 
     order: Int[np.ndarray, " unknown"]
@@ -99,11 +98,11 @@ def nested_dissection(
     """Plan the factorisation of symmetric matrices on a grid of nodes.
 
     Args:
-        indptr: where the columns of the lower triangle begin.
-        indices: rows of its non-zeros, the diagonal among them, column after column.
-        rows: of the grid, for every unknown; -1 for unknowns of the whole grid, which are
-            eliminated last.
-        columns: likewise.
+        indptr: start of every column of the lower triangle in ``indices``.
+        indices: rows of its non-zeros, including the diagonal, column by column.
+        rows: grid row of every unknown; -1 for unknowns of the whole grid, which are eliminated
+            last.
+        columns: grid column of every unknown, likewise.
     """
     lower = np.asarray(indices, dtype=np.int64)
     upper = np.repeat(np.arange(len(rows)), np.diff(indptr))
@@ -152,10 +151,7 @@ def _plan(
 
 
 def _middle(parents: Int[np.ndarray, " front"], work: Int[np.ndarray, " front"]) -> int:
-    """Where to cut all fronts but the last in two that hand nothing to each other.
-
-    Of the places where that can be done, the one that parts the work best.
-    """
+    """Where to split all fronts but the last into two independent halves of nearly equal work."""
     last = len(parents) - 1
     within = np.where(parents[:last] < last, parents[:last], -1)
     reached = np.maximum.accumulate(np.append(-1, within))
@@ -169,7 +165,7 @@ def _boundaries(
     starts: Int[np.ndarray, " front"],
     owner: Int[np.ndarray, " unknown"],
 ) -> tuple[list[Int[np.ndarray, " _"]], list[int]]:
-    """Boundary of every front, and the front that takes up its update; -1 if none."""
+    """Boundary of every front, and its parent; -1 if none."""
     fronts, unknowns = np.divmod(keys, len(owner))
     boundaries = np.split(unknowns, np.searchsorted(fronts, np.arange(1, len(starts) - 1)))
     parents = []
@@ -188,9 +184,9 @@ def _fronts(
     parents: Sequence[int],
     middle: int,
 ) -> tuple[tuple[Front, ...], int]:
-    """The fronts, their places in the factor and on the stack, and the size of the stack.
+    """The fronts with their offsets in the factor and on the stack, and the size of the stack.
 
-    Those from the middle on keep off what those before it may still be using.
+    The second half does not reuse the part of the stack of the first, which runs concurrently.
     """
     fronts: list[Front] = []
     waiting: list[Front] = []
@@ -213,7 +209,7 @@ def _fronts(
 
 
 def _first_gap(waiting: Sequence[Front], size: int, bottom: int) -> int:
-    """Lowest place on the stack, from its bottom, where an update fits between those that wait."""
+    """Lowest offset on the stack, from its bottom, at which an update fits between pending ones."""
     end = bottom
     for front in waiting:
         if front.update < bottom:
@@ -227,7 +223,7 @@ def _first_gap(waiting: Sequence[Front], size: int, bottom: int) -> int:
 def _extend_adds(
     child: Front, pivots: slice, boundary: Int[np.ndarray, " boundary"]
 ) -> tuple[ExtendAdd, ...]:
-    """Blocks of the lower triangle of a child's update that are contiguous in its parent too."""
+    """Blocks of the lower triangle of a child's update that are also contiguous in its parent."""
     passed = child.boundary >= pivots.stop
     place = np.where(
         passed, np.searchsorted(boundary, child.boundary), child.boundary - pivots.start

@@ -1,4 +1,4 @@
-"""Threads of this process that share a task, where its parts are done without the interpreter."""
+"""Threads that share a task whose parts release the global interpreter lock."""
 
 import os
 from collections.abc import Callable, Iterable
@@ -11,19 +11,19 @@ ONE_THREAD = {
     "OPENBLAS_NUM_THREADS": "1",
     "MKL_NUM_THREADS": "1",
 }
-"""Environment of a process that is to keep to one thread."""
+"""Environment of a process limited to one thread."""
 
 Part = TypeVar("Part")
 Result = TypeVar("Result")
 
 
 class Threads:
-    """A number of threads.
+    """A pool of threads.
 
-    What is done by them must not ask the same threads again, or it waits for itself.
+    Work that runs in the pool must not use the same pool, or it deadlocks.
 
     Args:
-        count: how many; 1 is this thread alone. It can be read again.
+        count: number of threads; 1 runs in the calling thread.
     """
 
     def __init__(self, count: int) -> None:
@@ -31,7 +31,7 @@ class Threads:
         self._pool = ThreadPoolExecutor(count) if count > 1 else None
 
     def each(self, work: Callable[[Part], Result], parts: Iterable[Part]) -> list[Result]:
-        """What ``work`` makes of every part, in order."""
+        """Results of ``work`` for every part, in order."""
         return list(self._pool.map(work, parts) if self._pool else map(work, parts))
 
 
@@ -39,9 +39,9 @@ ALONE = Threads(1)
 
 
 def allowed_threads() -> int:
-    """How many threads this process may use: ``OMP_NUM_THREADS``, or all processors it has."""
+    """Number of threads that this process may use: ``OMP_NUM_THREADS``, or all its processors."""
     text = os.environ.get("OMP_NUM_THREADS", "")
     if text.isdecimal():
         return max(int(text), 1)
-    # Not every system says which processors a process may use.
+    # Not every system reports which processors a process may use.
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,4 +1,4 @@
-"""What is read off a fabric: local strain and Poisson's ratio, wavelength, folds.
+"""Measures of a fabric: local strain and Poisson's ratio, wavelength, folds.
 
-The same functions serve a simulation and laboratory markers; they know no solver and no file.
+The same functions apply to simulations and to laboratory markers; they use no solver and no file.
 """

@@ -11,7 +11,7 @@ from knitlab.model.configuration import Configuration
 from knitlab.model.network import MeshShape
 
 PERIODIC_CELLS = 8
-"""Unit cells of periodic fabric that its boundary is followed across."""
+"""Number of unit cells over which the boundary of periodic fabric is traced."""
 
 Direction = Literal["x", "y"]
 
@@ -29,10 +29,10 @@ def boundary_line(
         unit_cells: the unit cells.
         configuration: of one state. In periodic fabric the boundary is followed across
             :data:`PERIODIC_CELLS` cells.
-        direction: that it runs along, the weft x or the warp y.
+        direction: direction of the boundary, the weft x or the warp y.
 
     Returns:
-        Its places along that direction and across it, seen from above.
+        Its coordinates along that direction and across it, seen from above.
     """
     nodes, sides = np.asarray(configuration.positions)[..., :2], configuration.lengths
     if direction == "x":
@@ -53,7 +53,7 @@ def boundary_wave(
     configuration: Configuration,
     direction: Direction,
 ) -> Wave | None:
-    """The wave in that boundary; ``None`` where it crosses too few unit cells to have one.
+    """The wave in that boundary; ``None`` if it crosses too few unit cells.
 
     Arguments as for :func:`boundary_line`.
     """

@@ -1,4 +1,4 @@
-"""Corners of unit cells, picked out of a simulated configuration."""
+"""Corners of the unit cells of a simulated configuration."""
 
 import numpy as np
 from jaxtyping import Array, Float

@@ -1,4 +1,4 @@
-"""Cycles of a test that is pulled and let go again and again."""
+"""Cycles of loading and unloading."""
 
 from dataclasses import dataclass
 
@@ -8,24 +8,24 @@ from jaxtyping import Float
 
 @dataclass(frozen=True)
 class Cycle:
-    """One cycle of a test, by the times of its turns; it is pulled first, then let go.
+    """One cycle of loading and unloading, by the times of its reversals.
 
     Attributes:
-        start: when it begins to be pulled.
-        turn: when it is let go.
-        end: when it is back; ``turn`` if it is not let go.
+        start: start of loading.
+        turn: end of loading and start of unloading.
+        end: end of unloading; ``turn`` if there is none.
     """
 
     start: float
     turn: float
     end: float
 
-    def pulled(self, time: Float[np.ndarray, " record"]) -> np.ndarray:
-        """Which times are while it is pulled."""
+    def loaded(self, time: Float[np.ndarray, " record"]) -> np.ndarray:
+        """Whether times are during loading."""
         return (time >= self.start) & (time <= self.turn)
 
-    def let_go(self, time: Float[np.ndarray, " record"]) -> np.ndarray:
-        """Which times are while it is let go."""
+    def unloaded(self, time: Float[np.ndarray, " record"]) -> np.ndarray:
+        """Whether times are during unloading."""
         return (time >= self.turn) & (time <= self.end)
 
 
@@ -37,13 +37,14 @@ def cycles(
     """Separate the cycles of a test.
 
     Args:
-        time: ascending.
-        extension: at these times.
-        least_turn: part of the whole range by which the extension must turn to count as turning.
+        time: times, ascending.
+        extension: extension at these times.
+        least_turn: change of extension after a reversal, over its full range, below which the
+            reversal is ignored.
 
     Returns:
-        The cycles in order; what comes before the first pull is left out, and so is a pull at the
-        end that is shorter than ``least_turn`` of the range.
+        The cycles in order, without what precedes the first loading, and without a final loading by
+        less than ``least_turn`` of the range.
     """
     span = np.ptp(extension)
     if not span > 0:
@@ -60,12 +61,12 @@ def cycles(
 
 
 def _turns(extension: Float[np.ndarray, " record"], least: float) -> list[int]:
-    """Places of the lowest and highest extensions in turn, each ``least`` from the one before."""
+    """Indices of alternating minima and maxima, each ``least`` away from the previous one."""
     lowest = highest = 0
     turns: list[int] = []
     rising = None
     for place, value in enumerate(extension):
-        # The last of equal lows and the first of equal highs bound a pull.
+        # Loading is from the last of equal minima to the first of equal maxima.
         if value <= extension[lowest]:
             lowest = place
         if value > extension[highest]:

@@ -1,4 +1,4 @@
-"""Folds: the angles of the hinges of a configuration, and those that have folded too far."""
+"""Folds: the angles of the hinges of a configuration, and the number beyond ±π."""
 
 from functools import partial
 
@@ -20,8 +20,8 @@ def fold_angles(
 ) -> Float[Array, "*state hinge"]:
     """Signed fold angle of every hinge, on the branch nearest its rest angle [rad].
 
-    Flat is 0 and a mountain positive. Beyond ±π the two cells have passed through each other;
-    the angle, like the energy, goes on smoothly there.
+    Flat is 0 and a mountain fold is positive. Beyond ±π the two cells have passed through each
+    other; the angle, like the energy, continues smoothly.
     """
 
     def angles(
@@ -39,10 +39,10 @@ def fold_angles(
 def hinges_past_pi(
     net: Network, fabric: Fabric, configuration: Configuration
 ) -> Int[np.ndarray, "*state"]:
-    """How many hinges have folded past ±π, where the fabric passes through itself [1].
+    """Number of hinges folded beyond ±π, where the fabric passes through itself [1].
 
-    Hinges without stiffness are left out. Contact between layers is not in the paper's model, so
-    that nothing keeps a fold from it.
+    Hinges without stiffness are not counted. The paper's model has no contact between layers that
+    would prevent it.
     """
     past = np.abs(fold_angles(net, fabric, configuration)) > np.pi
     return (past & (np.asarray(fabric.fold_stiffness) > 0)).sum(axis=-1)

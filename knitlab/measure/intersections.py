@@ -1,4 +1,4 @@
-"""Intersections: how many pairs of grid cells of a fabric pass through each other."""
+"""Intersections: the number of pairs of grid cells that pass through each other."""
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -11,16 +11,16 @@ from knitlab.model.network import MeshShape
 CORNERS = np.array([[0, 0], [0, 1], [1, 1], [1, 0]])
 """Corners (y, x) of a cell, in order around it."""
 SEGMENTS = np.array([[0, 1], [1, 2], [2, 3], [3, 0], [0, 2]])
-"""Sides of a cell and the diagonal that cuts it in two triangles, by corner."""
+"""Sides of a cell and the diagonal that divides it into two triangles, by corner."""
 TRIANGLES = np.array([[0, 1, 2], [2, 3, 0]])
 """Triangles of a cell by corner; the last side of each is the diagonal."""
 SIDE_TOWARDS = np.array([[-1, 1, 3], [2, -1, -1], [0, -1, -1]])
-"""Number of the side towards the neighbour so many rows and columns (0, 1 or -1) further on."""
+"""Index of the side towards the neighbour at an offset of rows and columns (0, 1 or -1)."""
 TOUCHING = 1e-9
-"""Part of a cell's size by which cells have to pass through each other to be counted."""
+"""Depth by which cells must pass through each other to be counted, over the size of a cell."""
 
 TOGETHER = 20_000
-"""Cells of several states that are compared at once: many states of a small fabric cost little."""
+"""Number of cells, of one or several states, that are compared at once."""
 
 # Corners and components come first and pairs last: numpy is slow along short last axes.
 Cells = Float[np.ndarray, "4 3 pair"]
@@ -29,15 +29,15 @@ Cells = Float[np.ndarray, "4 3 pair"]
 def self_intersections(
     shape: MeshShape, configurations: Configuration
 ) -> Int[np.ndarray, " state"]:
-    """How many pairs of grid cells pass through each other in each state [1].
+    """Number of pairs of grid cells that pass through each other in each state [1].
 
-    A cell is taken as two triangles along one of its diagonals. A pair counts where a side or the
-    diagonal of one crosses a triangle of the other, by more than 1e-9 of a cell's size; cells that
-    only touch do not. Periodic fabric is compared with its images too, each pair once a period.
+    A cell is treated as two triangles. A pair counts if a side or the diagonal of one cell crosses
+    a triangle of the other by more than 1e-9 times the size of a cell; touching cells do not count.
+    Periodic fabric is also compared with its images; each pair counts once per period.
 
     Args:
         shape: mesh of the fabric.
-        configurations: of several states, along a leading axis.
+        configurations: configurations of several states, along a leading axis.
     """
     together = max(1, TOGETHER // (shape.cells_y * shape.cells_x))
     counts = [
@@ -57,28 +57,29 @@ def _intersections(shape: MeshShape, configurations: Configuration) -> Int[np.nd
     periods = np.asarray(configurations.lengths)[:, ::-1].T
     pairs = overlapping_boxes(shape, low, high, periods)
     state = pairs.one // place.shape[1]
-    ours, theirs = (cells.reshape(4, 3, -1).take(each, -1) for each in (pairs.one, pairs.other))
-    theirs[:, 1::-1] += pairs.turns * periods[:, state]
-    open_to = np.flatnonzero(~_separated(shape, pairs, ours, theirs, tolerance))
-    ours, theirs = ours.take(open_to, -1), theirs.take(open_to, -1)
-    crossing = _pierced(ours, theirs, tolerance) | _pierced(theirs, ours, tolerance)
+    corners = cells.reshape(4, 3, -1)
+    own, other_cells = corners.take(pairs.one, -1), corners.take(pairs.other, -1)
+    other_cells[:, 1::-1] += pairs.turns * periods[:, state]
+    open_to = np.flatnonzero(~_separated(shape, pairs, own, other_cells, tolerance))
+    own, other_cells = own.take(open_to, -1), other_cells.take(open_to, -1)
+    crossing = _pierced(own, other_cells, tolerance) | _pierced(other_cells, own, tolerance)
     return np.bincount(state[open_to][crossing], minlength=len(configurations.lengths))
 
 
 def _separated(
     shape: MeshShape, pairs: BoxPairs, cells: Cells, others: Cells, tolerance: float
 ) -> Bool[np.ndarray, " pair"]:
-    """Which cells lie on two sides of a plane, to the tolerance; others may do so too.
+    """Which pairs of cells a certain plane separates; other planes may separate the others.
 
-    The plane stands across the line between their centres; of cells with a common side it contains
-    the side.
+    The plane is perpendicular to the line between their centres; for cells with a common side it
+    contains this side.
 
     Args:
         shape: mesh of the fabric.
-        pairs: cells by number.
+        pairs: indices of the cells.
         cells: one cell of each pair.
-        others: the other.
-        tolerance: length by which both may reach past the plane [mm].
+        others: the other cell of each pair.
+        tolerance: length by which both may cross the plane [mm].
     """
     normal = others.sum(axis=0) - cells.sum(axis=0)
     side = _common_side(shape, pairs)
@@ -92,7 +93,7 @@ def _separated(
 
 
 def _common_side(shape: MeshShape, pairs: BoxPairs) -> Int[np.ndarray, " pair"]:
-    """Number of the side of one cell across which the other is its neighbour, else -1."""
+    """Index of the side that one cell shares with the other, else -1."""
     rows = pairs.other // shape.cells_x - pairs.one // shape.cells_x
     columns = pairs.other % shape.cells_x - pairs.one % shape.cells_x
     rows += pairs.turns[0] * shape.cells_y
@@ -106,20 +107,19 @@ def _common_side(shape: MeshShape, pairs: BoxPairs) -> Int[np.ndarray, " pair"]:
 def _pierced(cells: Cells, others: Cells, tolerance: float) -> Bool[np.ndarray, " pair"]:
     """Which cells have a segment that crosses a triangle of the other cell of their pair.
 
-    A segment that ends in a corner of the triangle, as neighbours have, does not cross its plane by
-    the tolerance.
+    A segment that ends at a corner of the triangle, as in neighbouring cells, does not count.
 
     Args:
         cells: one cell of each pair.
-        others: the other.
-        tolerance: length by which a segment has to cross [mm].
+        others: the other cell of each pair.
+        tolerance: length by which a segment must cross the plane of the triangle [mm].
     """
     found = np.zeros(cells.shape[-1], bool)
     for triangle in TRIANGLES:
         corners = others[triangle]
         normal = _unit(_cross(corners[1] - corners[0], corners[2] - corners[0]))
         height = ((cells - corners[0]) * normal).sum(axis=1)
-        # Most cells lie to one side.
+        # Most cells are on one side of the plane.
         both = (height.min(axis=0) < -tolerance) & (height.max(axis=0) > tolerance)
         place = np.flatnonzero(both & ~found)
         for start, end in SEGMENTS:
@@ -138,9 +138,9 @@ def _inside(
     normal: Float[np.ndarray, "3 pair"],
     tolerance: float,
 ) -> Bool[np.ndarray, " pair"]:
-    """Which points of a triangle's plane lie within it.
+    """Which points in the plane of a triangle are inside it.
 
-    Its last side, the diagonal of the cell, belongs to it; the others do not.
+    The last side, the diagonal of the cell, belongs to the triangle; the others do not.
     """
     inside = np.ones(point.shape[-1], bool)
     for side, least in enumerate((tolerance, tolerance, -tolerance)):

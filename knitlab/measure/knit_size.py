@@ -1,10 +1,10 @@
-"""Knit size: how large in cloth what was simulated is, by the gauge.
+"""Knit size: finished sizes in cloth, from simulated contractions and the gauge.
 
-The network's lengths are those of the paper's tables, and its samples are a fraction as large as
-the cloth. What they predict of the cloth is the contraction, relaxed over flat; the gauge gives the
-flat size, stitches times the size of a stitch. The shipped gauge is that of the paper's finished
-samples, about 200 mm wide on 360 needles, taken as the stitch before the fabric folds: absolute
-sizes are therefore indicative, while ratios between designs do not depend on it.
+Lengths of the network are those of the paper's tables, and its samples are several times smaller
+than the cloth. Simulations predict the contraction, relaxed over flat; the gauge gives the flat
+size: the number of stitches times the size of a stitch. The shipped gauge is that of the paper's
+finished samples, about 200 mm wide on 360 needles, used for the stitch before the fabric folds:
+absolute sizes are therefore indicative, while ratios between designs do not depend on it.
 """
 
 from collections.abc import Mapping
@@ -24,8 +24,8 @@ class Gauge:
     """Size of a stitch before the fabric folds.
 
     Attributes:
-        stitch_width: along the course [mm].
-        stitch_height: along the wale [mm].
+        stitch_width: width along the course [mm].
+        stitch_height: height along the wale [mm].
     """
 
     stitch_width: Annotated[PositiveFloat, Unit("mm")]
@@ -55,11 +55,11 @@ def knit_cell(relaxed: float, flat: float, stitches: float, stitch: float) -> fl
     Args:
         relaxed: length of the relaxed cell of the network [mm].
         flat: length of the same cell flat [mm].
-        stitches: across the cell.
-        stitch: size of a stitch the same way [mm].
+        stitches: number of stitches across the cell.
+        stitch: size of a stitch in the same direction [mm].
 
     Returns:
-        The length [mm]; missing where the relaxed one is.
+        The length [mm]; NaN if the relaxed one is.
     """
     return relaxed / flat * stitches * stitch
 
@@ -98,12 +98,12 @@ def at_gauge(sizes: Mapping[str, float], before: Gauge, now: Gauge) -> dict[str,
     """The same finished sizes at another gauge.
 
     Args:
-        sizes: of :func:`knit_sizes` [mm].
-        before: the gauge that they were computed by.
+        sizes: sizes of :func:`knit_sizes` [mm].
+        before: the gauge that they were computed with.
         now: the requested gauge.
 
     Returns:
-        The sizes, to the bit what they were where the gauge is the same [mm].
+        The sizes, unchanged to the last bit if the gauge is the same [mm].
     """
     factors = dict.fromkeys(ALONG_X, now.stitch_width / before.stitch_width)
     factors |= dict.fromkeys(ALONG_Y, now.stitch_height / before.stitch_height)

@@ -1,4 +1,4 @@
-"""Straight lines through measured values, with what is known of their slopes."""
+"""Straight lines through measured values, with confidence intervals of their slopes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,9 +15,9 @@ class LinearFit:
     """A least-squares line y = intercept + slope × x.
 
     Attributes:
-        slope, intercept: of the line.
+        slope, intercept: parameters of the line.
         slope_halfwidth: half the 95 % confidence interval of the slope, by Student's t.
-        r_squared: part of the variance of y that the line explains.
+        r_squared: fraction of the variance of y that the line explains.
         x, y: the points.
     """
 
@@ -30,7 +30,7 @@ class LinearFit:
 
     @property
     def residuals(self) -> Float[np.ndarray, " point"]:
-        """What the line leaves of y."""
+        """Differences between y and the line."""
         return self.y - self.intercept - self.slope * self.x
 
 
@@ -38,7 +38,7 @@ def linear_fit(x: Float[np.ndarray, " point"], y: Float[np.ndarray, " point"]) -
     """The line through at least three points.
 
     Raises:
-        ValueError: if there are fewer, which leave no doubt of a slope to estimate.
+        ValueError: if there are fewer, from which the error of a slope cannot be estimated.
     """
     if len(x) < 3:
         raise ValueError(f"{len(x)} points give no confidence interval of a slope; give 3 at least")
@@ -57,8 +57,8 @@ def linear_fit(x: Float[np.ndarray, " point"], y: Float[np.ndarray, " point"]) -
 def common_slope_probability(lines: Sequence[LinearFit]) -> float:
     """Probability of slopes as different as these if all lines had one slope (F test).
 
-    The points of all lines are held to scatter alike. Simulated points hardly scatter, so that
-    even slopes that are the same for every purpose can be distinguished by it.
+    The points of all lines are assumed to have the same variance. Simulated points hardly scatter,
+    so that even slopes that are equal for all practical purposes differ significantly.
     """
     apart = sum(float((line.residuals**2).sum()) for line in lines)
     moments = [(line.x - line.x.mean(), line.y - line.y.mean()) for line in lines]

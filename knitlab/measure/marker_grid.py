@@ -1,9 +1,9 @@
-"""Marker grids: which of the tracked points are the corners of which unit cells.
+"""Marker grids: assigning tracked points to the corners of unit cells.
 
-A fabric's markers stand on a grid, distorted, turned by the camera, with some of them missing and
-in any order. The grid's two directions are those in which nearest neighbours lie; from the point
-where they are seen best it is followed to neighbour after neighbour, those first that lie most
-nearly where the neighbours before them predict, so that a doubt in one place is not carried on.
+The markers of a fabric form a distorted grid, rotated relative to the camera, with some markers
+missing and in any order. The two directions of the grid are those of nearest neighbours. From the
+most regular point the grid is followed from neighbour to neighbour, first to those closest to their
+predicted positions, so that ambiguities in one place do not propagate.
 """
 
 import heapq
@@ -18,27 +18,27 @@ Step = tuple[int, int]
 
 NONE = -1
 MOST_LINES = 10_000
-"""Rows or columns of a grid."""
+"""Largest number of rows or columns of a grid."""
 FEWEST = 4
-"""Markers that make a unit cell."""
+"""Number of markers of a unit cell."""
 NEIGHBOURS = 8
-"""Nearest markers among which the steps of the grid are looked for."""
+"""Number of nearest markers among which steps of the grid are searched."""
 SECTOR = np.radians(25)
-"""How far from a direction of the grid a step along it may point."""
+"""Largest angle between a step and the direction of the grid."""
 NEAR = 0.5
-"""How far from where it is expected a marker may be, as a part of the shorter step."""
+"""Largest distance of a marker from its predicted position, over the shorter step."""
 STEPS: tuple[Step, ...] = ((0, 1), (1, 0), (0, -1), (-1, 0))
 HOPS: tuple[Step, ...] = ((0, 2), (2, 0), (0, -2), (-2, 0), (1, 1), (-1, 1), (-1, -1), (1, -1))
-"""Steps over a marker that is missing."""
+"""Steps over a missing marker."""
 MOST_STRAYS = 0.25
-"""Part of the markers that may stand on no grid."""
+"""Largest fraction of markers that are not on the grid."""
 UNEVEN = 0.85
-"""How far a step may be from the typical one, as a part of it."""
+"""Largest relative difference of a step from the typical one."""
 ONE_LINE = "the markers stand in one line, and unit cells have corners in two"
 
 
 class NoGrid(ValueError):
-    """Points that are on no grid, with what to do about it."""
+    """Points that do not form a grid, with the remedy."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ class MarkerGrid:
     """Rows and columns of markers in a grid.
 
     Attributes:
-        marker: the marker at each place, rows along the warp, columns along the weft; −1 where it
-            is missing.
-        strays: markers that stand at no place.
+        marker: marker at each grid position, rows along the warp, columns along the weft; −1 if
+            it is missing.
+        strays: markers that are not on the grid.
     """
 
     marker: Int[np.ndarray, "row column"]
@@ -57,7 +57,7 @@ class MarkerGrid:
     def corners(
         self, trajectories: Float[np.ndarray, "frame marker 2"]
     ) -> Float[np.ndarray, "frame row column 2"]:
-        """Positions of the grid's markers in every frame; NaN where there is none [mm]."""
+        """Positions of the markers of the grid in every frame; NaN if missing [mm]."""
         nowhere = np.full((len(trajectories), 1, 2), np.nan)
         return np.concatenate([trajectories, nowhere], axis=1)[:, self.marker]
 
@@ -65,10 +65,10 @@ class MarkerGrid:
 def grid_of_places(
     rows: Int[np.ndarray, " marker"], columns: Int[np.ndarray, " marker"]
 ) -> MarkerGrid:
-    """The grid in which markers have given places; those in a row or column below 0 are strays.
+    """The grid of markers with given rows and columns; those with negative ones are strays.
 
     Raises:
-        NoGrid: if two markers have one place.
+        NoGrid: if two markers have the same row and column.
     """
     placed = np.flatnonzero((rows >= 0) & (columns >= 0))
     rows, columns, strays = (
@@ -77,29 +77,29 @@ def grid_of_places(
         np.flatnonzero((rows < 0) | (columns < 0)),
     )
     if not len(placed):
-        raise NoGrid("no marker has a place; give each its row and column")
+        raise NoGrid("no marker has a row and column; give them for each")
     if (last := max(rows.max(), columns.max())) >= MOST_LINES:
-        raise NoGrid(f"a marker stands in row or column {last}; count them from 0")
+        raise NoGrid(f"a marker is in row or column {last}; count them from 0")
     grid = np.full((rows.max() + 1, columns.max() + 1), NONE)
     for marker, row, column in zip(placed, rows, columns, strict=True):
         if grid[row, column] != NONE:
             raise NoGrid(
-                f"markers {grid[row, column]} and {marker} both stand in row {row}, column"
-                f" {column}; give each a place of its own"
+                f"markers {grid[row, column]} and {marker} are both in row {row}, column"
+                f" {column}; give each another one"
             )
         grid[row, column] = marker
     return MarkerGrid(grid, tuple(strays.tolist()))
 
 
 def find_grid(points: Points) -> MarkerGrid:
-    """Find the grid that points stand on.
+    """Find the grid that points form.
 
     Args:
-        points: of every marker (x, y), along the weft and the warp to within 45°; NaN where a
-            marker is not seen [mm].
+        points: positions (x, y) of the markers, along the weft and the warp to within 45°; NaN if
+            a marker is not seen [mm].
 
     Raises:
-        NoGrid: if there are too few of them, or they stand on no grid.
+        NoGrid: if there are too few points, or they form no grid.
     """
     seen = np.flatnonzero(np.isfinite(points).all(axis=1))
     if len(seen) < FEWEST:
@@ -137,10 +137,10 @@ def _steps_of_grid(points: Points) -> Float[np.ndarray, "direction 2"]:
     between = points[near[:, 1:]] - points[:, None]
     length = np.linalg.norm(between, axis=-1)
     if not length.all():
-        raise NoGrid("two markers stand in one point; remove one of them")
+        raise NoGrid("two markers are at one point; remove one of them")
     if not np.isfinite(length).all():
         raise NoGrid("the markers are too far apart to be on a fabric; correct the pixel size")
-    # Four equal directions are one in the fourfold angle, whichever way the camera is turned.
+    # Multiplying angles by four makes the four directions of the grid equal.
     nearest = between[:, :2].reshape(-1, 2)
     fourfold = np.exp(4j * np.arctan2(nearest[:, 1], nearest[:, 0])).mean()
     turn = np.angle(fourfold) / 4
@@ -158,7 +158,7 @@ def _steps_of_grid(points: Points) -> Float[np.ndarray, "direction 2"]:
 
 
 def _followed(points: Points, steps: Float[np.ndarray, "direction 2"]) -> dict[int, Step]:
-    """Places of the points that can be reached from the one with the most regular neighbours."""
+    """Grid positions of the points reachable from the one with the most regular neighbours."""
     tree = cKDTree(points)
     reach = NEAR * np.linalg.norm(steps, axis=1).min()
     start = _most_regular(points, tree, steps)
@@ -181,10 +181,10 @@ def _followed(points: Points, steps: Float[np.ndarray, "direction 2"]) -> dict[i
 
 
 def _check_even(corners: Float[np.ndarray, "row column 2"]) -> None:
-    """Refuse a grid of which a step is unlike the others: somewhere the count has slipped.
+    """Check that all steps of a grid are similar.
 
     Raises:
-        NoGrid: if there is such a step.
+        NoGrid: if one differs, so that a row or column may have been skipped.
     """
     for axis, direction in ((0, "row"), (1, "column")):
         steps = np.diff(corners, axis=axis)
@@ -194,7 +194,7 @@ def _check_even(corners: Float[np.ndarray, "row column 2"]) -> None:
             row, column = np.argwhere(astray)[0]
             raise NoGrid(
                 f"the markers cannot be told apart by {direction}s near row {row}, column"
-                f" {column}: a step there is not like the others; give a table of their places"
+                f" {column}: a step there differs from the others; give a table of their places"
             )
 
 
@@ -213,7 +213,7 @@ def _look_around(
     kinds: tuple[Step, ...],
     reach: float,
 ) -> None:
-    """Add the neighbours of a point to those to go to, by how far they are from expected."""
+    """Add the neighbours of a point to the queue, by their distance from the prediction."""
     for step in kinds:
         expected = points[point] + step[1] * steps[0] + step[0] * steps[1]
         distance, neighbour = tree.query(expected, distance_upper_bound=reach)
@@ -225,7 +225,7 @@ def _look_around(
 def _learned(
     steps: Float[np.ndarray, "direction 2"], step: Step, seen: Float[np.ndarray, "2"]
 ) -> Float[np.ndarray, "direction 2"]:
-    """Steps of the grid as they are here, by half from those before and by half from this one."""
+    """Local steps of the grid: the mean of the previous steps and the current one."""
     learned = steps.copy()
     for direction, count in ((0, step[1]), (1, step[0])):
         if count and not step[1 - direction]:

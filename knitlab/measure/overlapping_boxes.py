@@ -11,11 +11,11 @@ from knitlab.model.network import MeshShape
 
 @dataclass(frozen=True)
 class BoxPairs:
-    """Pairs of cells, and of cells and periodic images, of any states of one fabric.
+    """Pairs of cells, or of cells and periodic images, in all states of one fabric.
 
     Attributes:
-        one, other: cells of each pair; those of all states are numbered one state after another.
-        turns: periods (y, x) by which the other is moved.
+        one, other: cells of each pair, numbered state by state.
+        turns: periods (y, x) by which the other cell is displaced.
     """
 
     one: Int[np.ndarray, " pair"]
@@ -29,11 +29,11 @@ class _Bins:
 
     Attributes:
         order: the cells, by bin.
-        first: place in ``order`` of the first cell of each bin, and one past the last.
+        first: index in ``order`` of the first cell of each bin, and the total.
         start: first bin of the state of each cell.
-        number: bins (y, x) of the state of each cell.
-        bin: of each cell (y, x), within its state.
-        turns: periods (y, x) that lie between the cell and its bin.
+        number: number of bins (y, x) of the state of each cell.
+        bin: bin (y, x) of each cell, within its state.
+        turns: periods (y, x) between the cell and its bin.
     """
 
     order: Int[np.ndarray, " cell"]
@@ -50,7 +50,7 @@ def overlapping_boxes(
     high: Float[np.ndarray, "3 state cell"],
     periods: Float[np.ndarray, "2 state"],
 ) -> BoxPairs:
-    """Pairs of cells, and of cells and images, whose bounding boxes overlap; each once a period.
+    """Pairs of cells, or of cells and images, whose bounding boxes overlap; each once per period.
 
     Cells are sorted into bins over y and x, no smaller than a box, so that only those of
     neighbouring bins are compared.
@@ -58,18 +58,18 @@ def overlapping_boxes(
     Args:
         shape: mesh of the fabric.
         low: lowest x, y and z of each cell [mm].
-        high: highest [mm].
+        high: highest x, y and z of each cell [mm].
         periods: L_y and L_x of every state [mm].
     """
     size = (high - low).max(axis=2)[1::-1]
     if not shape.periodic:
-        # So long that no cell meets an image.
+        # Long enough that no cell overlaps an image.
         periods = (low.max(axis=2) - low.min(axis=2))[1::-1] + 2 * size
     number = np.maximum(1, periods // size)
     reach_y, reach_x = np.ceil(size * number / periods).max(axis=1).astype(int)
     bins = _bins(low[1::-1], number.astype(int), periods)
     steps = itertools.product(range(reach_y + 1), range(-reach_x, reach_x + 1))
-    # Of two opposite steps one finds the pair.
+    # One of two opposite steps is enough to find a pair.
     found = [
         _overlapping(bins, np.array(step), low, high, periods) for step in steps if step >= (0, 0)
     ]
@@ -107,9 +107,9 @@ def _overlapping(
     high: Float[np.ndarray, "3 state cell"],
     periods: Float[np.ndarray, "2 state"],
 ) -> BoxPairs:
-    """Pairs with overlapping boxes, the other one of each so many bins (y, x) further on."""
-    around, there = np.divmod(bins.bin + step[:, None], bins.number)
-    key = bins.start + there[0] * bins.number[1] + there[1]
+    """Pairs with overlapping boxes, whose bins differ by a step (y, x)."""
+    around, neighbour = np.divmod(bins.bin + step[:, None], bins.number)
+    key = bins.start + neighbour[0] * bins.number[1] + neighbour[1]
     count = bins.first[key + 1] - bins.first[key]
     one = np.repeat(np.arange(len(key)), count)
     ahead = bins.first[key] - np.cumsum(count) + count

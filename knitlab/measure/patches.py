@@ -1,4 +1,4 @@
-"""Patches: how far each has contracted, at its centre and at its edges (paper, "Relaxation")."""
+"""Patches: their contraction at the centre and at the edges (paper, "Relaxation")."""
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +13,7 @@ from knitlab.model.pattern import KNIT_OF_LETTER, PatchGrid
 def central_cell(
     shape: MeshShape, cells: CellGrid, configuration: Configuration
 ) -> Float[np.ndarray, "row column 3"]:
-    """Nodes of the unit cell nearest the middle, its last row and column included [mm].
+    """Nodes of the unit cell nearest the middle, including its last row and column [mm].
 
     Args:
         shape: mesh of the configuration.

@@ -1,7 +1,7 @@
-"""Resampling: what a laboratory recorded, at requested strains.
+"""Resampling: laboratory records at requested strains.
 
-At every strain a parabola is fitted to what was recorded nearby, which makes the most of noisy
-records and estimates how noisy they are.
+At every strain a parabola is fitted to the records nearby, which averages their noise and estimates
+it.
 """
 
 import math
@@ -11,13 +11,13 @@ import numpy as np
 from jaxtyping import Float
 
 FEWEST_POINTS = {2: 8, 1: 4, 0: 3}
-"""Points that a polynomial of a degree is fitted to, the first of these with enough."""
+"""Number of points needed for a polynomial, by its degree; the first with enough is used."""
 LEAST_CURVATURE = 1e-6
-"""Of the normal equations over their largest; below it the points are too few places apart."""
+"""Smallest over largest eigenvalue of the normal equations, below which points are too close."""
 AT_REST = 1e-9
-"""Spread of the strains of records at rest, over the width of a window."""
+"""Range of the strains of records at rest, over the width of a window."""
 DRAWN_OUT = 0.1
-"""How far beyond its last point a polynomial may be drawn, as a part of its length."""
+"""Largest extrapolation of a polynomial beyond its last point, over its length."""
 
 Strains = Float[np.ndarray, " strain"]
 Records = Float[np.ndarray, "record *series"]
@@ -27,9 +27,9 @@ class Resampled(NamedTuple):
     """Records at given strains.
 
     Attributes:
-        values: at the strains; NaN where no record is near.
-        errors: their standard errors; NaN where the records are too few to tell.
-        noise: standard deviation of a single record there.
+        values: values at the strains; NaN if no record is near.
+        errors: their standard errors; NaN if known are too few records.
+        noise: standard deviation of a single record at each strain.
     """
 
     values: Float[np.ndarray, "strain *series"]
@@ -38,17 +38,17 @@ class Resampled(NamedTuple):
 
 
 def resampled(at: Strains, strain: Float[np.ndarray, " record"], values: Records) -> Resampled:
-    """Records at given strains, with the standard errors of that.
+    """Records resampled at given strains, with standard errors.
 
-    A parabola is fitted to the records within half the distance to the next of the strains, every
-    series by itself, as records may be missing in one only; a line or a mean where they are few.
-    Where even that cannot be, the value lies on the line between the nearest records on both
-    sides, and has no error.
+    A parabola is fitted to the records within half the distance to the next strains, for every
+    series separately, as records may be missing in one only; or a line or a mean if known are few.
+    If even that is impossible, the value is interpolated linearly between the nearest records on
+    both sides, and has no error.
 
     Args:
         at: requested strains, ascending [1].
-        strain: of every record [1].
-        values: the records; NaN where one is missing.
+        strain: strain of every record [1].
+        values: the records; NaN if missing.
     """
     low, high = _windows(at)
     series = np.reshape(values, (len(strain), math.prod(np.shape(values)[1:])))
@@ -58,9 +58,9 @@ def resampled(at: Strains, strain: Float[np.ndarray, " record"], values: Records
         width = high[place] - low[place]
         found[:, place] = _at_zero((strain[window] - centre) / width, series[window])
         for missing in np.flatnonzero(np.isnan(found[0, place])):
-            there = np.isfinite(series[:, missing])
+            known = np.isfinite(series[:, missing])
             found[0, place, missing] = _between(
-                centre, strain[there], series[there, missing], width
+                centre, strain[known], series[known, missing], width
             )
     return Resampled(*found.reshape(3, len(at), *np.shape(values)[1:]))
 
@@ -74,32 +74,32 @@ def _windows(at: Strains) -> tuple[Strains, Strains]:
 def _at_zero(
     offset: Float[np.ndarray, " record"], series: Float[np.ndarray, "record series"]
 ) -> Float[np.ndarray, "3 series"]:
-    """What polynomials through series have at zero, the standard errors of that, and the noise."""
-    there = np.isfinite(series)
-    value = np.where(there, series, 0.0)
+    """Values at zero of polynomials fitted to series, their standard errors, and the noise."""
+    known = np.isfinite(series)
+    value = np.where(known, series, 0.0)
     found = np.full((3, series.shape[1]), np.nan)
     if not len(offset):
         return found
-    first = np.where(there, offset[:, None], np.inf).min(axis=0)
-    last = np.where(there, offset[:, None], -np.inf).max(axis=0)
+    first = np.where(known, offset[:, None], np.inf).min(axis=0)
+    last = np.where(known, offset[:, None], -np.inf).max(axis=0)
     covered = np.maximum(first, -last) <= DRAWN_OUT * np.ptp(offset)
     for degree, fewest in FEWEST_POINTS.items():
         powers = offset[:, None] ** np.arange(degree + 1)
-        normal = np.einsum("np,nq,ns->spq", powers, powers, there)
+        normal = np.einsum("np,nq,ns->spq", powers, powers, known)
         curvatures, vectors = np.linalg.eigh(normal)
-        able = covered & np.isnan(found[0]) & (there.sum(axis=0) >= fewest)
-        able &= curvatures[:, 0] > LEAST_CURVATURE * curvatures[:, -1]
-        # A mean is for records at rest, all of them at one strain.
-        able &= degree > 0 or np.ptp(offset) <= AT_REST
-        vectors, curvatures = vectors[able], curvatures[able]
-        right = np.einsum("np,ns->sp", powers, value[:, able])
+        fitted = covered & np.isnan(found[0]) & (known.sum(axis=0) >= fewest)
+        fitted &= curvatures[:, 0] > LEAST_CURVATURE * curvatures[:, -1]
+        # A mean is only for records at rest, all at one strain.
+        fitted &= degree > 0 or np.ptp(offset) <= AT_REST
+        vectors, curvatures = vectors[fitted], curvatures[fitted]
+        right = np.einsum("np,ns->sp", powers, value[:, fitted])
         along = np.einsum("spk,sp->sk", vectors, right) / curvatures
         coefficients = np.einsum("spk,sk->sp", vectors, along)
-        left = np.where(there[:, able], value[:, able] - powers @ coefficients.T, 0.0)
-        freedom = there[:, able].sum(axis=0) - degree - 1
+        left = np.where(known[:, fitted], value[:, fitted] - powers @ coefficients.T, 0.0)
+        freedom = known[:, fitted].sum(axis=0) - degree - 1
         noise = np.sqrt((left**2).sum(axis=0) / freedom)
         leverage = (vectors[:, 0] ** 2 / curvatures).sum(axis=1)
-        found[:, able] = coefficients[:, 0], noise * np.sqrt(leverage), noise
+        found[:, fitted] = coefficients[:, 0], noise * np.sqrt(leverage), noise
     return found
 
 
@@ -109,7 +109,7 @@ def _between(
     values: Float[np.ndarray, " record"],
     reach: float,
 ) -> float:
-    """The value between the nearest records on both sides, of those within reach; else NaN."""
+    """The value interpolated between the nearest records on both sides within reach; else NaN."""
     before, after = strain <= centre, strain >= centre
     if not (before.any() and after.any()):
         return np.nan

@@ -15,7 +15,7 @@ from knitlab.model.fabric import Fabric, StripePair
 from knitlab.model.network import MeshShape
 
 Quantity = Callable[[Configuration, Configuration, Fabric], Float[Array, ""]]
-"""A number read off the relaxed configuration, that under strain and the fabric."""
+"""A function of the relaxed configuration, the strained one and the fabric."""
 
 
 def quantities(shape: MeshShape, cells: CellGrid) -> dict[str, Quantity]:
@@ -46,14 +46,14 @@ def quantities(shape: MeshShape, cells: CellGrid) -> dict[str, Quantity]:
 
 
 def logarithmic(derivative: StripePair, stripes: StripePair) -> Float[np.ndarray, "quantity 8"]:
-    """Logarithmic derivatives p ∂J/∂p by every parameter p, as :data:`STRIPE_PARAMETERS` has them.
+    """Logarithmic derivatives p ∂J/∂p by every parameter p of :data:`STRIPE_PARAMETERS`, in order.
 
     They are the change of J for a relative change of p, and so comparable between parameters. Of
     a graded fabric p changes by the same part in all stripes of a knit.
 
     Args:
-        derivative: of every quantity J by each number.
-        stripes: the numbers.
+        derivative: derivatives of every quantity J by each parameter.
+        stripes: the parameters.
     """
 
     def by_log_of(by_number: Array, number: Array) -> Float[np.ndarray, " quantity"]:
@@ -71,5 +71,5 @@ STRIPE_PARAMETERS = {
     for knit, side in (("rib", "weft"), ("garter", "warp"))
     for name in ("k_s", "k_t", "theta_0", "period")
 }
-"""Where each parameter is found in a :class:`~knitlab.model.fabric.StripePair`, by its label. The
-periods of rib and garter are the paper's w and h."""
+"""Stripe and attribute of each parameter in a :class:`~knitlab.model.fabric.StripePair`, by its
+name. The periods of rib and garter are the paper's w and h."""

@@ -1,6 +1,6 @@
 """Local strain from the corners of unit cells (paper, Sec. "Kinematics under tension").
 
-What is measured in JAX can be differentiated; what is measured in NumPy compiles nothing.
+Results from JAX arrays are differentiable; NumPy arrays need no compilation.
 """
 
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ from knitlab.measure.central import central
 CornerGrid = Float[Array | np.ndarray, "*state corner_y corner_x 2"]
 ReferenceGrid = Float[Array | np.ndarray, "... corner_y corner_x 2"]
 ReferenceTensor = Float[Array | np.ndarray, "... cell_y cell_x 2 2"]
-"""References are of one state, or of as many as there are."""
+"""Lattice vectors of one reference state, or of one for each state."""
 CellTensor = Float[Array | np.ndarray, "*state cell_y cell_x 2 2"]
 CellField = Float[Array | np.ndarray, "*state cell_y cell_x"]
 Series = Float[Array | np.ndarray, "*state"]
@@ -27,7 +27,7 @@ def _library(array: Array | np.ndarray) -> Any:
 def lattice_vectors(corners: CornerGrid) -> CellTensor:
     """Lattice vectors of every unit cell, as the columns (v1, v2) of a matrix [mm].
 
-    A cell's quadrilateral is taken for a parallelogram: v1 is the mean of its lower and upper
+    A cell is approximated by a parallelogram: v1 is the mean of its lower and upper
     edge, v2 of its left and right edge (paper, Fig. "lattice vectors").
 
     Args:
@@ -67,14 +67,14 @@ def local_strain(reference: ReferenceGrid, current: CornerGrid) -> tuple[CellFie
 def central_mean(strain: CellField) -> Series:
     """Mean over the central unit cells (paper, ε̄) [1].
 
-    A cell that lost a marker, NaN, is left out; where all of them did, so is the mean.
+    Cells that lost a marker are NaN and are ignored; if all are, so is the mean.
     """
     rows, columns = central(strain.shape[-2]), central(strain.shape[-1])
     middle = strain[..., rows, columns]
     xp = _library(strain)
-    there = xp.isfinite(middle)
-    count = there.sum(axis=(-2, -1))
-    total = xp.where(there, middle, 0.0).sum(axis=(-2, -1))
+    known = xp.isfinite(middle)
+    count = known.sum(axis=(-2, -1))
+    total = xp.where(known, middle, 0.0).sum(axis=(-2, -1))
     return xp.where(count > 0, total / xp.where(count > 0, count, 1), xp.nan)
 
 
@@ -103,22 +103,22 @@ def poisson_ratio(mean_strain_xx: Series, mean_strain_yy: Series) -> Series:
 def poisson_ratio_of_test(
     mean_strain_xx: Float[np.ndarray, " strain"], mean_strain_yy: Float[np.ndarray, " strain"]
 ) -> Float[np.ndarray, " strain"]:
-    """ν at every strain of a test that begins relaxed: missing there, where it is 0/0 [1].
+    """ν at every strain of a test that begins relaxed: missing known, where it is 0/0 [1].
 
     Arguments as for :func:`poisson_ratio`.
     """
     ratio = np.array(poisson_ratio(mean_strain_xx, mean_strain_yy))
-    # Round-off and noise would make a number of it.
+    # Round-off and noise would give an arbitrary number.
     ratio[0] = np.nan
     return ratio
 
 
 class LowestPoissonRatio(NamedTuple):
-    """Where a test is most auxetic.
+    """The most auxetic state of a test.
 
     Attributes:
         ratio: the lowest Poisson's ratio [1].
-        applied_strain: at which it is reached [1].
+        applied_strain: the applied strain at which it is reached [1].
     """
 
     ratio: float

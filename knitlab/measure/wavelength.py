@@ -1,11 +1,11 @@
 """Wavelength and amplitude of a wavy line (paper, Sec. "Relaxation of a pattern", DFT analysis).
 
-The sample's own bending is taken off with a Savitzky–Golay filter, the rest is resampled evenly
-and its discrete Fourier transform searched for its peak; λ = 1/ν̃_peak.
+The bending of the whole sample is removed with a Savitzky–Golay filter, the rest is resampled
+evenly, and the peak of its discrete Fourier transform gives λ = 1/ν̃_peak.
 
-The grid of the transform of so few waves is coarse: with m waves its neighbours are 1/m apart.
-So the line is tapered and padded with zeros, which interpolates the spectrum, and the top of the
-peak is laid through three points of its logarithm, which for a tapered wave is nearly a parabola.
+The resolution of the transform is coarse: for m waves its points are 1/m apart. So the line is
+tapered and padded with zeros, which interpolates the spectrum, and the top of the peak is found
+from three points of its logarithm, which for a tapered wave is nearly a parabola.
 """
 
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ from scipy.signal import savgol_filter
 from scipy.signal.windows import hann
 
 POINTS = 512
-"""Points that a line is resampled to; a multiple of what any line of nodes or pixels resolves."""
+"""Number of points of a resampled line; more than any line of nodes or pixels resolves."""
 PADDING = 16
 """Length of the padded line over its own."""
 TREND_ORDER = 2
 TREND_WINDOW = 1.7343
 """Window of the filter in wavelengths: the lowest at which a quadratic Savitzky–Golay filter
-passes nothing of the wave, so that taking the trend off leaves the wave as it was."""
+passes nothing of the wave, so that removing the trend does not change the wave."""
 ROUNDS = 3
-"""How often window and wavelength are fitted to each other."""
+"""Number of iterations of window and wavelength."""
 FEWEST_WAVES = 2
 """Waves along a line below which a trend cannot be distinguished from a wave."""
 
@@ -36,8 +36,8 @@ class Wave:
     Attributes:
         wavelength: λ [mm].
         amplitude: half the height from trough to crest of the sinusoid at the peak [mm].
-        along: places of the line, evenly spaced from its first point [mm].
-        across: the line's offset there, without the trend [mm].
+        along: coordinates along the line, evenly spaced from its first point [mm].
+        across: offset of the line at these, without the trend [mm].
     """
 
     wavelength: float
@@ -50,10 +50,10 @@ def wave_of(line: Float[np.ndarray, "point 2"], waves: float) -> Wave:
     """The strongest wave in a line, traced on a simulated fabric or on a photograph.
 
     Args:
-        line: points (along, across) in any order. Where the fabric folds over, a place has
-            several; they are averaged [mm].
-        waves: about how many waves there are along it, such as unit cells crossed. Only waves
-            within a factor of two of that many are looked for.
+        line: points (along, across) in any order; points at the same coordinate, where the fabric
+            folds over, are averaged [mm].
+        waves: approximate number of waves along it, such as unit cells crossed. Only waves within
+            a factor of two of that number are searched.
 
     Raises:
         ValueError: if there are fewer than two waves, the points are too few to resolve them, or
@@ -84,7 +84,7 @@ def spectrum(
     """Wavenumbers ν̃ [1/mm] and the amplitude of a sinusoid at each [mm].
 
     Args:
-        across: an evenly sampled line, first and last point included [mm].
+        across: an evenly sampled line, including first and last point [mm].
         extent: its length [mm].
     """
     taper = hann(len(across))
@@ -94,7 +94,7 @@ def spectrum(
 
 
 def _trend(raw: Float[np.ndarray, " point"], wavelength: float) -> Float[np.ndarray, " point"]:
-    """What varies more slowly than the wave, whose length is given over that of the line."""
+    """The trend: variation slower than the wave, whose length is relative to that of the line."""
     window = min(round(TREND_WINDOW * wavelength * len(raw)), len(raw))
     return savgol_filter(raw, window - (window % 2 == 0), TREND_ORDER)
 

@@ -1,6 +1,6 @@
-"""How a fabric moves: equilibrium and the loadings that carry it from state to state.
+"""Equilibria and dynamics of a fabric, the tensile test, and derivatives.
 
-This room knows nothing of files, xarray or designs.
+This package does not depend on files, xarray or designs.
 """
 
 import knitlab.model  # noqa: F401  # so that JAX is in float64 here too

@@ -1,14 +1,14 @@
-"""Adjoints: derivatives of measures of an equilibrium by the numbers of its stripes.
+"""Adjoints: derivatives of measures of an equilibrium by its stripe parameters.
 
 By the implicit function theorem: in equilibrium the force g on the free unknowns is zero, so that
-a change of anything else moves them by −K⁻¹ ∂g, with the stiffness K. For a quantity J one solve
-K λ = ∂J/∂(free) at the strained state gives the multipliers λ. The derivative by the held unknowns
-is pulled back through the loading to the relaxed shape, where one more solve does the rest. A
-factorisation serves all quantities of a state, that of the relaxed shape all states.
+a change of anything else displaces them by −K⁻¹ ∂g, with the stiffness K. For a quantity J one
+solve K λ = ∂J/∂(free) at the strained state gives the multipliers λ. The derivative by the held
+unknowns is pulled back through the loading to the relaxed shape, where a second solve completes it.
+One factorisation serves all quantities of a state, and that of the relaxed shape all states.
 
-There is no derivative where a branch of equilibria ends, for there the fabric snaps and K is
-singular, nor at numbers at which a node comes to touch a wall or leaves it: on either side there
-is one, and what comes out is that with the walls as they are touched.
+There is no derivative at the end of a branch of equilibria, where the fabric snaps and K is
+singular. At parameters at which a node begins to touch a wall only one-sided derivatives exist; the
+result is that of the present contacts.
 """
 
 from collections.abc import Callable
@@ -32,23 +32,23 @@ Unknowns = Float[Array, " unknown"]
 """A configuration, flattened [mm]."""
 Rows = Float[Array, "quantity unknown"]
 Measure = Callable[[Configuration, Configuration, Fabric], Float[Array, "*quantity"]]
-"""A function of the relaxed configuration, of that under strain and of the fabric, in pure JAX;
-it gives a number or several."""
+"""A function of the relaxed configuration, of the strained one and of the fabric, in pure JAX, that
+returns a number or several."""
 
 
 class Adjoint:
     """Derivatives along the tensile test of one fabric.
 
-    A sample with free edges is rigidly aligned before it is clamped, which depends on its stripes
-    too. Its height between the walls is taken to stay as long as it touches none.
+    A sample with free edges is rigidly aligned before it is clamped, which also depends on its
+    stripes. As long as it touches no wall, its height between the walls is treated as fixed.
 
     Args:
-        layout: the fabric but for its numbers.
-        stripes: the numbers to take derivatives by, at their values.
+        layout: the fabric without its parameters.
+        stripes: the parameters to differentiate by, at their values.
         relaxed: the relaxed shape of that fabric, an equilibrium.
 
     Raises:
-        NoDerivative: if the relaxed shape is no stable equilibrium.
+        NoDerivative: if the relaxed shape is not a stable equilibrium.
     """
 
     def __init__(
@@ -68,13 +68,13 @@ class Adjoint:
         self._at_rest = at_rest.at(self._fabric, self._relaxed)
 
     def of_relaxed(self, measure: Measure) -> StripePair:
-        """Derivatives of a measure of the relaxed shape, which is given as the strained one too.
+        """Derivatives of a measure of the relaxed shape, which is also passed as the strained one.
 
         Args:
-            measure: what to take derivatives of, see :meth:`of_strained`.
+            measure: the function to differentiate, see :meth:`of_strained`.
 
         Returns:
-            Of every number that the measure gives, by each number of the stripes.
+            Derivatives of every value of the measure by every stripe parameter.
         """
         by_relaxed, by_strained, by_fabric = _jacobian(measure, self._shape)(
             self._relaxed, self._relaxed, self._fabric
@@ -90,19 +90,19 @@ class Adjoint:
         """Derivatives of a measure of the state at one applied strain.
 
         Args:
-            applied_strain: the strain, held as the stripes change [1].
+            applied_strain: the strain, which is held fixed [1].
             strained: the equilibrium there.
-            measure: what to take derivatives of: a function of the relaxed configuration, the
-                strained one and the fabric, such as ``lambda relaxed, strained, fabric:
-                jnp.ptp(strained.positions[..., 0])``. JAX traces it once, so give one and the same
-                function for all fabrics of a mesh shape.
+            measure: the function to differentiate, of the relaxed configuration, the strained one
+                and the fabric, such as ``lambda relaxed, strained, fabric:
+                jnp.ptp(strained.positions[..., 0])``. JAX traces it once, so pass the same
+                function object for all fabrics of a mesh shape.
 
         Returns:
             Of every number that the measure gives, by each number of the stripes; of a graded
             fabric, by that of each stripe along the first axis.
 
         Raises:
-            NoDerivative: if the state is no stable equilibrium.
+            NoDerivative: if the state is not a stable equilibrium.
         """
         unknowns = np.asarray(strained.flattened())
         by_relaxed, by_strained, by_fabric = _jacobian(measure, self._shape)(
@@ -120,8 +120,8 @@ class Adjoint:
     def _through_relaxed(
         self, by_relaxed: Float[np.ndarray, "quantity unknown"], by_fabric: Fabric
     ) -> StripePair:
-        """The derivatives, from those by the relaxed shape and by the fabric."""
-        # Where no force decides how a sample lies, the rigid alignment does.
+        """Derivatives by stripe parameters, from those by the relaxed shape and by the fabric."""
+        # Rigid motions, which no force resists, are determined by the rigid alignment.
         rigid = self._at_rest.rigid_part(by_relaxed)
         by_fabric, aligned_part = _through_alignment(self._shape)(
             self._fabric, self._relaxed, rigid, by_fabric
@@ -148,9 +148,9 @@ class Adjoint:
 def _slope(
     layout: FabricLayout, stripes: StripePair
 ) -> Float[np.ndarray, "fabric_number stripe_number"]:
-    """Derivatives of all numbers of a fabric by those of its stripes."""
+    """Derivatives of all parameters of a fabric by those of its stripes."""
     numbers, pair = ravel_pytree(stripes)
-    return np.asarray(jax.jacfwd(lambda of: ravel_pytree(layout.fabric(pair(of)))[0])(numbers))
+    return np.asarray(jax.jacfwd(lambda x: ravel_pytree(layout.fabric(pair(x)))[0])(numbers))
 
 
 @lru_cache(maxsize=16)
@@ -170,11 +170,11 @@ def _through_forces(shape: MeshShape) -> Callable[..., Fabric]:
     net = network(shape)
 
     def pulled_back(fabric: Fabric, at: Unknowns, multipliers: Rows, by_fabric: Fabric) -> Fabric:
-        def stored(unknowns: Unknowns, of: Fabric) -> Array:
-            return energy(net, of, Configuration.of(unknowns, shape)).total
+        def stored(unknowns: Unknowns, varied: Fabric) -> Array:
+            return energy(net, varied, Configuration.of(unknowns, shape)).total
 
-        def work(of: Fabric, along: Unknowns) -> Array:
-            return jax.jvp(lambda q: stored(q, of), (at,), (along,))[1]
+        def work(varied: Fabric, along: Unknowns) -> Array:
+            return jax.jvp(lambda q: stored(q, varied), (at,), (along,))[1]
 
         change = jax.vmap(jax.grad(work), (None, 0))(fabric, multipliers)
         return jax.tree.map(jnp.subtract, by_fabric, change)

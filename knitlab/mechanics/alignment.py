@@ -1,4 +1,4 @@
-"""Alignment: the rotation that lays one set of points onto another at best, differentiable."""
+"""Alignment: the rotation that best maps one set of points onto another, differentiable."""
 
 import jax.numpy as jnp
 from jax import lax
@@ -8,21 +8,21 @@ from jaxtyping import Array, Float
 def aligning_rotation(
     target: Float[Array, "point 3"], points: Float[Array, "point 3"]
 ) -> Float[Array, "3 3"]:
-    """The rotation R that makes Σ ‖R x − y‖² smallest (Kabsch, Acta Cryst. A 32, 922, 1976).
+    """The rotation R that minimises Σ ‖R x − y‖² (Kabsch, Acta Cryst. A 32, 922, 1976).
 
-    It and its first derivative are there wherever the best rotation is the only one, so not for
-    points on a line.
+    It and its first derivative exist where the best rotation is unique, so not for collinear
+    points.
 
     Args:
-        target: where the points are to lie, y.
-        points: the points, x; both sets are turned about the origin.
+        target: target positions y.
+        points: positions x, which are rotated about the origin.
     """
     covariance = target.T @ points
     left, _, right = jnp.linalg.svd(lax.stop_gradient(covariance))
     handed = jnp.sign(jnp.linalg.det(left @ right))
     rotation = (left * jnp.array([1.0, 1.0, handed])) @ right
-    # The singular vectors are not differentiable where two singular values meet, the rotation is:
-    # one Newton step of the smallest rotation vector, 0 in value, carries its derivative.
+    # Singular vectors are not differentiable where two singular values coincide, but the rotation
+    # is: one Newton step for a small rotation vector, whose value is 0, carries its derivative.
     turned = rotation @ covariance.T
     unbalanced = _axial(turned - turned.T)
     curvature = jnp.trace(turned) * jnp.eye(3) - (turned + turned.T) / 2

@@ -1,10 +1,10 @@
-"""Solvers of many fabrics of one mesh shape in step, as an accelerator wants its work.
+"""Batched execution of the solvers of many fabrics of one mesh shape, for accelerators.
 
-In every round the requests of all solvers are answered at once: evaluations and
-element Hessians vmapped, the stiffness summed, factored and solved with on the device
-(:mod:`knitlab.linalg.block_tridiagonal`). A solver that has ended, or has another request
-in this round, keeps its place, so that the compiled batch size stays; what is computed there is
-discarded. The solvers share nothing, so none can disturb another.
+In every round the requests of all solvers are answered together: evaluations and element Hessians
+are vmapped; the stiffness is assembled, factorised and solved with on the device
+(:mod:`knitlab.linalg.block_tridiagonal`). A solver that has ended, or that makes another kind of
+request in this round, keeps its place, so that the compiled batch size is constant; its results
+are discarded. The solvers are independent of each other.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ Numbers = TypeVar("Numbers")
 
 
 def stacked(cases: Sequence[Numbers]) -> Numbers:
-    """One batch of fabrics of one mesh shape, or what drives them, along a first axis."""
+    """Stack pytrees of equal structure, such as fabrics of one mesh shape, along a first axis."""
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *cases)
 
 
@@ -45,12 +45,12 @@ def _evaluator(shape: MeshShape) -> Any:
 
 
 class _BatchStiffness:
-    """Stiffness of one choice of free unknowns, of all fabrics of a batch, on the device."""
+    """Stiffness of all fabrics of a batch, for one choice of free unknowns, on the device."""
 
     def __init__(self, free: FreeStiffness, cases: int) -> None:
         net = network(free.shape)
         plan = block_tridiagonal(free.indptr, free.indices, narrower(*free.grid))
-        maps = [_Sum.of(of) for of in (free.from_springs, free.from_hinges, free.from_walls)]
+        maps = [_SparseSum.of(m) for m in (free.from_springs, free.from_hinges, free.from_walls)]
         diagonal = jnp.asarray(free.diagonal)
 
         def entries(
@@ -58,7 +58,8 @@ class _BatchStiffness:
         ) -> Float[Array, " nonzero"]:
             hessians = element_hessians(net, fabric, stage, unknowns)
             parts = hessians.springs, hessians.hinges, hessians.walls
-            return sum((of(part) for of, part in zip(maps, parts, strict=True)), jnp.zeros(()))
+            sums = (apply(part) for apply, part in zip(maps, parts, strict=True))
+            return sum(sums, jnp.zeros(()))
 
         def factors(
             plan: BlockTridiagonal, entries: Float[Array, " nonzero"], shift: Float[Array, ""]
@@ -71,14 +72,14 @@ class _BatchStiffness:
         self.entries = jnp.zeros((cases, len(free.indices)))
         self.factors: BlockFactors | None = None
 
-    def assemble(self, whose: Bool[Array, " case"], *at: Any) -> None:
-        self.entries = _chosen(whose, self._assemble(*at), self.entries)
+    def assemble(self, selected: Bool[Array, " case"], *at: Any) -> None:
+        self.entries = _chosen(selected, self._assemble(*at), self.entries)
 
     def factorise(
-        self, whose: Bool[Array, " case"], shifts: Float[Array, " case"]
+        self, selected: Bool[Array, " case"], shifts: Float[Array, " case"]
     ) -> Bool[np.ndarray, " case"]:
         new = self._factorise(self._plan, self.entries, shifts)
-        self.factors = new if self.factors is None else _chosen(whose, new, self.factors)
+        self.factors = new if self.factors is None else _chosen(selected, new, self.factors)
         return np.asarray(new.positive)
 
     def solve(self, right: Float[Array, "case free"]) -> Float[np.ndarray, "case free"]:
@@ -87,8 +88,8 @@ class _BatchStiffness:
         return np.asarray(self._solve(self.factors, right))
 
 
-class _Sum(eqx.Module):
-    """A constant sparse matrix that sums entries, for the device."""
+class _SparseSum(eqx.Module):
+    """A constant sparse matrix on the device, applied by a segmented sum."""
 
     rows: Array
     columns: Array
@@ -96,7 +97,7 @@ class _Sum(eqx.Module):
     size: int = eqx.field(static=True)
 
     @classmethod
-    def of(cls, matrix: sp.csr_array) -> "_Sum":
+    def of(cls, matrix: sp.csr_array) -> "_SparseSum":
         rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
         return cls(
             rows=jnp.asarray(rows),
@@ -110,9 +111,9 @@ class _Sum(eqx.Module):
         return jax.ops.segment_sum(terms, self.rows, self.size, indices_are_sorted=True)
 
 
-def _chosen(whose: Bool[Array, " case"], new: Numbers, old: Numbers) -> Numbers:
-    def choose(one: Array, other: Array) -> Array:
-        return jnp.where(whose.reshape(-1, *[1] * (one.ndim - 1)), one, other)
+def _chosen(selected: Bool[Array, " case"], new: Numbers, old: Numbers) -> Numbers:
+    def choose(of_new: Array, of_old: Array) -> Array:
+        return jnp.where(selected.reshape(-1, *[1] * (of_new.ndim - 1)), of_new, of_old)
 
     return jax.tree.map(choose, new, old)
 
@@ -133,7 +134,7 @@ class _Batch:
         results: dict[int, Any] = {}
         for case, request in requests.items():
             if isinstance(request, SolveSubdomains):
-                # Subdomains, one after the other, would leave an accelerator idle.
+                # Subdomains, solved one after another, would leave an accelerator idle.
                 self._at[case], results[case] = request.at, (request.at, 0.0)
                 continue
             if isinstance(request, Evaluate | Assemble):
@@ -148,23 +149,23 @@ class _Batch:
         return results
 
     def _computed(self, kind: type, free: Any, group: dict[int, Any]) -> Any:
-        whose = jnp.asarray([case in group for case in range(self._cases)])
+        selected = jnp.asarray([case in group for case in range(self._cases)])
         if kind is Evaluate:
-            return _unstacked(self._evaluate(self._fabrics, *self._places()), self._cases)
+            return _unstacked(self._evaluate(self._fabrics, *self._points()), self._cases)
         if free not in self._stiffnesses:
             self._stiffnesses[free] = _BatchStiffness(free, self._cases)
         stiffness = self._stiffnesses[free]
         if kind is Assemble:
-            stiffness.assemble(whose, self._fabrics, *self._places())
+            stiffness.assemble(selected, self._fabrics, *self._points())
             return dict.fromkeys(group)
         if kind is Factorise:
             shifts = [group[c].shift if c in group else 1.0 for c in range(self._cases)]
-            return stiffness.factorise(whose, jnp.asarray(shifts))
+            return stiffness.factorise(selected, jnp.asarray(shifts))
         nothing = np.zeros(len(free.places))
         right = [group[c].right if c in group else nothing for c in range(self._cases)]
         return stiffness.solve(jnp.asarray(np.array(right)))
 
-    def _places(self) -> tuple[Stage, Float[Array, "case unknown"]]:
+    def _points(self) -> tuple[Stage, Float[Array, "case unknown"]]:
         at = [request for request in self._at if request is not None]
         stages = stacked([Stage(jnp.asarray(a.stage.fold), jnp.asarray(a.stage.wall)) for a in at])
         return stages, jnp.asarray(np.array([a.unknowns for a in at]))
@@ -178,12 +179,12 @@ def _unstacked(batch: Numbers, cases: int) -> list[Numbers]:
 def run_in_lockstep(
     shape: MeshShape, fabrics: Sequence[Fabric], solvers: Sequence[Solver[Result]]
 ) -> list[Result]:
-    """Run one solver a fabric to its end, all in step, and return what each returns, in order.
+    """Run one solver for each fabric, all in lockstep, and return their results in order.
 
     Args:
-        shape: mesh shape of all the fabrics.
-        fabrics: their numbers.
-        solvers: one for each, which begins by requesting an evaluation or subdomain solutions.
+        shape: mesh shape of all fabrics.
+        fabrics: the fabrics.
+        solvers: one for each; its first request must be an evaluation or subdomain solutions.
     """
     batch = _Batch(shape, fabrics)
     results: dict[int, Result] = {}

@@ -1,4 +1,4 @@
-"""The tensile test by dynamics: fabrics of one mesh shape relax, are pulled, and come to rest."""
+"""The tensile test by dynamics, for a batch of fabrics of one mesh shape."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -25,20 +25,20 @@ from knitlab.model.inertia import Inertia
 from knitlab.model.network import MeshShape, network
 
 KEPT_TIMES = 400
-"""Times at which the energies of a motion are kept."""
+"""Number of times at which the energies of a motion are recorded."""
 SLOWING = 4
-"""What the rate of a strain step is divided by if it was not quasi-static."""
+"""Divisor of the rate of a strain step that was not quasi-static."""
 
 
 @dataclass(frozen=True, eq=False)
 class MovingBatch:
-    """Fabrics of one mesh shape that move together.
+    """Fabrics of one mesh shape that are integrated together.
 
     Attributes:
         shape: the mesh shape.
-        fabrics: their numbers.
+        fabrics: the fabrics.
         inertias: their masses and drags.
-        settings: of the dynamics.
+        settings: settings of the dynamics.
     """
 
     shape: MeshShape
@@ -49,14 +49,14 @@ class MovingBatch:
 
 @dataclass(frozen=True, eq=False)
 class MotionPath:
-    """Where one fabric starts from rest, and how it is driven from one strain to the next.
+    """Initial state of one fabric at rest, and its path from one applied strain to the next.
 
     Attributes:
-        start: the unknowns there [mm].
-        loading: what is held and driven; ``None`` if all is free.
+        start: initial unknowns [mm].
+        loading: what is held and driven; ``None`` if all unknowns are free.
         before, after: applied strains.
-        rate: fastest strain rate on the way [1/ms].
-        ended: whether the fabric only keeps its place in the batch.
+        rate: largest strain rate [1/ms].
+        ended: whether the test of the fabric has ended, and it only keeps its place in the batch.
     """
 
     start: Float[np.ndarray, " unknown"]
@@ -68,11 +68,11 @@ class MotionPath:
 
     @property
     def ramp_time(self) -> float:
-        """How long the strain changes [ms]."""
+        """Duration of the change of strain [ms]."""
         return PEAK_OF_SMOOTH_RAMP * (self.after - self.before) / self.rate
 
     def drive(self, shape: MeshShape) -> PrescribedMotion:
-        """The path as the dynamics take it."""
+        """The path as a prescribed motion."""
         free = all_free(shape) if self.loading is None else self.loading.free
         direction = np.zeros(shape.unknowns) if self.loading is None else self.loading.drive
         return PrescribedMotion(
@@ -88,13 +88,13 @@ class MotionPath:
 
 @dataclass(frozen=True)
 class MotionResult:
-    """The end of a path, and how the fabric moved on the way.
+    """The result of a motion along a path.
 
     Attributes:
-        state: the last state.
-        history: of the way.
-        loss: quasi-static loss, the kinetic energy at its peak and all work against the drag over
-            the largest work of what drove the fabric; not a number if nothing did.
+        state: the final state.
+        history: history of the motion.
+        loss: quasi-static loss: peak kinetic energy plus work against the drag, over the largest
+            work of the driven unknowns; NaN if none are driven.
         settling: time from the end of the drive to rest [ms].
     """
 
@@ -129,7 +129,7 @@ def move(batch: MovingBatch, paths: Sequence[MotionPath]) -> list[MotionResult]:
 def _kept_times(
     settings: DynamicsSettings, path: MotionPath, count: int
 ) -> Float[np.ndarray, " time"]:
-    """Even times of the ramp if there is one; after it, times even in their logarithm."""
+    """Times evenly spaced over the ramp, if there is one, and then in their logarithm."""
     driven = count // 2 if path.ramp_time else 1
     ramp = np.linspace(0, path.ramp_time, driven)
     after = np.geomspace(settings.time_step, settings.settling_time, count - driven)
@@ -149,12 +149,14 @@ def _motion_result(
         outcome = Outcome.iteration_limit
     else:
         outcome = Outcome.stalled
-    kept, pictured = (np.isfinite(times) for times in (trajectory.time, trajectory.snapshot_time))
+    recorded, pictured = (
+        np.isfinite(times) for times in (trajectory.time, trajectory.snapshot_time)
+    )
     history = History(
-        time=np.asarray(trajectory.time)[kept],
-        kinetic=np.asarray(trajectory.energies.kinetic)[kept],
-        potential=np.asarray(trajectory.energies.potential)[kept],
-        dissipated=np.asarray(trajectory.energies.dissipated)[kept],
+        time=np.asarray(trajectory.time)[recorded],
+        kinetic=np.asarray(trajectory.energies.kinetic)[recorded],
+        potential=np.asarray(trajectory.energies.potential)[recorded],
+        dissipated=np.asarray(trajectory.energies.dissipated)[recorded],
         snapshot_time=np.asarray(trajectory.snapshot_time)[pictured],
         snapshots=Configuration.of(np.asarray(trajectory.snapshots)[pictured], shape),
     )
@@ -169,7 +171,7 @@ def _motion_result(
         kinetic_peak=float(history.kinetic.max(initial=0.0)),
     )
     spent = state.kinetic_peak + float(trajectory.end.dissipated)
-    work = np.abs(np.asarray(trajectory.energies.supplied)[kept]).max(initial=0.0)
+    work = np.abs(np.asarray(trajectory.energies.supplied)[recorded]).max(initial=0.0)
     return MotionResult(
         state,
         history,
@@ -183,20 +185,20 @@ def stretch_by_dynamics(
     applied_strain: Sequence[Sequence[float]],
     progress: Callable[[int, int], None] = lambda case, done: None,
 ) -> list[TensileTest]:
-    """Relax a batch from flat sheets at rest, then take it through a tensile test.
+    """Relax a batch from flat sheets at rest, then run its tensile tests.
 
-    To every applied strain the driven end moves at no more than ``settings.ramp_rate``; then the
+    The driven end moves to every applied strain at no more than ``settings.ramp_rate``; then the
     fabric comes to rest. A strain step whose quasi-static loss exceeds
-    ``settings.quasi_static_limit`` is taken again at a quarter of the rate, which lowers the drag's
-    work as much and the kinetic energy more. If the loss does not even halve, though both drives
-    lasted longer than the settling after them, the fabric snaps, for which no rate is slow enough,
-    and the step is kept. A test ends at the first strain that cannot be reached; the others of the
-    batch go on.
+    ``settings.quasi_static_limit`` is repeated at a quarter of the rate, which reduces the work of
+    the drag as much and the kinetic energy more. If that does not even halve the loss, although
+    both ramps lasted longer than the settling after them, the fabric snaps: no rate is slow enough,
+    and the step is accepted. A test ends at the first strain that cannot be reached; the others of
+    the batch continue.
 
     Args:
         batch: the fabrics.
-        applied_strain: of each, ascending from 0, equally many.
-        progress: called with a place in the batch and how many of its states are done.
+        applied_strain: strains of each fabric, ascending from 0, of equal number.
+        progress: called with the index in the batch and the number of its finished states.
     """
     shape = batch.shape
     sheets = [flat_sheet(network(shape), fabric) for fabric in batch.fabrics]
@@ -232,7 +234,7 @@ def _rigidly_aligned(
     sheets: Sequence[Configuration],
     results: Sequence[MotionResult],
 ) -> list[State]:
-    """Relaxed states; samples are rigidly aligned and at rest again, as walls may resist that."""
+    """Relaxed states; samples are rigidly aligned and relaxed again, as walls may resist that."""
     relaxed = [result.state for result in results]
     if batch.shape.periodic:
         return relaxed
@@ -252,7 +254,7 @@ def _rigidly_aligned(
 
 
 def _quasi_static(batch: MovingBatch, paths: Sequence[MotionPath]) -> dict[int, State]:
-    """Move along paths that have not ended, each again and slower while it was too fast."""
+    """Move along the paths that have not ended, repeating each more slowly while it is too fast."""
     settings = batch.settings
     paths, reached, too_fast = list(paths), dict[int, State](), dict[int, MotionResult]()
     while pending := [case for case, path in enumerate(paths) if not path.ended]:
@@ -277,8 +279,8 @@ def _quasi_static(batch: MovingBatch, paths: Sequence[MotionPath]) -> dict[int, 
 def _snapped(slower: MotionPath, faster: MotionResult, result: MotionResult) -> bool:
     """Whether work is lost at any rate: the loss is not even halved at a quarter of a slow rate.
 
-    A rate is slow if the drive outlasts the settling after it. A sudden pull loses the same work at
-    any rate too.
+    A rate is slow if the ramp takes longer than the settling after it; a fast ramp, too, may lose
+    the same work at different rates.
     """
     slow = slower.ramp_time / SLOWING >= faster.settling
     return slow and 2 * result.loss > faster.loss

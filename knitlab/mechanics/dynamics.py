@@ -1,7 +1,7 @@
 """Damped Lagrangian dynamics, M ü + c u̇ + ∇V = 0, by ``diffrax.Tsit5`` (paper, Sec. "3D model").
 
-One program is compiled for a mesh shape and integrates a batch of fabrics in one call; each has its
-own step size and its own end, so none can disturb another.
+One program is compiled for each mesh shape and integrates a batch of fabrics in one call; each
+fabric has its own step size and end time, independent of the others.
 """
 
 from collections.abc import Callable
@@ -28,24 +28,25 @@ Ending = Literal["steady", "fixed_steps"]
 
 @dataclass(frozen=True)
 class DynamicsSettings:
-    """How motion is integrated, and when it counts as over.
+    """Settings of the integration in time.
 
     Attributes:
-        ending: ``"steady"`` ends where no force is left; ``"fixed_steps"`` is the paper's end,
-            after so many equal steps.
-        steady_force: elastic force that may be left on a free node, and drag on it [N].
-        fixed_steps_force: the same where fixed steps end a motion [N].
-        duration: longest motion towards one state, after what drives it has stopped [ms].
-        max_steps: time steps tried before a motion is given up.
-        relative_tolerance, absolute_tolerance: of a time step, on positions [mm], velocities
-            [mm/ms] and work [N mm] alike.
-        fixed_steps: how many equal steps, where they end a motion.
-        time_step: their size [ms].
-        ramp_rate: fastest applied strain rate of a tensile test [1/ms].
-        quasi_static_limit: kinetic energy and work against the drag, over the work of a strain
-            step, above which it was not quasi-static.
-        smallest_rate: part of ``ramp_rate`` down to which a step that was not is slowed.
-        snapshots: configurations kept of a relaxation.
+        ending: ``"steady"`` ends a motion at rest; ``"fixed_steps"`` ends it as the paper does,
+            after a number of equal steps.
+        steady_force: largest elastic force and drag on a free node at rest [N].
+        fixed_steps_force: the same for ``"fixed_steps"`` [N].
+        duration: longest motion towards one state, after the end of the drive [ms].
+        max_steps: largest number of time steps of a motion.
+        relative_tolerance, absolute_tolerance: error tolerances of a time step, for positions [mm],
+            velocities [mm/ms] and work [N mm] alike.
+        fixed_steps: number of steps for ``"fixed_steps"``.
+        time_step: size of these steps [ms].
+        ramp_rate: largest applied strain rate of a tensile test [1/ms].
+        quasi_static_limit: kinetic energy plus work against the drag, over the work of a strain
+            step, up to which the step is quasi-static.
+        smallest_rate: smallest rate, as a fraction of ``ramp_rate``, at which a step that is not
+            quasi-static is repeated.
+        snapshots: number of configurations recorded of a relaxation.
     """
 
     ending: Ending = "steady"
@@ -64,24 +65,24 @@ class DynamicsSettings:
 
     @property
     def force_left(self) -> float:
-        """Force that may be left where a motion is over [N]."""
+        """Largest force at the end of a motion [N]."""
         return self.steady_force if self.ending == "steady" else self.fixed_steps_force
 
     @property
     def settling_time(self) -> float:
-        """Longest motion while nothing is driven [ms]."""
+        """Longest motion after the end of the drive [ms]."""
         steady = self.ending == "steady"
         return self.duration if steady else self.fixed_steps * self.time_step
 
 
 class Motion(eqx.Module):
-    """Where a fabric is and how it moves.
+    """Configuration and velocity of a fabric.
 
     Attributes:
-        unknowns: its configuration, flattened [mm].
-        velocity: of each [mm/ms].
+        unknowns: configuration, flattened [mm].
+        velocity: velocity of the unknowns [mm/ms].
         dissipated: work done against the drag since the start [N mm].
-        supplied: work done by what drives the held unknowns since the start [N mm].
+        supplied: work done on the held unknowns since the start [N mm].
     """
 
     unknowns: Float[Array, "*batch unknown"]
@@ -91,18 +92,18 @@ class Motion(eqx.Module):
 
 
 class PrescribedMotion(eqx.Module):
-    """Which unknowns are free, and how the held ones are moved from one strain to the next.
+    """Free unknowns, and the prescribed motion of the held ones from one strain to the next.
 
-    The strain runs from ``before`` to ``after`` within ``ramp_time``, starting and ending at rest,
-    and stays.
+    The strain goes from ``before`` to ``after`` within ``ramp_time``, starting and ending with rate
+    0, and then stays constant.
 
     Attributes:
         free: which unknowns are free.
         reference: unknowns at zero applied strain [mm].
-        direction: how far each unknown moves per unit of applied strain where it is held [mm].
+        direction: displacement of each unknown per unit of applied strain, if held [mm].
         before, after: applied strains.
-        ramp_time: how long the change takes [ms].
-        ended: whether this fabric only keeps its place in the batch.
+        ramp_time: duration of the change [ms].
+        ended: whether the test of this fabric has ended, and it only keeps its place in the batch.
     """
 
     free: Bool[Array, "*batch unknown"]
@@ -122,7 +123,7 @@ class PrescribedMotion(eqx.Module):
         return self.before + (self.after - self.before) * part**2 * (3 - 2 * part)
 
     def holding(self, time: Float[Array, ""], motion: Motion) -> Motion:
-        """The motion with its held unknowns where, and as fast as, the drive moves them."""
+        """The motion with positions and velocities of the held unknowns as prescribed."""
         strain, rate = jax.jvp(self.strain, (time,), (jnp.ones_like(time),))
         placed = self.reference + strain * self.direction
         return eqx.tree_at(
@@ -136,7 +137,7 @@ class PrescribedMotion(eqx.Module):
 
 
 PEAK_OF_SMOOTH_RAMP = 1.5
-"""Fastest over mean rate of the drive's ramp."""
+"""Largest over mean rate of the ramp."""
 
 
 def forces(
@@ -154,9 +155,9 @@ def forces(
 def largest_force(
     net: Network, fabric: Fabric, inertia: Inertia, drive: PrescribedMotion, motion: Motion
 ) -> Float[Array, ""]:
-    """Largest elastic force or drag on a free node or length: how far from rest a motion is [N].
+    """Largest elastic force or drag on a free node or length, which vanishes at rest [N].
 
-    A node's force is its magnitude, so that it is the same however the sample has turned.
+    Forces on nodes are taken by magnitude, which does not depend on orientation.
     """
     pair = jnp.stack(forces(net, fabric, inertia, motion))
     left = Configuration.of(jnp.where(drive.free, pair, 0.0), net.shape)
@@ -200,21 +201,21 @@ class Energies(eqx.Module):
 
 
 class Trajectory(eqx.Module):
-    """What is kept of a motion; times after its end are infinite.
+    """The recorded motion of a fabric; times after its end are infinite.
 
     Attributes:
         end: the motion at its end.
-        end_time: then [ms].
-        energy: elastic energy then, in its parts.
-        gradient: ∂V/∂(unknowns) then [N].
-        force_left: largest elastic force or drag on a free node or length then [N].
+        end_time: time of the end [ms].
+        energy: elastic energy at the end, in its parts.
+        gradient: ∂V/∂(unknowns) at the end [N].
+        force_left: largest elastic force or drag on a free node or length at the end [N].
         time: times of ``energies`` [ms].
-        energies: on the way.
+        energies: recorded energies.
         snapshot_time: times of ``snapshots`` [ms].
-        snapshots: unknowns on the way [mm].
+        snapshots: recorded unknowns [mm].
         steps: time steps tried.
-        successful, steady, step_limit: how diffrax says that it ended: at the last time, at
-            rest, or out of steps; if none of these, the step size vanished.
+        successful, steady, step_limit: why diffrax ended: at the last time, at rest, or at the
+            largest number of steps; if none of these, the step size vanished.
     """
 
     end: Motion
@@ -237,7 +238,7 @@ SMALLEST_STEP = 1e-9
 
 
 class IntegratorNumbers(eqx.Module):
-    """The numbers among the settings: traced, so that no change of one compiles anew."""
+    """The numbers among the settings, which are traced, so that changing one does not recompile."""
 
     steady_force: Float[Array, ""]
     relative_tolerance: Float[Array, ""]
@@ -247,7 +248,7 @@ class IntegratorNumbers(eqx.Module):
 
     @classmethod
     def of(cls, settings: DynamicsSettings) -> "IntegratorNumbers":
-        """Those of some settings."""
+        """The numbers of some settings."""
         return cls(*(jnp.asarray(getattr(settings, field.name)) for field in fields(cls)))
 
 
@@ -267,15 +268,15 @@ def integrate(
 
     Args:
         net: network of its mesh shape.
-        steady_ending: whether rest ends it, or equal steps do.
-        max_steps: time steps tried.
+        steady_ending: whether the motion ends at rest, rather than after equal steps.
+        max_steps: largest number of time steps.
         settings: numbers of the integration.
-        fabric: its numbers.
+        fabric: the fabric.
         inertia: its mass and drag.
-        drive: what holds and drives it.
-        start: where it is and how it moves.
-        times: when to keep the energies, ascending [ms].
-        snapshot_times: when to keep the configuration, likewise [ms].
+        drive: motion of the held unknowns.
+        start: initial motion.
+        times: times at which to record the energies, ascending [ms].
+        snapshot_times: times at which to record the configuration, ascending [ms].
     """
 
     def derivative(time: Any, motion: Motion, _: Any) -> Motion:

@@ -1,11 +1,11 @@
-"""A fabric in chunks of elements: one compiled program, whatever the mesh shape.
+"""A fabric in chunks of elements: one compiled program for all mesh shapes.
 
-XLA takes seconds to compile a network's energy and its derivatives, and would do so anew for every
-mesh shape. But shapes differ only in which nodes an element joins, and that is a constant sparse
-matrix: it takes a configuration to the vectors of all elements, and its transpose takes their
-gradients back. What lies between depends on one element at a time. It is compiled for a chunk of a
-fixed number of elements, of which a fabric has as many as it needs; the last is filled up with
-elements of no stiffness.
+XLA takes seconds to compile the energy of a network and its derivatives, and would do so for every
+mesh shape. But mesh shapes differ only in the connectivity of the elements, which is a constant
+sparse matrix: it maps a configuration to the vectors of all elements, and its transpose maps their
+gradients back. The calculation in between treats every element separately. It is compiled for a
+chunk of a fixed number of elements; a fabric consists of as many chunks as it needs, the last of
+which is padded with elements without stiffness.
 """
 
 from collections.abc import Iterator
@@ -35,23 +35,21 @@ from knitlab.model.network import Elements, MeshShape, network
 from knitlab.model.options import FoldAngle
 
 HEIGHTS = 512
-"""Nodes in a chunk. It also holds the springs and hinges that so many nodes have in periodic
-fabric, where they are most."""
+"""Nodes in a chunk. It also holds the springs and hinges of that many nodes of periodic fabric,
+which has the most of them."""
 SPRINGS, HINGES = 4 * HEIGHTS, 2 * HEIGHTS
 VECTORS = 3 * SPRINGS + 15 * HINGES + HEIGHTS
 """Numbers that the energy of a chunk depends on."""
 WORTH_SHARING = 8
-"""Chunks from which on a second thread gains more than it costs."""
+"""Number of chunks from which a second thread pays off."""
 
 Places = Int[np.ndarray, " place"]
 Vectors = tuple[Float[Array, "1 3 spring"], Float[Array, "5 3 hinge"], Float[Array, " node"]]
-"""Of a chunk: the vectors of its springs, those of its hinges, and the heights of its nodes
-[mm]."""
+"""Vectors of the springs of a chunk, vectors of its hinges, and heights of its nodes [mm]."""
 Stiffnesses = tuple[
     Float[Array, " spring"], Float[Array, " spring"], Float[Array, " hinge"], Float[Array, " hinge"]
 ]
-"""Of a chunk: rest length and stiffness of its springs, rest angle and stiffness of its
-hinges."""
+"""Rest length and stiffness of the springs of a chunk, rest angle and stiffness of its hinges."""
 Acting = Float[np.ndarray, "3"]
 """Fraction of the rest angles, z_max [mm] and stiffness of the walls [N/mm]."""
 
@@ -61,10 +59,10 @@ class ThreadChunks:
     """Chunks that one thread works on.
 
     Attributes:
-        first: the first of them.
-        count: how many they are.
-        incidence: constant matrix from configurations to their vectors.
-        transposed: the same, from gradients by the vectors to those by the configuration.
+        first: index of the first chunk.
+        count: number of chunks.
+        incidence: constant matrix from configurations to the vectors of these chunks.
+        transposed: its transpose, from gradients by the vectors to those by the configuration.
     """
 
     first: int
@@ -74,11 +72,11 @@ class ThreadChunks:
 
     @property
     def chunks(self) -> range:
-        """Which they are."""
+        """Indices of the chunks."""
         return range(self.first, self.first + self.count)
 
     def vectors(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "chunk vector"]:
-        """Their vectors in a configuration [mm]."""
+        """Vectors of the chunks in a configuration [mm]."""
         return (self.incidence @ unknowns).reshape(self.count, VECTORS)
 
 
@@ -89,7 +87,7 @@ class ElementChunks:
     Attributes:
         shape: the mesh shape.
         count: number of chunks.
-        by_thread: the chunks, for one thread or, where they are many, for two.
+        by_thread: the chunks, for one thread or, if there are many, for two.
     """
 
     shape: MeshShape
@@ -99,7 +97,7 @@ class ElementChunks:
 
 @lru_cache(maxsize=16)
 def chunks_of(shape: MeshShape) -> ElementChunks:
-    """The elements of a mesh shape's network, in chunks."""
+    """The elements of the network of a mesh shape, in chunks."""
     net = network(shape)
     count = -(-shape.nodes // HEIGHTS)
     nodes = np.arange(shape.nodes)
@@ -124,7 +122,7 @@ def _thread_chunks(incidence: sp.csr_array, first: int, end: int) -> ThreadChunk
 
 
 def _first_row(place: Places, per_chunk: int, offset: int) -> Places:
-    """Row of the first number of every element, by its place among those of its kind."""
+    """Row of the first component of every element, by its index among those of its kind."""
     chunk, lane = np.divmod(place, per_chunk)
     return chunk * VECTORS + offset + lane
 
@@ -134,7 +132,7 @@ def _terms(
 ) -> Iterator[tuple[Places, Places, Float[np.ndarray, " place"]]]:
     """Rows, columns and values of the incidence of one kind of elements."""
     place = np.arange(places)
-    # Any element will do where there is none, as it has no stiffness there.
+    # Padding may repeat any element, as it has no stiffness.
     which = np.minimum(place, len(elements.nodes) - 1)
     first, one = _first_row(place, per_chunk, offset), np.ones(places)
     for vector, (start, end) in enumerate(elements.ends):
@@ -149,14 +147,14 @@ def _terms(
 
 @dataclass(frozen=True, eq=False)
 class ChunkedFabric:
-    """A fabric in chunks, to be evaluated in one configuration after the other.
+    """A fabric in chunks, for repeated evaluation.
 
     Attributes:
-        chunks: those of its mesh shape.
-        stiffnesses: of each.
+        chunks: the chunks of its mesh shape.
+        stiffnesses: rest values and stiffnesses of each chunk.
         walls: z_max [mm] and stiffness [N/mm].
-        fold_angle: what its fold angles are between.
-        threads: that evaluate it.
+        fold_angle: definition of the fold angle.
+        threads: threads that evaluate it.
     """
 
     chunks: ElementChunks
@@ -167,12 +165,12 @@ class ChunkedFabric:
 
     @classmethod
     def of(cls, shape: MeshShape, fabric: Fabric, threads: Threads = ALONE) -> "ChunkedFabric":
-        """The chunks of a fabric, for some threads to evaluate.
+        """A fabric in chunks.
 
         Args:
             shape: mesh shape of the fabric.
-            fabric: its numbers.
-            threads: that share the work.
+            fabric: the fabric.
+            threads: threads that share the work.
         """
         mesh_chunks = chunks_of(shape)
         numbers = [
@@ -191,7 +189,7 @@ class ChunkedFabric:
         return cls(mesh_chunks, numbered, walls, fabric.fold_angle, threads)
 
     def evaluate(self, stage: Stage, unknowns: Float[np.ndarray, " unknown"]) -> Evaluation:
-        """As :func:`~knitlab.mechanics.evaluation.evaluate`, in NumPy arrays."""
+        """Like :func:`~knitlab.mechanics.evaluation.evaluate`, in NumPy arrays."""
         evaluate_part = partial(self._evaluated, self._acting(stage), unknowns)
         energies, gradients = zip(
             *self.threads.each(evaluate_part, self.chunks.by_thread), strict=True
@@ -201,21 +199,21 @@ class ChunkedFabric:
     def _evaluated(
         self, acting: Acting, unknowns: Float[np.ndarray, " unknown"], own_chunks: ThreadChunks
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, " unknown"]]:
-        """Energies of one thread's chunks, and the gradient of their sum."""
+        """Energies of the chunks of one thread, and the gradient of their sum."""
         vectors = own_chunks.vectors(unknowns)
         energies, gradient = np.zeros(3), np.empty_like(vectors)
-        for chunk, here, by_here in zip(own_chunks.chunks, vectors, gradient, strict=True):
+        for chunk, values, slopes in zip(own_chunks.chunks, vectors, gradient, strict=True):
             own = self.stiffnesses[chunk]
-            parts, by_vectors = _evaluate(self.fold_angle, acting, own, _split(here))
+            parts, by_vectors = _evaluate(self.fold_angle, acting, own, _split(values))
             energies += np.asarray(parts)
-            for view, part in zip(_split(by_here), by_vectors, strict=True):
+            for view, part in zip(_split(slopes), by_vectors, strict=True):
                 view[:] = part
         return energies, own_chunks.transposed @ gradient.ravel()
 
     def element_hessians(
         self, stage: Stage, unknowns: Float[np.ndarray, " unknown"]
     ) -> ElementHessians:
-        """As :func:`~knitlab.mechanics.evaluation.element_hessians`, in NumPy arrays."""
+        """Like :func:`~knitlab.mechanics.evaluation.element_hessians`, in NumPy arrays."""
         count, net = self.chunks.count, network(self.chunks.shape)
         filled = ElementHessians(
             np.empty((len(SPRING_ENTRIES[0]), count * SPRINGS)),
@@ -237,10 +235,10 @@ class ChunkedFabric:
         unknowns: Float[np.ndarray, " unknown"],
         own_chunks: ThreadChunks,
     ) -> None:
-        """Fill in the element Hessians of one thread's chunks."""
-        for chunk, here in zip(own_chunks.chunks, own_chunks.vectors(unknowns), strict=True):
+        """Compute the element Hessians of the chunks of one thread."""
+        for chunk, values in zip(own_chunks.chunks, own_chunks.vectors(unknowns), strict=True):
             own = self.stiffnesses[chunk]
-            part = _element_hessians(self.fold_angle, acting, own, _split(here))
+            part = _element_hessians(self.fold_angle, acting, own, _split(values))
             springs, hinges, heights = (
                 slice(chunk * each, (chunk + 1) * each)
                 for each in (SPRINGS, HINGES // LANES, HEIGHTS)

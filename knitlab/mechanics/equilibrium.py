@@ -1,11 +1,11 @@
-"""Equilibrium: downhill by quasi-Newton steps, with a fresh factorisation when it pays.
+"""Equilibrium: minimisation by quasi-Newton steps, refactorising when it pays off.
 
-A fold moves far while its yarn hardly stretches, so that the energy is a narrow curved valley
-and a Newton step, straight as it is, soon climbs its side. A factorisation costs some ten
-gradients and solves. So one factorisation of K + μ I serves as the first guess of many
-L-BFGS steps (Nocedal and Wright, Numerical Optimization, Alg. 7.4), which learn how the valley
-bends, and is made anew as soon as a step gains less than the steps since then have on average,
-its cost included, and does not halve the force either, as near rest it well may.
+Folds move far while the yarn hardly stretches, so that the energy is a narrow curved valley and a
+straight Newton step soon climbs its side. A factorisation costs about ten gradients and solves. So
+one factorisation of K + μ I is the initial inverse Hessian of many L-BFGS steps (Nocedal and
+Wright, Numerical Optimization, Alg. 7.4), which learn the curvature of the valley. The stiffness is
+refactorised when a step gains less than the average since the last factorisation, including its
+cost, and does not halve the force either, as steps near the minimum may.
 """
 
 from collections import deque
@@ -26,12 +26,13 @@ LARGEST_SHIFT = 1e6
 
 @dataclass(frozen=True)
 class RefactorisationPolicy:
-    """When a search makes a new factorisation.
+    """When a search refactorises the stiffness.
 
     Attributes:
-        cost: quasi-Newton steps that cost as much as a new one.
-        most_steps: quasi-Newton steps on one, and how many of them are remembered.
-        patience: poor steps in a row after which the stiffness is factorised again.
+        cost: cost of a factorisation, in quasi-Newton steps.
+        most_steps: largest number of quasi-Newton steps with one factorisation, all of which the
+            L-BFGS memory holds.
+        patience: consecutive poor steps after which the stiffness is factorised again.
     """
 
     cost: int
@@ -41,7 +42,7 @@ class RefactorisationPolicy:
 
 CONVEXIFIED = RefactorisationPolicy(cost=8, most_steps=30, patience=2)
 RAISED = RefactorisationPolicy(cost=16, most_steps=60, patience=3)
-"""Where μ is raised, a factorisation is as good as two: often some fail before one does not."""
+"""If μ is raised, a factorisation costs twice as much, as several attempts may fail first."""
 BACKTRACKS = 5
 SUFFICIENT_DECREASE = 1e-4
 LEAST_CURVATURE = 1e-8
@@ -53,25 +54,25 @@ Vector = Float[np.ndarray, " free"]
 
 
 def find_equilibrium(start: Evaluate, rules: SearchRules) -> Solver[State]:
-    """Move the free unknowns downhill to a state where no force is left on them.
+    """Minimise the energy over the free unknowns until the forces on them vanish.
 
-    Every step goes downhill, so that the fabric is followed through snaps towards a minimum
-    nearby. Where K + μ I is not positive definite, either it is convexified, which is quick and
-    goes far, or μ is raised until it is, which keeps to the valley that the start lies in as a
-    slow motion would. μ falls while steps succeed; where it vanishes and the forces are small,
-    convergence is Newton's. The state that is returned is
-    tested for its force alone: a path that runs straight into a saddle would end there.
+    Every step lowers the energy, so that the fabric is followed through snaps to a nearby minimum.
+    If K + μ I is not positive definite, it is either convexified, which is fast and takes large
+    steps, or μ is raised until it is, which stays in the valley of the start, as a slow motion
+    would. μ decreases while steps succeed; once it is negligible and the forces are small,
+    convergence is that of Newton's method. Only the forces of the result are tested: a path that
+    leads exactly into a saddle point would end there.
 
     Args:
-        start: configuration to start from, and the stage; its held unknowns stay.
-        rules: that the search keeps to.
+        start: configuration to start from, and the stage; its held unknowns stay fixed.
+        rules: rules of the search.
     """
     search = Search(start, (yield start), rules)
     return search.state((yield from minimise(search)))
 
 
 def minimise(search: Search) -> Solver[Outcome]:
-    """Take a search to its end, factorisation by factorisation."""
+    """Continue a search to its end."""
     while True:
         outcome = yield from minimise_with_one_factorisation(search)
         if outcome is not None:
@@ -79,12 +80,12 @@ def minimise(search: Search) -> Solver[Outcome]:
 
 
 def minimise_with_one_factorisation(search: Search) -> Solver[Outcome | None]:
-    """Take a search as far as it pays to go on one factorisation.
+    """Continue a search for as long as one factorisation is useful.
 
-    Factorisations that fail, or from which no step leads down, are followed by others.
+    Factorisations that fail, or allow no step that lowers the energy, are repeated with another μ.
 
     Returns:
-        How the search ended; ``None`` if it goes on.
+        The outcome of the search; ``None`` if it has not ended.
     """
     rules, smallest = search.rules, search.rules.settings.smallest_shift
     while (outcome := search.end()) is None:
@@ -115,13 +116,13 @@ def minimise_with_one_factorisation(search: Search) -> Solver[Outcome | None]:
 
 @dataclass(frozen=True)
 class _Descent:
-    """What came of one factorisation.
+    """Result of the steps with one factorisation.
 
     Attributes:
         steps: quasi-Newton steps taken.
-        blocked: whether no part of the next step helped.
-        below_round_off: whether it did not because round-off hid it; then not the step is too
-            long, but the shift too large for the force to fall at once.
+        blocked: whether no fraction of the next step lowered the energy.
+        below_round_off: whether the expected decrease was below round-off: then the step is not
+            too long, but the shift is too large for the force to fall.
     """
 
     steps: int
@@ -130,7 +131,7 @@ class _Descent:
 
 
 def _descend(search: Search) -> Solver[_Descent]:
-    """Quasi-Newton steps on one factorisation."""
+    """Quasi-Newton steps with one factorisation."""
     rules = search.rules
     policy = CONVEXIFIED if rules.convexified else RAISED
     memory: deque[tuple[Vector, Vector, float]] = deque(maxlen=policy.most_steps)
@@ -163,7 +164,7 @@ def _descend(search: Search) -> Solver[_Descent]:
 
 
 def _direction(gradient: Vector, memory: deque[tuple[Vector, Vector, float]]) -> Solver[Vector]:
-    """The L-BFGS direction, with the factorised stiffness as its first guess."""
+    """The L-BFGS direction, with the factorised stiffness as the initial Hessian."""
     direction, weights = -gradient, list[float]()
     for step, change, curvature in reversed(memory):
         weights.append(float(step @ direction) / curvature)
@@ -175,22 +176,22 @@ def _direction(gradient: Vector, memory: deque[tuple[Vector, Vector, float]]) ->
 
 
 def _line_search(search: Search, step: Vector, slope: float) -> Solver[float]:
-    """Move by as much of a step as lowers the energy enough; 0 if nothing does."""
+    """Move by the fraction of a step that lowers the energy sufficiently; 0 if none does."""
     length, energy, force = 1.0, search.energy, search.force
     noise = ENERGY_ROUND_OFF * abs(energy)
     for _ in range(BACKTRACKS):
         unknowns = search.at.unknowns.copy()
         unknowns[search.places] += length * step
         trial = replace(search.at, unknowns=unknowns)
-        then: Evaluation = yield trial
+        evaluation: Evaluation = yield trial
         search.iterations += 1
-        there = float(then.energy.total)
-        calmer = float(np.abs(np.asarray(then.gradient)[search.places]).max()) <= force
-        lower = there <= energy + SUFFICIENT_DECREASE * length * slope + noise
-        if lower and (there < energy - noise or calmer):
-            search.move(trial, then)
+        trial_energy = float(evaluation.energy.total)
+        trial_force = float(np.abs(np.asarray(evaluation.gradient)[search.places]).max())
+        lower = trial_energy <= energy + SUFFICIENT_DECREASE * length * slope + noise
+        if lower and (trial_energy < energy - noise or trial_force <= force):
+            search.move(trial, evaluation)
             return length
-        excess = there - energy - length * slope
+        excess = trial_energy - energy - length * slope
         lowest = -slope * length**2 / (2 * excess) if excess > 0 else length / 2
         length = min(max(lowest, 0.1 * length), 0.5 * length)
     return 0.0

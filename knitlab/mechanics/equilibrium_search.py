@@ -1,4 +1,4 @@
-"""A search for an equilibrium: the rules it keeps to, where it is, and what it has cost."""
+"""A search for an equilibrium: its rules, its current configuration, and its cost."""
 
 from dataclasses import dataclass, replace
 
@@ -14,20 +14,19 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
 
 FIRST_SHIFT = 1e-4
-"""μ that a search begins with [N/mm]."""
+"""Initial μ of a search [N/mm]."""
 
 
 @dataclass(frozen=True, eq=False)
 class SearchRules:
-    """What a search keeps to.
+    """Rules of a search.
 
     Attributes:
         free: the free unknowns and the sparsity of their stiffness.
         step_length: longest change of the vector between neighbouring nodes in a step [mm].
         settings: tolerance and limits.
-        floor: energy below which the search is broken off, as what it was to find lies higher
-            [N mm].
-        convexified: whether to convexify the stiffness rather than to raise μ.
+        floor: energy below which the search stops, because the state sought has more [N mm].
+        convexified: whether to convexify the stiffness rather than raise μ.
     """
 
     free: FreeStiffness
@@ -55,38 +54,38 @@ class SearchRules:
         return replace(self, settings=replace(self.settings, max_iterations=iterations))
 
     def longest_part(self, step: Float[np.ndarray, " free"]) -> float:
-        """The part of a step that is as long as any may be; above 1 where it is shorter."""
+        """The fraction of a step that has the largest allowed length; above 1 for shorter steps."""
         return self.step_length / _longest_change(self.free.shape, self.free.places, step)
 
 
 class Search:
-    """Where a search is, what is known there, and what it has cost.
+    """Current configuration of a search, its energy and forces, and the cost so far.
 
     Args:
-        at: configuration to start from, and the stage; its held unknowns stay.
-        now: what it costs there.
-        rules: that it keeps to.
+        at: configuration to start from, and the stage; its held unknowns stay fixed.
+        evaluation: energy and gradient there.
+        rules: rules of the search.
     """
 
-    def __init__(self, at: Evaluate, now: Evaluation, rules: SearchRules) -> None:
+    def __init__(self, at: Evaluate, evaluation: Evaluation, rules: SearchRules) -> None:
         self.rules, self.places = rules, rules.free.places
         self.iterations, self.factorisations = 0, 0
-        self.begin(at, now)
+        self.begin(at, evaluation)
 
-    def begin(self, at: Evaluate, now: Evaluation) -> None:
-        """Begin (anew) from a configuration; what it has cost so far stays counted."""
+    def begin(self, at: Evaluate, evaluation: Evaluation) -> None:
+        """Start, or restart, from a configuration; the cost so far is kept."""
         self.shift = FIRST_SHIFT
-        self.move(at, now)
+        self.move(at, evaluation)
 
-    def move(self, at: Evaluate, now: Evaluation) -> None:
-        """Go on from another configuration, of which is known what it costs."""
-        self.at, self.now = at, now
-        self.energy = float(now.energy.total)
-        self.gradient: Float[np.ndarray, " free"] = np.asarray(now.gradient)[self.places]
+    def move(self, at: Evaluate, evaluation: Evaluation) -> None:
+        """Continue from another configuration, given its energy and gradient."""
+        self.at, self.evaluation = at, evaluation
+        self.energy = float(evaluation.energy.total)
+        self.gradient: Float[np.ndarray, " free"] = np.asarray(evaluation.gradient)[self.places]
         self.force = float(np.abs(self.gradient).max())
 
     def end(self) -> Outcome | None:
-        """How it ends where it is, if it does."""
+        """The outcome if the search ends at the current configuration, else None."""
         if self.force <= self.rules.settings.tolerance:
             return Outcome.converged
         if self.energy < self.rules.floor:
@@ -96,12 +95,12 @@ class Search:
         return None if np.isfinite(self.force) else Outcome.stalled
 
     def state(self, outcome: Outcome) -> State:
-        """The state that it has reached."""
+        """The current state."""
         return State(
             shape=self.rules.free.shape,
             unknowns=self.at.unknowns,
-            energy=self.now.energy,
-            gradient=np.asarray(self.now.gradient),
+            energy=self.evaluation.energy,
+            gradient=np.asarray(self.evaluation.gradient),
             outcome=outcome,
             residual=self.force,
             iterations=self.iterations,
@@ -114,8 +113,8 @@ def _longest_change(
 ) -> float:
     """Longest change, in a step, of the vector from a node to its neighbour [mm].
 
-    A part of the sheet that moves or turns as a whole may go far in a step; what must not is one
-    node against the next.
+    A part of the sheet may move or rotate far as a rigid body; only relative motion of neighbouring
+    nodes must be limited.
     """
     unknowns = np.zeros(shape.unknowns)
     unknowns[free] = step

@@ -1,7 +1,7 @@
-"""Evaluation: energy, forces and element Hessians of a fabric at a stage of its way to the whole.
+"""Evaluation: energy, forces and element Hessians of a fabric at a stage of a continuation.
 
-How far a fabric is folded and how hard its walls are enter as numbers, so that a path on which
-they rise compiles nothing anew.
+The fractions of fold angle and wall stiffness are traced numbers, so that a continuation in them
+does not recompile.
 """
 
 from dataclasses import dataclass
@@ -20,10 +20,10 @@ from knitlab.model.network import Network
 
 
 class Stage(eqx.Module):
-    """How much of a fabric acts: a way from the flat sheet to the whole.
+    """Stage of a continuation from the flat sheet to the complete fabric.
 
     Attributes:
-        fold: fraction of the rest fold angles, 0 rests flat.
+        fold: fraction of the rest fold angles; a fabric with 0 rests flat.
         wall: fraction of the stiffness of the walls.
     """
 
@@ -31,7 +31,7 @@ class Stage(eqx.Module):
     wall: Float[Array, ""] | float = 1.0
 
 
-WHOLE = Stage()
+COMPLETE = Stage()
 
 
 def staged(fabric: Fabric, stage: Stage) -> Fabric:
@@ -46,11 +46,11 @@ def staged(fabric: Fabric, stage: Stage) -> Fabric:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Evaluation:
-    """What a configuration costs, and how that changes.
+    """Energy and gradient of a configuration.
 
     Attributes:
-        energy: its parts [N mm].
-        gradient: ∂V/∂(unknowns), minus the force on every one of them [N].
+        energy: the parts of the energy [N mm].
+        gradient: ∂V/∂(unknowns), the negative force on every unknown [N].
     """
 
     energy: Energy
@@ -58,13 +58,13 @@ class Evaluation:
 
 
 class ElementHessians(eqx.Module):
-    """Second derivatives of the energies that the total is summed from.
+    """Second derivatives of the energies of elements.
 
     Attributes:
-        springs: of every spring's energy by its vector, lower triangle [N/mm].
-        hinges: of every hinge's energy by its nodes, lower triangle, in blocks of hinges as
-            :func:`~knitlab.mechanics.element_stiffness.hinge_stiffness` lays them [N/mm].
-        walls: of the wall penalty by every node's height [N/mm].
+        springs: Hessian of the energy of every spring by its vector, lower triangle [N/mm].
+        hinges: Hessian of the energy of every hinge by its nodes, lower triangle, in the blocks of
+            :func:`~knitlab.mechanics.element_stiffness.hinge_stiffness` [N/mm].
+        walls: second derivative of the wall penalty by the height of every node [N/mm].
     """
 
     springs: Float[Array | np.ndarray, "*batch 6 spring"]
@@ -79,8 +79,8 @@ def evaluate(
 
     Args:
         net: the network of the fabric's mesh shape.
-        fabric: its numbers.
-        stage: how much of it acts.
+        fabric: the fabric.
+        stage: stage of the continuation.
         unknowns: the configuration, flattened [mm].
     """
     acting = staged(fabric, stage)

@@ -34,7 +34,7 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
 
 MOST_SECOND_PROCESSES = 7
-"""Of one sample; each takes 0.4 to 0.9 GB."""
+"""Largest number of second processes for one sample; each takes 0.4 to 0.9 GB."""
 
 Result = TypeVar("Result")
 
@@ -45,7 +45,7 @@ class Runner(Protocol):
     def __call__(
         self, shape: MeshShape, fabrics: Sequence[Fabric], solvers: Sequence[Solver[Result]], /
     ) -> list[Result]:
-        """Run one solver a fabric and return what each returns, in order."""
+        """Run one solver for each fabric and return their results in order."""
 
 
 class Executor:
@@ -53,10 +53,10 @@ class Executor:
 
     Args:
         shape: mesh shape of the fabric.
-        fabric: its numbers.
-        factorisers: those that there are, to be added to.
-        threads: that share the work; where subdomains are solved, all but one have a second
-            process do theirs.
+        fabric: the fabric.
+        factorisers: cache of factorisers, to which new ones are added.
+        threads: threads that share the work; for subdomains, every thread but one uses a second
+            process.
     """
 
     def __init__(
@@ -125,8 +125,8 @@ class Executor:
         for together in independent_groups(forces, decomposition.coupled):
             for place, state in zip(together, self._threads.each(solved, together), strict=True):
                 subdomain = decomposition.problems[place].subdomain
-                # A subdomain that stalls, or ends further from rest than any was, may have folded a
-                # cell to nothing, where no hinge has an angle.
+                # A subdomain that stalls, or ends with a larger residual than any had before, may
+                # have collapsed a cell, where fold angles are undefined.
                 if state.outcome is not Outcome.stalled and state.residual <= forces.max():
                     at[subdomain.places] = state.unknowns
                 cost += state.iterations * len(subdomain.free.places) / len(request.free.places)
@@ -149,7 +149,7 @@ class Executor:
 
     @cached_property
     def _processes(self) -> "SimpleQueue[SecondProcess | None]":
-        """What can solve a subdomain now: this process (``None``) and its second processes."""
+        """Idle processes for subdomains: this process (``None``) and its second processes."""
         processes = SimpleQueue[SecondProcess | None]()
         processes.put(None)
         for _ in range(min(self._threads.count - 1, MOST_SECOND_PROCESSES)):
@@ -159,12 +159,12 @@ class Executor:
 
 @dataclass(frozen=True, eq=False)
 class _LocalProblem:
-    """A subdomain, and what it takes to solve it.
+    """A subdomain with the means to solve it.
 
     Attributes:
-        subdomain: which it is.
-        sent: the same, as it is sent to a second process.
-        executor: for it in this process.
+        subdomain: the subdomain.
+        sent: its data for a second process.
+        executor: its executor in this process.
     """
 
     subdomain: Subdomain
@@ -174,12 +174,12 @@ class _LocalProblem:
 
 @dataclass(frozen=True, eq=False)
 class _Decomposition:
-    """A sample in subdomains.
+    """A decomposition of a sample into subdomains.
 
     Attributes:
-        number: of this decomposition, of those that the sample has.
+        number: index among the decompositions of the sample.
         problems: the subdomains.
-        coupled: which of them are coupled.
+        coupled: which pairs of them are coupled.
     """
 
     number: int
@@ -190,7 +190,7 @@ class _Decomposition:
 def solve_subdomain(
     executor: Executor, free: FreeStiffness, subdomain_task: SubdomainTask
 ) -> State:
-    """The equilibrium of a subdomain with its border held."""
+    """The equilibrium of a subdomain with its boundary held."""
     rules = SearchRules(
         free, subdomain_task.step_length, subdomain_task.settings, convexified=False
     )
@@ -198,16 +198,16 @@ def solve_subdomain(
 
 
 def run(shape: MeshShape, fabric: Fabric, solver: Solver[Result]) -> Result:
-    """Run the solver of one fabric to its end and return what it returns.
+    """Run the solver of one fabric to its end and return its result.
 
-    As many threads as this process may use share the work; they change no bit of the result.
+    All threads that this process may use share the work; results do not depend on their number.
     """
     with one_thread_of_blas():
         return run_to_end(Executor(shape, fabric, threads=Threads(allowed_threads())), solver)
 
 
 def run_to_end(executor: Executor, solver: Solver[Result]) -> Result:
-    """Run a solver to its end by an executor and return what it returns."""
+    """Run a solver to its end with an executor and return its result."""
     answer: Evaluation | Any = None
     while True:
         try:
@@ -216,10 +216,10 @@ def run_to_end(executor: Executor, solver: Solver[Result]) -> Result:
             return end.value
 
 
-def run_in_turn(
+def run_sequentially(
     shape: MeshShape, fabrics: Sequence[Fabric], solvers: Sequence[Solver[Result]]
 ) -> list[Result]:
-    """The :class:`Runner` that runs one after the other."""
+    """The :class:`Runner` that runs one solver after another."""
     return [run(shape, *each) for each in zip(fabrics, solvers, strict=True)]
 
 
@@ -228,8 +228,8 @@ def run_all(
 ) -> list[Result]:
     """The :class:`Runner` that suits the machine.
 
-    On a processor one after the other is faster than any batch; where JAX sees an accelerator
-    they run in step, vmapped, factorisation included.
+    On a CPU, solving one fabric after another is faster than a batch; on an accelerator they run in
+    lockstep, vmapped, including the factorisation.
     """
-    runner: Runner = run_in_turn if jax.default_backend() == "cpu" else run_in_lockstep
+    runner: Runner = run_sequentially if jax.default_backend() == "cpu" else run_in_lockstep
     return runner(shape, fabrics, solvers)

@@ -1,7 +1,7 @@
 """Factorisation of the stiffness by a sparse Cholesky, ordered by nested dissection.
 
-:mod:`knitlab.linalg.symbolic_factorisation` is the fastest that was measured in knitlab:
-``benchmarks.solver`` compares it with CHOLMOD, PARDISO and SuperLU.
+:mod:`knitlab.linalg.symbolic_factorisation` is faster here than CHOLMOD, PARDISO and SuperLU, with
+which ``benchmarks.solver`` compares it.
 """
 
 import threading
@@ -31,31 +31,31 @@ Entries = Float[np.ndarray, " nonzero"]
 
 
 class Factoriser(Protocol):
-    """A way to factor the matrices of one sparsity."""
+    """Factorises matrices of one sparsity."""
 
     def __call__(self, entries: Entries, convexified: bool = False) -> Factors | None:
-        """Factor a matrix, or return ``None`` if it is not positive definite.
+        """Factorise a matrix, or return ``None`` if it is not positive definite.
 
         Args:
-            entries: its non-zeros. The factors hold until the next call by the same thread.
-            convexified: whether to factor, if it is not, a matrix nearby that is.
+            entries: its non-zeros. The factors are valid until the next call in the same thread.
+            convexified: whether to factorise a nearby positive definite matrix instead of failing.
         """
         ...
 
 
 def factoriser(free: FreeStiffness, threads: Threads = ALONE) -> Factoriser:
-    """Factoriser of the stiffness of a mesh shape's free unknowns.
+    """Factoriser of the stiffness of the free unknowns of a mesh shape.
 
-    Its plan is made here, once for a mesh shape.
+    The symbolic factorisation is done here, once for a mesh shape.
 
     Args:
         free: the sparsity.
-        threads: that may share a factorisation.
+        threads: threads that may share a factorisation.
     """
     plan, own = _plan(free), threading.local()
 
     def factorise(entries: Entries, convexified: bool = False) -> Factors | None:
-        # What factors for several threads at the same time has memory for each.
+        # Threads that factorise at the same time each need their own memory.
         if not hasattr(own, "factors"):
             own.factors = Multifrontal(plan, threads)
         factors: Multifrontal = own.factors
@@ -65,7 +65,7 @@ def factoriser(free: FreeStiffness, threads: Threads = ALONE) -> Factoriser:
 
 
 def one_thread_of_blas() -> AbstractContextManager[object]:
-    """Within it BLAS uses one thread: on small fronts a second costs more than it brings."""
+    """Limit BLAS to one thread, as more threads slow down small fronts."""
     return ThreadpoolController().limit(limits=1, user_api="blas")
 
 

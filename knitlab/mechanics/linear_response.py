@@ -1,7 +1,6 @@
-"""Response: how an equilibrium gives way to small forces, by the stiffness at hand.
+"""Linear response: displacements of an equilibrium under small forces.
 
-What moves as a whole meets no resistance: forces are taken without what they would do along such
-rigid motions, and displacements are given without any.
+Rigid motions that cost no energy are projected out of both forces and displacements.
 """
 
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from knitlab.mechanics.element_chunks import ChunkedFabric
-from knitlab.mechanics.evaluation import WHOLE
+from knitlab.mechanics.evaluation import COMPLETE
 from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser, one_thread_of_blas
 from knitlab.mechanics.loading import all_free
 from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
@@ -20,28 +19,28 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
 
 SHIFT = 1e-9
-"""Added to K so that rigid motions do not make it singular [N/mm]."""
+"""Shift of K, so that rigid motions do not make it singular [N/mm]."""
 RIGID = 1e-7
-"""Stiffness below which a rigid motion costs no energy; a node at a wall gives far more [N/mm]."""
+"""Stiffness below which a rigid motion is free; contact with a wall gives far more [N/mm]."""
 REFINEMENTS = 20
 ACCURACY = 1e-11
-"""Largest residual of a solve over its right side."""
+"""Largest relative residual of a solve."""
 
 Rows = Float[np.ndarray, "row unknown"]
 
 
 class NoDerivative(ArithmeticError):
-    """The state is not a stable equilibrium, or so nearly not that K cannot be solved."""
+    """The state is not a stable equilibrium, or so close to instability that K is singular."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinearResponses:
-    """What a mesh shape and a choice of free unknowns need to have responses.
+    """Linear responses of the fabrics of one mesh shape, for one choice of free unknowns.
 
     Attributes:
-        free: sparsity of their stiffness.
-        movable: sparsity of that of all unknowns that a force can act on.
-        factorise: factors the first.
+        free: sparsity of the stiffness of the free unknowns.
+        movable: sparsity of the stiffness of all unknowns that forces can act on.
+        factorise: factoriser of the former.
     """
 
     free: FreeStiffness
@@ -50,27 +49,27 @@ class LinearResponses:
 
     @classmethod
     def of(cls, shape: MeshShape, free: Int[np.ndarray, " free"]) -> "LinearResponses":
-        """Those of a mesh shape.
+        """Prepare the responses of a mesh shape.
 
         Args:
             shape: the mesh shape.
-            free: places of the free unknowns.
+            free: indices of the free unknowns.
         """
         own = free_stiffness(shape, free)
         return cls(own, free_stiffness(shape, all_free(shape)), factoriser(own))
 
     def at(self, fabric: Fabric, unknowns: Float[np.ndarray, " unknown"]) -> "LinearResponse":
-        """The response of one equilibrium; that of the one before can no longer be had.
+        """The response of one equilibrium, which invalidates the previous one.
 
         Args:
             fabric: the fabric.
             unknowns: its configuration in equilibrium, flattened [mm].
 
         Raises:
-            NoDerivative: if K is not positive definite but for rigid motions.
+            NoDerivative: if K is not positive definite, apart from rigid motions.
         """
         whole = ChunkedFabric.of(self.free.shape, fabric)
-        hessians = whole.element_hessians(WHOLE, unknowns)
+        hessians = whole.element_hessians(COMPLETE, unknowns)
         with one_thread_of_blas():
             factors = self.factorise(self.free.shifted(self.free.entries(hessians), SHIFT))
         if factors is None:
@@ -88,14 +87,14 @@ class LinearResponses:
 
 @dataclass(frozen=True, eq=False)
 class LinearResponse:
-    """How one equilibrium gives way.
+    """Linear response of one equilibrium.
 
     Attributes:
-        free: places of the free unknowns.
-        stiffness: K of all unknowns that a force can act on, which come first [N/mm].
-        within: K of the free ones among themselves [N/mm].
-        factors: of that and ``SHIFT``.
-        rigid: rigid motions of the free unknowns that cost no energy, orthonormal.
+        free: indices of the free unknowns.
+        stiffness: K of all unknowns that forces can act on, which come first [N/mm].
+        within: K of the free unknowns [N/mm].
+        factors: factors of ``within`` plus ``SHIFT``.
+        rigid: orthonormal rigid motions of the free unknowns that cost no energy.
     """
 
     free: Int[np.ndarray, " free"]
@@ -105,13 +104,13 @@ class LinearResponse:
     rigid: Float[np.ndarray, "free motion"]
 
     def to(self, forces: Rows) -> Rows:
-        """Displacements of the free unknowns under forces on them, a row each; 0 where held.
+        """Displacements under forces, row by row; 0 for held unknowns.
 
         Args:
-            forces: on every unknown; those on held ones do nothing.
+            forces: forces on every unknown; those on held ones have no effect.
 
         Raises:
-            NoDerivative: if K is too nearly singular to be solved.
+            NoDerivative: if K is nearly singular.
         """
         displacements = np.zeros_like(forces)
         for row, force in zip(displacements, forces, strict=True):
@@ -119,13 +118,13 @@ class LinearResponse:
         return displacements
 
     def forces_of(self, displacements: Rows) -> Rows:
-        """K times displacements of all unknowns, a row each."""
+        """K times displacements of all unknowns, row by row."""
         forces, size = np.zeros_like(displacements), self.stiffness.shape[0]
         forces[:, :size] = displacements[:, :size] @ self.stiffness
         return forces
 
     def rigid_part(self, rows: Rows) -> Rows:
-        """What rows hold along the rigid motions that cost no energy."""
+        """Projection of rows onto the rigid motions that cost no energy."""
         part = np.zeros_like(rows)
         part[:, self.free] = rows[:, self.free] @ self.rigid @ self.rigid.T
         return part

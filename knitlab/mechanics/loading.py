@@ -1,4 +1,4 @@
-"""Loadings: which unknowns are free, and how the held ones move with the applied strain."""
+"""Loadings: the free unknowns, and the motion of the held ones with the applied strain."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from knitlab.model.configuration import Configuration
 from knitlab.model.network import MeshShape
 
 ACCURACY = 1e-12
-"""Of a tilt between walls, relative."""
+"""Relative accuracy of a tilt between walls."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +25,10 @@ class Loading:
 
     Attributes:
         shape: the mesh shape.
-        free: places of the free unknowns.
+        free: indices of the free unknowns.
         reference: the relaxed configuration, flattened [mm].
-        drive: how far each unknown moves per unit of applied strain where it is held, and in an
-            affine stretch where it is free [mm].
+        drive: displacement of each unknown per unit of applied strain: prescribed if it is held,
+            that of an affine stretch if it is free [mm].
         length: the length that the applied strain refers to [mm].
     """
 
@@ -40,13 +40,13 @@ class Loading:
 
     @property
     def held(self) -> Int[np.ndarray, " held"]:
-        """Places of the held unknowns."""
+        """Indices of the held unknowns."""
         return held_under_tension(self.shape)
 
     def holding(
         self, unknowns: Float[np.ndarray, " unknown"], applied_strain: float
     ) -> Float[np.ndarray, " unknown"]:
-        """The unknowns, those that are held where the applied strain puts them [mm]."""
+        """The unknowns, with the held ones set as the applied strain prescribes [mm]."""
         held, moved = self.held, unknowns.copy()
         moved[held] = self.reference[held] + applied_strain * self.drive[held]
         return moved
@@ -56,12 +56,12 @@ class Loading:
         passed: Sequence[tuple[float, Float[np.ndarray, " unknown"]]],
         applied_strain: float,
     ) -> Float[np.ndarray, " unknown"]:
-        """Where a path goes on to at an applied strain, held unknowns in their places [mm].
+        """Extrapolation of a path to an applied strain, with held unknowns as prescribed [mm].
 
         Args:
-            passed: strains and unknowns that it came through. It goes on along the line
-                through the last two, or, if there is but one, by an affine stretch.
-            applied_strain: where to.
+            passed: strains and unknowns along the path so far. The path is extrapolated linearly
+                from the last two, or, if there is only one, by an affine stretch.
+            applied_strain: the strain.
         """
         strain, last = passed[-1]
         if len(passed) == 1:
@@ -114,11 +114,11 @@ def rigidly_aligned(
     flat: Configuration,
     relaxed: Configuration,
 ) -> Configuration:
-    """A relaxed sample turned so that the rows to be clamped lie as on its flat sheet, at best.
+    """A relaxed sample rotated so that the rows to be clamped match its flat sheet best.
 
-    A free sample turns, tilts and drifts as it folds, by amounts that depend on how it came there;
-    whoever clamps it aligns and levels it, for pulled askew it takes other states. Walls
-    are not regarded, and its height between them is left. Periodic fabric cannot turn.
+    A free sample rotates, tilts and drifts as it folds, by amounts that depend on the path of the
+    relaxation. It is aligned and levelled for clamping, because a misaligned sample takes other
+    states. Walls are ignored, and its height between them is kept. Periodic fabric cannot rotate.
 
     Args:
         shape: mesh shape of the sample.
@@ -137,10 +137,10 @@ def rigidly_aligned(
 
 
 def between_walls(configuration: Configuration, z_max: float) -> Configuration:
-    """A sample tilted and lifted as a whole, from where it lies, until the walls push least [mm].
+    """A sample tilted and lifted rigidly so that it penetrates the walls least [mm].
 
     Args:
-        configuration: of the sample.
+        configuration: configuration of the sample.
         z_max: half the gap between the walls [mm].
     """
     nodes = np.asarray(configuration.positions).reshape(-1, 3)
@@ -162,9 +162,9 @@ def between_walls(configuration: Configuration, z_max: float) -> Configuration:
 def drive_along(
     shape: MeshShape, relaxed: Configuration
 ) -> tuple[Float[Array, " unknown"], Float[Array, ""]]:
-    """How far each unknown moves per unit of applied strain, and the length that refers to [mm].
+    """The drive of a :class:`Loading` and the length that the applied strain refers to [mm].
 
-    Of a :class:`Loading`, what follows from the relaxed shape, as JAX takes derivatives of it.
+    Both follow from the relaxed shape and are differentiable by JAX.
     """
     rows, moved = jnp.asarray(relaxed.positions[..., 1]), jnp.zeros(relaxed.positions.shape)
     if shape.periodic:

@@ -1,4 +1,4 @@
-"""Relaxation: the flat sheet off the needles folds into its corrugated shape."""
+"""Relaxation: the flat sheet taken off the needles folds into its corrugated shape."""
 
 import math
 from collections.abc import Iterator
@@ -8,7 +8,7 @@ import numpy as np
 
 from knitlab.mechanics.domain_decomposition import find_equilibrium_by_subdomains
 from knitlab.mechanics.equilibrium_search import SearchRules
-from knitlab.mechanics.evaluation import WHOLE, Stage
+from knitlab.mechanics.evaluation import COMPLETE, Stage
 from knitlab.mechanics.loading import all_free, between_walls, rigidly_aligned
 from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
 from knitlab.mechanics.state import State
@@ -26,32 +26,32 @@ def relax(
     """Solver for the relaxed shape (paper, Sec. "Relaxation of a pattern").
 
     The rest fold angles are raised to their full value in ``settings.ramp_steps`` equal steps,
-    between walls that are soft at first: hard walls stop every step at the first node that
-    touches them, and a node that slides along one touches it anew at every step. Each stage but
-    the last is only solved to near equilibrium, ``settings.waypoint_force`` of the largest
-    force that a fold exerts on the flat sheet. A sample for clamping relaxes with all its edges
-    free; no coordinate is pinned. It is then rigidly aligned, as far as the walls let it, and
-    solved again. Periodic fabric goes the quick way, convexified; should that end in a cell that is
-    folded to nothing, where no hinge has an angle, it starts again the slow way.
+    between walls that are soft at first: hard walls would stop every step at the first node that
+    touches them, and a node that slides along a wall would do so at every step. Each stage but the
+    last is only solved approximately, to ``settings.waypoint_force`` times the largest force that a
+    fold exerts on the flat sheet. A sample for clamping relaxes with all edges free and no
+    coordinate fixed. It is then rigidly aligned, as far as the walls allow, and solved again.
+    Periodic fabric is solved with a convexified stiffness, which is faster; if that collapses a
+    cell, where fold angles are undefined, it is solved again by raising μ.
 
     Args:
         net: network of the fabric's mesh shape.
-        fabric: its numbers.
-        settings: of the equilibrium solver.
-        start: where to start from; the flat sheet by default.
+        fabric: the fabric.
+        settings: settings of the equilibrium solver.
+        start: configuration to start from; the flat sheet by default.
     """
     shape = net.shape
     whole = SearchRules.of(shape, all_free(shape), fabric, settings)
     flat = flat_sheet(net, fabric)
     begin = np.asarray((flat if start is None else start).flattened())
     waypoint = intermediate_settings(settings, fabric)
-    stages = [(stage, waypoint) for stage in _stages(settings)] + [(WHOLE, settings)]
+    stages = [(stage, waypoint) for stage in _stages(settings)] + [(COMPLETE, settings)]
     passed: list[State] = []
-    # Convexified, the stiffness of a sample with free edges would turn it a little at every step.
+    # A convexified stiffness would rotate a sample with free edges slightly at every step.
     for convexified in (True, False) if shape.periodic else (False,):
         unknowns = begin
-        for stage, its in stages:
-            rules = replace(whole, settings=its, convexified=convexified)
+        for stage, stage_settings in stages:
+            rules = replace(whole, settings=stage_settings, convexified=convexified)
             found = find_equilibrium_by_subdomains(Evaluate(unknowns, stage), rules, patience=None)
             passed.append((yield from found))
             unknowns = passed[-1].unknowns
@@ -77,8 +77,8 @@ def relax_near(
 
     Args:
         net: network of the fabric's mesh shape.
-        fabric: its numbers.
-        settings: of the equilibrium solver.
+        fabric: the fabric.
+        settings: settings of the equilibrium solver.
         start: the configuration [mm].
     """
     rules = SearchRules.of(net.shape, all_free(net.shape), fabric, settings)
@@ -88,14 +88,14 @@ def relax_near(
 
 
 def intermediate_settings(settings: SolverSettings, fabric: Fabric) -> SolverSettings:
-    """Settings for a state that is only passed: near equilibrium is enough."""
+    """Settings for an intermediate state, which need not be in exact equilibrium."""
     moments = np.asarray(fabric.fold_stiffness * abs(fabric.rest_fold))
     near = settings.waypoint_force * float(moments.max() / fabric.cell_sides.min())
     return replace(settings, tolerance=max(settings.tolerance, near))
 
 
 def _stages(settings: SolverSettings) -> Iterator[Stage]:
-    """All stages but the whole."""
+    """All stages before the complete fabric."""
     for step in range(1, settings.ramp_steps):
         yield Stage(step / settings.ramp_steps, settings.soft_wall)
     for decade in range(math.ceil(-math.log10(settings.soft_wall))):

@@ -1,9 +1,9 @@
 """A second process that solves subdomains beside this one.
 
-A subdomain is solved by many small calls, between which threads of one process wait for its
-interpreter. The second process is a program of its own and not a worker of ``concurrent.futures``
-or loky: a spawned pool runs an unguarded script again, and the workers of neither end when their
-parent is killed. This one ends when its standard input is closed.
+A subdomain is solved by many small calls, between which threads of one process wait for the global
+interpreter lock. The second process is a separate program, not a worker of ``concurrent.futures``
+or loky: spawned pools run an unguarded script again, and the workers of both outlive a parent that
+is killed. This program ends when its standard input is closed.
 """
 
 import os
@@ -29,11 +29,11 @@ PROGRAM = "knitlab.mechanics.second_process_program"
 
 @dataclass(frozen=True, eq=False)
 class SubdomainData:
-    """A subdomain as the second process needs it.
+    """Data of a subdomain for the second process.
 
     Attributes:
         shape: its mesh shape.
-        unknowns: numbers of the unknowns that may move.
+        unknowns: indices of the free unknowns.
         fabric: its springs, folds and walls.
     """
 
@@ -60,7 +60,7 @@ class SubdomainTask:
 
 
 class SecondProcess:
-    """Another process that solves one subdomain after the other.
+    """Another process that solves subdomains one after another.
 
     Attributes:
         pid: its identifier.
@@ -92,7 +92,7 @@ class SecondProcess:
 
 
 def _end(process: subprocess.Popen[bytes], requests: IO[bytes], replies: IO[bytes]) -> None:
-    # A dead process cannot receive what is still buffered.
+    # A dead process cannot receive buffered data.
     with suppress(OSError):
         requests.close()
     replies.close()

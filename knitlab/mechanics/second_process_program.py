@@ -33,7 +33,7 @@ def serve(requests: IO[bytes], replies: IO[bytes]) -> None:
 
 
 if __name__ == "__main__":
-    # An interrupt is handled by the parent, with which this process ends.
+    # The parent handles interrupts, and this process ends with it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # Printed text must not mix with the replies.
     with os.fdopen(os.dup(sys.stdout.fileno()), "wb") as replies:

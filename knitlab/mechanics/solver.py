@@ -1,7 +1,7 @@
-"""Solvers as generators of requests, independent of what answers them.
+"""Solvers as generators of requests, independent of the executor that answers them.
 
-A solver yields a request and is sent the answer. It never touches a device itself, so that one
-and the same solver runs alone on a processor or beside others in batches on an accelerator
+A solver yields a request and is sent the answer. It does not use a device itself, so that the same
+solver runs alone on a CPU or together with others in a batch on an accelerator
 (:mod:`knitlab.mechanics.executor`).
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import NonNegativeFloat, PositiveFloat, PositiveInt
 
-from knitlab.mechanics.evaluation import WHOLE, Stage
+from knitlab.mechanics.evaluation import COMPLETE, Stage
 from knitlab.mechanics.stiffness import FreeStiffness
 from knitlab.model.setting_types import Fraction, Unit
 
@@ -25,7 +25,7 @@ class Evaluate:
     """Request for energy and gradient, answered by an ``Evaluation`` of NumPy arrays."""
 
     unknowns: Float[np.ndarray, " unknown"]
-    stage: Stage = field(default=WHOLE)
+    stage: Stage = field(default=COMPLETE)
 
 
 @dataclass(frozen=True)
@@ -34,16 +34,16 @@ class Assemble:
 
     unknowns: Float[np.ndarray, " unknown"]
     free: FreeStiffness
-    stage: Stage = field(default=WHOLE)
+    stage: Stage = field(default=COMPLETE)
 
 
 @dataclass(frozen=True)
 class Factorise:
-    """Request to factorise the assembled stiffness plus a shift, answered by whether it could be.
+    """Request to factorise the assembled stiffness plus a shift, answered by whether it succeeded.
 
     Attributes:
         shift: added to the diagonal [N/mm].
-        convexified: whether, if it is not, a matrix nearby that is may be factored instead.
+        convexified: whether to factorise a nearby positive definite matrix instead of failing.
     """
 
     shift: float
@@ -52,23 +52,23 @@ class Factorise:
 
 @dataclass(frozen=True)
 class Solve:
-    """Request for K⁻¹ times a vector by the last factorisation, answered by that vector."""
+    """Request for K⁻¹ times a vector with the last factorisation, answered by that product."""
 
     right: Float[np.ndarray, " free"]
 
 
 @dataclass(frozen=True)
 class SolveSubdomains:
-    """Request to solve the subdomains of a sample to a low accuracy, one after the other.
+    """Request to solve the subdomains of a sample to low accuracy, one after another.
 
-    It is answered by the state of the sample after that, and by the iterations they took, each
-    counted as the share of the sample's unknowns that the subdomain has.
+    It is answered by the resulting state of the sample, and by the number of iterations, each
+    weighted by the subdomain's share of the unknowns.
 
     Attributes:
-        at: where to start from, and the stage.
+        at: configuration to start from, and the stage.
         free: the free unknowns of the sample.
         step_length: longest change of the vector between neighbouring nodes in a step [mm].
-        settings: for each subdomain.
+        settings: settings for each subdomain.
     """
 
     at: Evaluate
@@ -84,29 +84,29 @@ Solver = Generator[Request, Any, Result]
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """How equilibria are searched for.
+    """Settings of the search for equilibria.
 
     Attributes:
-        tolerance: largest force left on any free unknown [N].
-        max_iterations: steps tried before a search is given up.
+        tolerance: largest residual force on any free unknown [N].
+        max_iterations: largest number of steps of a search.
         step_limit: longest change of the vector between two neighbouring nodes in a step, as a
-            fraction of the shorter side of a grid cell; keeps hinges from being thrown past ±π.
-        smallest_shift: floor of the shift, which also steadies the modes that cost no energy
+            fraction of the shorter side of a grid cell; keeps hinges from passing ±π.
+        smallest_shift: smallest shift, which also regularises the modes that cost no energy
             [N/mm].
-        start: where the relaxation of a clamped sample starts from: ``endless``, tiled with
-            relaxed periodic fabric, or ``flat``; periodic fabric always starts flat.
-        ramp_steps: equal steps in which relaxation raises the rest fold angles.
-        soft_wall: fraction of the walls' stiffness that relaxation begins with, to be raised
-            tenfold from stage to stage; 1 for hard walls from the start.
-        waypoint_force: force that may be left between those steps, as a part of the largest
-            that a fold exerts, k_t × fold angle / cell.
+        start: initial shape of the relaxation of a clamped sample: ``endless``, tiled with relaxed
+            periodic fabric, or ``flat``; periodic fabric always starts flat.
+        ramp_steps: number of equal steps in which relaxation raises the rest fold angles.
+        soft_wall: fraction of the wall stiffness at which relaxation begins, raised tenfold from
+            stage to stage; 1 for hard walls from the start.
+        waypoint_force: residual force accepted between these steps, as a fraction of the largest
+            force of a fold, k_t × fold angle / cell.
         path_step: largest step of applied strain from one equilibrium to the next.
-        smallest_step: part of a strain step down to which it is halved where the search fails or
+        smallest_step: fraction of a strain step down to which it is halved if the search fails or
             the fabric leaves its branch.
-        branch_limit: energy that a strain step may gain or lose against the work done in it, as a
-            part of that work, before the fabric counts as having left its branch.
-        drag: c ε̇, damping of a node times the rate at which the applied strain rises [N/mm]; with 0
-            the test is so slow that every state is an equilibrium.
+        branch_limit: difference between the change of energy in a strain step and the work done in
+            it, as a fraction of that work, above which the fabric has left its branch.
+        drag: c ε̇, damping of a node times the rate of the applied strain [N/mm]; with 0 the test is
+            quasi-static and every state an equilibrium.
     """
 
     tolerance: Annotated[PositiveFloat, Unit("N")] = 1e-8

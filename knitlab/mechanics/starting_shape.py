@@ -16,12 +16,12 @@ IMPERFECTION = 0.02
 
 
 def imperfect_sheet(net: Network, fabric: Fabric, seed: int) -> Configuration:
-    """A flat sheet with every node moved a little, at random.
+    """A flat sheet with every node displaced slightly, at random.
 
     Args:
         net: network of the fabric.
-        fabric: its numbers.
-        seed: of the random numbers.
+        fabric: the fabric.
+        seed: seed of the random numbers.
     """
     flat, sides = flat_sheet(net, fabric), np.asarray(fabric.cell_sides)
     noise = np.random.default_rng(seed).normal(size=flat.positions.shape)
@@ -36,21 +36,21 @@ def starts_from_periodic(
     runner: Runner = run_all,
     seed: int | None = None,
 ) -> list[Configuration | None]:
-    """Samples of one mesh shape as patches of their periodic fabrics, which are relaxed first.
+    """Starting shapes of samples of one mesh shape, tiled with their relaxed periodic fabrics.
 
     Args:
-        samples: network and numbers of each sample.
-        cells: network and numbers of each sample's periodic fabric, all of one mesh shape.
-        settings: of the equilibrium solver, for each.
+        samples: network and fabric of each sample.
+        cells: network and fabric of each sample's periodic fabric, all of one mesh shape.
+        settings: settings of the equilibrium solver, for each sample.
         runner: runs the solvers.
-        seed: of the imperfections that the periodic fabrics start with; none by default.
+        seed: seed of the imperfections of the periodic fabrics; without imperfections by default.
 
     Returns:
-        What each sample may start from; ``None`` where its periodic fabric did not relax.
+        The starting shape of each sample; ``None`` if its periodic fabric did not relax.
     """
     solvers = [
-        relax(*cell, its, None if seed is None else imperfect_sheet(*cell, seed))
-        for cell, its in zip(cells, settings, strict=True)
+        relax(*cell, own_settings, None if seed is None else imperfect_sheet(*cell, seed))
+        for cell, own_settings in zip(cells, settings, strict=True)
     ]
     relaxed = runner(cells[0][0].shape, [fabric for _, fabric in cells], solvers)
     return [
@@ -60,11 +60,11 @@ def starts_from_periodic(
 
 
 def tiled(net: Network, fabric: Fabric, cell: Network, relaxed: Configuration) -> Configuration:
-    """A sample tiled with relaxed periodic fabric: in equilibrium but at its edges.
+    """A sample tiled with relaxed periodic fabric, in equilibrium except at its edges.
 
     Args:
         net: network of the sample.
-        fabric: its numbers.
+        fabric: its fabric.
         cell: network of the periodic fabric.
         relaxed: its relaxed configuration.
     """

@@ -1,4 +1,4 @@
-"""States along a test, whichever method reached them."""
+"""States along a test, for both methods."""
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -26,19 +26,19 @@ class Outcome(IntEnum):
 
 @dataclass(frozen=True)
 class State:
-    """A configuration and how near it is to equilibrium.
+    """A configuration and its distance from equilibrium.
 
     Attributes:
         shape: mesh shape of the fabric.
         unknowns: its configuration, flattened [mm].
-        energy: its parts there [N mm].
-        gradient: minus the force on every unknown, held ones included [N].
+        energy: the parts of its energy [N mm].
+        gradient: the negative force on every unknown, including held ones [N].
         outcome: how the search ended.
-        residual: largest force left on a free unknown [N].
-        iterations: steps tried, rejected ones included; by dynamics, time steps.
-        factorisations: factorisations they took.
-        kinetic_peak: largest kinetic energy on the way here, 0 unless by dynamics [N mm].
-        snapped: whether it is known that the fabric snapped on the way here.
+        residual: largest residual force on a free unknown [N].
+        iterations: steps tried, including rejected ones; time steps for dynamics.
+        factorisations: number of factorisations.
+        kinetic_peak: largest kinetic energy since the previous state; 0 except for dynamics [N mm].
+        snapped: whether the fabric is known to have snapped since the previous state.
     """
 
     shape: MeshShape
@@ -54,7 +54,7 @@ class State:
 
     @property
     def configuration(self) -> Configuration:
-        """What the solvers' unknowns make of the fabric."""
+        """The configuration of the fabric."""
         return Configuration.of(self.unknowns, self.shape)
 
     @property
@@ -63,7 +63,7 @@ class State:
         return self.outcome is Outcome.converged
 
     def after(self, *earlier: "State") -> "State":
-        """This state, charged with the work of the searches that led to it."""
+        """This state, with the iterations of earlier searches added."""
         return replace(
             self,
             iterations=self.iterations + sum(state.iterations for state in earlier),
@@ -73,15 +73,15 @@ class State:
 
 @dataclass(frozen=True)
 class History:
-    """How a fabric moved while it relaxed, by dynamics.
+    """History of a relaxation by dynamics.
 
     Attributes:
-        time: of the energies, from 0 to the last [ms].
+        time: times of the energies, from 0 [ms].
         kinetic: T [N mm].
         potential: V [N mm].
         dissipated: work done against the drag since time 0 [N mm].
-        snapshot_time: of the snapshots [ms].
-        snapshots: configurations then, along a leading axis.
+        snapshot_time: times of the snapshots [ms].
+        snapshots: configurations at these times, along a leading axis.
     """
 
     time: Float[np.ndarray, " time"]
@@ -97,12 +97,12 @@ class TensileTest:
     """States along a tensile test.
 
     Attributes:
-        loading: what was held and driven; ``None`` if the fabric did not relax.
-        states: one for each applied strain that was tried, the relaxed shape first; only the
+        loading: held and driven unknowns; ``None`` if the fabric did not relax.
+        states: one state for each applied strain that was tried, the relaxed shape first; only the
             last may be unconverged, and then the test ended there.
-        history: of the relaxation, by dynamics.
-        unloaded: states on the way back, if they were requested: at the same strains from the last
-            but one down to 0, as far as they were reached.
+        history: history of the relaxation, for dynamics.
+        unloaded: states of unloading, if requested: at the same strains, from the last but one down
+            to 0, as far as they were reached.
     """
 
     loading: Loading | None

@@ -1,9 +1,9 @@
 """Stiffness of the free unknowns, summed from element Hessians on a fixed sparsity.
 
-A node of an element moves with its three coordinates and, where the element crosses the seam of
-periodic fabric, with L_x and L_y. So the non-zeros of the stiffness are a constant sparse matrix
-times the entries of the element Hessians: it is built once for a mesh shape and a choice of free
-unknowns, and after that an assembly is one sparse product.
+The position of a node of an element depends on its three coordinates and, if the element crosses
+the periodic boundary, on L_x and L_y. So the non-zeros of the stiffness are a constant sparse
+matrix times the entries of the element Hessians. The matrix is built once for a mesh shape and a
+choice of free unknowns; after that an assembly is one sparse product.
 """
 
 from collections.abc import Callable
@@ -27,9 +27,9 @@ class FreeStiffness:
 
     Attributes:
         shape: the mesh shape.
-        places: of the free unknowns, ascending.
-        indptr, indices: compressed-column sparsity of the lower triangle; the diagonal comes
-            first in its column.
+        places: indices of the free unknowns, ascending.
+        indptr, indices: compressed-column sparsity of the lower triangle; the diagonal entry is
+            the first of its column.
         from_springs, from_hinges, from_walls: constant matrices from entries of element Hessians
             to non-zeros.
     """
@@ -44,7 +44,7 @@ class FreeStiffness:
 
     @property
     def diagonal(self) -> Int[np.ndarray, " free"]:
-        """Which of the non-zeros lie on the diagonal."""
+        """Indices of the non-zeros on the diagonal."""
         return self.indptr[:-1]
 
     @cached_property
@@ -56,7 +56,7 @@ class FreeStiffness:
 
     @cached_property
     def _halves(self) -> list[list[sp.csr_array]]:
-        """The matrices to the first half of the non-zeros and to the second."""
+        """The matrices for the first and for the second half of the non-zeros."""
         matrices = self.from_springs, self.from_hinges, self.from_walls
         ends = [0, len(self.indices) // 2, len(self.indices)]
         return [[_rows(matrix, *ends) for matrix in matrices] for ends in pairwise(ends)]
@@ -65,10 +65,10 @@ class FreeStiffness:
         self, hessians: ElementHessians, threads: Threads = ALONE
     ) -> Float[np.ndarray, " nonzero"]:
         """Non-zeros of the stiffness, from the element Hessians of one configuration [N/mm]."""
-        sources = [np.ravel(of) for of in (hessians.springs, hessians.hinges, hessians.walls)]
+        sources = [np.ravel(part) for part in (hessians.springs, hessians.hinges, hessians.walls)]
 
         def summed(matrices: list[sp.csr_array]) -> Float[np.ndarray, " half"]:
-            first, *others = (a @ of for a, of in zip(matrices, sources, strict=True))
+            first, *others = (a @ part for a, part in zip(matrices, sources, strict=True))
             for other in others:
                 first += other
             return first
@@ -84,7 +84,7 @@ class FreeStiffness:
         return moved
 
     def lower(self, entries: Float[np.ndarray, " nonzero"]) -> sp.csc_array:
-        """The lower triangle that has these non-zeros."""
+        """The lower triangle with these non-zeros."""
         size = len(self.places)
         return sp.csc_array((entries, self.indices, self.indptr), shape=(size, size))
 
@@ -100,7 +100,7 @@ def _rows(matrix: sp.csr_array, first: int, end: int) -> sp.csr_array:
 
 
 def free_stiffness(shape: MeshShape, free: Int[np.ndarray, " free"]) -> FreeStiffness:
-    """As :func:`sparsity`, with the last few results cached."""
+    """Like :func:`sparsity`, with the most recent results cached."""
     return _free_stiffness(shape, free.astype(np.int64).tobytes())
 
 
@@ -114,7 +114,7 @@ def sparsity(shape: MeshShape, free: Int[np.ndarray, " free"]) -> FreeStiffness:
 
     Args:
         shape: the mesh shape.
-        free: places of the free unknowns, ascending.
+        free: indices of the free unknowns, ascending.
     """
     net = network(shape)
     size = len(free)
@@ -155,7 +155,7 @@ class _Terms:
 
 
 Entry = Callable[[int, int], tuple[Int[np.ndarray, " element"], int]]
-"""Where to find, and with which sign, an entry of every element's Hessian by its nodes."""
+"""Index and sign of an entry of the Hessian of every element by its nodes."""
 
 
 def _spring_entry(count: int) -> Entry:
@@ -179,7 +179,7 @@ def _hinge_entry(count: int) -> Entry:
 
 
 def _position(entries: tuple[np.ndarray, np.ndarray]) -> Int[np.ndarray, "row column"]:
-    """Where an entry of a symmetric matrix lies among those of its lower triangle."""
+    """Index of every entry of a symmetric matrix among those of its lower triangle."""
     rows, columns = entries
     position = np.zeros((rows.max() + 1,) * 2, dtype=np.int64)
     position[rows, columns] = position[columns, rows] = np.arange(len(rows))
@@ -189,7 +189,7 @@ def _position(entries: tuple[np.ndarray, np.ndarray]) -> Int[np.ndarray, "row co
 def _terms(
     elements: Elements, number: Int[np.ndarray, " unknown"], size: int, entry: Entry
 ) -> _Terms:
-    """Every product of two coordinates of an element's nodes that falls into the lower triangle."""
+    """Terms of all pairs of coordinates of an element's nodes that are in the lower triangle."""
     freedoms = [
         _freedoms(elements, number, node, component)
         for node in range(elements.nodes.shape[1])
@@ -213,7 +213,7 @@ def _terms(
 def _freedoms(
     elements: Elements, number: Int[np.ndarray, " unknown"], node: int, component: int
 ) -> list[tuple[Int[np.ndarray, " element"], Float[np.ndarray, " element"]]]:
-    """The free unknowns that move a node of every element, and how far: −1 where held."""
+    """Free unknowns on which a node of every element depends (−1 if held), and the derivatives."""
     own = number[3 * elements.nodes[:, node] + component], np.ones(len(elements.nodes))
     if component == 2 or not elements.images[:, node, component].any():
         return [own]

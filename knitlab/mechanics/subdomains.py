@@ -1,4 +1,4 @@
-"""Subdomains: overlapping parts of a large sample, each a sheet with its border held."""
+"""Subdomains: overlapping parts of a large sample, each a sheet with its boundary held."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
 
 CELLS = 16
-"""Grid cells along each side of a subdomain, as many as in a unit cell of two periods a patch."""
+"""Grid cells along each side of a subdomain, as in a unit cell with two periods per patch."""
 OVERLAP = 4
 """Grid cells by which neighbouring subdomains overlap."""
 REACH = 2
-"""Grid cells that an element reaches over, and with it the border that is held."""
+"""Extent of an element in grid cells, and so the width of the held boundary."""
 FEWEST = 12
-"""Subdomains that a sample must have for it to pay."""
+"""Number of subdomains from which domain decomposition pays off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +29,10 @@ class Subdomain:
     """A part of a sample.
 
     Attributes:
-        places: of its coordinates, and of L_x and L_y, among the unknowns of the sample.
-        free: the unknowns of the subdomain that may move, and their stiffness.
-        springs, hinges: which of the sample's lie in it, in the order of its own network.
+        places: indices of its coordinates, and of L_x and L_y, among the unknowns of the sample.
+        free: the free unknowns of the subdomain, and the sparsity of their stiffness.
+        springs, hinges: indices of its springs and hinges in the sample, in the order of its own
+            network.
     """
 
     places: Int[np.ndarray, " unknown"]
@@ -40,7 +41,7 @@ class Subdomain:
     hinges: Int[np.ndarray, " hinge"]
 
     def fabric(self, whole: Fabric) -> Fabric:
-        """Its part of the sample's fabric."""
+        """The part of the sample's fabric in the subdomain."""
         return eqx.tree_at(
             lambda f: (f.rest_length, f.stretch_stiffness, f.rest_fold, f.fold_stiffness),
             whole,
@@ -53,17 +54,17 @@ class Subdomain:
         )
 
     def force(self, gradient: Float[np.ndarray, " whole"]) -> float:
-        """Largest force on what may move [N]."""
+        """Largest force on its free unknowns [N]."""
         return float(np.abs(gradient[self.places[self.free.places]]).max(initial=0.0))
 
 
 def worth_dividing(shape: MeshShape) -> bool:
-    """Whether a sheet has enough subdomains for them to pay; periodic fabric has none."""
+    """Whether a sheet has enough subdomains for them to pay off; periodic fabric has none."""
     return not shape.periodic and len(_spans(shape.cells_y)) * len(_spans(shape.cells_x)) >= FEWEST
 
 
 def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
-    """The subdomains of a sample, of which some unknowns are free."""
+    """The subdomains of a sample with these free unknowns."""
     shape, net = free.shape, network(free.shape)
     movable = np.zeros(shape.unknowns, dtype=bool)
     movable[free.places] = True
@@ -81,12 +82,12 @@ def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
             )
             inner = (row >= rows[0]) & (row <= rows[1])
             inner &= (column >= columns[0]) & (column <= columns[1])
-            able = np.append(np.repeat(inner, 3), [False, False]) & movable[places]
+            movable_here = np.append(np.repeat(inner, 3), [False, False]) & movable[places]
             within = np.zeros(shape.nodes, dtype=bool)
             within[nodes] = True
             yield Subdomain(
                 places,
-                subdomain_stiffness(own, np.flatnonzero(able).tobytes()),
+                subdomain_stiffness(own, np.flatnonzero(movable_here).tobytes()),
                 *(
                     np.flatnonzero(within[elements.nodes].all(axis=1))
                     for elements in (net.springs, net.hinges)
@@ -95,15 +96,15 @@ def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
 
 
 def couplings(found: Sequence[Subdomain], unknowns: int) -> Bool[np.ndarray, "subdomain subdomain"]:
-    """Which pairs of subdomains are coupled: one moves what acts on the other. Each is with itself.
+    """Which pairs of subdomains are coupled: free unknowns of one affect the other.
 
     Args:
         found: the subdomains of a sample.
-        unknowns: of the sample.
+        unknowns: number of unknowns of the sample.
     """
     places = [subdomain.places for subdomain in found], [b.places[b.free.places] for b in found]
-    feels, moves = (_membership(of, unknowns) for of in places)
-    coupled = (feels @ moves.T).toarray() > 0
+    touched, free = (_membership(indices, unknowns) for indices in places)
+    coupled = (touched @ free.T).toarray() > 0
     return coupled | coupled.T | np.eye(len(found), dtype=bool)
 
 
@@ -117,35 +118,35 @@ def _membership(places: Sequence[Int[np.ndarray, " _"]], unknowns: int) -> sp.cs
 def independent_groups(
     forces: Float[np.ndarray, " subdomain"], coupled: Bool[np.ndarray, "subdomain subdomain"]
 ) -> Iterator[list[int]]:
-    """Groups of subdomains that can be solved at the same time, as no two are coupled.
+    """Groups of subdomains that can be solved at the same time, because no two are coupled.
 
-    Those furthest from rest come first, as the others have to follow them.
+    Those with the largest forces come first, because the others adapt to them.
 
     Args:
-        forces: on each.
-        coupled: which of them are coupled.
+        forces: largest force in each subdomain.
+        coupled: which pairs are coupled.
     """
     waiting = np.argsort(-forces).tolist()
     while waiting:
-        together: list[int] = []
+        group: list[int] = []
         for subdomain in waiting:
-            if not coupled[subdomain, together].any():
-                together.append(subdomain)
-        waiting = [subdomain for subdomain in waiting if subdomain not in together]
-        yield together
+            if not coupled[subdomain, group].any():
+                group.append(subdomain)
+        waiting = [subdomain for subdomain in waiting if subdomain not in group]
+        yield group
 
 
 @lru_cache(maxsize=64)
 def subdomain_stiffness(shape: MeshShape, unknowns: bytes) -> FreeStiffness:
     """Sparsity of a subdomain.
 
-    It is kept apart from that of whole samples, which many subdomains would drive out.
+    It has its own cache, because many subdomains would evict whole samples from theirs.
     """
     return sparsity(shape, np.frombuffer(unknowns, dtype=np.int64))
 
 
 def _spans(cells: int) -> list[tuple[int, int]]:
-    """Node rows, or columns, from which to which the subdomains along a side may move."""
+    """First and last node row (or column) of the free part of every subdomain along a side."""
     count = max(1, round(cells / CELLS))
     lines = np.linspace(0, cells, count + 1).round().astype(int)
     return [

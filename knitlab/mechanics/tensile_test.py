@@ -1,4 +1,4 @@
-"""The virtual tensile test: equilibrium at every applied strain of a protocol."""
+"""The simulated tensile test: equilibria at a sequence of applied strains."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -22,13 +22,13 @@ from knitlab.model.network import Network
 
 ROUND_OFF = 1e-9
 ROUGH = 50
-"""Iterations of a strain step above which the path is rough there."""
+"""Iterations of a strain step above which the path counts as rough."""
 ROUGH_WALL = 1e-2
-"""Part of the walls' stiffness that the next step then begins with."""
+"""Fraction of the wall stiffness at which the step after a rough one begins."""
 PARTS_AHEAD = (1.0, 0.5, 0.25, 0.125, 0.0)
-"""Of the way to where the line through two states leads, from an affine stretch of the later."""
+"""Fractions of the way from an affine stretch of the last state to the linear extrapolation."""
 LEAST_WORK = 1e-6
-"""Work of a strain step below which its energy is compared with the stored energy instead."""
+"""Work over stored energy of a strain step below which the stored energy is the scale."""
 
 
 def stretch(
@@ -40,28 +40,30 @@ def stretch(
     start: Configuration | None = None,
     unload: bool = False,
 ) -> Solver[TensileTest]:
-    """Solver that relaxes a fabric and takes it through a tensile test.
+    """Solver that relaxes a fabric and runs its tensile test.
 
-    The path to a strain is followed in steps of at most ``settings.path_step``, each starting from
-    the line through the two states before it; of a sample of many subdomains, from the point of
-    that line where its energy is least. Where the path is rough, as the step before took many
-    iterations, that line misses, and walls stop every step back; there they are soft at first, and
-    the stiffness is convexified. Along one branch of equilibria the energy grows by the work of the
-    reaction force; where a step gains or loses more than ``settings.branch_limit`` of that work,
-    the fabric has left its branch. A step that does so, or fails, is tried again over half the
-    strain, down to ``settings.smallest_step`` of a full one. If it leaves the branch even then, the
-    branch has ended there: the fabric has snapped, and the state it snapped to is kept and marked.
-    What all that costs is counted in the state it leads to. The test ends at the first strain that
-    cannot be reached.
+    The path to a strain is followed in steps of at most ``settings.path_step``. Each step starts
+    from the linear extrapolation of the two previous states; for a sample of many subdomains, from
+    the point of lowest energy on that line. If the previous step took many iterations, the path is
+    rough: the extrapolation is poor, and hard walls would obstruct the way back, so that the search
+    begins with soft walls and a convexified stiffness.
+
+    Along a branch of equilibria the energy grows by the work of the reaction force. If the
+    difference exceeds ``settings.branch_limit`` times that work, the fabric has left its branch. A
+    step that does so, or fails, is repeated over half the strain, down to
+    ``settings.smallest_step`` of a full one. If it leaves the branch even then, the branch ends
+    there: the fabric has snapped, and the state it snapped to is accepted and marked. The
+    iterations of all attempts are counted in the state that they lead to. The test ends at the
+    first strain that cannot be reached.
 
     Args:
         net: network of the fabric's mesh shape.
-        fabric: its numbers.
-        applied_strain: ascending, from 0, the relaxed shape.
-        settings: of the equilibrium solver.
-        progress: called with how many of the states are done.
-        start: where the relaxation starts from; the flat sheet by default.
-        unload: whether to let a fabric that reached the last strain go back through all of them.
+        fabric: the fabric.
+        applied_strain: strains, ascending from 0, which is the relaxed shape.
+        settings: settings of the equilibrium solver.
+        progress: called with the number of finished states.
+        start: configuration to start the relaxation from; the flat sheet by default.
+        unload: whether to unload a fabric that reached the last strain through all strains.
     """
     relaxed = yield from relax(net, fabric, settings, start)
     progress(1)
@@ -87,7 +89,7 @@ def stretch(
 
 @dataclass
 class _Path:
-    """The last states of a test, from which the next is sought."""
+    """The most recent states of a test, from which the next one is found."""
 
     loading: Loading
     last: list[tuple[float, State]]
@@ -95,7 +97,7 @@ class _Path:
     settings: SolverSettings
 
     def to(self, target: float) -> Solver[State]:
-        """Follow the path to a strain, up or down."""
+        """Follow the path to a larger or smaller strain."""
         distance = abs(target - self.last[-1][0])
         towards = math.copysign(1.0, target - self.last[-1][0])
         full = distance / math.ceil(distance / self.settings.path_step - ROUND_OFF)
@@ -105,15 +107,15 @@ class _Path:
             strain = self.last[-1][0] + towards * step
             strain = target if towards * (target - strain) <= ROUND_OFF else strain
             last = step <= smallest
-            # Where many subdomains are solved first, the whole meets few walls.
+            # If subdomains are solved first, the whole sample rarely runs into walls.
             many = worth_dividing(self.loading.shape)
             rough = self.last[-1][1].iterations > ROUGH and not many and not self.settings.drag
-            find = self._sought_fast(strain) if rough else self._sought_slowly(strain, last)
+            find = self._find_fast(strain) if rough else self._find_slowly(strain, last)
             state = yield from find
             followed = self._on_branch(strain, state)
             if rough and last and not followed:
                 spent.append(state)
-                state = yield from self._sought_slowly(strain, to_the_end=True)
+                state = yield from self._find_slowly(strain, to_the_end=True)
                 followed = self._on_branch(strain, state)
             if state.converged and (followed or step <= smallest):
                 snapped |= not followed
@@ -127,14 +129,14 @@ class _Path:
                 step /= 2
             spent.append(state)
 
-    def _sought_slowly(self, strain: float, to_the_end: bool) -> Solver[State]:
-        """Search for the state at a strain as slowly as the fabric would move there by itself.
+    def _find_slowly(self, strain: float, to_the_end: bool) -> Solver[State]:
+        """Search for the state at a strain in small steps, as a slow motion would reach it.
 
-        Where there are many subdomains, it is they that move slowly: each raises its own μ where it
-        snaps, and that of the whole would hold all the others.
+        With many subdomains each raises its own μ where it snaps; raising μ of the whole sample
+        would slow all others.
 
-        A search that leaves the branch is broken off, unless it is to go on to the end: the state
-        that a fabric snaps to is kept. Against drag there is no branch to leave.
+        A search that leaves the branch is stopped, unless ``to_the_end``: then it continues to the
+        state that the fabric snaps to. With drag there is no branch to leave.
         """
         if self.settings.drag:
             return (yield from self._against_drag(strain))
@@ -143,8 +145,8 @@ class _Path:
         start = yield from self._ahead(strain)
         return (yield from self._found(start, self.settings, floor, convexified))
 
-    def _sought_fast(self, strain: float) -> Solver[State]:
-        """Search for the state at a strain where the path is rough."""
+    def _find_fast(self, strain: float) -> Solver[State]:
+        """Search for the state at a strain on a rough path."""
         floor, start = self._least_energy(strain), (yield from self._ahead(strain))
         soft = yield from self._found(
             replace(start, stage=Stage(wall=ROUGH_WALL)),
@@ -159,7 +161,7 @@ class _Path:
         return state.after(soft)
 
     def _against_drag(self, strain: float) -> Solver[State]:
-        """The state at a strain that is reached at a finite rate: a viscous step."""
+        """The state at a strain that is reached at a finite rate, by a viscous step."""
         before_strain, before = self.last[-1]
         free, settings = self.loading.free, self.settings
         step = settings.drag / abs(strain - before_strain)
@@ -169,13 +171,13 @@ class _Path:
         return (yield from against_drag(find_equilibrium(start, rules), drag))
 
     def _ahead(self, strain: float) -> Solver[Evaluate]:
-        """Where the path so far leads at a strain.
+        """Extrapolation of the path to a strain.
 
-        Where wrinkles of many subdomains have shifted, the line through the last two states runs
-        far into the walls, and cells are crushed on the way back; there it is followed as far as
-        takes the least energy.
+        If wrinkles across many subdomains have shifted, the linear extrapolation penetrates the
+        walls, and cells would be crushed on the way back; so the point of lowest energy on the way
+        to it is used.
         """
-        passed = [(at, state.unknowns) for at, state in self.last]
+        passed = [(before, state.unknowns) for before, state in self.last]
         far = self.loading.ahead(passed, strain)
         if len(passed) == 1 or not worth_dividing(self.loading.shape):
             return Evaluate(far)
@@ -194,7 +196,7 @@ class _Path:
         return find_equilibrium_by_subdomains(start, rules)
 
     def _least_energy(self, strain: float) -> float:
-        """Energy below which a state at a strain cannot be on the branch, by what is expected."""
+        """Energy below which a state at a strain cannot be on the branch, by extrapolated work."""
         before_strain, before = self.last[-1]
         if len(self.last) == 1:
             return -math.inf
@@ -206,16 +208,16 @@ class _Path:
         return float(before.energy.total) + work - self._allowed(work, before)
 
     def _allowed(self, work: float, before: State) -> float:
-        """Energy that a strain step may gain or lose against its work on one branch."""
+        """Largest difference between the energy and the work of a strain step on one branch."""
         return self.settings.branch_limit * max(abs(work), LEAST_WORK * float(before.energy.total))
 
     def _on_branch(self, strain: float, state: State) -> bool:
-        """Whether a state was reached, and its energy grew by the work done."""
+        """Whether a state converged, and its energy grew by the work done."""
         if not state.converged or self.settings.drag:
             return state.converged
         before_strain, before = self.last[-1]
         distance = (strain - before_strain) * self.loading.length
-        forces = [self.loading.reaction_force(of.gradient) for of in (before, state)]
+        forces = [self.loading.reaction_force(each.gradient) for each in (before, state)]
         work = sum(forces) / 2 * distance
         gained = float(state.energy.total) - float(before.energy.total)
         return abs(gained - work) <= self._allowed(work, before)

@@ -1,8 +1,8 @@
-"""Viscous strain steps: the paper's damping without its inertia, c u̇ + ∇V = 0.
+"""Viscous strain steps: the paper's damping without inertia, c u̇ + ∇V = 0.
 
 By implicit Euler, the state after a strain step Δε at a strain rate ε̇ is a minimum of the
 incremental potential V(u) + ½ (c ε̇ / Δε) ‖u − u_before‖² over the free unknowns. So a viscous step
-is an equilibrium with a stiffness added to the diagonal, and a solver of equilibria takes it.
+is an equilibrium with a stiffness added to the diagonal, which an equilibrium solver can find.
 """
 
 from dataclasses import dataclass, replace
@@ -21,8 +21,8 @@ class Drag:
     """Drag on the free unknowns during one strain step.
 
     Attributes:
-        free: places of the free unknowns.
-        before: unknowns that the step starts from [mm].
+        free: indices of the free unknowns.
+        before: unknowns before the step [mm].
         stiffness: c ε̇ / Δε, damping of a node times strain rate over the step [N/mm].
     """
 
@@ -40,15 +40,14 @@ class Drag:
 
 
 def against_drag(search: Solver[State], drag: Drag) -> Solver[State]:
-    """A search for an equilibrium, made one for the end of a viscous step.
+    """Turn a search for an equilibrium into one for the end of a viscous step.
 
     Args:
-        search: the search; it may not request subdomain solutions.
-        drag: on the way.
+        search: the search; it must not request subdomain solutions.
+        drag: drag during the step.
 
     Returns:
-        The state with its elastic energy and gradient alone; its residual is that of forces and
-        drag together.
+        The state with its elastic energy and gradient only; its residual includes the drag.
     """
     answer = None
     while True:

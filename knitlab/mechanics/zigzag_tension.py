@@ -13,7 +13,7 @@ from scipy.optimize import minimize, root
 from knitlab.model.zigzag import Zigzag, chain_energy, relaxed_chain
 
 GRADIENT_ROUND_OFF = 1e-8
-"""Force below which a step no longer shows in the energy [N]."""
+"""Force below which round-off hides the energy change of a step [N]."""
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,8 @@ class ChainState:
     Attributes:
         nodes: positions (x, y) [mm].
         force: reaction at the right node, along x [N].
-        residual: largest force left on a free coordinate [N].
-        iterations: of the minimiser.
+        residual: largest residual force on a free coordinate [N].
+        iterations: iterations of the minimiser and the root finder.
         converged: whether the residual is within tolerance.
     """
 
@@ -40,16 +40,16 @@ def pull_chain(
 ) -> list[ChainState]:
     """Pull a zigzag: the leftmost node is held, the rightmost displaced along x.
 
-    At every strain the free nodes are brought to an energy minimum by
-    :func:`scipy.optimize.minimize` (trust-region Newton, exact JAX gradient and Hessian), starting
-    from the strain before, stretched to the new length. The minimiser compares energies, whose
-    round-off hides the last half of the digits; :func:`scipy.optimize.root` finds them.
+    At every strain the energy is minimised over the free nodes by :func:`scipy.optimize.minimize`
+    (trust-region Newton, exact JAX gradient and Hessian), starting from the previous state
+    stretched to the new length. The minimiser compares energies, which limits it to half of the
+    digits; :func:`scipy.optimize.root` determines the others.
 
     Args:
         chain: the zigzag.
         periods: its length in periods.
         applied_strain: displacement over the relaxed length, ascending from 0.
-        tolerance: force that may be left on a free node [N].
+        tolerance: largest residual force on a free node [N].
     """
     start = np.asarray(relaxed_chain(chain, periods))
     length = start[-1, 0]
@@ -99,4 +99,4 @@ def _derivatives(_: int) -> tuple[Callable[..., np.ndarray], ...]:
 
     derivatives = energy, jax.grad(energy), jax.hessian(energy)
     compiled = [jax.jit(derivative) for derivative in derivatives]
-    return tuple(lambda *at, call=call: np.asarray(call(*at)) for call in compiled)
+    return tuple(lambda *x, call=call: np.asarray(call(*x)) for call in compiled)

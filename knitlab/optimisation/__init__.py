@@ -1,1 +1,1 @@
-"""Design: stripes and sizes that come closest to a wish, by simulation and adjoint gradients."""
+"""Design: stripes and sizes that come closest to targets, by simulation and adjoint gradients."""

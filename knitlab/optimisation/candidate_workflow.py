@@ -20,12 +20,12 @@ FIGURES = ["curves", "shape"]
 def write_workflow(
     path: Path, request: DesignRequest, space: SearchSpace, search: SearchResult
 ) -> Path:
-    """Write the workflow of the best trial of a search: the same numbers, to the last digit.
+    """Write a workflow that reproduces the best trial of a search exactly.
 
     Args:
         path: the file.
         request: the request.
-        space: what varied.
+        space: the search space.
         search: the search.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Conflict: which two targets of a design pull apart."""
+"""Conflict: two targets of a design that cannot be met together."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -11,7 +11,7 @@ from knitlab.optimisation.design import Designed
 from knitlab.optimisation.objective import scale_of
 
 NOTICED = 0.25
-"""Distance, in tolerances, that has to be given up for two targets to pull apart."""
+"""Trade-off between two targets, in tolerances, above which they conflict."""
 
 
 @dataclass(frozen=True)
@@ -19,9 +19,9 @@ class Conflict:
     """Two targets of which no trial meets both.
 
     Attributes:
-        labels: of the targets.
-        off_by: distances of the trials that converged, each over its tolerance.
-        candidates: number of the candidate whose search each trial is of.
+        labels: names of the targets.
+        off_by: distances of the converged trials, each over the tolerance of its target.
+        candidates: for each trial the number of the candidate whose search it belongs to.
     """
 
     labels: tuple[str, str]
@@ -30,7 +30,7 @@ class Conflict:
 
 
 def conflict_of(designed: Designed) -> Conflict | None:
-    """The two targets or constraints that are the furthest from being met together, if any.
+    """The two targets or constraints that conflict most, if any.
 
     Args:
         designed: a finished design.
@@ -39,22 +39,22 @@ def conflict_of(designed: Designed) -> Conflict | None:
     trials = designed.trials[designed.trials["distance"].notna()]
     scaled = np.array(
         [
-            trials[f"off_by_{number}"].to_numpy(float) / scale_of(its)
-            for number, its in enumerate(wanted, start=1)
+            trials[f"off_by_{number}"].to_numpy(float) / scale_of(target)
+            for number, target in enumerate(wanted, start=1)
         ]
     )
     best, furthest = None, 1.0
     for one, other in combinations(range(len(wanted)), 2):
-        together = float(np.maximum(scaled[one], scaled[other]).min(initial=np.inf))
-        if together > furthest and _pull_apart(scaled[one], scaled[other]):
-            best, furthest = (one, other), together
+        joint = float(np.maximum(scaled[one], scaled[other]).min(initial=np.inf))
+        if joint > furthest and _are_conflicting(scaled[one], scaled[other]):
+            best, furthest = (one, other), joint
     if best is None:
         return None
     labels = wanted[best[0]].text, wanted[best[1]].text
     return Conflict(labels, scaled[list(best)].T, trials["candidate"].reset_index(drop=True))
 
 
-def _pull_apart(one: Float[np.ndarray, " trial"], other: Float[np.ndarray, " trial"]) -> bool:
-    """Whether the trial that is nearest to one target is farther from the other than need be."""
+def _are_conflicting(one: Float[np.ndarray, " trial"], other: Float[np.ndarray, " trial"]) -> bool:
+    """Whether the trial nearest to either target is further from the other than the best trial."""
     lost = one[np.argmin(other)] - one.min(), other[np.argmin(one)] - other.min()
     return min(lost) > NOTICED

@@ -1,4 +1,4 @@
-"""Design: from a wish to candidates that are refined, tested with their siblings and ranked."""
+"""Design: candidates for targets are searched, tested with their siblings and ranked."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -48,18 +48,18 @@ from knitlab.tables.target import Target
 REQUEST = "request.json"
 WORST = "distance_worst"
 BUDGET = 60
-"""Simulations of a search, unless another budget is given."""
+"""Default number of simulations of the searches."""
 
 
 @dataclass(frozen=True)
 class DesignOptions:
-    """How a design is run; only the budget changes what is found.
+    """How a design is run; of these options only the budget changes the result.
 
     Attributes:
-        workers: processes on this machine; 0 simulates in this process.
-        budget: most simulations of the coarse sweep and the searches together; the tests of the
-            candidates with their siblings come on top.
-        minutes: time after which no further trial begins, if any.
+        workers: number of processes on this machine; 0 simulates in this process.
+        budget: largest number of simulations of the coarse sweep and the searches together; the
+            tests of the candidates with their siblings are extra.
+        minutes: time after which no further trial starts, if any.
         show_progress: whether to draw a progress bar.
     """
 
@@ -71,16 +71,16 @@ class DesignOptions:
 
 @dataclass(frozen=True)
 class Designed:
-    """What a design came to.
+    """The result of a design.
 
     Attributes:
-        request: what was asked.
-        folder: its results: the cube of the candidates, their workflows, all trials.
-        cube: the candidates, tested afresh with their siblings.
+        request: the request.
+        folder: results folder, with the cube of the candidates, their workflows and all trials.
+        cube: the candidates, simulated again with their siblings.
         found: the candidates by their worst distance within the spread, the best first.
-        searches: how each was found, in the order of the candidates' numbers.
+        searches: results of the searches, in the order of the candidates' numbers.
         trials: one row for each trial of the searches: values, distances, identifiers.
-        simulations: how many the searches and the coarse sweep took.
+        simulations: number of simulations of the searches and the coarse sweep.
         workflows: files that reproduce the candidates, in the order of their numbers.
     """
 
@@ -100,9 +100,9 @@ class Designed:
 
     @property
     def met(self) -> bool:
-        """Whether the best candidate, tested afresh, meets all targets and constraints."""
+        """Whether the best candidate, simulated again, meets all targets and constraints."""
         wanted = (*self.request.targets, *self.request.subject_to)
-        best = [float(its.off_by[0]) for its in self.found.reached if len(its.off_by)]
+        best = [float(each.off_by[0]) for each in self.found.reached if len(each.off_by)]
         return bool(best) and all_met(wanted, best)
 
 
@@ -112,21 +112,21 @@ def run_design(
     options: DesignOptions,
     measures: Measures = (),
 ) -> Designed:
-    """Search for what is wanted, and test what was found.
+    """Search for designs that meet the targets, and test them.
 
     Args:
         request: the request.
-        folder: of its results; what an interrupted design left there is used.
+        folder: results folder; trials of an interrupted design in it are reused.
         options: how to run it.
-        measures: own measures of shapes, that targets may name.
+        measures: own measures of shapes that targets may refer to.
 
     Raises:
-        BadInput: if the request cannot be met with, the folder holds another one, or a search
+        BadInput: if the request cannot be run, the folder holds another request, or a search
             failed.
-        KeyboardInterrupt: if it is interrupted; what is simulated is kept.
+        KeyboardInterrupt: if it is interrupted; finished simulations are kept.
     """
     if measures and options.workers:
-        raise fault("workers", "own measures stay in this process; take workers = 0")
+        raise fault("workers", "own measures run in this process only; give workers = 0")
     space = search_space(request)
     objective = Objective(
         request.targets, request.subject_to, tuple(dict(measures)), space.acts_on()
@@ -139,11 +139,13 @@ def run_design(
     _check_folder(request, folder)
     began = time.time()
     run = RunOptions(workers=options.workers)
-    # The folder itself is held by the run that tests the candidates.
+    # The run that tests the candidates locks the folder itself.
     with held(folder / SEARCHES), interrupted_by_signals():
         coarse = not request.cubes and len(space.designs) > request.starts
         if coarse and options.budget <= len(space.designs):
-            problem = f"goes on the coarse sweep of {len(space.designs)} designs; raise it, or"
+            problem = (
+                f"is used up by the coarse sweep of {len(space.designs)} designs; raise it, or"
+            )
             raise fault(f"budget {options.budget}", f"{problem} give cubes to start from")
         starts, spent = starting_designs(request, space, folder / TRIALS, run, objective.own)
         with atomic_write(folder / REQUEST) as temporary:
@@ -154,7 +156,7 @@ def run_design(
         if not plan.cases:
             problem = "no start converges; try other designs, bounds or settings"
             raise fault(request.name, problem)
-        # An earlier cube may hold candidates that are none any more.
+        # An earlier cube may hold candidates that are no longer any.
         for old in (folder / CUBE, *folder.glob("candidate_*.toml")):
             old.unlink(missing_ok=True)
         tested = run_plan(plan, folder, replace(run, refresh=True))
@@ -200,7 +202,7 @@ def _jobs(
     began: float,
     measures: Measures,
 ) -> list[SearchJob]:
-    """Searches from the starts, among which the budget is divided."""
+    """Searches from the starts, which share the budget."""
     starts = starts[: max(budget, 1)]
     rounds = -(-len(starts) // max(options.workers, 1))
     seconds = np.inf if options.minutes is None else 60 * options.minutes
@@ -237,7 +239,7 @@ def _searched(
 def _candidates_plan(
     request: DesignRequest, space: SearchSpace, searches: Sequence[SearchResult]
 ) -> Plan:
-    """The best trial of each search, to be tested from the start with siblings."""
+    """The best trial of each search, to be simulated from the flat sheet with siblings."""
     cases: dict[str, Case] = {}
     for number, search in enumerate(searches, start=1):
         if search.winner is None:
@@ -268,7 +270,7 @@ def _completed(
     measures: Measures,
     folder: Path,
 ) -> xr.Dataset:
-    """The cube with own measures, and with sizes in cloth at each candidate's own gauge."""
+    """The cube with own measures, and with sizes in cloth at the gauge of each candidate."""
     dims = cube["status"].dims
     own = {
         name: np.full((*cube["status"].shape, cube.sizes[STRAIN]), np.nan) for name, _ in measures
@@ -293,7 +295,7 @@ def _completed(
         varied = sizes | stitches
         completed = completed.assign({name: (dims, values) for name, values in varied.items()})
         completed.attrs = {
-            name: its for name, its in cube.attrs.items() if name not in ATTRIBUTES.values()
+            name: value for name, value in cube.attrs.items() if name not in ATTRIBUTES.values()
         }
     return completed
 
@@ -304,21 +306,21 @@ def _ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
     found = find_designs([PlainCube.of(cube)], [*wanted, *held])
     reached, constraints = found.reached[: len(wanted)], found.reached[len(wanted) :]
 
-    worst = distance_of(wanted, [its.worst for its in reached])
+    worst = distance_of(wanted, [each.worst for each in reached])
     violation = np.array(
         [
-            violation_of(held, [its.worst[place] for its in constraints])
+            violation_of(held, [each.worst[place] for each in constraints])
             for place in range(len(found.table))
         ]
     )
     order = np.lexsort((worst, violation))
-    table = found.table.assign(distance=distance_of(wanted, [its.off_by for its in reached]))
+    table = found.table.assign(distance=distance_of(wanted, [each.off_by for each in reached]))
     table.insert(list(table.columns).index("distance") + 1, WORST, worst)
     if held:
         table.insert(list(table.columns).index(WORST) + 1, "violation", violation)
     return Found(
         table.iloc[order].reset_index(drop=True),
-        tuple(in_order(its, order) for its in found.reached),
+        tuple(in_order(each, order) for each in found.reached),
         found.passed_over,
     )
 
@@ -333,7 +335,7 @@ def _with_distances(cube: xr.Dataset, found: Found) -> xr.Dataset:
 
 
 def _place(cube: xr.Dataset, labels: Mapping[str, Any] | pd.Series) -> tuple[int, ...]:
-    """Where the candidate of some labels is along the dimensions of the designs."""
+    """Index of the candidate with these labels along the design dimensions."""
     dims = map(str, cube["status"].dims)
     return tuple(int(np.flatnonzero(cube[dim].values == labels[dim])[0]) for dim in dims)
 

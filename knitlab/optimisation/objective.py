@@ -1,4 +1,4 @@
-"""The objective: how far a trial is from the targets, as least-squares residuals with Jacobian."""
+"""The objective: distances of a trial from the targets, as residuals with their Jacobian."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,18 +18,18 @@ from knitlab.tables.strain_window import REDUCTIONS, STRAIN, gradient
 from knitlab.tables.target import Target, check_window
 
 OF_PLANS = ("design", "stripes", "cloth")
-"""Kinds of variables that follow from a case without its file."""
+"""Kinds of variables that follow from a case without simulating it."""
 INSET = 0.9
-"""Part of an allowance that a search makes use of."""
+"""Fraction of an allowance that a search uses."""
 INSIDE = 0.1
-"""Part of the tolerance by which a search aims inside a wanted range, to end within it."""
+"""Fraction of the tolerance by which a search aims inside a range, so as to end within it."""
 
 Residuals = Float[np.ndarray, " row"]
 Jacobian = Float[np.ndarray, "row variable"]
 
 
 def scale_of(target: Target) -> float:
-    """Distance from a target that counts as one: its tolerance.
+    """Unit of the distance from a target: its tolerance.
 
     Raises:
         TypeError: if it has none.
@@ -44,25 +44,28 @@ def distance_of(targets: Sequence[Target], off_by: Sequence[Any]) -> Any:
 
     Args:
         targets: the targets.
-        off_by: distance from each, in the unit of its variable: numbers, or arrays over trials.
+        off_by: distance from each target in the unit of its variable; a number or an array.
     """
-    scaled = [off / scale_of(its) for off, its in zip(off_by, targets, strict=True)]
+    scaled = [off / scale_of(target) for off, target in zip(off_by, targets, strict=True)]
     return np.sqrt(np.mean(np.square(scaled), axis=0))
 
 
 def all_met(targets: Sequence[Target], off_by: Sequence[float]) -> bool:
-    """Whether distances from targets are allowed, each in the unit of its variable."""
-    return all(off <= its.allowance for off, its in zip(off_by, targets, strict=True))
+    """Whether all distances from targets are within their allowances."""
+    return all(off <= target.allowance for off, target in zip(off_by, targets, strict=True))
 
 
 def violation_of(targets: Sequence[Target], off_by: Sequence[float]) -> float:
-    """Largest of distances from targets, past what is allowed, over its tolerance; 0 if met."""
-    past = zip(off_by, targets, strict=True)
-    return max((max(off - its.allowance, 0.0) / scale_of(its) for off, its in past), default=0.0)
+    """Largest excess of a distance over its allowance, in tolerances; 0 if all targets are met."""
+    excesses = [
+        max(off - target.allowance, 0.0) / scale_of(target)
+        for off, target in zip(off_by, targets, strict=True)
+    ]
+    return max(excesses, default=0.0)
 
 
 def aimed(target: Target) -> Target:
-    """What a search aims at: a range is made narrower, that its bounds are met in the end."""
+    """The target that a search aims at: a narrower range, so that it ends within the bounds."""
     width = target.high - target.low
     if target.curve is not None or width == 0:
         return target
@@ -71,13 +74,13 @@ def aimed(target: Target) -> Target:
 
 
 @dataclass(frozen=True)
-class Reading:
+class TargetValues:
     """A variable of a trial over the window of a target.
 
     Attributes:
-        at: strains of the window; none of a single number.
-        values: there, or reduced to one.
-        slopes: their derivatives by what varies.
+        at: strains of the window; empty for a single number.
+        values: values at these strains, or their reduction.
+        slopes: derivatives of the values by the variables of the search.
     """
 
     at: Float[np.ndarray, " point"]
@@ -90,10 +93,10 @@ class Objective:
     """Targets and constraints of a search.
 
     Attributes:
-        targets: what is wanted.
-        subject_to: what must be met.
+        targets: the targets.
+        subject_to: the constraints.
         own: names of own measures.
-        acts_on: how the logarithm of each parameter follows each variable.
+        acts_on: derivatives of the logarithm of each parameter by each variable.
     """
 
     targets: tuple[Target, ...]
@@ -103,16 +106,16 @@ class Objective:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Variables that it reads."""
-        return tuple(dict.fromkeys(its.name for its in (*self.targets, *self.subject_to)))
+        """Names of the variables of targets and constraints."""
+        return tuple(dict.fromkeys(target.name for target in (*self.targets, *self.subject_to)))
 
     @property
     def has_gradient(self) -> bool:
-        """Whether all that it reads has derivatives."""
+        """Whether all these variables have derivatives."""
         return set(self.names) <= {*ALONG_STRAIN, *OF_DESIGN, *self.own}
 
     def off_by(self, trial: Trial) -> list[float]:
-        """How far a trial is from each target and constraint, in the unit of its variable."""
+        """Distance of a trial from each target and constraint, in the unit of its variable."""
         found = []
         for target in (*self.targets, *self.subject_to):
             read = self._read(target, trial, None)
@@ -122,7 +125,7 @@ class Objective:
         return found
 
     def distance(self, off_by: Sequence[float]) -> float:
-        """Distance of what is so far off from the targets, see :func:`distance_of`."""
+        """Distance from the targets, see :func:`distance_of`."""
         return float(distance_of(self.targets, off_by[: len(self.targets)]))
 
     def violation(self, off_by: Sequence[float]) -> float:
@@ -130,30 +133,30 @@ class Objective:
         return violation_of(self.subject_to, off_by[len(self.targets) :])
 
     def met(self, off_by: Sequence[float]) -> bool:
-        """Whether all is within a tolerance of each wanted value, and within each range."""
+        """Whether all values are within tolerance of the targets, and within each range."""
         return all_met((*self.targets, *self.subject_to), off_by)
 
     def residuals(self, trial: Trial) -> Residuals:
-        """Rows whose sum of squares is the squared distance of what the search aims at."""
+        """Residuals whose sum of squares is the squared distance from the aims of the search."""
         return self._stacked(trial, None)[0]
 
     def jacobian(self, trial: Trial) -> Jacobian:
-        """Derivatives of :meth:`residuals` by what varies.
+        """Derivatives of :meth:`residuals` by the variables.
 
         Raises:
-            NoDerivative: if a state is no stable equilibrium, as at a snap.
+            NoDerivative: if a state is not a stable equilibrium, such as at a snap.
         """
         return self._stacked(trial, self._slopes(trial))[1]
 
     def constraints(self, trial: Trial) -> Residuals:
-        """What must not be negative, over the scale of its constraint."""
+        """Constraint functions, which must not be negative, over their tolerances."""
         return self._constrained(trial, None)[0]
 
     def constraints_jacobian(self, trial: Trial) -> Jacobian:
-        """Derivatives of :meth:`constraints` by what varies.
+        """Derivatives of :meth:`constraints` by the variables.
 
         Raises:
-            NoDerivative: if a state is no stable equilibrium, as at a snap.
+            NoDerivative: if a state is not a stable equilibrium, such as at a snap.
         """
         return self._constrained(trial, self._slopes(trial))[1]
 
@@ -163,7 +166,7 @@ class Objective:
             if target.window is not None:
                 _, weights = target.window.read(trial.strains, np.eye(len(trial.strains)))
                 needed |= (weights != 0).any(axis=1)
-        # What has no value at zero strain has that of the next there.
+        # Variables without a value at zero strain take that of the next strain.
         needed[1:2] |= needed[:1]
         return trial.slopes(self.names, needed)
 
@@ -193,25 +196,27 @@ class Objective:
                     by.append(sign * read.slopes / scale)
         return np.concatenate(rows), np.concatenate(by)
 
-    def _read(self, target: Target, trial: Trial, slopes: dict[str, Slopes] | None) -> Reading:
+    def _read(self, target: Target, trial: Trial, slopes: dict[str, Slopes] | None) -> TargetValues:
         values, by = trial.values(target.name), np.zeros((1, self.acts_on.shape[1]))
         if slopes is not None:
             by = slopes[target.name] @ self.acts_on
         if target.window is None:
-            return Reading(np.zeros(0), values, by)
+            return TargetValues(np.zeros(0), values, by)
         at, curve = target.window.read(trial.strains, values[None])
         if slopes is not None:
             by = target.window.read(trial.strains, by.T)[1].T
         else:
             by = np.broadcast_to(by, (len(at), by.shape[1]))
         if target.reduction is None:
-            return Reading(at, curve[0], by)
+            return TargetValues(at, curve[0], by)
         reduced = REDUCTIONS[target.reduction](at, curve)
-        return Reading(np.zeros(0), reduced, gradient(target.reduction, at, curve[0])[None] @ by)
+        return TargetValues(
+            np.zeros(0), reduced, gradient(target.reduction, at, curve[0])[None] @ by
+        )
 
 
 def _weights(at: Float[np.ndarray, " point"], rows: int) -> Float[np.ndarray, " row"]:
-    """Weights of values over a window, by the trapezoidal rule, that sum to one."""
+    """Weights of the trapezoidal rule over a window, which sum to one."""
     if len(at) < 2:
         return np.full(rows, 1.0 / rows)
     parts = np.diff(at)
@@ -220,7 +225,7 @@ def _weights(at: Float[np.ndarray, " point"], rows: int) -> Float[np.ndarray, " 
 
 
 def check_targets(targets: Sequence[Target], measures: Sequence[str], case: Case) -> None:
-    """Refuse targets of variables that a test does not have, or without their window.
+    """Check that a test has the variables of targets, and that these have windows if needed.
 
     Args:
         targets: targets and constraints.
@@ -228,14 +233,14 @@ def check_targets(targets: Sequence[Target], measures: Sequence[str], case: Case
         case: one of the cases.
 
     Raises:
-        BadInput: with all of them.
+        BadInput: with every fault.
     """
     faults = ErrorCollector()
-    there = variables_of(case)
+    stored = variables_of(case)
     known = {
-        name: STRAIN in its.dims
-        for name, its in VARIABLES.items()
-        if set(its.dims) <= {STRAIN} and (name in there or its.of in OF_PLANS)
+        name: STRAIN in variable.dims
+        for name, variable in VARIABLES.items()
+        if set(variable.dims) <= {STRAIN} and (name in stored or variable.of in OF_PLANS)
     } | dict.fromkeys(measures, True)
     for target in targets:
         place = f"target {target.text}"

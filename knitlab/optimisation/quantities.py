@@ -1,4 +1,4 @@
-"""Quantities with derivatives: what a target may be on where a search follows gradients."""
+"""Quantities with derivatives, which targets of a gradient-based search may use."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -14,7 +14,7 @@ from knitlab.model.network import MeshShape
 from knitlab.simulation.stripe_sensitivity import measured_by
 
 ALONG_STRAIN = ("poisson_ratio", "reaction_force", "mean_strain_xx", "mean_strain_yy")
-"""Along the applied strain."""
+"""Quantities along the applied strain."""
 OF_CLOTH = {
     "knit_cell_x": ("relaxed_cell_x", "stitch_width"),
     "knit_cell_y": ("relaxed_cell_y", "stitch_height"),
@@ -23,12 +23,12 @@ OF_CLOTH = {
 }
 """Sizes in cloth: the cell whose contraction they follow, and the size of a stitch."""
 OF_DESIGN = ("relaxed_cell_x", "relaxed_cell_y", *OF_CLOTH)
-"""Of the relaxed fabric."""
+"""Quantities of the relaxed fabric."""
 
 Measure = Callable[[Configuration], Float[Array, ""]]
-"""A number read off the shape of a fabric, in JAX."""
+"""A function of a configuration that returns a number, in JAX."""
 Measures = tuple[tuple[str, Measure], ...]
-"""Own measures by name, in a form that can be a key."""
+"""Own measures by name, as a hashable tuple."""
 
 
 @lru_cache(maxsize=64)
@@ -48,7 +48,7 @@ def of_strained(
     together = measured_by(shape, cells, known) if known else None
 
     def measured(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
-        values = together(relaxed, strained, fabric) if together else ()
+        values = combined(relaxed, strained, fabric) if combined else ()
         found = dict(zip(known, values, strict=True))
         return jnp.stack([own[name](strained) if name in own else found[name] for name in names])
 
@@ -59,7 +59,7 @@ def of_strained(
 def of_relaxed(
     shape: MeshShape, cells: CellGrid, names: tuple[str, ...]
 ) -> Callable[[Configuration, Configuration, Fabric], Float[Array, " quantity"]]:
-    """Quantities of the relaxed fabric, up to a factor that no stripe number changes.
+    """Quantities of the relaxed fabric, up to a factor that does not depend on stripe parameters.
 
     Args:
         shape: the mesh shape.

@@ -1,4 +1,4 @@
-"""The request of a design: what is wanted, what may vary, and under which settings."""
+"""The request of a design: targets, variables with their bounds, and settings."""
 
 import json
 import math
@@ -28,23 +28,23 @@ COUNTS = ("n_stripe", "n_subunit")
 CHOICES = (*COUNTS, PATTERN)
 """What may vary as a list: designs are made of all combinations."""
 PARAMETERS = (*STRIPE_PARAMETERS, *declared(Gauge))
-"""Numbers of stripes and gauge that what varies acts on."""
+"""Parameters of stripes and gauge that variables change."""
 VARIABLES = (
     *STRIPE_PARAMETERS,
     *(f"{name}_factor" for name in STRIPE_PARAMETERS),
     *(f"{name}_factor" for name in STRIPE_QUANTITIES),
     *declared(Gauge),
 )
-"""What may vary within bounds."""
+"""Continuous variables, given with bounds."""
 RELATIVE_TOLERANCE = 0.05
-"""Tolerance of a target that states none: this part of the wanted value."""
+"""Default tolerance of a target, over its value."""
 TOLERANCE_OF_ZERO = 0.01
-"""Where that is zero."""
+"""Default tolerance of a target whose value is zero."""
 Given = Annotated[tuple[str | dict[str, Any], ...], Field(strict=False)]
 
 
 class DesignFile(StrictModel):
-    """The file of a design: targets, what may vary, settings."""
+    """The file of a design: targets, variables, settings."""
 
     title: str = ""
     workflow: str = "preview"
@@ -59,7 +59,7 @@ class DesignFile(StrictModel):
 
 @dataclass(frozen=True)
 class DesignRequest:
-    """What is wanted of a knit, and what may be changed for it.
+    """Targets for a knit, and what may be varied to meet them.
 
     Attributes:
         name: of the request, and of its folder of results.
@@ -88,9 +88,9 @@ class DesignRequest:
 
     @property
     def fingerprint(self) -> str:
-        """All of it as text: a folder holds the results of one request."""
+        """The request as text, which identifies it in its results folder."""
         wanted = {
-            kind: [[its.text, its.tolerance, its.curve] for its in getattr(self, kind)]
+            kind: [[target.text, target.tolerance, target.curve] for target in getattr(self, kind)]
             for kind in ("targets", "subject_to")
         }
         return json.dumps(
@@ -112,7 +112,7 @@ def read_request(path: Path) -> DesignRequest:
     """Read the TOML file of a design; paths in it are relative to its folder.
 
     Raises:
-        BadInput: with everything that is wrong in it.
+        BadInput: with every fault of it.
     """
     table = read_toml(path)
     for key in ("targets", "subject_to"):
@@ -128,16 +128,16 @@ def read_request(path: Path) -> DesignRequest:
 def checked_request(
     name: str, table: Mapping[str, Any], source: str = "", folder: Path = Path()
 ) -> DesignRequest:
-    """The request that a table makes.
+    """The request that a table describes.
 
     Args:
-        name: of the request.
+        name: name of the request.
         table: keys of :class:`DesignFile`.
-        source: what faults begin with.
-        folder: that paths of curves are relative to.
+        source: prefix of the messages of faults.
+        folder: folder that paths of curves are relative to.
 
     Raises:
-        BadInput: with everything that is wrong in it.
+        BadInput: with every fault of it.
     """
     listed = {
         key: table.get(key, ())
@@ -145,7 +145,7 @@ def checked_request(
         if isinstance(table.get(key, ()), list | tuple)
     }
     plain = {
-        key: [its.text if isinstance(its, Target) else its for its in given]
+        key: [each.text if isinstance(each, Target) else each for each in given]
         for key, given in listed.items()
     }
     try:
@@ -178,7 +178,7 @@ def checked_request(
 
 
 def with_tolerance(target: Target) -> Target:
-    """A target with a tolerance: its own, or 5 % of the wanted value, 0.01 where that is zero."""
+    """A target with its tolerance, by default 5 % of its value, or 0.01 if that is zero."""
     if target.tolerance is not None:
         return target
     wanted = max(abs(bound) for bound in (target.low, target.high) if np.isfinite(bound))
@@ -225,23 +225,23 @@ def _are_bounds(value: Any) -> bool:
 
 
 def _settled_twice(read: DesignFile, source: str) -> list[Fault]:
-    """Settings that are unknown, that vary too, or that the design itself takes the place of."""
+    """Faults of settings that are unknown, that also vary, or that the design itself sets."""
     faults = []
     for name in read.settings:
         place = f"{source}settings.{name}"
         if name not in SETTINGS:
             faults.append(Fault(place, unknown(name, SETTINGS, "setting")))
         elif name in read.vary:
-            faults.append(Fault(place, "may vary too; leave it out of one of the two"))
+            faults.append(Fault(place, "may also vary; remove one of the two"))
         elif name == "robustness":
-            faults.append(Fault(place, "is no setting of a search; give robustness beside targets"))
+            faults.append(Fault(place, "is not a setting of a search; give it next to targets"))
         elif isinstance(read.settings[name], list) and not SETTINGS[name].takes_list:
             faults.append(Fault(place, "is a list; give one value, or let it vary"))
     return faults
 
 
 def _contradictions(targets: Sequence[Target], source: str) -> list[Fault]:
-    """Targets that no value can meet together."""
+    """Faults of targets that contradict each other."""
     faults = []
     for one, other in combinations(targets, 2):
         if one.label != other.label:
@@ -250,6 +250,6 @@ def _contradictions(targets: Sequence[Target], source: str) -> list[Fault]:
         (low, high), (other_low, other_high) = one.allowed(at), other.allowed(at)
         low, high = np.maximum(low, other_low), np.minimum(high, other_high)
         if (low > high).any():
-            problem = f"no value meets both {one.text!r} and {other.text!r}; drop one"
+            problem = f"no value meets both {one.text!r} and {other.text!r}; remove one"
             faults.append(Fault(f"{source}targets", problem))
     return faults

@@ -1,4 +1,4 @@
-"""A search: one design refined from its start, by gradients or, where these fail, without."""
+"""A search: one design is refined from its start, with gradients or, where these fail, without."""
 
 import time
 from collections.abc import Callable
@@ -16,43 +16,43 @@ from knitlab.optimisation.quantities import Measures
 from knitlab.optimisation.search_space import DesignLabels, Place, SearchSpace
 from knitlab.optimisation.trial import Trial, run_trial
 
-ENOUGH = 1e-3
+TOLERANCE = 1e-3
 """Relative change of the squared distance, and of the variables, that ends a search."""
-WELL_MET = 0.1
-"""Distance that ends a search at once."""
-FAR = 1e3
-"""Distance of a trial that did not converge, for a method that cannot take an infinite one."""
+SMALL_DISTANCE = 0.1
+"""Distance at which a search ends early."""
+FAILED_DISTANCE = 1e3
+"""Distance assigned to a trial that did not converge, for methods that need a finite one."""
 SPREAD_OF_FIRST = 0.15
-"""Standard deviation of the first trials without gradients, in parts of the bounds."""
+"""Standard deviation of the first trials without gradients, over the distance of the bounds."""
 PENALTY = 10.0
-"""Weight of a violated constraint beside the distance, without gradients."""
+"""Weight of a violated constraint relative to the distance, without gradients."""
 INSET = 1e-3
-"""Distance of a start from the bounds, in parts of these."""
+"""Least distance of a start from the bounds, over their distance."""
 PLACES = 12
-"""Decimal places of a place."""
+"""Decimal places of a point."""
 MOST_FAILED = 3
-"""Trials that may not converge before gradients are given up."""
+"""Number of trials that may fail before gradients are given up."""
 UNIFORM = 12**-0.5
-"""Standard deviation of a value of which only its bounds are known, in parts of these."""
+"""Standard deviation of a uniform distribution between the bounds, over their distance."""
 HARDLY = 0.5
-"""Part of that above which a value counts as hardly determined."""
+"""Fraction of that above which a value counts as hardly determined."""
 
 Report = Callable[[float], None]
 
 
 @dataclass(frozen=True)
 class TrialRecord:
-    """What is kept of a trial beside its case file.
+    """The record of a trial.
 
     Attributes:
-        place: of the variables between their bounds.
-        values: of the variables, in their units.
-        case_id: of its case file.
+        place: its point in the search space.
+        values: values of the variables, in their units.
+        case_id: identifier of its case.
         converged: whether its whole test converged.
         snapped: whether the fabric snapped.
-        off_by: how far it is from each target and constraint, in the variable's unit.
-        distance: from the targets.
-        violation: of the constraints.
+        off_by: distance from each target and constraint, in the unit of the variable.
+        distance: distance from the targets.
+        violation: violation of the constraints.
         met: whether all targets and constraints are met.
     """
 
@@ -69,18 +69,18 @@ class TrialRecord:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """What a search from one start came to.
+    """The result of a search from one start.
 
     Attributes:
         design: n_stripe and n_subunit.
         trials: all trials, in order.
-        best: place of the best among them; ``None`` if none converged.
-        ended: why it ended.
-        methods: what it was searched by.
-        held_by: bounds that hold it back, such as ``rib_theta_0 <= 2.5``.
-        determined_to: how far each variable may change, the others following, until the distance
-            has grown by one, relative; as far as its bounds along a valley.
-        undetermined: variables that the targets hardly determine, as others make up for them.
+        best: index of the best trial; ``None`` if none converged.
+        ended: why the search ended.
+        methods: methods of the search.
+        held_by: active bounds, such as ``rib_theta_0 <= 2.5``.
+        determined_to: relative change of each variable, with the others adapting, that increases
+            the distance by one; at most that to its bounds.
+        undetermined: variables that the targets hardly determine, as others can compensate them.
     """
 
     design: DesignLabels
@@ -98,16 +98,16 @@ class SearchResult:
         return None if self.best is None else self.trials[self.best]
 
     def record(self) -> dict[str, Any]:
-        """The result as JSON holds it."""
+        """The result as a JSON object."""
         return asdict(self)
 
 
 class SearchEnded(Exception):
-    """A search that ends before its method would end it, with the reason."""
+    """Ends a search before its method does, with the reason."""
 
 
-class _Rough(Exception):
-    """A search that gradients lead nowhere."""
+class _GradientsFail(Exception):
+    """Gradients do not help a search."""
 
 
 @dataclass
@@ -115,12 +115,12 @@ class Search:
     """Trials of one design.
 
     Attributes:
-        space: what may vary.
-        objective: what is wanted.
+        space: the search space.
+        objective: the objective.
         design: n_stripe and n_subunit.
-        folder: where case files of trials are kept.
-        budget: most trials.
-        deadline: time of the clock at which no further trial begins [s].
+        folder: folder of the case files of trials.
+        budget: largest number of trials.
+        deadline: time after which no further trial starts, by :func:`time.time` [s].
         report: called after each trial with its distance.
         measures: own measures of shapes.
     """
@@ -138,12 +138,12 @@ class Search:
     _last: tuple[bytes, Trial, TrialRecord] | None = None
 
     def run(self) -> SearchResult:
-        """Search from the values of the tables.
+        """Search from the tabulated values.
 
         Raises:
             CannotWrite: if a trial cannot be written.
         """
-        # Within the bounds, for on one there is no way back for a trust region.
+        # Inside the bounds, as a trust region cannot leave a bound that it starts on.
         start = np.clip(self.space.start(self.design), INSET, 1 - INSET)
         methods, ended = list[str](), "the search converged"
         try:
@@ -161,12 +161,12 @@ class Search:
         return found if found.best is None else self._with_conditions(found, found.best)
 
     def trial(self, place: Place) -> tuple[Trial, TrialRecord]:
-        """The trial at a place.
+        """The trial at a point.
 
         Raises:
-            SearchEnded: if the targets are well met, or the budget is spent.
+            SearchEnded: if the targets are met closely, or the budget is spent.
         """
-        # What shifts a place back and forth rounds it.
+        # Rounded, as methods that shift a point back and forth change its last digits.
         place = np.round(np.clip(place, 0, 1), PLACES)
         key = place.tobytes()
         if self._last is not None and self._last[0] == key:
@@ -183,7 +183,7 @@ class Search:
         self.rough |= not record.converged or record.snapped
         self._last = key, found, record
         self.report(np.inf if record.distance is None else record.distance)
-        if record.met and (record.distance or 0.0) <= WELL_MET:
+        if record.met and (record.distance or 0.0) <= SMALL_DISTANCE:
             raise SearchEnded("the targets are met")
         return found, record
 
@@ -204,7 +204,7 @@ class Search:
         )
 
     def _by_gradients(self, start: Place) -> None:
-        """Descend by adjoint gradients until the method ends or a derivative is missing."""
+        """Search with adjoint gradients until the method ends or a derivative is missing."""
         if self.records[-1].distance is None:
             self.rough = True
             return
@@ -212,24 +212,24 @@ class Search:
             if self.objective.subject_to:
                 self._constrained(start)
             else:
-                # Shifted by one, as the first trust region is as large as the start.
+                # Shifted by one, as the size of the first trust region is the norm of the start.
                 least_squares(
                     lambda shifted: self._residuals(shifted - 1),
                     start + 1,
                     jac=lambda shifted: self.objective.jacobian(self.trial(shifted - 1)[0]),
                     bounds=(1, 2),
-                    ftol=ENOUGH,
-                    xtol=ENOUGH,
+                    ftol=TOLERANCE,
+                    xtol=TOLERANCE,
                     gtol=None,
                     max_nfev=self.budget + 1,
                 )
-        except (NoDerivative, _Rough):
+        except (NoDerivative, _GradientsFail):
             self.rough = True
 
     def _residuals(self, place: Place) -> Float[np.ndarray, " row"]:
         found, record = self.trial(place)
         residuals = self.objective.residuals(found)
-        # A step that cannot be simulated is refused, and a shorter one tried.
+        # A step that cannot be simulated is rejected, and a shorter one is tried.
         return residuals if record.distance is not None else np.full_like(residuals, np.inf)
 
     def _constrained(self, start: Place) -> None:
@@ -238,16 +238,16 @@ class Search:
         def squared(place: Place) -> tuple[float, Place]:
             found, record = self.trial(place)
             if record.distance is None:
-                if sum(its.distance is None for its in self.records) >= MOST_FAILED:
-                    raise _Rough
-                return FAR**2, np.zeros_like(place)
+                if sum(earlier.distance is None for earlier in self.records) >= MOST_FAILED:
+                    raise _GradientsFail
+                return FAILED_DISTANCE**2, np.zeros_like(place)
             residuals = objective.residuals(found)
             return float(residuals @ residuals), 2 * residuals @ objective.jacobian(found)
 
         def within(place: Place) -> Float[np.ndarray, " row"]:
             found, record = self.trial(place)
             rows = objective.constraints(found)
-            return rows if record.distance is not None else np.full_like(rows, -FAR)
+            return rows if record.distance is not None else np.full_like(rows, -FAILED_DISTANCE)
 
         minimize(
             squared,
@@ -262,7 +262,7 @@ class Search:
                     "jac": lambda place: objective.constraints_jacobian(self.trial(place)[0]),
                 }
             ],
-            options={"ftol": ENOUGH, "maxiter": self.budget},
+            options={"ftol": TOLERANCE, "maxiter": self.budget},
         )
 
     def _without_gradients(self) -> None:
@@ -274,8 +274,8 @@ class Search:
         try:
             from cmaes import CMA
         except ImportError:
-            remedy = "pip install 'knitlab[design]' to search on without them"
-            raise SearchEnded(f"gradients lead no further here; {remedy}") from None
+            remedy = "pip install 'knitlab[design]' to continue without them"
+            raise SearchEnded(f"gradients make no further progress; {remedy}") from None
         variables = len(self.space.names)
         best = self._best()
         at = np.array(self.records[best].place) if best is not None else None
@@ -286,20 +286,20 @@ class Search:
             seed=0,
         )
         while not strategy.should_stop():
-            asked = [strategy.ask() for _ in range(strategy.population_size)]
-            strategy.tell([(place, self._cost(place)) for place in asked])
+            population = [strategy.ask() for _ in range(strategy.population_size)]
+            strategy.tell([(place, self._cost(place)) for place in population])
 
     def _cost(self, place: Place) -> float:
         _, record = self.trial(place)
         if record.distance is None:
-            return FAR
+            return FAILED_DISTANCE
         return record.distance + PENALTY * (record.violation or 0.0)
 
     def _met(self) -> bool:
         return any(record.met for record in self.records)
 
     def _best(self) -> int | None:
-        """Place of the best trial: the nearest of those that meet the constraints, if any does."""
+        """Index of the best trial: the nearest of those that meet the constraints, if any does."""
         known = [
             (not record.met, record.violation or 0.0, record.distance, place)
             for place, record in enumerate(self.records)
@@ -308,7 +308,7 @@ class Search:
         return min(known)[-1] if known else None
 
     def _with_conditions(self, found: SearchResult, best: int) -> SearchResult:
-        """With the bounds that hold the best trial back, and how well its values are determined."""
+        """Add the active bounds of the best trial, and how well its values are determined."""
         names, spans = self.space.names, self.space.upper - self.space.lower
         place = np.array(self.records[best].place)
         case, gauge = self.space.case(self.design, place)
@@ -324,7 +324,7 @@ class Search:
         if self.records[best].violation:
             broken = np.minimum(self.objective.constraints(trial), 0)
             downhill -= PENALTY * broken @ self.objective.constraints_jacobian(trial)
-        # A value is known to lie within its bounds in any case: uniform between them.
+        # The prior of every value is uniform between its bounds.
         information = jacobian.T @ jacobian + np.eye(len(names)) / UNIFORM**2
         deviations = np.sqrt(np.diag(np.linalg.inv(information)))
         return replace(
@@ -332,6 +332,6 @@ class Search:
             held_by=self.space.bounds_at(place, downhill) if downhill.any() else [],
             determined_to=dict(zip(names, np.expm1(deviations * spans).tolist(), strict=True)),
             undetermined=[
-                name for name, its in zip(names, deviations, strict=True) if its > HARDLY * UNIFORM
+                name for name, sd in zip(names, deviations, strict=True) if sd > HARDLY * UNIFORM
             ],
         )

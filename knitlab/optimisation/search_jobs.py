@@ -1,4 +1,4 @@
-"""Searches as jobs of the workers: one start each, its result kept as a JSON file."""
+"""Searches as jobs of the workers: one per start, with its result in a JSON file."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ from knitlab.simulation.case import Case
 from knitlab.simulation.reporting import Progress
 
 TRIALS = "trials"
-"""Folder of the trials' case files within the folder of a design."""
+"""Folder of the case files of trials, in the folder of a design."""
 SEARCHES = "searches"
 """Folder of the results of searches."""
 
@@ -31,11 +31,11 @@ class SearchJob:
     """One search.
 
     Attributes:
-        space: what may vary.
-        objective: what is wanted.
-        design: n_stripe and n_subunit that it begins with.
-        budget: most trials.
-        deadline: time of the clock at which no further trial begins [s].
+        space: the search space.
+        objective: the objective.
+        design: n_stripe and n_subunit of the start.
+        budget: largest number of trials.
+        deadline: time after which no further trial starts, by :func:`time.time` [s].
         measures: own measures of shapes.
     """
 
@@ -48,9 +48,9 @@ class SearchJob:
 
     @property
     def stamp(self) -> str:
-        """What a kept result must be of to be taken again; nothing where time or own code decides.
+        """Identifies a stored result that may be reused; empty if time or own code affects it.
 
-        All else is that of the request, which a folder has one of.
+        Everything else is determined by the request, of which a folder has only one.
         """
         if self.measures or np.isfinite(self.deadline):
             return ""
@@ -58,7 +58,7 @@ class SearchJob:
 
     @property
     def start(self) -> Case:
-        """The case that it begins with."""
+        """The case at the start."""
         return self.space.case(self.design, self.space.start(self.design))[0]
 
 
@@ -70,12 +70,12 @@ def run_searches(
 ) -> list[SearchResult]:
     """Run searches, each in one worker.
 
-    A search that was killed repeats its trials from their files and goes on.
+    A search that was killed repeats its trials from their files and continues.
 
     Args:
         jobs: the searches.
-        folder: of the results of the design.
-        workers: processes on this machine; 0 for this process.
+        folder: results folder of the design.
+        workers: number of processes on this machine; 0 for this process.
         progress: called with the design and the distance of each trial.
 
     Raises:
@@ -96,7 +96,7 @@ def run_searches(
     if errors:
         labels = {case_id: starts[case_id].label for case_id in errors}
         raise BadInput(
-            [Fault(f"search from {labels[its]}", error.reason) for its, error in errors.items()]
+            [Fault(f"search from {labels[key]}", error.reason) for key, error in errors.items()]
         )
     return [_read_result(_result_path(folder, case_id)) for case_id in by_start]
 
@@ -104,7 +104,7 @@ def run_searches(
 def _search_batch(
     jobs: dict[str, SearchJob], folder: Path, batch: Sequence[Case], progress: Progress
 ) -> None:
-    """Run the search that begins with the only case of a batch."""
+    """Run the search that starts with the only case of a batch."""
     (start,) = batch
     job, path = jobs[start.case_id], _result_path(folder, start.case_id)
     if path.is_file() and job.stamp and json.loads(path.read_text()).get("of") == job.stamp:

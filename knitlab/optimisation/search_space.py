@@ -1,4 +1,4 @@
-"""The search space: designs, and the numbers of stripes and gauge that vary within bounds."""
+"""The search space: designs, and parameters of stripes and gauge that vary within bounds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,12 +21,12 @@ AT_BOUND = 1e-3
 DesignLabels = tuple[int | str, ...]
 """n_stripe, n_subunit and, where it varies, the name of the pattern."""
 Place = Float[np.ndarray, " variable"]
-"""Values of the variables as parts of the way, in logarithms, between their bounds [1]."""
+"""A point: logarithms of the variables, scaled by their bounds to [0, 1]."""
 
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """What a search may change.
+    """The variables of a search and their bounds.
 
     Attributes:
         workflow: name or path of the workflow.
@@ -46,30 +46,30 @@ class SearchSpace:
     upper: Place
 
     def values(self, place: Place) -> dict[str, float]:
-        """Values of the variables at a place, in their units."""
+        """Values of the variables at a point, in their units."""
         logarithms = self.lower + np.clip(place, 0, 1) * (self.upper - self.lower)
         return dict(zip(self.names, np.exp(logarithms).tolist(), strict=True))
 
     def place_of(self, values: Mapping[str, float]) -> Place:
-        """The place of values, or the nearest within the bounds; the inverse of :meth:`values`."""
+        """The point of values, or the nearest within the bounds; the inverse of :meth:`values`."""
         logarithms = np.log([values[name] for name in self.names])
         return np.clip((logarithms - self.lower) / (self.upper - self.lower), 0, 1)
 
     def bounds_at(self, place: Place, downhill: Place) -> list[str]:
-        """Bounds that hold a place back.
+        """The active bounds at a point.
 
         Args:
-            place: the place.
-            downhill: direction in which the distance falls; where it is 0, a bound that is
-                reached counts.
+            place: the point.
+            downhill: direction in which the distance decreases; a bound that is reached counts as
+                active if this is 0.
         """
         held = []
-        for name, at, pull, low, high in zip(
+        for name, fraction, slope, low, high in zip(
             self.names, place, downhill, np.exp(self.lower), np.exp(self.upper), strict=True
         ):
-            if at < AT_BOUND and pull <= 0:
+            if fraction < AT_BOUND and slope <= 0:
                 held.append(f"{name} >= {low:.4g}")
-            if at > 1 - AT_BOUND and pull >= 0:
+            if fraction > 1 - AT_BOUND and slope >= 0:
                 held.append(f"{name} <= {high:.4g}")
         return held
 
@@ -77,7 +77,7 @@ class SearchSpace:
         """The plan of one case: a design with values of the variables.
 
         Raises:
-            BadInput: if a value is out of range, as a rest angle that reaches π.
+            BadInput: if a value is out of range, such as a rest angle that reaches π.
         """
         return make_plan(self.workflow, {**self.settings, **values, **self.labels(design)})
 
@@ -86,13 +86,13 @@ class SearchSpace:
         return dict(zip(self.dims, design, strict=True))
 
     def case(self, design: DesignLabels, place: Place) -> tuple[Case, Gauge]:
-        """The case at a place, and the gauge of its sizes in cloth."""
+        """The case at a point, and the gauge of its sizes in cloth."""
         plan = self.plan(design, self.values(place))
         (case,) = plan.cases.values()
         return case, plan.gauge
 
     def start(self, design: DesignLabels) -> Place:
-        """The place of the tables' values, or the nearest within the bounds."""
+        """The point of the tabulated values, or the nearest one within the bounds."""
         plan = self.plan(design, {})
         (case,) = plan.cases.values()
         stripes = {"weft": case.weft, "warp": case.warp}
@@ -103,7 +103,7 @@ class SearchSpace:
         return self.place_of(known)
 
     def acts_on(self) -> Float[np.ndarray, "parameter variable"]:
-        """How the logarithm of each parameter of stripes and gauge follows each place."""
+        """Derivatives of the logarithm of each parameter by each coordinate of a point."""
         spans = list(zip(self.names, self.upper - self.lower, strict=True))
         return np.array(
             [
@@ -132,16 +132,16 @@ def _multiplies(variable: str, parameter: str) -> bool:
 def search_space(request: DesignRequest) -> SearchSpace:
     """The space that a request allows.
 
-    The test goes as far as the targets reach, where the request does not say.
+    Unless the request gives it, the last strain of the test follows from the targets.
 
     Raises:
-        BadInput: if it holds no possible design, no value within its bounds can be simulated, or
-            the test ends before a target's window.
+        BadInput: if it has no possible design, if a bound cannot be simulated, or if the test ends
+            before the window of a target.
     """
     settings = {**request.settings, "robustness": 0}
     labels = {name: list(values) for name, values in request.choices.items()}
     if "strain_step" in settings:
-        # The workflow's last strain need be no multiple of it.
+        # The workflow's last strain may not be a multiple of it.
         settings.setdefault("strain_max", settings["strain_step"])
     whole = make_plan(request.workflow, {**settings, **labels})
     if any(name not in CHOICES for name in whole.dims):
@@ -166,11 +166,11 @@ def search_space(request: DesignRequest) -> SearchSpace:
 
 
 def _test_of(request: DesignRequest, plan: Plan) -> dict[str, float]:
-    """The last strain of the test, as far as the targets need it."""
-    windows = [its.window for its in (*request.targets, *request.subject_to) if its.window]
+    """The last strain of the test that the targets need."""
+    windows = [each.window for each in (*request.targets, *request.subject_to) if each.window]
     needed = max((window.stop for window in windows), default=0.0)
     if len(plan.applied_strain) < 2:
-        raise fault("strain_max = 0", "leaves nothing to pull; raise it, or leave it out")
+        raise fault("strain_max = 0", "leaves no strain to apply; raise it, or leave it out")
     last, step = plan.applied_strain[-1], plan.applied_strain[1]
     if "strain_max" not in request.settings:
         steps = max(1, int(np.ceil(needed / step - ROUND_OFF)))

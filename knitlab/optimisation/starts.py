@@ -24,30 +24,30 @@ def starting_designs(
     options: RunOptions,
     own: Collection[str] = (),
 ) -> tuple[list[DesignLabels], int]:
-    """The designs that are nearest to the targets as the tables have them, the nearest first.
+    """The designs nearest to the targets before refinement, the nearest first.
 
-    Constraints count as further targets here: a design that breaks one may meet it when it varies.
+    Constraints are treated as further targets, as refining may fulfil them.
 
     Args:
         request: the request.
-        space: what may vary.
-        folder: of the trials, where the coarse sweep goes too.
-        options: how to run a coarse sweep, if no cube is given.
-        own: names of own measures, which no cube has; targets on them do not count here.
+        space: the search space.
+        folder: folder of the trials, which also holds the coarse sweep.
+        options: how to run the coarse sweep if no cube is given.
+        own: names of own measures, which no cube has; their targets are ignored here.
 
     Returns:
-        At most ``request.starts`` designs, and how many were simulated for them.
+        At most ``request.starts`` designs, and the number of simulations for them.
 
     Raises:
         KeyboardInterrupt: if the coarse sweep is interrupted.
-        BadInput: if a cube does not have what the targets name, or no design of it is allowed.
+        BadInput: if a cube lacks a variable of the targets, or has no allowed design.
     """
     if len(space.designs) <= request.starts and not request.cubes:
         return list(space.designs), 0
     cubes, simulated = [open_plain_cube(path) for path in request.cubes], 0
     if not cubes:
         cubes, simulated = _coarse_sweep(request, space, folder, options)
-    known = [its for its in (*request.targets, *request.subject_to) if its.name not in own]
+    known = [each for each in (*request.targets, *request.subject_to) if each.name not in own]
     if not known:
         return list(space.designs[: request.starts]), simulated
     found = find_designs(cubes, known).table
@@ -55,7 +55,7 @@ def starting_designs(
     starts = list(dict.fromkeys(allowed))[: request.starts]
     if not starts:
         labels = ", ".join(map(str, space.designs))
-        problem = f"hold none of the designs that are allowed; have {labels} simulated first"
+        problem = f"have none of the allowed designs; simulate {labels} first"
         raise fault("cubes", problem)
     return starts, simulated
 

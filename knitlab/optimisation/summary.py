@@ -1,4 +1,4 @@
-"""A finished design in sentences: what was found, what holds it back, what is not determined."""
+"""Summary of a design: candidates, active bounds, and values that are hardly determined."""
 
 from collections.abc import Iterator, Sequence
 
@@ -8,11 +8,11 @@ from knitlab.optimisation.search import SearchResult
 
 
 def summary(designed: Designed, conflict: Conflict | None) -> list[str]:
-    """Lines on each candidate, the best first, and on what could not be met.
+    """Lines about each candidate, the best first, and about targets that could not be met.
 
     Args:
         designed: the design.
-        conflict: two targets that pull apart, if there are any.
+        conflict: two conflicting targets, if there are any.
     """
     lines: list[str] = []
     dims = [str(dim) for dim in designed.cube["status"].dims if dim != "candidate"]
@@ -44,7 +44,7 @@ def _of_candidate(number: int, search: SearchResult, dims: Sequence[str]) -> Ite
 
 def _unmet(designed: Designed, conflict: Conflict | None) -> Iterator[str]:
     found = [designed.searches[int(number) - 1] for number in designed.table["candidate"]]
-    search = [*found, *(its for its in designed.searches if its.winner is not None)][0]
+    search = [*found, *(one for one in designed.searches if one.winner is not None)][0]
     trial = search.winner
     if trial is None:
         return

@@ -1,4 +1,4 @@
-"""Trials: simulated cases of a search, kept as case files, with derivatives of their results."""
+"""Trials: simulated cases of a search, stored as case files, with derivatives of their results."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ from jaxtyping import Float
 from knitlab.execution.cube import known_in_advance
 from knitlab.io.case_file import (
     StoredCase,
+    check_case_file,
     configurations,
-    kept,
     read_case,
     read_code,
     write_case_file,
@@ -42,8 +42,8 @@ class Trial:
 
     Attributes:
         case: the case.
-        gauge: of its sizes in cloth.
-        results: what its case file holds.
+        gauge: gauge of its sizes in cloth.
+        results: contents of its case file.
         measures: own measures of its shapes.
     """
 
@@ -72,10 +72,10 @@ class Trial:
         return configurations(self.results)
 
     def values(self, name: str) -> Float[np.ndarray, " strain"]:
-        """A variable: a value at each strain, or a single one.
+        """A variable: one value for each strain, or a single one.
 
         Raises:
-            KeyError: if the case has none of that name.
+            KeyError: if the case does not have it.
         """
         own = dict(self.measures)
         if name in own:
@@ -85,7 +85,7 @@ class Trial:
         if name in self.results:
             found = np.atleast_1d(np.asarray(self.results[name], float))
         else:
-            numbers = {str(key): its.values for key, its in self.results.data_vars.items()}
+            numbers = {str(key): array.values for key, array in self.results.data_vars.items()}
             further = known_in_advance(self.case) | sizes_of(self.case, numbers, self.gauge)
             found = np.atleast_1d(float(further[name]))
         if len(found) == len(self.strains):
@@ -93,17 +93,17 @@ class Trial:
         return found
 
     def slopes(self, names: Sequence[str], needed: np.ndarray) -> dict[str, Slopes]:
-        """Derivatives of variables by the logarithm of each number of stripes and gauge.
+        """Derivatives of variables by the logarithm of each parameter of stripes and gauge.
 
         Args:
-            names: of :mod:`~knitlab.optimisation.quantities`.
-            needed: whether each strain is needed; the derivatives are 0 at the others.
+            names: names of :mod:`~knitlab.optimisation.quantities`.
+            needed: whether each strain is needed; derivatives at the others are 0.
 
         Returns:
             (strain, parameter) by name, one strain for a variable of the design.
 
         Raises:
-            NoDerivative: if a state is no stable equilibrium, as at a snap.
+            NoDerivative: if a state is not a stable equilibrium, such as at a snap.
         """
         key = tuple(names), needed.tobytes()
         if key not in self._known_slopes:
@@ -112,7 +112,7 @@ class Trial:
 
     @cached_property
     def _known_slopes(self) -> dict[tuple[tuple[str, ...], bytes], dict[str, Slopes]]:
-        """Derivatives that were taken: a constrained search asks for them twice."""
+        """Cached derivatives, which a constrained search uses twice."""
         return {}
 
     def _derived(self, names: Sequence[str], needed: np.ndarray) -> dict[str, Slopes]:
@@ -151,10 +151,10 @@ class Trial:
 
 
 def run_trial(folder: Path, case: Case, gauge: Gauge, measures: Measures = ()) -> Trial:
-    """Simulate a case, or read it if it was simulated before by the same code.
+    """Simulate a case, or read its file if the same code has simulated it before.
 
     Args:
-        folder: where case files are kept.
+        folder: folder of the case files.
         case: the case.
         gauge: of its sizes in cloth.
         measures: own measures of its shapes.
@@ -162,7 +162,7 @@ def run_trial(folder: Path, case: Case, gauge: Gauge, measures: Measures = ()) -
     Raises:
         CannotWrite: if its file cannot be written.
     """
-    sound = kept(folder, case.case_id) is StoredCase.sound
+    sound = check_case_file(folder, case.case_id) is StoredCase.sound
     if not sound or read_code(folder, case.case_id) != code_fingerprint():
         write_case_file(folder, case.case_id, simulated(case, lambda name, states: None))
     return Trial(case, gauge, read_case(folder, case.case_id), measures)

@@ -1,1 +1,1 @@
-"""The paper's claims, judged by cubes, and model options ranked by them."""
+"""The paper's claims, tested on cubes, and model options ranked by them."""

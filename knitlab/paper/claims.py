@@ -1,4 +1,4 @@
-"""Claims: what the paper says, and how each statement is tested (``params/claims.toml``)."""
+"""Claims: statements of the paper and their tests (``params/claims.toml``)."""
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
@@ -26,7 +26,7 @@ TOPICS: tuple[Topic, ...] = get_args(Topic)
 
 
 def laboratory(cube: xr.Dataset, needs: str) -> Finding:
-    """A comparison with measurements that the paper's text does not give."""
+    """A comparison with measurements that are not in the paper's text."""
     raise NotMeasured(f"needs {needs}")
 
 
@@ -56,18 +56,17 @@ CHECKS: dict[str, Callable[..., Finding]] = {
 
 
 class Statement(StrictModel):
-    """What the paper says, and what is known about it.
+    """A statement of the paper.
 
     Attributes:
         text: the statement.
-        place: where in the paper it is.
-        topic: what it is about.
-        measured_along: direction that is measured here, if the paper's words are about both.
+        place: its place in the paper.
+        topic: its topic.
+        measured_along: direction that is tested here, if the statement is about both.
         figure: kind of figure that shows it, if any.
-        why_not: why knitlab does not show what the paper says, as far as it is known.
-        test: name of the function of :data:`CHECKS` that tests it.
-        knitlab: numbers of the threshold that are knitlab's own, by the names of the test's
-            arguments; all others are the paper's.
+        why_not: why knitlab does not reproduce it, as far as known.
+        test: name of its test in :data:`CHECKS`.
+        knitlab: arguments of the test that are not from the paper but chosen for knitlab.
     """
 
     text: str = Field(min_length=1)
@@ -86,8 +85,8 @@ class Claim:
 
     Attributes:
         name: its name.
-        statement: what the paper says.
-        arguments: what the test takes besides cubes.
+        statement: the statement of the paper.
+        arguments: arguments of the test besides cubes.
     """
 
     name: str
@@ -96,26 +95,26 @@ class Claim:
 
     @property
     def quoted(self) -> str:
-        """The paper's words, and the direction that is measured here."""
+        """The statement, with the direction that is tested here."""
         along = self.statement.measured_along
         return f"{self.statement.text} (here along the {along})" if along else self.statement.text
 
     @property
     def threshold_of(self) -> Literal["paper", "knitlab"]:
-        """Whether the threshold is the paper's, or holds numbers of knitlab's own."""
+        """Whether the threshold is the paper's, or was chosen for knitlab."""
         return "knitlab" if self.statement.knitlab else "paper"
 
     @property
     def compares_cubes(self) -> bool:
-        """Whether its samples may lie in several cubes."""
+        """Whether its samples may be in several cubes."""
         return "cubes" in inspect.signature(CHECKS[self.statement.test]).parameters
 
     def finding(self, cubes: Sequence[xr.Dataset], factor: float = 1.0) -> Finding:
-        """What is found in cubes.
+        """Test the claim on cubes.
 
         Args:
             cubes: cubes at one value of every swept setting; one, unless it compares cubes.
-            factor: on the numbers that are knitlab's own.
+            factor: factor on the arguments that were chosen for knitlab.
         """
         own = {name: factor * number for name, number in self.statement.knitlab.items()}
         where = cubes if self.compares_cubes else cubes[0]
@@ -126,7 +125,7 @@ class Claim:
 
 
 def read_claims(path: Path | None = None) -> list[Claim]:
-    """The claims of a file, by default of knitlab's own.
+    """The claims of a file, by default ``params/claims.toml``.
 
     Raises:
         BadInput: with every fault of the file.
@@ -164,7 +163,7 @@ def _arguments(test: str) -> type[StrictModel]:
     """The arguments of a test besides cubes, as the schema of its keys in a file."""
     _, *parameters = inspect.signature(CHECKS[test]).parameters.values()
     fields: dict[str, Any] = {
-        its.name: (its.annotation, ... if its.default is its.empty else its.default)
-        for its in parameters
+        each.name: (each.annotation, ... if each.default is each.empty else each.default)
+        for each in parameters
     }
     return create_model(test, __base__=StrictModel, **fields)

@@ -56,9 +56,9 @@ def stripe_order(
     direction: Direction,
     stiffened: Part = 0.5,
 ) -> Finding:
-    """A number of the curves of force rises, or falls, with the stitches across the stripe.
+    """A quantity of the force curves rises or falls with the stitches across the stripe.
 
-    It is the slope at the start, or the applied strain at which the slope first is a part
+    It is the initial slope, or the applied strain at which the slope first reaches the fraction
     ``stiffened`` of the largest.
     """
 
@@ -76,13 +76,13 @@ def stripe_order(
 def _trend(
     samples: Samples, values: dict[Labels, float], place: int, direction: Direction
 ) -> Finding:
-    """The finding of a value that rises, or falls, with the label at a place of the labels."""
+    """The finding for a value that should rise or fall with one of the labels."""
 
     def others(labels: Labels) -> Labels:
         return (*labels[:place], *labels[place + 1 :])
 
     ordered = sorted(values, key=lambda labels: (others(labels), labels[place]))
-    steps = [its for its in pairwise(ordered) if others(its[0]) == others(its[1])]
+    steps = [each for each in pairwise(ordered) if others(each[0]) == others(each[1])]
     if not steps:
         raise samples.too_few(len(values))
     sign = 1 if direction == "rises" else -1
@@ -99,19 +99,19 @@ def _trend(
             for one, next_ in wrong[:MOST_LISTED]
         )
     elif len(values) <= MOST_LISTED:
-        text += ": " + ", ".join(f"{name_of(its)} {values[its]:.3g}" for its in ordered)
+        text += ": " + ", ".join(f"{name_of(each)} {values[each]:.3g}" for each in ordered)
     return _compared(samples, values, worst(margins.values()), text)
 
 
 def lowest_of_all(cube: xr.Dataset, about: Checkerboards, of: str, design: Design) -> Finding:
-    """A design has the lowest value of all designs that were measured."""
+    """A design has the lowest value of all designs with a complete test."""
     samples = checkerboards(cube, about, of)
     values = samples.values(lambda sample: float(sample[of]))
     if design not in values:
         raise samples.too_few(0)
     if len(values) < 2:
         raise samples.too_few(len(values))
-    next_to = min((its for its in values if its != design), key=lambda its: values[its])
+    next_to = min((each for each in values if each != design), key=lambda each: values[each])
     spread = float(np.ptp([*values.values()]))
     margin = above(values[next_to] - values[design], 0, strict=True, scale=spread)
     text = f"{design} {values[design]:.3f}, lowest of the others {next_to} {values[next_to]:.3f}"
@@ -119,7 +119,7 @@ def lowest_of_all(cube: xr.Dataset, about: Checkerboards, of: str, design: Desig
 
 
 def spread(cube: xr.Dataset, about: Checkerboards, of: str, least: PositiveFloat) -> Finding:
-    """The largest value is greater than the smallest by more than a part ``least`` of it."""
+    """The largest value exceeds the smallest by more than the fraction ``least`` of it."""
     samples = checkerboards(cube, about, of)
     values = samples.values(lambda sample: float(sample[of]))
     if len(values) < 2:
@@ -138,9 +138,9 @@ def trades_off(
     against: str,
     significant: Annotated[float, Field(gt=0, lt=0.5)],
 ) -> Finding:
-    """Of two values of a design, one is less where the other is more, by Spearman's correlation.
+    """Two values of designs are anticorrelated, by Spearman's rank correlation.
 
-    A correlation counts if one as strong has a chance below ``significant`` without any.
+    The correlation must be significant at the level ``significant``.
     """
     samples = checkerboards(cube, about, of, against)
     ones = samples.values(lambda sample: float(sample[of]))
@@ -155,11 +155,11 @@ def trades_off(
 
 
 def weakest_significant(count: int, significant: float) -> float:
-    """The weakest rank correlation of some pairs that is significant, by Student's t.
+    """The weakest rank correlation that is significant, by Student's t.
 
     Args:
         count: number of pairs, at least 3.
-        significant: two-sided chance of as strong a correlation without any.
+        significant: two-sided significance level.
     """
     t = float(stats.t.ppf(1 - significant / 2, count - 2))
     return t / float(np.sqrt(count - 2 + t**2))
@@ -177,26 +177,26 @@ def _compared(
 def sample_order(
     cubes: Sequence[xr.Dataset], of: str, less: SampleList, more: SampleList
 ) -> Finding:
-    """A value is less for each of some checkerboards and stripes than for each of others.
+    """A value is lower for each of some checkerboards and stripes than for each of others.
 
-    Samples are named as (n_stripe, n_subunit) or (knit, n), and each of the cubes may hold some.
-    Of several cubes that hold one, it is taken from the one whose sample is nearest the paper's.
+    Samples are named as (n_stripe, n_subunit) or (knit, n), and may be in different cubes. If
+    several cubes have a sample, the one whose sample is nearest the paper's is used.
     """
     found: dict[Sample, tuple[int, Labels]] = {}
     values = [_values(cube, of) for cube in cubes]
     for sample in (*less, *more):
         places = [
             (number, labels)
-            for number, its in enumerate(values)
-            for labels in its
+            for number, each in enumerate(values)
+            for labels in each
             if labels[:2] == sample
         ]
         if places:
-            found[sample] = min(places, key=lambda its: preference(cubes[its[0]], [its[1]]))
+            found[sample] = min(places, key=lambda each: preference(cubes[each[0]], [each[1]]))
     if not found:
         raise NotMeasured(f"no {of} of these samples in this cube")
     value = {sample: values[number][labels] for sample, (number, labels) in found.items()}
-    text = ", ".join(f"{name_of(its)} {value[its]:.3g}{unit_of(of)}" for its in found)
+    text = ", ".join(f"{name_of(each)} {value[each]:.3g}{unit_of(of)}" for each in found)
     wanted = len({*less, *more})
     pairs = [(one, other) for one, other in product(less, more) if {one, other} <= set(found)]
     if not pairs:
@@ -213,4 +213,4 @@ def _values(cube: xr.Dataset, of: str) -> dict[Labels, float]:
     kept = cube[of].where(cube["status"] == Status.ok)
     labels = product(*(cube[dim].values.tolist() for dim in base_dims(cube)))
     values = dict(zip(labels, kept.values.ravel().tolist(), strict=True))
-    return {its: value for its, value in values.items() if np.isfinite(value)}
+    return {each: value for each, value in values.items() if np.isfinite(value)}

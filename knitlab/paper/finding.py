@@ -1,4 +1,4 @@
-"""What the test of a claim found in a cube."""
+"""Findings: results of the tests of claims."""
 
 from dataclasses import dataclass
 
@@ -10,17 +10,17 @@ Labels = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Finding:
-    """What a test found.
+    """The result of a test.
 
     Attributes:
         margin: distance to the threshold as in :mod:`knitlab.paper.margin`; ``None`` if the claim
             could not be measured.
-        text: the measured values that decide it, or what is missing, in words.
+        text: the values that decide it, or what is missing.
         judged: number of designs, stripes, lines or samples that it was judged on.
-        wanted: how many the claim is about; 0 if the cube has nothing to do with it.
+        wanted: number that the claim is about; 0 if the cube has none of them.
         counted: what is counted: designs, stripes, lines or samples.
         at: labels of the samples that it was judged on.
-        cubes: of several cubes, the number of the one that each of these samples is in.
+        cubes: for a test on several cubes, the index of the cube of each of these samples.
     """
 
     margin: float | None
@@ -38,7 +38,7 @@ class Finding:
 
     @property
     def grade(self) -> Grade:
-        """The verdict, with near misses apart from other failures."""
+        """The verdict, with near misses separate from other failures."""
         return grade_of(self.margin)
 
     @property
@@ -48,7 +48,7 @@ class Finding:
 
     @property
     def measured(self) -> str:
-        """The text, and how many samples it is about if some are missing."""
+        """The text, with the number of samples if some are missing."""
         partial = self.verdict is not Verdict.not_measured and self.judged < self.wanted
         return f"{self.text}; judged on {self.count}" if partial else self.text
 
@@ -57,7 +57,7 @@ class NotMeasured(Exception):
     """The cube has too little to test a claim.
 
     Attributes:
-        finding: the finding without a margin that says what is missing.
+        finding: a finding without a margin that states what is missing.
     """
 
     def __init__(self, reason: str, wanted: int = 0, counted: str = "designs") -> None:

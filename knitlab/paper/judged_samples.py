@@ -1,4 +1,4 @@
-"""The samples that a claim was judged on, and which of several are nearer those of the paper."""
+"""The samples that a claim was judged on, and their similarity to those of the paper."""
 
 import json
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ class JudgedSamples:
         cube: path of the cube.
         boundary: clamped or periodic; empty if the cube does not state it.
         unit_cells: sizes (along the weft, along the warp) of the samples, each once, ascending.
-        options: choices of the model that the paper leaves open, in words.
+        options: model options, as text.
         experiment: name of the experiment, if it is one.
     """
 
@@ -49,7 +49,7 @@ def judged_samples(path: Path, cube: xr.Dataset, at: Sequence[Labels]) -> Judged
     """Describe the samples of a cube that a claim was judged on.
 
     Args:
-        path: of the cube.
+        path: path of the cube.
         cube: the cube, at one value of every swept setting.
         at: labels of the samples.
     """
@@ -83,13 +83,13 @@ def unit_cells(cube: xr.Dataset, labels: Labels) -> Size | None:
     They are taken from the variables ``unit_cells_x`` and ``unit_cells_y``, else counted in the
     local strains, else taken from the parameters of the cube.
     """
-    names = [its for its in ("unit_cells_x", "unit_cells_y", "strain_xx") if its in cube]
-    here = one_sample(cube[["status", *names]], labels)
-    stated = [float(here[name]) for name in ("unit_cells_x", "unit_cells_y") if name in here]
+    names = [each for each in ("unit_cells_x", "unit_cells_y", "strain_xx") if each in cube]
+    sample = one_sample(cube[["status", *names]], labels)
+    stated = [float(sample[name]) for name in ("unit_cells_x", "unit_cells_y") if name in sample]
     if len(stated) == 2 and np.isfinite(stated).all():
         return int(stated[0]), int(stated[1])
-    if "strain_xx" in here:
-        strained = here["strain_xx"].notnull().any("applied_strain")
+    if "strain_xx" in sample:
+        strained = sample["strain_xx"].notnull().any("applied_strain")
         if strained.any():
             return int(strained.any("cell_y").sum()), int(strained.any("cell_x").sum())
     cells = _parameters(cube).get("unit_cells")
@@ -97,9 +97,9 @@ def unit_cells(cube: xr.Dataset, labels: Labels) -> Size | None:
 
 
 def preference(cube: xr.Dataset, at: Sequence[Labels]) -> tuple[bool, int, float]:
-    """How near samples are to those of the paper: of two such keys, the smaller is nearer.
+    """Sort key for cubes by the similarity of their samples to those of the paper.
 
-    First come samples with the boundary of the paper's, then more of the wanted samples before
+    Samples with the boundary of the paper's come first, then more of the wanted samples before
     fewer, then larger ones, by their mean number of unit cells.
 
     Args:
@@ -113,14 +113,14 @@ def preference(cube: xr.Dataset, at: Sequence[Labels]) -> tuple[bool, int, float
 
 
 def _options(cube: xr.Dataset) -> str:
-    """The model options in words, with swept settings and the gap between the walls."""
+    """The model options as text, with swept settings and the gap between the walls."""
     options = stated_options(cube.attrs)
     if z_max := _parameters(cube).get("sheet", {}).get("z_max"):
         options["z_max"] = z_max
     swept = {
-        str(name): its.item()
-        for name, its in cube.coords.items()
-        if not its.dims and name != SOURCE and name not in base_dims(cube)
+        str(name): each.item()
+        for name, each in cube.coords.items()
+        if not each.dims and name != SOURCE and name not in base_dims(cube)
     }
     shown = {name: value for name, value in (options | swept).items() if name != "boundary"}
     return ", ".join(f"{name} {_short(value)}" for name, value in shown.items())

@@ -1,4 +1,4 @@
-"""Judging claims by cubes: of several, the one whose samples are nearest the paper's decides."""
+"""Judging claims by cubes; if several apply, the one nearest the paper's samples decides."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -16,7 +16,7 @@ from knitlab.paper.margin import Grade, Verdict, signed
 from knitlab.tables.selection import choices, refuse_others, selected, selections_along
 
 QUARTER = (0.75, 1.25)
-"""Factors on knitlab's own numbers, to see whether a verdict depends on them."""
+"""Factors on thresholds chosen for knitlab, to test whether a verdict depends on them."""
 WOULD = {
     Verdict.holds: "would hold",
     Verdict.fails: "would fail",
@@ -28,15 +28,15 @@ Slice = tuple[Path, xr.Dataset]
 
 @dataclass(frozen=True)
 class Judgement:
-    """A claim, and what was found.
+    """A claim and its verdict.
 
     Attributes:
         claim: the claim.
-        finding: what decides it.
-        samples: what it was judged on, cube by cube.
-        quarters: the verdicts with knitlab's own numbers at the factors :data:`QUARTER`; empty if
-            the threshold is the paper's.
-        contrary: cubes that give another verdict, and what was found there.
+        finding: the finding that decides it.
+        samples: the samples that it was judged on, cube by cube.
+        quarters: the verdicts with thresholds chosen for knitlab at the factors :data:`QUARTER`;
+            empty if the threshold is the paper's.
+        contrary: cubes with another verdict, and their findings.
     """
 
     claim: Claim
@@ -47,12 +47,12 @@ class Judgement:
 
     @property
     def cubes(self) -> tuple[Path, ...]:
-        """Paths of the cubes that it was found in."""
-        return tuple(its.cube for its in self.samples)
+        """Paths of the cubes that it was judged on."""
+        return tuple(each.cube for each in self.samples)
 
     @property
     def sensitivity(self) -> str:
-        """What a quarter more or less on knitlab's own numbers changes, in words."""
+        """Effect of changing thresholds chosen for knitlab by a quarter, as text."""
         now = self.finding.verdict
         if now is Verdict.not_measured or not self.quarters:
             return ""
@@ -69,8 +69,8 @@ def judged(
 ) -> list[Judgement]:
     """Judge claims by cubes.
 
-    Of several cubes that measure a claim, the one whose samples are nearest the paper's decides
-    (:func:`knitlab.paper.judged_samples.preference`); of equals, the first.
+    If several cubes measure a claim, the one whose samples are nearest the paper's decides
+    (:func:`knitlab.paper.judged_samples.preference`), or the first of equal ones.
 
     Args:
         claims: the claims.
@@ -78,8 +78,8 @@ def judged(
         selections: texts ``NAME=VALUE`` that select one value of each swept setting.
 
     Raises:
-        BadInput: if a cube cannot be read or has several values of a setting of which none is
-            selected, or if a selection is of no swept setting.
+        BadInput: if a cube cannot be read or has several values of a setting without a selection,
+            or if a selection is not of a swept setting.
     """
     whole = [(path, open_cube(path)) for path in cubes]
     swept = sorted({dim for _, cube in whole for dim in swept_dims(cube)})
@@ -91,7 +91,7 @@ def judged(
 
 
 def judged_slices(claims: Sequence[Claim], slices: Sequence[Slice]) -> list[Judgement]:
-    """Judge claims by cubes that are open; otherwise as :func:`judged`."""
+    """Judge claims by open cubes; see :func:`judged`."""
     return [
         _by_all(claim, slices) if claim.compares_cubes else _by_nearest(claim, slices)
         for claim in claims
@@ -101,7 +101,7 @@ def judged_slices(claims: Sequence[Claim], slices: Sequence[Slice]) -> list[Judg
 def _by_nearest(claim: Claim, slices: Sequence[Slice]) -> Judgement:
     """The judgement by the one cube whose samples are nearest the paper's."""
     found = [(path, cube, claim.finding([cube])) for path, cube in slices]
-    path, cube, finding = min(found, key=lambda its: _rank(its[1], its[2]))
+    path, cube, finding = min(found, key=lambda each: _rank(each[1], each[2]))
     return Judgement(
         claim,
         finding,
@@ -110,9 +110,9 @@ def _by_nearest(claim: Claim, slices: Sequence[Slice]) -> Judgement:
         if claim.statement.knitlab
         else (),
         tuple(
-            (other, its)
-            for other, _, its in found
-            if its.verdict not in (finding.verdict, Verdict.not_measured)
+            (other, each)
+            for other, _, each in found
+            if each.verdict not in (finding.verdict, Verdict.not_measured)
         ),
     )
 
@@ -123,11 +123,11 @@ def _rank(cube: xr.Dataset, finding: Finding) -> tuple[object, ...]:
 
 
 def _by_all(claim: Claim, slices: Sequence[Slice]) -> Judgement:
-    """The judgement by all cubes together; only those that were used are named."""
+    """The judgement by all cubes together; it names only those that were used."""
     finding = claim.finding([cube for _, cube in slices])
     used = list(zip(finding.cubes, finding.at, strict=True))
     samples = tuple(
-        judged_samples(*slices[number], [labels for its, labels in used if its == number])
+        judged_samples(*slices[number], [labels for each, labels in used if each == number])
         for number in sorted(set(finding.cubes))
     )
     return Judgement(claim, finding, samples)
@@ -143,8 +143,8 @@ def _one_slice(path: Path, cube: xr.Dataset, selections: Sequence[str]) -> xr.Da
 
 
 def summary(judgements: Sequence[Judgement]) -> str:
-    """How many claims hold, are near misses, fail and are not measured, in words."""
-    counts = Counter(its.finding.grade for its in judgements)
+    """Numbers of claims that hold, are near misses, fail and are not measured, as text."""
+    counts = Counter(each.finding.grade for each in judgements)
     near = counts[Grade.near_miss]
     return (
         f"{counts[Grade.holds]} hold, {near} near miss{'' if near == 1 else 'es'},"
@@ -155,19 +155,19 @@ def summary(judgements: Sequence[Judgement]) -> str:
 def listed(judgements: Sequence[Judgement]) -> str:
     """The lines for a terminal: grade, margin, claim and measured values, and the summary."""
     lines = [
-        f"{its.finding.grade.value:12}  {signed(its.finding.margin):>8}"
-        f"  {its.claim.name}: {its.finding.measured}"
-        for its in judgements
+        f"{each.finding.grade.value:12}  {signed(each.finding.margin):>8}"
+        f"  {each.claim.name}: {each.finding.measured}"
+        for each in judgements
     ]
     return "\n".join([*lines, summary(judgements)])
 
 
 def contrary(found: Sequence[tuple[Path, Finding]], name: Callable[[Path], str]) -> str:
-    """Other verdicts than the one that decides, in words.
+    """Verdicts that differ from the deciding one, as text.
 
     Args:
-        found: the cubes with another verdict, and what was found in each.
-        name: gives the name of a cube by its path.
+        found: the cubes with another verdict, and their findings.
+        name: returns the name of a cube for its path.
     """
     return ", ".join(
         f"{finding.verdict.value} at {signed(finding.margin)} on {finding.count} of {name(path)}"

@@ -27,7 +27,7 @@ def linear(
     of: str,
     unexplained: Annotated[float, Field(gt=0, lt=1)],
 ) -> Finding:
-    """A value is linear in n_subunit: a line leaves at most a part of its variance unexplained."""
+    """A value is linear in n_subunit: a line leaves little of its variance unexplained."""
     lines = _lines(cube, n_stripe, of, fewest=1)
     margin = worst(
         above(line.r_squared, 1 - unexplained, scale=unexplained) for line in lines.values()
@@ -70,7 +70,7 @@ def _lines(
     values = samples.values(lambda sample: float(sample[of]))
     points = {n: [(float(m), v) for (k, m), v in values.items() if k == n] for n in n_stripe}
     lines = {
-        n: linear_fit(*np.array(its).T) for n, its in points.items() if len(its) >= FEWEST_POINTS
+        n: linear_fit(*np.array(each).T) for n, each in points.items() if len(each) >= FEWEST_POINTS
     }
     if len(lines) < fewest or (needed is not None and needed not in lines):
         missing = ", ".join(str(n) for n in n_stripe if n not in lines)

@@ -118,7 +118,7 @@ def within(value: float, lowest: float, highest: float) -> float | None:
 
 def worst(margins: Iterable[float | None]) -> float | None:
     """The smallest of several margins, of those there are; ``None`` if there is none."""
-    return min((its for its in margins if its is not None), default=None)
+    return min((each for each in margins if each is not None), default=None)
 
 
 def signed(margin: float | None) -> str:

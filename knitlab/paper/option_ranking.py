@@ -68,7 +68,7 @@ class RankedOptions:
     @property
     def score(self) -> tuple[int, int, float]:
         """What it is ranked by: claims that hold, near misses, and the sum of clipped margins."""
-        margins = (its.margin for its in self.findings.values() if its.margin is not None)
+        margins = (each.margin for each in self.findings.values() if each.margin is not None)
         total = sum(max(-CLIPPED, min(CLIPPED, margin)) for margin in margins)
         return self.count(Grade.holds), self.count(Grade.near_miss), total
 
@@ -93,29 +93,31 @@ def ranked_options(
     """
     claims = read_claims() if claims is None else claims
     slices = [(path, one, options_of(one)) for path, cube in cubes for one in _slices(cube)]
-    of_boards = [its for its in slices if base_dims(its[1]) == DESIGN_DIMS]
-    of_stripes = [its for its in slices if base_dims(its[1]) != DESIGN_DIMS]
+    of_boards = [each for each in slices if base_dims(each[1]) == DESIGN_DIMS]
+    of_stripes = [each for each in slices if base_dims(each[1]) != DESIGN_DIMS]
     found: list[Options] = []
-    for _, _, its in of_boards or of_stripes:
-        options = its if of_boards else _of_stripes(its)
+    for _, _, each in of_boards or of_stripes:
+        options = each if of_boards else _of_stripes(each)
         if options not in found:
             found.append(options)
     ranked = []
     for options in found:
-        boards = [(path, one) for path, one, its in of_boards if its == options]
+        boards = [(path, one) for path, one, each in of_boards if each == options]
         stripes = [
-            (path, one) for path, one, its in of_stripes if _of_stripes(its) == _of_stripes(options)
+            (path, one)
+            for path, one, each in of_stripes
+            if _of_stripes(each) == _of_stripes(options)
         ]
         judgements = judged_slices(claims, [*boards, *stripes])
-        findings = {its.claim.name: its.finding for its in judgements}
+        findings = {each.claim.name: each.finding for each in judgements}
         designs = {design for _, one in boards for design in _complete(one)}
         ranked.append(RankedOptions(options, findings, len(designs)))
-    return sorted(ranked, key=lambda its: its.score, reverse=True)
+    return sorted(ranked, key=lambda each: each.score, reverse=True)
 
 
 def differing(ranked: Sequence[RankedOptions]) -> list[str]:
     """The names of the options that differ, in the order of :data:`NAMES`."""
-    return [name for name in NAMES if len({its.options.get(name) for its in ranked}) > 1]
+    return [name for name in NAMES if len({each.options.get(name) for each in ranked}) > 1]
 
 
 def options_of(cube: xr.Dataset) -> Options:
@@ -132,7 +134,7 @@ def options_of(cube: xr.Dataset) -> Options:
         "drag": solver.get("drag", 0.0),
         **parameters.get("sheet", {}),
         **stated_options(cube.attrs),
-        **{str(key): its.item() for key, its in cube.coords.items() if not its.dims},
+        **{str(key): each.item() for key, each in cube.coords.items() if not each.dims},
     }
     if stated["ending"] == "steady":
         del stated["damping_factor"]  # it moves no equilibrium
@@ -160,4 +162,4 @@ def _complete(cube: xr.Dataset) -> list[tuple[int, ...]]:
 
 
 def _of_stripes(options: Options) -> Options:
-    return {name: its for name, its in options.items() if name in OF_STRIPES}
+    return {name: each for name, each in options.items() if name in OF_STRIPES}

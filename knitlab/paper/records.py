@@ -13,14 +13,14 @@ def records(judgements: Sequence[Judgement]) -> list[dict[str, Any]]:
     All values are texts but ``margin``, which is ``None`` where nothing was measured, and the
     counts ``judged`` and ``wanted``.
     """
-    return [_record(its) for its in judgements]
+    return [_record(each) for each in judgements]
 
 
-def _record(its: Judgement) -> dict[str, Any]:
-    statement, finding = its.claim.statement, its.finding
-    samples = its.samples if finding.at else ()
+def _record(each: Judgement) -> dict[str, Any]:
+    statement, finding = each.claim.statement, each.finding
+    samples = each.samples if finding.at else ()
     return {
-        "claim": its.claim.name,
+        "claim": each.claim.name,
         "topic": statement.topic,
         "verdict": finding.verdict.value,
         "grade": finding.grade.value,
@@ -32,16 +32,16 @@ def _record(its: Judgement) -> dict[str, Any]:
         "text": statement.text,
         "measured_along": statement.measured_along or "",
         "place": statement.place,
-        "threshold_of": its.claim.threshold_of,
+        "threshold_of": each.claim.threshold_of,
         "ours": ", ".join(statement.knitlab),
-        "change": its.sensitivity,
+        "change": each.sensitivity,
         "why_not": (statement.why_not or "") if finding.verdict is Verdict.fails else "",
         "figure": statement.figure or "",
-        "cube": ", ".join(map(str, its.cubes)),
+        "cube": ", ".join(map(str, each.cubes)),
         "boundary": _joined(sample.boundary for sample in samples),
         "unit_cells": _joined(sample.size for sample in samples),
         "reading": _joined(sample.options for sample in samples),
-        "contrary": contrary(its.contrary, str),
+        "contrary": contrary(each.contrary, str),
     }
 
 

@@ -1,9 +1,9 @@
-"""Tests of claims that every sample has to satisfy by itself; the worst of them decides.
+"""Tests of claims that every sample must satisfy on its own; the worst sample decides.
 
 Each is a function of a cube at one value of every swept setting. Its other arguments are the keys
-of a claim in ``params/claims.toml``: ``about`` says which samples the claim is about, ``of`` names
-the variable that is tested. It returns the :class:`~knitlab.paper.finding.Finding`, or raises
-:class:`~knitlab.paper.finding.NotMeasured`. Samples without a complete test are left out.
+of a claim in ``params/claims.toml``: ``about`` selects the samples, ``of`` names the variable. It
+returns a :class:`~knitlab.paper.finding.Finding`, or raises
+:class:`~knitlab.paper.finding.NotMeasured`. Samples without a complete test are ignored.
 """
 
 from collections.abc import Callable
@@ -27,11 +27,11 @@ from knitlab.paper.samples import (
 )
 
 MOST_LISTED = 9
-"""Samples, or steps between them, whose values are listed."""
+"""Largest number of samples, or steps between them, whose values are listed."""
 FEWEST_POINTS = 3
-"""Applied strains, or cells along a sample, without which a curve has no shape."""
+"""Fewest applied strains, or cells along a sample, for a curve."""
 Measured = tuple[float | None, str]
-"""Margin of one sample, and the measured value in words."""
+"""Margin of one sample, and the measured value as text."""
 
 
 def value_within(
@@ -42,10 +42,10 @@ def value_within(
     highest: float = np.inf,
     slack: float = 0.0,
 ) -> Finding:
-    """A value, or a whole curve over the applied strain, lies between two limits.
+    """A value, or a whole curve over the applied strain, is between two limits.
 
-    A value on a limit of 0 is outside. Where the paper gives the limits as approximate, a value may
-    be outside them by ``slack``.
+    A value equal to a limit of 0 is outside. If the paper's limits are approximate, a value may be
+    outside them by ``slack``.
     """
 
     def measure(sample: xr.Dataset) -> Measured:
@@ -73,7 +73,7 @@ def less_than(cube: xr.Dataset, about: Checkerboards, of: str, than: str) -> Fin
 def rises_and_falls(
     cube: xr.Dataset, about: Checkerboards, of: str, fall: PositiveFloat
 ) -> Finding:
-    """A curve rises to a peak within the test, and falls by a part ``fall`` of the peak after it.
+    """A curve rises to a peak within the test, then falls by the fraction ``fall`` of the peak.
 
     The fall of a curve without a peak within the test is 0.
     """
@@ -116,7 +116,7 @@ def largest_at_centre(
 ) -> Finding:
     """A local strain is positive at the centre, and larger there than elsewhere along the sample.
 
-    It is compared at one ``applied_strain``.
+    Both are compared at one ``applied_strain``.
     """
 
     def measure(sample: xr.Dataset) -> Measured:
@@ -140,9 +140,9 @@ def largest_at_centre(
 def stripe_toe(
     cube: xr.Dataset, about: Stripes, softer_than: PositiveFloat, visible: bool
 ) -> Finding:
-    """A curve of force begins much softer than it ends, as a J does, or does not.
+    """A force curve is J-shaped, or is not: much softer at its start than at its end.
 
-    A J is visible if the initial over the largest tangent is less than ``softer_than``.
+    It is if the ratio of the initial to the largest tangent is below ``softer_than``.
     """
 
     def measure(sample: xr.Dataset) -> Measured:
@@ -157,7 +157,7 @@ def stripe_toe(
 def same_curves(
     cube: xr.Dataset, about: Stripes, one: str, other: str, tolerance: PositiveFloat
 ) -> Finding:
-    """Two curves of a stripe differ by at most a part ``tolerance`` of the largest of ``other``."""
+    """Two curves of a stripe differ by at most ``tolerance`` times the largest of ``other``."""
 
     def measure(sample: xr.Dataset) -> Measured:
         reference = sample[other].values
@@ -173,7 +173,7 @@ def tangents(stripe: xr.Dataset) -> np.ndarray:
 
 
 def _each(samples: Samples, measure: Callable[[xr.Dataset], Measured]) -> Finding:
-    """The finding of samples that each have to satisfy the claim."""
+    """The finding for samples that each must satisfy the claim."""
     margins: dict[Labels, float] = {}
     texts: dict[Labels, str] = {}
     for labels in samples.complete:
@@ -186,7 +186,7 @@ def _each(samples: Samples, measure: Callable[[xr.Dataset], Measured]) -> Findin
     opening = f"{len(failing)} of {len(margins)} do not: " if failing else ""
     shown = failing or list(margins)
     first = sorted(shown, key=lambda labels: margins[labels])[:MOST_LISTED]
-    listed = ", ".join(f"{name_of(its)} {texts[its]}" for its in shown if its in first)
+    listed = ", ".join(f"{name_of(each)} {texts[each]}" for each in shown if each in first)
     more = f" and {len(shown) - len(first)} more" if len(shown) > len(first) else ""
     return Finding(
         min(margins.values()),

@@ -17,17 +17,17 @@ from knitlab.paper.finding import Labels, NotMeasured
 
 Design = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]
 BOUNDARY = "periodic"
-"""Boundary of the pure stripes that claims are about: the paper computes theirs without ends."""
+"""Boundary of the pure stripes of claims: the paper computes them without ends."""
 
 
 class Checkerboards(StrictModel):
     """Checkerboards (n_stripe, n_subunit) that a claim is about.
 
     Attributes:
-        designs: exactly these; if none are given, all in the cube
-        n_stripe: of these n_stripe, by default of any,
-        without: but not these.
-        at_least: number of designs that the paper has.
+        designs: these designs; by default all in the cube.
+        n_stripe: only designs with these n_stripe, by default any.
+        without: designs to leave out.
+        at_least: number of designs in the paper.
     """
 
     designs: Annotated[tuple[Design, ...], Field(strict=False)] = ()
@@ -40,8 +40,8 @@ class Stripes(StrictModel):
     """Pure stripes that a claim is about.
 
     Attributes:
-        smallest, largest: least and greatest stitches across the stripe, by knit.
-        at_least: number of stripes that the paper has.
+        smallest, largest: range of stitches across the stripe, by knit.
+        at_least: number of stripes in the paper.
     """
 
     smallest: dict[str, int] = Field(default_factory=dict)
@@ -54,10 +54,10 @@ class Samples:
     """Samples that a claim is about.
 
     Attributes:
-        cube: the cube that they are in.
-        complete: labels of those with a complete test.
-        wanted: how many the claim is about.
-        counted: what they are: designs or stripes.
+        cube: the cube of the samples.
+        complete: labels of the samples with a complete test.
+        wanted: number of samples that the claim is about.
+        counted: what is counted: designs or stripes.
     """
 
     cube: xr.Dataset
@@ -66,12 +66,12 @@ class Samples:
     counted: str
 
     def values(self, of: Callable[[xr.Dataset], float]) -> dict[Labels, float]:
-        """A number of each complete sample; samples for which it is not finite are left out."""
+        """A number for each complete sample, without samples for which it is not finite."""
         found = {labels: of(one_sample(self.cube, labels)) for labels in self.complete}
         return {labels: value for labels, value in found.items() if np.isfinite(value)}
 
     def too_few(self, measured: int) -> NotMeasured:
-        """The exception that too few samples are measured to test the claim."""
+        """The exception for too few measured samples."""
         count = f"{measured} of {self.wanted} {self.counted}"
         none = f"none of the {self.counted}"
         return NotMeasured(f"{count if measured else none} measured", self.wanted, self.counted)
@@ -83,10 +83,10 @@ def checkerboards(cube: xr.Dataset, about: Checkerboards, *variables: str) -> Sa
     Args:
         cube: the cube, at one value of every swept setting.
         about: which of them.
-        variables: names of what the cube must hold of them.
+        variables: names of variables that the cube must have.
 
     Raises:
-        NotMeasured: if the cube is of no checkerboards, or lacks a variable.
+        NotMeasured: if the cube has no checkerboards, or lacks a variable.
     """
     statuses = _statuses(cube, DESIGN_DIMS, "checkerboards", variables)
     asked: tuple[Labels, ...] = about.designs or tuple(
@@ -102,7 +102,7 @@ def checkerboards(cube: xr.Dataset, about: Checkerboards, *variables: str) -> Sa
 
 
 def stripes(cube: xr.Dataset, about: Stripes, *variables: str) -> Samples:
-    """The pure stripes of a cube that a claim is about; otherwise as :func:`checkerboards`."""
+    """The pure stripes of a cube that a claim is about; see :func:`checkerboards`."""
     statuses = {
         labels: status
         for labels, status in _statuses(cube, STRIPE_DIMS, "pure stripes", variables).items()
@@ -139,12 +139,12 @@ def one_sample(cube: xr.Dataset, labels: Labels) -> xr.Dataset:
 
 
 def name_of(labels: Labels) -> str:
-    """A sample as it is called in text: ``(4, 16)``, or ``rib 4``."""
+    """The name of a sample in text: ``(4, 16)``, or ``rib 4``."""
     first, second = labels[:2]
     return f"{first} {second}" if isinstance(first, str) else f"({first}, {second})"
 
 
 def unit_of(variable: str) -> str:
-    """A variable's unit as it follows a number; empty for a plain number."""
+    """The unit of a variable, to follow a number; empty for a plain number."""
     unit = VARIABLES[variable].units
     return "" if unit == "1" else f" {unit}"

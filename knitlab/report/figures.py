@@ -1,4 +1,4 @@
-"""The figures that show claims, each drawn once for the cubes that it is of."""
+"""The figures that show claims, each drawn once for its cubes."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,9 +12,9 @@ from knitlab.report.introduction import cube_name
 Key = tuple[str | None, tuple[Path, ...]]
 
 
-def figure_key(its: Judgement) -> Key:
-    """What tells the figure of a claim from others: its kind, and the cubes."""
-    return its.claim.statement.figure, its.cubes
+def figure_key(judgement: Judgement) -> Key:
+    """The kind of figure and the cubes, which identify the figure of a claim."""
+    return judgement.claim.statement.figure, judgement.cubes
 
 
 def draw_claims(
@@ -23,24 +23,28 @@ def draw_claims(
     """Draw the figures of all claims that were measured.
 
     Args:
-        judgements: the claims and what was found.
-        folder: where to draw them.
+        judgements: the claims and their verdicts.
+        folder: folder for the figures.
         selections: texts ``NAME=VALUE`` that the cubes were sliced by.
 
     Returns:
-        The files, and why a figure could not be drawn.
+        The files, and why some figures could not be drawn.
     """
     files: dict[Key, Path] = {}
     faults: list[Fault] = []
     refused: set[Key] = set()
-    for its in judgements:
-        kind, key = its.claim.statement.figure, figure_key(its)
-        if not kind or its.finding.verdict is Verdict.not_measured or key in files.keys() | refused:
+    for judgement in judgements:
+        kind, key = judgement.claim.statement.figure, figure_key(judgement)
+        if (
+            not kind
+            or judgement.finding.verdict is Verdict.not_measured
+            or key in files.keys() | refused
+        ):
             continue
-        label = cube_name(its.cubes[0]).replace("/", "-")
-        name = f"{label}-{kind}.png" if len(its.cubes) == 1 else f"{kind}.png"
+        label = cube_name(judgement.cubes[0]).replace("/", "-")
+        name = f"{label}-{kind}.png" if len(judgement.cubes) == 1 else f"{kind}.png"
         try:
-            files[key] = draw_figure(kind, its.cubes, folder / name, selections)
+            files[key] = draw_figure(kind, judgement.cubes, folder / name, selections)
         except BadInput as error:
             refused.add(key)
             faults += [Fault(f"figure {kind}", entry.problem) for entry in error.faults]

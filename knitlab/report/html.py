@@ -1,4 +1,4 @@
-"""The page of claims as one HTML file that holds its figures."""
+"""The page of claims as one HTML file with embedded figures."""
 
 import base64
 import html
@@ -19,7 +19,7 @@ td, th { padding: .3em .6em; text-align: left; vertical-align: top; border-botto
 
 
 def one_file(page: Page, figures: Mapping[Key, Path]) -> str:
-    """Write the page, with every figure in it.
+    """Write the page, with every figure embedded.
 
     Args:
         page: its content.
@@ -56,9 +56,9 @@ def _topic(summary: TopicSummary) -> str:
 def _section(section: Section, anchors: Mapping[Key, str]) -> str:
     head = "".join(f"<th>{_safe(name)}</th>" for name in section.columns.values())
     lines = []
-    for row, its in zip(section.rows, section.claims, strict=True):
+    for row, judgement in zip(section.rows, section.claims, strict=True):
         cells = {name: _safe(row[name]) for name in section.columns}
-        anchor = anchors.get(figure_key(its))
+        anchor = anchors.get(figure_key(judgement))
         cells["figure"] = f'<a href="#{anchor}">{cells["figure"]}</a>' if anchor else ""
         shown = "".join(f'<td class="{name}">{cell}</td>' for name, cell in cells.items())
         lines.append(f"<tr>{shown}</tr>")

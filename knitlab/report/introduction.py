@@ -1,4 +1,4 @@
-"""What a user of knitlab may rely on and what not: the claims topic by topic, in sentences."""
+"""What a user of knitlab may rely on: the claims topic by topic, in sentences."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,11 +26,11 @@ OPENINGS = {
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """How far the claims of a topic are to be relied on.
+    """The reliability of the claims of a topic.
 
     Attributes:
-        topic: what it is about.
-        sentences: pairs of what a user may do with some claims, and these claims.
+        topic: the topic.
+        sentences: pairs of an assessment of reliability and the claims that it applies to.
     """
 
     topic: str
@@ -40,15 +40,15 @@ class TopicSummary:
 def introduction(judgements: Sequence[Judgement]) -> list[TopicSummary]:
     """Which claims a user may rely on, topic by topic.
 
-    Claims that hold with a good margin are to be relied on if all designs that they are about were
-    measured and no other cube gives another verdict. Topics without claims are left out.
+    Claims that hold with a good margin are reliable if all their designs were measured and no other
+    cube gives another verdict. Topics without claims are left out.
     """
     topics = []
     for topic in TOPICS:
         groups: dict[str, list[str]] = {group: [] for group in OPENINGS}
-        for its in judgements:
-            if its.claim.statement.topic == topic:
-                groups[reliance(its)].append(_quoted(its))
+        for one in judgements:
+            if one.claim.statement.topic == topic:
+                groups[reliance(one)].append(_quoted(one))
         sentences = tuple(
             (OPENINGS[group], "; ".join(claims) + ".") for group, claims in groups.items() if claims
         )
@@ -57,32 +57,32 @@ def introduction(judgements: Sequence[Judgement]) -> list[TopicSummary]:
     return topics
 
 
-def reliance(its: Judgement) -> str:
-    """How far a user may rely on a claim: a name of :data:`OPENINGS`."""
-    finding = its.finding
+def reliance(one: Judgement) -> str:
+    """The reliability of a claim: a name of :data:`OPENINGS`."""
+    finding = one.finding
     if finding.grade is Grade.not_measured or finding.margin is None:
         return "not measured"
     if finding.grade is not Grade.holds:
         return "near" if finding.grade is Grade.near_miss else "gross"
     if finding.margin < GOOD:
         return "narrow"
-    return "reserved" if its.contrary or finding.judged < finding.wanted else "good"
+    return "reserved" if one.contrary or finding.judged < finding.wanted else "good"
 
 
-def _quoted(its: Judgement) -> str:
-    """The paper's words, the margin, and what limits it."""
-    finding = its.finding
+def _quoted(one: Judgement) -> str:
+    """The statement, its margin, and its limitations."""
+    finding = one.finding
     notes = [signed(finding.margin)]
     if 0 < finding.judged < finding.wanted:
         notes.append(finding.count)
-    if its.contrary:
-        notes.append(f"but it {contrary(its.contrary, cube_name)}")
+    if one.contrary:
+        notes.append(f"but it {contrary(one.contrary, cube_name)}")
     shown = ", ".join(note for note in notes if note)
-    return f"“{its.claim.quoted}”" + (f" ({shown})" if shown else "")
+    return f"“{one.claim.quoted}”" + (f" ({shown})" if shown else "")
 
 
 def cube_name(path: Path) -> str:
-    """The short name of a cube: the last two parts of its path, or of its folder's."""
+    """The short name of a cube: the last two parts of its path, or of the path of its folder."""
     parts = path.resolve().parts
     parts = parts[:-1] if path.name == "cube.nc" else parts
     return "/".join(parts[-2:]).removesuffix(".nc")

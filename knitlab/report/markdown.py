@@ -1,4 +1,4 @@
-"""The page of claims in Markdown; its figures are files beside it."""
+"""The page of claims in Markdown, with figures as files beside it."""
 
 from collections.abc import Mapping
 
@@ -12,7 +12,7 @@ def markdown(page: Page, links: Mapping[Key, str]) -> str:
 
     Args:
         page: its content.
-        links: where each figure lies, from the page's folder.
+        links: path of each figure, relative to the folder of the page.
     """
     lines = [f"# {page.title}", "", page.summary, ""]
     lines += ["## What you may rely on, and what not", "", EXPLAINED, ""]
@@ -31,8 +31,8 @@ def markdown(page: Page, links: Mapping[Key, str]) -> str:
 
 def _table(section: Section, links: Mapping[Key, str]) -> list[str]:
     lines = [f"| {' | '.join(section.columns.values())} |", f"|{'---|' * len(section.columns)}"]
-    for row, its in zip(section.rows, section.claims, strict=True):
-        link = links.get(figure_key(its))
+    for row, judgement in zip(section.rows, section.claims, strict=True):
+        link = links.get(figure_key(judgement))
         shown = row | {"figure": f"[{row['figure']}]({link})" if link else ""}
         cells = [shown[name].replace("|", "\\|") for name in section.columns]
         lines.append(f"| {' | '.join(cells)} |")

@@ -1,4 +1,4 @@
-"""The page of claims: what a user may rely on, and the table, with the figures that show them."""
+"""The page of claims: what a user may rely on, the table of claims, and their figures."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,10 +18,10 @@ TITLE = "The paper's claims"
 
 
 def check_suffix(page: Path) -> None:
-    """Refuse a page that is of no known format.
+    """Check the format of a page.
 
     Raises:
-        BadInput: if its suffix is of none.
+        BadInput: if its suffix is of no known format.
     """
     if page.suffix.lower() not in SUFFIXES:
         raise fault(f"output {page}", f"has no suffix of {', '.join(SUFFIXES)}; give one")
@@ -32,19 +32,19 @@ def write_page(
 ) -> tuple[list[Path], list[Fault]]:
     """Write the claims as a page.
 
-    An HTML page is one file that holds its figures; those of a Markdown page lie in a folder
-    beside it.
+    An HTML page is one file with embedded figures; those of a Markdown page are in a folder beside
+    it.
 
     Args:
-        judgements: the claims and what was found.
+        judgements: the claims and their verdicts.
         page: file to write, Markdown or HTML by its suffix.
         selections: texts ``NAME=VALUE`` that the cubes were sliced by.
 
     Returns:
-        The files, and why a figure could not be drawn.
+        The files, and why some figures could not be drawn.
 
     Raises:
-        BadInput: if the suffix is of neither.
+        BadInput: if the suffix is of no known format.
     """
     check_suffix(page)
     options = options_of(judgements)

@@ -1,4 +1,4 @@
-"""The table of claims as a page shows it, near misses apart from claims that fail by more."""
+"""The table of claims, with near misses separate from claims that fail by more."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ class Section:
 
     Attributes:
         grade: the grade.
-        columns: heads of the columns, by name.
+        columns: headings of the columns, by name.
         rows: the claims, in the order of their file; the cell ``figure`` is the kind of figure.
         claims: their judgements.
     """
@@ -55,7 +55,7 @@ class Page:
 
     Attributes:
         title: its title.
-        summary: how many claims hold.
+        summary: numbers of claims by verdict.
         topics: what a user may rely on, topic by topic.
         sections: the table, grade by grade.
         options: a letter for every set of model options.
@@ -69,25 +69,25 @@ class Page:
 
 
 def sections(judgements: Sequence[Judgement], options: Mapping[str, str]) -> list[Section]:
-    """The claims grade by grade; a grade that no claim has is left out.
+    """The claims grade by grade, without empty grades.
 
     Args:
-        judgements: the claims and what was found.
+        judgements: the claims and their verdicts.
         options: a letter for every set of model options, by their text.
     """
     found = []
     for grade in Grade:
-        claims = tuple(its for its in judgements if its.finding.grade is grade)
+        claims = tuple(one for one in judgements if one.finding.grade is grade)
         failing = grade in (Grade.near_miss, Grade.fails)
         columns = COLUMNS | ({"why_not": WHY_NOT} if failing else {})
         if claims:
-            rows = tuple(_row(its, options) for its in claims)
+            rows = tuple(_row(one, options) for one in claims)
             found.append(Section(grade, columns, rows, claims))
     return found
 
 
 def options_of(judgements: Sequence[Judgement]) -> dict[str, str]:
-    """A letter for every set of model options that some claim was judged under, by their text."""
+    """A letter for every set of model options of the judged samples, by their text."""
     texts = dict.fromkeys(
         sample.options
         for its in judgements

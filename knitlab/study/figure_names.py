@@ -1,39 +1,29 @@
 """Names and formats of the figures that a workflow can ask for. Needs no library."""
 
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from knitlab.io.errors import fault
+from knitlab.io.shipped import PACKAGE
 
-FigureName = Literal[
-    "auxetic",
-    "curves",
-    "shape",
-    "shapes",
-    "network",
-    "tension",
-    "samples",
-    "wavelength",
-    "sensitivity",
-    "sensor",
-    "capacitors",
-    "electrodes",
-    "wedge",
-    "readings",
-    "relaxation",
-    "folding",
-    "stripes",
-    "departure",
-]
+FIGURE_NAMES = tuple(
+    sorted(path.stem for path in (PACKAGE / "figures" / "kinds").glob("[a-z]*.py"))
+)
+"""One for each file of :mod:`knitlab.figures.kinds`, none of which is imported for its name."""
+if TYPE_CHECKING:
+    FigureName = str
+else:
+    FigureName = Literal[FIGURE_NAMES]
 COMPARING = ("readings",)
 """Those that show all values of swept settings side by side."""
-STILL = (".pdf", ".svg", ".png")
-MOVING = (".gif",)
+FILMS = ("folding",)
+STILL_SUFFIXES = (".pdf", ".svg", ".png")
+FILM_SUFFIXES = (".gif",)
 
 
 def suffixes(kind: str) -> tuple[str, ...]:
     """Formats that a kind of figure can be written in."""
-    return MOVING if kind == "folding" else STILL
+    return FILM_SUFFIXES if kind in FILMS else STILL_SUFFIXES
 
 
 def check_still(output: Path) -> None:
@@ -42,5 +32,7 @@ def check_still(output: Path) -> None:
     Raises:
         BadInput: if so.
     """
-    if output.suffix.lower() not in STILL:
-        raise fault(f"output {output}", f"has no suffix of a figure; give {', '.join(STILL)}")
+    if output.suffix.lower() not in STILL_SUFFIXES:
+        raise fault(
+            f"output {output}", f"has no suffix of a figure; give {', '.join(STILL_SUFFIXES)}"
+        )

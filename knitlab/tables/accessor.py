@@ -16,7 +16,7 @@ __all__ = ["KnitlabAccessor", "open_cube"]
 
 @xr.register_dataset_accessor("knitlab")
 class KnitlabAccessor:
-    """Queries of a cube that is open; ``cube.knitlab`` makes it.
+    """Queries of an open cube, available as ``cube.knitlab``.
 
     Args:
         cube: a cube of results, see :func:`knitlab.open_cube`.
@@ -26,7 +26,7 @@ class KnitlabAccessor:
         self._cube = cube
 
     def select(self, **selections: Any) -> xr.Dataset:
-        """The cube at some values of its coordinates; every dimension stays.
+        """The cube at selected values of its coordinates; all dimensions are kept.
 
         Args:
             selections: a value or a list of values for each coordinate: ``n_stripe=[4, 6]``.
@@ -35,7 +35,7 @@ class KnitlabAccessor:
             The slice of the cube.
 
         Raises:
-            BadInput: with every selection that the cube does not have.
+            BadInput: with every selection that does not exist in the cube.
 
         Example:
             >>> import knitlab as kl
@@ -67,7 +67,7 @@ class KnitlabAccessor:
             The table, in the units of the cube's variables.
 
         Raises:
-            BadInput: with everything that is wrong in these arguments.
+            BadInput: with every fault of these arguments.
 
         Example:
             >>> import knitlab as kl

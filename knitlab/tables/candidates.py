@@ -1,4 +1,4 @@
-"""Candidates: the designs of several cubes that are ok, with any variable of them."""
+"""Candidates: the designs of several cubes that are ok, with their variables."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ from knitlab.tables.strain_window import STRAIN, StrainWindow
 
 @dataclass(frozen=True)
 class Candidates:
-    """Designs of cubes along the same dimensions, one after the other.
+    """Designs of several cubes along the same dimensions.
 
     Attributes:
         cubes: the cubes.
         table: one row for each design that is ok, with all variables that are single numbers.
-        passed_over: how many designs are not ok.
+        passed_over: number of designs that are not ok.
     """
 
     cubes: tuple[PlainCube, ...]
@@ -49,10 +49,10 @@ class Candidates:
 
         Args:
             name: the variable.
-            source: what asked for it, for a fault.
+            source: where it was requested, for the message.
 
         Raises:
-            BadInput: if no cube has it, or it lies along something else too.
+            BadInput: if no cube has it, or it has further dimensions.
         """
         dims = [
             set(cube.dims[name]) - set(cube.design_dims) for cube in self.cubes if name in cube.dims
@@ -63,11 +63,13 @@ class Candidates:
         further = set().union(*dims) - {STRAIN}
         if further:
             along = ", ".join(sorted(further))
-            raise fault(source, f"{name} lies along {along} too; take a variable of whole designs")
-        return any(STRAIN in its for its in dims)
+            raise fault(
+                source, f"{name} has the dimension {along}; give a variable of whole designs"
+            )
+        return any(STRAIN in along for along in dims)
 
     def numbers(self, name: str) -> Float[np.ndarray, " design"]:
-        """A variable of designs; NaN where a cube does not have it."""
+        """A variable of the designs; NaN if a cube does not have it."""
         return self.table[name].to_numpy(float, na_value=np.nan)
 
     def curves(self, name: str, window: StrainWindow) -> tuple[np.ndarray, np.ndarray]:
@@ -78,12 +80,12 @@ class Candidates:
         """
         read = [self._curves_of(cube, name, window) for cube in self.cubes]
         at = np.unique(np.concatenate([strains for strains, _ in read]))
-        # Curves are linear between the strains at which they were read, so nothing is lost.
-        together = [
+        # Curves are linear between the strains at which they were read, so interpolation is exact.
+        combined = [
             np.array([np.interp(at, strains, row) for row in rows]).reshape(len(rows), len(at))
             for strains, rows in read
         ]
-        return at, np.concatenate(together)
+        return at, np.concatenate(combined)
 
     def _curves_of(
         self, cube: PlainCube, name: str, window: StrainWindow

@@ -21,7 +21,7 @@ COMPARED = (
     "reaction_force",
     "capacitance_ratio",
 )
-"""Curves along the applied strain that both may have."""
+"""Curves along the applied strain that can be compared."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class Difference:
 
     Attributes:
         strains: number of strains at which they are compared.
-        rms: root of the mean square difference.
-        uncertainty: its standard error, by those of the measured curve.
-        noise: rms to expect of equal curves from those errors.
+        rms: root mean square difference.
+        uncertainty: its standard error, from the errors of the measured curve.
+        noise: RMS difference that these errors would cause for equal curves.
     """
 
     strains: int
@@ -50,39 +50,39 @@ def difference(
     the uncertainty.
 
     Args:
-        simulated: NaN where missing.
-        measured: likewise.
-        errors: standard errors of the measured.
+        simulated: simulated values, NaN where missing.
+        measured: measured values, NaN where missing.
+        errors: standard errors of the measured values.
     """
     both = np.isfinite(simulated) & np.isfinite(measured)
     count = int(both.sum())
     if not count:
         return None
-    apart, error = (simulated - measured)[both], errors[both]
-    rms = float(np.sqrt((apart**2).mean()))
+    deviation, error = (simulated - measured)[both], errors[both]
+    rms = float(np.sqrt((deviation**2).mean()))
     if np.isnan(error).all():
         return Difference(count, rms, np.nan, np.nan)
     error = np.nan_to_num(error)
     noise = float(np.sqrt((error**2).mean()))
-    # Near 0 the root is not linear in the errors any more, and the errors themselves bound it.
-    by_slope = np.sqrt((apart**2 * error**2).sum()) / (count * rms) if rms > noise else noise
+    # Near 0 the root is not linear in the errors, and is bounded by the errors themselves.
+    by_slope = np.sqrt((deviation**2 * error**2).sum()) / (count * rms) if rms > noise else noise
     return Difference(count, rms, float(by_slope), noise)
 
 
 def compared(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> pd.DataFrame:
     """Differences of every curve of every design that a simulation and an experiment both have.
 
-    The simulation is taken at the measured strains on straight lines between its own, and its
-    force for as many unit cells across as the measured sample has. Capacitances, which depend on
-    the length of the electrodes, are compared over that at the first strain that both have.
+    The simulation is interpolated linearly to the measured strains, and its force is scaled to the
+    number of unit cells across the measured sample. Capacitances, which depend on the length of the
+    electrodes, are normalised at the first common strain.
 
     Returns:
-        A row for each: its source, number of strains, RMS difference, its uncertainty, the noise,
-        and the largest value measured, in the variable's units.
+        One row for each curve: source, number of strains, RMS difference, its uncertainty, the
+        noise, and the largest measured value, in the unit of the variable.
 
     Raises:
-        BadInput: if the cubes are not one simulation and experiments, lie along swept settings,
-            or have no curve of a design in common.
+        BadInput: if the cubes are not one simulation and experiments, have swept settings, or have
+            no curve of a design in common.
     """
     _check(simulation, experiments)
     simulation = simulation.isel(dict.fromkeys(swept_dims(simulation), 0), drop=True)
@@ -128,7 +128,7 @@ def _measured_cells(experiment: xr.Dataset) -> list[xr.Dataset]:
 
 
 def _cells_across(cell: xr.Dataset) -> int:
-    """Unit cells that a simulated sample is wide."""
+    """Number of unit cells across a simulated sample."""
     return int(cell["strain_yy"].notnull().any(["applied_strain", "cell_y"]).sum())
 
 
@@ -174,7 +174,7 @@ def _row(
 
 
 def _errors(name: str, cell: xr.Dataset) -> np.ndarray:
-    """Standard errors of a measured curve; NaN where they are not known."""
+    """Standard errors of a measured curve; NaN if unknown."""
     values = cell[name].values
     if name == "capacitance_ratio" and "capacitance_error" in cell:
         return np.asarray(cell["capacitance_error"].values * values)

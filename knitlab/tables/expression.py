@@ -1,6 +1,6 @@
 """Expressions of ``where``: parsed into a small set of operations, never evaluated as Python.
 
-What is missing fulfils no condition, nor the negation of one; a division by zero is missing.
+Missing values fulfil no condition and no negation of one; a division by zero gives a missing value.
 """
 
 import ast
@@ -36,7 +36,7 @@ ALLOWED = (
 
 
 def no_column(name: str, table: pd.DataFrame) -> str:
-    """Say why a table has no such column: its dimensions are not selected, or it is unknown."""
+    """Message about a missing column: its dimensions are not selected, or it is unknown."""
     along = set(table.attrs.get("dims", {}).get(name, ())) - set(table.columns)
     if along:
         selections = " and ".join(f"{dim}=VALUE" for dim in sorted(along))
@@ -45,21 +45,21 @@ def no_column(name: str, table: pd.DataFrame) -> str:
 
 
 def holds(expression: str, table: pd.DataFrame) -> pd.Series:
-    """For which rows of a table an expression over its columns is true.
+    """Whether an expression over the columns of a table is true, for each row.
 
     Args:
         expression: for example ``poisson_ratio_min < -0.3 and status == "ok"``.
-        table: one column a variable; words that a column may hold are in ``attrs["words"]``.
+        table: one column for each variable; ``attrs["words"]`` has the words that columns may have.
 
     Raises:
-        BadInput: if it cannot be parsed, holds anything but :data:`ALLOWED`, names a column
-            that is not there or a word that no row could hold, compares a word with a number, or
-            is not a condition.
+        BadInput: if it cannot be parsed, contains anything but :data:`ALLOWED`, names an unknown
+            column or a word that the column cannot have, compares a word with a number, or is not
+            a condition.
     """
     where = f"where {expression!r}"
     plain = expression.strip()
     for place, (part, column) in enumerate(reduced_columns(plain).items()):
-        # Under a name that Python can parse; two texts of one column are one.
+        # Under a name that Python can parse; different texts for one column give the same name.
         plain = plain.replace(part, f"{REDUCED}{place}")
         table = table.assign(**{f"{REDUCED}{place}": table[column.label]})
     try:
@@ -106,13 +106,13 @@ def _value(node: ast.expr, table: pd.DataFrame, where: str) -> Any:
             return _is_one_of(left, many.elts, table, where)
         case ast.Compare(left=left, ops=ops, comparators=comparators):
             return _comparison(left, ops, comparators, table, where)
-    raise fault(where, f"holds what is not allowed here ({type(node).__name__}); use {ALLOWED}")
+    raise fault(where, f"contains {type(node).__name__}, which is not allowed; use {ALLOWED}")
 
 
 def _column(node: ast.expr, table: pd.DataFrame, where: str) -> pd.Series:
     values = _value(node, table, where)
     if not isinstance(values, pd.Series):
-        raise fault(where, f"{ast.unparse(node)!r} is no column; name one")
+        raise fault(where, f"{ast.unparse(node)!r} is not a column; name one")
     return values
 
 
@@ -127,7 +127,7 @@ def _is_one_of(
 
 
 def _finite(values: pd.Series) -> pd.Series:
-    """Numbers, missing where a division by zero left none."""
+    """Numbers, with missing values for divisions by zero."""
     return values.where((values - values) == 0)
 
 
@@ -151,7 +151,7 @@ def _comparison(
 ) -> Any:
     values = [_value(operand, table, where) for operand in (left, *comparators)]
     if any(type(op) not in COMPARISONS for op in ops):
-        raise fault(where, f"holds a comparison that is not allowed here; use {ALLOWED}")
+        raise fault(where, f"contains a comparison that is not allowed; use {ALLOWED}")
     truths = [
         COMPARISONS[type(op)](*_alike(before, after, table, where))
         for op, before, after in zip(ops, values, values[1:], strict=False)
@@ -163,10 +163,10 @@ def _comparison(
 
 
 def _alike(one: Any, other: Any, table: pd.DataFrame, where: str) -> tuple[Any, Any]:
-    """Both sides of a comparison; words without regard to case, each of them checked.
+    """Both sides of a comparison, with words checked and case-folded.
 
     Raises:
-        BadInput: if a word is compared with a number, or is none that its column could hold.
+        BadInput: if a word is compared with a number, or its column cannot have it.
     """
     if not (_is_word(one) or _is_word(other)):
         return one, other

@@ -1,4 +1,4 @@
-"""Finding: which designs of cubes come closest to wanted values, without a simulation."""
+"""Finding the designs of cubes that come closest to targets, without simulation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,20 +20,20 @@ Numbers = Float[np.ndarray, " design"]
 
 @dataclass(frozen=True)
 class Reached:
-    """How far the candidates are from one target.
+    """Distances of the candidates from one target.
 
     Attributes:
         target: the target.
-        at: strains that it was read at, or none of a single number [1].
-        values: what the candidates have there, (design, strain), or (design, 1) of a number.
-        obtained: one number for each: the value, or the mean over the window.
-        off_by: distance from what is wanted, in the variable's unit: of a curve the root mean
+        at: strains at which the variable was evaluated; empty for a single number [1].
+        values: values of the candidates at these, (design, strain), or (design, 1) for a number.
+        obtained: one number for each candidate: the value, or the mean over the window.
+        off_by: distance from the target, in the unit of the variable; for a curve the root mean
             square over the window.
-        worst: the same of the worst fabric within the spread over a design's siblings; the same
-            as ``off_by`` where the spread is not known.
-        covered: whether the spread over a design's siblings overlaps what is wanted at every
-            strain; ``None`` where the spread is not known.
-        band: lowest and highest of the siblings, like ``values``; none of a single number.
+        worst: the same for the worst fabric within the spread over a design's siblings; equal to
+            ``off_by`` if the spread is unknown.
+        covered: whether the spread over a design's siblings overlaps the target at every strain;
+            ``None`` if the spread is unknown.
+        band: lowest and highest values of the siblings, like ``values``; empty for a number.
     """
 
     target: Target
@@ -47,7 +47,7 @@ class Reached:
 
     @property
     def scale(self) -> float:
-        """Distance that counts as one: the tolerance, or the scatter among the candidates."""
+        """Unit of distance: the tolerance, or the scatter among the candidates."""
         if self.target.tolerance is not None:
             return self.target.tolerance
         scatter = float(np.nanstd(self.obtained)) if np.isfinite(self.obtained).any() else 0.0
@@ -61,10 +61,10 @@ class Found:
 
     Attributes:
         table: one row for each design: labels, distance, and for the first target ``value_1``,
-            the value or the mean over its window, ``off_by_1``, how far that is off in the
-            variable's unit, and ``in_spread_1``, whether the spread covers the target; likewise
-            for the others. Then the values that were required.
-        reached: how far from each target they are, in the order of the table.
+            the value or the mean over its window, ``off_by_1``, the distance in the unit of the
+            variable, and ``in_spread_1``, whether the spread covers the target; and so on for the
+            others. Then the values of the constraints.
+        reached: distances from each target, in the order of the table.
         passed_over: designs that were not considered, by reason.
     """
 
@@ -86,22 +86,22 @@ def find_designs(
 
     Args:
         cubes: cubes of designs along the same dimensions.
-        targets: what is wanted.
-        subject_to: what must be met; designs that do not are left out.
-        most: how many designs are kept, all by default.
+        targets: the targets.
+        subject_to: targets that must be met; other designs are left out.
+        most: largest number of designs to return, all by default.
 
     Raises:
-        BadInput: if there is no target, or one names what the cubes do not have.
+        BadInput: if there is no target, or if the cubes lack the variable of one.
     """
     if not targets:
-        raise fault("targets", "none is given; say what is wanted")
+        raise fault("targets", "none is given; give a target")
     candidates = Candidates.of(cubes)
     required = [reach(candidates, target) for target in subject_to]
     allowed = np.ones(len(candidates.table), bool)
-    for its in required:
-        allowed &= its.off_by == 0
+    for constraint in required:
+        allowed &= constraint.off_by == 0
     reached = [reach(candidates, target) for target in targets]
-    parts = np.stack([its.off_by / its.scale for its in reached])
+    parts = np.stack([each.off_by / each.scale for each in reached])
     distance = np.sqrt(np.mean(parts**2, axis=0))
     known = np.isfinite(distance)
     order = np.argsort(np.where(allowed & known, distance, np.inf), kind="stable")
@@ -114,21 +114,21 @@ def find_designs(
     dims = [name for name in ("cube", "boundary") if name in candidates.table]
     table = candidates.table[[*cubes[0].design_dims, *dims]].iloc[order].reset_index(drop=True)
     table[DISTANCE] = distance[order]
-    ordered = tuple(in_order(its, order) for its in reached)
-    for number, its in enumerate(ordered, start=1):
-        table[f"value_{number}"] = its.obtained
-        table[f"off_by_{number}"] = its.off_by
-        table[f"in_spread_{number}"] = [COVERED[covers] for covers in its.covered]
-    for its in required:
-        table[its.target.label] = its.obtained[order]
+    ordered = tuple(in_order(each, order) for each in reached)
+    for number, each in enumerate(ordered, start=1):
+        table[f"value_{number}"] = each.obtained
+        table[f"off_by_{number}"] = each.off_by
+        table[f"in_spread_{number}"] = [COVERED[covers] for covers in each.covered]
+    for constraint in required:
+        table[constraint.target.label] = constraint.obtained[order]
     return Found(table, ordered, {reason: count for reason, count in passed_over.items() if count})
 
 
 def reach(candidates: Candidates, target: Target) -> Reached:
-    """How far candidates are from a target.
+    """Distances of candidates from a target.
 
     Raises:
-        BadInput: if the target names what the cubes do not have, or needs a window of strain.
+        BadInput: if the cubes lack its variable, or it needs a window of strain.
     """
     source = f"target {target.text}"
     check_window(target, candidates.lies_along_strain(target.name, source), source)
@@ -147,12 +147,12 @@ def reach(candidates: Candidates, target: Target) -> Reached:
     read = [curves, *band]
     if target.reduction is None:
         obtained = REDUCTIONS["mean"](at, curves)
-        excess = [target.excess(its, at) for its in read]
-        off_by, worst = (root_mean_square(at, its) for its in (excess[0], np.fmax.reduce(excess)))
+        excess = [target.excess(item, at) for item in read]
+        off_by, worst = (root_mean_square(at, item) for item in (excess[0], np.fmax.reduce(excess)))
     else:
-        read = [REDUCTIONS[target.reduction](at, its)[:, None] for its in read]
+        read = [REDUCTIONS[target.reduction](at, item)[:, None] for item in read]
         obtained = read[0][:, 0]
-        excess = [target.excess(its, at)[:, 0] for its in read]
+        excess = [target.excess(item, at)[:, 0] for item in read]
         off_by, worst = excess[0], np.fmax.reduce(excess)
     covered = _covered(target, at, read[1:], len(curves))
     return Reached(target, at, curves, obtained, off_by, worst, covered, tuple(band))
@@ -161,18 +161,18 @@ def reach(candidates: Candidates, target: Target) -> Reached:
 def _covered(
     target: Target, at: np.ndarray, band: Sequence[np.ndarray], designs: int
 ) -> tuple[bool | None, ...]:
-    """Whether the bands of designs overlap what is wanted, at every strain."""
+    """Whether the bands of designs overlap the target at every strain."""
     if not band:
         return (None,) * designs
     lowest, highest = np.minimum(*band), np.maximum(*band)
     low, high = target.bounds(at)
     known = np.isfinite(lowest).all(axis=1)
     overlaps = ((lowest <= high) & (highest >= low)).all(axis=1)
-    return tuple(bool(its) if there else None for its, there in zip(overlaps, known, strict=True))
+    return tuple(bool(a) if b else None for a, b in zip(overlaps, known, strict=True))
 
 
 def in_order(reached: Reached, order: np.ndarray) -> Reached:
-    """The candidates in another order, or some of them."""
+    """The candidates in another order, or a subset of them."""
     return Reached(
         reached.target,
         reached.at,

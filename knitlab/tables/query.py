@@ -9,7 +9,7 @@ import pandas as pd
 from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput, Fault
 from knitlab.io.plain_cube import PlainCube
-from knitlab.io.schema import FLAGS, SIMULATION, SOURCE, VARIABLES, WHOLE
+from knitlab.io.schema import FLAGS, INTEGERS, SIMULATION, SOURCE, VARIABLES
 from knitlab.tables.expression import holds, no_column
 from knitlab.tables.reduced_columns import relabelled, with_columns
 from knitlab.tables.selection import chosen_places, refuse_others, selections_along
@@ -19,10 +19,10 @@ STRIPE_NUMBERS = [name for name, variable in VARIABLES.items() if variable.of ==
 
 
 def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFrame:
-    """One row a design, one column a variable; excluded combinations are left out.
+    """One row for each design, one column for each variable, without excluded combinations.
 
-    Variables along other dimensions appear once all of those are selected, with a row for each
-    of the values that were chosen.
+    Variables with further dimensions appear once all of these are selected, with a row for each
+    selected value.
 
     Args:
         cube: the cube.
@@ -41,7 +41,7 @@ def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFra
         values = np.asarray(cube.read(name))
         return values[np.ix_(*(places[dim] for dim in cube.dims[name]))] if values.ndim else values
 
-    # A row for each design that is there, at each of the other values.
+    # A row for each existing design, at each value of the other dimensions.
     present = sliced("status") != Status.excluded
     others = [len(places[name]) for name in along[present.ndim :]]
     grid = np.broadcast_to(
@@ -56,18 +56,18 @@ def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFra
     for name in FLAGS.keys() & set(table):
         names = {flag.value: flag.name for flag in FLAGS[name]}
         table[name] = [names.get(code) for code in table[name]]
-    for name in set(WHOLE) & set(table) - set(FLAGS):
+    for name in set(INTEGERS) & set(table) - set(FLAGS):
         table[name] = table[name].astype("Int64")
     return table
 
 
 def designs_of_all(cubes: Sequence[PlainCube], selections: Sequence[str] = ()) -> pd.DataFrame:
-    """The tables of several cubes below one another, with the source of each row.
+    """The concatenated tables of several cubes, with the source of each row.
 
-    A cube that does not lie along what is selected, as a simulation along cycles, is taken whole.
+    A cube without a selected dimension, such as a simulation without cycles, is not sliced by it.
 
     Args:
-        cubes: of designs along the same dimensions.
+        cubes: cubes of designs along the same dimensions.
         selections: see :func:`designs_table`.
 
     Raises:
@@ -86,21 +86,21 @@ def designs_of_all(cubes: Sequence[PlainCube], selections: Sequence[str] = ()) -
             if name not in table:
                 table.insert(place, name, value)
         tables.append(table)
-    together = pd.concat(tables, ignore_index=True)
-    together.attrs = tables[0].attrs
-    together.attrs["dims"] = {name: dims for cube in cubes for name, dims in cube.dims.items()}
-    return together
+    combined = pd.concat(tables, ignore_index=True)
+    combined.attrs = tables[0].attrs
+    combined.attrs["dims"] = {name: dims for cube in cubes for name, dims in cube.dims.items()}
+    return combined
 
 
 def _origin(cube: PlainCube, cubes: Sequence[PlainCube]) -> dict[str, Any]:
-    """What distinguishes a cube from others: its name, boundary, and model options that differ."""
+    """Name, boundary and differing model options of a cube, to distinguish it from others."""
     differing = {
         name
-        for name in cube.reading.keys() | {name for its in cubes for name in its.reading}
-        if len({its.reading.get(name) for its in cubes}) > 1
+        for name in {name for other in cubes for name in other.options}
+        if len({other.options.get(name) for other in cubes}) > 1
     }
     shown = sorted(differing | {"boundary"}, key=lambda name: (name != "boundary", name))
-    return {"cube": cube.name} | {name: cube.reading.get(name) for name in shown}
+    return {"cube": cube.name} | {name: cube.options.get(name) for name in shown}
 
 
 def query_cubes(
@@ -115,14 +115,14 @@ def query_cubes(
     Columns may be reductions over a window of strain, such as ``mean(poisson_ratio, 0.05:0.25)``.
 
     Args:
-        cubes: of designs along the same dimensions.
+        cubes: cubes of designs along the same dimensions.
         selections: see :func:`designs_table`.
         where: see :func:`queried`.
-        sort: likewise.
-        columns: likewise.
+        sort: see :func:`queried`.
+        columns: see :func:`queried`.
 
     Raises:
-        BadInput: with everything that is wrong in these arguments.
+        BadInput: with every fault of these arguments.
     """
     keys = [sort] if isinstance(sort, str) else list(sort or ())
     known = with_columns(cubes, [where or "", *keys, *(columns or ())])
@@ -137,16 +137,16 @@ def queried(
     sort: str | Sequence[str] | None = None,
     columns: Sequence[str] | None = None,
 ) -> pd.DataFrame:
-    """The rows for which an expression holds, sorted, and the columns that were asked for.
+    """The rows for which an expression holds, sorted, with the requested columns.
 
     Args:
-        table: of :func:`designs_table`.
+        table: a table of :func:`designs_table`.
         where: expression over its columns, see :func:`~knitlab.tables.expression.holds`.
         sort: column to sort by, or several, the first one first; a leading minus sorts descending.
         columns: columns to keep, by default all but the stripe numbers.
 
     Raises:
-        BadInput: if the expression is at fault or a column is not there.
+        BadInput: if the expression is at fault or a column does not exist.
     """
     faults = [
         Fault(f"columns {name}", no_column(name, table))

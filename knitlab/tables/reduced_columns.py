@@ -1,4 +1,4 @@
-"""Columns that sum up a curve over a window of strain: ``mean(poisson_ratio, 0.05:0.25)``."""
+"""Columns that reduce a curve over a window of strain: ``mean(poisson_ratio, 0.05:0.25)``."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -18,12 +18,12 @@ _CALL = re.compile(
 
 @dataclass(frozen=True)
 class ReducedColumn:
-    """A column that no cube has, but that follows from one along the applied strain.
+    """A column that is a reduction of a variable along the applied strain.
 
     Attributes:
-        reduction: of :data:`~knitlab.tables.strain_window.REDUCTIONS`.
+        reduction: name in :data:`~knitlab.tables.strain_window.REDUCTIONS`.
         name: variable of the cube.
-        window: strains that it is reduced over.
+        window: strains over which it is reduced.
     """
 
     reduction: str
@@ -32,12 +32,12 @@ class ReducedColumn:
 
     @property
     def label(self) -> str:
-        """The name of the column, written in one way."""
+        """The canonical name of the column."""
         return f"{self.reduction}({self.name}, {self.window})"
 
 
 def reduced_columns(text: str) -> dict[str, ReducedColumn]:
-    """The reduced columns that a text names, each by the part of the text that does so.
+    """The reduced columns in a text, by the parts of the text that name them.
 
     Raises:
         BadInput: if one names no window.
@@ -51,23 +51,23 @@ def reduced_columns(text: str) -> dict[str, ReducedColumn]:
 
 
 def relabelled(text: str) -> str:
-    """A text with every reduced column under its own label."""
+    """A text with the canonical name of every reduced column."""
     for part, column in reduced_columns(text).items():
         text = text.replace(part, column.label)
     return text
 
 
 def with_columns(cubes: Sequence[PlainCube], texts: Iterable[str]) -> list[PlainCube]:
-    """Cubes with the reduced columns that some texts name as further variables of the designs.
+    """Cubes with the reduced columns of some texts as additional variables.
 
     Args:
         cubes: the cubes.
         texts: conditions, names of columns, and so on.
 
     Raises:
-        BadInput: if a column reduces what is no curve of any cube.
+        BadInput: if no cube has the curve that a column reduces.
     """
-    wanted = {its.label: its for text in texts for its in reduced_columns(text).values()}
+    wanted = {column.label: column for t in texts for column in reduced_columns(t).values()}
     for label, column in wanted.items():
         _check(cubes, label, column)
     return [_with(cube, wanted) for cube in cubes]
@@ -85,7 +85,7 @@ def _check(cubes: Sequence[PlainCube], label: str, column: ReducedColumn) -> Non
 
 
 def _with(cube: PlainCube, wanted: dict[str, ReducedColumn]) -> PlainCube:
-    own = {label: its for label, its in wanted.items() if its.name in cube.dims}
+    own = {label: column for label, column in wanted.items() if column.name in cube.dims}
 
     def read(name: str) -> np.ndarray:
         if name not in own:

@@ -13,18 +13,18 @@ if TYPE_CHECKING:
     import xarray as xr
 
 MOST_CHOICES = 30
-"""Values of a coordinate that a message lists."""
+"""Largest number of values of a coordinate that a message lists."""
 
 
 def selected(cube: "xr.Dataset", selections: Sequence[str]) -> "xr.Dataset":
-    """Keep the coordinate values that are named; every dimension stays.
+    """Keep the selected values of coordinates; all dimensions are kept.
 
     Args:
         cube: the cube.
         selections: texts ``NAME=VALUE`` or ``NAME=VALUE,VALUE``.
 
     Raises:
-        BadInput: with every selection that is malformed or names what is not there.
+        BadInput: with every selection that is malformed or does not exist.
     """
     return cube.isel(chosen_places(PlainCube.of(cube).coordinates, selections))
 
@@ -46,26 +46,26 @@ def selection_texts(selections: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def coordinate_of(text: str) -> str:
-    """What a selection selects along."""
+    """The coordinate of a selection."""
     return text.partition("=")[0].strip()
 
 
 def selections_along(selections: Sequence[str], names: Iterable[Hashable]) -> list[str]:
-    """The selections along some names; those along others do not concern a cube."""
+    """The selections along coordinates of these names."""
     known = set(names)
     return [text for text in selections if coordinate_of(text) in known]
 
 
 def refuse_others(selections: Sequence[str], known: Iterable[str], problem: str) -> None:
-    """Refuse selections along anything but what is known.
+    """Check the coordinates of selections.
 
     Args:
         selections: texts ``NAME=VALUE``.
-        known: names that may be selected along.
-        problem: what is wrong with the others.
+        known: names of coordinates that may be selected.
+        problem: message about other coordinates.
 
     Raises:
-        BadInput: with every selection that is along something else.
+        BadInput: with every selection along another coordinate.
     """
     names = set(known)
     faults = [
@@ -78,21 +78,21 @@ def refuse_others(selections: Sequence[str], known: Iterable[str], problem: str)
 
 
 def choices(cube: "xr.Dataset", dims: Iterable[str]) -> str:
-    """The values that dimensions of a cube have, in words."""
+    """The values of dimensions of a cube, as text."""
     return "; ".join(f"{dim} of {', '.join(map(str, cube[dim].values))}" for dim in dims)
 
 
 def chosen_places(
     coordinates: Mapping[str, np.ndarray], selections: Sequence[str]
 ) -> dict[str, list[int]]:
-    """Where the values that selections name lie along their coordinates.
+    """Indices of the selected values along their coordinates.
 
     Args:
         coordinates: values along every labelled dimension.
         selections: texts ``NAME=VALUE`` or ``NAME=VALUE,VALUE``.
 
     Raises:
-        BadInput: with every selection that is malformed or names what is not there.
+        BadInput: with every selection that is malformed or does not exist.
     """
     chosen: dict[str, list[int]] = {}
     faults = []

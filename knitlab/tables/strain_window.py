@@ -1,4 +1,4 @@
-"""Windows of applied strain: curves interpolated over them, and what sums a curve up."""
+"""Windows of applied strain: interpolation and reduction of curves."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,9 +9,9 @@ from jaxtyping import Float
 from knitlab.io.errors import fault
 
 STRAIN = "applied_strain"
-"""Dimension that windows lie along."""
+"""Dimension of windows."""
 PARTS = 64
-"""Even parts of a window at whose ends a curve is read, beside the strains that were simulated."""
+"""Number of equal intervals of a window at whose ends a curve is interpolated."""
 
 Curves = Float[np.ndarray, "design strain"]
 Numbers = Float[np.ndarray, " design"]
@@ -19,7 +19,7 @@ Numbers = Float[np.ndarray, " design"]
 
 @dataclass(frozen=True)
 class StrainWindow:
-    """Strains from one to another, or a single one.
+    """A range of strains, or a single one.
 
     Attributes:
         start: first applied strain [1].
@@ -39,21 +39,21 @@ class StrainWindow:
 
     @classmethod
     def of(cls, text: str, source: str) -> "StrainWindow":
-        """The window that a text ``STRAIN`` or ``STRAIN:STRAIN`` names.
+        """The window of a text ``STRAIN`` or ``STRAIN:STRAIN``.
 
         Args:
             text: for example ``0.05:0.25``.
-            source: what it is part of, for a fault.
+            source: where it occurs, for the message.
 
         Raises:
-            BadInput: if it is none, or does not ascend from at least 0.
+            BadInput: if it is not a window, or does not ascend from at least 0.
         """
         try:
             start, *rest = (float(part) for part in text.split(":"))
             (stop,) = rest or (start,)
         except ValueError:
             example = "give one strain or two, such as 0.05:0.25"
-            raise fault(source, f"{text.strip()!r} is no window of strain; {example}") from None
+            raise fault(source, f"{text.strip()!r} is not a window of strain; {example}") from None
         if not 0 <= start <= stop < np.inf:
             raise fault(source, f"the window {text.strip()} does not ascend from at least 0")
         return cls(start, stop)
@@ -61,15 +61,16 @@ class StrainWindow:
     def read(
         self, strains: Float[np.ndarray, " grid"], values: Curves
     ) -> tuple[Float[np.ndarray, " point"], Float[np.ndarray, "design point"]]:
-        """Curves over the window, linear between the strains that were simulated.
+        """Curves over the window, interpolated linearly between simulated strains.
 
         Args:
-            strains: of the curves, ascending [1].
-            values: of every design at these, NaN where missing.
+            strains: strains of the curves, ascending [1].
+            values: values of every design at these strains, NaN where missing.
 
         Returns:
-            Strains of the window, ascending, and the curves there: NaN beyond what is known. What
-            has no value in the relaxed state, as Poisson's ratio, has that of the first strain.
+            Strains of the window, ascending, and the curves at these, NaN where unknown. A variable
+            without a value in the relaxed state, such as Poisson's ratio, takes that of the first
+            strain.
         """
         values = without_gap_at_zero(strains, values)
         if self.single:
@@ -82,7 +83,7 @@ class StrainWindow:
         if len(strains) == 1:
             return at, np.where(np.isclose(at, strains[0]), values, np.nan)
         part = (at - strains[lower]) / (strains[upper] - strains[lower])
-        # A strain that was simulated is read as it is: its neighbour may be missing.
+        # A simulated strain is not interpolated, as its neighbour may be missing.
         part = np.where(np.isclose(part, 0, atol=1e-9), 0, np.where(np.isclose(part, 1), 1, part))
         below = np.where(part < 1, values[:, lower], 0)
         above = np.where(part > 0, values[:, upper], 0)
@@ -119,17 +120,17 @@ REDUCTIONS: dict[str, Callable[[np.ndarray, Curves], Numbers]] = {
     "min": lambda at, curves: curves.min(axis=1),
     "max": lambda at, curves: curves.max(axis=1),
 }
-"""What sums up a curve over a window: its mean, the slope of its least-squares line, its largest
-less its smallest value, and these. NaN where any of it is missing."""
+"""Reductions of a curve over a window: its mean, the slope of its least-squares line, its range,
+and its extremes. NaN if any value is missing."""
 
 
 def gradient(reduction: str, at: np.ndarray, curve: Float[np.ndarray, " point"]) -> np.ndarray:
-    """Derivative of what sums a curve up, by the value at each strain of the window.
+    """Derivative of a reduction by the value of the curve at each strain of the window.
 
     Args:
-        reduction: of :data:`REDUCTIONS`.
+        reduction: name in :data:`REDUCTIONS`.
         at: strains of the window.
-        curve: the curve there, for the places of its extremes.
+        curve: the curve at these, which determines where its extremes are.
     """
     unit = np.eye(len(at))
     by_extremes = {
@@ -142,5 +143,5 @@ def gradient(reduction: str, at: np.ndarray, curve: Float[np.ndarray, " point"])
 
 
 def root_mean_square(at: np.ndarray, curves: Curves) -> Numbers:
-    """Root of the mean square of curves over a window."""
+    """Root mean square of curves over a window."""
     return np.sqrt(_mean(at, curves**2))

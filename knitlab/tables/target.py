@@ -1,4 +1,4 @@
-"""Targets: what a wanted knit has, as text such as ``poisson_ratio = -0.3 @ 0.05:0.25``."""
+"""Targets: wanted values of variables, as text such as ``poisson_ratio = -0.3 @ 0.05:0.25``."""
 
 import re
 from collections.abc import Mapping
@@ -43,11 +43,11 @@ class Target:
         name: variable of the cube.
         low: lowest value that meets it, or minus infinity, in the variable's unit.
         high: highest value that meets it, or infinity; the same as ``low`` for one value.
-        tolerance: distance that counts as one; ``None`` for the scatter among the designs.
-        window: applied strains that it is wanted at, if the variable lies along these.
-        reduction: what sums the curve up over the window; ``None`` for every strain of it.
-        curve: strains and the values that are wanted there, linear in between, in place of one
-            value; ``low`` and ``high`` are then its range.
+        tolerance: unit of distance; ``None`` for the scatter among the designs.
+        window: applied strains that the target applies to, for a variable along the strain.
+        reduction: reduction of the curve over the window; ``None`` for every strain of it.
+        curve: strains and wanted values, linear in between, instead of one value; ``low`` and
+            ``high`` are then their range.
     """
 
     text: str
@@ -61,7 +61,7 @@ class Target:
 
     @property
     def label(self) -> str:
-        """Its variable with reduction and window."""
+        """The variable with reduction and window."""
         subject = f"{self.reduction}({self.name})" if self.reduction else self.name
         return f"{subject} @ {self.window}" if self.window else subject
 
@@ -72,24 +72,24 @@ class Target:
         return self.tolerance or 0.0 if single else 0.0
 
     def bounds(self, strains: np.ndarray) -> tuple[np.ndarray | float, np.ndarray | float]:
-        """Lowest and highest values that meet it, at strains of its window."""
+        """Lowest and highest values that meet the target, at strains of its window."""
         if self.curve is None:
             return self.low, self.high
         wanted = np.interp(strains, *self.curve)
         return wanted, wanted
 
     def allowed(self, strains: np.ndarray) -> tuple[np.ndarray | float, np.ndarray | float]:
-        """The same with what still counts as met."""
+        """The same bounds, widened by the allowance."""
         low, high = self.bounds(strains)
         return low - self.allowance, high + self.allowance
 
     def departure(self, values: np.ndarray, strains: np.ndarray) -> np.ndarray:
-        """How far values at some strains lie above (+) or below (−) what is wanted, 0 inside."""
+        """Distance of values at strains above (+) or below (−) the wanted range, 0 inside it."""
         low, high = self.bounds(strains)
         return np.maximum(values - high, 0) - np.maximum(low - values, 0)
 
     def excess(self, values: np.ndarray, strains: np.ndarray) -> np.ndarray:
-        """How far values lie outside of what is wanted: 0 inside, NaN where missing."""
+        """Distance of values from the wanted range: 0 inside, NaN where missing."""
         return np.abs(self.departure(values, strains))
 
 
@@ -126,18 +126,18 @@ class CurveTable(StrictModel):
 
 
 def check_window(target: Target, along_strain: bool, source: str) -> None:
-    """Refuse a target that lacks its window of strain, or has one without need.
+    """Check that a target has a window of strain if and only if its variable needs one.
 
     Args:
         target: the target.
-        along_strain: whether its variable lies along the applied strain.
-        source: what faults begin with.
+        along_strain: whether its variable has the dimension of the applied strain.
+        source: prefix of the message.
 
     Raises:
-        BadInput: if so.
+        BadInput: if not.
     """
     if along_strain and target.window is None:
-        raise fault(source, f"{target.name} lies along {STRAIN}; add @ STRAIN or @ FROM:TO")
+        raise fault(source, f"{target.name} varies with {STRAIN}; add @ STRAIN or @ FROM:TO")
     if not along_strain and (target.window is not None or target.reduction is not None):
         raise fault(source, f"{target.name} is one number of a design; leave out the window")
 
@@ -150,11 +150,11 @@ def read_target(
     Args:
         given: the text, ``{"name": …, "applied_strain": […], "value": […], "tolerance": …}``, or
             a target, which is returned.
-        source: the argument that it was given by, for a fault.
-        folder: that the path of a curve's file is relative to.
+        source: name of the argument that gives it, for the message.
+        folder: folder that the path of a curve's file is relative to.
 
     Raises:
-        BadInput: with everything that is wrong in it.
+        BadInput: with every fault of it.
 
     Example:
         >>> curve = {"name": "poisson_ratio", "applied_strain": [0.1, 0.2], "value": [-0.3, -0.1]}
@@ -177,8 +177,8 @@ def parse_target(text: str, source: str = "target", folder: Path = Path()) -> Ta
     Args:
         text: a variable, a relation and a number, with ``± TOLERANCE`` and ``@ WINDOW`` if
             wanted; see :data:`FORMS`.
-        source: the argument that it was given by, for a fault.
-        folder: that the path of a curve's file is relative to.
+        source: name of the argument that gives it, for the message.
+        folder: folder that the path of a curve's file is relative to.
 
     Raises:
         BadInput: if it cannot be read.
@@ -198,7 +198,7 @@ def parse_target(text: str, source: str = "target", folder: Path = Path()) -> Ta
     reduction = found["reduction"]
     if reduction is not None and reduction not in REDUCTIONS:
         known = ", ".join(REDUCTIONS)
-        raise fault(where, f"there is no reduction {reduction!r}; choose of {known}")
+        raise fault(where, f"there is no reduction {reduction!r}; choose from {known}")
     window = None if found["window"] is None else StrainWindow.of(found["window"], where)
     if reduction == "slope" and (window is None or window.single):
         raise fault(where, "a slope needs a window of two strains, such as @ 0.05:0.25")
@@ -209,7 +209,7 @@ def parse_target(text: str, source: str = "target", folder: Path = Path()) -> Ta
     else:
         low, high = float(found["low"]), float(found["high"])
         if low > high:
-            raise fault(where, f"no value lies above {low:g} and below {high:g}; exchange them")
+            raise fault(where, f"no value is above {low:g} and below {high:g}; exchange them")
     tolerance = _tolerance(found.get("tolerance"), where)
     name = found["reduced"] or found["name"]
     return Target(text, name, low, high, tolerance, window, reduction)
@@ -231,7 +231,7 @@ def _curve_of_file(match: re.Match[str], text: str, where: str, folder: Path) ->
     columns = {}
     for key, column in (("applied_strain", "strain"), ("value", name)):
         if names.count(column) != 1:
-            raise fault(f"{path}: column {column}", f"is not there once; {CURVE_EXAMPLE}")
+            raise fault(f"{path}: column {column}", f"must occur exactly once; {CURVE_EXAMPLE}")
         numbers, faults = numbers_of(path, column, table[names.index(column)])
         if faults:
             raise BadInput(faults)

@@ -4,12 +4,11 @@ import doctest
 import inspect
 import subprocess
 import sys
-from typing import get_args
 
 import pytest
 
 import knitlab
-from knitlab.study.figure_names import FigureName
+from knitlab.study.figure_names import FIGURE_NAMES
 from knitlab.tables.accessor import KnitlabAccessor
 
 PUBLIC = {name: getattr(knitlab, name) for name in knitlab.__all__ if not name.startswith("_")}
@@ -44,7 +43,7 @@ def test_examples_run(example, tmp_path, monkeypatch):
 
 
 def test_every_figure_has_a_function():
-    assert sorted(knitlab.plot.__all__) == sorted(get_args(FigureName))
+    assert sorted(knitlab.plot.__all__) == sorted(FIGURE_NAMES)
     assert all(inspect.getdoc(getattr(knitlab.plot, name)) for name in knitlab.plot.__all__)
 
 

@@ -38,8 +38,8 @@ def test_a_test_is_what_a_sweep_computes(small_test, cube):
 def test_settings_and_own_stripes_are_two_ways_to_one_fabric(cube):
     stripes = read_parameters(shipped("params")).stripes
     stiffer = {
-        knit: replace(its, k_t=1.2 * its.k_t)
-        for knit, its in (
+        knit: replace(each, k_t=1.2 * each.k_t)
+        for knit, each in (
             ("rib", stripes.stripe("rib", 4)),
             ("garter", stripes.stripe("garter", 8)),
         )

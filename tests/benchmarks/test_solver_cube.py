@@ -84,15 +84,15 @@ def test_attributes_state_the_machine(cube):
     assert "numpy=" in cube.attrs["library_versions"]
 
 
-def test_median_spread_slope_and_ratio_come_of_the_repeats(cube):
+def test_median_spread_slope_and_ratio_follow_from_the_repeats(cube):
     of = cube.sel(
         task="tension", boundary="clamped", n_stripe=4, n_subunit=16, workers=1, size="3x2"
     )
-    ours = of.sel(solver="knitlab")
+    knitlab_record = of.sel(solver="knitlab")
     expected = 1e-3 * NODES["3x2"] ** SLOPE["knitlab"]
-    assert float(ours["seconds_median"]) == pytest.approx(expected)
-    assert float(ours["seconds_least"]) == pytest.approx(0.9 * expected)
-    assert float(ours["seconds_most"]) == pytest.approx(1.1 * expected)
+    assert float(knitlab_record["seconds_median"]) == pytest.approx(expected)
+    assert float(knitlab_record["seconds_least"]) == pytest.approx(0.9 * expected)
+    assert float(knitlab_record["seconds_most"]) == pytest.approx(1.1 * expected)
     for solver, slope in SLOPE.items():
         assert float(of.sel(solver=solver)["slope"]) == pytest.approx(slope)
     ratio = NODES["3x2"] ** (SLOPE["dynamics"] - SLOPE["knitlab"])
@@ -180,7 +180,7 @@ def test_figures_are_drawn_from_the_file_of_the_cube_alone(cube, tmp_path):
     assert all(path.stat().st_size for path in drawn)
 
 
-def test_figures_say_who_was_given_up(cube):
+def test_figures_name_the_methods_that_failed(cube):
     for draw in FIGURES.values():
         figure = draw(cube)
         (axes,) = figure.axes
@@ -214,7 +214,7 @@ def test_what_a_sweep_does_on_two_threads_is_drawn(cube):
     assert "knitlab, from periodic fabric, 2 threads, $s$ = 1.00" in labels
 
 
-def test_a_record_stands_unless_it_was_given_up_too_soon(tmp_path):
+def test_a_record_is_kept_unless_it_was_stopped_too_early(tmp_path):
     measurement = Measurement("relaxation", "fire", time_limit=10.0)
     assert measurement.record(tmp_path) is None
     measurement.write(tmp_path, {"reached": False})

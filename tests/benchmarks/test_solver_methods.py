@@ -39,11 +39,11 @@ def test_fire_and_l_bfgs_relax_to_the_state_of_the_equilibrium_solver(boundary):
 def test_methods_pull_a_sample_to_the_same_state(solver):
     case = Measurement("tension", solver, **SMALL).case("strain_max=0.06")
     problem = Problem.of(case, TOLERANCE)
-    named, shipped = (Measurement("tension", its, **SMALL) for its in (solver, "knitlab"))
+    named, shipped = (Measurement("tension", each, **SMALL) for each in (solver, "knitlab"))
     watch = Watch(PLENTY)
     pulled, expected = (
-        methods.method(measurement).pull(problem, its)
-        for measurement, its in ((named, watch), (shipped, Watch(PLENTY)))
+        methods.method(measurement).pull(problem, each)
+        for measurement, each in ((named, watch), (shipped, Watch(PLENTY)))
     )
     assert watch.states == len(pulled) == len(expected) == 3
     energies = [float(problem.evaluate(states[-1]).energy.total) for states in (pulled, expected)]
@@ -52,7 +52,7 @@ def test_methods_pull_a_sample_to_the_same_state(solver):
 
 
 @pytest.mark.slow
-def test_a_method_that_is_given_up_leaves_no_time_but_its_residual():
+def test_a_method_that_fails_records_its_residual_but_no_time():
     record = methods.measure(Measurement("relaxation", "fire", **SMALL, time_limit=0.0))
     assert not record["reached"]
     assert "limit" in record["reason"]
@@ -70,7 +70,7 @@ def test_every_factorisation_solves_the_stiffness(solver):
 
 
 @pytest.mark.slow
-def test_a_batch_is_run_to_the_last_strain_in_turn_and_in_step():
+def test_a_batch_reaches_the_last_strain_sequentially_and_in_lockstep():
     fabrics, states = 2, 16
     for solver in (IN_TURN, IN_STEP):
         named = Measurement("batch", solver, **SMALL, boundary="periodic")

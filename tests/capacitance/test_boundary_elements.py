@@ -151,7 +151,7 @@ def test_parallel_wires_have_their_closed_form(distance):
     ],
     ids=["wide hinge", "hinge", "tight hinge", "overlapping", "tilted"],
 )
-def test_endless_strips_agree_with_a_series(ends):
+def test_periodic_strips_agree_with_a_series(ends):
     assert limit_of_strips(ends) == pytest.approx(LENGTH * by_series(*ends), rel=2e-3)
 
 
@@ -177,14 +177,14 @@ def test_hinged_plates_are_about_two_wedges_with_their_ends(angle):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("length", [1.0, 3.0, 10.0])
-def test_how_long_a_period_of_endless_strips_is_does_not_matter(length):
+def test_capacitance_per_length_does_not_depend_on_the_period(length):
     ends = coplanar(1.0, 2.0)
     found = limit_of_strips(ends, length) / length
     assert found == pytest.approx(by_series(*ends), rel=3e-3)
 
 
 @pytest.mark.slow
-def test_endless_conductors_may_run_along_either_axis():
+def test_periodic_conductors_may_run_along_either_axis():
     pair = periodic_pair()
     turned = [panels[..., [1, 0, 2]] for panels in pair]
     found = two_terminal(maxwell(*turned, period=LENGTH, axis=0))
@@ -192,7 +192,7 @@ def test_endless_conductors_may_run_along_either_axis():
 
 
 @pytest.mark.slow
-def test_an_endless_pair_is_as_a_long_one():
+def test_a_periodic_pair_equals_a_long_one():
     ends = coplanar(0.5, 1.0)
 
     def long_pair(length):
@@ -226,9 +226,9 @@ def test_square_plates_agree_with_fastcap(distance):
         # FastCap counts metres and farads.
         return 1e9 * two_terminal(np.array(problem.solve()))
 
-    ours = extrapolated(*(between(*square_plates(count, distance)) for count in (8, 16)))
-    theirs = extrapolated(*(by_fastcap(count) for count in (16, 32)))
-    assert ours == pytest.approx(theirs, rel=3e-3)
+    computed = extrapolated(*(between(*square_plates(count, distance)) for count in (8, 16)))
+    reference = extrapolated(*(by_fastcap(count) for count in (16, 32)))
+    assert computed == pytest.approx(reference, rel=3e-3)
 
 
 @pytest.mark.slow
@@ -265,7 +265,7 @@ def test_a_rigid_motion_changes_nothing(seed):
 
 @given(st.floats(-100, 100), st.floats(-10, 10), st.floats(0, 2 * np.pi))
 @settings(max_examples=5)
-def test_endless_conductors_may_be_moved_and_turned_about_their_axis(along, across, angle):
+def test_periodic_conductors_may_be_moved_and_rotated_about_their_axis(along, across, angle):
     pair = periodic_pair()
     turn, shift = Rotation.from_rotvec([0, angle, 0]), np.array([across, along, -across])
     found = between(*(moved(each, turn, shift) for each in pair), period=LENGTH)
@@ -324,7 +324,7 @@ def test_a_charge_seen_from_one_conductor_is_that_seen_from_the_other():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("chosen", ["turned", "all"])
-def test_it_hangs_little_on_which_pairs_are_near(chosen):
+def test_the_result_hardly_depends_on_which_pairs_are_near(chosen):
     panels = disc(8)[None]
     count = panels.shape[1]
     near = near_pairs(panels)
@@ -333,7 +333,7 @@ def test_it_hangs_little_on_which_pairs_are_near(chosen):
     assert float(found[0, 0, 0]) == pytest.approx(maxwell(disc(8))[0, 0], rel=2e-3)
 
 
-def test_every_near_pair_stands_once_and_the_larger_panel_second():
+def test_every_near_pair_occurs_once_with_the_larger_panel_second():
     panels = np.concatenate(three_conductors())[None]
     pairs = near_pairs(panels)
     size = np.linalg.norm(panels[0] - np.roll(panels[0], 2, axis=1), axis=-1).max(axis=1)
@@ -347,7 +347,7 @@ def test_every_near_pair_stands_once_and_the_larger_panel_second():
 
 
 @pytest.mark.slow
-def test_states_of_a_batch_are_as_each_alone():
+def test_states_of_a_batch_equal_single_states():
     conductors = three_conductors()
     shifts = 0.1 * np.random.default_rng(0).normal(size=(6, 1, 1, 3))
     batch = [conductors[0] + shifts, *(np.repeat(each[None], 6, axis=0) for each in conductors[1:])]
@@ -358,7 +358,7 @@ def test_states_of_a_batch_are_as_each_alone():
 
 
 @pytest.mark.slow
-def test_endless_states_of_a_batch_are_as_each_alone():
+def test_periodic_states_of_a_batch_equal_single_states():
     periods = np.array([4.0, 3.0, 5.0, 2.0, 4.5])
     alone = [strips(hinged(period / 4), 12, period) for period in periods]
     together = [np.stack(states) for states in zip(*alone, strict=True)]
@@ -411,7 +411,7 @@ def test_between_two_a_meter_reads_their_charge_by_their_voltage():
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.1], ids=["the same", "overlapping"])
-def test_panels_that_lie_in_each_other_have_no_capacitance(shift):
+def test_panels_inside_each_other_have_no_capacitance(shift):
     face, _ = square_plates(8, 1.0)
     assert np.isnan(maxwell(face, face + np.array([shift, shift, 0]))).all()
 

@@ -102,7 +102,7 @@ def test_a_fold_past_half_a_turn_has_a_status_and_no_number():
 
 
 @pytest.mark.slow
-def test_what_cannot_be_resolved_is_told():
+def test_unresolved_capacitances_are_reported():
     found = measured([0.25], clearance=1e-6, accuracy=1e-5)
     assert found.status[0] == CapacitorStatus.unresolved
     assert np.isnan(found.capacitance[0])

@@ -99,7 +99,7 @@ def test_the_distance_of_triangles_is_the_smallest_of_their_points(seed):
 
 
 @given(SEED, SEED)
-def test_the_distance_of_triangles_does_not_hang_on_how_they_are_given(seed, motion):
+def test_the_distance_of_triangles_does_not_depend_on_their_order(seed, motion):
     one, other = pair(seed)
     turn, random = Rotation.random(rng=motion), np.random.default_rng(motion)
     moved = [turn.apply(each[random.permutation(3)]) + motion % 7 for each in (other, one)]
@@ -170,7 +170,7 @@ def test_the_gap_is_the_same_from_either_side(seed):
 
 @given(SEED)
 @settings(max_examples=20)
-def test_the_gap_does_not_hang_on_how_finely_surfaces_are_cut(seed):
+def test_the_gap_does_not_depend_on_the_panel_size(seed):
     random = np.random.default_rng(seed)
     one, other = random.normal(size=(2, 3, 3))
     other[0] += [4, 0, 0]

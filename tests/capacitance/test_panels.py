@@ -145,7 +145,7 @@ def lines_up_the_warp(shape, electrodes):
     ]
 
 
-def test_an_endless_electrode_does_not_end_at_the_seam():
+def test_a_periodic_electrode_does_not_end_at_the_boundary():
     shape, *_ = rib(PERIODIC)
     for electrodes in (up_the_warp(shape), drawn(up_the_warp(shape, 0.0))):
         for lines in lines_up_the_warp(shape, electrodes):
@@ -161,7 +161,7 @@ def test_an_open_electrode_ends_at_the_edges_of_the_fabric():
         assert first[1] < 0.25
 
 
-def test_endless_fabric_goes_on_along_its_electrodes_alone():
+def test_periodic_fabric_continues_along_its_electrodes_only():
     shape, *_ = rib(PERIODIC)
     around = Electrodes(((Strip(0.0, 1.0, 0.0, 8.0),), (Strip(7.0, 8.0, 0.0, 8.0),)), "wale")
     chart = panel_chart(around, shape, 1)
@@ -224,7 +224,7 @@ def test_panels_at_the_middle_of_a_cell_lie_between_its_nodes():
 
 
 @pytest.mark.parametrize("laid", [up_the_warp, along_the_weft])
-def test_beyond_the_seam_panels_lie_on_the_images_of_nodes(laid):
+def test_panels_beyond_the_periodic_boundary_lie_on_images_of_nodes(laid):
     shape, _, flat = rib(PERIODIC)
     configuration = shaken(flat, 0.3)
     electrodes = laid(shape, 3.5)
@@ -244,13 +244,13 @@ def test_beyond_the_seam_panels_lie_on_the_images_of_nodes(laid):
 def test_an_electrode_a_period_on_has_its_panels_a_period_on(laid):
     shape, _, flat = rib(PERIODIC)
     configuration = shaken(flat, 0.3)
-    here, on = (
+    local, on = (
         panels_on(panel_chart(laid(shape, low), shape, 1), shape, configuration)
         for low in (1.25, 9.25)
     )
     across = 0 if laid is up_the_warp else 1
     shift = configuration.lengths[across] * np.eye(3)[across]
-    assert np.allclose(on, here + shift, atol=1e-12)
+    assert np.allclose(on, local + shift, atol=1e-12)
 
 
 def test_panels_of_many_states_are_those_of_each():

@@ -104,7 +104,7 @@ def test_unfolding_ends_where_folds_begin_to_close_again():
     assert strain_unfolded(STRAIN, fold, 0.1) == pytest.approx(0.4)
 
 
-def test_unfolding_that_goes_on_is_not_complete():
+def test_unfolding_that_continues_is_not_complete():
     assert np.isnan(strain_unfolded(STRAIN, 2 - STRAIN, 0.1))
     assert np.isnan(strain_unfolded(STRAIN, 2 + STRAIN, 0.1))
 

@@ -208,7 +208,7 @@ def test_a_period_on_it_is_the_same():
     assert wedge(configuration, on) == pytest.approx(wedge(configuration), rel=1e-9)
 
 
-def test_many_states_are_as_each_alone():
+def test_many_states_equal_single_states():
     states = [rolled(corrugated(angle)) for angle in (2.5, 2.0, 1.0)]
     together = wedge_capacitance(PAIR, SHAPE, Configuration.stacked(states))
     assert np.allclose(together, [wedge(state) for state in states], rtol=1e-12)

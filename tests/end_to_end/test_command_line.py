@@ -91,15 +91,15 @@ def test_a_case_that_does_not_converge_makes_exit_code_1():
 )
 def test_bad_input_is_a_sentence_and_exit_code_2_and_writes_nothing(words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    told = knitlab(*words)
-    assert told.exit_code == 2
-    assert told.output.strip()
-    assert "Traceback" not in told.output
+    result = knitlab(*words)
+    assert result.exit_code == 2
+    assert result.output.strip()
+    assert "Traceback" not in result.output
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_that_cannot_be_written_is_a_sentence(tmp_path):
     (tmp_path / "results").write_text("a file where a folder should be")
-    told = knitlab("plan", "preview", "--results", str(tmp_path / "results" / "deeper"))
-    assert told.exit_code == 2
-    assert "cannot be written" in told.output
+    result = knitlab("plan", "preview", "--results", str(tmp_path / "results" / "deeper"))
+    assert result.exit_code == 2
+    assert "cannot be written" in result.output

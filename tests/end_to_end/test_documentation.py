@@ -73,8 +73,10 @@ EXAMPLES = [
 @pytest.mark.parametrize(
     "example",
     [
-        pytest.param(its, id=str(its), marks=pytest.mark.slow if its.words[0] == "claims" else ())
-        for its in EXAMPLES
+        pytest.param(
+            each, id=str(each), marks=pytest.mark.slow if each.words[0] == "claims" else ()
+        )
+        for each in EXAMPLES
     ],
 )
 def test_a_printed_table_is_that_of_the_kept_cube(example, tmp_path, monkeypatch):
@@ -161,5 +163,5 @@ def test_links_to_files_lead_to_files_that_there_are(page):
     # What another page is included by is read from where that page lies.
     text = re.sub(r"```{include}.*?```", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.S)
     targets = re.findall(r"\]\((?!https?://)([^)#\s]+)", text)
-    missing = [its for its in targets if not (ROOT / page).parent.joinpath(its).exists()]
+    missing = [each for each in targets if not (ROOT / page).parent.joinpath(each).exists()]
     assert not missing

@@ -45,9 +45,9 @@ def test_the_tutorial_shows_what_its_commands_say(beside):
     commands = shown()
     assert [command[0] for command, _ in commands] == [*["import"] * 3, "query", "compare"]
     for command, output in commands:
-        told = CliRunner().invoke(main, command)
-        assert told.exit_code == 0, told.output
-        assert [line.rstrip() for line in told.output.splitlines()] == output
+        result = CliRunner().invoke(main, command)
+        assert result.exit_code == 0, result.output
+        assert [line.rstrip() for line in result.output.splitlines()] == output
 
 
 @pytest.mark.slow
@@ -63,5 +63,5 @@ def test_the_overlay_is_drawn_of_both(beside):
     assert np.isfinite(cube["mean_strain_xx"]).all()
     for kind in ("curves", "auxetic", "tension", "sensor", "capacitors"):
         words = ["map", kind, "results/laboratory", "results/synthetic_4_16"]
-        told = CliRunner().invoke(main, [*words, "--select", "cycle=1", "-o", f"{kind}.png"])
-        assert told.exit_code == 0, told.output
+        result = CliRunner().invoke(main, [*words, "--select", "cycle=1", "-o", f"{kind}.png"])
+        assert result.exit_code == 0, result.output

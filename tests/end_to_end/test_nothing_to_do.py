@@ -44,7 +44,7 @@ def results(finished, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_second_run_says_the_same_and_writes_nothing(results):
+def test_a_second_run_prints_the_same_and_writes_nothing(results):
     before = written(results)
     assert len(before) > 6
     again = ran(results)
@@ -83,7 +83,7 @@ def test_only_a_figure_that_is_missing_is_drawn(results):
         lambda folder: (folder / "plan.json").unlink(),
     ],
 )
-def test_what_is_lost_or_damaged_is_made_anew(results, change):
+def test_lost_or_damaged_files_are_recreated(results, change):
     assert finished_plan("preview", SETTINGS, results)
     change(results / "preview")
     assert finished_plan("preview", SETTINGS, results) is None

@@ -25,12 +25,12 @@ def killed(folder, after):
 
 
 @pytest.mark.slow
-def test_a_killed_sweep_goes_on_and_ends_as_if_it_had_not_been(tmp_path, monkeypatch):
+def test_a_killed_sweep_resumes_to_the_same_cube(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = killed(tmp_path, after=1)
     assert done == 1
-    told = knitlab("status", "preview")
-    assert f"{done} done, not yet in the cube" in told.output
+    result = knitlab("status", "preview")
+    assert f"{done} done, not yet in the cube" in result.output
 
     went_on = knitlab("run", "preview", *DESIGNS, "--workers", "0")
     assert went_on.exit_code == 0, went_on.output
@@ -55,7 +55,7 @@ def test_a_killed_sweep_goes_on_and_ends_as_if_it_had_not_been(tmp_path, monkeyp
 
     other = knitlab("run", "preview", *DESIGNS, "--set", "z_max=4", "--workers", "0")
     assert other.exit_code == 1
-    assert "3 cases stay as they were computed with other parameters" in other.output
+    assert "3 cases are kept as computed with other parameters" in other.output
     assert "3 stale: other parameters" in knitlab("status", "preview").output
 
 
@@ -70,9 +70,9 @@ def test_a_case_that_failed_is_reproduced_alone(tmp_path, monkeypatch):
     assert alone.exit_code == 1
     assert "iteration_limit" in alone.output
     assert failure["reason"] in alone.output
-    told = knitlab("status", "preview")
-    assert failure["case_id"] in told.output
-    assert failure["reason"] in told.output
+    result = knitlab("status", "preview")
+    assert failure["case_id"] in result.output
+    assert failure["reason"] in result.output
 
     nobody = knitlab("reproduce", "4-8-000000000000")
     assert nobody.exit_code == 2
@@ -88,7 +88,7 @@ def test_a_case_that_failed_is_reproduced_alone(tmp_path, monkeypatch):
 )
 def test_what_is_not_there_is_a_sentence(tmp_path, monkeypatch, words, message):
     monkeypatch.chdir(tmp_path)
-    told = knitlab(*words)
-    assert told.exit_code == 2
-    assert message in told.output
+    result = knitlab(*words)
+    assert result.exit_code == 2
+    assert message in result.output
     assert list(tmp_path.iterdir()) == []

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.execution.run import RunOptions, run_plan
-from knitlab.io.case_file import StoredCase, kept, write_case_file
+from knitlab.io.case_file import StoredCase, check_case_file, write_case_file
 from knitlab.io.design_status import Status
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.io.schema import described
@@ -136,7 +136,11 @@ def kill_again_and_again(results, kills):
             die_within_a_case(plan, results, int(random.integers(1, 8000)))
         else:
             kill_at_a_change(plan, results, int(random.integers(1, 60)), bool(random.integers(2)))
-        after = {case_id for case_id in plan.cases if kept(results, case_id) is StoredCase.sound}
+        after = {
+            case_id
+            for case_id in plan.cases
+            if check_case_file(results, case_id) is StoredCase.sound
+        }
         if not after >= before:
             sys.exit(f"lost {sorted(before - after)}")
         hit += len(after) < len(plan.cases)
@@ -146,18 +150,18 @@ def kill_again_and_again(results, kills):
 
 def kill_at_a_change(plan, results, count, begun):
     """Kill a run before its change of a file of this number, or just after it has begun."""
-    ours, theirs = socket.socketpair()
+    own, other_end = socket.socketpair()
     child = os.fork()
     if not child:
-        ours.close()
-        pause_before_changes(theirs, results)
+        own.close()
+        pause_before_changes(other_end, results)
         while True:  # what is done is done: then the cube alone is written, over and over
             run_plan(plan, results, RunOptions(simulate=simulate))
-    theirs.close()
-    with ours:
-        await_changes(ours, count)
+    other_end.close()
+    with own:
+        await_changes(own, count)
         if begun:
-            ours.send(b".")
+            own.send(b".")
         kill(child)
 
 

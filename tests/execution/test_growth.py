@@ -157,7 +157,9 @@ def test_a_bad_value_of_a_swept_setting_is_named(override, message):
 
 def test_a_cube_of_other_dimensions_is_not_mixed_in(tmp_path):
     ran(planned(*PAIRS), tmp_path)
-    with pytest.raises(BadInput, match="lies along n_stripe, n_subunit, but the workflow along"):
+    with pytest.raises(
+        BadInput, match="has the dimensions n_stripe, n_subunit, but the workflow has"
+    ):
         ran(planned(*PAIRS, "z_max=4,6"), tmp_path)
 
 
@@ -169,7 +171,7 @@ def test_results_of_other_parameters_stay_until_refreshed(tmp_path):
     assert kept.simulated == ()
     assert sorted(kept.stale_parameters) == sorted(other.cases)
     xr.testing.assert_identical(kept.cube.drop_attrs(), first.cube.drop_attrs())
-    words = folder_status(tmp_path, read_plan(tmp_path), other.designs, check=True).words
+    words = folder_status(tmp_path, read_plan(tmp_path), other.designs, check=True).statuses
     assert set(words.values()) == {CaseState.stale_parameters.value}
     fresh = ran(other, tmp_path, refresh=True)
     assert sorted(fresh.simulated) == sorted(other.cases)
@@ -213,14 +215,14 @@ def test_designs_of_another_model_do_not_join_a_cube(tmp_path, change):
     xr.testing.assert_equal(knitlab.open_cube(tmp_path), before)
 
 
-def test_results_of_other_code_are_told_and_computed_anew_only_when_asked(tmp_path, monkeypatch):
+def test_results_of_other_code_are_reported_and_recomputed_on_request(tmp_path, monkeypatch):
     plan = planned(*PAIRS)
     ran(plan, tmp_path)
     monkeypatch.setattr(survey_module, "code_fingerprint", lambda: "other code")
     kept = ran(plan, tmp_path)
     assert kept.simulated == ()
     assert sorted(kept.stale_code) == sorted(plan.cases)
-    words = folder_status(tmp_path, read_plan(tmp_path), plan.designs, check=False).words
+    words = folder_status(tmp_path, read_plan(tmp_path), plan.designs, check=False).statuses
     assert set(words.values()) == {CaseState.stale_code.value}
     assert sorted(ran(plan, tmp_path, refresh=True).simulated) == sorted(plan.cases)
 

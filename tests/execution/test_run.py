@@ -38,8 +38,9 @@ def test_every_variable_carries_units_and_a_long_name(sweep):
             assert dataset[name].attrs["long_name"]
     expected = {
         name
-        for name, its in VARIABLES.items()
-        if its.in_cube and its.of in ("all", "patches", "design", "stripes", "cloth", "robustness")
+        for name, each in VARIABLES.items()
+        if each.in_cube
+        and each.of in ("all", "patches", "design", "stripes", "cloth", "robustness")
     }
     assert expected == set(run.cube.data_vars)
 

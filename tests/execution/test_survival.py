@@ -19,7 +19,7 @@ import knitlab.execution.survey as survey_module
 from knitlab.execution.run import RunOptions, run_plan
 from knitlab.execution.status import read_plan
 from knitlab.execution.survey import CaseState
-from knitlab.io.case_file import StoredCase, case_path, kept
+from knitlab.io.case_file import StoredCase, case_path, check_case_file
 from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput, CannotWrite
 from knitlab.io.lock import held
@@ -81,7 +81,7 @@ def test_kills_at_any_change_of_a_file_lose_nothing_that_was_done(tmp_path, unin
 
 
 @pytest.mark.slow
-def test_a_killed_run_with_workers_is_taken_up_again(tmp_path, uninterrupted):
+def test_a_killed_run_with_workers_resumes(tmp_path, uninterrupted):
     plan = stand_in.plan_of()
     process = stand_in_process("run", tmp_path, WORKERS)
     await_cases(process, ENOUGH)
@@ -127,13 +127,13 @@ def test_ctrl_c_keeps_what_is_done_and_writes_the_cube(tmp_path, uninterrupted):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("before", [None, ignoring_ctrl_c])
-def test_a_run_that_is_asked_to_end_does_so_as_by_ctrl_c(tmp_path, before):
+def test_a_terminated_run_ends_as_by_ctrl_c(tmp_path, before):
     ended_by(signal.SIGTERM, tmp_path, preexec_fn=before)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, pytest.param(WORKERS, marks=pytest.mark.slow)])
-def test_a_poisoned_case_harms_no_other(tmp_path, workers):
+def test_a_case_that_raises_does_not_affect_others(tmp_path, workers):
     run = ran(plan_of(2), tmp_path, stand_in.simulate_poisoned, workers=workers)
     poisoned = [case for case in run.failures if case["n_stripe"] == stand_in.POISONED]
     assert len(poisoned) == len(run.failures) == 6
@@ -154,12 +154,12 @@ def test_a_poisoned_case_harms_no_other(tmp_path, workers):
 def test_processors_that_no_batch_is_left_for_help_the_others(tmp_path, n_stripe, threads):
     plan = make_plan("preview", (f"n_stripe={n_stripe}", "n_subunit=32", "strain_max=0.06"))
     ran(plan, tmp_path, stand_in.simulate_and_tell_threads, workers=4)
-    told = [path.read_text() for path in tmp_path.glob("threads-*")]
-    assert told == [f"{threads} 1"] * len(n_stripe.split(","))
+    result = [path.read_text() for path in tmp_path.glob("threads-*")]
+    assert result == [f"{threads} 1"] * len(n_stripe.split(","))
 
 
 @pytest.mark.slow
-def test_a_case_that_kills_its_worker_harms_no_other(tmp_path):
+def test_a_case_that_kills_its_worker_does_not_affect_others(tmp_path):
     run = ran(plan_of(), tmp_path, stand_in.simulate_deadly, workers=WORKERS)
     assert statuses(run)["failed"] == 3
     assert statuses(run)["ok"] == 7
@@ -201,7 +201,7 @@ def test_an_existing_scheduler_is_used(tmp_path):
     assert statuses(poisoned)["ok"] == 14
 
 
-def test_what_raises_is_tried_again_as_often_as_asked(tmp_path):
+def test_batches_that_raise_are_retried_as_often_as_requested(tmp_path):
     tries = []
 
     def third_time(results, cases, progress):
@@ -239,11 +239,11 @@ def test_a_damaged_case_file_is_named_and_computed_again(tmp_path, damage):
     else:
         flipped = whole[:2000] + bytes([whole[2000] ^ 1]) + whole[2001:]
         path.write_bytes({"truncated": whole[:-7], "flipped": flipped, "emptied": b""}[damage])
-    assert kept(tmp_path, case_id) is StoredCase.damaged
+    assert check_case_file(tmp_path, case_id) is StoredCase.damaged
     again = ran(plan, tmp_path)
     assert again.in_state(CaseState.damaged) == again.simulated == (case_id,)
     same(again.cube, before.cube)
-    assert kept(tmp_path, case_id) is StoredCase.sound
+    assert check_case_file(tmp_path, case_id) is StoredCase.sound
 
 
 @pytest.mark.slow
@@ -261,7 +261,7 @@ def test_a_damaged_file_that_cannot_be_computed_again_is_not_read(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("other", ["", "z_max=4"])
-def test_a_refresh_that_fails_is_told_and_loses_nothing(tmp_path, monkeypatch, other):
+def test_a_refresh_that_fails_is_reported_and_loses_nothing(tmp_path, monkeypatch, other):
     before = ran(plan_of(), tmp_path)
     plan = make_plan("preview", ("strain_max=0.06", "k_t_factor=1", other or "z_max=1.9"))
     if not other:
@@ -275,7 +275,7 @@ def test_a_refresh_that_fails_is_told_and_loses_nothing(tmp_path, monkeypatch, o
 
 @pytest.mark.slow
 @pytest.mark.parametrize("garbage", [b"garbage", b"[]", b"{}", b"\xff\xfe\x00"])
-def test_garbage_in_files_that_are_made_anew_stops_nothing(tmp_path, garbage):
+def test_garbage_in_files_that_are_rewritten_is_ignored(tmp_path, garbage):
     plan = plan_of()
     before = ran(plan, tmp_path, stand_in.simulate_unconverged)
     (tmp_path / "failures.jsonl").write_bytes(garbage)
@@ -298,7 +298,7 @@ def test_garbage_in_files_that_are_made_anew_stops_nothing(tmp_path, garbage):
     assert ran(plan, tmp_path, stand_in.simulate_unconverged).simulated == (second,)
 
 
-def test_a_second_run_says_who_holds_the_folder(tmp_path):
+def test_a_second_run_names_the_holder_of_the_lock(tmp_path):
     with held(tmp_path), pytest.raises(BadInput, match=f"is held by process {os.getpid()} of "):
         # A lock is of an open file, so that this process can take the part of another.
         ran(plan_of(), tmp_path)
@@ -340,7 +340,7 @@ for path, contents in before.items():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, pytest.param(WORKERS, marks=pytest.mark.slow)])
-def test_a_full_disk_is_one_sentence_and_harms_nothing(tmp_path, workers):
+def test_a_full_disk_gives_one_sentence_and_loses_nothing(tmp_path, workers):
     mounting = f"mount -t tmpfs -o size=3m tmpfs {tmp_path}"
     namespace = ["unshare", "--user", "--map-root-user", "--mount", "bash", "-c"]
     if not shutil.which("unshare") or subprocess.run([*namespace, mounting]).returncode:

@@ -7,13 +7,13 @@ import pytest
 import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from knitlab.figures.auxetic import auxetic_map
-from knitlab.figures.curves import tension_curves
 from knitlab.figures.drawing import draw_figure
-from knitlab.figures.network import spring_network
-from knitlab.figures.samples import stretched_samples
-from knitlab.figures.sensitivity import sensitivity_map
-from knitlab.figures.shapes import relaxed_shapes
+from knitlab.figures.kinds.auxetic import auxetic_map
+from knitlab.figures.kinds.curves import tension_curves
+from knitlab.figures.kinds.network import spring_network
+from knitlab.figures.kinds.samples import stretched_samples
+from knitlab.figures.kinds.sensitivity import sensitivity_map
+from knitlab.figures.kinds.shapes import relaxed_shapes
 from knitlab.io.errors import BadInput
 from tests.tables.artificial_cubes import made_up_cube
 
@@ -83,7 +83,7 @@ def test_curves_have_a_line_for_every_run_and_a_cross_where_one_ended():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".pdf", ".svg", ".png"])
-def test_a_figure_is_written_whole_in_the_format_of_its_suffix(cube_file, tmp_path, suffix):
+def test_a_figure_is_written_in_the_format_of_its_suffix(cube_file, tmp_path, suffix):
     output = tmp_path / "figures" / f"map{suffix}"
     assert draw_figure("auxetic", [cube_file], output) == output
     assert [path.name for path in output.parent.iterdir()] == [output.name]
@@ -98,7 +98,7 @@ def test_a_figure_is_written_whole_in_the_format_of_its_suffix(cube_file, tmp_pa
         ("auxetic", "map.pdf", ("n_stripe=3",), "no n_stripe = 3"),
         ("shape", "shape.png", (), "holds no node position"),
         ("curves", "curves.png", ("n_stripe=2", "n_subunit=64"), "no design of this selection"),
-        ("auxetic", "map.pdf", ("applied_strain=0.1",), "says nothing to auxetic"),
+        ("auxetic", "map.pdf", ("applied_strain=0.1",), "is no coordinate of auxetic"),
         ("sensitivity", "map.pdf", (), "run with --set sensitivities=true"),
         ("shapes", "map.pdf", (), r"none of the designs \(4, 16\), .*which shapes shows"),
     ],
@@ -178,7 +178,7 @@ def test_relaxed_shapes_stand_side_by_side_with_their_sizes():
 
 
 @pytest.mark.parametrize("content", [None, b"not netCDF"])
-def test_a_cube_that_is_none_is_named(tmp_path, content):
+def test_a_file_that_is_no_cube_is_named(tmp_path, content):
     path = tmp_path / "cube.nc"
     if content is not None:
         path.write_bytes(content)
@@ -190,7 +190,7 @@ def test_a_cube_that_is_none_is_named(tmp_path, content):
 def test_maps_and_queries_never_import_jax():
     modules = "knitlab.cli, knitlab.figures.drawing, knitlab.tables.query"
     program = f"import sys, {modules}; print('jax' in sys.modules)"
-    told = subprocess.run(
+    result = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
-    assert told.stdout.strip() == "False"
+    assert result.stdout.strip() == "False"

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.cli import main
-from knitlab.figures.capacitors import capacitors_figure
-from knitlab.figures.sensor import sensor_map
+from knitlab.figures.kinds.capacitors import capacitors_figure
+from knitlab.figures.kinds.sensor import sensor_map
+from knitlab.figures.kinds.wedge import wedge_figure
 from knitlab.figures.trade_off import pareto_front, values_of_designs
-from knitlab.figures.wedge import wedge_figure
 from knitlab.io.errors import BadInput
 from tests.tables.artificial_cubes import made_up_cube
 
@@ -58,8 +58,8 @@ def test_no_design_beats_one_of_the_front_and_one_of_it_beats_every_other(points
         return one != other and one[0] >= other[0] and one[1] >= other[1]
 
     assert front
-    for design, its in figures.items():
-        beaten = any(beats(other, its) for other in points)
+    for design, each in figures.items():
+        beaten = any(beats(other, each) for other in points)
         assert beaten == (design not in front)
 
 
@@ -89,7 +89,7 @@ def test_the_wedge_integral_is_compared_state_by_state():
 
 
 @pytest.mark.parametrize("draw", [sensor_map, lambda cube: capacitors_figure([cube])])
-def test_a_cube_without_electrodes_is_told_so(draw):
+def test_a_cube_without_electrodes_is_refused(draw):
     with pytest.raises(BadInput, match="electrodes"):
         draw(made_up_cube())
 
@@ -102,9 +102,9 @@ def test_a_map_of_one_cube_refuses_two(tmp_path):
         ("sensor", "shows one simulation, and experiments beside it"),
         ("wavelength", "shows one cube, not 2"),
     ):
-        told = CliRunner().invoke(main, ["map", kind, cube, cube, "-o", output])
-        assert told.exit_code == 2
-        assert problem in told.output
+        result = CliRunner().invoke(main, ["map", kind, cube, cube, "-o", output])
+        assert result.exit_code == 2
+        assert problem in result.output
     drawn = CliRunner().invoke(
         main, ["map", "capacitors", cube, cube, "-o", str(tmp_path / "map.png")]
     )
@@ -115,5 +115,5 @@ def test_the_steepest_of_a_range_is_found_by_a_query(tmp_path):
     with_electrodes().to_netcdf(tmp_path / "cube.nc")
     asked = ("--where", "working_range >= 0.1 and status == 'ok'", "--sort", "-sensitivity")
     columns = ("--columns", "n_stripe,n_subunit,sensitivity,working_range", "--format", "csv")
-    told = CliRunner().invoke(main, ["query", str(tmp_path / "cube.nc"), *asked, *columns])
-    assert told.output.splitlines()[1:] == ["4,16,2.0,0.1", "2,16,0.5,0.3"]
+    result = CliRunner().invoke(main, ["query", str(tmp_path / "cube.nc"), *asked, *columns])
+    assert result.output.splitlines()[1:] == ["4,16,2.0,0.1", "2,16,0.5,0.3"]

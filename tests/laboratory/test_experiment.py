@@ -88,7 +88,7 @@ def test_a_trigger_synchronises_as_well_as_a_given_offset(tmp_path, cube):
     np.testing.assert_allclose(found.cube["capacitance"], cube["capacitance"], atol=4 * 0.0015)
 
 
-def test_a_noisy_trigger_is_told_by_its_middle(tmp_path, cube):
+def test_a_noisy_trigger_is_detected_at_the_middle_of_its_range(tmp_path, cube):
     laboratory = Laboratory(tmp_path)
     description = laboratory.description()
     description["tensile"]["trigger"] = {"column": "trigger"}
@@ -125,7 +125,7 @@ def test_a_camera_that_drifts_turns_nothing(tmp_path, drift, still):
     np.testing.assert_allclose(found.cube["poisson_ratio"].squeeze()[1:], NU, atol=1e-3)
 
 
-def test_cycles_are_told_apart_and_laid_along_a_dimension(tmp_path):
+def test_cycles_are_separated_along_a_dimension(tmp_path):
     laboratory = Laboratory(tmp_path, test=replace(TEST, cycles=3))
     path = laboratory.write()
     for kind in KINDS:
@@ -185,15 +185,15 @@ def both(tmp_path_factory, cube):
 def test_figures_take_an_experiment_with_a_simulation_and_without(tmp_path, both, kind):
     simulated, measured = both
     for cubes in ([measured], [simulated, measured], [measured, simulated]):
-        told = drawn(kind, cubes, tmp_path / "map.png")
-        assert told.exit_code == 0, told.output
+        result = drawn(kind, cubes, tmp_path / "map.png")
+        assert result.exit_code == 0, result.output
 
 
 @pytest.mark.parametrize("kind", ["shape", "wavelength", "sensitivity"])
-def test_figures_of_what_no_laboratory_measures_say_so(tmp_path, both, kind):
-    told = drawn(kind, both[1:], tmp_path / "map.png")
-    assert told.exit_code == 2
-    assert "experiment was measured; draw auxetic" in told.output
+def test_figures_that_need_a_simulation_refuse_experiments(tmp_path, both, kind):
+    result = drawn(kind, both[1:], tmp_path / "map.png")
+    assert result.exit_code == 2
+    assert "experiment was measured; draw auxetic" in result.output
 
 
 def test_two_sources_are_queried_together(both):

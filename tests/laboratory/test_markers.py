@@ -29,8 +29,8 @@ SAMPLE = SampleTable.model_validate(
 
 
 def table(**changes):
-    its = {"file": "markers.npy", "pixel": LENGTH, "strain_per_frame": 0.01}
-    return MarkersTable.model_validate(its | changes)
+    each = {"file": "markers.npy", "pixel": LENGTH, "strain_per_frame": 0.01}
+    return MarkersTable.model_validate(each | changes)
 
 
 @pytest.mark.slow
@@ -52,8 +52,8 @@ def test_rotated_scaled_shuffled_and_missing_markers_give_the_same_strains(
     count = corners[0, ..., 0].size
     camera = Camera(pixel, np.radians(turn), (200.0, 900.0), 0.0)
     # A corner of the sample that bears no marker loses one unit cell and its place in the grid.
-    there = np.setdiff1d(np.arange(count), [0, count - 1][:missing])
-    order = random.permutation(there)
+    present = np.setdiff1d(np.arange(count), [0, count - 1][:missing])
+    order = random.permutation(present)
     tracks = camera.sees(corners.reshape(31, -1, 2), random)[:, order]
     fabric = in_fabric_axes(tracks, table(pixel={"value": pixel, "unit": "mm"}))
     grid = find_grid(fabric[0])
@@ -152,11 +152,11 @@ def test_noise_comes_through_at_the_level_that_is_stated(tmp_path):
 )
 def test_axes_are_those_that_the_description_gives(weft, warp, turned):
     points = np.array([[[0.0, 0.0], [10.0, 0.0], [0.0, 20.0]]])
-    its = table(weft=weft, warp=warp)
+    each = table(weft=weft, warp=warp)
     # The same fabric, photographed with its axes as described.
     in_picture = {"right": [1, 0], "left": [-1, 0], "up": [0, -1], "down": [0, 1]}
     pixels = points @ np.array([in_picture[weft], in_picture[warp]]) / 0.1
-    np.testing.assert_allclose(in_fabric_axes(pixels, its), points, atol=1e-12)
+    np.testing.assert_allclose(in_fabric_axes(pixels, each), points, atol=1e-12)
     turn = np.radians(turned)
     camera = Camera(0.1, turn, (0.0, 0.0), 0.0)
     seen = camera.sees(points, np.random.default_rng(0))

@@ -123,7 +123,7 @@ def test_positive_just_where_every_eigenvalue_is(of, size):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("of", [clamped, two_lengths])
-def test_a_negative_pivot_is_found_wherever_it_lies(of):
+def test_a_negative_pivot_is_detected_anywhere(of):
     sheet = case(6, 5, of)
     entries = sheet.entries(0.1)
     rows, columns = sheet.lower

@@ -145,7 +145,7 @@ def test_the_factor_is_that_of_the_reordered_matrix(case: Case) -> None:
 
 
 @pytest.mark.slow
-def test_indefinite_matrices_are_told(case: Case) -> None:
+def test_indefinite_matrices_are_reported(case: Case) -> None:
     plan, lower = case.plan, case.lower
     smallest = np.linalg.eigvalsh(case.matrix.toarray())[0]
     diagonal = lower.indptr[:-1]
@@ -155,7 +155,7 @@ def test_indefinite_matrices_are_told(case: Case) -> None:
         assert Multifrontal(plan).factorise(entries) == definite
 
 
-def test_one_bad_pivot_anywhere_is_told() -> None:
+def test_one_bad_pivot_anywhere_is_reported() -> None:
     case = sheet(12, 17, periodic=True)
     factors, lower = case.factors(), case.lower
     for column in range(0, len(case.rows), 7):
@@ -267,7 +267,7 @@ def test_the_halves_of_a_sheet_have_as_much_to_do(periodic: bool) -> None:
 
 
 @pytest.mark.slow
-def test_two_threads_change_no_bit(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_threads_give_identical_results(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(multifrontal, "WORTH_SHARING", 0)
     lower, plan = case.lower, case.plan
     rhs = np.random.default_rng(1).normal(size=len(case.rows))
@@ -290,7 +290,7 @@ def test_the_size_of_the_leaves_does_not_matter(leaf: int, monkeypatch) -> None:
     np.testing.assert_allclose(case.matrix @ case.factors().solve(rhs), rhs, rtol=1e-12)
 
 
-def test_the_order_alone_hangs_on_the_grid() -> None:
+def test_only_the_order_depends_on_the_grid() -> None:
     """Wrong places give wrong cuts, whose fronts couple across them, and the same solution."""
     case = sheet(14, 19)
     shuffled = np.random.default_rng(2).permutation(len(case.rows))

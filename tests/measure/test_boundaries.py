@@ -46,7 +46,7 @@ def test_boundary_across_a_single_unit_cell_has_no_wave():
 
 
 @pytest.mark.slow
-def test_wavelength_of_relaxed_endless_fabric_is_its_unit_cell():
+def test_wavelength_of_relaxed_periodic_fabric_is_its_unit_cell():
     net, fabric = checkered(4, 2, PERIODIC)
     state = relaxed(net, fabric)
     for direction, length in zip("xy", state.configuration.lengths, strict=True):

@@ -71,7 +71,7 @@ def test_correlations_are_those_of_repeated_measurements():
 
 
 @pytest.mark.slow
-def test_a_curve_too_short_to_tell_two_parameters_apart_says_so():
+def test_a_curve_too_short_to_separate_two_parameters_warns():
     fit = calibrate(1.41, *curve(stripe("rib", 4), largest=0.3))
     assert any("cannot tell k_t from theta_0" in warning for warning in fit.warnings)
     straight = np.linspace(0, 0.02, 20)

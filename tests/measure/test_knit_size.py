@@ -73,7 +73,7 @@ def test_a_wider_stitch_widens_and_lengthens_nothing(fabric, design, gauge):
 @given(fabrics, fabrics, designs, gauges, gauges)
 def test_ratios_between_designs_do_not_depend_on_the_gauge(one, other, design, gauge, another):
 
-    def ratio(its):
+    def ratio(each):
         first, second = (
             knit_sizes(fabric, stitches(*design), False, its) for fabric in (one, other)
         )

@@ -56,16 +56,16 @@ def test_the_order_of_the_markers_does_not_matter(grid, seed):
     points, _ = grid
     order = np.random.default_rng(seed).permutation(len(points))
     one, other = find_grid(points), find_grid(points[order])
-    there = one.marker >= 0
-    np.testing.assert_array_equal(there, other.marker >= 0)
-    np.testing.assert_array_equal(one.marker[there], order[other.marker[there]])
+    present = one.marker >= 0
+    np.testing.assert_array_equal(present, other.marker >= 0)
+    np.testing.assert_array_equal(one.marker[present], order[other.marker[present]])
 
 
 def lattice(rows=5, columns=4):
     return np.stack(np.mgrid[:columns, :rows][::1], axis=-1).swapaxes(0, 1).reshape(-1, 2) * 10.0
 
 
-def test_dust_is_left_out():
+def test_stray_markers_are_ignored():
     points = np.concatenate([lattice(), [[14.0, 26.0], [200.0, 3.0]]])
     found = find_grid(points)
     assert found.strays == (20, 21)

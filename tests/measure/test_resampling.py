@@ -52,12 +52,12 @@ def test_a_few_frames_are_joined_by_straight_lines_without_an_error():
 def test_nothing_is_drawn_out_beyond_the_records():
     strain = np.linspace(0.1, 0.3, 101)
     found = resampled(AT, strain, strain).values
-    there = (AT >= 0.1 - 1e-9) & (AT <= 0.3 + 1e-9)
-    np.testing.assert_array_equal(np.isfinite(found), there)
+    known = (AT >= 0.1 - 1e-9) & (AT <= 0.3 + 1e-9)
+    np.testing.assert_array_equal(np.isfinite(found), known)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
-def test_cycles_are_told_apart_whatever_they_are_like(noise):
+def test_cycles_of_any_shape_are_separated(noise):
     time = np.arange(0, 60, 0.1)
     peaks = np.interp(time, [0, 5, 15, 25, 30, 40, 50, 60], [0, 0, 2, 0.3, 0.3, 2.5, 0, 1])
     extension = peaks + np.random.default_rng(2).uniform(-noise, noise, len(time))
@@ -65,8 +65,8 @@ def test_cycles_are_told_apart_whatever_they_are_like(noise):
     turns = [(of.start, of.turn, of.end) for of in found]
     expected = [(5, 15, 30), (30, 40, 50), (50, 60, 60)]
     assert (np.abs(np.subtract(turns, expected)) <= (RESTS if noise else 0.2)).all()
-    assert found[0].pulled(np.array([10.0])).all()
-    assert found[0].let_go(np.array([20.0])).all()
+    assert found[0].loaded(np.array([10.0])).all()
+    assert found[0].unloaded(np.array([20.0])).all()
 
 
 def test_a_test_that_never_pulls_has_no_cycles():
@@ -75,7 +75,7 @@ def test_a_test_that_never_pulls_has_no_cycles():
     assert cycles(time, -time, 0.1) == []
 
 
-def test_one_pull_alone_is_a_cycle_that_is_not_let_go():
+def test_a_single_loading_is_a_cycle_without_unloading():
     time = np.linspace(0, 1, 50)
     (only,) = cycles(time, time, 0.1)
     assert (only.start, only.turn, only.end) == (0, 1, 1)

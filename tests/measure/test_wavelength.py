@@ -57,7 +57,7 @@ def test_wavelength_moves_and_grows_with_the_fabric(shift, scale, seed):
     assert other.amplitude == pytest.approx(scale * one.amplitude, rel=1e-6)
 
 
-def test_the_order_of_the_points_says_nothing():
+def test_the_order_of_the_points_does_not_matter():
     line = wavy(5, noise=0.05)
     mixed = np.random.default_rng(1).permutation(line)
     assert wave_of(mixed, 5).wavelength == wave_of(line, 5).wavelength

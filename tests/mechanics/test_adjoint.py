@@ -162,7 +162,7 @@ def assert_agree(found: np.ndarray, expected: np.ndarray) -> None:
 
 
 @pytest.mark.slow
-def test_derivatives_of_endless_fabric_are_those_of_differences(periodic):
+def test_derivatives_of_periodic_fabric_agree_with_finite_differences(periodic):
     found, expected = periodic.sensitivities(), by_differences(periodic)
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-9)
 
@@ -247,7 +247,7 @@ def test_any_scalar_of_the_states_has_a_gradient(periodic):
 
 
 @pytest.mark.slow
-def test_how_the_free_sample_lay_before_it_was_squared_up_changes_nothing(clamped):
+def test_results_do_not_depend_on_the_pose_before_the_rigid_alignment(clamped):
     """Whatever rigid motion a derivative of the relaxed shape is mixed with, it comes out."""
     adjoint = clamped.adjoint()
     shape = clamped.layout.net.shape

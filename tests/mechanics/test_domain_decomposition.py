@@ -24,7 +24,7 @@ from knitlab.mechanics.equilibrium import (
     minimise_with_one_factorisation,
 )
 from knitlab.mechanics.equilibrium_search import Search, SearchRules
-from knitlab.mechanics.evaluation import WHOLE, Evaluation
+from knitlab.mechanics.evaluation import COMPLETE, Evaluation
 from knitlab.mechanics.executor import Executor, run, run_to_end
 from knitlab.mechanics.loading import all_free, free_under_tension
 from knitlab.mechanics.solver import Evaluate, Factorise, SolveSubdomains
@@ -53,20 +53,22 @@ def test_on_a_subdomain_act_the_forces_of_the_whole(small_subdomains, sample, pl
     net, fabric, loading = sample
     random = np.random.default_rng(0)
     at = loading.reference + 0.1 * random.normal(size=net.shape.unknowns)
-    whole = ChunkedFabric.of(net.shape, fabric).evaluate(WHOLE, at)
+    whole = ChunkedFabric.of(net.shape, fabric).evaluate(COMPLETE, at)
     free = free_stiffness(net.shape, places(net.shape))
     found = list(subdomains_of(free))
     assert len(found) == 4
     for subdomain in found:
         own = ChunkedFabric.of(subdomain.free.shape, subdomain.fabric(fabric))
-        gradient = np.asarray(own.evaluate(WHOLE, at[subdomain.places]).gradient)
+        gradient = np.asarray(own.evaluate(COMPLETE, at[subdomain.places]).gradient)
         movable = subdomain.free.places
         np.testing.assert_allclose(
             gradient[movable], np.asarray(whole.gradient)[subdomain.places[movable]], atol=1e-10
         )
 
 
-def test_a_move_within_a_block_costs_it_what_it_costs_the_whole(small_subdomains, sample):
+def test_a_move_within_a_subdomain_changes_its_energy_as_that_of_the_sample(
+    small_subdomains, sample
+):
     net, fabric, loading = sample
     subdomain = list(subdomains_of(free_stiffness(net.shape, loading.free)))[1]
     whole = ChunkedFabric.of(net.shape, fabric)
@@ -76,8 +78,8 @@ def test_a_move_within_a_block_costs_it_what_it_costs_the_whole(small_subdomains
     movable = subdomain.places[subdomain.free.places]
     after[movable] += 0.05 * np.random.default_rng(1).normal(size=movable.size)
     costs = [
-        float(of.evaluate(WHOLE, after[where]).energy.total)
-        - float(of.evaluate(WHOLE, before[where]).energy.total)
+        float(of.evaluate(COMPLETE, after[where]).energy.total)
+        - float(of.evaluate(COMPLETE, before[where]).energy.total)
         for of, where in ((whole, slice(None)), (own, subdomain.places))
     ]
     assert costs[0] == pytest.approx(costs[1], rel=1e-9)
@@ -170,7 +172,7 @@ def test_a_sample_reaches_the_same_state_by_subdomains_and_as_a_whole(
 
 
 @pytest.mark.slow
-def test_in_a_batch_on_the_device_only_the_whole_is_solved(small_subdomains, sample):
+def test_a_batch_on_the_device_solves_no_subdomains(small_subdomains, sample):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
     (state,) = run_in_lockstep(
@@ -194,7 +196,7 @@ def test_periodic_fabric_and_small_samples_have_no_subdomains():
     assert worth_dividing(checkered(4, 2, CLAMPED, unit_cells=(5, 3))[0].shape)
 
 
-def test_where_a_search_stalls_after_its_subdomains_the_whole_begins_anew_without_them(
+def test_a_search_that_stalls_after_its_subdomains_restarts_without_them(
     small_subdomains, sample, monkeypatch
 ):
     net, fabric, loading = sample
@@ -272,7 +274,7 @@ class FoldedToNothing(Executor):
         return super().answer(request)
 
 
-def test_where_subdomains_collapse_the_whole_goes_on_without_them(small_subdomains, sample):
+def test_collapsed_subdomains_are_discarded(small_subdomains, sample):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
     solver = find_equilibrium_by_subdomains(start, slow(sample))

@@ -127,7 +127,7 @@ def test_damping_is_near_critical_for_the_softest_mode():
 
 
 @pytest.mark.slow
-def test_a_batch_moves_as_its_cases_do_alone():
+def test_a_batch_moves_like_each_of_its_cases_alone():
     batch = moving([(2, 1), (8, 1)], PERIODIC, SETTINGS)
     flat = [flat_sheet(network(batch.shape), fabric) for fabric in batch.fabrics]
     sheets = [np.asarray(sheet.flattened()) for sheet in flat]

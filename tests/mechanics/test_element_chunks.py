@@ -66,7 +66,7 @@ def test_the_incidence_of_any_motion_of_the_whole_is_none():
 
 
 @pytest.mark.slow
-def test_threads_share_all_chunks_and_change_no_bit(shared):
+def test_threads_share_all_chunks_and_give_identical_results(shared):
     net, fabric = checkered(4, 4, ModelOptions(boundary="clamped", hinges="all"))
     mesh_chunks = chunks_of(net.shape)
     assert [chunk for part in mesh_chunks.by_thread for chunk in part.chunks] == [

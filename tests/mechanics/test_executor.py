@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from knitlab.mechanics.batch import run_in_lockstep
-from knitlab.mechanics.executor import run_in_turn
+from knitlab.mechanics.executor import run_sequentially
 from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.tensile_test import stretch
 from tests.fabrics import CLAMPED, FINE, PERIODIC, checkered, stretched
@@ -26,7 +26,7 @@ def stretches(net, fabrics):
         pytest.param(CLAMPED, id="clamped", marks=pytest.mark.slow),
     ],
 )
-def test_a_batch_on_the_device_gives_what_its_fabrics_give_alone(reading):
+def test_a_batch_on_the_device_equals_single_fabrics(reading):
     net, four = checkered(4, 1, reading)
     _, eight = checkered(8, 1, reading)
     # Close to a snap the energy is told to 1e-7 by a finer tolerance alone.
@@ -45,7 +45,7 @@ def test_a_poisoned_fabric_disturbs_no_neighbour():
     net, sound = checkered(4, 1, PERIODIC)
     poisoned = eqx.tree_at(lambda f: f.rest_length, sound, sound.rest_length.at[3].set(jnp.nan))
     fabrics = [sound, poisoned, sound]
-    for runner in (run_in_turn, run_in_lockstep):
+    for runner in (run_sequentially, run_in_lockstep):
         first, broken, last = runner(net.shape, fabrics, stretches(net, fabrics))
         assert all(state.converged for state in first.states)
         assert first.states[-1].residual == last.states[-1].residual

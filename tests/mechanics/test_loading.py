@@ -34,7 +34,7 @@ def test_a_sample_that_fits_stays_where_it_is():
     tilt=st.tuples(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2)),
     lift=st.floats(-0.3, 0.3),
 )
-def test_a_sample_that_lies_askew_is_laid_between_the_walls_and_not_bent(tilt, lift):
+def test_a_tilted_sample_is_moved_rigidly_between_the_walls(tilt, lift):
     nodes = corrugated()
     askew = Rotation.from_rotvec([*tilt, 0]).apply(nodes) + np.array([0, 0, lift])
     laid = between_walls(configuration(askew), GAP)
@@ -43,7 +43,7 @@ def test_a_sample_that_lies_askew_is_laid_between_the_walls_and_not_bent(tilt, l
     assert laid.lengths == pytest.approx([13.0, 9.0])
 
 
-def test_where_no_tilt_fits_the_walls_push_from_both_sides_alike():
+def test_a_sample_too_thick_is_pushed_equally_by_both_walls():
     askew = configuration(1.2 * corrugated() + np.array([0, 0, 0.1]))
     heights = between_walls(askew, GAP).positions[..., 2]
     upper, lower = np.maximum(heights - GAP, 0), np.maximum(-heights - GAP, 0)

@@ -149,7 +149,7 @@ def test_the_zigzag_is_read_as_the_sheet_is(choice):
 
 @pytest.mark.slow
 @EVERY_STRIPE
-def test_without_its_diagonals_an_endless_sheet_is_the_zigzag(of):
+def test_a_periodic_sheet_without_diagonals_is_the_zigzag(of):
     """First of the two reasons why 3D is stiffer than 2D at large strain."""
     force = [across_the_ridges(of, strain, diagonals=0.0)[1] for strain in STRAINS[1:]]
     np.testing.assert_allclose(force, tension(zigzag(of), jnp.array(STRAINS[1:])), rtol=1e-8)

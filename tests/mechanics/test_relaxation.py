@@ -23,7 +23,7 @@ def fabric_layout(n_stripe, periods, unit_cells):
 
 
 @pytest.mark.slow
-def test_a_sample_of_endless_fabric_is_in_equilibrium_but_for_its_edges():
+def test_a_sample_tiled_with_periodic_fabric_is_in_equilibrium_except_at_its_edges():
     net, fabric, start, cell = fabric_layout(4, 1, (3, 2))
     forces = jax.grad(lambda at: energy(net, fabric, at).total)(start).positions
     inner = forces[REACH:-REACH, REACH:-REACH]
@@ -32,7 +32,7 @@ def test_a_sample_of_endless_fabric_is_in_equilibrium_but_for_its_edges():
 
 
 @pytest.mark.slow
-def test_flat_and_endless_starts_reach_one_state():
+def test_flat_and_periodic_starts_reach_the_same_state():
     net, fabric, start, _ = fabric_layout(4, 2, (2, 2))
     laid = run(net.shape, fabric, relax(net, fabric, DEFAULT, start))
     flat = relaxed(net, fabric)

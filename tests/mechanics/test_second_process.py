@@ -49,12 +49,12 @@ def test_it_finds_what_this_process_finds(sample, subdomain_request):
             task = SubdomainTask(
                 (0, number), Evaluate(start[subdomain.places]), 0.3, subdomain_request.settings
             )
-            there = process.solve(task, sent)
+            remote = process.solve(task, sent)
             with one_thread_of_blas():
-                here = solve_subdomain(Executor(sent.shape, sent.fabric), subdomain.free, task)
-            assert there.outcome is here.outcome
-            assert there.iterations == here.iterations > 0
-            np.testing.assert_array_equal(there.unknowns, here.unknowns)
+                local = solve_subdomain(Executor(sent.shape, sent.fabric), subdomain.free, task)
+            assert remote.outcome is local.outcome
+            assert remote.iterations == local.iterations > 0
+            np.testing.assert_array_equal(remote.unknowns, local.unknowns)
 
 
 @pytest.mark.slow

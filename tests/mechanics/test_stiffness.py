@@ -12,7 +12,7 @@ from knitlab.mechanics.element_stiffness import (
     spring_stiffness,
 )
 from knitlab.mechanics.evaluation import (
-    WHOLE,
+    COMPLETE,
     Stage,
     element_hessians,
     staged,
@@ -88,7 +88,7 @@ def test_walls_and_held_unknowns_enter_the_stiffness():
     raised = Configuration(sheet.positions + np.array([0, 0, 6.0]), sheet.lengths)
     at, loading = raised.flattened(), tensile(net.shape, raised)
     free = free_stiffness(net.shape, loading.free)
-    matrix = whole_stiffness(free, net, fabric, WHOLE, at)
+    matrix = whole_stiffness(free, net, fabric, COMPLETE, at)
     exact = np.asarray(
         jax.hessian(lambda q: energy(net, fabric, Configuration.of(q, net.shape)).total)(at)
     )

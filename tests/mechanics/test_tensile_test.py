@@ -8,7 +8,7 @@ import pytest
 from knitlab.mechanics import tensile_test
 from knitlab.mechanics.domain_decomposition import find_equilibrium_by_subdomains
 from knitlab.mechanics.element_chunks import ChunkedFabric
-from knitlab.mechanics.evaluation import WHOLE
+from knitlab.mechanics.evaluation import COMPLETE
 from knitlab.mechanics.executor import run
 from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.state import Outcome
@@ -99,7 +99,7 @@ def test_mirrored_patterns_make_mirrored_shapes(flip):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("n_stripe", "strains"), [(4, [0, 0.04, 0.08]), (2, [0, 0.15, 0.3, 0.45])])
-def test_one_unit_cell_and_four_are_the_same_endless_fabric(n_stripe, strains):
+def test_one_unit_cell_and_four_are_the_same_periodic_fabric(n_stripe, strains):
     one, four = (
         periodic_poisson_ratio(
             stretched(*checkered(n_stripe, 2, PERIODIC, unit_cells=cells), strains)
@@ -110,7 +110,7 @@ def test_one_unit_cell_and_four_are_the_same_endless_fabric(n_stripe, strains):
 
 
 @pytest.mark.slow
-def test_the_curve_does_not_hang_on_the_strains_that_are_recorded():
+def test_the_curve_does_not_depend_on_the_recorded_strains():
     net, fabric = checkered(4, 2, PERIODIC)
     coarse = stretched(net, fabric, [0.0, 0.08, 0.16])
     fine = stretched(net, fabric, [0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.14, 0.16])
@@ -128,7 +128,7 @@ def test_the_curve_does_not_hang_on_the_strains_that_are_recorded():
     ],
     ids=["flat stripe_centre", "flat stripe_border"],
 )
-def test_readings_change_poisson_ratio_as_in_the_trial_runs(
+def test_model_options_change_poisson_ratio_as_in_the_trial_runs(
     n_stripe, periods, reading, first, last
 ):
     reading = replace(reading, boundary="periodic")
@@ -201,7 +201,7 @@ def test_relaxation_does_not_shift_a_sample():
     assert shift[2] < 1e-2
 
 
-def test_a_fabric_that_is_let_go_comes_back_through_the_states_it_went():
+def test_unloading_returns_through_the_states_of_loading():
     strains = 0.0, 0.02, 0.04, 0.06
     net, fabric = checkered(4, 1, PERIODIC)
     test = run(net.shape, fabric, stretch(net, fabric, strains, FINE, unload=True))
@@ -248,6 +248,6 @@ def test_many_subdomains_start_from_where_on_the_line_ahead_the_energy_is_least(
     assert any(part == pytest.approx(one) for one in parts)
     whole = ChunkedFabric.of(net.shape, fabric)
     taken, *others = (
-        float(whole.evaluate(WHOLE, at).energy.total) for at in (starts[0].unknowns, near, far)
+        float(whole.evaluate(COMPLETE, at).energy.total) for at in (starts[0].unknowns, near, far)
     )
     assert taken <= min(others)

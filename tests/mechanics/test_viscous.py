@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from knitlab.mechanics.element_chunks import ChunkedFabric
-from knitlab.mechanics.evaluation import WHOLE
+from knitlab.mechanics.evaluation import COMPLETE
 from knitlab.mechanics.executor import run
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.options import ModelOptions
@@ -37,9 +37,9 @@ def integrated(sample, test, drag):
     chunked = ChunkedFabric.of(net.shape, fabric)
 
     def velocity(strain, moving):
-        here = loading.holding(loading.reference, strain)
-        here[free] = moving
-        return -np.asarray(chunked.evaluate(WHOLE, here).gradient)[free] / drag
+        current = loading.holding(loading.reference, strain)
+        current[free] = moving
+        return -np.asarray(chunked.evaluate(COMPLETE, current).gradient)[free] / drag
 
     return solve_ivp(
         velocity,

@@ -63,8 +63,8 @@ def test_rigid_motion_changes_no_energy(turn, shift):
     net, fabric = checkered(6, 1, CLAMPED)
     at = shaken(flat_sheet(net, fabric), 0.2)
     moved = Rotation.from_rotvec(turn).apply(np.array(at.positions).reshape(-1, 3)) + shift
-    there = Configuration(moved.reshape(at.positions.shape), at.lengths)
-    before, after = energy(net, fabric, at), energy(net, fabric, there)
+    shifted = Configuration(moved.reshape(at.positions.shape), at.lengths)
+    before, after = energy(net, fabric, at), energy(net, fabric, shifted)
     assert float(after.stretch) == pytest.approx(float(before.stretch), rel=1e-10)
     assert float(after.fold) == pytest.approx(float(before.fold), rel=1e-10)
 
@@ -86,6 +86,6 @@ def test_the_wall_acts_beyond_z_max_on_both_sides():
     net, fabric = checkered(4, 1, CLAMPED)
     flat = flat_sheet(net, fabric).positions
     for z, beyond in ((5.9, 0.0), (6.2, 0.2), (-6.2, 0.2)):
-        there = Configuration(flat.at[..., 2].set(z), jnp.zeros(2))
+        shifted = Configuration(flat.at[..., 2].set(z), jnp.zeros(2))
         expected = 0.5 * 100 * beyond**2 * net.shape.nodes
-        assert float(energy(net, fabric, there).wall) == pytest.approx(expected)
+        assert float(energy(net, fabric, shifted).wall) == pytest.approx(expected)

@@ -108,7 +108,7 @@ def test_a_wish_out_of_reach_is_said_to_be_so_with_the_bound_that_holds_it_back(
 
 
 @pytest.mark.slow
-def test_two_targets_that_pull_apart_make_a_front(tmp_path):
+def test_conflicting_targets_give_a_pareto_front(tmp_path):
     found = designed(
         tmp_path,
         targets=["reaction_force = 0.1 ± 0.01 @ 0.1", "reaction_force = 2 ± 0.01 @ 0.15"],
@@ -182,9 +182,7 @@ def test_a_target_without_derivatives_is_searched_without_gradients(tmp_path):
 
 
 @pytest.mark.slow
-def test_where_a_state_has_no_derivative_the_search_goes_on_without_gradients(
-    tmp_path, monkeypatch
-):
+def test_the_search_continues_without_gradients_after_a_missing_derivative(tmp_path, monkeypatch):
     def snapping(self, trial):
         raise NoDerivative("a branch ends here")
 
@@ -234,7 +232,7 @@ strain_step = 0.05
 
 
 @pytest.mark.slow
-def test_a_killed_design_goes_on_and_ends_as_if_it_had_not_been(tmp_path):
+def test_a_killed_design_resumes_to_the_same_result(tmp_path):
     (tmp_path / "wish.toml").write_text(WISH)
     words = ["design", "wish.toml", "--results", str(tmp_path / "results")]
     kill_command(tmp_path, words, 3)
@@ -243,7 +241,7 @@ def test_a_killed_design_goes_on_and_ends_as_if_it_had_not_been(tmp_path):
     assert before
     went_on = kl.design(tmp_path / "wish.toml", results=tmp_path / "results")
     whole = kl.design(tmp_path / "wish.toml", results=tmp_path / "whole")
-    assert all((trials / name).stat().st_mtime_ns == its for name, its in before.items())
+    assert all((trials / name).stat().st_mtime_ns == each for name, each in before.items())
     assert went_on.trials.equals(whole.trials)
     assert len(before) < len(whole.trials)
     xr.testing.assert_allclose(

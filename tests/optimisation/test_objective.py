@@ -27,7 +27,7 @@ def made_up(ratio, force):
     curves = {"poisson_ratio": ratio(STRAINS), "reaction_force": force(STRAINS)}
     curves["poisson_ratio"][0] = np.nan
     results = xr.Dataset(
-        {name: ("applied_strain", its) for name, its in curves.items()},
+        {name: ("applied_strain", each) for name, each in curves.items()},
         {"applied_strain": STRAINS},
     ).assign(status=Status.ok)
     return Trial(None, None, results)
@@ -59,7 +59,7 @@ def test_distances_are_those_of_a_fine_grid():
 def test_residuals_sum_to_the_distance_of_what_is_aimed_at():
     trial = made_up(lambda e: -0.5 + e, lambda e: 4 * e)
     asked = objective("poisson_ratio = -0.3 @ 0.1:0.3", "spread(reaction_force) > 2 @ 0.1:0.3")
-    aims = objective(*(its for its in map(aimed, asked.targets)))
+    aims = objective(*(each for each in map(aimed, asked.targets)))
     residuals = asked.residuals(trial)
     assert residuals @ residuals == pytest.approx(aims.distance(aims.off_by(trial)) ** 2)
     assert aims.targets[1].low > asked.targets[1].low

@@ -14,7 +14,7 @@ def request(**changes):
 
 def test_a_target_without_a_tolerance_has_a_twentieth_of_its_value():
     asked = request(targets=[TARGET, "poisson_ratio = 0 @ 0.1", "knit_cell_x < 20 ± 2"])
-    assert [its.tolerance for its in asked.targets] == pytest.approx([0.015, 0.01, 2])
+    assert [each.tolerance for each in asked.targets] == pytest.approx([0.015, 0.01, 2])
 
 
 @pytest.mark.parametrize(
@@ -33,8 +33,8 @@ def test_a_target_without_a_tolerance_has_a_twentieth_of_its_value():
         ({"vary": {"pattern": ["GR", "RG"]}}, "list names of patterns"),
         ({"vary": {"pattern": 4}}, "list names of patterns"),
         ({"settings": {"k_s": 2}}, "k_s"),
-        ({"settings": {"k_t_factor": 2}, "vary": {"k_t_factor": [1, 2]}}, "may vary too"),
-        ({"settings": {"robustness": 2}}, "beside targets"),
+        ({"settings": {"k_t_factor": 2}, "vary": {"k_t_factor": [1, 2]}}, "may also vary"),
+        ({"settings": {"robustness": 2}}, "next to targets"),
         ({"settings": {"cell_size": ["flat", "relaxed"]}}, "is a list"),
         ({"starts": 0}, "starts"),
         ({"targets": ["knit_cell_x < 10"], "subject_to": ["knit_cell_x > 20"]}, "no value meets"),

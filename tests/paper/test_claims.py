@@ -141,12 +141,12 @@ def verdicts(tmp_path):
             paths.append(tmp_path / name / "cube.nc")
             paths[-1].parent.mkdir(exist_ok=True)
             write_cube(cube, paths[-1])
-        return {its.claim.name: its.finding.verdict for its in judged(read_claims(), paths)}
+        return {each.claim.name: each.finding.verdict for each in judged(read_claims(), paths)}
 
     return judge
 
 
-LABORATORY = [its.name for its in read_claims() if its.statement.test == "laboratory"]
+LABORATORY = [each.name for each in read_claims() if each.statement.test == "laboratory"]
 
 
 @pytest.mark.slow
@@ -294,7 +294,7 @@ def test_a_line_is_fitted_with_its_confidence_interval():
     assert fit.slope_halfwidth == pytest.approx(halfwidth, rel=1e-5)
 
 
-def test_slopes_of_one_line_are_told_from_those_of_several():
+def test_slopes_of_one_line_and_of_several_are_distinguished():
     random = np.random.default_rng(0)
     x = np.arange(8.0)
 
@@ -316,7 +316,7 @@ def test_a_selection_that_would_change_nothing_is_refused(tmp_path):
 
 def test_a_page_of_no_known_format_is_refused_before_anything_is_said(tmp_path):
     write_cube(good_checkerboards(), tmp_path / "cube.nc")
-    told = CliRunner().invoke(main, ["claims", str(tmp_path), "-o", str(tmp_path / "page.txt")])
-    assert told.exit_code == 2
-    assert not told.stdout
-    assert "has no suffix of .md, .html" in told.stderr
+    result = CliRunner().invoke(main, ["claims", str(tmp_path), "-o", str(tmp_path / "page.txt")])
+    assert result.exit_code == 2
+    assert not result.stdout
+    assert "has no suffix of .md, .html" in result.stderr

@@ -68,12 +68,12 @@ def test_missing_designs_never_change_the_margin_of_the_rest(kind, name, missing
     assert list(part.at) == kept
     assert (part.verdict is Verdict.not_measured) == (not kept)
     if kept:
-        alone = [finding(name, without(CUBES[kind], set(DESIGNS) - {its})).margin for its in kept]
+        alone = [finding(name, without(CUBES[kind], set(DESIGNS) - {each})).margin for each in kept]
         assert part.margin == min(alone) >= whole.margin
     assert (part.judged, part.wanted) == (len(kept), whole.wanted)
 
 
-def test_a_claim_is_judged_on_the_designs_there_are_and_says_so():
+def test_a_claim_is_judged_on_the_available_designs_and_states_their_number():
     gone = [design for design in DESIGNS if design[0] == 8][:3]
     found = finding("longer_cells_are_less_auxetic", without(good_checkerboards(), gone))
     assert found.verdict is Verdict.holds
@@ -100,15 +100,15 @@ def test_a_claim_is_judged_on_the_designs_there_are_and_says_so():
         ("steeper_capacitors_are_narrower", [(4, 16), (4, 24)], Verdict.not_measured),
     ],
 )
-def test_too_few_designs_say_nothing(name, left, verdict):
+def test_too_few_designs_are_not_judged(name, left, verdict):
     found = finding(name, without(good_checkerboards(), set(DESIGNS) - set(left)))
     assert found.verdict is verdict
     assert (found.margin is None) == (verdict is Verdict.not_measured)
 
 
 def quarters(name, cube):
-    (its,) = judged_slices([CLAIMS[name]], [(Path("cube.nc"), cube)])
-    return (*its.quarters, its.sensitivity)
+    (each,) = judged_slices([CLAIMS[name]], [(Path("cube.nc"), cube)])
+    return (*each.quarters, each.sensitivity)
 
 
 @pytest.mark.parametrize(
@@ -210,8 +210,8 @@ def written(tmp_path_factory):
 @pytest.mark.parametrize("turned", [False, True])
 def test_the_papers_sample_decides_whatever_the_order(written, pair, turned):
     paths = [written / f"{name}.nc" for name in (pair[::-1] if turned else pair)]
-    (its,) = judged([CLAIMS[OF_ALL]], paths)
-    assert its.cubes == (written / f"{pair[0]}.nc",)
+    (each,) = judged([CLAIMS[OF_ALL]], paths)
+    assert each.cubes == (written / f"{pair[0]}.nc",)
 
 
 def test_of_equals_the_first_decides(written, tmp_path):
@@ -234,14 +234,14 @@ def test_stated_sample_sizes_go_before_those_of_the_strains():
 def test_a_judgement_names_its_samples_and_contrary_cubes(written, tmp_path):
     write_cube(sample("periodic", (1, 1), -0.9), tmp_path / "worse.nc")
     judgements = judged([CLAIMS[OF_ALL]], [tmp_path / "worse.nc", written / "smaller.nc"])
-    ((its,), (samples,)) = judgements, judgements[0].samples
-    assert (its.finding.verdict, its.finding.grade) == (Verdict.holds, Grade.holds)
-    assert its.cubes == (written / "smaller.nc",)
+    ((each,), (samples,)) = judgements, judgements[0].samples
+    assert (each.finding.verdict, each.finding.grade) == (Verdict.holds, Grade.holds)
+    assert each.cubes == (written / "smaller.nc",)
     assert (samples.boundary, samples.size) == ("clamped", "2 × 4")
     assert samples.options == "cell_size flat, z_max 6"
-    assert (its.finding.judged, its.finding.wanted) == (14, 14)
+    assert (each.finding.judged, each.finding.wanted) == (14, 14)
     expected = f"fails at -0.20 on 14 of 14 designs of {tmp_path / 'worse.nc'}"
-    assert contrary(its.contrary, str) == expected
+    assert contrary(each.contrary, str) == expected
 
 
 def test_sizes_of_a_cube_are_given_from_the_smallest_to_the_largest(tmp_path):
@@ -250,17 +250,17 @@ def test_sizes_of_a_cube_are_given_from_the_smallest_to_the_largest(tmp_path):
     widest[..., 2:, :] = widest[..., 1:] = np.nan
     cube["strain_xx"].loc[{"n_stripe": 8}] = widest
     write_cube(cube, tmp_path / "cube.nc")
-    (its,) = judged([CLAIMS[OF_ALL]], [tmp_path])
-    assert its.samples[0].size == "1 × 2 to 3 × 6"
+    (each,) = judged([CLAIMS[OF_ALL]], [tmp_path])
+    assert each.samples[0].size == "1 × 2 to 3 × 6"
 
 
 def test_samples_side_by_side_name_the_cubes_that_were_used(tmp_path, written):
     write_cube(good_stripes(), tmp_path / "stripes.nc")
     paths = [written / "periodic.nc", tmp_path / "stripes.nc", written / "larger.nc"]
-    (its,) = judged([CLAIMS["capacitor_4_32_is_the_steepest"]], paths)
-    assert its.cubes == (tmp_path / "stripes.nc", written / "larger.nc")
-    assert (its.finding.judged, its.finding.wanted) == (4, 4)
-    assert [samples.boundary for samples in its.samples] == ["periodic", "clamped"]
+    (each,) = judged([CLAIMS["capacitor_4_32_is_the_steepest"]], paths)
+    assert each.cubes == (tmp_path / "stripes.nc", written / "larger.nc")
+    assert (each.finding.judged, each.finding.wanted) == (4, 4)
+    assert [samples.boundary for samples in each.samples] == ["periodic", "clamped"]
 
 
 @pytest.mark.slow
@@ -270,7 +270,7 @@ def test_lines_and_their_count(tmp_path):
     cube["kinetic_energy_left"].loc[{"n_stripe": 4, "n_subunit": 32}] = 0.1
     write_cube(cube, tmp_path / "cube.nc")
     judgements = judged(read_claims(), [tmp_path])
-    grades = {its.claim.name: its.finding.grade for its in judgements}
+    grades = {each.claim.name: each.finding.grade for each in judgements}
     assert grades["n_stripe_4_n_subunit_48_is_not"] is Grade.near_miss
     assert grades["kinetic_energy_vanishes"] is Grade.fails
     assert summary(judgements) == "28 hold, 1 near miss, 1 fail, 9 not measured"

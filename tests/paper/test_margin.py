@@ -55,8 +55,8 @@ def test_neither_infinity_nor_nan_leaks(value, limit, strict):
 
 @given(st.lists(st.none() | NUMBER))
 def test_the_margin_of_many_is_that_of_the_worst(found):
-    there = [its for its in found if its is not None]
-    assert worst(found) == (min(there) if there else None)
+    present = [each for each in found if each is not None]
+    assert worst(found) == (min(present) if present else None)
 
 
 @given(st.none() | st.floats(-2, 2))

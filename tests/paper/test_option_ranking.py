@@ -113,7 +113,7 @@ def test_options_are_drawn_side_by_side_without_a_selection(tmp_path):
     assert draw_figure("readings", [tmp_path], tmp_path / "readings.svg").stat().st_size > 0
     text = (tmp_path / "readings.svg").read_text()
     best, other = ranked_options([(tmp_path, open_cube(tmp_path))])
-    counts = [f"{its.count(Grade.holds)}/{its.decided}" for its in (best, other)]
+    counts = [f"{each.count(Grade.holds)}/{each.decided}" for each in (best, other)]
     assert [found for found in re.findall(r"\d+/\d+", text) if found in counts] == counts
     files, faults = draw_figures(["readings", "auxetic"], tmp_path)
     assert not faults

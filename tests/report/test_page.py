@@ -53,13 +53,13 @@ def test_an_html_page_is_one_file_that_needs_no_other(cubes, tmp_path):
     text = page.read_text()
     parser = References()
     parser.feed(text)
-    embedded = [its for its in parser.found if its.startswith("data:image/png;base64,")]
-    inside = [its.removeprefix("#") for its in parser.found if its.startswith("#")]
+    embedded = [each for each in parser.found if each.startswith("data:image/png;base64,")]
+    inside = [each.removeprefix("#") for each in parser.found if each.startswith("#")]
     assert embedded
     assert inside
     assert len(embedded) + len(inside) == len(parser.found)
     assert set(inside) <= parser.anchors
-    assert all(base64.b64decode(its.partition(",")[2])[1:4] == b"PNG" for its in embedded)
+    assert all(base64.b64decode(each.partition(",")[2])[1:4] == b"PNG" for each in embedded)
     assert "url(" not in text
 
 
@@ -102,15 +102,15 @@ def test_every_claim_is_spoken_of_once_under_its_topic(judgements):
     said = {
         passage.topic: " ".join(claims for _, claims in passage.sentences) for passage in passages
     }
-    for its in judgements:
-        claim = its.claim
+    for each in judgements:
+        claim = each.claim
         assert said[claim.statement.topic].count(f"“{claim.quoted}”") == 1
     assert sum(text.count("“") for text in said.values()) == len(judgements)
 
 
 def test_what_to_rely_on_holds_by_a_good_margin(judgements):
-    for its in judgements:
-        margin, group = its.finding.margin, reliance(its)
+    for each in judgements:
+        margin, group = each.finding.margin, reliance(each)
         assert (group == "not measured") == (margin is None)
         if margin is not None:
             assert (group in ("good", "reserved")) == (margin >= 0.25)
@@ -119,20 +119,20 @@ def test_what_to_rely_on_holds_by_a_good_margin(judgements):
             assert (group == "gross") == (margin < -0.25)
 
 
-def test_what_another_cube_denies_is_not_to_be_relied_on(cubes, tmp_path):
+def test_claims_that_another_cube_contradicts_are_not_reliable(cubes, tmp_path):
     boards = good_checkerboards().assign_attrs(reading_boundary="periodic")
     boards["rib_width_centre"] += 10
     write_cube(boards, tmp_path / "other.nc")
     claims = [claim for claim in read_claims() if claim.name == "rib_centre_contracts_more"]
     (alone,) = judged(claims, cubes)
-    (its,) = judged(claims, [*cubes, tmp_path / "other.nc"])
-    assert reliance(alone) == reliance(its) == "narrow"
-    assert its.contrary
-    assert "but it fails at -1.80 on 20 of 20 designs of" in introduction([its])[0].sentences[0][1]
+    (each,) = judged(claims, [*cubes, tmp_path / "other.nc"])
+    assert reliance(alone) == reliance(each) == "narrow"
+    assert each.contrary
+    assert "but it fails at -1.80 on 20 of 20 designs of" in introduction([each])[0].sentences[0][1]
 
 
 def test_rows_along_weft_and_warp_say_so(judgements):
-    twins = [its.claim for its in judgements if "_along_w" in its.claim.name]
+    twins = [each.claim for each in judgements if "_along_w" in each.claim.name]
     assert len(twins) == 8
     for claim in twins:
         along = claim.statement.measured_along

@@ -13,7 +13,7 @@ from knitlab.simulation.case import case_of
 from knitlab.study.plan import make_plan
 
 SMALL = ("strain_max=0.2", "strain_step=0.05", "knit=rib")
-NAMES = {name for name, its in VARIABLES.items() if its.of in ("capacitor", "unloading")}
+NAMES = {name for name, each in VARIABLES.items() if each.of in ("capacitor", "unloading")}
 
 
 @pytest.fixture(scope="module")

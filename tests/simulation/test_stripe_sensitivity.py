@@ -17,7 +17,7 @@ from tests.execution import stand_in
 
 SMALL = ("n_stripe=4", "n_subunit=8", "strain_max=0.06")
 ASKED = ("sensitivities=true",)
-NAMES = {name for name, its in VARIABLES.items() if its.of == "sensitivities"}
+NAMES = {name for name, each in VARIABLES.items() if each.of == "sensitivities"}
 
 
 @pytest.fixture(scope="module")

@@ -38,8 +38,8 @@ def stored(results):
 
 
 def unit_cells(cube, n_stripe, n_subunit):
-    here = cube.sel(n_stripe=n_stripe, n_subunit=n_subunit)
-    return int(here["unit_cells_y"]), int(here["unit_cells_x"])
+    local = cube.sel(n_stripe=n_stripe, n_subunit=n_subunit)
+    return int(local["unit_cells_y"]), int(local["unit_cells_x"])
 
 
 @pytest.mark.slow

@@ -28,15 +28,15 @@ def test_the_uncertainty_is_what_noise_makes_of_the_difference():
         difference(simulated, truth + random.normal(0, error, 20), np.full(20, error))
         for _ in range(2000)
     ]
-    rms = [its.rms for its in found]
-    assert np.std(rms) == pytest.approx(np.mean([its.uncertainty for its in found]), rel=0.05)
+    rms = [each.rms for each in found]
+    assert np.std(rms) == pytest.approx(np.mean([each.uncertainty for each in found]), rel=0.05)
 
 
 def test_two_curves_that_are_one_differ_by_the_noise():
     random = np.random.default_rng(0)
     noise = random.normal(0, 0.1, (500, 40))
     found = [difference(np.zeros(40), row, np.full(40, 0.1)) for row in noise]
-    assert np.mean([its.rms for its in found]) == pytest.approx(found[0].noise, rel=0.02)
+    assert np.mean([each.rms for each in found]) == pytest.approx(found[0].noise, rel=0.02)
 
 
 def test_only_strains_that_both_have_count():
@@ -78,7 +78,7 @@ def test_curves_are_compared_at_the_measured_strains_and_forces_for_one_width():
     assert table.loc["reaction_force", "units"] == "N"
 
 
-def test_what_cannot_be_compared_is_told():
+def test_cubes_that_cannot_be_compared_are_refused():
     with pytest.raises(BadInput, match="begins with a simulation, but bench 3 was measured"):
         compared(measured_cube(), [measured_cube()])
     with pytest.raises(BadInput, match="experiments after it"):

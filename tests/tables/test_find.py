@@ -77,7 +77,7 @@ def test_the_spread_covers_what_its_band_reaches():
     assert set(kl.find(without, targets=CURVE).table["in_spread_1"]) == {"unknown"}
 
 
-def test_what_is_required_leaves_designs_out_and_says_so():
+def test_constraints_leave_designs_out_and_report_it():
     found = kl.find(cube(), targets=CURVE, subject_to=["knit_cell_x < 15"])
     assert designs(found) == [(4, 24), (4, 16)]
     assert found.passed_over["do not meet what they are subject to"] == 2
@@ -102,7 +102,7 @@ def test_cubes_on_other_strains_are_searched_together():
 @pytest.mark.parametrize(
     ("targets", "message"),
     [
-        ([], "say what is wanted"),
+        ([], "give a target"),
         ("poisson_ratio", "cannot be read"),
         ("poisson_ratio = -0.3", "add @ STRAIN"),
         ("poison_ratio = -0.3 @ 0.1", "did you mean 'poisson_ratio'"),

@@ -65,12 +65,12 @@ def test_expressions_mean_what_they_say(expression, expected):
         ("status == 'fialed'", "did you mean 'failed'"),
         ("-status == 'ok'", "cannot be computed"),
         ("1 / 0 < n_stripe", "cannot be computed"),
-        ("__import__('os').system('true')", "not allowed here"),
-        ("status.map(print)", "not allowed here"),
-        ("[x for x in n_stripe]", "not allowed here"),
-        ("n_stripe in n_subunit", "not allowed here"),
-        ("n_stripe ** 9 ** 9 > 1", "not allowed here"),
-        ("(lambda: 1)()", "not allowed here"),
+        ("__import__('os').system('true')", "not allowed"),
+        ("status.map(print)", "not allowed"),
+        ("[x for x in n_stripe]", "not allowed"),
+        ("n_stripe in n_subunit", "not allowed"),
+        ("n_stripe ** 9 ** 9 > 1", "not allowed"),
+        ("(lambda: 1)()", "not allowed"),
     ],
 )
 def test_anything_else_is_refused(expression, message):
@@ -101,7 +101,7 @@ def test_what_is_missing_fulfils_neither_a_condition_nor_its_negation(values, si
     table = pd.DataFrame({"a": pd.array(values, dtype="Float64").to_numpy(float, na_value=np.nan)})
     said = f"a {sign} {limit}"
     true = [value is not None and eval(f"{value} {sign} {limit}") for value in values]
-    false = [value is not None and not its for value, its in zip(values, true, strict=True)]
+    false = [value is not None and not each for value, each in zip(values, true, strict=True)]
     assert holds(said, table).tolist() == true
     assert holds(f"not {said}", table).tolist() == false
 
@@ -114,7 +114,7 @@ def test_sorted_by_two_columns_the_second_decides_where_the_first_is_equal(first
     assert list(zip(found["a"], found["b"], strict=True)) == rows
 
 
-def test_rows_of_two_cubes_say_which_cube_boundary_and_reading_they_are_of():
+def test_rows_of_two_cubes_have_their_cube_boundary_and_options():
     cubes = []
     for name, boundary, cells in (("one", "periodic", "flat"), ("two", "clamped", "relaxed")):
         cube = made_up_cube().assign_attrs(

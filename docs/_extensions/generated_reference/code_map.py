@@ -10,11 +10,12 @@ from knitlab.io.shipped import PACKAGE
 def page() -> str:
     """Every package, and a table of its modules."""
     parts = []
-    for package in sorted(path.parent for path in PACKAGE.glob("*/__init__.py")):
+    for package in sorted(path.parent for path in PACKAGE.glob("*/**/__init__.py")):
         modules = sorted(path for path in package.glob("*.py") if path.name != "__init__.py")
         rows = [(code(path.stem), _summary(path)) for path in modules]
-        parts += [f"## knitlab.{package.name}", _summary(package / "__init__.py")]
-        parts.append(table(("module", "what it is for"), rows))
+        name = ".".join(package.relative_to(PACKAGE.parent).parts)
+        parts += [f"## {name}", _summary(package / "__init__.py")]
+        parts.append(table(("module", "purpose"), rows))
     return "\n\n".join(parts)
 
 

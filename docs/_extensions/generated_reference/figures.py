@@ -1,19 +1,18 @@
 """The reference of figures, from the registry of what ``knitlab map`` can draw."""
 
 from pathlib import Path
-from typing import get_args
 
 from generated_reference.markdown import first_paragraph
 from knitlab import plot
 from knitlab.figures.drawing import FIGURES
-from knitlab.study.figure_names import FigureName, suffixes
+from knitlab.study.figure_names import FIGURE_NAMES, suffixes
 
 ROOT = Path(__file__).parents[3]
 
 
 def page() -> str:
     """Every kind of figure: what it shows, of what, and a kept example."""
-    return "\n\n".join(part for name in get_args(FigureName) for part in _section(name))
+    return "\n\n".join(part for name in FIGURE_NAMES for part in _section(name))
 
 
 def _section(name: str) -> list[str]:
@@ -24,13 +23,7 @@ def _section(name: str) -> list[str]:
         facts.append(f"Designs along {' and '.join(f'`{dim}`' for dim in kind.dims)}.")
     if kind.needs:
         facts.append(f"Needs `{kind.needs}`, which is in case files.")
-    if kind.several:
-        taken = {
-            "any": "any cubes",
-            "experiments": "one simulation and any experiments",
-            "designs": "one simulation and an experiment for each design",
-        }
-        facts.append(f"Takes {taken[kind.several]}.")
+    facts.append(f"Takes {kind.takes}.")
     parts = [f"## {name}", first_paragraph(getattr(plot, name).__doc__), " ".join(facts)]
     kept = sorted((ROOT / "results" / "reference").glob(f"*/figures/{name}.png"))
     if kept:

@@ -18,7 +18,9 @@ def page() -> str:
     parts = list(_section("Functions and classes", own))
     for space in spaces:
         module: ModuleType = getattr(knitlab, space)
-        parts += _section(f"knitlab.{space}", [f"knitlab.{space}.{its}" for its in _public(module)])
+        parts += _section(
+            f"knitlab.{space}", [f"knitlab.{space}.{each}" for each in _public(module)]
+        )
     accessor = xr.Dataset.knitlab
     parts += _section("On an open cube", [f"{accessor.__module__}.{accessor.__qualname__}"])
     return "\n".join(parts)
@@ -27,7 +29,7 @@ def page() -> str:
 def _public(module: ModuleType) -> list[str]:
     listed: list[str] = getattr(module, "__all__", [])
     return listed or [
-        name for name, its in vars(module).items() if name[0] != "_" and inspect.isfunction(its)
+        name for name, each in vars(module).items() if name[0] != "_" and inspect.isfunction(each)
     ]
 
 
@@ -38,7 +40,7 @@ def _section(heading: str, paths: list[str]) -> Iterator[str]:
             ".. autosummary::",
             "   :nosignatures:",
             "",
-            *(f"   {its}" for its in paths),
+            *(f"   {each}" for each in paths),
             "",
         )
     for path in paths:
@@ -46,10 +48,10 @@ def _section(heading: str, paths: list[str]) -> Iterator[str]:
         yield from (f".. {kind}:: {path}", *(f"   {option}" for option in options), "")
 
 
-def _directive(its: Any) -> tuple[str, tuple[str, ...]]:
-    if inspect.isclass(its):
+def _directive(each: Any) -> tuple[str, tuple[str, ...]]:
+    if inspect.isclass(each):
         return "autoclass", (":members:",)
-    return ("autofunction" if callable(its) else "autodata"), ()
+    return ("autofunction" if callable(each) else "autodata"), ()
 
 
 def _found(path: str) -> Any:

@@ -25,7 +25,7 @@ def page() -> str:
     settings = settings_table()
     parts = []
     for name, section in SECTIONS.items():
-        members = [its for its in settings if its.section == name]
+        members = [each for each in settings if each.section == name]
         parts += [f"## [{name}]", plain(_described(section)), table(COLUMNS, _rows(members))]
     return "\n\n".join([*parts, *_stripes(files), *_layouts(files), *_design_sets(files)])
 
@@ -40,13 +40,13 @@ def _rows(settings: Iterable[SettingRow]) -> Iterator[tuple[str, ...]]:
     """A row each; settings next to each other of which the same is known share one."""
     rows = [
         (
-            code(its.name),
-            plain(its.values),
-            "" if its.default in (None, ()) else code(_toml(its.default)),
-            "" if its.unit == "1" else its.unit,
-            plain(its.source),
+            code(each.name),
+            plain(each.values),
+            "" if each.default in (None, ()) else code(_toml(each.default)),
+            "" if each.unit == "1" else each.unit,
+            plain(each.source),
         )
-        for its in settings
+        for each in settings
     ]
     for known, alike in itertools.groupby(rows, key=lambda row: row[1:]):
         yield (", ".join(row[0] for row in alike), *known)
@@ -66,11 +66,11 @@ def _toml(value: Any) -> str:
 def _stripes(files: dict[str, Any]) -> Iterator[str]:
     yield "## Stripes"
     yield "The calibrated stripes of `params/stripes.toml`, by stitches across a stripe."
-    for knit, its in files["stripes"].items():
-        units = its["unit"]
+    for knit, each in files["stripes"].items():
+        units = each["unit"]
         columns = (knit, *(f"{name} [{unit}]" for name, unit in units.items()))
-        yield table(columns, ([n, *(f"{row[k]:g}" for k in units)] for n, row in its["n"].items()))
-        yield f"Source: {its['source']}."
+        yield table(columns, ([n, *(f"{row[k]:g}" for k in units)] for n, row in each["n"].items()))
+        yield f"Source: {each['source']}."
 
 
 def _layouts(files: dict[str, Any]) -> Iterator[str]:
@@ -79,10 +79,10 @@ def _layouts(files: dict[str, Any]) -> Iterator[str]:
     rows = [
         (
             code(name),
-            ", ".join(code(f"{k} = {_toml(v)}") for k, v in its.items() if k != "source"),
-            plain(its["source"]),
+            ", ".join(code(f"{k} = {_toml(v)}") for k, v in each.items() if k != "source"),
+            plain(each["source"]),
         )
-        for name, its in files["electrodes"]["layouts"].items()
+        for name, each in files["electrodes"]["layouts"].items()
     ]
     yield table(("layout", "settings", "source"), rows)
 
@@ -95,10 +95,10 @@ def _design_sets(files: dict[str, Any]) -> Iterator[str]:
             code(name),
             "; ".join(
                 f"{', '.join(map(str, grid['n_stripe']))}: {', '.join(map(str, grid['n_subunit']))}"
-                for grid in its["designs"]
+                for grid in each["designs"]
             ),
-            plain(its["source"]),
+            plain(each["source"]),
         )
-        for name, its in files["designs"].items()
+        for name, each in files["designs"].items()
     ]
     yield table(("set", "n_stripe: n_subunit", "source"), rows)

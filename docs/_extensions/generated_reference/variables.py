@@ -23,10 +23,13 @@ GROUPS = {
 
 def page() -> str:
     """Every coordinate and variable, kind by kind."""
-    kinds = [*GROUPS, *dict.fromkeys(its.of for its in VARIABLES.values() if its.of not in GROUPS)]
+    kinds = [
+        *GROUPS,
+        *dict.fromkeys(each.of for each in VARIABLES.values() if each.of not in GROUPS),
+    ]
     parts = ["## Coordinates", _table(COORDINATES)]
     for kind in kinds:
-        members = {name: its for name, its in VARIABLES.items() if its.of == kind}
+        members = {name: each for name, each in VARIABLES.items() if each.of == kind}
         parts += [f"## {GROUPS.get(kind, kind)}", _table(members)]
     parts.append("## Flags")
     for name, flags in FLAGS.items():
@@ -39,11 +42,11 @@ def _table(members: dict[str, Variable]) -> str:
     rows = [
         (
             code(name),
-            its.long_name,
-            "" if its.units == "1" else its.units,
-            ", ".join(code(dim) for dim in its.dims if dim != name),
-            its.description + ("" if its.in_cube else " (in case files only)"),
+            each.long_name,
+            "" if each.units == "1" else each.units,
+            ", ".join(code(dim) for dim in each.dims if dim != name),
+            each.description + ("" if each.in_cube else " (in case files only)"),
         )
-        for name, its in members.items()
+        for name, each in members.items()
     ]
     return table(("name", "meaning", "unit", "dimensions", "details"), rows)

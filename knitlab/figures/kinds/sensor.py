@@ -1,4 +1,4 @@
-"""The sensor design map: how steep and over what range every design senses, and the trade-off."""
+"""The sensor design map: sensitivity and working range of every design, and their trade-off."""
 
 from collections.abc import Sequence
 from textwrap import fill
@@ -18,39 +18,40 @@ from knitlab.figures.cells import (
     row_count,
     values_of,
 )
+from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import SEQUENCE_COLOURS, TWO_COLUMNS
 from knitlab.figures.trade_off import Design, pareto_front, values_of_designs
 from knitlab.io.cube_file import is_measured
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
 
-STEEPNESS, RANGE = "sensitivity", "working_range"
+SENSITIVITY, RANGE = "sensitivity", "working_range"
 MARKERS = "osD^vP*X"
 LETTERS_A_LINE = 110
 MAP_ROW, MAP_MARGIN, TRADE_OFF = 0.32, 0.5, 3.1
 """Heights of a row of a map, of the space around it, and of the trade-off [in]."""
 FEWEST_ROWS = 3
-"""Least rows that a map has room for; its labels need them."""
+"""Smallest number of rows that a map has room for; its labels need it."""
 NO_VALUE = "apart at too few strains to be read"
 NEEDED = "needs electrodes on the fabric; run knitlab run sensor, or a workflow with [electrodes]"
 
 
 def sensor_map(cubes: Sequence[xr.Dataset]) -> Figure:
-    """Sensitivity and working range of every design, and one against the other.
+    """Sensor design map: sensitivity and working range of every design, and their trade-off.
 
-    Designs that no other beats in both are joined and listed. Designs without a value are marked
-    by status, so that a failure never looks like one; measured ones have a dashed frame.
+    The Pareto front is joined and listed. Designs without a value are marked by status, so that a
+    failure never looks like a value; measured ones have a dashed frame.
 
     Raises:
         BadInput: if a cube is of fabrics without electrodes.
     """
-    if any(STEEPNESS not in cube for cube in cubes):
+    if any(SENSITIVITY not in cube for cube in cubes):
         raise fault("sensor", NEEDED)
     rows = row_count(cubes)
     height = MAP_MARGIN + MAP_ROW * max(rows, FEWEST_ROWS)
     figure = Figure(figsize=(TWO_COLUMNS, 2 * height + TRADE_OFF), layout="constrained")
     first, second, below = figure.subplots(3, 1, height_ratios=(height, height, TRADE_OFF))
-    marked = _map(figure, first, cubes, STEEPNESS, "sensitivity\n|dC/dε| [pF]", "{:.2f}")
+    marked = _map(figure, first, cubes, SENSITIVITY, "sensitivity\n|dC/dε| [pF]", "{:.2f}")
     marked |= _map(figure, second, cubes, RANGE, "working range\nof applied strain", "{:.0%}")
     second.set_xlabel("n_subunit: stitches along a garter stripe")
     marks_legend(figure, marked, NO_VALUE, measured_note(cubes))
@@ -68,10 +69,10 @@ def _map(
 ) -> set[Status]:
     norm = mpl.colors.Normalize(0, float(max(values_of(cubes, name), default=1.0)))
     colours = mpl.colormaps[SEQUENCE_COLOURS]
-    look = CellStyle(
-        name, lambda value: colours(norm(value)), lambda value, its: number.format(value)
+    style = CellStyle(
+        name, lambda value: colours(norm(value)), lambda value, design: number.format(value)
     )
-    marked = draw_cells(axes, cubes, look)
+    marked = draw_cells(axes, cubes, style)
     frame(figure, axes, mpl.cm.ScalarMappable(norm, colours), label=label)
     return marked
 
@@ -79,40 +80,40 @@ def _map(
 def _trade_off(axes: Axes, cubes: Sequence[xr.Dataset]) -> None:
     simulated, measured = (
         {
-            design: its
+            design: values
             for cube in cubes
-            if is_measured(cube) is kind
-            for design, its in values_of_designs(cube, STEEPNESS, RANGE).items()
+            if is_measured(cube) is experimental
+            for design, values in values_of_designs(cube, SENSITIVITY, RANGE).items()
         }
-        for kind in (False, True)
+        for experimental in (False, True)
     )
-    figures = simulated or measured
-    stripes = sorted({n_stripe for n_stripe, _ in figures})
+    plotted = simulated or measured
+    stripes = sorted({n_stripe for n_stripe, _ in plotted})
     shades = mpl.colormaps[SEQUENCE_COLOURS](np.linspace(0, 0.85, max(len(stripes), 1)))
     for n_stripe, shade, marker in zip(stripes, shades, MARKERS, strict=False):
-        points = np.array([its for (n, _), its in figures.items() if n == n_stripe])
+        points = np.array([values for (n, _), values in plotted.items() if n == n_stripe])
         axes.plot(
             points[:, 1], points[:, 0], marker, color=shade, ms=5, label=f"n_stripe = {n_stripe}"
         )
-    front = pareto_front(figures)
-    ends = np.array([figures[design] for design in front]).reshape(-1, 2)
+    front = pareto_front(plotted)
+    ends = np.array([plotted[design] for design in front]).reshape(-1, 2)
     axes.step(ends[:, 1], ends[:, 0], where="post", color="0.5", lw=0.8, zorder=0)
-    for design in figures:
+    for design in plotted:
         on_front = design in front
         axes.annotate(
             f"{design}" if on_front else f"{design[1]}",
-            (figures[design][1], figures[design][0]),
+            (plotted[design][1], plotted[design][0]),
             xytext=(4, 3),
             textcoords="offset points",
             fontsize=6.5 if on_front else 4.5,
             color="black" if on_front else "0.5",
         )
     if simulated:
-        for design, (steepness, width) in measured.items():
-            axes.plot(width, steepness, "o", ms=8, mfc="none", mec="black", ls="")
+        for design, (sensitivity, width) in measured.items():
+            axes.plot(width, sensitivity, "o", ms=8, mfc="none", mec="black", ls="")
             axes.annotate(
                 f"{design} measured",
-                (width, steepness),
+                (width, sensitivity),
                 xytext=(7, -7),
                 textcoords="offset points",
                 fontsize=6.5,
@@ -121,12 +122,15 @@ def _trade_off(axes: Axes, cubes: Sequence[xr.Dataset]) -> None:
     axes.margins(0.12)
     axes.set_ylim(bottom=0)
     axes.set_xlim(left=0)
-    axes.set_title(_listed(front, figures), loc="left", fontsize=7, pad=20)
-    if figures:
+    axes.set_title(_listed(front, plotted), loc="left", fontsize=7, pad=20)
+    if plotted:
         axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=len(stripes), frameon=False)
 
 
-def _listed(front: list[Design], figures: dict[Design, tuple[float, ...]]) -> str:
-    """The front in words, the steepest first."""
-    each = [f"{design} {figures[design][0]:.2f} pF, {figures[design][1]:.0%}" for design in front]
-    return fill(f"Front, the steepest for its range: {'; '.join(each)}", LETTERS_A_LINE)
+def _listed(front: list[Design], plotted: dict[Design, tuple[float, ...]]) -> str:
+    """The Pareto front as text, in descending order of sensitivity."""
+    each = [f"{design} {plotted[design][0]:.2f} pF, {plotted[design][1]:.0%}" for design in front]
+    return fill(f"Pareto front: {'; '.join(each)}", LETTERS_A_LINE)
+
+
+FIGURE = FigureKind(sensor_map, several="designs")

@@ -13,6 +13,7 @@ from matplotlib.ticker import MultipleLocator
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
+from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.perspective import FOLDED_SHEET_FITS, frame_sheet
 from knitlab.figures.style import TWO_COLUMNS
 from knitlab.io.case_file import configurations
@@ -28,20 +29,20 @@ ROLES: dict[str, dict[str, Any]] = {
     "mountain fold": {"color": "#D55E00", "lw": 1.8},
     "valley fold": {"color": "black", "lw": 1.8, "ls": (0, (2, 1))},
 }
-"""Looks of the elements, painted in this order."""
+"""Line style of the elements, drawn in this order."""
 CELLS_PER_TICK = 4
-"""A period of the folds."""
+"""Grid cells in a period of the folds."""
 HEIGHT = 3.6
-"""Of the figure [in]."""
+"""Height of the figure [in]."""
 
 
 def spring_network(case: xr.Dataset) -> Figure:
-    """Springs and folds of one unit cell: on the flat chart, and on the relaxed shape.
+    """Springs and folds of a unit cell, on the chart and on the fabric (paper, Fig. 1F).
 
     Hinges that rest flat are not drawn.
 
     Args:
-        case: a case file, with its node positions.
+        case: contents of a case file, with node positions.
     """
     # Only who draws this figure waits for JAX.
     from knitlab.measure.cell_grid import CellGrid
@@ -79,7 +80,7 @@ def spring_network(case: xr.Dataset) -> Figure:
 
 
 def _by_role(layout: "FabricLayout") -> dict[str, np.ndarray]:
-    """Grid places (line, end, (y, x)) of the lines of every role, in a closed unit cell."""
+    """Grid indices (line, end, (y, x)) of the lines of every role, in a closed unit cell."""
     springs, hinges = _ends(layout.net.springs), _ends(layout.net.hinges)
     sense = layout.fold_sense * layout.hinged
     return {
@@ -92,7 +93,7 @@ def _by_role(layout: "FabricLayout") -> dict[str, np.ndarray]:
 
 
 def _ends(elements: "Elements") -> np.ndarray:
-    """Where the first two nodes of elements lie, beyond the seam where they are images."""
+    """Grid indices of the first two nodes of elements; images lie beyond the periodic boundary."""
     shape = elements.shape
     places = np.stack(np.divmod(elements.nodes[:, :2], shape.nodes_x), axis=-1)
     return places + elements.images[:, :2, ::-1] * [shape.cells_y, shape.cells_x]
@@ -110,10 +111,13 @@ def _draw_flat(axes: Axes, chart: np.ndarray, lines: dict[str, np.ndarray]) -> N
 def _draw_relaxed(scene: Axes3D, cell: np.ndarray, lines: dict[str, np.ndarray]) -> None:
     for role, ends in lines.items():
         scene.add_collection3d(Line3DCollection(list(_at(cell, ends)), **ROLES[role]))
-    # Painted in the order of the roles, not by depth: a fold must not vanish under its springs.
+    # Drawn in the order of the roles, not by depth: springs must not hide a fold.
     scene.computed_zorder = False
     frame_sheet(scene, cell, FOLDED_SHEET_FITS)
 
 
 def _at(nodes: np.ndarray, ends: np.ndarray) -> np.ndarray:
     return nodes[ends[..., 0], ends[..., 1]]
+
+
+FIGURE = FigureKind(spring_network, needs="position", coordinates=("applied_strain",))

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from knitlab.figures.cells import Colour, values_of
+from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.sources import lines_of, on_one_grid
 from knitlab.figures.style import SEQUENCE_COLOURS, TWO_COLUMNS
 from knitlab.io.cube_file import is_measured, source_of
@@ -25,12 +26,11 @@ ROWS = {
 
 
 def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
-    """The paper's tension figure from cubes (Fig. "tension plots").
+    """ε_xx, ε_yy and ν against applied strain (paper, Fig. "tension plots").
 
-    Colour goes with P, the periods in a patch, the same in every column; measured curves are
-    dashed, in a band of twice their standard error; the band of a simulated one is what its
-    siblings spread over. A test that did not reach its last strain ends
-    in a cross.
+    Colour encodes P, the periods in a patch, in every column. Measured curves are dashed, with a
+    band of two standard errors; the band of a simulated curve is the range of its siblings. A test
+    that did not reach its last strain ends in a cross.
 
     Raises:
         BadInput: if no design has been simulated or measured.
@@ -38,7 +38,7 @@ def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
     if not any(cube["status"].isin(RUN).any() for cube in cubes):
         raise fault("curves", "no design of this selection has been simulated; run it first")
     if not any(name in cube for cube in cubes for name in ROWS):
-        raise fault("curves", "shows strains, and there are none; import markers")
+        raise fault("curves", "shows strains, and no cube has any; import markers")
     gridded = on_one_grid(cubes)
     stripes = gridded[0]["n_stripe"].values
     figure = Figure(figsize=(TWO_COLUMNS, 4.6), layout="constrained")
@@ -54,7 +54,7 @@ def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
                 design = family.sel(n_subunit=n_subunit)
                 _draw_design(grid[:, column], design, colours[float(design["periods"])])
         grid[0, column].set_title(f"n_stripe = {n_stripe}")
-        # Axial strain follows the diagonal and leaves this corner free.
+        # Axial strain follows the diagonal, so that this corner is free.
         if grid[1, column].lines:
             grid[1, column].legend(
                 title="n_subunit",
@@ -99,3 +99,6 @@ def _draw_design(rows: Iterable[Axes], design: xr.Dataset, colour: Colour) -> No
             _draw_band(axes, low, high, colour)
         if int(design["status"]) == Status.not_converged and curve.size:
             axes.plot(curve["applied_strain"][-1], curve[-1], "x", ms=6, color=colour)
+
+
+FIGURE = FigureKind(tension_curves, coordinates=("applied_strain",), several="experiments")

@@ -20,7 +20,7 @@ from benchmarks.solver.watch import GivenUp, Watch
 from knitlab.linalg.threads import Threads, allowed_threads
 from knitlab.mechanics.equilibrium import find_equilibrium
 from knitlab.mechanics.equilibrium_search import SearchRules
-from knitlab.mechanics.evaluation import WHOLE
+from knitlab.mechanics.evaluation import COMPLETE
 from knitlab.mechanics.executor import Executor
 from knitlab.mechanics.factorisation import one_thread_of_blas
 from knitlab.mechanics.loading import all_free
@@ -53,16 +53,16 @@ def knitlab(
             is laid out of it.
     """
 
-    def its(problem: Problem) -> SolverSettings:
+    def each(problem: Problem) -> SolverSettings:
         return replace(settings, tolerance=problem.tolerance)
 
     def start(problem: Problem, watch: Watch) -> Configuration | None:
         if periodic is None:
             return None
-        return _laid_out(problem, periodic, its(problem), executors, watch)
+        return _laid_out(problem, periodic, each(problem), executors, watch)
 
     def relaxed(problem: Problem, watch: Watch) -> Unknowns:
-        solver = relax(problem.net, problem.fabric, its(problem), start(problem, watch))
+        solver = relax(problem.net, problem.fabric, each(problem), start(problem, watch))
         return _reached(driven(problem, solver, executors, watch))
 
     def path(problem: Problem, watch: Watch) -> list[Unknowns]:
@@ -73,7 +73,7 @@ def knitlab(
             problem.net,
             problem.fabric,
             problem.applied_strain,
-            its(problem),
+            each(problem),
             progress,
             start(problem, watch),
         )
@@ -81,13 +81,13 @@ def knitlab(
         watch.states = sum(state.converged for state in test.states)
         return [_reached(state) for state in test.states]
 
-    pull = partial(pull_by, _search(its, executors), relaxed) if direct else path
+    pull = partial(pull_by, _search(each, executors), relaxed) if direct else path
     return Method(relaxed, pull, prepare)
 
 
-def _search(its: Callable[[Problem], SolverSettings], executors: Executors) -> Search:
+def _search(each: Callable[[Problem], SolverSettings], executors: Executors) -> Search:
     def search(problem: Problem, start: Unknowns, free: Free, watch: Watch) -> Unknowns:
-        rules = SearchRules.of(problem.shape, free, problem.fabric, its(problem))
+        rules = SearchRules.of(problem.shape, free, problem.fabric, each(problem))
         solver = find_equilibrium(Evaluate(start), rules)
         return _reached(driven(problem, solver, executors, watch))
 
@@ -143,7 +143,7 @@ def _driven(problem: Problem, solver: Solver[Result], executors: Executors, watc
                 watch.factorisations += 1
             case Evaluate(unknowns, stage):
                 gradient = answer.gradient
-                if stage is not WHOLE:
+                if stage is not COMPLETE:
                     with watch.paused():
                         gradient = problem.evaluate(unknowns).gradient
                 watch.sees(float(np.abs(gradient[free]).max()))
@@ -152,7 +152,7 @@ def _driven(problem: Problem, solver: Solver[Result], executors: Executors, watc
 def prepare(problem: Problem) -> None:
     """Compile its programs; plans of assembly and factorisation are made while it is timed."""
     problem.evaluate(problem.flat)
-    problem.chunked.element_hessians(WHOLE, problem.flat)
+    problem.chunked.element_hessians(COMPLETE, problem.flat)
 
 
 def _reached(state: State) -> Unknowns:

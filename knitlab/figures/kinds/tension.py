@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS
 from knitlab.io.cube_file import is_measured, source_of
 from knitlab.io.design_status import Status
@@ -24,30 +25,27 @@ COMPONENTS = {
 
 
 def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
-    """Local strain of every unit cell of the paper's three samples, at 0.23 applied strain.
+    """Local strain over samples between clamps (paper, Fig. "tension images").
 
-    Measured ones of any design stand beside the simulated; cells that lost a marker are left white.
-
-    Cells are drawn as large as the relaxed unit cell; the central ones, over which strains are
-    averaged, have a dark frame. Of another strain the nearest that was recorded is shown.
+    Shows every unit cell of the paper's three samples, and of measured samples of any design, at
+    the recorded strain nearest 0.23. Cells have the size of the relaxed unit cell, and are white
+    if they lost a marker; the central ones, over which strains are averaged, have a dark frame.
 
     Raises:
-        BadInput: if none of the three has been simulated, or as a single cell only.
+        BadInput: if none of the three has been simulated with more than one unit cell.
     """
     shown = [
         cube.sel(n_stripe=n, n_subunit=m)
         for n, m in _designs(cubes)
         for cube in cubes
-        if _is_there(cube, n, m)
+        if _has_field(cube, n, m)
     ]
     if not shown:
         names = ", ".join(map(str, PAPER_DESIGNS))
-        raise fault("tension", f"none of {names} is there with more than one unit cell")
+        raise fault("tension", f"no cube has one of {names} with more than one unit cell")
     strains = [shown_strain(design) for design in shown]
     fields = {
-        name: [
-            design[name].sel(applied_strain=at) for design, at in zip(shown, strains, strict=True)
-        ]
+        name: [design[name].sel(applied_strain=e) for design, e in zip(shown, strains, strict=True)]
         for name in COMPONENTS
     }
     figure = Figure(figsize=(TWO_COLUMNS, 5.2), layout="constrained")
@@ -63,13 +61,13 @@ def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
             axes.set(xlabel="x, weft [mm]", ylabel="y, warp [mm]", aspect="equal", title=title)
         scale = mpl.cm.ScalarMappable(norm, STRAIN_COLOURS)
         figure.colorbar(scale, ax=list(row), label=f"{label} [1]", shrink=0.9)
-    percentages = " and ".join(f"{at:.0%}" for at in dict.fromkeys(strains))
+    percentages = " and ".join(f"{strain:.0%}" for strain in dict.fromkeys(strains))
     figure.suptitle(f"applied strain {percentages}", fontsize="medium")
     return figure
 
 
 def _designs(cubes: Sequence[xr.Dataset]) -> list[tuple[int, int]]:
-    """The paper's three, and those that are measured."""
+    """The designs of the paper's three samples, and of all measured ones."""
     measured = [
         (n, m)
         for cube in cubes
@@ -81,12 +79,12 @@ def _designs(cubes: Sequence[xr.Dataset]) -> list[tuple[int, int]]:
 
 
 def shown_strain(cube: xr.Dataset) -> float:
-    """The applied strain nearest the one shown of those that were recorded [1]."""
+    """The recorded applied strain nearest :data:`SHOWN_STRAIN` [1]."""
     strains = cube["applied_strain"].values
     return float(strains[np.abs(strains - SHOWN_STRAIN).argmin()])
 
 
-def _is_there(cube: xr.Dataset, n_stripe: int, n_subunit: int) -> bool:
+def _has_field(cube: xr.Dataset, n_stripe: int, n_subunit: int) -> bool:
     if "strain_xx" not in cube:
         return False
     if n_stripe not in cube["n_stripe"] or n_subunit not in cube["n_subunit"]:
@@ -99,13 +97,13 @@ def _is_there(cube: xr.Dataset, n_stripe: int, n_subunit: int) -> bool:
 def _draw_cells(
     axes: Axes, design: xr.Dataset, field: xr.DataArray, norm: mpl.colors.Normalize
 ) -> None:
-    there = field.dropna("cell_y", how="all").dropna("cell_x", how="all")
-    rows, columns = there.shape
+    observed = field.dropna("cell_y", how="all").dropna("cell_x", how="all")
+    rows, columns = observed.shape
     width, height = float(design["relaxed_cell_x"]), float(design["relaxed_cell_y"])
     axes.pcolormesh(
         width * np.arange(columns + 1),
         height * np.arange(rows + 1),
-        there.values,
+        observed.values,
         cmap=STRAIN_COLOURS,
         norm=norm,
         edgecolors="0.8",
@@ -122,3 +120,6 @@ def _draw_cells(
             lw=1.2,
         )
     )
+
+
+FIGURE = FigureKind(tension_maps, several="experiments")

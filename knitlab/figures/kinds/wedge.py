@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS
 from knitlab.io.cube_file import base_dims
 from knitlab.io.errors import fault
@@ -14,15 +15,16 @@ from knitlab.io.schema import DESIGN_DIMS
 
 MARKERS = "osD^vP*X"
 GOOD = 0.1
-"""Difference that is shaded as good enough for a first choice of designs."""
+"""Shaded difference, which is small enough for a first choice of designs."""
 HEIGHT = 2.8
-"""Of the figure [in]."""
+"""Height of the figure [in]."""
 
 
 def wedge_figure(cubes: Sequence[xr.Dataset]) -> Figure:
-    """How much more the wedge integral gives, against the fold angle at the electrodes.
+    """The fast wedge estimate of a capacitance against boundary elements.
 
-    Every point is a state of a design that was measured, on the way up.
+    Shows the relative difference against the fold angle at the electrodes; every point is a state
+    of a design during loading.
 
     Raises:
         BadInput: if no cube has both capacitances.
@@ -47,16 +49,19 @@ def wedge_figure(cubes: Sequence[xr.Dataset]) -> Figure:
 
 
 def _families(cube: xr.Dataset) -> list[tuple[str, np.ndarray, np.ndarray]]:
-    """Fold angles and excesses of the designs of each n_stripe, or knit."""
+    """Name, fold angles and relative differences of the designs of each n_stripe, or knit."""
     if not {"capacitance", "capacitance_wedge", "fold_between"} <= set(cube.data_vars):
         return []
     along = "n_stripe" if base_dims(cube) == DESIGN_DIMS else "knit"
     found = []
     for label in cube[along].values:
-        of = cube.sel({along: label})
-        excess = (of["capacitance_wedge"] / of["capacitance"] - 1).values
+        family = cube.sel({along: label})
+        excess = (family["capacitance_wedge"] / family["capacitance"] - 1).values
         kept = np.isfinite(excess)
         if kept.any():
             name = f"n_stripe = {label}" if along == "n_stripe" else f"pure {label}"
-            found.append((name, of["fold_between"].values[kept], excess[kept]))
+            found.append((name, family["fold_between"].values[kept], excess[kept]))
     return found
+
+
+FIGURE = FigureKind(wedge_figure, dims=None, several="any")

@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from knitlab.figures.cells import MARKS, cell, frame, ink_on, marks_legend
+from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
@@ -16,17 +17,18 @@ QUANTITY = "poisson_ratio_sensitivity"
 SYMBOLS = {"k_s": "$k_s$", "k_t": "$k_t$", "theta_0": "$\\theta_0$"}
 PERIODS = {"rib": "$w$ (period)", "garter": "$h$ (period)"}
 GAP = 0.25
-"""Between the columns of rib and of garter, in cells."""
+"""Gap between the columns of rib and of garter, in cells."""
 MOST_DESIGNS = 60
-"""Rows that can still be read."""
+"""Largest number of rows that remain legible."""
 MOST_OVER_MEDIAN = 3
-"""How far the colours reach, over the median of the largest sensitivity of each design."""
+"""Limit of the colour scale over the median of the designs' largest sensitivities."""
 
 
 def sensitivity_map(cube: xr.Dataset) -> Figure:
-    """Sensitivity p ∂ν/∂p of every design to every stripe parameter, where its ν is lowest.
+    """Which stripe parameter the Poisson's ratio of each design depends on.
 
-    The largest of a row, whatever its sign, is framed. Designs without a lowest ν, or without
+    Shows the sensitivity p ∂ν/∂p of every design to every stripe parameter at the strain where its
+    ν is lowest. The largest magnitude of a row is framed. Designs without a lowest ν, or without
     derivatives there, are marked by status.
 
     Raises:
@@ -40,9 +42,9 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
     if len(labels) > MOST_DESIGNS:
         problem = f"shows {MOST_DESIGNS} designs at most, not {len(labels)}; select some"
         raise fault("sensitivity", problem)
-    at = designs["applied_strain_at_min"].values
+    strains = designs["applied_strain_at_min"].values
     parameters = [str(name) for name in cube["stripe_parameter"].values]
-    values = np.array([_at_strain(designs.isel(design=k), at[k]) for k in range(len(labels))])
+    values = np.array([_at_strain(designs.isel(design=k), strains[k]) for k in range(len(labels))])
     values = values.reshape(len(labels), len(parameters))
 
     norm = _norm(values)
@@ -51,9 +53,9 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
     figure = Figure(figsize=(TWO_COLUMNS, 1.7 + 0.24 * len(labels)), layout="constrained")
     axes = figure.add_subplot()
     marked: set[Status] = set()
-    for row, its in enumerate(values):
-        if np.isfinite(its).all():
-            _row(axes, row, columns, its, norm, colours)
+    for row, sensitivities in enumerate(values):
+        if np.isfinite(sensitivities).all():
+            _row(axes, row, columns, sensitivities, norm, colours)
             continue
         code = Status(int(designs["status"][row]))
         marked.add(code)
@@ -66,7 +68,7 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
         xticks=columns,
         yticks=range(len(labels)),
         xticklabels=[_symbol(name) for name in parameters],
-        yticklabels=[_named(*pair) for pair in zip(labels, at, strict=True)],
+        yticklabels=[_named(*pair) for pair in zip(labels, strains, strict=True)],
         ylabel="design (n_stripe, n_subunit)\nat the strain of its lowest $\\nu$",
     )
     for knit in PERIODS:
@@ -88,7 +90,7 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
     )
     figure.supxlabel(
         "change of Poisson's ratio for a relative change of a number $p$ of a stripe;"
-        " framed: the largest of a design",
+        " framed: the largest in magnitude of a design",
         fontsize="medium",
     )
     marks_legend(figure, marked, no_value="no derivative, or no lowest ratio")
@@ -96,14 +98,14 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
 
 
 def _at_strain(design: xr.Dataset, strain: float) -> np.ndarray:
-    """Sensitivities of a design at one strain; missing if that is."""
+    """Sensitivities of a design at one strain; missing if the strain is."""
     place = np.flatnonzero(np.isclose(design["applied_strain"].values, strain, 0, 1e-9))
     along = design[QUANTITY].transpose("applied_strain", "stripe_parameter").values
     return along[place[0]] if place.size else np.full(along.shape[1], np.nan)
 
 
 def _norm(values: np.ndarray) -> mpl.colors.Normalize:
-    """Symmetric about zero, and so that one design near a snap leaves the others their colours."""
+    """Norm symmetric about zero, limited so that one design near a snap does not dominate it."""
     largest = np.abs(values[np.isfinite(values).all(axis=1)]).max(axis=1, initial=0)
     bound = MOST_OVER_MEDIAN * float(np.median(largest)) if largest.size else 1.0
     bound = min(float(largest.max(initial=0)), bound) or 1.0
@@ -136,3 +138,6 @@ def _symbol(parameter: str) -> str:
 def _named(design: tuple[int, int], strain: float) -> str:
     where = f"at {strain:.0%}" if np.isfinite(strain) else ""
     return f"({design[0]}, {design[1]})  {where}"
+
+
+FIGURE = FigureKind(sensitivity_map)

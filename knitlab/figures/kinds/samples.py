@@ -8,9 +8,10 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds.tension import PAPER_DESIGNS, shown_strain
 from knitlab.figures.relief import draw_relief, faces_of
 from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS
-from knitlab.figures.tension import shown_strain
 from knitlab.io.errors import fault
 
 MARGIN = 1.1
@@ -20,13 +21,13 @@ DRAWN, TEXT = 0.75, 1.3
 
 
 def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
-    """Samples side by side, each relaxed and at 0.23 applied strain, all at one scale.
+    """Samples between clamps, relaxed and stretched (paper, Fig. "tension images").
 
-    Shading is slope; colour is the local transverse strain of the unit cell. Of another strain
-    the nearest that was recorded is shown.
+    Each is shown relaxed and at the recorded strain nearest 0.23, all at one scale. Shading is
+    slope; colour is the local transverse strain of the unit cell.
 
     Args:
-        cases: case files, with their node positions.
+        cases: contents of case files, with node positions.
 
     Raises:
         BadInput: if they are not samples between clamps.
@@ -34,8 +35,8 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     if any("length_x" in case for case in cases):
         problem = "shows samples between clamps, not periodic fabric; draw shape or shapes"
         raise fault("samples", problem)
-    at = shown_strain(cases[0])
-    shown = [case.sel(applied_strain=[0.0, at]) for case in cases]
+    stretched = shown_strain(cases[0])
+    shown = [case.sel(applied_strain=[0.0, stretched]) for case in cases]
     largest = max(float(np.nanmax(np.abs(case["strain_xx"]))) for case in shown)
     norm = mpl.colors.Normalize(-largest, largest)
 
@@ -43,7 +44,7 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
         (case, nodes, field, strain)
         for case in shown
         for nodes, field, strain in zip(
-            case["position"].values, case["strain_xx"].values, (0.0, at), strict=True
+            case["position"].values, case["strain_xx"].values, (0.0, stretched), strict=True
         )
     ]
     spans = [MARGIN * np.ptp(nodes[..., :2], axis=(0, 1)) for _, nodes, _, _ in panels]
@@ -91,3 +92,6 @@ def _name(case: xr.Dataset) -> str:
     if "pattern" in case.coords:
         design = str(case["pattern"].item()).replace("_", " ")
     return f"{design}\n{cells_x} × {cells_y} cells"
+
+
+FIGURE = FigureKind(stretched_samples, needs="position", designs=PAPER_DESIGNS)

@@ -1,6 +1,6 @@
 """Capacitors side by side: their curves and slopes (paper, Fig. "capacitor testing").
 
-It takes several cubes, for pure stripes and checkerboards lie in different ones.
+It takes several cubes because pure stripes and checkerboards are in different ones.
 """
 
 from collections.abc import Sequence
@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from knitlab.capacitance.capacitor_status import CapacitorStatus
 from knitlab.capacitance.sensor import CENTRAL_PART
+from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.sources import lines_of
 from knitlab.figures.style import TWO_COLUMNS
 from knitlab.io.cube_file import base_dims, is_measured, source_of
@@ -25,7 +26,7 @@ LINES = ("-", "--", "-.", (0, (1, 1)))
 PAPER_STRIPES = (("rib", 4), ("garter", 4))
 PAPER_CHECKERBOARDS = ((4, 16), (4, 32))
 HEIGHT = 2.9
-"""Of the figure [in]."""
+"""Height of the figure [in]."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +34,8 @@ class Sample:
     """One fabric with electrodes.
 
     Attributes:
-        name: what it is called.
-        cell: its cell of a cube.
+        name: its name in the figure.
+        cell: one cell of a cube.
     """
 
     name: str
@@ -42,10 +43,11 @@ class Sample:
 
 
 def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
-    """The paper's four samples, as far as the cubes hold them: C/C0 curves and slopes.
+    """C/C0 against applied strain, and the slopes, side by side (paper, Fig. "capacitor testing").
 
-    Thick lines are the central 20 % that a slope is the mean of; dotted ones the way back. Where
-    electrodes touch or the model folds through itself there is no curve.
+    Shows those of the paper's four samples that the cubes hold, and all measured ones. Thick lines
+    mark the central 20 % over which the slope is averaged; dots are unloading. There is no curve
+    where electrodes touch or the model passes through itself.
 
     Raises:
         BadInput: if no cube holds one of the samples with electrodes.
@@ -54,31 +56,33 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     if not samples:
         raise fault(
             "capacitors",
-            "shows 4 × 4 rib and garter, (4, 16) and (4, 32) with electrodes, and there is none;"
+            "shows 4 × 4 rib and garter, (4, 16) and (4, 32) with electrodes, and no cube has one;"
             " give cubes of the workflows sensor and sensor_stripes",
         )
     figure = Figure(figsize=(TWO_COLUMNS, HEIGHT), layout="constrained")
     curves, absolute, slopes = figure.subplots(1, 3, width_ratios=(1.3, 1.3, 0.9))
     any_measured = any(is_measured(sample.cell) for sample in samples)
-    looks = list(zip(samples, COLOURS, strict=False))
+    coloured = list(zip(samples, COLOURS, strict=False))
     dashes = iter(LINES * 2)
-    for sample, colour in looks:
-        # Dashes are for what is measured, where anything is.
+    for sample, colour in coloured:
+        # Dashes mark measured samples, if there are any.
         line = lines_of(sample.cell) if any_measured else next(dashes)
         _curve(curves, sample, "capacitance_ratio", colour, line)
         _curve(absolute, sample, "capacitance", colour, line)
     curves.set(xlabel="applied strain [1]", ylabel="$C/C_0$ [1]")
     lengths = [
-        float(its.cell["electrode_length"]) for its in samples if "electrode_length" in its.cell
+        float(sample.cell["electrode_length"])
+        for sample in samples
+        if "electrode_length" in sample.cell
     ]
     simulated = "simulated " if any_measured else ""
     note = f"\n{simulated}electrodes of {max(lengths):.0f} mm" if lengths else ""
     absolute.set(xlabel="applied strain [1]", ylabel=f"$C$ [pF]{note}")
-    places = np.arange(len(samples))
+    positions = np.arange(len(samples))
     values = [float(sample.cell["sensitivity"]) for sample in samples]
-    bars = slopes.bar(places, np.nan_to_num(values), color=[colour for _, colour in looks])
-    slopes.bar_label(bars, [f"{its:.2f}" if np.isfinite(its) else "none" for its in values])
-    slopes.set_xticks(places, [sample.name for sample in samples], rotation=40, ha="right")
+    bars = slopes.bar(positions, np.nan_to_num(values), color=[colour for _, colour in coloured])
+    slopes.bar_label(bars, [f"{value:.2f}" if np.isfinite(value) else "none" for value in values])
+    slopes.set_xticks(positions, [sample.name for sample in samples], rotation=40, ha="right")
     slopes.set_ylabel("mean slope |d$C$/dε| [pF]")
     handles = curves.get_legend_handles_labels()
     figure.legend(*handles, loc="outside lower center", ncols=4, frameon=False)
@@ -90,24 +94,28 @@ def _curve(axes: Axes, sample: Sample, name: str, colour: str, line: object) -> 
     strain, values = cell["applied_strain"].values, cell[name].values
     axes.plot(strain, values, color=colour, ls=line, lw=1.0, label=sample.name)
     start, end = float(cell["applied_strain_opened"]), float(cell["sensing_end"])
-    able = np.isfinite(values)
-    if np.isfinite(start) and able.any():
+    finite = np.isfinite(values)
+    if np.isfinite(start) and finite.any():
         middle, half = (start + end) / 2, CENTRAL_PART / 2 * (end - start)
         within = np.linspace(middle - half, middle + half, 20)
         axes.plot(
             within,
-            np.interp(within, strain[able], values[able]),
+            np.interp(within, strain[finite], values[finite]),
             color=colour,
             lw=4,
             alpha=0.45,
             solid_capstyle="butt",
         )
-        axes.plot(end, np.interp(end, strain[able], values[able]), "|", color=colour, ms=9, mew=1.5)
+        axes.plot(
+            end, np.interp(end, strain[finite], values[finite]), "|", color=colour, ms=9, mew=1.5
+        )
     if "capacitance_unloading" in cell:
-        first = values[able][0] / cell["capacitance"].values[able][0] if able.any() else np.nan
+        first = (
+            values[finite][0] / cell["capacitance"].values[finite][0] if finite.any() else np.nan
+        )
         back = cell["capacitance_unloading"].values * first
         apart = np.abs(back - values) > 1e-3 * np.abs(back)
-        alone = np.isfinite(back) & ~able
+        alone = np.isfinite(back) & ~finite
         shown = np.where(apart | alone, back, np.nan)
         axes.plot(strain, shown, ".", ms=3, mfc="none", color=colour)
 
@@ -138,3 +146,6 @@ def _samples(cube: xr.Dataset) -> list[Sample]:
             if int(cell["status"]) in RUN and measured:
                 found.append(Sample(name, cell))
     return found
+
+
+FIGURE = FigureKind(capacitors_figure, dims=None, several="any")

@@ -7,20 +7,24 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds.shape import whole_sheet
 from knitlab.figures.perspective import FOLDED_SHEET_FITS, draw_sheet, frame_sheet
-from knitlab.figures.shape import whole_sheet
 from knitlab.figures.style import SEQUENCE_COLOURS, TWO_COLUMNS
 
 PAPER_SHAPES = ((4, 16), (2, 32), (2, 16))
 HEIGHT = 2.6
-"""Of the figure [in]."""
+"""Height of the figure [in]."""
 
 
 def relaxed_shapes(cases: Sequence[xr.Dataset]) -> Figure:
-    """Relaxed shapes in perspective, each filling its frame, with its size in numbers.
+    """Relaxed shapes of several designs side by side (paper, Fig. "relaxed configurations").
+
+    Each fills its frame and is labelled with its size.
 
     Args:
-        cases: case files, with their node positions; of periodic fabric a few cells are drawn.
+        cases: contents of case files, with node positions; of periodic fabric a few cells are
+            drawn.
     """
     sheets = [whole_sheet(case) for case in cases]
     for sheet in sheets:
@@ -45,3 +49,6 @@ def relaxed_shapes(cases: Sequence[xr.Dataset]) -> Figure:
     bar = figure.add_axes((0.9, 0.15, 0.012, 0.6))
     figure.colorbar(mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS), cax=bar, label="height z [mm]")
     return figure
+
+
+FIGURE = FigureKind(relaxed_shapes, needs="position", designs=PAPER_SHAPES)

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
+from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.relief import draw_relief, faces_of
 from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS
 
@@ -21,14 +22,16 @@ MOST_NAMES = 4
 """Patches along a side that are named; where there are more they have a letter each."""
 LETTERS = "R rib, G garter, P plain"
 PERIODIC_REPEATS = 2
-"""Unit cells of periodic fabric that are drawn each way."""
+"""Unit cells of periodic fabric that are drawn along each direction."""
 
 
 def fabric_shape(case: xr.Dataset) -> Figure:
-    """Relief of a fabric: colour is height, shading is slope, lines are patch borders.
+    """Relief of a fabric seen from the technical face; relaxed, or at ``applied_strain``.
+
+    Colour is height, shading is slope, lines are patch borders.
 
     Args:
-        case: a case file, with its node positions, of which the first strain is shown.
+        case: contents of a case file, with node positions; its first strain is shown.
     """
     # Only who draws this figure waits for JAX.
     from knitlab.model.grading import recorded_pattern

@@ -1,4 +1,4 @@
-"""Figure of readings: the claims under each set of model options, the best options first."""
+"""The paper's claims under each set of model options, the best set first."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from knitlab.figures.cells import cell
+from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import TWO_COLUMNS
 from knitlab.io.errors import fault
 from knitlab.paper.claims import TOPICS, Claim, read_claims
@@ -16,7 +17,7 @@ from knitlab.paper.margin import Grade, signed
 from knitlab.paper.option_ranking import RankedOptions, differing, ranked_options
 
 MOST = 16
-"""Sets of options that the figure shows."""
+"""Largest number of sets of options that the figure shows."""
 LOOKS = {
     Grade.holds: ("#0072B2", "white"),
     Grade.near_miss: ("#F5D7A1", "black"),
@@ -33,10 +34,11 @@ NOTE = "numbers are margins: 0 and above holds, −0.25 misses a limit by a quar
 
 
 def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
-    """A row for every claim that can be judged, a column for every set of model options.
+    """Which of the paper's claims each set of model options meets, the best set first.
 
-    Options are ranked by :func:`~knitlab.paper.option_ranking.ranked_options`, and the best
-    :data:`MOST` are shown; each cell gives the margin of a claim.
+    Claims are rows, sets of options are columns, and each cell gives the margin of a claim. Sets
+    are ranked by :func:`~knitlab.paper.option_ranking.ranked_options`; the best :data:`MOST` are
+    shown.
 
     Args:
         cubes: paths and cubes.
@@ -50,7 +52,7 @@ def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
     claims = [
         claim
         for claim in claims
-        if any(its.findings[claim.name].grade is not Grade.not_measured for its in shown)
+        if any(it.findings[claim.name].grade is not Grade.not_measured for it in shown)
     ]
     if not claims:
         raise fault("readings", "no claim can be judged by these cubes; run more of their designs")
@@ -60,9 +62,9 @@ def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
         figsize=(width, 1.6 + 0.17 * len(claims) + 0.13 * len(names)), layout="constrained"
     )
     axes = figure.add_subplot()
-    for column, its in enumerate(shown):
+    for column, options in enumerate(shown):
         for row, claim in enumerate(claims):
-            _draw(axes, row, column, its, claim)
+            _draw(axes, row, column, options, claim)
     axes.set(
         xlim=(-0.5, len(shown) - 0.5),
         ylim=(len(claims) - 0.5, -0.5),
@@ -70,7 +72,7 @@ def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
         yticks=range(len(claims)),
     )
     axes.set_xticklabels(
-        ["\n".join(_head(its, names)) for its in shown], fontsize=5, linespacing=1.1
+        ["\n".join(_head(options, names)) for options in shown], fontsize=5, linespacing=1.1
     )
     axes.set_yticklabels([claim.name.replace("_", " ") for claim in claims], fontsize=6)
     axes.xaxis.tick_top()
@@ -90,8 +92,8 @@ def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, row: int, column: int, its: RankedOptions, claim: Claim) -> None:
-    finding = its.findings[claim.name]
+def _draw(axes: Axes, row: int, column: int, options: RankedOptions, claim: Claim) -> None:
+    finding = options.findings[claim.name]
     colour, ink = LOOKS[finding.grade]
     edge = "0.85" if finding.grade is Grade.not_measured else "white"
     cell(axes, row, column, facecolor=colour, edgecolor=edge, linewidth=0.8)
@@ -100,11 +102,14 @@ def _draw(axes: Axes, row: int, column: int, its: RankedOptions, claim: Claim) -
     )
 
 
-def _head(its: RankedOptions, names: Sequence[str]) -> list[str]:
-    labels = [_short(its.options.get(name, "")) for name in names]
-    judged = [f"{its.designs} designs"] if its.designs else []
-    return [*labels, *judged, f"{its.count(Grade.holds)}/{its.decided}"]
+def _head(options: RankedOptions, names: Sequence[str]) -> list[str]:
+    labels = [_short(options.options.get(name, "")) for name in names]
+    judged = [f"{options.designs} designs"] if options.designs else []
+    return [*labels, *judged, f"{options.count(Grade.holds)}/{options.decided}"]
 
 
 def _short(label: str | float) -> str:
     return str(label).replace("stripe_", "").replace("per_", "").replace("_", " ")
+
+
+FIGURE = FigureKind(readings_figure, dims=None, several="any")

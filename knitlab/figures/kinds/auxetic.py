@@ -17,20 +17,21 @@ from knitlab.figures.cells import (
     row_count,
     values_of,
 )
+from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS
 from knitlab.io.errors import fault
 
 LARGE_SPREAD = 0.05
-"""Spread of Poisson's ratio over the siblings of a design from which on a map shows it."""
-SPREAD_NOTE = "spread: ν differs by so much over slightly different fabrics, docs/how-to/spread.md"
+"""Spread of Poisson's ratio over the siblings of a design above which the map states it."""
+SPREAD_NOTE = "spread: difference in ν between slightly different fabrics, docs/how-to/spread.md"
 
 
 def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
-    """Lowest ν of every design as colour and number, with the applied strain it occurs at.
+    """Design map: lowest Poisson's ratio of every design, and the strain at which it occurs.
 
     Designs without a value are hatched by status, so that a failure never looks like a value;
-    measured ones have a dashed frame. Where siblings of a design differ in ν by more than 0.05, at
-    any strain, the map says by how much.
+    measured ones have a dashed frame. Where ν of the siblings of a design differs by more than
+    0.05 at any strain, the map states the difference.
 
     Raises:
         BadInput: if no cube has Poisson's ratio.
@@ -42,15 +43,16 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
     norm = mpl.colors.Normalize(-largest, largest)
     colours = mpl.colormaps[STRAIN_COLOURS]
 
-    def words(value: float, its: xr.Dataset) -> str:
-        shown = f"{value:.2f}\nat {float(its['applied_strain_at_min']):.0%}"
-        return f"{shown}\nspread {spread:.2f}" if (spread := _spread(its)) > LARGE_SPREAD else shown
+    def text(value: float, design: xr.Dataset) -> str:
+        shown = f"{value:.2f}\nat {float(design['applied_strain_at_min']):.0%}"
+        spread = _spread(design)
+        return f"{shown}\nspread {spread:.2f}" if spread > LARGE_SPREAD else shown
 
-    look = CellStyle("poisson_ratio_min", lambda value: colours(norm(value)), words)
+    style = CellStyle("poisson_ratio_min", lambda value: colours(norm(value)), text)
     rows = row_count(cubes)
     figure = Figure(figsize=(TWO_COLUMNS, max(2.4, 1.1 + 0.5 * rows)), layout="constrained")
     axes = figure.add_subplot()
-    marked = draw_cells(axes, cubes, look)
+    marked = draw_cells(axes, cubes, style)
     axes.set_xlabel("n_subunit: stitches along a garter stripe")
     label = "lowest Poisson's ratio\n(negative: auxetic)"
     frame(figure, axes, mpl.cm.ScalarMappable(norm, colours), label=label)
@@ -66,3 +68,6 @@ def _spread(cube: xr.Dataset) -> float:
     if "poisson_ratio_low" not in cube:
         return float("nan")
     return float((cube["poisson_ratio_high"] - cube["poisson_ratio_low"]).max())
+
+
+FIGURE = FigureKind(auxetic_map, several="designs")

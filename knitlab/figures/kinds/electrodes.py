@@ -14,6 +14,7 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from scipy.interpolate import interp1d
 
+from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.perspective import frame_sheet
 from knitlab.figures.relief import faces_of
 from knitlab.figures.style import TWO_COLUMNS
@@ -27,19 +28,19 @@ COLOURS = ("#D55E00", "#0072B2")
 RIB, GARTER, PLAIN, FABRIC = "0.82", "0.94", "1.0", "0.85"
 SHADES = {"R": RIB, "G": GARTER, "P": PLAIN}
 HEIGHT = 3.6
-"""Of the figure [in]."""
+"""Height of the figure [in]."""
 ZOOM = 1.25
 CELLS_PER_TICK = 4
 FINE_PARTS, COARSE_PARTS, FEW_CELLS = 4, 2, 24
-"""Parts that a grid cell is drawn in each way, finely where there are few cells."""
+"""Subdivisions of a grid cell along each direction: fine up to so many cells, else coarse."""
 MOST_TICKS = 12
 
 
 def electrodes_figure(case_file: xr.Dataset) -> Figure:
-    """The electrodes of a case: on the chart of rib and garter patches, and on the relaxed fabric.
+    """Where the electrodes run, on the chart and on the relaxed fabric.
 
     Args:
-        case_file: with its node positions.
+        case_file: contents of a case file, with node positions.
 
     Raises:
         BadInput: if the case has no electrodes.
@@ -50,7 +51,7 @@ def electrodes_figure(case_file: xr.Dataset) -> Figure:
 
     parameters = json.loads(case_file.attrs["parameters"])
     if not parameters.get("capacitor"):
-        raise fault("electrodes", "this case has none; run a workflow with [electrodes]")
+        raise fault("electrodes", "this case has no electrodes; run a workflow with [electrodes]")
     case = case_of(parameters)
     figure = Figure(figsize=(TWO_COLUMNS, HEIGHT))
     chart = figure.add_axes((0.06, 0.2, 0.36, 0.7))
@@ -110,7 +111,7 @@ def _draw_relaxed(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
     shape = case.mesh_shape
     rows, columns = np.arange(shape.cells_y + 1), np.arange(shape.cells_x + 1)
     sheet = np.asarray(nodes_at(shape, configurations(case_file)[0], rows, columns))
-    # One collection, so that all faces hide each other by their depth.
+    # One collection, so that all faces are sorted by depth.
     parts = FINE_PARTS if max(shape.cells_y, shape.cells_x) <= FEW_CELLS else COARSE_PARTS
     x, y = ((np.arange(cells * parts) + 0.5) / parts for cells in (shape.cells_x, shape.cells_y))
     shades = np.full((len(y), len(x)), FABRIC, dtype=object)
@@ -129,11 +130,14 @@ def _draw_relaxed(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
     frame_sheet(scene, sheet, ZOOM)
 
 
-def _inside(at: np.ndarray, low: float, high: float) -> np.ndarray:
-    return (at > low) & (at < high)
+def _inside(x: np.ndarray, low: float, high: float) -> np.ndarray:
+    return (x > low) & (x < high)
 
 
 def _refined(nodes: np.ndarray, parts: int, axis: int) -> np.ndarray:
-    """Nodes of a sheet with points between them along an axis."""
+    """Nodes of a sheet, refined along an axis by linear interpolation."""
     fine = np.arange((nodes.shape[axis] - 1) * parts + 1) / parts
     return interp1d(np.arange(nodes.shape[axis]), nodes, axis=axis)(fine)
+
+
+FIGURE = FigureKind(electrodes_figure, dims=None, needs="position")

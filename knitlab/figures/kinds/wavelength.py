@@ -6,6 +6,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import TWO_COLUMNS
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
@@ -14,20 +15,19 @@ from knitlab.measure.linear_fit import linear_fit
 from knitlab.measure.wavelength import spectrum
 
 DIRECTIONS = {"x": "weft x", "y": "warp y"}
-# Okabe and Ito's colours and a marker, by n_stripe.
-LOOKS = (("#0072B2", "o"), ("#D55E00", "s"), ("#009E73", "^"), ("#CC79A7", "D"), ("#E69F00", "v"))
+# Colours of Okabe and Ito, and a marker, by n_stripe.
+STYLES = (("#0072B2", "o"), ("#D55E00", "s"), ("#009E73", "^"), ("#CC79A7", "D"), ("#E69F00", "v"))
 SHOWN_WAVES = 3
 HIGHEST_WAVENUMBER = 4
-"""End of the spectrum's axis, over the peak's wavenumber."""
+"""End of the axis of a spectrum, over the wavenumber of its peak."""
 
 
 def wavelength_figure(cube: xr.Dataset) -> Figure:
-    """For each direction a boundary, its transform, and λ of all designs with a line a family.
+    """Boundaries, their spectra, and wavelengths against n_subunit (paper, Fig. "wavelength").
 
-    λ is in millimetres of cloth where the cube knows them, as the paper measured it.
-
-    Boundary and transform are of the smallest unit cell of n_stripe 4, or else of the first
-    n_stripe there is.
+    Wavelengths have one fitted line for each n_stripe, and are in millimetres of cloth where the
+    cube has them, as in the paper. Boundary and spectrum are of the smallest unit cell of n_stripe
+    4, or of the first n_stripe if there is no 4.
 
     Raises:
         BadInput: if no design of the cube has a wavelength.
@@ -51,12 +51,12 @@ def wavelength_figure(cube: xr.Dataset) -> Figure:
 
 
 def _shown(cube: xr.Dataset, direction: str) -> xr.Dataset | None:
-    there = cube[f"wavelength_{direction}"].transpose(*DESIGN_DIMS)
-    places = np.argwhere(np.isfinite(there.values))
-    if not len(places):
+    wavelength = cube[f"wavelength_{direction}"].transpose(*DESIGN_DIMS)
+    finite = np.argwhere(np.isfinite(wavelength.values))
+    if not len(finite):
         return None
-    preferred = [place for place in places if cube["n_stripe"].values[place[0]] == 4]
-    row, column = (preferred or list(places))[0]
+    preferred = [index for index in finite if cube["n_stripe"].values[index[0]] == 4]
+    row, column = (preferred or list(finite))[0]
     return cube.isel(n_stripe=row, n_subunit=column)
 
 
@@ -86,7 +86,7 @@ def _draw_spectrum(axes: Axes, shown: xr.Dataset, direction: str) -> None:
         color="#D55E00",
     )
     axes.set(xlabel="wavenumber [1/mm]", ylabel="amplitude [mm]", ylim=(0, 1.15 * height))
-    axes.set_title(f"its transform, along {direction}")
+    axes.set_title(f"its spectrum, along {direction}")
 
 
 def _draw_family_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
@@ -94,9 +94,9 @@ def _draw_family_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
     name, unit = (
         (in_cloth, "mm of cloth") if in_cloth in cube else (f"wavelength_{direction}", "mm")
     )
-    for (colour, marker), n_stripe in zip(LOOKS, cube["n_stripe"].values, strict=False):
-        of = cube.sel(n_stripe=n_stripe)
-        line = of[name].where(of["status"] == Status.ok).dropna("n_subunit")
+    for (colour, marker), n_stripe in zip(STYLES, cube["n_stripe"].values, strict=False):
+        family = cube.sel(n_stripe=n_stripe)
+        line = family[name].where(family["status"] == Status.ok).dropna("n_subunit")
         if not line.size:
             continue
         x, y = line["n_subunit"].values.astype(float), line.values
@@ -122,3 +122,6 @@ def _draw_family_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
 
 def _name(shown: xr.Dataset) -> str:
     return f"({int(shown['n_stripe'])}, {int(shown['n_subunit'])})"
+
+
+FIGURE = FigureKind(wavelength_figure)

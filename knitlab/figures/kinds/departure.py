@@ -1,0 +1,54 @@
+"""Pure stripes: how far the sheet departs from the two-dimensional zigzag."""
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.kinds.stripes import SHEETS, coloured_stripes, stripe_panels
+from knitlab.io.schema import STRIPE_DIMS
+
+SHOWN = (-7, 30)
+"""Range of departures that is drawn [%]."""
+AGREEMENT = 0.05
+"""Relative difference within which the two models count as equal."""
+
+
+def stripe_departure(cube: xr.Dataset) -> Figure:
+    """How far the sheet of a pure stripe departs from its zigzag.
+
+    Shows the difference in force relative to that of the zigzag; the legend states up to which
+    applied strain every sheet stays within 5 %.
+    """
+    figure, panels = stripe_panels(cube)
+    boundaries = list(map(str, cube["boundary"].values))
+    for axes, knit in zip(panels, cube["knit"].values, strict=True):
+        axes.axhspan(-100 * AGREEMENT, 100 * AGREEMENT, color="0.93", lw=0)
+        axes.axhline(0, color="0.7", lw=0.6)
+        for colour, stripe in coloured_stripes(cube, str(knit)):
+            departure = (stripe["row_force"] / stripe["zigzag_force"] - 1)[:, 1:]
+            for boundary in boundaries:
+                line = 100 * departure.sel(boundary=boundary)
+                axes.plot(line["applied_strain"], line, ls=SHEETS[boundary]["ls"], color=colour)
+            agreed = _agreed_strain(departure)
+            axes.plot([], [], color=colour, label=f"{int(stripe['n'])}, to {agreed:.0%}")
+        axes.set(ylabel="force of the sheet over the zigzag's, less 1 [%]", ylim=SHOWN)
+        axes.legend(title=f"stripe $n$, within {AGREEMENT:.0%}", loc="upper left", frameon=False)
+    handles = [
+        Line2D([], [], color="0.3", ls=SHEETS[boundary]["ls"], label=SHEETS[boundary]["label"])
+        for boundary in boundaries
+    ]
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), frameon=False)
+    return figure
+
+
+def _agreed_strain(departure: xr.DataArray) -> float:
+    """Largest applied strain up to which no sheet departs by more than :data:`AGREEMENT`."""
+    beyond = abs(departure).max("boundary").values > AGREEMENT
+    strains = departure["applied_strain"].values
+    within = int(np.argmax(beyond)) if beyond.any() else len(strains)
+    return float(strains[within - 1]) if within else 0.0
+
+
+FIGURE = FigureKind(stripe_departure, STRIPE_DIMS, coordinates=("applied_strain",))

@@ -1,0 +1,50 @@
+"""The fabric folding, as a film."""
+
+import xarray as xr
+from matplotlib.animation import FuncAnimation
+from matplotlib.artist import Artist
+from matplotlib.figure import Figure
+
+from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.perspective import (
+    by_height,
+    design_text,
+    draw_sheet,
+    frame_sheet,
+    snapshot_nodes,
+    time_text,
+)
+from knitlab.figures.style import ONE_COLUMN
+
+FRAMES_PER_SECOND = 15
+LAST_FRAME_HELD = 20
+"""Frames for which the film rests on the relaxed shape."""
+
+
+def folding_animation(case: xr.Dataset) -> FuncAnimation:
+    """Film of a fabric that folds as it relaxes.
+
+    Frames are evenly spaced in the logarithm of time.
+
+    Args:
+        case: contents of a case file with the history of its relaxation.
+    """
+    nodes = snapshot_nodes(case)
+    figure = Figure(figsize=(ONE_COLUMN * 1.3, ONE_COLUMN), dpi=120)
+    scene = figure.add_axes((0, 0, 1, 0.92), projection="3d")
+    last, norm = len(nodes) - 1, by_height(nodes)
+
+    def frame(number: int) -> list[Artist]:
+        place = min(number, last)
+        scene.clear()
+        draw_sheet(scene, nodes[place], norm)
+        frame_sheet(scene, nodes)
+        when = time_text(float(case["snapshot"][place]))
+        figure.suptitle(f"{design_text(case)}, {when}", fontsize=8)
+        return []
+
+    frames = len(nodes) + LAST_FRAME_HELD
+    return FuncAnimation(figure, frame, frames, interval=1000 / FRAMES_PER_SECOND)
+
+
+FIGURE = FigureKind(folding_animation, needs="snapshot_position")

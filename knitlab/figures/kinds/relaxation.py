@@ -1,0 +1,88 @@
+"""The relaxation by dynamics: kinetic energy against time, and snapshots."""
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.perspective import (
+    by_height,
+    design_text,
+    draw_sheet,
+    frame_sheet,
+    snapshot_nodes,
+    time_text,
+)
+from knitlab.figures.style import SEQUENCE_COLOURS, TWO_COLUMNS
+
+CONTRACTED = (0.0, 0.15, 0.5)
+"""Fractions of the in-plane contraction at which snapshots are shown, before the last one."""
+LETTERS = "abcdefgh"
+FIRST_TIME = 1e-3
+"""Start of the time axis [ms]."""
+
+
+def relaxation_figure(case: xr.Dataset) -> Figure:
+    """Kinetic energy against time, and snapshots (paper, Fig. "unit simulation").
+
+    Args:
+        case: contents of a case file with the history of its relaxation.
+    """
+    nodes = snapshot_nodes(case)
+    chosen = _chosen_snapshots(nodes)
+    times = case["snapshot"].values[chosen]
+    figure = Figure(figsize=(TWO_COLUMNS, 4.2))
+    axes = figure.add_axes((0.085, 0.52, 0.9, 0.42))
+    _draw_energies(axes, case)
+    for letter, time in zip(LETTERS, times, strict=False):
+        at = max(time, FIRST_TIME)
+        axes.axvline(at, color="0.75", lw=0.6, zorder=0)
+        axes.annotate(
+            letter,
+            (at, 1),
+            (2, -2),
+            xycoords=("data", "axes fraction"),
+            textcoords="offset points",
+            va="top",
+        )
+    width, norm = 0.9 / len(chosen), by_height(nodes)
+    for column, (place, letter) in enumerate(zip(chosen, LETTERS, strict=False)):
+        scene = figure.add_axes((column * width, 0.0, width, 0.36), projection="3d")
+        draw_sheet(scene, nodes[place], norm)
+        frame_sheet(scene, nodes)
+        middle = (column + 0.5) * width
+        figure.text(middle, 0.37, f"({letter}) {time_text(times[column])}", ha="center")
+    figure.text(0.5, 0.97, design_text(case), ha="center")
+    bar = figure.add_axes((0.92, 0.06, 0.012, 0.28))
+    figure.colorbar(mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS), cax=bar)
+    bar.set_title("z [mm]")
+    return figure
+
+
+def _draw_energies(axes: Axes, case: xr.Dataset) -> None:
+    time, kinetic = case["time"].values, case["kinetic_energy"].values
+    stored = case["potential_energy"].values
+    excess = stored - stored[-1]
+    axes.loglog(time[1:], kinetic[1:], color="C0", label="kinetic energy $T$")
+    axes.loglog(
+        time[1:-1], excess[1:-1], "--", color="0.45", label="elastic energy above the relaxed state"
+    )
+    axes.set(
+        xlabel="time since the flat sheet was let go [ms]",
+        ylabel="energy [N mm]",
+        xlim=(FIRST_TIME, 1.1 * time[-1]),
+        ylim=(max(kinetic[-1], 1e-14), 5 * stored[0]),
+    )
+    axes.legend(frameon=False, loc="lower left")
+
+
+def _chosen_snapshots(nodes: np.ndarray) -> list[int]:
+    """Snapshots at which the sheet has reached these fractions of its in-plane contraction."""
+    area = np.ptp(nodes[..., :2], axis=(1, 2)).prod(axis=1)
+    contracted = (area[0] - area) / (area[0] - area[-1])
+    return [int(np.argmax(contracted >= part - 1e-9)) for part in CONTRACTED] + [len(nodes) - 1]
+
+
+FIGURE = FigureKind(relaxation_figure, needs="snapshot_position")
