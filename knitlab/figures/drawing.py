@@ -39,52 +39,8 @@ from knitlab.io.suggestions import unknown
 from knitlab.study.figure_names import COMPARING, FIGURE_NAMES, suffixes
 from knitlab.tables.selection import choices, refuse_others, selected, selections_along
 
-Drawing = Figure | FuncAnimation
-
-
-@dataclass(frozen=True)
-class FigureKind:
-    """One kind of figure.
-
-    Attributes:
-        draw: draws it from a cube, or from a case if ``needs`` names a variable, or from several
-            cases if ``designs`` lists some.
-        dims: design dimensions of the cubes it can show; ``None`` for any.
-        needs: variable that the case it shows must have.
-        coordinates: further coordinates that it can be sliced along.
-        designs: designs (n_stripe, n_subunit) whose cases it shows side by side; those that are
-            missing are left out, and where all are, it shows as many of the others.
-        several: whether it takes a list of cubes: any, or experiments beside one simulation, or of
-            these only one a design.
-    """
-
-    draw: Callable[[Any], Drawing]
-    dims: tuple[str, ...] | None = DESIGN_DIMS
-    needs: str | None = None
-    designs: tuple[tuple[int, int], ...] = ()
-    coordinates: tuple[str, ...] = ()
-    several: Literal["any", "experiments", "designs"] | None = None
-
-
-FIGURES = {
-    "auxetic": FigureKind(auxetic_map, several="designs"),
-    "curves": FigureKind(tension_curves, coordinates=("applied_strain",), several="experiments"),
-    "shape": FigureKind(fabric_shape, needs="position", coordinates=("applied_strain",)),
-    "sensitivity": FigureKind(sensitivity_map),
-    "wavelength": FigureKind(wavelength_figure),
-    "tension": FigureKind(tension_maps, several="experiments"),
-    "samples": FigureKind(stretched_samples, needs="position", designs=PAPER_DESIGNS),
-    "shapes": FigureKind(relaxed_shapes, needs="position", designs=PAPER_SHAPES),
-    "network": FigureKind(spring_network, needs="position", coordinates=("applied_strain",)),
-    "relaxation": FigureKind(relaxation_figure, needs="snapshot_position"),
-    "folding": FigureKind(folding_animation, needs="snapshot_position"),
-    "stripes": FigureKind(stripe_tension, STRIPE_DIMS, coordinates=("applied_strain",)),
-    "departure": FigureKind(stripe_departure, STRIPE_DIMS, coordinates=("applied_strain",)),
-    "readings": FigureKind(readings_figure, dims=None, several="any"),
-    "sensor": FigureKind(sensor_map, several="designs"),
-    "capacitors": FigureKind(capacitors_figure, dims=None, several="any"),
-    "wedge": FigureKind(wedge_figure, dims=None, several="any"),
-    "electrodes": FigureKind(electrodes_figure, dims=None, needs="position"),
+FIGURES: dict[str, FigureKind] = {
+    name: import_module(f"knitlab.figures.kinds.{name}").FIGURE for name in FIGURE_NAMES
 }
 NO_CASE_FILES = "shapes are in case files, not in the cube: run the designs into this folder"
 
@@ -335,10 +291,10 @@ def _cases(name: str, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]:
         if case_id and case_path(folder, case_id).is_file()
     }
     preferred = FIGURES[name].designs
-    found = [there[design] for design in preferred if design in there]
-    if found := found or [*there.values()][: len(preferred)]:
+    found = [stored[design] for design in preferred if design in stored]
+    if found := found or [*stored.values()][: len(preferred)]:
         return [read_case(folder, case_id) for case_id in found]
-    raise fault(str(folder / "cases"), f"holds none of these designs; {RUN_THERE}")
+    raise fault(str(folder / "cases"), f"holds none of these designs; {NO_CASE_FILES}")
 
 
 def _most_auxetic_case(cube: xr.Dataset, folder: Path, needs: str) -> xr.Dataset:

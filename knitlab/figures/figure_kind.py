@@ -24,7 +24,7 @@ class FigureKind:
         needs: variable that the case it shows must have.
         coordinates: further coordinates that it can be sliced along.
         designs: designs (n_stripe, n_subunit) whose cases it shows side by side; those that are
-            missing are left out.
+            missing are left out, and if all are, other designs are shown instead.
         several: whether it takes several cubes: any, or experiments beside one simulation, or the
             latter with only one experiment for each design.
     """

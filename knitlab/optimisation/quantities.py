@@ -45,7 +45,7 @@ def of_strained(
     """
     own = dict(measures)
     known = tuple(name for name in names if name not in own)
-    together = measured_by(shape, cells, known) if known else None
+    combined = measured_by(shape, cells, known) if known else None
 
     def measured(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
         values = combined(relaxed, strained, fabric) if combined else ()

@@ -45,7 +45,7 @@ def electrodes_figure(case_file: xr.Dataset) -> Figure:
     Raises:
         BadInput: if the case has no electrodes.
     """
-    # Only who draws this figure waits for JAX.
+    # JAX is imported only when this figure is drawn.
     from knitlab.model.pattern import KNIT_OF_LETTER
     from knitlab.simulation.case import case_of
 

@@ -44,7 +44,7 @@ def spring_network(case: xr.Dataset) -> Figure:
     Args:
         case: contents of a case file, with node positions.
     """
-    # Only who draws this figure waits for JAX.
+    # JAX is imported only when this figure is drawn.
     from knitlab.measure.cell_grid import CellGrid
     from knitlab.measure.patches import central_cell
     from knitlab.model.fabric import Sheet

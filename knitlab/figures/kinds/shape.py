@@ -33,7 +33,7 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     Args:
         case: contents of a case file, with node positions; its first strain is shown.
     """
-    # Only who draws this figure waits for JAX.
+    # JAX is imported only when this figure is drawn.
     from knitlab.model.grading import recorded_pattern
 
     parameters = json.loads(case.attrs["parameters"])
@@ -121,3 +121,6 @@ def _name_patches(
             color="white",
             path_effects=[withStroke(linewidth=2, foreground="black")],
         )
+
+
+FIGURE = FigureKind(fabric_shape, needs="position", coordinates=("applied_strain",))
