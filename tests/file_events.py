@@ -1,4 +1,4 @@
-"""Processes that wait before each change of a file until they may go on: kills at counted events.
+"""Processes that wait before each change of a file for permission: kills at counted events.
 
 A process announces every change of a file in a folder on one end of a pair of sockets and waits
 for an answer. So what holds the other end knows where it is, without a look at a clock.
@@ -40,7 +40,7 @@ def _changed(event: str, arguments: tuple) -> str | None:
 
 
 def await_changes(channel: socket.socket, count: int) -> None:
-    """Let a process go on until it waits before its change of this number."""
+    """Let a process continue until it waits before its n-th change of a file."""
     for number in range(count):
         if number:
             channel.send(b".")

@@ -110,7 +110,7 @@ def _of_siblings(units: str, long_name: str) -> Variable:
 
 _SIBLINGS = (
     "over the case and those of its siblings that reached the strain: imperfect sheets with each"
-    " stripe number up to 2 % larger or smaller, clamped ones in turn from the other start"
+    " stripe number up to 2 % larger or smaller, clamped ones alternately from the other start"
 )
 _SCATTER = "of the curve through what was recorded near a strain"
 

@@ -152,7 +152,7 @@ class MarkersTable(RecordedTable):
         if self.frame_rate is None and self.starts is not None:
             raise ValueError("has starts, which strain_per_frame does not use; leave it out")
         if self.frame_rate is not None and self.starts is None:
-            raise ValueError("needs starts, the machine's time at frame 0, beside frame_rate")
+            raise ValueError("needs starts, the machine's time at frame 0, with frame_rate")
         return self
 
 

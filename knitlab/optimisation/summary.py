@@ -56,6 +56,6 @@ def _unmet(designed: Designed, conflict: Conflict | None) -> Iterator[str]:
         yield f"held back by {', '.join(search.held_by)}: widen it, or relax a target"
     elif conflict is not None:
         one, other = conflict.labels
-        yield f"{one!r} and {other!r} pull apart; no bound holds it back"
+        yield f"{one!r} and {other!r} conflict; no bound holds it back"
     else:
         yield "no bound holds it back: let more vary, add designs, or raise the budget"

@@ -138,7 +138,7 @@ def _one_slice(path: Path, cube: xr.Dataset, selections: Sequence[str]) -> xr.Da
     swept = swept_dims(cube)
     cube = selected(cube, selections_along(selections, swept))
     if several := [dim for dim in swept if cube.sizes[dim] > 1]:
-        raise fault(str(path), f"lies along swept settings; select {choices(cube, several)}")
+        raise fault(str(path), f"has swept settings; select {choices(cube, several)}")
     return cube.isel(dict.fromkeys(swept, 0))
 
 

@@ -71,7 +71,7 @@ def hinged(angle, near=1.0, far=5.0):
 
 
 def coplanar(gap, width):
-    """Ends of two strips beside each other."""
+    """Ends of two strips side by side."""
     return [[(side * gap / 2, 0), (side * (gap / 2 + width), 0)] for side in (-1, 1)]
 
 

@@ -33,7 +33,7 @@ def shown() -> list[tuple[list[str], list[str]]]:
 
 
 @pytest.fixture
-def beside(tmp_path, monkeypatch):
+def results_folder(tmp_path, monkeypatch):
     """A folder like the repository, with the simulation that the tutorial runs already there."""
     (tmp_path / "workflows").symlink_to(ROOT / "workflows")
     shutil.copytree(REFERENCE, tmp_path / "results" / "laboratory")
@@ -41,7 +41,7 @@ def beside(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_the_tutorial_shows_what_its_commands_say(beside):
+def test_the_tutorial_shows_what_its_commands_say(results_folder):
     commands = shown()
     assert [command[0] for command, _ in commands] == [*["import"] * 3, "query", "compare"]
     for command, output in commands:
@@ -51,7 +51,7 @@ def test_the_tutorial_shows_what_its_commands_say(beside):
 
 
 @pytest.mark.slow
-def test_the_overlay_is_drawn_of_both(beside):
+def test_the_overlay_is_drawn_of_both(results_folder):
     for kind in ("markers", "tensile", "capacitance"):
         words = ["import", kind, "workflows/laboratory/synthetic_4_16.toml"]
         assert CliRunner().invoke(main, words).exit_code == 0

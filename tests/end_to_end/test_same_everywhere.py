@@ -39,7 +39,7 @@ def batches():
 
 
 def elsewhere(kernel, threads):
-    """Ratios of the preview's designs by a process of its own."""
+    """Ratios of the preview's designs in another process."""
     environment = os.environ | {"OPENBLAS_CORETYPE": kernel, "OMP_NUM_THREADS": str(threads)}
     command = [sys.executable, "-m", "tests.end_to_end.test_same_everywhere"]
     said = subprocess.run(

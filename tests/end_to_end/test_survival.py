@@ -19,7 +19,7 @@ def knitlab(*words):
 
 
 def killed(folder, after):
-    """A run in a process of its own, killed before it puts one more case in place."""
+    """A run in another process, killed before it writes one more case."""
     kill_command(folder, ["run", "preview", *DESIGNS, "--workers", "0"], after + 1)
     return len(list((folder / "results" / "preview" / "cases").glob("*.nc")))
 
@@ -49,9 +49,9 @@ def test_a_killed_sweep_resumes_to_the_same_cube(tmp_path, monkeypatch):
     case = next(Path("results/preview/cases").glob("4-8-*.nc"))
     case.write_bytes(case.read_bytes()[:-100])
     assert "1 damaged" in knitlab("status", "preview", "--check").output
-    mended = knitlab("run", "preview", *DESIGNS, "--workers", "0")
-    assert f"damaged: {case}" in mended.output
-    assert "1 cases simulated, 2 already there" in mended.output
+    repaired = knitlab("run", "preview", *DESIGNS, "--workers", "0")
+    assert f"damaged: {case}" in repaired.output
+    assert "1 cases simulated, 2 already there" in repaired.output
 
     other = knitlab("run", "preview", *DESIGNS, "--set", "z_max=4", "--workers", "0")
     assert other.exit_code == 1

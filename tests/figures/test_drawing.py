@@ -112,7 +112,7 @@ def test_a_figure_that_cannot_be_drawn_writes_nothing(
 
 
 def made_up_case(periodic: bool) -> xr.Dataset:
-    """A case of 2 × 1 unit cells of (4, 16), flat, and stretched with a cell of its own strain."""
+    """A flat case of 2 × 1 unit cells of (4, 16), stretched differently in its cells."""
     rows, columns = (16, 16) if periodic else (33, 17)
     y, x = np.mgrid[:rows, :columns]
     flat = np.stack([x, y, 0.1 * (x % 2)], axis=-1)

@@ -13,7 +13,7 @@ from knitlab.io.shipped import PACKAGE
 from tests.execution.stand_in import plan_of, write
 
 COMPUTES_NOTHING = {
-    "measure/knit_size.py": "sizes of the cube alone, worked out anew for every cube",
+    "measure/knit_size.py": "sizes of the cube only, recomputed for every cube",
     "io/capacitor_schema.py": "names and units",
     "io/design_status.py": "names of flags",
     "io/errors.py": "messages",

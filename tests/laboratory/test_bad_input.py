@@ -179,7 +179,7 @@ def test_a_bad_table_of_markers_is_refused(tmp_path, good, text, problem):
     ("text", "problem"),
     [
         ("marker,row,column\n0,0,0\n99,0,1\n", "names marker 99, but there are 20"),
-        ("marker,row,column\n0,0,0\n1,0,0\n", "markers 0 and 1 both stand in row 0, column 0"),
+        ("marker,row,column\n0,0,0\n1,0,0\n", "markers 0 and 1 are both in row 0, column 0"),
         ("marker,row\n0,0\n", "column column: is missing"),
         ("marker,row,column\n0,0,0\n", "shows 0 × 0 unit cells"),
     ],

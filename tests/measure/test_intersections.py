@@ -35,7 +35,7 @@ def extruded(shape: MeshShape, profile: np.ndarray) -> np.ndarray:
 
 
 def pairs_by_library(shape: MeshShape, state: Configuration, reach: int) -> int:
-    """Pairs of cells that intersect, each pair given to ipctk as a mesh of its own."""
+    """Pairs of cells that intersect, each pair given to ipctk as a separate mesh."""
     rows = np.arange(-reach * shape.cells_y, (reach + 1) * shape.cells_y + 1)
     columns = np.arange(-reach * shape.cells_x, (reach + 1) * shape.cells_x + 1)
     nodes = np.asarray(nodes_at(shape, state, rows, columns))

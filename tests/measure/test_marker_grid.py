@@ -97,7 +97,7 @@ def test_corners_follow_the_markers():
         (lattice()[:3], "3 markers are seen"),
         (np.full((9, 2), np.nan), "0 markers are seen"),
         (lattice(1, 9), "in one line"),
-        (np.concatenate([lattice(), lattice()[:1]]), "in one point"),
+        (np.concatenate([lattice(), lattice()[:1]]), "at one point"),
         (np.random.default_rng(3).uniform(0, 100, (40, 2)), "table"),
     ],
 )
@@ -111,5 +111,5 @@ def test_a_table_of_places_is_taken_as_it_is():
     found = grid_of_places(rows, columns)
     np.testing.assert_array_equal(found.marker, [[1, -1, 3], [0, -1, -1]])
     assert found.strays == (2,)
-    with pytest.raises(NoGrid, match="markers 0 and 1 both stand in row 1, column 0"):
+    with pytest.raises(NoGrid, match="markers 0 and 1 are both in row 1, column 0"):
         grid_of_places(np.array([1, 1]), np.array([0, 0]))

@@ -1,4 +1,4 @@
-"""Derivatives of equilibria, against finite differences of equilibria found anew."""
+"""Derivatives of equilibria, against finite differences of recomputed equilibria."""
 
 from dataclasses import dataclass, replace
 

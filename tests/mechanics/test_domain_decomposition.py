@@ -310,7 +310,7 @@ def test_a_subdomain_without_a_solution_stays_as_it_was(
 
 
 def extrapolated(sample, energy, passed, step_length=1e6, waiting=domain_decomposition.ROUNDS):
-    """Where a node gets to that passed some places, at an energy of its own, and is extrapolated;
+    """Position of a node after extrapolation from previous positions, with given energies;
     and how often subdomains are solved."""
     rules = slow(sample, step_length)
     place, solved = rules.free.places[0], 0

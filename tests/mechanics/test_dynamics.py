@@ -22,7 +22,7 @@ STIFFNESS, MASS, LENGTH, PULL = 2.0, 1e-3, 1.0, 1e-3
 
 
 def two_nodes(damping: float, settings: DynamicsSettings) -> tuple[MovingBatch, MotionPath]:
-    """One spring along x between two free nodes, let go stretched by ``PULL``."""
+    """One spring along x between two free nodes, released stretched by ``PULL``."""
     shape = MeshShape(cells_y=0, cells_x=1, periodic=False)
     none = jnp.zeros(0)
     fabric = Fabric(

@@ -29,7 +29,7 @@ def stretches(net, fabrics):
 def test_a_batch_on_the_device_equals_single_fabrics(reading):
     net, four = checkered(4, 1, reading)
     _, eight = checkered(8, 1, reading)
-    # Close to a snap the energy is told to 1e-7 by a finer tolerance alone.
+    # Close to a snap an energy to 1e-7 needs a finer tolerance.
     solvers = [stretch(net, fabric, STRAINS, FINE) for fabric in (four, eight)]
     batch = run_in_lockstep(net.shape, [four, eight], solvers)
     for fabric, together in zip((four, eight), batch, strict=True):

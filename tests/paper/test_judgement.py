@@ -178,7 +178,7 @@ def test_every_number_of_a_claim_is_the_papers_or_knitlabs(tmp_path, lines, prob
 
 
 def sample(boundary, cells, ratio, gone=()):
-    """A cube of samples of one size, in which one design has a ratio of its own."""
+    """A cube of samples of one size, in which one design has another ratio."""
     cube = without(good_checkerboards(), gone)
     cube["poisson_ratio_min"].loc[{"n_stripe": 6, "n_subunit": 24}] = ratio
     cells_y, cells_x = cells

@@ -1,4 +1,4 @@
-"""The committed reference results: their figures and the page of claims come of them anew."""
+"""The committed reference results: their figures and the page of claims can be reproduced."""
 
 from pathlib import Path
 

@@ -70,7 +70,7 @@ def _draw_energies(axes: Axes, case: xr.Dataset) -> None:
         time[1:-1], excess[1:-1], "--", color="0.45", label="elastic energy above the relaxed state"
     )
     axes.set(
-        xlabel="time since the flat sheet was let go [ms]",
+        xlabel="time since the flat sheet was released [ms]",
         ylabel="energy [N mm]",
         xlim=(FIRST_TIME, 1.1 * time[-1]),
         ylim=(max(kinetic[-1], 1e-14), 5 * stored[0]),
