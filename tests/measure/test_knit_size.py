@@ -75,7 +75,7 @@ def test_ratios_between_designs_do_not_depend_on_the_gauge(one, other, design, g
 
     def ratio(each):
         first, second = (
-            knit_sizes(fabric, stitches(*design), False, gauge) for fabric in (one, other)
+            knit_sizes(fabric, stitches(*design), False, each) for fabric in (one, other)
         )
         return [first[name] / second[name] for name in first]
 
