@@ -25,6 +25,9 @@ def checked(function: F) -> F:
     arrays = {name: _of_any_library(hint) for name, hint in hints.items() if _has_arrays(hint)}
     if not arrays:
         return function
+    if "return" in arrays:
+        # jaxtyping has a function of its own for the arguments, and keeps their shapes for this.
+        arrays = {"return": arrays["return"]}
     function.__annotations__ = arrays
     return CHECKER(function)
 

@@ -1,8 +1,16 @@
+import atexit
 import os
+import shutil
+import tempfile
 
 # One thread a process, so that as many processes as there are processors can share the tests.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("PJRT_NPROC", "1")
+# What one process of a session has compiled, its others load, which takes a tenth of the time.
+if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = tempfile.mkdtemp(prefix="knitlab-compiled-")
+    atexit.register(shutil.rmtree, os.environ["JAX_COMPILATION_CACHE_DIR"], ignore_errors=True)
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 
 from hypothesis import settings
 from jaxtyping import install_import_hook

@@ -22,6 +22,7 @@ from knitlab.model.network import Network
 from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import PatchGrid, patch_map
 from knitlab.model.stripe import Knit, Stripe
+from knitlab.model.zigzag import tension
 from knitlab.study.parameters import read_parameters
 
 PARAMETERS = read_parameters(shipped("params"))
@@ -33,6 +34,8 @@ harder."""
 DEFAULT = SolverSettings()
 MASS_AND_DRAG = MassAndDrag(surface_density=1.1e-4, damping=2e-4)
 FINE = SolverSettings(tolerance=1e-12)
+compiled_tension = jax.jit(tension)
+"""Of a zigzag; uncompiled, every call compiles its search for a root again."""
 
 
 def stripe(knit: Knit, n: int) -> Stripe:

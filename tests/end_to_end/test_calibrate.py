@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from knitlab.cli import main
-from knitlab.model.zigzag import tension, zigzag
-from tests.fabrics import stripe
+from knitlab.model.zigzag import zigzag
+from tests.fabrics import compiled_tension, stripe
 
 
 @pytest.fixture(autouse=True)
@@ -25,7 +25,7 @@ def knitlab(*words):
 @pytest.mark.slow
 def test_a_calibrated_stripe_can_be_used_as_it_is():
     strain = np.linspace(0, 2, 30)
-    force = 1.2 * np.asarray(tension(zigzag(stripe("rib", 4)), jnp.asarray(strain)))
+    force = 1.2 * np.asarray(compiled_tension(zigzag(stripe("rib", 4)), jnp.asarray(strain)))
     rows = [f"{100 * a},{1000 * b}" for a, b in zip(strain, force, strict=True)]
     Path("curve.csv").write_text("\n".join(["strain [%],force [mN]", *rows]))
     done = knitlab("calibrate", "curve.csv", "--stripe", "rib", "-n", "4", "--period", "1.41")

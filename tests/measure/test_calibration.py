@@ -9,15 +9,15 @@ import pytest
 
 from knitlab.measure.calibration import FITTED, calibrate
 from knitlab.model.options import ModelOptions
-from knitlab.model.zigzag import tension, zigzag
-from tests.fabrics import EVERY_STRIPE, stripe
+from knitlab.model.zigzag import zigzag
+from tests.fabrics import EVERY_STRIPE, compiled_tension, stripe
 
 POINTS, NOISE, SEEDS = 41, 0.01, 40
 
 
 def curve(of, largest=2.0, noise=NOISE, seed=0):
     strain = np.linspace(0, largest, POINTS)
-    force = np.asarray(tension(zigzag(of), jnp.asarray(strain)))
+    force = np.asarray(compiled_tension(zigzag(of), jnp.asarray(strain)))
     scatter = np.random.default_rng(seed).normal(size=POINTS)
     return strain, force + noise * force.max() * scatter
 
@@ -41,7 +41,7 @@ def test_a_fitted_stripe_has_the_measured_curve_in_the_reading_it_is_tabulated_f
     tabulated = replace(of, period=fit.tabulated_period(cell_size), **fit.values)
     read = zigzag(tabulated, ModelOptions(cell_size=cell_size))
     np.testing.assert_allclose(
-        tension(read, jnp.asarray(strain)), force, rtol=1e-5, atol=1e-6 * force.max()
+        compiled_tension(read, jnp.asarray(strain)), force, rtol=1e-5, atol=1e-6 * force.max()
     )
 
 

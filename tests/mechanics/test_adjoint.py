@@ -86,12 +86,11 @@ class Pulled:
         return relaxed, found(start, loading.free), fabric
 
     def measured_here(self) -> np.ndarray:
-        return np.asarray(
-            self.measure(self.relaxed, self.strained, self.layout.fabric(self.stripes))
-        )
+        fabric = self.layout.fabric(self.stripes)
+        return np.asarray(jax.jit(self.measure)(self.relaxed, self.strained, fabric))
 
     def measured(self, stripes: StripePair) -> np.ndarray:
-        return np.asarray(self.measure(*self.under(stripes)))
+        return np.asarray(jax.jit(self.measure)(*self.under(stripes)))
 
     def adjoint(self) -> Adjoint:
         return Adjoint(self.layout, self.stripes, self.relaxed)

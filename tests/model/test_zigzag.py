@@ -10,10 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.model.zigzag import Zigzag, chain_energy, relaxed_chain, tension, zigzag
-from tests.fabrics import ALL_STRIPES, stripe
+from tests.fabrics import ALL_STRIPES, compiled_tension, stripe
 
 STRAINS = jnp.linspace(0, 2, 41)
-COMPILED = jax.jit(tension)
 STRIPES = pytest.mark.parametrize("of", ALL_STRIPES, ids=lambda of: f"{of.knit} {of.n}")
 
 
@@ -28,7 +27,7 @@ def test_the_relaxed_chain_has_the_measured_period_and_no_energy(of):
 @STRIPES
 def test_tension_meets_the_balance_of_moment_and_length(of):
     """k_t (θ − θ0) = F ℓ cos(θ/2), ℓ = cell + F sin(θ/2) / k_s, period = 4 ℓ sin(θ/2)."""
-    force = np.asarray(tension(zigzag(of), STRAINS))
+    force = np.asarray(compiled_tension(zigzag(of), STRAINS))
     cell = of.period / (4 * np.sin(of.theta_0 / 2))
     # θ from the moment alone, by halving; the period is the check.
     low, high = np.full_like(force, of.theta_0), np.full_like(force, np.pi)
@@ -49,7 +48,7 @@ def test_tension_has_the_slopes_that_differences_give(name):
     of, step = stripe("garter", 8), 1e-5
 
     def force(value):
-        return tension(zigzag(replace(of, **{name: float(value)})), STRAINS)
+        return compiled_tension(zigzag(replace(of, **{name: float(value)})), STRAINS)
 
     def traced(value):
         numbers = {
@@ -72,12 +71,12 @@ def test_tension_has_the_slopes_that_differences_give(name):
 )
 def test_tension_rises_with_strain_and_scales_as_its_units_say(k_s, k_t, theta_0, period):
     strains = jnp.linspace(0, 2, 9)
-    force = np.asarray(COMPILED(_chain(period, k_s, k_t, theta_0), strains))
+    force = np.asarray(compiled_tension(_chain(period, k_s, k_t, theta_0), strains))
     assert force[0] == pytest.approx(0, abs=1e-9 * force[-1])
     assert (np.diff(force) > 0).all()
-    stiffer = np.asarray(COMPILED(_chain(period, 3 * k_s, 3 * k_t, theta_0), strains))
+    stiffer = np.asarray(compiled_tension(_chain(period, 3 * k_s, 3 * k_t, theta_0), strains))
     np.testing.assert_allclose(stiffer[1:], 3 * force[1:], rtol=1e-8)
-    larger = np.asarray(COMPILED(_chain(2 * period, k_s, 4 * k_t, theta_0), strains))
+    larger = np.asarray(compiled_tension(_chain(2 * period, k_s, 4 * k_t, theta_0), strains))
     np.testing.assert_allclose(larger[1:], 2 * force[1:], rtol=1e-8)
 
 
