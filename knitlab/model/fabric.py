@@ -14,6 +14,8 @@ from knitlab.model.network import Network, mesh_shape, network
 from knitlab.model.options import FoldAngle, ModelOptions
 from knitlab.model.pattern import CELLS_PER_PERIOD, Pattern, fold_senses, inside_runs
 from knitlab.model.setting_types import Unit
+from knitlab.model.spring_curve import SpringCurve
+from knitlab.model.spring_law import LINEAR, SpringLaw, spring_law
 from knitlab.model.stripe import Stripe
 
 
@@ -33,7 +35,8 @@ class Sheet:
 class Fabric(eqx.Module):
     """Numbers of one fabric on a network.
 
-    Those of one mesh shape, and of one kind of fold angle, stack into a batch.
+    Those of one mesh shape, of one kind of fold angle and of one kind of spring law stack into a
+    batch.
 
     Attributes:
         rest_length: of every spring [mm].
@@ -45,6 +48,7 @@ class Fabric(eqx.Module):
         k_wall: penalty stiffness of the walls [N/mm].
         cell: flat size of a grid cell along (x, y) [mm].
         fold_angle: what its fold angles are between.
+        spring_law: how the force of its springs grows.
     """
 
     rest_length: Float[Array, " spring"]
@@ -55,28 +59,36 @@ class Fabric(eqx.Module):
     k_wall: Float[Array, ""]
     cell: Float[Array, "2"]
     fold_angle: FoldAngle = eqx.field(static=True)
+    spring_law: SpringLaw = LINEAR
 
 
 class StripeNumbers(eqx.Module):
-    """The four numbers of a :class:`~knitlab.model.stripe.Stripe`, to take derivatives by.
+    """The numbers of a :class:`~knitlab.model.stripe.Stripe`, to take derivatives by.
 
     Attributes:
         k_s: stiffness of the extensional springs across the ridges [N/mm].
         k_t: stiffness of the torsional springs, as tabulated [N].
         theta_0: interior rest angle of a fold [rad].
         period: measured peak-to-peak distance of the relaxed corrugation [mm].
+        stiffening_strain: of its springs, None where they have another law [1].
+        spring_curve: of its springs, None where they have another law.
     """
 
     k_s: Float[Array, "*quantity"]
     k_t: Float[Array, "*quantity"]
     theta_0: Float[Array, "*quantity"]
     period: Float[Array, "*quantity"]
+    stiffening_strain: Float[Array, "*quantity"] | None = None
+    spring_curve: SpringCurve | None = eqx.field(static=True, default=None)
 
     @classmethod
     def of(cls, stripe: Stripe) -> "StripeNumbers":
         """Those of a stripe."""
-        numbers = stripe.k_s, stripe.k_t, stripe.theta_0, stripe.period
-        return cls(*(jnp.asarray(number, float) for number in numbers))
+        numbers = stripe.k_s, stripe.k_t, stripe.theta_0, stripe.period, stripe.stiffening_strain
+        return cls(
+            *(None if number is None else jnp.asarray(number, float) for number in numbers),
+            spring_curve=stripe.spring_curve,
+        )
 
 
 class StripePair(eqx.Module):
@@ -127,7 +139,8 @@ class FabricLayout:
     def fabric(self, stripes: StripePair) -> Fabric:
         """The fabric of two stripes; pure JAX, so that derivatives pass through it.
 
-        There is none by k_s where both stripes have the same: diagonals take the smaller.
+        There is none by k_s where both stripes have the same: diagonals take the smaller, and the
+        spring law of its stripe.
         """
         pair = stripes.weft, stripes.warp
         cell = jnp.stack([cell_length(stripe, self.options) for stripe in pair])
@@ -137,6 +150,10 @@ class FabricLayout:
             k_t = k_t * cell[::-1]
         rest_length = jnp.append(cell, jnp.hypot(*cell))
         stretch_stiffness = jnp.append(k_s, k_s.min())
+        laws = spring_law(
+            [stripe.stiffening_strain for stripe in pair], [stripe.spring_curve for stripe in pair]
+        )
+        along_spring = jnp.append(jnp.arange(2), k_s.argmin())
         fold = jnp.pi - jnp.stack([stripe.theta_0 for stripe in pair])
         return Fabric(
             rest_length=jnp.take(rest_length, self.spring_kind),
@@ -147,6 +164,7 @@ class FabricLayout:
             k_wall=jnp.asarray(self.sheet.k_wall, float),
             cell=cell,
             fold_angle=self.options.fold_angle,
+            spring_law=laws.of(jnp.take(along_spring, self.spring_kind)),
         )
 
 

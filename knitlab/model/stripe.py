@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import PositiveFloat
 
 from knitlab.model.setting_types import RestAngle, Unit
+from knitlab.model.spring_curve import SpringCurve
 
 Knit = Literal["rib", "garter"]
 
@@ -26,6 +27,10 @@ class Stripe:
         k_s: stiffness of the extensional springs across the ridges [N/mm].
         theta_0: interior rest angle of a fold; π is flat [rad].
         k_t: stiffness of the torsional springs, as tabulated [N].
+        stiffening_strain: strain of a spring at which its force is twice that of a linear one;
+            None where it does not stiffen so [1].
+        spring_curve: table of a measured curve of its springs, in place of that. With neither,
+            springs are linear, as the paper's.
     """
 
     knit: Knit
@@ -34,6 +39,15 @@ class Stripe:
     k_s: Annotated[PositiveFloat, Unit("N/mm")]
     theta_0: RestAngle
     k_t: Annotated[PositiveFloat, Unit("N")]
+    stiffening_strain: PositiveFloat | None = None
+    spring_curve: SpringCurve | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse two laws at once."""
+        if self.stiffening_strain is not None and self.spring_curve is not None:
+            raise ValueError(
+                f"{self.knit} {self.n} has both stiffening_strain and spring_curve; give one"
+            )
 
     @property
     def fold(self) -> float:
