@@ -10,7 +10,11 @@ from knitlab.model.setting_types import RestAngle, Unit
 from knitlab.model.spring_curve import SpringCurve
 
 Knit = Literal["rib", "garter"]
+SpringKind = Literal["linear", "stiffening"] | SpringCurve
+"""What springs must share to be computed together: their law, but for its numbers."""
 
+SPRING_LAWS = ("stiffening_strain", "spring_curve")
+"""What a stripe may give of the law of its springs; linear ones have neither."""
 GARTER_STITCHES_PER_RIB_STITCH = 2
 """A stitch is about twice as wide as it is high, so an n × n rib pairs with a 2n × 2n garter
 (paper, Sec. "Relaxation of a pattern of rib and garter patches")."""
@@ -48,6 +52,13 @@ class Stripe:
             raise ValueError(
                 f"{self.knit} {self.n} has both stiffening_strain and spring_curve; give one"
             )
+
+    @property
+    def spring_kind(self) -> SpringKind:
+        """The kind of its springs' law."""
+        if self.spring_curve is not None:
+            return self.spring_curve
+        return "linear" if self.stiffening_strain is None else "stiffening"
 
     @property
     def fold(self) -> float:

@@ -19,7 +19,7 @@ from knitlab.model.inertia import MassAndDrag
 from knitlab.model.network import MeshShape, Network, mesh_shape
 from knitlab.model.options import Boundary, ModelOptions
 from knitlab.model.pattern import Pattern, patch_map
-from knitlab.model.stripe import Stripe
+from knitlab.model.stripe import SPRING_LAWS, Stripe
 
 Method = Literal["equilibrium", "dynamics"]
 Label = int | float | str
@@ -68,9 +68,14 @@ class Case:
     def record(self) -> dict[str, Any]:
         """The case as JSON holds it; :func:`case_of` reads it.
 
-        Without siblings robustness is left out: the identifier is that of a version without it.
+        Without siblings robustness is left out, and so is the law of linear springs: the identifier
+        is that of a version without them.
         """
         record = asdict(self)
+        for stripe in (record["weft"], record["warp"]):
+            for name in SPRING_LAWS:
+                if stripe[name] is None:
+                    del stripe[name]
         if not self.robustness:
             del record["robustness"]
         return record
