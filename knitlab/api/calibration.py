@@ -12,9 +12,7 @@ from knitlab.measure.calibration import calibrate as fit_zigzag
 Curve = Sequence[float] | Float[np.ndarray, " point"]
 
 
-def calibrate(
-    strain: Curve, force: Curve, *, period: float, law: Law = "linear"
-) -> Calibration:
+def calibrate(strain: Curve, force: Curve, *, period: float, law: Law = "linear") -> Calibration:
     """Fit k_s, k_t and θ0 of a stripe to the tension curve of its pure fabric (paper, "2D model").
 
     Measure until the folds are open and the springs stretch, to about 200 % strain: short of that

@@ -141,8 +141,9 @@ def calibrate(
 ) -> Calibration:
     """Fit k_s, k_t and θ0 of a zigzag to its tension curve by bounded least squares.
 
-    Springs that stiffen have their stiffening strain fitted too. Gradients are exact; of several starts the best fit is kept. Standard errors and correlations
-    are those of the linearised fit, with the noise taken from the residual.
+    Springs that stiffen have their stiffening strain fitted too. Gradients are exact; of several
+    starts the best fit is kept. Standard errors and correlations are those of the linearised fit,
+    with the noise taken from the residual.
 
     Args:
         period: relaxed peak-to-peak distance, w or h [mm].
@@ -243,7 +244,7 @@ def report_comparison(calibration: Calibration, linear: Calibration) -> list[str
     found = calibration.compared_with(linear)
     name = "tabulated" if isinstance(calibration.law, SpringCurve) else calibration.law
     if math.isnan(found.gain_if_correlated):
-        verdict = "too few independent points to tell which law the curve wants"
+        verdict = "too few points to tell which law the curve wants"
     elif found.wanted:
         verdict = f"the curve wants {name} springs"
     elif found.refused:
@@ -251,12 +252,12 @@ def report_comparison(calibration: Calibration, linear: Calibration) -> list[str
     else:
         verdict = "the curve does not tell; linear springs do"
     if not calibration.usable:
-        verdict += f", and the {name} fit cannot be used"
+        verdict += f"; the {name} fit cannot be used"
     return [
         f"linear   misfit {linear.misfit:.2g} N rms, against {calibration.misfit:.2g} N {name}",
-        f"AICc     {name} springs gain {found.gain:+.1f} if all {found.points} points are"
-        f" independent, {found.gain_if_correlated:+.1f} as {found.independent_points:.0f} points"
-        f" (autocorrelation of the residuals {found.autocorrelation:.2f})",
+        f"AICc     {name} springs gain {found.gain:+.1f} if residuals are independent,"
+        f" {found.gain_if_correlated:+.1f} if neighbours are correlated (by"
+        f" {found.autocorrelation[0]:.2f} linear, {found.autocorrelation[1]:.2f} {name})",
         f"law      {verdict}",
     ]
 

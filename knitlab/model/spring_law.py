@@ -16,8 +16,8 @@ from jaxtyping import Array, Float, Int
 
 from knitlab.model.spring_curve import SpringCurve
 
-Each = Float[Array, "*spring"]
-"""A number of every spring."""
+Each = Float[Array, "*#spring"]
+"""A number of every spring, or of all."""
 
 
 class SpringLaw(eqx.Module):
@@ -42,7 +42,7 @@ class SpringLaw(eqx.Module):
         """Force over k_s and length: stiffness across the spring, over k_s [1]."""
         return self.pull(length, rest_length) / length
 
-    def of(self, springs: Int[np.ndarray, " spring"]) -> "SpringLaw":
+    def of(self, springs: Int[Array | np.ndarray, "*spring"]) -> "SpringLaw":
         """The law of some of the springs, by their places."""
         return jax.tree.map(lambda numbers: numbers[springs], self)
 
@@ -82,7 +82,7 @@ class Stiffening(SpringLaw):
         rate: 1/e_s², 0 of a linear spring [1].
     """
 
-    rate: Each
+    rate: Float[Array, "*spring"]
 
     def stored(self, length: Each, rest_length: Each) -> Each:
         """½ (ℓ − ℓ0)² (1 + ½ e²/e_s²) [mm²]."""
@@ -108,7 +108,7 @@ class Tabulated(SpringLaw):
         curves: the curves.
     """
 
-    rate: Each
+    rate: Float[Array, "*spring"]
     shares: Float[Array, "*spring curve"]
     curves: tuple[SpringCurve, ...] = eqx.field(static=True)
 

@@ -12,6 +12,7 @@ from pydantic import (
     PositiveInt,
     RootModel,
     ValidationError,
+    model_serializer,
     model_validator,
 )
 
@@ -84,6 +85,10 @@ class StripeRow(StrictModel):
         if self.stiffening_strain is not None and self.spring_curve is not None:
             raise ValueError("has both stiffening_strain and spring_curve; give one")
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_a_law_that_it_has_not(self, serialise: Any) -> dict[str, Any]:
+        return {name: value for name, value in serialise(self).items() if value is not None}
 
 
 def _stitches(text: str) -> str:

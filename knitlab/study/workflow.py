@@ -157,9 +157,9 @@ def _of_knit(knit: Knit) -> Types:
     return numbers | factors(numbers)
 
 
-SPRING_LAW_CHANGES: Types = {
-    name: PositiveFloat for name in (STIFFENING, f"rib_{STIFFENING}", f"garter_{STIFFENING}")
-}
+SPRING_LAW_CHANGES: Types = dict.fromkeys(
+    (STIFFENING, f"rib_{STIFFENING}", f"garter_{STIFFENING}"), PositiveFloat
+)
 CHANGES: Types = {
     **factors(STRIPE_NUMBERS),
     **_of_knit("rib"),
