@@ -84,9 +84,13 @@ class StripeNumbers(eqx.Module):
     @classmethod
     def of(cls, stripe: Stripe) -> "StripeNumbers":
         """Those of a stripe."""
-        numbers = stripe.k_s, stripe.k_t, stripe.theta_0, stripe.period, stripe.stiffening_strain
+        stiffening = stripe.stiffening_strain
         return cls(
-            *(None if number is None else jnp.asarray(number, float) for number in numbers),
+            k_s=jnp.asarray(stripe.k_s, float),
+            k_t=jnp.asarray(stripe.k_t, float),
+            theta_0=jnp.asarray(stripe.theta_0, float),
+            period=jnp.asarray(stripe.period, float),
+            stiffening_strain=None if stiffening is None else jnp.asarray(stiffening, float),
             spring_curve=stripe.spring_curve,
         )
 

@@ -57,9 +57,11 @@ def zigzag(stripe: Stripe, options: ModelOptions = AS_CALIBRATED) -> Zigzag:
     cell = cell_length(stripe, options)
     k_t = stripe.k_t * (cell if options.hinge_stiffness == "per_length" else 1.0)
     period = CELLS_PER_PERIOD * cell * stripe.contraction
-    numbers = period, stripe.k_s, k_t, stripe.theta_0
     return Zigzag(
-        *(jnp.asarray(number, float) for number in numbers),
+        period=jnp.asarray(period, float),
+        k_s=jnp.asarray(stripe.k_s, float),
+        k_t=jnp.asarray(k_t, float),
+        theta_0=jnp.asarray(stripe.theta_0, float),
         law=law_of_one(stripe.stiffening_strain, stripe.spring_curve),
     )
 
