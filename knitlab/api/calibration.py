@@ -6,13 +6,13 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.io.errors import fault
-from knitlab.measure.calibration import Calibration
+from knitlab.measure.calibration import Calibration, Law
 from knitlab.measure.calibration import calibrate as fit_zigzag
 
 Curve = Sequence[float] | Float[np.ndarray, " point"]
 
 
-def calibrate(strain: Curve, force: Curve, *, period: float) -> Calibration:
+def calibrate(strain: Curve, force: Curve, *, period: float, law: Law = "linear") -> Calibration:
     """Fit k_s, k_t and θ0 of a stripe to the tension curve of its pure fabric (paper, "2D model").
 
     Measure until the folds are open and the springs stretch, to about 200 % strain: below that the
@@ -22,9 +22,12 @@ def calibrate(strain: Curve, force: Curve, *, period: float) -> Calibration:
         strain: strain relative to the relaxed period, not negative [1].
         force: force on one row of the network [N].
         period: relaxed peak-to-peak distance of the stripe [mm].
+        law: of the springs: ``"linear"``, ``"stiffening"``, whose stiffening strain is fitted too,
+            or a :class:`~knitlab.model.spring_curve.SpringCurve`.
 
     Returns:
-        The fitted numbers with their standard errors, 95 % intervals and correlations.
+        The fitted numbers with their standard errors, 95 % intervals and correlations; its method
+        ``compared_with`` says whether the curve wants this law rather than a simpler one.
 
     Raises:
         BadInput: if the curve has too few points, or no tension.
@@ -41,6 +44,6 @@ def calibrate(strain: Curve, force: Curve, *, period: float) -> Calibration:
         0.817
     """
     try:
-        return fit_zigzag(period, np.asarray(strain, float), np.asarray(force, float))
+        return fit_zigzag(period, np.asarray(strain, float), np.asarray(force, float), law)
     except ValueError as problem:
         raise fault("curve", str(problem)) from problem

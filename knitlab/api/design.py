@@ -1,12 +1,12 @@
 """A design: one knit of rib and garter patches and its sample."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from pydantic import ValidationError
 
 from knitlab.io.errors import BadInput, Fault, faults_of
 from knitlab.model.options import Boundary
-from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe
+from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, SPRING_LAWS, Stripe
 from knitlab.study.parameters import QUANTITIES, StripeRow
 from knitlab.study.patterns import Pattern
 
@@ -62,7 +62,9 @@ class Design:
                 wanted = f"n_stripe = {self.n_stripe} takes a {knit} stripe of {n}"
                 faults.append(Fault(knit, f"is {given}, and {wanted}"))
             try:
-                StripeRow.model_validate({name: getattr(stripe, name) for name in QUANTITIES})
+                numbers = asdict(stripe)
+                names = (*QUANTITIES, *SPRING_LAWS)
+                StripeRow.model_validate({name: numbers[name] for name in names})
             except ValidationError as error:
                 faults += faults_of(error, knit)
         if faults:

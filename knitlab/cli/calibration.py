@@ -30,6 +30,18 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
     "--thickness", type=MILLIMETRES, help="Thickness of the fabric, for stress over area [mm]."
 )
 @click.option(
+    "--law",
+    type=click.Choice(["linear", "stiffening", "tabulated"]),
+    default="linear",
+    show_default=True,
+    help="How the force of a spring grows; others are compared with linear.",
+)
+@click.option(
+    "--spring-curve",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Measured curve of a spring, from strain 0, for --law tabulated; its shape counts. CSV.",
+)
+@click.option(
     "-o",
     "--output",
     type=click.Path(path_type=Path, dir_okay=False),
@@ -44,6 +56,8 @@ def calibrate(
     cell_size: Literal["flat", "relaxed"] | None,
     width: float | None,
     thickness: float | None,
+    law: Literal["linear", "stiffening", "tabulated"],
+    spring_curve: Path | None,
     output: Path | None,
 ) -> None:
     """Fit k_s, k_t and theta_0 of a stripe to the tension CURVE of its pure fabric.
@@ -57,6 +71,9 @@ def calibrate(
 
     output = output or Path(f"{knit}-{stitches}.toml")
     check_toml(output)
+    if (law == "tabulated") != (spring_curve is not None):
+        problem = "goes with --law tabulated; give both, or neither"
+        raise fault("--spring-curve", problem)
     measured = read_tension_curve(curve, width, thickness)
 
     from knitlab.figures.calibration import calibration_figure
@@ -65,16 +82,27 @@ def calibrate(
     from knitlab.io.shipped import shipped
     from knitlab.io.stripe_file import write_stripe_file
     from knitlab.measure.calibration import calibrate as fit
-    from knitlab.measure.calibration import report
+    from knitlab.measure.calibration import report, report_comparison
+    from knitlab.model.spring_curve import SpringCurve
     from knitlab.study.parameters import read_parameters
 
     title = f"{stitches} × {stitches} {knit}, period {period:g} mm"
+    springs: Literal["linear", "stiffening"] | SpringCurve = "linear"
+    if spring_curve is not None:
+        table = read_tension_curve(spring_curve)
+        try:
+            springs = SpringCurve(tuple(table.strain.tolist()), tuple(table.force.tolist()))
+        except ValueError as error:
+            raise fault(str(spring_curve), str(error)) from error
+    elif law == "stiffening":
+        springs = "stiffening"
     try:
-        found = fit(period, measured.strain, measured.force)
-    except ValueError as problem:
-        raise fault(str(curve), str(problem)) from problem
+        found = fit(period, measured.strain, measured.force, springs)
+        linear = None if law == "linear" else fit(period, measured.strain, measured.force)
+    except ValueError as error:
+        raise fault(str(curve), str(error)) from error
     click.echo(title)
-    for line in report(found):
+    for line in [*report(found), *(report_comparison(found, linear) if linear else [])]:
         click.echo(line)
     for warning in found.warnings:
         click.echo(f"knitlab: {warning}", err=True)
@@ -85,7 +113,13 @@ def calibrate(
     else:
         click.echo("knitlab: no stripe is written, as this fit cannot be used", err=True)
     with print_style():
-        figure = calibration_figure(found.strain, found.force, found.fitted_force, title)
+        figure = calibration_figure(
+            found.strain,
+            found.force,
+            found.fitted_force,
+            title,
+            None if linear is None else linear.fitted_force,
+        )
         for suffix in (".pdf", ".png"):
             save(figure, output.with_suffix(suffix))
             click.echo(f"figure   {output.with_suffix(suffix)}")

@@ -7,7 +7,11 @@ from knitlab.figures.style import ONE_COLUMN
 
 
 def calibration_figure(
-    strain: np.ndarray, force: np.ndarray, fitted_force: np.ndarray, title: str
+    strain: np.ndarray,
+    force: np.ndarray,
+    fitted_force: np.ndarray,
+    title: str,
+    linear_force: np.ndarray | None = None,
 ) -> Figure:
     """Curve and fit above, residual below.
 
@@ -16,10 +20,14 @@ def calibration_figure(
         force: measured, on one row [N].
         fitted_force: of the fitted zigzag [N].
         title: what was fitted; one line or more.
+        linear_force: force of the zigzag of linear springs, if the fit has another law [N].
     """
     figure = Figure(figsize=(ONE_COLUMN * 1.2, 3.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     above.plot(strain, force, "o", ms=2.5, mfc="none", color="0.3", label="measured")
+    if linear_force is not None:
+        above.plot(strain, linear_force, color="C1", ls="--", label="with linear springs")
+        below.plot(strain, 1000 * (force - linear_force), "x", ms=2.5, color="C1")
     above.plot(strain, fitted_force, color="C0", label="zigzag, fitted")
     above.set(ylabel="force for one row [N]")
     above.set_title(title, fontsize=7)

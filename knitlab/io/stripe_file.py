@@ -8,10 +8,29 @@ import tomli_w
 from knitlab.io.atomic_write import atomic_write
 from knitlab.measure.calibration import UNITS, Calibration
 from knitlab.model.options import CellSize
-from knitlab.model.stripe import Knit
+from knitlab.model.stripe import Knit, Stripe
 
 DIGITS = 6
 ENTRY_UNITS = {"period": "mm", **UNITS}
+
+
+def stripe_row(stripe: Stripe) -> dict[str, Any]:
+    """A stripe as the row of a table, its numbers to :data:`DIGITS` digits."""
+    given = {name: getattr(stripe, name) for name in ENTRY_UNITS}
+    row: dict[str, Any] = {
+        name: float(f"{value:.{DIGITS}g}") for name, value in given.items() if value is not None
+    }
+    if stripe.spring_curve is not None:
+        row["spring_curve"] = {
+            "strain": list(stripe.spring_curve.strain),
+            "force": list(stripe.spring_curve.force),
+        }
+    return row
+
+
+def row_units(row: dict[str, Any]) -> dict[str, str]:
+    """Units of the numbers of a row."""
+    return {name: unit for name, unit in ENTRY_UNITS.items() if name in row}
 
 
 def write_stripe_file(
@@ -32,18 +51,17 @@ def write_stripe_file(
         curve: the file that it was fitted to, which is named as the source.
         cell_size: the model option on which the tabulated period depends.
     """
-    numbers = {"period": calibration.tabulated_period(cell_size), **calibration.values}
     errors = ", ".join(
         f"{name} {error:.2g} {UNITS[name]}" for name, error in calibration.standard_errors.items()
     )
-    row = {name: float(f"{numbers[name]:.{DIGITS}g}") for name in ENTRY_UNITS}
+    row = stripe_row(calibration.stripe(knit, stitches, cell_size))
     warned = "".join(f"; {warning}" for warning in calibration.warnings)
     source = (
         f"knitlab calibrate {curve.name}, relaxed period {calibration.period:g} mm, for cell_size"
         f" {cell_size}; standard errors {errors}{warned}"
     )
     table: dict[str, Any] = {
-        knit: {"source": source, "unit": ENTRY_UNITS, "n": {str(stitches): row}}
+        knit: {"source": source, "unit": row_units(row), "n": {str(stitches): row}}
     }
     with atomic_write(path) as temporary:
         temporary.write_text(tomli_w.dumps(table), encoding="utf-8")

@@ -1,7 +1,6 @@
 """The report of a fit: parameters with standard errors, and the misfit before and after."""
 
 import itertools
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +8,7 @@ import tomli_w
 
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.schema import VARIABLES
-from knitlab.io.stripe_file import DIGITS, ENTRY_UNITS
+from knitlab.io.stripe_file import ENTRY_UNITS, row_units, stripe_row
 from knitlab.laboratory.fit import Fit, root_mean_square
 from knitlab.laboratory.simulated_test import QUANTITIES
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
@@ -75,10 +74,10 @@ def write_stripes(path: Path, fit: Fit, experiment: Path) -> None:
             f"{STRIPE_PARAMETERS[name][1]} {fit.standard_errors[name]:.1%}" for name in names
         )
         warnings = "".join(f"; {warning}" for warning in fit.warnings)
-        row = {name: float(f"{asdict(stripe)[name]:.{DIGITS}g}") for name in ENTRY_UNITS}
+        row = stripe_row(stripe)
         table[stripe.knit] = {
             "source": f"knitlab fit {experiment}; standard errors {errors or 'none'}{warnings}",
-            "unit": ENTRY_UNITS,
+            "unit": row_units(row),
             "n": {str(stripe.n): row},
         }
     with atomic_write(path) as temporary:

@@ -2,7 +2,10 @@
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
@@ -11,18 +14,31 @@ from jaxtyping import Array, Float
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import t as student_t
 
+from knitlab.measure.information import Comparison, compare
 from knitlab.model.options import CellSize
+from knitlab.model.spring_curve import SpringCurve
 from knitlab.model.stripe import Knit, Stripe
-from knitlab.model.zigzag import Zigzag, tension
+from knitlab.model.zigzag import Zigzag, law_of_one, tension
+
+Law = Literal["linear", "stiffening"] | SpringCurve
+"""How the force of a spring grows; a curve is its shape, which is not fitted."""
 
 FITTED = ("k_s", "k_t", "theta_0")
-"""What is fitted, in this order; the stiffnesses by their logarithms."""
-UNITS = {"k_s": "N/mm", "k_t": "N", "theta_0": "rad"}
+"""What is fitted, in this order; all but the angle by their logarithms."""
+FITTED_IF_STIFFENING = (*FITTED, "stiffening_strain")
+"""What is fitted where springs stiffen."""
+UNITS = {"k_s": "N/mm", "k_t": "N", "theta_0": "rad", "stiffening_strain": "1"}
 """As the paper tabulates them; k_t per radian, so N mm for an edge."""
-BOUNDS = {"k_s": (1e-4, 1e4), "k_t": (1e-7, 1e2), "theta_0": (0.05, np.pi - 0.05)}
-"""Where each is looked for [N/mm, N mm, rad]."""
+BOUNDS = {
+    "k_s": (1e-4, 1e4),
+    "k_t": (1e-7, 1e2),
+    "theta_0": (0.05, np.pi - 0.05),
+    "stiffening_strain": (1e-3, 1e2),
+}
+"""Where each is looked for [N/mm, N mm, rad, 1]."""
 STARTING_ANGLES = (0.4, 0.8, 1.4)
 STARTING_FACTORS = (0.3, 3.0)
+STARTING_STRAINS = (0.1, 1.0)
 CONFIDENCE = 0.95
 ALIKE_CORRELATION = 0.99
 VAGUE_ERROR = 0.1
@@ -30,7 +46,6 @@ USELESS_ERROR = 0.5
 """Standard error of a logarithm, or of the angle [rad], that leaves nothing known."""
 AT_BOUND = 1e-3
 """How near a bound, in the fitted unknown, counts as at it."""
-LEAST_POINTS = len(FITTED) + 1
 INSIDE = {
     name: (low * (1 + 2 * AT_BOUND), high * (1 - 2 * AT_BOUND))
     for name, (low, high) in BOUNDS.items()
@@ -44,10 +59,11 @@ class Calibration:
 
     Attributes:
         period: relaxed peak-to-peak distance of the stripe, as given [mm].
-        values: k_s [N/mm], k_t [N mm] and theta_0 [rad], by name.
+        values: k_s [N/mm], k_t [N mm], theta_0 [rad] and, where springs stiffen, the stiffening
+            strain [1], by name.
         standard_errors: of each, in its unit.
         intervals: 95 % confidence interval of each, in its unit; of the angle within 0 to π.
-        correlations: between the fitted, in the order of :data:`FITTED`.
+        correlations: between the fitted, in the order of ``values``.
         strain: of the curve [1].
         force: measured [N].
         fitted_force: of the zigzag [N].
@@ -55,13 +71,14 @@ class Calibration:
         converged: whether the optimiser met its tolerances.
         iterations: Jacobians that the best start took.
         warnings: what the curve does not determine.
+        law: of the springs.
     """
 
     period: float
     values: dict[str, float]
     standard_errors: dict[str, float]
     intervals: dict[str, tuple[float, float]]
-    correlations: Float[np.ndarray, "3 3"]
+    correlations: Float[np.ndarray, "fitted fitted"]
     strain: Float[np.ndarray, " point"]
     force: Float[np.ndarray, " point"]
     fitted_force: Float[np.ndarray, " point"]
@@ -69,12 +86,14 @@ class Calibration:
     converged: bool
     iterations: int
     warnings: tuple[str, ...]
+    law: Law = "linear"
 
     @property
     def usable(self) -> bool:
         """Whether the fit converged, with no parameter at the bound of where it was looked for."""
-        inside = (low < self.values[name] < high for name, (low, high) in INSIDE.items())
-        return self.converged and all(inside)
+        return self.converged and all(
+            INSIDE[name][0] < value < INSIDE[name][1] for name, value in self.values.items()
+        )
 
     def tabulated_period(self, cell_size: CellSize) -> float:
         """Period with which the network has the springs and folds of the fitted zigzag [mm].
@@ -94,34 +113,53 @@ class Calibration:
             cell_size: model option that the stripe is for, on which its period depends.
         """
         period = self.tabulated_period(cell_size)
-        return Stripe(knit, n, period, **{name: self.values[name] for name in FITTED})
+        curve = self.law if isinstance(self.law, SpringCurve) else None
+        return Stripe(knit, n, period, **self.values, spring_curve=curve)
 
     @property
     def misfit(self) -> float:
         """Root of the mean square difference between curve and fit [N]."""
-        return float(np.sqrt(np.mean((self.force - self.fitted_force) ** 2)))
+        return float(np.sqrt(np.mean(self.residuals**2)))
+
+    @property
+    def residuals(self) -> Float[np.ndarray, " point"]:
+        """Curve less fit [N]."""
+        return self.force - self.fitted_force
+
+    def compared_with(self, simpler: "Calibration") -> Comparison:
+        """Whether the curve wants this law rather than a simpler one, fitted to the same curve."""
+        counts = len(simpler.values), len(self.values)
+        order = np.argsort(self.strain, kind="stable")
+        return compare(simpler.residuals[order], self.residuals[order], counts)
 
 
 def calibrate(
-    period: float, strain: Float[np.ndarray, " point"], force: Float[np.ndarray, " point"]
+    period: float,
+    strain: Float[np.ndarray, " point"],
+    force: Float[np.ndarray, " point"],
+    law: Law = "linear",
 ) -> Calibration:
     """Fit k_s, k_t and θ0 of a zigzag to its tension curve by bounded least squares.
 
-    Gradients are exact; of several starts the best fit is kept. Standard errors and correlations
-    are those of the linearised fit, with the noise taken from the residual.
+    Springs that stiffen have their stiffening strain fitted too. Gradients are exact; of several
+    starts the best fit is kept. Standard errors and correlations are those of the linearised fit,
+    with the noise taken from the residual.
 
     Args:
         period: relaxed peak-to-peak distance, w or h [mm].
         strain: of the period, not negative [1].
         force: on one row of the network [N].
+        law: of the springs.
 
     Raises:
         ValueError: if there are no more points than parameters, or no force.
     """
-    if len(strain) < LEAST_POINTS:
+    fitted = FITTED_IF_STIFFENING if law == "stiffening" else FITTED
+    curve = law if isinstance(law, SpringCurve) else None
+    if len(strain) <= len(fitted):
         raise ValueError(
-            f"{len(strain)} points cannot determine {len(FITTED)} parameters and their errors;"
-            f" give at least {LEAST_POINTS}"
+            f"{len(strain)} points cannot determine {len(fitted)} parameters and their errors;"
+            f" give at least {len(fitted) + 1}"
         )
     scale = float(np.max(np.abs(force)))
     if not scale > 0:
@@ -129,10 +167,10 @@ def calibrate(
     if not np.sum(strain * force) > 0:
         raise ValueError("the force falls with strain; give tension as positive")
     compiled, jacobian = (
-        lambda unknowns, of=of: np.asarray(of(unknowns, period, strain))
+        lambda unknowns, of=of: np.asarray(of(curve, unknowns, period, strain))
         for of in (_force, _force_slopes)
     )
-    lower, upper = (_unknowns({name: BOUNDS[name][side] for name in FITTED}) for side in (0, 1))
+    lower, upper = (_unknowns({name: BOUNDS[name][side] for name in fitted}) for side in (0, 1))
     fits = [
         least_squares(
             lambda unknowns: (compiled(unknowns) - force) / scale,
@@ -145,23 +183,23 @@ def calibrate(
             gtol=1e-12,
             max_nfev=300,
         )
-        for start in _starts(period, strain, force)
+        for start in _starts(period, strain, force, fitted)
     ]
     best = min(fits, key=lambda fit: fit.cost)
     agreeing = sum(np.allclose(fit.x, best.x, atol=1e-3) for fit in fits)
     covariance = _covariance(best)
     errors = np.sqrt(np.diag(covariance))
     correlations = covariance / np.outer(errors, errors)
-    reach = errors * student_t.ppf((1 + CONFIDENCE) / 2, len(strain) - len(FITTED))
-    values, lows, highs = (_numbers(best.x + shift) for shift in (0, -reach, reach))
-    slopes = np.array([values["k_s"], values["k_t"], 1.0])
+    reach = errors * student_t.ppf((1 + CONFIDENCE) / 2, len(strain) - len(fitted))
+    values, lows, highs = (_numbers(best.x + shift, fitted) for shift in (0, -reach, reach))
+    slopes = np.array([1.0 if name == "theta_0" else values[name] for name in fitted])
     # Beyond its bounds an angle is no fold.
     lows["theta_0"], highs["theta_0"] = np.clip([lows["theta_0"], highs["theta_0"]], 0, np.pi)
     return Calibration(
         period=period,
         values=values,
-        standard_errors=dict(zip(FITTED, (errors * slopes).tolist(), strict=True)),
-        intervals={name: (float(lows[name]), float(highs[name])) for name in FITTED},
+        standard_errors=dict(zip(fitted, (errors * slopes).tolist(), strict=True)),
+        intervals={name: (float(lows[name]), float(highs[name])) for name in fitted},
         correlations=correlations,
         strain=strain,
         force=force,
@@ -170,6 +208,7 @@ def calibrate(
         converged=bool(best.success),
         iterations=int(best.njev),
         warnings=_warnings(best, errors, correlations, lower, upper),
+        law=law,
     )
 
 
@@ -181,9 +220,10 @@ def report(calibration: Calibration) -> list[str]:
         for name, (low, high) in calibration.intervals.items()
     ]
     lines += [
-        f"correlation of {FITTED[one]} and {FITTED[other]}:"
-        f" {calibration.correlations[one, other]:+.4f}"
-        for one, other in itertools.combinations(range(len(FITTED)), 2)
+        f"correlation of {first} and {second}: {calibration.correlations[one, other]:+.4f}"
+        for (one, first), (other, second) in itertools.combinations(
+            enumerate(calibration.values), 2
+        )
     ]
     tried, agreeing = calibration.starts
     points = len(calibration.strain)
@@ -194,30 +234,69 @@ def report(calibration: Calibration) -> list[str]:
     ]
 
 
-@jax.jit
+def report_comparison(calibration: Calibration, linear: Calibration) -> list[str]:
+    """What the curve says about the law of the springs, in lines of text.
+
+    Args:
+        calibration: the fit with another law.
+        linear: that with linear springs.
+    """
+    found = calibration.compared_with(linear)
+    name = "tabulated" if isinstance(calibration.law, SpringCurve) else calibration.law
+    if math.isnan(found.gain_if_correlated):
+        verdict = "too few points to tell which law the curve wants"
+    elif found.wanted:
+        verdict = f"the curve wants {name} springs"
+    elif found.refused:
+        verdict = "the curve wants linear springs"
+    else:
+        verdict = "the curve does not tell; linear springs do"
+    if not calibration.usable:
+        verdict += f"; the {name} fit cannot be used"
+    return [
+        f"linear   misfit {linear.misfit:.2g} N rms, against {calibration.misfit:.2g} N {name}",
+        f"AICc     {name} springs gain {found.gain:+.1f} if residuals are independent,"
+        f" {found.gain_if_correlated:+.1f} if neighbours are correlated (by"
+        f" {found.autocorrelation[0]:.2f} linear, {found.autocorrelation[1]:.2f} {name})",
+        f"law      {verdict}",
+    ]
+
+
+@partial(jax.jit, static_argnums=0)
 def _force(
-    unknowns: Float[Array, "3"], period: Float[Array, ""], strain: Float[Array, " point"]
+    curve: SpringCurve | None,
+    unknowns: Float[Array, " fitted"],
+    period: Float[Array, ""],
+    strain: Float[Array, " point"],
 ) -> Float[Array, " point"]:
-    chain = Zigzag(period, jnp.exp(unknowns[0]), jnp.exp(unknowns[1]), unknowns[2])
+    law = law_of_one(jnp.exp(unknowns[3]) if len(unknowns) > len(FITTED) else None, curve)
+    chain = Zigzag(period, jnp.exp(unknowns[0]), jnp.exp(unknowns[1]), unknowns[2], law)
     return tension(chain, strain)
 
 
-_force_slopes = jax.jit(jax.jacfwd(_force))
+_force_slopes = jax.jit(jax.jacfwd(_force, argnums=1), static_argnums=0)
 
 
-def _unknowns(values: dict[str, float]) -> Float[np.ndarray, "3"]:
-    return np.array([np.log(values["k_s"]), np.log(values["k_t"]), values["theta_0"]])
+def _unknowns(values: dict[str, float]) -> Float[np.ndarray, " fitted"]:
+    return np.array(
+        [value if name == "theta_0" else np.log(value) for name, value in values.items()]
+    )
 
 
-def _numbers(unknowns: Float[np.ndarray, "3"]) -> dict[str, float]:
+def _numbers(unknowns: Float[np.ndarray, " fitted"], fitted: Sequence[str]) -> dict[str, float]:
     with np.errstate(over="ignore"):
-        numbers = [*np.exp(unknowns[:2]), unknowns[2]]
-    return dict(zip(FITTED, map(float, numbers), strict=True))
+        return {
+            name: float(value if name == "theta_0" else np.exp(value))
+            for name, value in zip(fitted, unknowns, strict=True)
+        }
 
 
 def _starts(
-    period: float, strain: Float[np.ndarray, " point"], force: Float[np.ndarray, " point"]
-) -> list[Float[np.ndarray, "3"]]:
+    period: float,
+    strain: Float[np.ndarray, " point"],
+    force: Float[np.ndarray, " point"],
+    fitted: Sequence[str],
+) -> list[Float[np.ndarray, " fitted"]]:
     """Starts about the stiffnesses that the curve's size and its first half suggest."""
     half = strain <= (strain[0] + strain[-1]) / 2
     opening = np.sum(force[half] * strain[half]) / max(np.sum(strain[half] ** 2), 1e-12)
@@ -227,11 +306,15 @@ def _starts(
         # A fold that opens a little: F = k_t dθ / (ℓ cos θ/2) and dε = dθ / (2 tan θ/2).
         k_t = max(opening, 1e-9) * cell * np.cos(angle / 2) / (2 * np.tan(angle / 2))
         k_s = np.max(np.abs(force)) / (0.1 * cell)
-        starts.append(_unknowns({"k_s": stiff * k_s, "k_t": soft * k_t, "theta_0": angle}))
+        start = {"k_s": stiff * k_s, "k_t": soft * k_t, "theta_0": angle}
+        if "stiffening_strain" in fitted:
+            starts += [_unknowns(start | {"stiffening_strain": at}) for at in STARTING_STRAINS]
+        else:
+            starts.append(_unknowns(start))
     return starts
 
 
-def _covariance(fit: OptimizeResult) -> Float[np.ndarray, "3 3"]:
+def _covariance(fit: OptimizeResult) -> Float[np.ndarray, "fitted fitted"]:
     freedom = len(fit.fun) - len(fit.x)
     _, singular, right = np.linalg.svd(fit.jac, full_matrices=False)
     # Round-off must not pass for information.
@@ -241,15 +324,16 @@ def _covariance(fit: OptimizeResult) -> Float[np.ndarray, "3 3"]:
 
 def _warnings(
     fit: OptimizeResult,
-    errors: Float[np.ndarray, "3"],
-    correlations: Float[np.ndarray, "3 3"],
-    lower: Float[np.ndarray, "3"],
-    upper: Float[np.ndarray, "3"],
+    errors: Float[np.ndarray, " fitted"],
+    correlations: Float[np.ndarray, "fitted fitted"],
+    lower: Float[np.ndarray, " fitted"],
+    upper: Float[np.ndarray, " fitted"],
 ) -> tuple[str, ...]:
     warnings = []
+    fitted = FITTED_IF_STIFFENING[: len(fit.x)]
     if not fit.success:
         warnings.append(f"the fit did not converge ({fit.message}); do not use it")
-    for place, name in enumerate(FITTED):
+    for place, name in enumerate(fitted):
         if min(fit.x[place] - lower[place], upper[place] - fit.x[place]) < AT_BOUND:
             low, high = BOUNDS[name]
             warnings.append(
@@ -257,11 +341,11 @@ def _warnings(
             )
         if errors[place] > USELESS_ERROR:
             warnings.append(f"{name} is uncertain by more than half; the curve does not fix it")
-    for one, other in itertools.combinations(range(len(FITTED)), 2):
+    for one, other in itertools.combinations(range(len(fitted)), 2):
         vague = max(errors[one], errors[other]) > VAGUE_ERROR
         if vague and abs(correlations[one, other]) > ALIKE_CORRELATION:
             warnings.append(
-                f"the curve cannot tell {FITTED[one]} from {FITTED[other]} (correlation"
+                f"the curve cannot tell {fitted[one]} from {fitted[other]} (correlation"
                 f" {correlations[one, other]:+.4f}); measure to larger strain, and trust no"
                 " standard error meanwhile"
             )

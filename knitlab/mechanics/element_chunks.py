@@ -33,6 +33,7 @@ from knitlab.model.energy import Energy, hinge_energy, spring_energy, wall_energ
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Elements, MeshShape, network
 from knitlab.model.options import FoldAngle
+from knitlab.model.spring_law import SpringLaw
 
 HEIGHTS = 512
 """Nodes in a chunk. It also holds the springs and hinges of that many nodes of periodic fabric,
@@ -47,9 +48,14 @@ Places = Int[np.ndarray, " place"]
 Vectors = tuple[Float[Array, "1 3 spring"], Float[Array, "5 3 hinge"], Float[Array, " node"]]
 """Vectors of the springs of a chunk, vectors of its hinges, and heights of its nodes [mm]."""
 Stiffnesses = tuple[
-    Float[Array, " spring"], Float[Array, " spring"], Float[Array, " hinge"], Float[Array, " hinge"]
+    Float[Array, " spring"],
+    Float[Array, " spring"],
+    Float[Array, " hinge"],
+    Float[Array, " hinge"],
+    SpringLaw,
 ]
-"""Rest length and stiffness of the springs of a chunk, rest angle and stiffness of its hinges."""
+"""Rest length and stiffness of the springs of a chunk, rest angle and stiffness of its hinges, and
+the law of its springs."""
 Acting = Float[np.ndarray, "3"]
 """Fraction of the rest angles, z_max [mm] and stiffness of the walls [N/mm]."""
 
@@ -173,19 +179,18 @@ class ChunkedFabric:
             threads: threads that share the work.
         """
         mesh_chunks = chunks_of(shape)
-        numbers = [
-            (fabric.rest_length, SPRINGS),
-            (fabric.stretch_stiffness, SPRINGS),
-            (fabric.rest_fold, HINGES),
-            (fabric.fold_stiffness, HINGES),
+        count = mesh_chunks.count
+        columns = [
+            _in_chunks(fabric.rest_length, count, SPRINGS, spare=1.0),
+            _in_chunks(fabric.stretch_stiffness, count, SPRINGS),
+            _in_chunks(fabric.rest_fold, count, HINGES),
+            _in_chunks(fabric.fold_stiffness, count, HINGES),
         ]
-        columns = []
-        for number, per_chunk in numbers:
-            spare = mesh_chunks.count * per_chunk - len(number)
-            padded = np.pad(np.asarray(number), (0, spare)).reshape(mesh_chunks.count, per_chunk)
-            columns.append([jnp.asarray(row) for row in padded])
+        numbers, structure = jax.tree.flatten(fabric.spring_law)
+        of_law = [_in_chunks(number, count, SPRINGS) for number in numbers]
+        laws = [jax.tree.unflatten(structure, [its[k] for its in of_law]) for k in range(count)]
         walls = float(fabric.z_max), float(fabric.k_wall)
-        numbered = tuple(zip(*columns, strict=True))
+        numbered = tuple(zip(*columns, laws, strict=True))
         return cls(mesh_chunks, numbered, walls, fabric.fold_angle, threads)
 
     def evaluate(self, stage: Stage, unknowns: Float[np.ndarray, " unknown"]) -> Evaluation:
@@ -252,6 +257,15 @@ class ChunkedFabric:
         return np.array([float(stage.fold), z_max, float(stage.wall) * k_wall])
 
 
+def _in_chunks(
+    number: Float[Array, " element ..."], count: int, per_chunk: int, spare: float = 0.0
+) -> list[Float[Array, " place ..."]]:
+    """A number of all elements by chunks, filled up for those that are none."""
+    none = [(0, count * per_chunk - len(number)), *[(0, 0)] * (number.ndim - 1)]
+    padded = np.pad(np.asarray(number), none, constant_values=spare)
+    return [jnp.asarray(row) for row in padded.reshape(count, per_chunk, *number.shape[1:])]
+
+
 def _split(
     numbers: Float[np.ndarray, " vector"],
 ) -> tuple[
@@ -264,12 +278,14 @@ def _split(
 
 def _elements(
     acting: Acting, stiffnesses: Stiffnesses, vectors: Vectors
-) -> tuple[tuple[Array, Array, Array], ...]:
+) -> tuple[
+    tuple[Array, Array, Array, SpringLaw], tuple[Array, Array, Array], tuple[Array, Array, Array]
+]:
     """Arguments of the energies of a chunk's springs, hinges and heights."""
-    length, k_s, rest, k_t = stiffnesses
+    length, k_s, rest, k_t, law = stiffnesses
     springs, hinges, heights = vectors
     fold, z_max, k_wall = acting
-    return (springs, length, k_s), (hinges, fold * rest, k_t), (heights, z_max, k_wall)
+    return (springs, length, k_s, law), (hinges, fold * rest, k_t), (heights, z_max, k_wall)
 
 
 @partial(jax.jit, static_argnums=0)
@@ -293,9 +309,9 @@ def _element_hessians(
     of: FoldAngle, acting: Acting, stiffnesses: Stiffnesses, vectors: Vectors
 ) -> ElementHessians:
     """Element Hessians of a chunk."""
-    (springs, *of_springs), hinges, heights = _elements(acting, stiffnesses, vectors)
+    (springs, length, k_s, law), hinges, heights = _elements(acting, stiffnesses, vectors)
     return ElementHessians(
-        spring_stiffness(springs[0], *of_springs),
+        spring_stiffness(springs[0], length, k_s, law),
         hinge_stiffness(*hinges, of),
         wall_stiffness(*heights),
     )

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from knitlab.model.energy import wall_energy
 from knitlab.model.network import HINGE_VECTORS
 from knitlab.model.options import FoldAngle
+from knitlab.model.spring_law import LINEAR, SpringLaw
 
 Vector = Float[Array, "3 element"]
 Matrix = Float[Array, "3 3 element"]
@@ -32,15 +33,17 @@ def spring_stiffness(
     vectors: Float[Array, "3 spring"],
     rest_length: Float[Array, " spring"],
     stiffness: Float[Array, " spring"],
+    law: SpringLaw = LINEAR,
 ) -> Float[Array, "6 spring"]:
-    """Hessian of ½ k_s (ℓ − ℓ0)² by the spring's vector, lower triangle [N/mm].
+    """Hessian of the energy of springs by their vectors, lower triangle [N/mm].
 
-    Along the spring it is k_s, across it the tension k_s (1 − ℓ0/ℓ).
+    Along a linear spring it is k_s, across it the tension over length k_s (1 − ℓ0/ℓ).
     """
     length = jnp.sqrt((vectors**2).sum(0))
     along = vectors / length
-    across = stiffness * (1 - rest_length / length)
-    hessian = (stiffness - across) * _outer(along, along) + across * jnp.eye(3)[:, :, None]
+    stretching = stiffness * law.slope(length, rest_length)
+    across = stiffness * law.pull_over_length(length, rest_length)
+    hessian = (stretching - across) * _outer(along, along) + across * jnp.eye(3)[:, :, None]
     return hessian[SPRING_ENTRIES]
 
 

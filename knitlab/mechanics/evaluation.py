@@ -102,7 +102,7 @@ def element_hessians(
     hinges = element_vectors(net.hinges, configuration)
     heights = jnp.asarray(configuration.positions[..., 2]).ravel()
     return ElementHessians(
-        spring_stiffness(springs, acting.rest_length, acting.stretch_stiffness),
+        spring_stiffness(springs, acting.rest_length, acting.stretch_stiffness, acting.spring_law),
         hinge_stiffness(hinges, acting.rest_fold, acting.fold_stiffness, acting.fold_angle),
         wall_stiffness(heights, acting.z_max, acting.k_wall),
     )

@@ -1,11 +1,10 @@
 """Subdomains: overlapping parts of a large sample, each a sheet with its boundary held."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 
-import equinox as eqx
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
@@ -42,15 +41,13 @@ class Subdomain:
 
     def fabric(self, whole: Fabric) -> Fabric:
         """The part of the sample's fabric in the subdomain."""
-        return eqx.tree_at(
-            lambda f: (f.rest_length, f.stretch_stiffness, f.rest_fold, f.fold_stiffness),
+        return replace(
             whole,
-            (
-                whole.rest_length[self.springs],
-                whole.stretch_stiffness[self.springs],
-                whole.rest_fold[self.hinges],
-                whole.fold_stiffness[self.hinges],
-            ),
+            rest_length=whole.rest_length[self.springs],
+            stretch_stiffness=whole.stretch_stiffness[self.springs],
+            spring_law=whole.spring_law.of(self.springs),
+            rest_fold=whole.rest_fold[self.hinges],
+            fold_stiffness=whole.fold_stiffness[self.hinges],
         )
 
     def force(self, gradient: Float[np.ndarray, " whole"]) -> float:

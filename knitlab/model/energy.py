@@ -14,6 +14,7 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.fold_angle import fold_from_rest
 from knitlab.model.network import Elements, Network
 from knitlab.model.options import FoldAngle
+from knitlab.model.spring_law import LINEAR, SpringLaw
 
 
 @jax.tree_util.register_dataclass
@@ -50,9 +51,10 @@ def spring_energy(
     vectors: Float[Array, "1 3 *element"],
     rest_length: Float[Array, " *element"],
     stiffness: Float[Array, " *element"],
+    law: SpringLaw = LINEAR,
 ) -> Float[Array, " *element"]:
-    """½ k_s (ℓ − ℓ0)² of springs [N mm] (paper, Eq. 1)."""
-    return 0.5 * stiffness * (jnp.linalg.norm(vectors[0], axis=0) - rest_length) ** 2
+    """Energy of springs [N mm], ½ k_s (ℓ − ℓ0)² of linear ones (paper, Eq. 1)."""
+    return stiffness * law.stored(jnp.linalg.norm(vectors[0], axis=0), rest_length)
 
 
 def hinge_energy(
@@ -78,6 +80,7 @@ def energy(net: Network, fabric: Fabric, configuration: Configuration) -> Energy
         element_vectors(net.springs, configuration),
         fabric.rest_length,
         fabric.stretch_stiffness,
+        fabric.spring_law,
     )
     hinges = hinge_energy(
         element_vectors(net.hinges, configuration),

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 from pydantic import PositiveFloat
@@ -14,6 +13,8 @@ from knitlab.model.configuration import Configuration
 from knitlab.model.network import Network
 from knitlab.model.options import FoldAngle, ModelOptions
 from knitlab.model.setting_types import Unit
+from knitlab.model.spring_curve import SpringCurve
+from knitlab.model.spring_law import LINEAR, SpringLaw
 from knitlab.model.stripe import Stripe
 
 
@@ -33,7 +34,8 @@ class Sheet:
 class Fabric(eqx.Module):
     """Numbers of one fabric on a network.
 
-    Those of one mesh shape, and of one kind of fold angle, stack into a batch.
+    Those of one mesh shape, of one kind of fold angle and of one kind of spring law stack into a
+    batch.
 
     Attributes:
         rest_length: of every spring [mm].
@@ -46,6 +48,7 @@ class Fabric(eqx.Module):
         cell_x: flat width of every column of grid cells [mm].
         cell_y: flat height of every row of grid cells [mm].
         fold_angle: what its fold angles are between.
+        spring_law: how the force of its springs grows.
     """
 
     rest_length: Float[Array, " spring"]
@@ -57,6 +60,7 @@ class Fabric(eqx.Module):
     cell_x: Float[Array, " grid_x"]
     cell_y: Float[Array, " grid_y"]
     fold_angle: FoldAngle = eqx.field(static=True)
+    spring_law: SpringLaw = LINEAR
 
     @property
     def cell_sides(self) -> Float[Array, " side"]:
@@ -65,25 +69,61 @@ class Fabric(eqx.Module):
 
 
 class StripeNumbers(eqx.Module):
-    """The four numbers of a :class:`~knitlab.model.stripe.Stripe`, to take derivatives by.
+    """The numbers of a :class:`~knitlab.model.stripe.Stripe`, to take derivatives by.
 
     Attributes:
         k_s: stiffness of the extensional springs across the ridges [N/mm].
         k_t: stiffness of the torsional springs, as tabulated [N].
         theta_0: interior rest angle of a fold [rad].
         period: measured peak-to-peak distance of the relaxed corrugation [mm].
+        stiffening_strain: of its springs, infinite where they have another law, None where all of
+            them have [1].
+        spring_curves: measured curve of the springs of each stripe, None where they have another
+            law.
     """
 
     k_s: Float[Array, "*quantity"]
     k_t: Float[Array, "*quantity"]
     theta_0: Float[Array, "*quantity"]
     period: Float[Array, "*quantity"]
+    stiffening_strain: Float[Array, "*quantity"] | None = None
+    spring_curves: tuple[SpringCurve | None, ...] = eqx.field(static=True, default=(None,))
 
     @classmethod
     def of(cls, stripe: Stripe) -> "StripeNumbers":
         """Those of a stripe."""
-        numbers = stripe.k_s, stripe.k_t, stripe.theta_0, stripe.period
-        return cls(*(jnp.asarray(number, float) for number in numbers))
+        stiffening = stripe.stiffening_strain
+        return cls(
+            k_s=jnp.asarray(stripe.k_s, float),
+            k_t=jnp.asarray(stripe.k_t, float),
+            theta_0=jnp.asarray(stripe.theta_0, float),
+            period=jnp.asarray(stripe.period, float),
+            stiffening_strain=None if stiffening is None else jnp.asarray(stiffening, float),
+            spring_curves=(stripe.spring_curve,),
+        )
+
+    @classmethod
+    def of_several(cls, stripes: Sequence[Stripe]) -> "StripeNumbers":
+        """Those of several stripes, along one axis."""
+        strains = [stripe.stiffening_strain for stripe in stripes]
+        stiffening = [jnp.inf if strain is None else strain for strain in strains]
+        return cls(
+            k_s=jnp.array([stripe.k_s for stripe in stripes]),
+            k_t=jnp.array([stripe.k_t for stripe in stripes]),
+            theta_0=jnp.array([stripe.theta_0 for stripe in stripes]),
+            period=jnp.array([stripe.period for stripe in stripes]),
+            stiffening_strain=jnp.array(stiffening) if any(strains) else None,
+            spring_curves=tuple(stripe.spring_curve for stripe in stripes),
+        )
+
+    @property
+    def laws(self) -> tuple[list[Float[Array, ""] | None], list[SpringCurve | None]]:
+        """Stiffening strain and measured curve of the springs of each stripe."""
+        count = len(self.spring_curves)
+        if self.stiffening_strain is None:
+            return [None] * count, list(self.spring_curves)
+        strains = jnp.reshape(self.stiffening_strain, -1)
+        return [strains[number] for number in range(count)], list(self.spring_curves)
 
 
 class StripePair(eqx.Module):
@@ -107,12 +147,7 @@ class StripePair(eqx.Module):
     @classmethod
     def of_several(cls, weft: Sequence[Stripe], warp: Sequence[Stripe]) -> "StripePair":
         """The numbers of several rib and several garter stripes."""
-        return cls(
-            *(
-                jax.tree.map(lambda *its: jnp.stack(its), *map(StripeNumbers.of, side))
-                for side in (weft, warp)
-            )
-        )
+        return cls(StripeNumbers.of_several(weft), StripeNumbers.of_several(warp))
 
 
 def cell_length(stripe: Stripe | StripeNumbers, options: ModelOptions) -> Float[Array, "*stripe"]:

@@ -17,6 +17,7 @@ from knitlab.model.network import Network, mesh_shape, network
 from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import CELLS_PER_PERIOD, PatchGrid
 from knitlab.model.plain import PlainKnit
+from knitlab.model.spring_law import SpringLaw, spring_law
 from knitlab.model.stripe import Stripe
 
 Sides = Int[np.ndarray, "hinge 2"]
@@ -71,7 +72,8 @@ class FabricLayout:
     def fabric(self, stripes: StripePair) -> Fabric:
         """The fabric of its stripes; pure JAX, so that derivatives pass through it.
 
-        There is none by k_s where two springs have the same: diagonals take the smaller.
+        There is none by k_s where two springs have the same: diagonals take the smaller, and the
+        spring law of its stripe.
 
         Args:
             stripes: of rib by the number of the column's stripe, of garter by that of the row's;
@@ -118,6 +120,7 @@ class FabricLayout:
             cell_x=width,
             cell_y=height,
             fold_angle=self.options.fold_angle,
+            spring_law=self._spring_law(stripes, k_s),
         )
 
     @property
@@ -132,6 +135,17 @@ class FabricLayout:
         return jnp.select(
             [self.spring_kind == 0, self.spring_kind == 1], along, jnp.minimum(*along)
         )
+
+    def _spring_law(self, stripes: StripePair, k_s: list[Array]) -> SpringLaw:
+        """The law of every spring: that of its stripe, linear within plain knit."""
+        (weft, weft_curves), (warp, warp_curves) = stripes.weft.laws, stripes.warp.laws
+        laws = spring_law([*weft, *warp, None], [*weft_curves, *warp_curves, None])
+        (row, column), (other_row, other_column) = self.spring_cells.transpose(1, 2, 0)
+        rib, garter = self.column_stripe[column], len(weft) + self.row_stripe[row]
+        softer = jnp.where(k_s[0][row, column] <= k_s[1][row, column], rib, garter)
+        number = jnp.select([self.spring_kind == 0, self.spring_kind == 1], [rib, garter], softer)
+        plain = self.plain_cells[row, column] & self.plain_cells[other_row, other_column]
+        return laws.of(jnp.where(plain, len(weft) + len(warp), number))
 
     def _hinge_stiffness(self, k_t: list[Array]) -> Float[Array, " hinge"]:
         """A hinge between two cells is half of one's and half of the other's in series."""

@@ -7,9 +7,14 @@ from typing import Annotated, Literal
 from pydantic import PositiveFloat
 
 from knitlab.model.setting_types import RestAngle, Unit
+from knitlab.model.spring_curve import SpringCurve
 
 Knit = Literal["rib", "garter"]
+SpringKind = Literal["linear", "stiffening"] | SpringCurve
+"""What springs must share to be computed together: their law, but for its numbers."""
 
+SPRING_LAWS = ("stiffening_strain", "spring_curve")
+"""What a stripe may give of the law of its springs; linear ones have neither."""
 GARTER_STITCHES_PER_RIB_STITCH = 2
 """A stitch is about twice as wide as it is high, so an n × n rib pairs with a 2n × 2n garter
 (paper, Sec. "Relaxation of a pattern of rib and garter patches")."""
@@ -26,6 +31,10 @@ class Stripe:
         k_s: stiffness of the extensional springs across the ridges [N/mm].
         theta_0: interior rest angle of a fold; π is flat [rad].
         k_t: stiffness of the torsional springs, as tabulated [N].
+        stiffening_strain: strain of a spring at which its force is twice that of a linear one;
+            None where it does not stiffen so [1].
+        spring_curve: table of a measured curve of its springs, in place of that. With neither,
+            springs are linear, as the paper's.
     """
 
     knit: Knit
@@ -34,6 +43,22 @@ class Stripe:
     k_s: Annotated[PositiveFloat, Unit("N/mm")]
     theta_0: RestAngle
     k_t: Annotated[PositiveFloat, Unit("N")]
+    stiffening_strain: PositiveFloat | None = None
+    spring_curve: SpringCurve | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse two laws at once."""
+        if self.stiffening_strain is not None and self.spring_curve is not None:
+            raise ValueError(
+                f"{self.knit} {self.n} has both stiffening_strain and spring_curve; give one"
+            )
+
+    @property
+    def spring_kind(self) -> SpringKind:
+        """The kind of its springs' law."""
+        if self.spring_curve is not None:
+            return self.spring_curve
+        return "linear" if self.stiffening_strain is None else "stiffening"
 
     @property
     def fold(self) -> float:

@@ -26,7 +26,7 @@ from knitlab.model.network import MeshShape, Network, mesh_shape
 from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import CELLS_PER_PERIOD, BadPattern, PatchGrid, SingleFold
 from knitlab.model.plain import PlainKnit
-from knitlab.model.stripe import Stripe
+from knitlab.model.stripe import SPRING_LAWS, SpringKind, Stripe
 
 UNUSED_LEFT_OUT = ("robustness", "grading", "folds", "cell_patches", "plain")
 """Fields that a case's record leaves out where they are empty."""
@@ -91,6 +91,12 @@ class Case:
         version without them.
         """
         record = asdict(self)
+        grading = record["grading"] or {"row_stripes": (), "column_stripes": ()}
+        graded = (*grading["row_stripes"], *grading["column_stripes"])
+        for stripe in (record["weft"], record["warp"], *graded):
+            for name in SPRING_LAWS:
+                if stripe[name] is None:
+                    del stripe[name]
         for name in UNUSED_LEFT_OUT:
             if not record[name]:
                 del record[name]
@@ -267,6 +273,13 @@ class Case:
         if not isinstance(self.solver, SolverSettings):
             raise TypeError(f"case {self.case_id} has no settings of the equilibrium solver")
         return self.solver
+
+    @property
+    def spring_kinds(self) -> tuple[SpringKind, ...]:
+        """The kinds of springs of its stripes; cases that share them can be one batch."""
+        if self.grading is None:
+            return self.weft.spring_kind, self.warp.spring_kind
+        return tuple(stripe.spring_kind for stripe in (*self.grading.weft, *self.grading.warp))
 
     @property
     def layout(self) -> FabricLayout:

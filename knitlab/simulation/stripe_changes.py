@@ -13,6 +13,8 @@ from knitlab.model.stripe import Stripe
 
 STRIPE_QUANTITIES = ("period", "k_s", "k_t", "theta_0")
 """The numbers of a stripe, in the order in which siblings draw theirs at random."""
+STIFFENING = "stiffening_strain"
+"""What is given for one knit or for both, without factors: the tables have none to multiply."""
 
 Table = TypeVar("Table", Sheet, MassAndDrag, PlainKnit)
 
@@ -23,7 +25,8 @@ def changed_stripe(stripe: Stripe, changes: Mapping[str, float]) -> Stripe:
     Args:
         stripe: the stripe.
         changes: numbers by names such as ``rib_k_s``, and factors by names such as
-            ``rib_k_s_factor`` for one knit or ``k_s_factor`` for both.
+            ``rib_k_s_factor`` for one knit or ``k_s_factor`` for both; a stiffening strain, for one
+            knit or for both, takes the place of whatever law its springs have.
 
     Raises:
         BadInput: if its rest angle would reach π, which is flat.
@@ -38,6 +41,9 @@ def changed_stripe(stripe: Stripe, changes: Mapping[str, float]) -> Stripe:
             f"the changes make theta_0 of {stripe.knit} {stripe.n}"
             f" {numbers['theta_0']:.3g} rad; keep it below pi, which is flat",
         )
+    for name in (f"{stripe.knit}_{STIFFENING}", STIFFENING):
+        if name in changes:
+            return replace(stripe, **numbers, stiffening_strain=changes[name], spring_curve=None)
     return replace(stripe, **numbers)
 
 

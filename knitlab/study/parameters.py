@@ -8,9 +8,12 @@ from pydantic import (
     AfterValidator,
     BaseModel,
     Field,
+    PositiveFloat,
     PositiveInt,
     RootModel,
     ValidationError,
+    model_serializer,
+    model_validator,
 )
 
 from knitlab.capacitance.capacitor import Capacitor
@@ -25,8 +28,10 @@ from knitlab.model.fabric import Sheet
 from knitlab.model.inertia import MassAndDrag
 from knitlab.model.options import ModelOptions
 from knitlab.model.plain import PlainKnit
+from knitlab.model.spring_curve import SpringCurve
 from knitlab.model.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
+    SPRING_LAWS,
     Knit,
     Stripe,
     periods_per_patch,
@@ -43,17 +48,49 @@ from knitlab.study.declared_fields import (
 from knitlab.study.patterns import Pattern, PatternFile
 
 Table = TypeVar("Table")
-QUANTITIES = declared(Stripe, without=("knit", "n"))
+QUANTITIES = declared(Stripe, without=("knit", "n", *SPRING_LAWS))
 
 
 @with_fields(units(QUANTITIES))
 class StripeUnits(StrictModel):
     """Units of a stripe table."""
 
+    stiffening_strain: Literal["1"] | None = None
+
+
+class SpringCurveRow(StrictModel):
+    """The table of a :class:`~knitlab.model.spring_curve.SpringCurve`."""
+
+    strain: Annotated[tuple[float, ...], Field(strict=False)]
+    force: Annotated[tuple[float, ...], Field(strict=False)]
+
+    @model_validator(mode="after")
+    def _is_a_curve(self) -> "SpringCurveRow":
+        self.curve  # noqa: B018  (it raises)
+        return self
+
+    @property
+    def curve(self) -> SpringCurve:
+        """The curve of this table."""
+        return SpringCurve(self.strain, self.force)
+
 
 @with_fields(required(QUANTITIES))
 class StripeRow(StrictModel):
-    """Fitted values of one stripe (paper, Tables 1 and 2)."""
+    """Fitted values of one stripe (paper, Tables 1 and 2), and the law of its springs."""
+
+    stiffening_strain: PositiveFloat | None = None
+    spring_curve: SpringCurveRow | None = None
+
+    @model_validator(mode="after")
+    def _has_one_law(self) -> "StripeRow":
+        if self.stiffening_strain is not None and self.spring_curve is not None:
+            raise ValueError("has both stiffening_strain and spring_curve; give one")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _without_a_law_that_it_has_not(self, serialise: Any) -> dict[str, Any]:
+        return {name: value for name, value in serialise(self).items() if value is not None}
 
 
 def _stitches(text: str) -> str:
@@ -82,7 +119,9 @@ class Stripes(StrictModel):
 
     def stripe(self, knit: Knit, stitches: int) -> Stripe:
         """One stripe that there is."""
-        return Stripe(knit=knit, n=stitches, **self.table(knit).n[str(stitches)].model_dump())
+        row = self.table(knit).n[str(stitches)]
+        numbers = dict(row) | {"spring_curve": row.spring_curve and row.spring_curve.curve}
+        return Stripe(knit=knit, n=stitches, **numbers)
 
     def impossible(self, n_stripe: int, n_subunit: int) -> str | None:
         """Why a design cannot be made of these stripes, or None if it can."""

@@ -21,6 +21,7 @@ from knitlab.io.variable import Variable
 from knitlab.measure.knit_size import Gauge
 from knitlab.model.network import MeshShape
 from knitlab.model.options import FoldAngle
+from knitlab.model.stripe import SpringKind
 from knitlab.simulation.case import Case
 from knitlab.study.axes import SweepAxis
 from knitlab.study.cases import (
@@ -39,7 +40,7 @@ from knitlab.study.overrides import Overrides, as_text
 from knitlab.study.parameters import Parameters, read_parameters
 from knitlab.study.settings import SETTINGS
 from knitlab.study.unusual import unusual_values
-from knitlab.study.workflow import CHANGES, Workflow
+from knitlab.study.workflow import CHANGES, SPRING_LAW_CHANGES, Workflow
 from knitlab.study.workflow_file import workflow_file
 from knitlab.study.workflow_text import WorkflowText, read_workflow
 
@@ -240,16 +241,23 @@ def _stripes_fingerprint(
 ) -> str:
     swept = {axis.name for axis in axes}
     changes = read.model.model_dump(include=set(CHANGES) - swept)
-    return text_fingerprint(json.dumps([parameters.stripes.model_dump(), changes]))
+    # Of linear springs the fingerprint is that of a version without other laws.
+    changes = {
+        name: value
+        for name, value in changes.items()
+        if value is not None or name not in SPRING_LAW_CHANGES
+    }
+    tables = parameters.stripes.model_dump(exclude_none=True)
+    return text_fingerprint(json.dumps([tables, changes]))
 
 
 def batched(cases: dict[str, Case]) -> tuple[Batch, ...]:
     """Cases that stack together, as many as fit, the longest batches first."""
-    alike: dict[tuple[MeshShape, FoldAngle], list[str]] = defaultdict(list)
+    alike: dict[tuple[MeshShape, FoldAngle, tuple[SpringKind, ...]], list[str]] = defaultdict(list)
     for case_id, case in cases.items():
-        alike[case.mesh_shape, case.reading.fold_angle].append(case_id)
+        alike[case.mesh_shape, case.reading.fold_angle, case.spring_kinds].append(case_id)
     batches = []
-    for (shape, _), members in alike.items():
+    for (shape, *_), members in alike.items():
         size = max(1, BATCH_UNKNOWNS // shape.unknowns)
         for first in range(0, len(members), size):
             together = tuple(members[first : first + size])

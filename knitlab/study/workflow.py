@@ -26,7 +26,7 @@ from knitlab.model.plain import PlainKnit
 from knitlab.model.setting_types import Fraction
 from knitlab.model.stripe import Knit, Stripe
 from knitlab.simulation.case import Method
-from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
+from knitlab.simulation.stripe_changes import STIFFENING, STRIPE_QUANTITIES
 from knitlab.study.declared_fields import Types, declared, factors, optional, with_fields
 from knitlab.study.figure_names import FigureName
 from knitlab.study.patterns import is_pattern_name
@@ -178,12 +178,16 @@ def _of_knit(knit: Knit) -> Types:
     return numbers | factors(numbers)
 
 
+SPRING_LAW_CHANGES: Types = dict.fromkeys(
+    (STIFFENING, f"rib_{STIFFENING}", f"garter_{STIFFENING}"), PositiveFloat
+)
 CHANGES: Types = {
     **factors(STRIPE_NUMBERS),
     **_of_knit("rib"),
     **_of_knit("garter"),
     **SHEET_NUMBERS,
     **factors(SHEET_NUMBERS),
+    **SPRING_LAW_CHANGES,
 }
 """Numbers of stripes and sheet that may be replaced or multiplied, in the order of the fingerprint
 of stripes that a cube states."""
