@@ -78,10 +78,10 @@ def designs_of_all(cubes: Sequence[PlainCube], selections: Sequence[str] = ()) -
     known = {name for cube in cubes for name in cube.coordinates}
     refuse_others(selections, known, f"is of none of these cubes; select of {', '.join(known)}")
     tables = []
-    for cube in cubes:
+    for cube, cube_name in zip(cubes, _distinct_names(cubes), strict=True):
         table = designs_table(cube, selections_along(selections, cube.coordinates))
         source = table.pop(SOURCE) if SOURCE in table else SIMULATION
-        origin: dict[str, Any] = {SOURCE: source} | _origin(cube, cubes)
+        origin: dict[str, Any] = {SOURCE: source, "cube": cube_name} | _reading(cube, cubes)
         for place, (name, value) in enumerate(origin.items(), start=len(cube.design_dims)):
             if name not in table:
                 table.insert(place, name, value)
@@ -92,15 +92,35 @@ def designs_of_all(cubes: Sequence[PlainCube], selections: Sequence[str] = ()) -
     return together
 
 
-def _origin(cube: PlainCube, cubes: Sequence[PlainCube]) -> dict[str, Any]:
-    """What distinguishes a cube from others: its name, boundary, and model options that differ."""
+def _distinct_names(cubes: Sequence[PlainCube]) -> list[str]:
+    """Names of cubes, with as many folders before them as tell those of one name apart."""
+    names = [cube.name for cube in cubes]
+    parts = [(cube.name,) if cube.path is None else cube.path.parts for cube in cubes]
+    for depth in range(2, max(map(len, parts))):
+        of = {
+            name: {its for one, its in zip(names, parts, strict=True) if one == name}
+            for name in names
+        }
+        names = [
+            "/".join(its[-depth:]) if len(of[name]) > 1 else name
+            for name, its in zip(names, parts, strict=True)
+        ]
+    # What is still alike is one cube given twice, or cubes in memory.
+    return [
+        f"{name} ({names[: place + 1].count(name)})" if names.count(name) > 1 else name
+        for place, name in enumerate(names)
+    ]
+
+
+def _reading(cube: PlainCube, cubes: Sequence[PlainCube]) -> dict[str, Any]:
+    """The boundary of a cube, and its model options that differ from those of others."""
     differing = {
         name
         for name in cube.reading.keys() | {name for its in cubes for name in its.reading}
         if len({its.reading.get(name) for its in cubes}) > 1
     }
     shown = sorted(differing | {"boundary"}, key=lambda name: (name != "boundary", name))
-    return {"cube": cube.name} | {name: cube.reading.get(name) for name in shown}
+    return {name: cube.reading.get(name) for name in shown}
 
 
 def query_cubes(
