@@ -1,6 +1,6 @@
 """Faults of the user's input, collected so that one message lists them all."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import TracebackType
 
@@ -67,23 +67,31 @@ def fault(path: str, problem: str) -> BadInput:
     return BadInput([Fault(path, problem)])
 
 
-def faults_of(error: ValidationError, source: str, known: Collection[str] = ()) -> list[Fault]:
+def faults_of(
+    error: ValidationError, source: str, known: Mapping[str, str] | None = None
+) -> list[Fault]:
     """The faults that pydantic found in what was read from ``source``.
 
     Args:
         error: what pydantic raised.
         source: of what was read.
-        known: the keys that there are, to suggest which may have been meant.
+        known: the keys that there are and the table of each, if any, to suggest what was meant.
     """
     return [
         Fault(
             _path(source, entry["loc"]),
-            unknown(str(entry["loc"][-1]), known, "setting")
+            _misplaced(str(entry["loc"][-1]), known)
             if known and entry["type"] == "extra_forbidden"
             else _problem(entry),
         )
         for entry in _reported(error)
     ]
+
+
+def _misplaced(key: str, known: Mapping[str, str]) -> str:
+    if key not in known:
+        return unknown(key, known, "setting")
+    return f"belongs to {f'[{known[key]}]' if known[key] else 'the top level'}; move it"
 
 
 def _reported(error: ValidationError) -> list[ErrorDetails]:
