@@ -64,7 +64,7 @@ results_option = click.option(
 
 set_option = click.option(
     "--set",
-    "overrides",
+    "settings",
     multiple=True,
     metavar="KEY=VALUE",
     help="Override a setting of the workflow; a comma makes a list. Repeatable.",

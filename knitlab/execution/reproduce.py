@@ -72,7 +72,7 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
     if case_id in found:
         found = {case_id: found[case_id]}
     if not found:
-        where = f"is in no {PLAN}, {FAILURES} or cases/ under {results}; give its --results"
+        where = f"is in no {PLAN}, {FAILURES} or cases/ under {results}; name its results folder"
         raise fault(case_id, where)
     if len(found) > 1:
         some = ", ".join(list(found)[:MOST_NAMED])
