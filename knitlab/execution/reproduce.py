@@ -76,7 +76,8 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
         raise fault(case_id, where)
     if len(found) > 1:
         some = ", ".join(list(found)[:MOST_NAMED])
-        raise fault(case_id, f"{len(found)} cases begin so ({some}, …); give more of it")
+        more = ", …" if len(found) > MOST_NAMED else ""
+        raise fault(case_id, f"{len(found)} cases begin so ({some}{more}); give more of it")
     ((name, (folder, record)),) = found.items()
     try:
         return RecordedCase(case_of(record), name, folder)
