@@ -87,7 +87,7 @@ for _kind, _summary in _SUMMARIES.items():
 def fit(
     experiment: Path,
     workflow: str,
-    overrides: tuple[str, ...],
+    settings: tuple[str, ...],
     selections: tuple[str, ...],
     looseness: float,
     model_error: float,
@@ -115,7 +115,7 @@ def fit(
     def report_step(tests: int, chi_squared: float) -> None:
         click.echo(f"test {tests}: chi² {chi_squared:.4g}", err=True)
 
-    made = make_plan(workflow, overrides)
+    made = make_plan(workflow, settings)
     found = fit_experiment(cube, made, looseness, model_error, starts, report_step)
     for line in report(found):
         click.echo(line)

@@ -75,7 +75,7 @@ def workers_option(default: int, shown: str | bool = True) -> Callable[[Command]
 
 set_option = click.option(
     "--set",
-    "overrides",
+    "settings",
     multiple=True,
     metavar="KEY=VALUE",
     help="Override a setting of the workflow; a comma makes a list. Repeatable.",

@@ -29,10 +29,10 @@ def workflow_options(command: Command) -> Command:
 
     @wraps(command)
     def scaled(
-        *arguments: Any, overrides: tuple[str, ...], scale: float | None, **options: Any
+        *arguments: Any, settings: tuple[str, ...], scale: float | None, **options: Any
     ) -> None:
         added = () if scale is None else (f"scale={scale:g}",)
-        command(*arguments, overrides=(*overrides, *added), **options)
+        command(*arguments, settings=(*settings, *added), **options)
 
     for option in (
         results_option,
@@ -51,13 +51,13 @@ def workflow_options(command: Command) -> Command:
 @click.command()
 @workflow_options
 @explains_bad_input
-def plan(workflow: str, results: Path, overrides: tuple[str, ...]) -> None:
+def plan(workflow: str, results: Path, settings: tuple[str, ...]) -> None:
     """Resolve WORKFLOW into plan.json and show what it would run."""
     from knitlab.execution.status import PLAN, folder_status
     from knitlab.io.lock import held
     from knitlab.study.plan import make_plan
 
-    made = make_plan(workflow, overrides)
+    made = make_plan(workflow, settings)
     _echo_warnings(made)
     folder = results / made.workflow
     with held(folder):
@@ -140,7 +140,7 @@ def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
 def run(
     workflow: str,
     results: Path,
-    overrides: tuple[str, ...],
+    settings: tuple[str, ...],
     workers: int,
     scheduler: str | None,
     retries: int,
@@ -150,14 +150,14 @@ def run(
     dashboard: bool,
 ) -> None:
     """Simulate the missing cases of WORKFLOW, build its cube and draw its figures."""
-    if _is_finished(workflow, overrides, results):
+    if _is_finished(workflow, settings, results):
         return
     from knitlab.api.sweeps import run_workflow
     from knitlab.execution.run import RunOptions
     from knitlab.io.plain_cube import CUBE
     from knitlab.study.plan import make_plan
 
-    made = make_plan(workflow, overrides)
+    made = make_plan(workflow, settings)
     _echo_warnings(made)
     options = RunOptions(
         workers=workers,
@@ -183,13 +183,13 @@ def run(
         sys.exit(SOME_CASE_NOT_OK)
 
 
-def _is_finished(workflow: str, overrides: tuple[str, ...], results: Path) -> bool:
+def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> bool:
     """Whether there is nothing to run or draw; if so, print what exists."""
     from knitlab.execution.finished import finished_plan
     from knitlab.figures.drawn import fingerprint_of_figure, is_drawn, requested_figures
     from knitlab.io.plain_cube import CUBE, open_plain_cube
 
-    record = finished_plan(workflow, overrides, results)
+    record = finished_plan(workflow, settings, results)
     if record is None:
         return False
     folder = results / record["workflow"]

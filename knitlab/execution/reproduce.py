@@ -72,11 +72,12 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
     if case_id in found:
         found = {case_id: found[case_id]}
     if not found:
-        where = f"is in no {PLAN}, {FAILURES} or cases/ under {results}; give its --results"
+        where = f"is in no {PLAN}, {FAILURES} or cases/ under {results}; name its results folder"
         raise fault(case_id, where)
     if len(found) > 1:
         some = ", ".join(list(found)[:MOST_NAMED])
-        raise fault(case_id, f"{len(found)} cases begin so ({some}, …); give more characters")
+        more = ", …" if len(found) > MOST_NAMED else ""
+        raise fault(case_id, f"{len(found)} cases begin so ({some}{more}); give more characters")
     ((name, (folder, record)),) = found.items()
     try:
         return RecordedCase(case_of(record), name, folder)

@@ -19,7 +19,7 @@ from knitlab.io.atomic_write import atomic_write, clear_unfinished
 from knitlab.io.case_file import case_path, read_case
 from knitlab.io.cube_file import open_cube, write_cube
 from knitlab.io.design_status import Status
-from knitlab.io.errors import BadInput, fault
+from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.lock import held
 from knitlab.io.plain_cube import CUBE, PlainCube
 from knitlab.simulation.case import Case
@@ -62,6 +62,22 @@ class RunOptions:
     dashboard: bool = False
     show_progress: bool = False
     simulate: Simulate = simulate_batch
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that no run can have.
+
+        Raises:
+            BadInput: with every one of them.
+        """
+        faults = [
+            Fault(f"{name} {number}", "is no whole number from 0 on; give one")
+            for name, number in (("workers", self.workers), ("retries", self.retries))
+            if not isinstance(number, int) or number < 0
+        ]
+        if self.case_timeout is not None and not self.case_timeout > 0:
+            faults.append(Fault(f"case_timeout {self.case_timeout}", "is not above 0; raise it"))
+        if faults:
+            raise BadInput(faults)
 
 
 @dataclass(frozen=True)
@@ -121,13 +137,13 @@ class Run:
         if self.stale_code:
             lines.append(
                 f"stale: {len(self.stale_code)} cases were computed by other code and are kept;"
-                " --refresh recomputes them"
+                " a refresh recomputes them"
             )
         if self.stale_parameters:
             lines.append(
                 f"stale: {len(self.stale_parameters)} cases are kept as computed with other"
-                f" parameters ({'; '.join(self.changed) or 'of single designs'}); --refresh"
-                " recomputes them, --results FOLDER keeps both"
+                f" parameters ({'; '.join(self.changed) or 'of single designs'}); a refresh"
+                " recomputes them, another results folder keeps both"
             )
         if self.stopped:
             left = f"{len(self.unfinished)} cases are left"
@@ -214,7 +230,7 @@ def _old_cube(plan: Plan, path: Path) -> xr.Dataset | None:
         raise fault(
             str(path),
             f"holds {len(others)} designs computed otherwise ({listed}); name another"
-            " --results, or list the values of a setting to make it a dimension",
+            " results folder, or list the values of a setting to make it a dimension",
         )
     return cube
 

@@ -79,7 +79,7 @@ def check_dims(cube: PlainCube, dims: tuple[str, ...], path: Path) -> None:
         raise fault(
             str(path),
             f"has the dimensions {', '.join(cube.design_dims)}, but the workflow has"
-            f" {', '.join(dims)}; name another --results",
+            f" {', '.join(dims)}; name another results folder",
         )
 
 

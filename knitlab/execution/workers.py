@@ -65,7 +65,7 @@ class BatchError:
     @classmethod
     def late(cls, seconds: float) -> "BatchError":
         """A batch that timed out."""
-        return cls(f"it took longer than {seconds:g} s (--case-timeout)")
+        return cls(f"it took longer than {seconds:g} s (case_timeout)")
 
 
 Pool = Callable[[Sequence[Batch]], Iterator[tuple[Batch, BatchError | None]]]
@@ -219,8 +219,8 @@ def pool_of(
     """
     if scheduler is None and workers == 0:
         if task.case_timeout is not None and not hasattr(signal, "setitimer"):
-            problem = "this system ends no case of this process in time; add --workers 1"
-            raise fault(f"--case-timeout {task.case_timeout:g}", problem)
+            problem = "this system ends no case of this process in time; give workers = 1"
+            raise fault(f"case_timeout {task.case_timeout:g}", problem)
         yield in_process(task, progress)
         return
     with (

@@ -117,10 +117,10 @@ def _newton_per_row(
         factor, found = factor_of(place, unit, "N", "of force, such as [N]")
         return factor, faults + found
     if width is None:
-        problem = "needs the width of one row of the network; give --width MM"
+        problem = "needs the width of one row of the network; give its width in mm"
         return np.nan, [Fault(place, problem)]
     if thickness is None:
-        remedy = "of force over width, such as [N/mm], or give --thickness MM for [MPa]"
+        remedy = "of force over width, such as [N/mm], or give the thickness in mm for [MPa]"
         factor, faults = factor_of(place, unit, "N/mm", remedy)
         return factor * width, faults
     factor, faults = factor_of(place, unit, "N/mm^2", "of force over area, such as [MPa]")

@@ -1,6 +1,6 @@
 """Errors in the user's input, collected so that one message lists them all."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import TracebackType
 
@@ -67,23 +67,32 @@ def fault(path: str, problem: str) -> BadInput:
     return BadInput([Fault(path, problem)])
 
 
-def faults_of(error: ValidationError, source: str, known: Collection[str] = ()) -> list[Fault]:
+def faults_of(
+    error: ValidationError, source: str, known: Mapping[str, str] | None = None
+) -> list[Fault]:
     """The faults that pydantic found in input from ``source``.
 
     Args:
         error: the exception that pydantic raised.
         source: where the input was read from.
-        known: valid keys, to suggest one for a misspelt key.
+        known: valid keys and the table of each, if any, to suggest one for a misspelt or misplaced
+            key.
     """
     return [
         Fault(
             _path(source, entry["loc"]),
-            unknown(str(entry["loc"][-1]), known, "setting")
+            _misplaced(str(entry["loc"][-1]), known)
             if known and entry["type"] == "extra_forbidden"
             else _problem(entry),
         )
         for entry in _reported(error)
     ]
+
+
+def _misplaced(key: str, known: Mapping[str, str]) -> str:
+    if key not in known:
+        return unknown(key, known, "setting")
+    return f"belongs to {f'[{known[key]}]' if known[key] else 'the top level'}; move it"
 
 
 def _reported(error: ValidationError) -> list[ErrorDetails]:

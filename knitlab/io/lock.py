@@ -30,7 +30,7 @@ def held(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         lock = FileLock(folder / LOCK_NAME, blocking=False).acquire()
     except Timeout:
-        problem = f"is held by {_holder(folder)}; wait for it, or name another --results"
+        problem = f"is held by {_holder(folder)}; wait for it, or name another results folder"
         raise fault(str(folder), problem) from None
     except OSError as error:
         problem = f"cannot be written ({error.strerror}); choose another folder"

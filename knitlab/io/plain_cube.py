@@ -29,6 +29,7 @@ class PlainCube:
         coordinates: values along every labelled dimension.
         read: returns the values of a variable.
         name: name of its folder, or of its file.
+        path: that folder or file, if there is one.
         options: the model options that all of its designs share.
     """
 
@@ -36,6 +37,7 @@ class PlainCube:
     coordinates: dict[str, np.ndarray]
     read: Callable[[str], np.ndarray]
     name: str
+    path: Path | None
     options: dict[str, Any]
 
     @property
@@ -51,6 +53,7 @@ class PlainCube:
             {str(name): cube[name].values for name in cube.coords if name in cube.dims},
             lambda name: cube[name].values,
             str(cube.attrs.get("workflow", "")),
+            named_path(Path(source)) if (source := cube.encoding.get("source")) else None,
             stated_options(cube.attrs),
         )
 
@@ -73,7 +76,8 @@ def open_plain_cube(path: str | Path) -> PlainCube:
         {name: along for name, along in dims.items() if name not in coordinates},
         {name: np.ma.getdata(values) for name, values in coordinates.items()},
         lambda name: read_values(path, name),
-        path.resolve().parent.name if path.name == CUBE else path.name,
+        named_path(path).name,
+        named_path(path),
         options,
     )
     check_is_cube(path, cube.dims.get("status") if "case_id" in cube.dims else None)
@@ -87,6 +91,11 @@ def stated_options(attributes: Mapping[Any, Any]) -> dict[str, Any]:
         for name, value in attributes.items()
         if str(name).startswith(READING)
     }
+
+
+def named_path(path: Path) -> Path:
+    """The folder that the file of a cube is named by, or the file if it has a name of its own."""
+    return path.resolve().parent if path.name == CUBE else path.resolve()
 
 
 def cube_path(path: str | Path) -> Path:

@@ -84,7 +84,7 @@ def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
         if not is_measured(old):
             raise fault(
                 str(cube_file),
-                "holds simulations; give the description another name, or another --results",
+                "holds simulations; give the description another name, or another folder",
             )
         imports = json.loads(old.attrs.get(IMPORTS, "{}")) | imports
         others = [

@@ -75,12 +75,12 @@ def case_for(plan: Plan, experiment: xr.Dataset) -> Case:
     ]
     named = f"({wanted['n_stripe']}, {wanted['n_subunit']})"
     if len(cases) != 1:
-        remedy = "one value of each setting" if cases else "n_stripe= and n_subunit="
-        problem = f"must have one case of {named}, and has {len(cases)}; --set {remedy}"
+        remedy = "one value of each setting" if cases else "n_stripe and n_subunit"
+        problem = f"must have one case of {named}, and has {len(cases)}; set {remedy}"
         raise fault(plan.workflow, problem)
     (case,) = cases
     if case.method != "equilibrium":
-        raise fault(plan.workflow, "uses dynamics; --set method=equilibrium")
+        raise fault(plan.workflow, "uses dynamics; set method = equilibrium")
     if int(experiment["status"].values.flat[0]) != Status.ok:
         raise fault("fit", "needs an experiment that is ok, and this one is not; import it again")
     return replace(case, capacitor=None, sensitivities=False, unloading=False)

@@ -189,7 +189,7 @@ def run_design(
 def _check_folder(request: DesignRequest, folder: Path) -> None:
     path = folder / REQUEST
     if path.is_file() and path.read_text() != request.fingerprint:
-        problem = "holds the design of another request; name another --results, or remove it"
+        problem = "holds the design of another request; name another results folder, or remove it"
         raise fault(str(folder), problem)
 
 

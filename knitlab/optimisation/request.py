@@ -151,7 +151,8 @@ def checked_request(
     try:
         read = DesignFile.model_validate({**table, **plain})
     except ValidationError as error:
-        raise BadInput(faults_of(error, source.rstrip(": "), DesignFile.model_fields)) from error
+        known = dict.fromkeys(DesignFile.model_fields, "")
+        raise BadInput(faults_of(error, source.rstrip(": "), known)) from error
     faults = ErrorCollector()
     found: dict[str, list[Target]] = {"targets": [], "subject_to": []}
     for key, given in listed.items():

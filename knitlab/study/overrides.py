@@ -41,7 +41,7 @@ def as_text(overrides: Overrides) -> tuple[str, ...]:
             texts.append(f"{key}={plain if bare else _toml(plain)}")
         except TypeError:
             problem = f"is {value!r}; give a number, a text, true or false, or a list of them"
-            faults.append(Fault(f"setting {key}", problem))
+            faults.append(Fault(f"settings {key}", problem))
     if faults:
         raise BadInput(faults)
     return tuple(texts)

@@ -15,6 +15,11 @@ from knitlab.study.overrides import Overrides, as_text, read_value
 from knitlab.study.settings import SETTINGS, Setting
 from knitlab.study.workflow import SECTIONS, Workflow
 
+KEYS = dict.fromkeys(Workflow.model_fields, "") | {
+    name: setting.section for name, setting in SETTINGS.items()
+}
+"""What a workflow may hold, with the table that it is in."""
+
 
 @dataclass(frozen=True)
 class WorkflowText:
@@ -47,7 +52,7 @@ class WorkflowText:
         try:
             workflow = Workflow.model_validate(self.table)
         except ValidationError as error:
-            found = faults_of(error, "", {*SECTIONS, *SETTINGS})
+            found = faults_of(error, "", KEYS)
             faults = [Fault(self._place(entry.path), entry.problem) for entry in found]
             raise BadInput([*self.faults, *faults]) from error
         if self.faults:
@@ -118,7 +123,7 @@ def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
     faults: list[Fault] = []
     sources: dict[str, str] = {}
     for override in as_text(overrides):
-        source = f"overrides {override}"
+        source = f"settings {override}"
         key, equals, text = (part.strip() for part in override.partition("="))
         name = key.rpartition(".")[2]
         setting = SETTINGS.get(name)

@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from knitlab.io.errors import fault
+from knitlab.io.schema import VARIABLES
 from knitlab.io.suggestions import unknown
 from knitlab.tables.reduced_columns import reduced_columns
 
@@ -28,6 +29,7 @@ ARITHMETIC: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
 }
+NOT_A_NUMBER = ("nan", "none", "null")
 REDUCED = "reduced_column_"
 ALLOWED = (
     "names, numbers, quoted words, + - * /, comparisons, in, and, or, not, abs(), isnan(),"
@@ -41,6 +43,8 @@ def no_column(name: str, table: pd.DataFrame) -> str:
     if along:
         selections = " and ".join(f"{dim}=VALUE" for dim in sorted(along))
         return f"{name} runs along {', '.join(sorted(along))}; select {selections} to have it"
+    if name in VARIABLES:
+        return f"these designs have no {name}; it is a result of other workflows or settings"
     return unknown(name, map(str, table.columns), "column")
 
 
@@ -67,7 +71,9 @@ def holds(expression: str, table: pd.DataFrame) -> pd.Series:
         truth = _value(tree.body, table, where)
     except SyntaxError as error:
         raise fault(where, f"cannot be parsed ({error.msg}); use {ALLOWED}") from error
-    except (TypeError, ZeroDivisionError) as error:
+    except ZeroDivisionError as error:
+        raise fault(where, "cannot be computed: it divides by zero; change the divisor") from error
+    except TypeError as error:
         raise fault(where, f"cannot be computed ({error}); compare like with like") from error
     except RecursionError as error:
         raise fault("where", "is too long; make it shorter") from error
@@ -79,6 +85,8 @@ def holds(expression: str, table: pd.DataFrame) -> pd.Series:
 def _value(node: ast.expr, table: pd.DataFrame, where: str) -> Any:
     match node:
         case ast.Name(id=name):
+            if name.casefold() in NOT_A_NUMBER:
+                raise fault(where, f"nothing equals {name}; use isnan(NAME)")
             if name not in table.columns:
                 raise fault(where, no_column(name, table))
             column = table[name]

@@ -78,10 +78,12 @@ def designs_of_all(cubes: Sequence[PlainCube], selections: Sequence[str] = ()) -
     known = {name for cube in cubes for name in cube.coordinates}
     refuse_others(selections, known, f"is of none of these cubes; select of {', '.join(known)}")
     tables = []
-    for cube in cubes:
+    for cube, cube_name in zip(cubes, _distinct_names(cubes), strict=True):
         table = designs_table(cube, selections_along(selections, cube.coordinates))
         source = table.pop(SOURCE) if SOURCE in table else SIMULATION
-        origin: dict[str, Any] = {SOURCE: source} | _origin(cube, cubes)
+        origin: dict[str, Any] = {SOURCE: source, "cube": cube_name} | _differing_options(
+            cube, cubes
+        )
         for place, (name, value) in enumerate(origin.items(), start=len(cube.design_dims)):
             if name not in table:
                 table.insert(place, name, value)
@@ -92,15 +94,35 @@ def designs_of_all(cubes: Sequence[PlainCube], selections: Sequence[str] = ()) -
     return combined
 
 
-def _origin(cube: PlainCube, cubes: Sequence[PlainCube]) -> dict[str, Any]:
-    """Name, boundary and differing model options of a cube, to distinguish it from others."""
+def _distinct_names(cubes: Sequence[PlainCube]) -> list[str]:
+    """Names of cubes, with as many parent folders as distinguish those of one name."""
+    names = [cube.name for cube in cubes]
+    parts = [(cube.name,) if cube.path is None else cube.path.parts for cube in cubes]
+    for depth in range(2, max(map(len, parts))):
+        paths = {
+            name: {path for other, path in zip(names, parts, strict=True) if other == name}
+            for name in names
+        }
+        names = [
+            "/".join(path[-depth:]) if len(paths[name]) > 1 else name
+            for name, path in zip(names, parts, strict=True)
+        ]
+    # Names that are still equal are of one cube given twice, or of cubes in memory.
+    return [
+        f"{name} ({names[: place + 1].count(name)})" if names.count(name) > 1 else name
+        for place, name in enumerate(names)
+    ]
+
+
+def _differing_options(cube: PlainCube, cubes: Sequence[PlainCube]) -> dict[str, Any]:
+    """The boundary of a cube, and its model options that differ from those of others."""
     differing = {
         name
         for name in {name for other in cubes for name in other.options}
         if len({other.options.get(name) for other in cubes}) > 1
     }
     shown = sorted(differing | {"boundary"}, key=lambda name: (name != "boundary", name))
-    return {"cube": cube.name} | {name: cube.options.get(name) for name in shown}
+    return {name: cube.options.get(name) for name in shown}
 
 
 def query_cubes(

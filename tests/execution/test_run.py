@@ -9,6 +9,7 @@ import xarray as xr
 from knitlab.execution.run import RunOptions, run_plan
 from knitlab.io.case_file import case_path
 from knitlab.io.design_status import Status
+from knitlab.io.errors import BadInput
 from knitlab.io.schema import COORDINATES, VARIABLES
 from knitlab.study.plan import make_plan
 
@@ -20,6 +21,13 @@ def sweep(tmp_path_factory):
     results = tmp_path_factory.mktemp("sweep")
     plan = make_plan("preview", ("n_stripe=4,8", *SMALL))
     return plan, results, run_plan(plan, results, RunOptions())
+
+
+def test_numbers_that_no_run_can_have_are_refused_by_the_names_of_the_arguments():
+    with pytest.raises(BadInput) as caught:
+        RunOptions(workers=-1, retries=-2, case_timeout=0)
+    named = [entry.path for entry in caught.value.faults]
+    assert named == ["workers -1", "retries -2", "case_timeout 0"]
 
 
 @pytest.mark.slow

@@ -182,7 +182,7 @@ def test_a_case_without_end_is_ended(tmp_path, workers, timeout):
     periodic = stand_in.simulate_endlessly
     run = ran(plan_of(), tmp_path, periodic, workers=workers, case_timeout=timeout)
     assert statuses(run)["failed"] == 3
-    assert f"took longer than {timeout:g} s (--case-timeout)" in run.failures[0]["reason"]
+    assert f"took longer than {timeout:g} s (case_timeout)" in run.failures[0]["reason"]
     assert not list(tmp_path.glob(".timed-out-*"))
 
 

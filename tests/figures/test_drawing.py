@@ -55,6 +55,34 @@ def test_the_map_writes_each_value_with_its_strain():
     assert texts == ["0.05\nat 10%", "-0.80\nat 10%", "-0.40\nat 10%"]
 
 
+def with_spread(half):
+    """A made-up cube whose siblings of (4, 16) differ by so much at 10 % strain, others by 0.02."""
+    cube = made_up_cube()
+    width = xr.full_like(cube["poisson_ratio"], 0.01)
+    width.loc[{"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.1}] = half
+    for end, sign in (("low", -1), ("high", 1)):
+        cube[f"poisson_ratio_{end}"] = cube["poisson_ratio"] + sign * width
+    return cube
+
+
+@pytest.mark.parametrize(("half", "mark"), [(0.024, ""), (0.03, "\nspread 0.06")])
+def test_the_map_marks_designs_whose_siblings_differ_by_more_than_a_twentieth(half, mark):
+    figure = auxetic_map([with_spread(half)])
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert texts == ["0.05\nat 10%", f"-0.80\nat 10%{mark}", "-0.40\nat 10%"]
+    notes = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    assert any("spread" in note for note in notes) == bool(mark)
+
+
+def test_curves_have_a_band_from_the_lowest_to_the_highest_sibling():
+    cube = with_spread(0.03)
+    axes = np.array(tension_curves([cube]).axes).reshape(3, 3)[2, 1]
+    first = axes.collections[0].get_paths()[0].vertices
+    for strain, low, high in ((0.1, -0.83, -0.77), (0.2, -0.41, -0.39)):
+        edge = first[np.isclose(first[:, 0], strain), 1]
+        assert np.allclose([edge.min(), edge.max()], [low, high])
+
+
 def test_the_sensitivity_map_frames_the_largest_of_each_design():
     axes = sensitivity_map(made_up_cube(sensitivities=True)).axes[0]
     designs = [label.get_text().split("  ")[0] for label in axes.get_yticklabels()]
@@ -99,7 +127,7 @@ def test_a_figure_is_written_in_the_format_of_its_suffix(cube_file, tmp_path, su
         ("shape", "shape.png", (), "holds no node position"),
         ("curves", "curves.png", ("n_stripe=2", "n_subunit=64"), "no design of this selection"),
         ("auxetic", "map.pdf", ("applied_strain=0.1",), "is no coordinate of auxetic"),
-        ("sensitivity", "map.pdf", (), "run with --set sensitivities=true"),
+        ("sensitivity", "map.pdf", (), "run with sensitivities = true"),
         ("shapes", "map.pdf", (), "holds none of these designs; shapes are in case files"),
     ],
 )

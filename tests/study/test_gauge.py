@@ -16,6 +16,7 @@ from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.measure.knit_size import ALONG_X, ALONG_Y
 from knitlab.study.plan import make_plan
+from knitlab.tables import accessor as _accessor  # noqa: F401  (registers cube.knitlab)
 from tests.execution import stand_in
 
 SIZES = (*ALONG_X, *ALONG_Y)
@@ -136,7 +137,7 @@ def test_a_query_shows_sizes_in_cloth_as_the_first_millimetres(tmp_path):
 
 @pytest.mark.parametrize("text", ["stitch_width=0", "stitch_width=-1", "stitch_height=0.5,0.6"])
 def test_a_bad_gauge_is_refused(text):
-    with pytest.raises(BadInput, match=f"overrides {text}: ") as caught:
+    with pytest.raises(BadInput, match=f"settings {text}: ") as caught:
         make_plan("paper", (text,))
     assert len(caught.value.faults) == 1
 

@@ -57,8 +57,8 @@ def test_a_path_is_given_as_text():
         ({"k_wall": -1.0}, "k_wall=-1.0: .*greater than 0"),
         ({"cell_size": ["flat", "loose"]}, "cell_size=.*: value 2: .*'flat' or 'relaxed'"),
         ({"n_stripe": 4.5}, "n_stripe=4.5: value 1: .*integer"),
-        ({"z_max": None}, "setting z_max: is None; give a number, a text"),
-        ({"z_max": [1.0, {}]}, r"setting z_max: is \[1.0, {}\]; give a number, a text"),
+        ({"z_max": None}, "settings z_max: is None; give a number, a text"),
+        ({"z_max": [1.0, {}]}, r"settings z_max: is \[1.0, {}\]; give a number, a text"),
     ],
 )
 def test_a_python_value_that_cannot_be_is_named_with_its_key(settings, message):

@@ -80,23 +80,23 @@ def test_impossible_combinations_of_a_grid_are_excluded_with_their_reason():
         (("n_stripe=4,6", "n_subunit=10,14"), "is not a positive multiple"),
         (("n_stripe=10",), "set 'preview' has no n_stripe = 10"),
         (("set=papers",), "no set 'papers'"),
-        (("cell_size=loose",), r"overrides cell_size=loose: .*'flat' or 'relaxed'"),
-        (("k_wall=-1",), r"overrides k_wall=-1: .*greater than 0"),
-        (("strain_step=0",), r"overrides strain_step=0: .*greater than 0"),
+        (("cell_size=loose",), r"settings cell_size=loose: .*'flat' or 'relaxed'"),
+        (("k_wall=-1",), r"settings k_wall=-1: .*greater than 0"),
+        (("strain_step=0",), r"settings strain_step=0: .*greater than 0"),
         (("strain_step=1e-9",), r"asks for 4.5e\+08 strains; ask for 1000 at most"),
         (("strain_max=0.1",), "no whole number of strain_step = 0.03"),
         (("strain_step=0.5",), "no whole number of strain_step = 0.5"),
         (("set=papers", "n_stripe=4", "n_subunit=16"), "no set 'papers'"),
-        (("unit_cells=3",), "overrides unit_cells=3: value 2: is missing"),
+        (("unit_cells=3",), "settings unit_cells=3: value 2: is missing"),
         (("n_strip=4",), "there is no setting 'n_strip'; did you mean 'n_stripe'"),
         (("design.z_max=4",), r"is in \[model\]; give model\.z_max"),
         (("n_stripe",), "not KEY=VALUE"),
         (("pattern=RG,R",), "not a rectangle"),
-        (("drag=-1",), "overrides drag=-1: .*greater than or equal to 0"),
+        (("drag=-1",), "settings drag=-1: .*greater than or equal to 0"),
         (("drag=1e-5",), "periodic fabric has no place to move from: take boundary = clamped"),
         (
             ("drag=1e-5", "boundary=clamped", "sensitivities=true"),
-            "overrides drag=1e-5: has no sensitivities",
+            "settings drag=1e-5: has no sensitivities",
         ),
         (("unit_cells=0,1",), "greater than 0"),
     ],
@@ -128,7 +128,7 @@ def test_every_fault_of_a_workflow_comes_at_once(tmp_path):
         "n_stripe.0",
         "model.wall",
         "strain_max",
-        "overrides hinges=none",
+        "settings hinges=none",
     ):
         assert part in text
 
@@ -141,15 +141,15 @@ def test_faults_of_parameters_workflow_and_design_come_at_once(tmp_path):
     with pytest.raises(BadInput) as caught:
         make_plan("preview", overrides, tmp_path / "params")
     assert [fault.path for fault in caught.value.faults][1:] == [
-        "overrides hinge=all",
-        "overrides k_wall=-1",
+        "settings hinge=all",
+        "settings k_wall=-1",
     ]
     with pytest.raises(BadInput) as caught:
         make_plan("preview", overrides)
     assert [fault.path for fault in caught.value.faults] == [
-        "overrides hinge=all",
-        "overrides k_wall=-1",
-        "overrides n_stripe=5, overrides n_subunit=20",
+        "settings hinge=all",
+        "settings k_wall=-1",
+        "settings n_stripe=5, settings n_subunit=20",
     ]
 
 
@@ -281,6 +281,23 @@ def test_a_list_in_a_list_gets_one_sentence(tmp_path):
 def test_a_misspelt_key_comes_with_what_may_be_meant(tmp_path, line, meant):
     with pytest.raises(BadInput, match=f"did you mean .*{meant}"):
         make_plan(written(tmp_path, line))
+
+
+@pytest.mark.parametrize(
+    ("lines", "place"),
+    [
+        ('[design]\nstripe_files = "mine.toml"', r"design.stripe_files: belongs to \[model\]"),
+        ("strain_max = 0.3\n[design]", r"strain_max: belongs to \[protocol\]"),
+        ('[design]\nfigures = ["auxetic"]', "design.figures: belongs to the top level"),
+        ("[design.model]", "design.model: belongs to the top level"),
+    ],
+)
+def test_a_key_of_another_table_comes_with_its_table(tmp_path, lines, place):
+    path = tmp_path / "mine.toml"
+    path.write_text(f'title = "mine"\n{lines}\n', encoding="utf-8")
+    with pytest.raises(BadInput, match=place) as caught:
+        make_plan(str(path))
+    assert len(caught.value.faults) == 1
 
 
 def test_a_misspelt_figure_comes_with_what_may_be_meant(tmp_path):

@@ -136,14 +136,14 @@ def test_what_is_swept_is_not_among_the_common_settings():
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("k_wall=-1,2", "overrides k_wall=-1,2: value 1: .*greater than 0"),
-        ("k_wall=1,-2", "overrides k_wall=1,-2: value 2: .*greater than 0"),
+        ("k_wall=-1,2", "settings k_wall=-1,2: value 1: .*greater than 0"),
+        ("k_wall=1,-2", "settings k_wall=1,-2: value 2: .*greater than 0"),
         ("unit_cells=[[1, 0], [2, 2]]", "value 1: .*greater than 0"),
-        ("width=wide", "overrides width=wide: a width is a number of stitches above 0 or 'stripe'"),
+        ("width=wide", "settings width=wide: a width is a number of stitches above 0 or 'stripe'"),
         ("stitch_width=1,2", r"stitch_width=1,2: is a list, \[1, 2\]; give one value"),
         ("period_factor=[]", r"is a list, \[\]; give one value"),
-        ("mask=AB..", "overrides mask=AB..: the mask has 1 rows of 4 letters"),
-        ("layout=none", "overrides layout=none: there is no layout 'none'; choose from stripe"),
+        ("mask=AB..", "settings mask=AB..: the mask has 1 rows of 4 letters"),
+        ("layout=none", "settings layout=none: there is no layout 'none'; choose from stripe"),
     ],
 )
 def test_a_bad_value_is_named_once_with_its_override(override, message):

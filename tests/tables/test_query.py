@@ -64,7 +64,9 @@ def test_expressions_mean_what_they_say(expression, expected):
         ("status == 0", "compares a word with a number"),
         ("status == 'fialed'", "did you mean 'failed'"),
         ("-status == 'ok'", "cannot be computed"),
-        ("1 / 0 < n_stripe", "cannot be computed"),
+        ("1 / 0 < n_stripe", "cannot be computed: it divides by zero"),
+        ("poisson_ratio_min != nan", r"nothing equals nan; use isnan\(NAME\)"),
+        ("capacitor_status == 'touching'", "these designs have no capacitor_status"),
         ("__import__('os').system('true')", "not allowed"),
         ("status.map(print)", "not allowed"),
         ("[x for x in n_stripe]", "not allowed"),
@@ -125,6 +127,16 @@ def test_rows_of_two_cubes_have_their_cube_boundary_and_options():
     shown = table[["cube", "boundary", "cell_size"]].drop_duplicates().values.tolist()
     assert shown == [["one", "periodic", "flat"], ["two", "clamped", "relaxed"]]
     assert "hinges" not in table
+
+
+def test_cubes_of_one_name_are_told_apart_by_their_folders(tmp_path):
+    paths = [tmp_path / f"{place}/preview/cube.nc" for place in ("a/x", "b/x", "b/x")]
+    cubes = [made_up_cube().assign_attrs(workflow="preview") for _ in range(4)]
+    for cube, path in zip(cubes, paths, strict=False):
+        cube.encoding["source"] = str(path)
+    cubes[3] = cubes[3].assign_attrs(workflow="other")
+    found = designs_of_all([PlainCube.of(cube) for cube in cubes])["cube"].unique().tolist()
+    assert found == ["a/x/preview", "b/x/preview (1)", "b/x/preview (2)", "other"]
 
 
 @pytest.mark.slow

@@ -35,7 +35,7 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
         BadInput: if the cube has no sensitivities, or too many designs for one figure.
     """
     if QUANTITY not in cube:
-        raise fault("sensitivity", "needs sensitivities; run with --set sensitivities=true")
+        raise fault("sensitivity", "needs sensitivities; run with sensitivities = true")
     designs = cube.stack(design=DESIGN_DIMS)
     designs = designs.isel(design=designs["status"].values != Status.excluded)
     labels = [(int(n), int(m)) for n, m in designs["design"].values]
