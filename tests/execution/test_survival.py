@@ -348,7 +348,7 @@ def test_a_full_disk_gives_one_sentence_and_loses_nothing(tmp_path, workers):
     script = f"{mounting} && exec {sys.executable} -c '{FULL_DISK}' {tmp_path} {workers}"
     said = subprocess.run([*namespace, script], cwd=HERE, capture_output=True, text=True)
     assert said.returncode == 0, said.stderr
-    assert "cannot be written (no space left on device); free some room" in said.stdout
+    assert "cannot be written (no space left on device); free some space" in said.stdout
     assert len(said.stdout.splitlines()) == 1
 
 
