@@ -143,7 +143,7 @@ def test_factors_multiply_values_and_both_knits():
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("k_t_factor=0.8,-1", r"overrides k_t_factor=0.8,-1: value 2: .*greater than 0"),
+        ("k_t_factor=0.8,-1", r"settings k_t_factor=0.8,-1: value 2: .*greater than 0"),
         ("hinges=all,none", "value 2: .*'fold_lines' or 'all'"),
         ("z_max=4,4", "has a value twice"),
         ("theta_0_factor=9", "keep it below pi"),

@@ -203,7 +203,7 @@ def test_experiments_that_cannot_be_fitted_are_refused(case, truth):
         case_for(plan, experiment(case, truth, source="simulation"))
     with pytest.raises(BadInput, match="one case of \\(6, 24\\), and has 0"):
         case_for(plan, experiment(case, truth, n_stripe=[6], n_subunit=[24]))
-    with pytest.raises(BadInput, match="and has 2; --set one value of each"):
+    with pytest.raises(BadInput, match="and has 2; set one value of each"):
         case_for(make_plan("laboratory", (*PERIODIC, "k_wall=50,100")), cube)
     with pytest.raises(BadInput, match="give one above 0"):
         target_of(cube, case, model_error=0.0)

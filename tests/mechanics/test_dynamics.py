@@ -32,7 +32,8 @@ def two_nodes(damping: float, settings: DynamicsSettings) -> tuple[MovingBatch, 
         fold_stiffness=none,
         z_max=jnp.array(6.0),
         k_wall=jnp.array(100.0),
-        cell=jnp.array([LENGTH, LENGTH]),
+        cell_x=jnp.array([LENGTH]),
+        cell_y=jnp.zeros(0),
         fold_angle="whole_normals",
     )
     inertia = Inertia(jnp.array(MASS), jnp.array(damping))

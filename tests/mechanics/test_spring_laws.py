@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from knitlab.mechanics.dynamic_tensile_test import MotionPath, move
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.element_chunks import ChunkedFabric
-from knitlab.mechanics.evaluation import WHOLE, element_hessians, evaluate
+from knitlab.mechanics.evaluation import COMPLETE, element_hessians, evaluate
 from knitlab.mechanics.executor import run
 from knitlab.mechanics.loading import all_free
 from knitlab.mechanics.stiffness import free_stiffness
@@ -22,7 +22,8 @@ from knitlab.mechanics.tensile_test import stretch
 from knitlab.mechanics.zigzag_tension import pull_chain
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
-from knitlab.model.fabric import Sheet, StripePair, assemble_fabric, fabric_layout, flat_sheet
+from knitlab.model.fabric import Sheet, StripePair, flat_sheet
+from knitlab.model.layout import assemble_fabric, fabric_layout
 from knitlab.model.network import network
 from knitlab.model.options import ModelOptions
 from knitlab.model.spring_curve import SpringCurve
@@ -74,7 +75,7 @@ def test_gradient_and_stiffness_are_those_of_differences(law):
     slope = (stored(at + step * toward) - stored(at - step * toward)) / (2 * step)
     assert float(gradient(at) @ toward) == pytest.approx(float(slope), rel=1e-7)
 
-    lower = free.lower(free.entries(element_hessians(net, fabric, WHOLE, at))).toarray()
+    lower = free.lower(free.entries(element_hessians(net, fabric, COMPLETE, at))).toarray()
     matrix = lower + np.tril(lower, -1).T
     slopes = (gradient(at + step * toward) - gradient(at - step * toward)) / (2 * step)
     np.testing.assert_allclose(
@@ -90,12 +91,12 @@ def test_chunks_of_elements_give_what_the_whole_network_gives(rib, garter):
     stripes = stripes[0], replace(stripes[1], **LAWS.get(garter, {}))
     net, fabric = assemble_fabric(checkerboard(3), *stripes, SHEET, CLAMPED)
     at = np.asarray(shaken(flat_sheet(net, fabric), 0.05).flattened())
-    chunked, whole = ChunkedFabric.of(net.shape, fabric), evaluate(net, fabric, WHOLE, at)
-    parts = chunked.evaluate(WHOLE, at)
+    chunked, whole = ChunkedFabric.of(net.shape, fabric), evaluate(net, fabric, COMPLETE, at)
+    parts = chunked.evaluate(COMPLETE, at)
     assert float(parts.energy.total) == pytest.approx(float(whole.energy.total), rel=1e-12)
     np.testing.assert_allclose(parts.gradient, whole.gradient, atol=1e-11)
-    hessians = element_hessians(net, fabric, WHOLE, jnp.asarray(at))
-    found = chunked.element_hessians(WHOLE, at)
+    hessians = element_hessians(net, fabric, COMPLETE, jnp.asarray(at))
+    found = chunked.element_hessians(COMPLETE, at)
     np.testing.assert_allclose(found.springs, hessians.springs, rtol=1e-9, atol=1e-11)
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from knitlab.mechanics.element_stiffness import SPRING_ENTRIES, spring_stiffness
 from knitlab.model.energy import spring_energy
-from knitlab.model.fabric import assemble_fabric
+from knitlab.model.layout import assemble_fabric
 from knitlab.model.spring_curve import SpringCurve
 from knitlab.model.spring_law import LINEAR, Stiffening, Tabulated
 from knitlab.model.zigzag import law_of_one
