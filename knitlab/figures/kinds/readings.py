@@ -102,8 +102,12 @@ def _draw(axes: Axes, row: int, column: int, options: RankedOptions, claim: Clai
     )
 
 
+UNSTATED = {"drag": 0}
+"""Labels of options that are stated only if they have an effect."""
+
+
 def _head(options: RankedOptions, names: Sequence[str]) -> list[str]:
-    labels = [_short(options.options.get(name, "")) for name in names]
+    labels = [_short(options.options.get(name, UNSTATED.get(name, ""))) for name in names]
     judged = [f"{options.designs} designs"] if options.designs else []
     return [*labels, *judged, f"{options.count(Grade.holds)}/{options.decided}"]
 
