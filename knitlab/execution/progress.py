@@ -1,6 +1,8 @@
 """Progress: a bar over the estimated work of a run, so that its remaining time is realistic."""
 
 import sys
+import time
+from threading import Event, Thread
 from types import TracebackType
 from typing import TextIO
 
@@ -12,12 +14,16 @@ from knitlab.study.estimate import work
 BAR = "{desc} {percentage:3.0f}% |{bar}| {elapsed} elapsed, {remaining} left"
 LINE = "{desc}, {percentage:.1f} %, {elapsed} elapsed, {remaining} left"
 SECONDS_BETWEEN_LINES = 30.0
+SECONDS_BETWEEN_CLOCKS = 1.0
+"""Time between updates of the elapsed time on a terminal."""
 
 
 class ProgressBar:
     """A bar over all states of some cases; a case that ends early counts in full.
 
-    If the output is not a terminal, it writes a line every half minute.
+    If the output is not a terminal, it writes a line every half minute. The elapsed time moves on
+    while no work is reported, as in a long relaxation, so that a run that works is told from one
+    that hangs.
     """
 
     def __init__(self, cases: dict[str, Case], shown: bool, file: TextIO = sys.stderr) -> None:
@@ -26,7 +32,11 @@ class ProgressBar:
         self._ended = 0
         self._total = sum(work(case, case.states) for case in cases.values())
         on_terminal = file.isatty()
+        self._interval = SECONDS_BETWEEN_CLOCKS if on_terminal else SECONDS_BETWEEN_LINES
+        self._closed = Event()
+        self._clock = Thread(target=self._refresh_regularly, daemon=True)
         self._bar = tqdm(
+            desc=self._description,
             total=self._total,
             smoothing=0,
             disable=not shown,
@@ -36,9 +46,10 @@ class ProgressBar:
             # The amount of work of an update is arbitrary.
             miniters=0,
         )
-        self._describe()
 
     def __enter__(self) -> "ProgressBar":
+        if not self._bar.disable:
+            self._clock.start()
         return self
 
     def __exit__(
@@ -47,6 +58,9 @@ class ProgressBar:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self._closed.set()
+        if self._clock.is_alive():
+            self._clock.join()
         self._bar.close()
 
     def reached(self, case_id: str, states: float) -> None:
@@ -62,14 +76,21 @@ class ProgressBar:
         """Record that a case has ended, with whatever result."""
         self._ended += 1
         self.reached(case_id, self._cases[case_id].states)
-        self._describe()
+        self._bar.set_description_str(self._description, refresh=False)
 
     def write(self, sentence: str) -> None:
         """Print a sentence above the bar."""
         self._bar.write(sentence, file=sys.stderr)
 
-    def _describe(self) -> None:
-        self._bar.set_description_str(f"{self._ended}/{len(self._cases)} cases", refresh=False)
+    def _refresh_regularly(self) -> None:
+        while not self._closed.wait(self._interval):
+            if time.time() - self._bar.last_print_t >= self._interval:
+                self._bar.refresh()
+                self._bar.last_print_t = time.time()
+
+    @property
+    def _description(self) -> str:
+        return f"{self._ended}/{len(self._cases)} cases"
 
 
 class _Lines:
