@@ -17,6 +17,7 @@ from tests.fabrics import (
     FINE,
     PERIODIC,
     cell_of,
+    compiled_tension,
     pure,
     relaxed,
     stretched,
