@@ -146,8 +146,11 @@ class Run:
                 " recomputes them, another results folder keeps both"
             )
         if self.stopped:
-            left = f"{len(self.unfinished)} cases are left"
-            lines.append(f"stopped: finished cases are kept, {left}; run again to continue")
+            left = len(self.unfinished)
+            noun = "case is" if left == 1 else "cases are"
+            lines.append(
+                f"stopped: finished cases are kept, {left} {noun} left; run again to continue"
+            )
         return lines
 
 

@@ -19,7 +19,7 @@ from pydantic import (
 from knitlab.capacitance.capacitor import Capacitor
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, faults_of
 from knitlab.io.strict_model import StrictModel
-from knitlab.io.toml import read_toml
+from knitlab.io.toml import read_checked, read_toml
 from knitlab.measure.knit_size import Gauge
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.solver import SolverSettings
@@ -257,10 +257,7 @@ def read_stripe_file(path: Path, source: str) -> StripeFile:
     Raises:
         BadInput: with every fault of the file.
     """
-    try:
-        return StripeFile.model_validate(read_toml(path))
-    except ValidationError as error:
-        raise BadInput(faults_of(error, f"{source}: {path}")) from error
+    return read_checked(StripeFile, path, source)
 
 
 def read_parameters(folder: Path) -> Parameters:

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, PositiveInt, RootModel, ValidationError, model_validator
+from pydantic import Field, PositiveInt, RootModel, model_validator
 
-from knitlab.io.errors import BadInput, fault, faults_of
+from knitlab.io.errors import fault
 from knitlab.io.strict_model import StrictModel
-from knitlab.io.toml import read_toml
+from knitlab.io.toml import read_checked
 from knitlab.model.grading import Grading
 from knitlab.model.pattern import KNIT_OF_LETTER, BadPattern, SingleFold, letters_of
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit, Stripe
@@ -295,7 +295,4 @@ def read_pattern_file(path: Path, source: str) -> dict[str, Pattern]:
     Raises:
         BadInput: with every fault of the file.
     """
-    try:
-        return PatternFile.model_validate(read_toml(path)).root
-    except ValidationError as error:
-        raise BadInput(faults_of(error, f"{source}: {path}")) from error
+    return read_checked(PatternFile, path, source).root
