@@ -1,12 +1,14 @@
 """The layout of a fabric: where it has which spring, hinge and fold, without their numbers."""
 
 from dataclasses import dataclass
+from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from knitlab.model.fabric import Fabric, Sheet, StripePair, cell_length
+from knitlab.model.fabric import Fabric, Sheet, StripeNumbers, StripePair, cell_length
 from knitlab.model.fold_lines import (
     fold_stiffness_factors,
     inside_runs,
@@ -79,18 +81,22 @@ class FabricLayout:
             stripes: of rib by the number of the column's stripe, of garter by that of the row's;
                 plain numbers if there is one of each.
         """
-        weft, warp = (_by_number(side, "k_s") for side in (stripes.weft, stripes.warp))
-        width = cell_length(stripes.weft, self.options).reshape(-1)[self.column_stripe]
-        height = cell_length(stripes.warp, self.options).reshape(-1)[self.row_stripe]
+        xp = _library(stripes)
+        width, height = (
+            xp.reshape(xp.asarray(cell_length(side, self.options)), -1)[number]
+            for side, number in (
+                (stripes.weft, self.column_stripe),
+                (stripes.warp, self.row_stripe),
+            )
+        )
         cells = len(height), len(width)
-        k_s = [
-            jnp.broadcast_to(weft[self.column_stripe], cells),
-            jnp.broadcast_to(warp[self.row_stripe][:, None], cells),
-        ]
-        k_t = [
-            jnp.broadcast_to(_by_number(stripes.weft, "k_t")[self.column_stripe], cells),
-            jnp.broadcast_to(_by_number(stripes.warp, "k_t")[self.row_stripe][:, None], cells),
-        ]
+        k_s, k_t = (
+            [
+                xp.broadcast_to(_by_number(stripes.weft, name)[self.column_stripe], cells),
+                xp.broadcast_to(_by_number(stripes.warp, name)[self.row_stripe][:, None], cells),
+            ]
+            for name in ("k_s", "k_t")
+        )
         if self.options.hinge_stiffness == "per_length":
             # The paper's edges, which are as long as a cell of its grid.
             paper_cells = self.options.cells_per_period // CELLS_PER_PERIOD
@@ -98,29 +104,31 @@ class FabricLayout:
         if self.plain is not None:
             shape = height[:, None] / width
             k_s = [
-                jnp.where(self.plain_cells, self.plain.plain_stretch_weft * shape, k_s[0]),
-                jnp.where(self.plain_cells, self.plain.plain_stretch_warp / shape, k_s[1]),
+                xp.where(self.plain_cells, self.plain.plain_stretch_weft * shape, k_s[0]),
+                xp.where(self.plain_cells, self.plain.plain_stretch_warp / shape, k_s[1]),
             ]
             k_t = [
-                jnp.where(self.plain_cells, self.plain.plain_bend_weft * shape, k_t[0]),
-                jnp.where(self.plain_cells, self.plain.plain_bend_warp / shape, k_t[1]),
+                xp.where(self.plain_cells, self.plain.plain_bend_weft * shape, k_t[0]),
+                xp.where(self.plain_cells, self.plain.plain_bend_warp / shape, k_t[1]),
             ]
         rows, columns = self.spring_cells[:, 0, 0], self.spring_cells[:, 0, 1]
         return Fabric(
-            rest_length=jnp.select(
-                [self.spring_kind == 0, self.spring_kind == 1],
-                [width[columns], height[rows]],
-                jnp.hypot(width[columns], height[rows]),
+            rest_length=jnp.asarray(
+                xp.select(
+                    [self.spring_kind == 0, self.spring_kind == 1],
+                    [width[columns], height[rows]],
+                    xp.asarray(jnp.hypot(width[columns], height[rows])),
+                )
             ),
-            stretch_stiffness=self._spring_stiffness(k_s),
-            rest_fold=self._rest_fold(stripes),
-            fold_stiffness=self._hinge_stiffness(k_t),
+            stretch_stiffness=jnp.asarray(self._spring_stiffness(k_s, xp)),
+            rest_fold=jnp.asarray(self._rest_fold(stripes, xp)),
+            fold_stiffness=jnp.asarray(self._hinge_stiffness(k_t, xp)),
             z_max=jnp.asarray(self.sheet.z_max, float),
             k_wall=jnp.asarray(self._k_wall, float),
-            cell_x=width,
-            cell_y=height,
+            cell_x=jnp.asarray(width),
+            cell_y=jnp.asarray(height),
             fold_angle=self.options.fold_angle,
-            spring_law=self._spring_law(stripes, k_s),
+            spring_law=self._spring_law(stripes, k_s, xp),
         )
 
     @property
@@ -128,34 +136,32 @@ class FabricLayout:
         """Stiffness of the wall at a node, which stands for a part of the paper's cell."""
         return self.sheet.k_wall * (CELLS_PER_PERIOD / self.options.cells_per_period) ** 2
 
-    def _spring_stiffness(self, k_s: list[Array]) -> Float[Array, " spring"]:
+    def _spring_stiffness(self, k_s: list[Any], xp: Any) -> Float[Array | np.ndarray, " spring"]:
         """A spring on the border of two cells takes the mean of theirs."""
         one, other = self.spring_cells[:, 0].T, self.spring_cells[:, 1].T
         along = [(of[tuple(one)] + of[tuple(other)]) / 2 for of in k_s]
-        return jnp.select(
-            [self.spring_kind == 0, self.spring_kind == 1], along, jnp.minimum(*along)
-        )
+        return xp.select([self.spring_kind == 0, self.spring_kind == 1], along, xp.minimum(*along))
 
-    def _spring_law(self, stripes: StripePair, k_s: list[Array]) -> SpringLaw:
+    def _spring_law(self, stripes: StripePair, k_s: list[Any], xp: Any) -> SpringLaw:
         """The law of every spring: that of its stripe, linear within plain knit."""
         (weft, weft_curves), (warp, warp_curves) = stripes.weft.laws, stripes.warp.laws
         laws = spring_law([*weft, *warp, None], [*weft_curves, *warp_curves, None])
         (row, column), (other_row, other_column) = self.spring_cells.transpose(1, 2, 0)
         rib, garter = self.column_stripe[column], len(weft) + self.row_stripe[row]
-        softer = jnp.where(k_s[0][row, column] <= k_s[1][row, column], rib, garter)
-        number = jnp.select([self.spring_kind == 0, self.spring_kind == 1], [rib, garter], softer)
+        softer = xp.where(k_s[0][row, column] <= k_s[1][row, column], rib, garter)
+        number = xp.select([self.spring_kind == 0, self.spring_kind == 1], [rib, garter], softer)
         plain = self.plain_cells[row, column] & self.plain_cells[other_row, other_column]
-        return laws.of(jnp.where(plain, len(weft) + len(warp), number))
+        return laws.of(xp.where(plain, len(weft) + len(warp), number))
 
-    def _hinge_stiffness(self, k_t: list[Array]) -> Float[Array, " hinge"]:
+    def _hinge_stiffness(self, k_t: list[Any], xp: Any) -> Float[Array | np.ndarray, " hinge"]:
         """A hinge between two cells is half of one's and half of the other's in series."""
         before, after = self.hinge_cells[:, 0].T, self.hinge_cells[:, 1].T
         pairs = [(of[tuple(before)], of[tuple(after)]) for of in k_t]
         across = self.hinge_kind == 0
-        one = jnp.where(across, pairs[0][0], pairs[1][0])
-        other = jnp.where(across, pairs[0][1], pairs[1][1])
-        stiffness = jnp.where(self._alike, other, 2 * one * other / (one + other))
-        return jnp.where(self.hinged, self.stiffness_factor * stiffness, 0.0)
+        one = xp.where(across, pairs[0][0], pairs[1][0])
+        other = xp.where(across, pairs[0][1], pairs[1][1])
+        stiffness = xp.where(self._alike, other, 2 * one * other / (one + other))
+        return xp.where(self.hinged, self.stiffness_factor * stiffness, 0.0)
 
     @property
     def _alike(self) -> Bool[np.ndarray, " hinge"]:
@@ -168,25 +174,32 @@ class FabricLayout:
         )
         return stripe & (self.plain_cells[y, x] == self.plain_cells[up, right])
 
-    def _rest_fold(self, stripes: StripePair) -> Float[Array, " hinge"]:
+    def _rest_fold(self, stripes: StripePair, xp: Any) -> Float[Array | np.ndarray, " hinge"]:
         ridge = ridge_of(self.options)
         before, after = self.hinge_cells[:, 0], self.hinge_cells[:, 1]
         turns = [
-            ridge.turn(_by_number(stripes.weft, "theta_0")),
-            ridge.turn(_by_number(stripes.warp, "theta_0")),
+            xp.asarray(ridge.turn(jnp.asarray(_by_number(side, "theta_0"))))
+            for side in (stripes.weft, stripes.warp)
         ]
         numbers = [
             (self.column_stripe[before[:, 1]], self.column_stripe[after[:, 1]]),
             (self.row_stripe[before[:, 0]], self.row_stripe[after[:, 0]]),
         ]
         turn = [(of[one] + of[other]) / 2 for of, (one, other) in zip(turns, numbers, strict=True)]
-        fold = self.fold_part * jnp.where(self.hinge_kind == 0, turn[0], turn[1])
-        return jnp.where(np.isnan(self.single_fold), fold, np.nan_to_num(self.single_fold))
+        fold = self.fold_part * xp.where(self.hinge_kind == 0, turn[0], turn[1])
+        return xp.where(np.isnan(self.single_fold), fold, np.nan_to_num(self.single_fold))
 
 
-def _by_number(stripe: object, name: str) -> Float[Array, " stripe"]:
+def _library(stripes: StripePair) -> Any:
+    """JAX's NumPy where derivatives pass through, else NumPy, which compiles nothing."""
+    traced = any(isinstance(number, jax.core.Tracer) for number in jax.tree.leaves(stripes))
+    return jnp if traced else np
+
+
+def _by_number(stripe: StripeNumbers, name: str) -> Any:
     """A number of one or of several stripes, along one axis."""
-    return jnp.reshape(getattr(stripe, name), -1)
+    number = getattr(stripe, name)
+    return jnp.reshape(number, -1) if isinstance(number, jax.core.Tracer) else np.ravel(number)
 
 
 def fabric_layout(
