@@ -15,7 +15,6 @@ from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.central import central
 from knitlab.measure.knit_size import Stitches
 from knitlab.mechanics.dynamics import DynamicsSettings
-from knitlab.mechanics.solver import SolverSettings
 from knitlab.model.electrode_layout import StitchCounts, place_electrodes
 from knitlab.model.electrodes import Electrodes
 from knitlab.model.fabric import Fabric, Sheet, StripePair
@@ -27,6 +26,7 @@ from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import CELLS_PER_PERIOD, BadPattern, PatchGrid, SingleFold
 from knitlab.model.plain import PlainKnit
 from knitlab.model.stripe import SPRING_LAWS, SpringKind, Stripe
+from knitlab.solvers.solver import SolverSettings
 
 UNUSED_LEFT_OUT = ("robustness", "grading", "folds", "cell_patches", "plain")
 """Fields that a case's record leaves out where they are empty."""

@@ -2,7 +2,7 @@
 
 A solver yields a request and is sent the answer. It does not use a device itself, so that the same
 solver runs alone on a CPU or together with others in a batch on an accelerator
-(:mod:`knitlab.mechanics.executor`).
+(:mod:`knitlab.solvers.executor`).
 """
 
 from collections.abc import Generator
@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import NonNegativeFloat, PositiveFloat, PositiveInt
 
-from knitlab.mechanics.evaluation import COMPLETE, Stage
-from knitlab.mechanics.stiffness import FreeStiffness
+from knitlab.elasticity.evaluation import COMPLETE, Stage
+from knitlab.elasticity.stiffness import FreeStiffness
 from knitlab.model.setting_types import Fraction, Unit
 
 Result = TypeVar("Result")
