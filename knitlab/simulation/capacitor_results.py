@@ -100,7 +100,7 @@ def _capacitance_unloading(
 
 
 def _measured(case: Case, configurations: Configuration) -> Capacitances:
-    refinement = case.reading.cells_per_period // CELLS_PER_PERIOD
+    refinement = case.options.cells_per_period // CELLS_PER_PERIOD
     return capacitances(
         case.electrodes, *case.assemble(), configurations, _capacitor(case), refinement
     )

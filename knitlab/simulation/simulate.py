@@ -155,7 +155,7 @@ def starts(
     tiled_places = [
         place
         for place, case in enumerate(cases)
-        if not case.mesh_shape.periodic and case.equilibrium_solver.start == "endless"
+        if not case.mesh_shape.periodic and case.equilibrium_solver.start == "periodic"
     ]
     if not tiled_places:
         return found
@@ -188,7 +188,7 @@ def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest
 
 
 def _zigzag_test(case: Case) -> list[ChainState]:
-    return pull_chain(zigzag(case.weft, case.reading), case.periods, case.applied_strain)
+    return pull_chain(zigzag(case.weft, case.options), case.periods, case.applied_strain)
 
 
 def simulated(case: Case, progress: Progress) -> xr.Dataset:
