@@ -30,7 +30,7 @@ PARAMETERS = read_parameters(shipped("params"))
 SHEET = Sheet(z_max=6.0, k_wall=100.0)
 PERIODIC = ModelOptions(cell_size="relaxed", boundary="periodic")
 CLAMPED = ModelOptions(cell_size="relaxed", boundary="clamped")
-"""Longer cells than those of the default reading: softer to fold, they snap, and so try solvers
+"""Longer cells than those of the default options: softer to fold, they snap, and so try solvers
 harder."""
 DEFAULT = SolverSettings()
 MASS_AND_DRAG = MassAndDrag(surface_density=1.1e-4, damping=2e-4)
@@ -58,10 +58,10 @@ EVERY_STRIPE = pytest.mark.parametrize(
 
 
 def patterned(
-    n_stripe: int, pattern: PatchGrid, reading: ModelOptions, sheet: Sheet = SHEET
+    n_stripe: int, pattern: PatchGrid, options: ModelOptions, sheet: Sheet = SHEET
 ) -> tuple[Network, Fabric]:
     return assemble_fabric(
-        pattern, stripe("rib", n_stripe), stripe("garter", 2 * n_stripe), sheet, reading
+        pattern, stripe("rib", n_stripe), stripe("garter", 2 * n_stripe), sheet, options
     )
 
 
@@ -71,18 +71,18 @@ def checkerboard(periods: int, unit_cells: tuple[int, int] = (1, 1)) -> PatchGri
 
 
 def checkered(
-    n_stripe: int, periods: int, reading: ModelOptions, unit_cells: tuple[int, int] = (1, 1)
+    n_stripe: int, periods: int, options: ModelOptions, unit_cells: tuple[int, int] = (1, 1)
 ) -> tuple[Network, Fabric]:
-    return patterned(n_stripe, checkerboard(periods, unit_cells), reading)
+    return patterned(n_stripe, checkerboard(periods, unit_cells), options)
 
 
 def pure(
-    of: Stripe, reading: ModelOptions, periods: int = 1, ridges: str | None = None
+    of: Stripe, options: ModelOptions, periods: int = 1, ridges: str | None = None
 ) -> tuple[Network, Fabric]:
     """A pure stripe; ``ridges`` "R" or "G" lays them along y or x, whatever its knit."""
     letter = ridges or ("R" if of.knit == "rib" else "G")
-    pattern = replace(patch_map([letter], periods), cells_per_period=reading.cells_per_period)
-    return assemble_fabric(pattern, of, of, SHEET, reading)
+    pattern = replace(patch_map([letter], periods), cells_per_period=options.cells_per_period)
+    return assemble_fabric(pattern, of, of, SHEET, options)
 
 
 def cell_of(fabric: Fabric) -> np.ndarray:
@@ -105,15 +105,15 @@ def stretched(
 
 def moving(
     designs: list[tuple[int, int]],
-    reading: ModelOptions,
+    options: ModelOptions,
     settings: DynamicsSettings,
     unit_cells: tuple[int, int] = (1, 1),
     mass_and_drag: MassAndDrag = MASS_AND_DRAG,
 ) -> MovingBatch:
     """Checkerboards (n_stripe, periods) of one mesh shape, ready to move."""
-    assembled = [checkered(*design, reading, unit_cells) for design in designs]
+    assembled = [checkered(*design, options, unit_cells) for design in designs]
     inertias = [
-        inertia(stripe("rib", n), stripe("garter", 2 * n), reading, mass_and_drag)
+        inertia(stripe("rib", n), stripe("garter", 2 * n), options, mass_and_drag)
         for n, _ in designs
     ]
     return MovingBatch(

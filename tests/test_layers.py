@@ -70,7 +70,7 @@ def messages(file: Path) -> list[str]:
     ]
 
 
-def test_only_the_command_line_speaks_of_its_options():
+def test_only_the_command_line_names_its_options():
     # A message reaches users of Python too; ``provenance`` gives options to git.
     files = [path for path in PACKAGE.rglob("*.py") if path.parent.name != "cli"]
     found = {

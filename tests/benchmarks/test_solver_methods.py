@@ -80,7 +80,7 @@ def test_a_batch_reaches_the_last_strain_sequentially_and_in_lockstep():
         assert record["residual"] <= named.case().equilibrium_solver.tolerance
 
 
-def test_a_watch_tells_when_a_residual_was_first_reached():
+def test_a_watch_reports_when_a_residual_was_first_reached():
     watch = Watch(np.inf, trace=[(1.0, 0.5), (2.0, 0.05), (3.0, 0.2), (4.0, 0.01)])
     assert watch.first_times(np.array([1.0, 0.1, 0.01, 1e-3])) == [1.0, 2.0, 4.0, None]
 

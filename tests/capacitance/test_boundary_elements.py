@@ -156,7 +156,7 @@ def test_periodic_strips_agree_with_a_series(ends):
 
 
 @pytest.mark.slow
-def test_hinged_plates_tend_to_a_tight_wedge():
+def test_hinged_plates_converge_to_a_tight_wedge():
     angles = np.array([0.8, 0.4, 0.2, 0.1])
     found = np.array([of_strips(hinged(angle), 24) for angle in angles])
     excess = found / (VACUUM_PERMITTIVITY * LENGTH / angles * np.log(5)) - 1
@@ -233,7 +233,7 @@ def test_square_plates_agree_with_fastcap(distance):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("distance", [0.05, 0.2, 1.0])
-def test_plates_have_more_than_the_field_straight_between_them(distance):
+def test_plates_have_more_capacitance_than_the_homogeneous_field(distance):
     assert between(*square_plates(8, distance)) > VACUUM_PERMITTIVITY / distance
 
 
@@ -306,7 +306,7 @@ def test_graded_panels_converge_by_the_second_order():
 
 
 @pytest.mark.slow
-def test_even_panels_converge_by_the_first_order():
+def test_uniform_panels_converge_by_the_first_order():
     found = [
         maxwell(plate([0, 0, 0], [1, 0, 0], [0, 1, 0], evenly(count), evenly(count)))[0, 0]
         for count in (4, 8, 16)
@@ -404,7 +404,7 @@ def test_a_shift_of_all_potentials_leaves_the_capacitance_between_two():
         assert two_terminal(shifted) == pytest.approx(two_terminal(matrix), rel=1e-9)
 
 
-def test_between_two_a_meter_reads_their_charge_by_their_voltage():
+def test_mutual_capacitance_is_charge_over_voltage():
     matrix = maxwell(*two_spheres(3, 2.5, 0.5))
     one, other = np.linalg.solve(matrix, [1.0, -1.0])
     assert two_terminal(matrix) == pytest.approx(1 / (one - other), rel=1e-12)

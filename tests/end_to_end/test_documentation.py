@@ -159,7 +159,7 @@ def test_the_tutorials_have_python_that_runs():
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_links_to_files_lead_to_files_that_there_are(page):
+def test_links_to_files_lead_to_existing_files(page):
     # What another page is included by is read from where that page lies.
     text = re.sub(r"```{include}.*?```", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.S)
     targets = re.findall(r"\]\((?!https?://)([^)#\s]+)", text)

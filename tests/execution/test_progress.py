@@ -21,7 +21,7 @@ def lines(log):
     return log.getvalue().splitlines()
 
 
-def test_a_log_goes_on_while_no_work_is_reported(cases, monkeypatch):
+def test_a_log_continues_while_no_work_is_reported(cases, monkeypatch):
     monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.02)
     log, began = io.StringIO(), time.monotonic()
     with ProgressBar(cases, shown=True, file=log):
@@ -37,7 +37,7 @@ def test_a_log_goes_on_while_no_work_is_reported(cases, monkeypatch):
     assert len(lines(log)) == count
 
 
-def test_a_log_moves_with_parts_of_a_state_and_ends_at_the_whole(cases, monkeypatch):
+def test_a_log_counts_parts_of_a_state_and_ends_at_the_total(cases, monkeypatch):
     monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.0)
     log, (case_id,) = io.StringIO(), cases
     with ProgressBar(cases, shown=True, file=log) as bar:

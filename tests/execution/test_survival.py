@@ -69,7 +69,7 @@ def uninterrupted(tmp_path_factory):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kills", [10, pytest.param(100, marks=pytest.mark.slow)])
-def test_kills_at_any_change_of_a_file_lose_nothing_that_was_done(tmp_path, uninterrupted, kills):
+def test_kills_at_any_change_of_a_file_lose_no_finished_case(tmp_path, uninterrupted, kills):
     command = [sys.executable, "-m", "tests.execution.stand_in", "kills", tmp_path, str(kills)]
     said = subprocess.run(command, cwd=HERE, capture_output=True, text=True, check=False)
     assert said.returncode == 0, said.stderr
@@ -151,7 +151,7 @@ def test_a_case_that_raises_does_not_affect_others(tmp_path, workers):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("n_stripe", "threads"), [("8", 4), ("4,8", 2)])
-def test_processors_that_no_batch_is_left_for_help_the_others(tmp_path, n_stripe, threads):
+def test_cores_without_a_batch_become_threads_of_other_workers(tmp_path, n_stripe, threads):
     plan = make_plan("preview", (f"n_stripe={n_stripe}", "n_subunit=32", "strain_max=0.06"))
     ran(plan, tmp_path, stand_in.simulate_and_tell_threads, workers=4)
     result = [path.read_text() for path in tmp_path.glob("threads-*")]

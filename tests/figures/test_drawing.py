@@ -38,7 +38,7 @@ def cell_pixels(figure, column, row):
 
 
 @pytest.mark.slow
-def test_failures_and_gaps_never_look_like_values():
+def test_failed_and_missing_designs_are_not_drawn_as_values():
     figure = auxetic_map([made_up_cube()])
     for column, row in ((1, 0), (1, 2), (2, 0), (0, 2)):
         pixels = cell_pixels(figure, column, row)

@@ -89,7 +89,7 @@ def test_an_affine_motion_gives_its_gradient_exactly(entries, seed):
     np.testing.assert_allclose(found, np.broadcast_to(gradient, found.shape), atol=1e-10)
 
 
-def test_a_lost_marker_takes_only_its_own_quadrilaterals_and_is_counted():
+def test_a_lost_marker_removes_only_its_own_quadrilaterals_and_is_counted():
     strain = np.linspace(0, 0.3, 61)
     corners = positions(strain)
     lost = corners.copy()
@@ -126,7 +126,7 @@ def test_the_mean_is_over_the_central_cells_that_are_left():
 
 
 @pytest.mark.slow
-def test_noise_comes_through_at_the_level_that_is_stated(tmp_path):
+def test_errors_of_strains_are_those_of_the_noise(tmp_path):
     astray = {name: [] for name in ("xx", "yy")}
     for seed in range(40):
         laboratory = Laboratory(

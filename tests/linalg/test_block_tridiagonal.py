@@ -113,7 +113,7 @@ def test_a_sheet_is_factorised_and_solved_as_a_dense_matrix(cells_y, cells_x, of
 @pytest.mark.slow
 @pytest.mark.parametrize("of", [clamped, unpinned, one_length, two_lengths])
 @pytest.mark.parametrize("size", [4, 7])
-def test_positive_just_where_every_eigenvalue_is(of, size):
+def test_positive_if_and_only_if_every_eigenvalue_is(of, size):
     sheet = case(size, size, of)
     smallest = np.linalg.eigvalsh(sheet.full)[0]
     for excess in (1e-9, 1e-3):

@@ -35,7 +35,7 @@ def test_a_clean_curve_gives_its_stripe_back(of):
 @pytest.mark.slow
 @pytest.mark.parametrize("cell_size", ["flat", "relaxed"])
 @EVERY_STRIPE
-def test_a_fitted_stripe_has_the_measured_curve_in_the_reading_it_is_tabulated_for(of, cell_size):
+def test_a_fitted_stripe_has_the_measured_curve_with_the_cell_size_it_is_fitted_for(of, cell_size):
     strain, force = curve(of, noise=0.0)
     fit = calibrate(of.period, strain, force)
     tabulated = replace(of, period=fit.tabulated_period(cell_size), **fit.values)
@@ -96,6 +96,6 @@ def test_the_misfit_is_the_noise():
         (np.arange(5.0), -np.arange(5.0), "falls with strain"),
     ],
 )
-def test_what_cannot_be_fitted_is_refused(strain, force, message):
+def test_curves_that_cannot_be_fitted_are_refused(strain, force, message):
     with pytest.raises(ValueError, match=message):
         calibrate(1.41, strain, force)

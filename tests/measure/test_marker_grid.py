@@ -72,7 +72,7 @@ def test_stray_markers_are_ignored():
     assert found.marker.shape == (5, 4)
 
 
-def test_a_hole_wider_than_a_step_is_passed_by():
+def test_the_grid_continues_around_a_gap_wider_than_a_step():
     points = lattice(7, 7)
     hole = (abs(points - 30).max(axis=1)) < 15
     points[hole] = np.nan
@@ -101,7 +101,7 @@ def test_corners_follow_the_markers():
         (np.random.default_rng(3).uniform(0, 100, (40, 2)), "table"),
     ],
 )
-def test_what_is_no_grid_is_refused(points, problem):
+def test_markers_that_form_no_grid_are_refused(points, problem):
     with pytest.raises(NoGrid, match=problem):
         find_grid(points)
 

@@ -77,7 +77,7 @@ def test_stated_errors_of_the_stiffening_strain_are_its_scatter():
     assert abs(found.mean() - 0.15) < 4 * errors / np.sqrt(len(fits))
 
 
-def test_a_useless_parameter_costs_and_a_needed_one_is_worth_its_cost():
+def test_the_criterion_penalises_a_useless_parameter_and_accepts_a_needed_one():
     random = np.random.default_rng(0)
     at = np.linspace(-1, 1, 200)
     for needed in (0.0, 0.5):
@@ -126,7 +126,7 @@ CALIBRATE = ("calibrate", "curve.csv", "--stripe", "rib", "-n", "4", "--period",
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["stiffening", "tabulated"])
-def test_the_command_says_what_the_curve_wants_and_its_stripe_is_simulated(in_folder, name):
+def test_the_command_reports_the_preferred_law_and_its_stripe_is_simulated(in_folder, name):
     write("curve.csv", *curve(STRIPES[name]))
     more = ()
     if name == "tabulated":

@@ -43,7 +43,7 @@ def test_a_line_of_three_waves_is_resolved_between_the_points_of_its_transform()
     assert np.ptp(1 / np.array(found)) < 0.1 * (1 / (3 * LAMBDA))
 
 
-def test_strong_ripples_of_the_folds_are_not_taken_for_the_wave():
+def test_strong_ripples_of_the_folds_are_not_mistaken_for_the_wave():
     line = wavy(6)
     line[:, 1] += 2 * AMPLITUDE * np.sin(2 * np.pi * 4 * line[:, 0] / LAMBDA)
     assert wave_of(line, 6).wavelength == pytest.approx(LAMBDA, rel=0.01)
@@ -63,7 +63,7 @@ def test_the_order_of_the_points_does_not_matter():
     assert wave_of(mixed, 5).wavelength == wave_of(line, 5).wavelength
 
 
-def test_the_trend_is_taken_off_and_the_wave_is_left():
+def test_the_trend_is_removed_and_the_wave_remains():
     found = wave_of(wavy(9, bend=8.0, points_per_wave=200), 9)
     exact = AMPLITUDE * np.sin(2 * np.pi * found.along / LAMBDA)
     inner = (found.along > LAMBDA) & (found.along < found.along[-1] - LAMBDA)

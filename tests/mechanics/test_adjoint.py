@@ -102,11 +102,11 @@ class Pulled:
 
 def pulled(
     n_stripe: int,
-    reading: ModelOptions,
+    options: ModelOptions,
     unit_cells: tuple[int, int] = (1, 1),
     sheet: Sheet = WALLS_FAR,
 ) -> Pulled:
-    layout = fabric_layout(checkerboard(1, unit_cells), sheet, reading)
+    layout = fabric_layout(checkerboard(1, unit_cells), sheet, options)
     stripes = StripePair.of(stripe("rib", n_stripe), stripe("garter", 2 * n_stripe))
     return pulled_fabric(layout, stripes, unit_cells, sheet)
 
@@ -278,7 +278,7 @@ def test_results_do_not_depend_on_the_pose_before_the_rigid_alignment(clamped):
     )
 
 
-def test_no_derivative_is_made_up_where_there_is_no_stable_equilibrium(periodic):
+def test_derivatives_are_missing_without_a_stable_equilibrium(periodic):
     flat = flat_sheet(periodic.layout.net, periodic.layout.fabric(periodic.stripes))
     squeezed = Configuration(
         flat.positions * np.array([1, 0.5, 1]), flat.lengths * np.array([1, 0.5])

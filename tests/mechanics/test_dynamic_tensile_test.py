@@ -36,11 +36,11 @@ def patch_poisson_ratio(shape, test):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
-def test_both_methods_reach_the_same_states(reading):
-    net, fabric = checkered(4, 2, reading)
+@pytest.mark.parametrize("options", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
+def test_both_methods_reach_the_same_states(options):
+    net, fabric = checkered(4, 2, options)
     in_equilibrium = stretched(net, fabric, STRAINS)
-    batch = moving([(4, 2)], reading, SETTINGS)
+    batch = moving([(4, 2)], options, SETTINGS)
     (by_dynamics,) = stretch_by_dynamics(batch, [STRAINS])
     for test in (in_equilibrium, by_dynamics):
         assert [state.outcome for state in test.states] == [Outcome.converged] * len(STRAINS)
@@ -60,7 +60,7 @@ def test_both_methods_reach_the_same_states(reading):
         [[state.snapped for state in test.states] for test in (in_equilibrium, by_dynamics)]
     )
     assert flagged[0].any()
-    assert flagged[1].any() == (reading is PERIODIC)
+    assert flagged[1].any() == (options is PERIODIC)
     assert not (flagged[1] & ~flagged[0]).any()
     np.testing.assert_allclose(energies[1], energies[0], rtol=1e-4)
     np.testing.assert_allclose(ratios[1], ratios[0], rtol=0.01, atol=1e-4)
@@ -96,7 +96,7 @@ def test_the_loss_is_the_work_that_did_not_go_into_the_fabric():
 
 
 @pytest.mark.slow
-def test_too_fast_a_pull_is_reported_and_is_no_snap():
+def test_too_fast_a_test_is_reported_and_is_no_snap():
     fast = replace(SETTINGS, ramp_rate=20.0, smallest_rate=1 / 16)
     (test,) = stretch_by_dynamics(moving([(8, 1)], PERIODIC, fast), [[0.0, 0.05, 0.1]])
     assert [state.outcome for state in test.states] == [Outcome.converged, Outcome.too_fast]
@@ -104,7 +104,7 @@ def test_too_fast_a_pull_is_reported_and_is_no_snap():
 
 
 @pytest.mark.slow
-def test_the_papers_fixed_steps_carry_a_whole_test():
+def test_a_whole_test_runs_with_the_papers_fixed_steps():
     fixed = replace(SETTINGS, ending="fixed_steps")
     (test,) = stretch_by_dynamics(moving([(4, 1)], PERIODIC, fixed), [[0.0, 0.1, 0.2]])
     (steady,) = stretch_by_dynamics(moving([(4, 1)], PERIODIC, SETTINGS), [[0.0, 0.1, 0.2]])
@@ -116,7 +116,7 @@ def test_the_papers_fixed_steps_carry_a_whole_test():
 
 
 @pytest.mark.slow
-def test_one_test_that_ends_does_not_end_its_neighbour():
+def test_a_test_that_ends_does_not_end_others_of_its_batch():
     batch = moving(
         [(4, 1), (8, 1)], PERIODIC, replace(SETTINGS, ramp_rate=0.2, quasi_static_limit=10.0)
     )
@@ -138,7 +138,7 @@ def test_one_test_that_ends_does_not_end_its_neighbour():
 
 @pytest.mark.slow
 @given(turn=arrays(float, 3, elements=st.floats(-3, 3)))
-def test_a_sample_is_squared_up_however_it_turned_and_tilted(turn):
+def test_a_sample_is_aligned_after_any_rotation(turn):
     net, fabric = checkered(4, 1, CLAMPED)
     flat = flat_sheet(net, fabric)
     shape = shaken(flat, 0.05)

@@ -66,7 +66,7 @@ def test_an_undamped_spring_never_comes_to_rest():
 
 
 @pytest.mark.slow
-def test_energy_is_kept_account_of_over_a_relaxation():
+def test_energy_and_dissipation_balance_over_a_relaxation():
     batch = moving([(8, 1)], PERIODIC, SETTINGS)
     sheet = np.asarray(flat_sheet(network(batch.shape), batch.fabrics[0]).flattened())
     (result,) = move(batch, [MotionPath(sheet)])
@@ -153,7 +153,7 @@ def test_a_batch_moves_like_each_of_its_cases_alone():
 @pytest.mark.parametrize(
     ("ending", "outcome"), [("steady", Outcome.stalled), ("fixed_steps", Outcome.diverged)]
 )
-def test_a_design_that_diverges_does_not_disturb_its_neighbour(ending, outcome):
+def test_a_design_that_diverges_does_not_affect_others_of_its_batch(ending, outcome):
     settings = replace(SETTINGS, ending=ending)
     batch = moving([(4, 1), (8, 1)], PERIODIC, settings)
     flat = [flat_sheet(network(batch.shape), fabric) for fabric in batch.fabrics]

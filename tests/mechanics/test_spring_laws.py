@@ -58,8 +58,8 @@ def pair(n_stripe, law):
     )
 
 
-def lawful(n_stripe, periods, reading, law, unit_cells=(1, 1)):
-    return assemble_fabric(checkerboard(periods, unit_cells), *pair(n_stripe, law), SHEET, reading)
+def lawful(n_stripe, periods, options, law, unit_cells=(1, 1)):
+    return assemble_fabric(checkerboard(periods, unit_cells), *pair(n_stripe, law), SHEET, options)
 
 
 @pytest.mark.slow
@@ -145,7 +145,7 @@ def test_derivatives_are_those_of_differences(law):
 
 @pytest.mark.slow
 @EVERY_LAW
-def test_energy_is_kept_account_of_over_a_motion(law):
+def test_energy_and_dissipation_balance_over_a_motion(law):
     settings = DynamicsSettings()
     batch = moving([(8, 1)], PERIODIC, settings)
     net, fabric = lawful(8, 1, PERIODIC, law)

@@ -44,7 +44,7 @@ def test_a_stripe_has_the_same_compliance_and_the_same_folds_on_any_grid(cells, 
 
 
 @given(FINER, FRACTIONS, st.floats(0.3, 3.0))
-def test_the_turn_of_a_ridge_keeps_the_relaxed_length(cells, fraction, theta_0):
+def test_the_angle_of_a_ridge_keeps_the_relaxed_length(cells, fraction, theta_0):
     ridge = Ridge(cells, fraction)
     turn = float(ridge.turn(jnp.array(theta_0)))
     senses = fold_senses(np.ones((1, cells), bool), "stripe_border", True, ridge)[0]
@@ -54,7 +54,7 @@ def test_the_turn_of_a_ridge_keeps_the_relaxed_length(cells, fraction, theta_0):
     assert length == pytest.approx(np.sin(theta_0 / 2), abs=1e-9)
 
 
-def test_the_turn_has_a_derivative_by_the_rest_angle():
+def test_the_angle_of_a_ridge_is_differentiable_by_the_rest_angle():
     ridge = Ridge(8, 0.5)
     turn, step = lambda theta: ridge.turn(jnp.asarray(theta)), 1e-6
     expected = (turn(0.77 + step) - turn(0.77 - step)) / (2 * step)

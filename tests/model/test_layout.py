@@ -62,9 +62,7 @@ def stored(layout, fabric, configuration):
 
 @pytest.mark.parametrize("boundary", ["periodic", "clamped"])
 @pytest.mark.parametrize("hinge_stiffness", ["per_edge", "per_length"])
-def test_a_graded_pattern_of_equal_patches_is_the_checkerboard_to_the_last_bit(
-    boundary, hinge_stiffness
-):
+def test_a_graded_pattern_of_equal_patches_is_bitwise_the_checkerboard(boundary, hinge_stiffness):
     options = ModelOptions(boundary=boundary, hinge_stiffness=hinge_stiffness)
     rows = ["GRGR", "RGRG"]
     grading = graded(rows, [4, 4], [4] * 4, [2, 2], [2] * 4)
@@ -244,7 +242,7 @@ def gradings(draw):
 @pytest.mark.slow
 @given(gradings(), st.sampled_from(["periodic", "clamped"]), st.sampled_from(["all", "fold_lines"]))
 @settings(deadline=None, max_examples=8)
-def test_energy_of_any_graded_pattern_does_not_depend_on_how_it_lies(drawn, boundary, hinges):
+def test_energy_of_any_graded_pattern_does_not_change_with_a_rigid_motion(drawn, boundary, hinges):
     rows, grading = drawn
     layout, fabric = assembled(rows, grading, ModelOptions(boundary=boundary, hinges=hinges))
     flat = flat_sheet(layout.net, fabric)

@@ -64,7 +64,7 @@ def test_the_pattern_that_was_hidden_is_chosen_and_its_workflow_gives_its_number
 
 @pytest.mark.slow
 @pytest.mark.parametrize("design", [(4, 8), (2, 8), (6, 24)])
-def test_a_hidden_fabric_is_met_and_what_is_not_determined_is_said(tmp_path, design):
+def test_a_hidden_fabric_is_met_and_undetermined_parameters_are_reported(tmp_path, design):
     factors = dict(zip(FACTORS, (1.2, 0.9, 0.8, 1.1), strict=True))
     n_stripe, n_subunit = design
     found = designed(
@@ -82,7 +82,7 @@ def test_a_hidden_fabric_is_met_and_what_is_not_determined_is_said(tmp_path, des
 
 
 @pytest.mark.slow
-def test_the_workflow_of_a_candidate_gives_its_numbers_and_the_cube_is_one_like_any(tmp_path):
+def test_the_workflow_of_a_candidate_gives_its_numbers_and_the_cube_can_be_queried(tmp_path):
     found = designed(tmp_path, targets="poisson_ratio = -0.1 ± 0.02 @ 0.05:0.15", robustness=1)
     again = kl.run(found.workflows[0], results=tmp_path / "again")
     for name in ("poisson_ratio", "reaction_force", "poisson_ratio_low", "poisson_ratio_high"):
@@ -97,7 +97,7 @@ def test_the_workflow_of_a_candidate_gives_its_numbers_and_the_cube_is_one_like_
 
 
 @pytest.mark.slow
-def test_a_wish_out_of_reach_is_said_to_be_so_with_the_bound_that_holds_it_back(tmp_path):
+def test_a_target_that_cannot_be_met_is_reported_with_the_limiting_bound(tmp_path):
     path = tmp_path / "wish.toml"
     path.write_text(
         'targets = ["poisson_ratio = -0.9 ± 0.02 @ 0.1"]\nrobustness = 0\n'
@@ -198,7 +198,7 @@ def test_the_search_continues_without_gradients_after_a_missing_derivative(tmp_p
 
 
 @pytest.mark.slow
-def test_own_functions_of_the_shape_can_be_wanted(tmp_path):
+def test_functions_of_the_shape_can_be_targets(tmp_path):
     def thickness(shape):
         return jnp.ptp(shape.positions[..., 2])
 

@@ -106,7 +106,7 @@ def test_targets_that_one_curve_meets_do_not_contradict_each_other(curve, asked)
         ),
     ],
 )
-def test_what_is_wrong_is_named(changes, message):
+def test_mistakes_of_a_request_are_named(changes, message):
     with pytest.raises(BadInput, match=message):
         request(**changes)
 

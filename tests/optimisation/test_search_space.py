@@ -34,7 +34,7 @@ def logarithms(case, gauge):
     return np.log([*numbers, *asdict(gauge).values()])
 
 
-def test_impossible_designs_are_left_out_and_the_test_goes_as_far_as_the_targets():
+def test_impossible_designs_are_left_out_and_the_test_ends_at_the_largest_strain_of_the_targets():
     found = space()
     assert found.designs == ((4, 16), (4, 32), (8, 16), (8, 32))
     case, _ = found.case((4, 16), np.full(5, 0.5))
@@ -49,7 +49,7 @@ def test_a_place_is_found_again_from_its_values(parts):
     np.testing.assert_allclose(found.place_of(found.values(place)), place, atol=1e-12)
 
 
-def test_numbers_of_stripes_follow_places_as_it_is_said():
+def test_stripe_parameters_follow_from_the_place_in_the_search_space():
     found, middle = space(), np.full(5, 0.5)
     before = logarithms(*found.case((4, 16), middle))
     for variable in range(5):
@@ -76,6 +76,6 @@ def test_a_search_starts_from_the_tables():
         ({"workflow": "prewiew"}, "did you mean 'preview'"),
     ],
 )
-def test_what_cannot_be_searched_is_refused(changes, message):
+def test_an_invalid_search_space_is_refused(changes, message):
     with pytest.raises(BadInput, match=message):
         space(**changes)

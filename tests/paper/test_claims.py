@@ -150,7 +150,7 @@ LABORATORY = [each.name for each in read_claims() if each.statement.test == "lab
 
 
 @pytest.mark.slow
-def test_every_claim_holds_on_a_cube_that_does_what_the_paper_says(verdicts):
+def test_every_claim_holds_on_a_cube_made_to_meet_it(verdicts):
     found = verdicts(good_checkerboards(), good_stripes())
     others = {name: verdict for name, verdict in found.items() if verdict != Verdict.holds}
     assert others == dict.fromkeys(LABORATORY, Verdict.not_measured)
@@ -227,13 +227,13 @@ SPOILT = {
 }
 
 
-def test_each_claim_that_can_be_measured_is_spoilt_below():
+def test_each_measurable_claim_has_a_cube_that_breaks_it():
     assert set(SPOILT) == {claim.name for claim in read_claims()} - set(LABORATORY)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SPOILT)
-def test_claim_fails_on_a_cube_that_does_otherwise(verdicts, name):
+def test_a_claim_fails_on_a_cube_made_to_break_it(verdicts, name):
     boards, stripes = good_checkerboards(), good_stripes()
     boards = boards.assign_coords(cell_y=np.arange(ROWS), cell_x=np.arange(COLUMNS))
     SPOILT[name](boards, stripes)
@@ -314,7 +314,7 @@ def test_a_selection_that_would_change_nothing_is_refused(tmp_path):
         judged(read_claims(), [tmp_path], ["n_stripe=4"])
 
 
-def test_a_page_of_no_known_format_is_refused_before_anything_is_said(tmp_path):
+def test_a_page_of_an_unknown_format_is_refused_before_any_output(tmp_path):
     write_cube(good_checkerboards(), tmp_path / "cube.nc")
     result = CliRunner().invoke(main, ["claims", str(tmp_path), "-o", str(tmp_path / "page.txt")])
     assert result.exit_code == 2

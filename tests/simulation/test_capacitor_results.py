@@ -23,7 +23,7 @@ def cube(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_a_cube_holds_all_that_is_said_of_a_capacitor(cube):
+def test_a_cube_holds_every_variable_of_a_capacitor(cube):
     assert set(cube.data_vars) >= NAMES
     rib = cube.sel(knit="rib", n=4, boundary="periodic")
     assert (rib["capacitor_status"] == CapacitorStatus.measured).all()
@@ -39,7 +39,7 @@ def test_a_cube_holds_all_that_is_said_of_a_capacitor(cube):
 
 
 @pytest.mark.slow
-def test_a_stripe_that_does_not_snap_comes_back_as_it_went(cube):
+def test_a_stripe_that_does_not_snap_has_no_hysteresis(cube):
     rib = cube.sel(knit="rib", n=4, boundary="periodic")
     np.testing.assert_allclose(rib["capacitance_unloading"], rib["capacitance"], rtol=1e-4)
     assert float(rib["hysteresis"]) < 1e-3
@@ -90,6 +90,6 @@ def test_layouts_can_be_a_dimension():
         (("unloading=true", "method=dynamics"), r"method = dynamics gives no unloading"),
     ],
 )
-def test_electrodes_that_cannot_be_are_refused_by_the_plan(overrides, message):
+def test_impossible_electrodes_are_refused_by_the_plan(overrides, message):
     with pytest.raises(BadInput, match=message):
         make_plan("sensor", overrides)

@@ -39,7 +39,7 @@ def is_there(pid: int) -> bool:
 
 
 @pytest.mark.slow
-def test_it_finds_what_this_process_finds(sample, subdomain_request):
+def test_a_second_process_finds_the_same_solution(sample, subdomain_request):
     _, fabric, _ = sample
     at, process = subdomain_request.at, SecondProcess()
     for number, subdomain in enumerate(subdomains_of(subdomain_request.free)):
@@ -78,7 +78,7 @@ def test_subdomains_are_solved_though_a_second_process_dies(sample, subdomain_re
 
 
 @pytest.mark.slow
-def test_it_ends_when_nobody_holds_it():
+def test_a_second_process_ends_when_it_is_no_longer_referenced():
     process = SecondProcess()
     pid = process.pid
     assert is_there(pid)
@@ -87,7 +87,7 @@ def test_it_ends_when_nobody_holds_it():
     assert not is_there(pid)
 
 
-def test_it_ends_when_what_started_it_is_killed():
+def test_a_second_process_ends_when_its_parent_is_killed():
     script = (
         "from knitlab.solvers.second_process import SecondProcess\n"
         "process = SecondProcess()\nprint(process.pid, flush=True)\ninput()"

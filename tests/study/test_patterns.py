@@ -39,7 +39,7 @@ def test_the_checkerboard_by_name_is_the_default_design():
     assert case("pattern=checkerboard").case_id == case().case_id
 
 
-def test_names_are_a_dimension_of_the_cube():
+def test_several_patterns_are_a_dimension_of_the_cube():
     plan = make_plan("preview", (*DESIGN, "pattern=checkerboard,basket,miura"))
     assert plan.dims == ("n_stripe", "n_subunit", "pattern")
     assert [each.design["pattern"] for each in plan.cases.values()] == [
@@ -50,7 +50,7 @@ def test_names_are_a_dimension_of_the_cube():
     assert len(set(plan.cases)) == 3
 
 
-def test_an_unknown_name_is_told_with_its_neighbour():
+def test_an_unknown_name_is_reported_with_the_nearest():
     with pytest.raises(BadInput, match="there is no pattern 'checkerbord'; did you mean 'checke"):
         case("pattern=checkerbord")
 
@@ -120,7 +120,7 @@ def test_a_patch_with_an_odd_number_of_stripes_is_refused_with_its_place(tmp_pat
         ('map = "missing.txt"', "missing.txt: cannot be read"),
     ],
 )
-def test_what_cannot_be_knitted_is_refused_with_its_place(tmp_path, text, problem):
+def test_patterns_that_cannot_be_knitted_are_refused_with_their_place(tmp_path, text, problem):
     import re
 
     assert re.search(problem, refused(tmp_path, f"[own]\n{text}\n"))
