@@ -1,4 +1,4 @@
-"""A knitted capacitor during a test: its capacitance in every state, or why it has none."""
+"""A knitted capacitor during a test: its capacitance in every state, or why it is missing."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -96,11 +96,11 @@ def capacitances(
     Args:
         electrodes: the plated cells.
         net: network of the fabric.
-        fabric: its numbers.
-        configurations: of every state, along a leading axis.
-        capacitor: what else it depends on.
-        refinement: grid cells along one cell of the paper's grid, as far as which gaps are looked
-            for.
+        fabric: the fabric.
+        configurations: configurations of all states, along a leading axis.
+        capacitor: parameters of the electrodes.
+        refinement: grid cells along one cell of the paper's grid; gaps are searched up to this
+            length.
     """
     shape, states = net.shape, len(configurations.lengths)
     status = np.full(states, CapacitorStatus.measured)

@@ -40,7 +40,7 @@ HEIGHTS = 512
 which has the most of them."""
 SPRINGS, HINGES = 4 * HEIGHTS, 2 * HEIGHTS
 VECTORS = 3 * SPRINGS + 15 * HINGES + HEIGHTS
-"""Numbers that the energy of a chunk depends on."""
+"""Parameters of the energy of a chunk."""
 WORTH_SHARING = 8
 """Number of chunks from which a second thread pays off."""
 
@@ -260,7 +260,7 @@ class ChunkedFabric:
 def _in_chunks(
     number: Float[Array, " element ..."], count: int, per_chunk: int, spare: float = 0.0
 ) -> list[Float[Array, " place ..."]]:
-    """A number of all elements by chunks, filled up for those that are none."""
+    """A parameter of all elements by chunks; the last chunk is padded."""
     none = [(0, count * per_chunk - len(number)), *[(0, 0)] * (number.ndim - 1)]
     padded = np.pad(np.asarray(number), none, constant_values=spare)
     return [jnp.asarray(row) for row in padded.reshape(count, per_chunk, *number.shape[1:])]
@@ -292,7 +292,7 @@ def _elements(
 def _evaluate(
     of: FoldAngle, acting: Acting, stiffnesses: Stiffnesses, vectors: Vectors
 ) -> tuple[Float[Array, "3"], Vectors]:
-    """Energies of a chunk, and the gradient of their sum by the vectors."""
+    """Energies of a chunk, and the gradient of their sum with respect to the vectors."""
 
     def total(at: Vectors) -> tuple[Array, Array]:
         springs, hinges, heights = _elements(acting, stiffnesses, at)

@@ -103,7 +103,7 @@ def reaction_force(
     length: Float[Array, ""] | float,
     gradient: Float[Array | np.ndarray, " unknown"],
 ) -> Float[Array, ""]:
-    """See :meth:`Loading.reaction_force`; in JAX as in NumPy [N]."""
+    """See :meth:`Loading.reaction_force`; for JAX and NumPy arrays [N]."""
     held = held_under_tension(shape)
     return drive[held] @ gradient[held] / length
 

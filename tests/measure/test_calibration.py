@@ -1,4 +1,4 @@
-"""Calibration recovers a stripe that is known, and says when a curve does not fix it."""
+"""Calibration recovers a known stripe, and reports when a curve does not determine it."""
 
 from dataclasses import replace
 from functools import cache
@@ -73,7 +73,7 @@ def test_correlations_are_those_of_repeated_measurements():
 @pytest.mark.slow
 def test_a_curve_too_short_to_separate_two_parameters_warns():
     fit = calibrate(1.41, *curve(stripe("rib", 4), largest=0.3))
-    assert any("cannot tell k_t from theta_0" in warning for warning in fit.warnings)
+    assert any("cannot separate k_t and theta_0" in warning for warning in fit.warnings)
     straight = np.linspace(0, 0.02, 20)
     fit = calibrate(1.41, straight, 0.02 * straight)
     assert fit.warnings

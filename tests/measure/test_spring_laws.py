@@ -134,7 +134,7 @@ def test_the_command_reports_the_preferred_law_and_its_stripe_is_simulated(in_fo
         more = ("--spring-curve", "spring.csv")
     done = CliRunner().invoke(main, [*CALIBRATE, "--law", name, *more])
     assert done.exit_code == 0, done.output
-    assert f"the curve wants {name} springs" in done.output
+    assert f"the curve supports {name} springs" in done.output
     planned = ("plan", "preview", "--set", "stripe_files=rib-4.toml", "--set", "n_stripe=4")
     done = CliRunner().invoke(main, planned)
     assert done.exit_code == 0, done.output

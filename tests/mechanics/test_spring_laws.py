@@ -179,13 +179,13 @@ def test_the_zigzag_meets_its_two_balances(law, knit, n):
         length = cell * (1 + stretched_by)
         pull = of.k_s * float(chain.law.pull(jnp.asarray(length), jnp.asarray(cell)))
 
-        def moment(lean, pull=pull, length=length):
-            turned = of.k_t * (np.pi - 2 * lean - of.theta_0)
-            return turned - pull / np.cos(lean) * length * np.sin(lean)
+        def moment(tilt, pull=pull, length=length):
+            turned = of.k_t * (np.pi - 2 * tilt - of.theta_0)
+            return turned - pull / np.cos(tilt) * length * np.sin(tilt)
 
-        lean = brentq(moment, 1e-12, np.pi / 2 - of.theta_0 / 2, xtol=1e-15)
-        strain.append(4 * length * np.cos(lean) / of.period - 1)
-        force.append(pull / np.cos(lean))
+        tilt = brentq(moment, 1e-12, np.pi / 2 - of.theta_0 / 2, xtol=1e-15)
+        strain.append(4 * length * np.cos(tilt) / of.period - 1)
+        force.append(pull / np.cos(tilt))
     np.testing.assert_allclose(tension(chain, jnp.array(strain)), force, rtol=1e-8)
 
 

@@ -87,12 +87,16 @@ SQUARE = patch_map(["R"], 1)
     [
         (replace(RIDGES, width=8.0), PERIODIC, r"short circuit: columns 4 to 4, rows 0 to 16"),
         (replace(RIDGES, width=9.0), PERIODIC, r"short circuit: columns 3\.75 to 4\.25"),
-        (replace(RIDGES, width=40.0), PERIODIC, r"electrode A leaves the fabric: columns -8 to 12"),
+        (
+            replace(RIDGES, width=40.0),
+            PERIODIC,
+            r"electrode A extends beyond the fabric: columns -8 to 12",
+        ),
         (replace(RIDGES, width=5.0), CLAMPED, None),
         (
             replace(RIDGES, width=9.0),
             CLAMPED,
-            r"electrode A leaves the fabric: columns -0\.25 to 4\.25, rows 0 to 16",
+            r"electrode A extends beyond the fabric: columns -0\.25 to 4\.25, rows 0 to 16",
         ),
         (replace(RIDGES, ridges=(1, 3)), PERIODIC, "there is no ridge 3: its middle patch has 2"),
         (replace(RIDGES, ridges=(1, 1)), PERIODIC, "short circuit: columns 1 to 3"),
@@ -113,7 +117,7 @@ def test_an_impossible_layout_is_refused_with_its_place(layout, options, message
         (("A..B", "A..B", "A..B"), CLAMPED, "3 rows of 4 letters, the fabric 4 rows of 4"),
         (("A...",) * 4, CLAMPED, "no letter B"),
         (("A..B", "A..B", "...B", "A..B"), CLAMPED, "A is in 2 pieces, one of them at column 0"),
-        (("A..B", "A..B", "...B", "...B"), PERIODIC, "A does not run on over the seam"),
+        (("A..B", "A..B", "...B", "...B"), PERIODIC, "A does not continue across the boundary"),
         (("ABBB", "A..B", "A..B", "A..B"), CLAMPED, "short circuit: columns 1 to 1, rows 3 to 4"),
         ((".A.B", "..AB", "A..B", "A..B"), CLAMPED, "A is in 3 pieces"),
     ],

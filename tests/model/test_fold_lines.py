@@ -24,7 +24,7 @@ def test_on_the_papers_grid_a_fold_is_one_hinge_whatever_the_ridge():
         ridge = Ridge(4, fraction)
         assert ridge.fold_parts.tolist() == [0, 1, 0]
         assert (ridge.stiffness_by_place("stripe_border") == 1).all()
-        assert float(ridge.turn(jnp.array(0.77))) == np.pi - 0.77
+        assert float(ridge.rest_fold(jnp.array(0.77))) == np.pi - 0.77
 
 
 @given(FINER, FRACTIONS, PHASES)
@@ -46,7 +46,7 @@ def test_a_stripe_has_the_same_compliance_and_the_same_folds_on_any_grid(cells, 
 @given(FINER, FRACTIONS, st.floats(0.3, 3.0))
 def test_the_angle_of_a_ridge_keeps_the_relaxed_length(cells, fraction, theta_0):
     ridge = Ridge(cells, fraction)
-    turn = float(ridge.turn(jnp.array(theta_0)))
+    turn = float(ridge.rest_fold(jnp.array(theta_0)))
     senses = fold_senses(np.ones((1, cells), bool), "stripe_border", True, ridge)[0]
     # Walk along one period, turning at every line.
     heading = np.cumsum(senses * turn)
@@ -56,7 +56,7 @@ def test_the_angle_of_a_ridge_keeps_the_relaxed_length(cells, fraction, theta_0)
 
 def test_the_angle_of_a_ridge_is_differentiable_by_the_rest_angle():
     ridge = Ridge(8, 0.5)
-    turn, step = lambda theta: ridge.turn(jnp.asarray(theta)), 1e-6
+    turn, step = lambda theta: ridge.rest_fold(jnp.asarray(theta)), 1e-6
     expected = (turn(0.77 + step) - turn(0.77 - step)) / (2 * step)
     assert float(jax.grad(turn)(0.77)) == pytest.approx(float(expected), rel=1e-6)
 
@@ -85,12 +85,12 @@ def test_rounded_ridges_tend_to_one_shape():
     # The limit: flanks of a quarter of the period, arcs of as much, of the same projected length.
     arc = of.period / 8
 
-    def contraction(lean):
-        return 0.5 * np.cos(lean) + 0.5 * np.sin(lean) / lean
+    def contraction(tilt):
+        return 0.5 * np.cos(tilt) + 0.5 * np.sin(tilt) / tilt
 
-    leans = np.linspace(0.1, np.pi, 200_000)
-    lean = leans[np.abs(contraction(leans) - of.contraction).argmin()]
-    limit = 2 * (arc * np.sin(lean) + arc * (1 - np.cos(lean)) / lean)
+    tilts = np.linspace(0.1, np.pi, 200_000)
+    tilt = tilts[np.abs(contraction(tilts) - of.contraction).argmin()]
+    limit = 2 * (arc * np.sin(tilt) + arc * (1 - np.cos(tilt)) / tilt)
     errors = np.abs(np.array(heights) - limit)
     assert errors[1] < 0.3 * errors[0]
     assert errors[1] < 0.02 * limit
@@ -104,5 +104,5 @@ def test_hinges_of_other_knits_keep_their_stiffness():
     assert (garter[:, :8] == 1).all()
     assert (garter[:, 16:] == 1).all()
     assert (rib[:, 1:8] != 1).any()
-    # The patch is as high as the fabric, so that its folds run on over the seam.
+    # The patch is as high as the fabric, so that its folds continue across the periodic boundary.
     assert (garter[:, 8:16] != 1).any()

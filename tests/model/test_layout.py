@@ -153,10 +153,10 @@ def test_a_single_fold_rests_at_its_angle_without_energy(along, cells_per_period
     flat = flat_sheet(layout.net, fabric)
     axis = 0 if along == "wale" else 1
     reach = np.asarray(flat.positions[..., axis] - flat.positions[..., axis].max() / 2)
-    lean = (np.pi - 2.0) / 2
-    folded = flat.positions.at[..., axis].set(reach * np.cos(lean))
+    tilt = (np.pi - 2.0) / 2
+    folded = flat.positions.at[..., axis].set(reach * np.cos(tilt))
     # A valley opens upwards.
-    folded = folded.at[..., 2].set(np.abs(reach) * np.sin(lean))
+    folded = folded.at[..., 2].set(np.abs(reach) * np.sin(tilt))
     shape = Configuration(folded, flat.lengths)
     assert stored(layout, fabric, shape) == pytest.approx(0, abs=1e-20)
     assert stored(layout, fabric, flat) > 1e-3
@@ -166,7 +166,7 @@ def test_a_single_fold_rests_at_its_angle_without_energy(along, cells_per_period
     ("change", "problem"),
     [
         ({"at": 2.5}, "at = 2.5 lies outside the pattern, which has 2 patches there"),
-        ({"at": 1.1}, "at = 1.1 lies between grid lines; take 1 or 1.25"),
+        ({"at": 1.1}, "at = 1.1 lies between grid lines; use 1 or 1.25"),
         ({"at": 1, "start": 1.0, "end": 0.5}, "start = 1 is not below end = 0.5"),
     ],
 )

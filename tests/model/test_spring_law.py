@@ -133,7 +133,7 @@ def test_stiffening_springs_become_linear_as_their_strain_grows(strain):
         ((0.0, 0.1), (0.0,), ["2 strains and 1 forces"]),
         ((0.0,), (0.0,), ["two at least"]),
         ((0.0, np.nan), (0.0, 1.0), ["not finite"]),
-        ((0.0, 0.2, 0.1), (0.0, 1.0, 1.0), ["strain does not grow from 0.2", "force does not"]),
+        ((0.0, 0.2, 0.1), (0.0, 1.0, 1.0), ["strain does not increase from 0.2", "force does not"]),
         ((0.1, 0.2), (0.0, 1.0), ["no strain and no force"]),
         ((0.0, 0.2), (0.5, 1.0), ["no strain and no force"]),
         ((-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0), ["above -1"]),

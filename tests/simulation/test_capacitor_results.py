@@ -83,7 +83,7 @@ def test_layouts_can_be_a_dimension():
             r"the electrodes touch, a short circuit: columns .* \(in n_stripe 2  n_subunit 16\)",
         ),
         (("mask=AB,A",), r"a mask is a rectangle of letters; give rows of equal length"),
-        (("mask=AX,AB",), r"a mask holds A, B and '.', not X"),
+        (("mask=AX,AB",), r"a mask consists of A, B and '.', not X"),
         (("mask=AB,AB", "n_stripe=4", "n_subunit=16"), r"the fabric 16 rows of 16 grid cells"),
         (("span=0.1,0.9",), r"periodic fabric has no ends"),
         (("permittivity=0.5",), r"permittivity"),

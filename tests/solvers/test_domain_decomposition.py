@@ -120,9 +120,7 @@ def test_groups_hold_every_subdomain_once_and_none_that_are_coupled(count, seed,
 
 
 @pytest.mark.slow
-def test_two_threads_solve_subdomains_with_the_results_of_one(
-    small_subdomains, sample, monkeypatch
-):
+def test_two_threads_give_the_subdomain_solutions_of_one(small_subdomains, sample, monkeypatch):
     net, fabric, loading = sample
     # Smaller subdomains yet, of which some are not coupled.
     monkeypatch.setattr(subdomains, "CELLS", 4)
