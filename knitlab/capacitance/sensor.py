@@ -103,8 +103,8 @@ def mean_slope(strain: Curve, capacitance: Curve) -> float:
     """
     middle, half = (strain[0] + strain[-1]) / 2, CENTRAL_PART / 2 * (strain[-1] - strain[0])
     inner = strain[(strain > middle - half) & (strain < middle + half)]
-    at = np.concatenate([[middle - half], inner, [middle + half]])
-    return float(np.abs(np.diff(np.interp(at, strain, capacitance))).sum() / (2 * half))
+    strains = np.concatenate([[middle - half], inner, [middle + half]])
+    return float(np.abs(np.diff(np.interp(strains, strain, capacitance))).sum() / (2 * half))
 
 
 def linearity(strain: Curve, capacitance: Curve) -> Float[np.ndarray, ""]:

@@ -141,7 +141,7 @@ def _cut(low: float, high: float, origins: tuple[float, ...]) -> list[float]:
 
 def _gauss(lines: list[float]) -> tuple[Float[np.ndarray, " point"], Float[np.ndarray, " point"]]:
     """Gauss points and weights of the intervals between lines."""
-    at, weight = np.polynomial.legendre.leggauss(POINTS_A_CELL)
+    node, weight = np.polynomial.legendre.leggauss(POINTS_A_CELL)
     edges = np.array(lines)
     middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
-    return (middle[:, None] + half[:, None] * at).ravel(), (half[:, None] * weight).ravel()
+    return (middle[:, None] + half[:, None] * node).ravel(), (half[:, None] * weight).ravel()

@@ -169,8 +169,8 @@ def calibrate(
     if not np.sum(strain * force) > 0:
         raise ValueError("the force falls with strain; give tension as positive")
     compiled, jacobian = (
-        lambda unknowns, of=of: np.asarray(of(curve, unknowns, period, strain))
-        for of in (_force, _force_slopes)
+        lambda unknowns, function=function: np.asarray(function(curve, unknowns, period, strain))
+        for function in (_force, _force_slopes)
     )
     lower, upper = (_unknowns({name: BOUNDS[name][side] for name in fitted}) for side in (0, 1))
     fits = [
@@ -310,7 +310,10 @@ def _starts(
         k_s = np.max(np.abs(force)) / (0.1 * cell)
         start = {"k_s": stiff * k_s, "k_t": soft * k_t, "theta_0": angle}
         if "stiffening_strain" in fitted:
-            starts += [_unknowns(start | {"stiffening_strain": at}) for at in STARTING_STRAINS]
+            starts += [
+                _unknowns(start | {"stiffening_strain": stiffening})
+                for stiffening in STARTING_STRAINS
+            ]
         else:
             starts.append(_unknowns(start))
     return starts

@@ -57,12 +57,16 @@ def compare(simpler: Residuals, other: Residuals, parameters: tuple[int, int]) -
     """
     pair = simpler, other
     correlations = _autocorrelation(simpler), _autocorrelation(other)
-    one, two = (_aicc(its, count + 1) for its, count in zip(pair, parameters, strict=True))
-    new_one, new_two = (
-        _aicc(its[1:] - correlation * its[:-1], count + 2)
-        for its, correlation, count in zip(pair, correlations, parameters, strict=True)
+    independent = [
+        _aicc(residuals, count + 1) for residuals, count in zip(pair, parameters, strict=True)
+    ]
+    correlated = [
+        _aicc(residuals[1:] - correlation * residuals[:-1], count + 2)
+        for residuals, correlation, count in zip(pair, correlations, parameters, strict=True)
+    ]
+    return Comparison(
+        len(simpler), correlations, independent[0] - independent[1], correlated[0] - correlated[1]
     )
-    return Comparison(len(simpler), correlations, one - two, new_one - new_two)
 
 
 def _autocorrelation(residuals: Residuals) -> float:

@@ -31,7 +31,7 @@ def quantities(shape: MeshShape, cells: CellGrid) -> dict[str, Quantity]:
 
     def strains(relaxed: Configuration, strained: Configuration) -> list[Array]:
         local = local_strain(corners(relaxed), corners(strained))
-        return [jnp.asarray(central_mean(of)) for of in local]
+        return [jnp.asarray(central_mean(strain)) for strain in local]
 
     def cell(relaxed: Configuration) -> Float[Array, "2"]:
         return jnp.stack(mean_cell_size(corners(relaxed)))

@@ -139,7 +139,7 @@ class FabricLayout:
     def _spring_stiffness(self, k_s: list[Any], xp: Any) -> Float[Array | np.ndarray, " spring"]:
         """A spring on the border of two cells has the mean of their stiffness."""
         one, other = self.spring_cells[:, 0].T, self.spring_cells[:, 1].T
-        along = [(of[tuple(one)] + of[tuple(other)]) / 2 for of in k_s]
+        along = [(stiffness[tuple(one)] + stiffness[tuple(other)]) / 2 for stiffness in k_s]
         return xp.select([self.spring_kind == 0, self.spring_kind == 1], along, xp.minimum(*along))
 
     def _spring_law(self, stripes: StripePair, k_s: list[Any], xp: Any) -> SpringLaw:
@@ -156,7 +156,7 @@ class FabricLayout:
     def _hinge_stiffness(self, k_t: list[Any], xp: Any) -> Float[Array | np.ndarray, " hinge"]:
         """A hinge between two cells is half a hinge of each cell in series."""
         before, after = self.hinge_cells[:, 0].T, self.hinge_cells[:, 1].T
-        pairs = [(of[tuple(before)], of[tuple(after)]) for of in k_t]
+        pairs = [(stiffness[tuple(before)], stiffness[tuple(after)]) for stiffness in k_t]
         across = self.hinge_kind == 0
         one = xp.where(across, pairs[0][0], pairs[1][0])
         other = xp.where(across, pairs[0][1], pairs[1][1])
@@ -186,7 +186,8 @@ class FabricLayout:
             (self.row_stripe[before[:, 0]], self.row_stripe[after[:, 0]]),
         ]
         weft, warp = (
-            (of[one] + of[other]) / 2 for of, (one, other) in zip(folds, numbers, strict=True)
+            (angle[one] + angle[other]) / 2
+            for angle, (one, other) in zip(folds, numbers, strict=True)
         )
         fold = self.fold_part * xp.where(self.hinge_kind == 0, weft, warp)
         return xp.where(np.isnan(self.single_fold), fold, np.nan_to_num(self.single_fold))
@@ -324,6 +325,6 @@ def _single_folds(pattern: PatchGrid, net: Network, periodic: bool) -> Float[np.
         )
         line = fold.line % count if periodic else fold.line
         wale = net.wale if fold.along == "wale" else ~net.wale
-        on = wale & (across == line) & (fold.start <= along) & (along < fold.end)
-        rest[on] = fold.rest_fold
+        folded = wale & (across == line) & (fold.start <= along) & (along < fold.end)
+        rest[folded] = fold.rest_fold
     return rest
