@@ -179,8 +179,8 @@ def test_a_worker_lost_once_costs_nothing(tmp_path):
     ("workers", "timeout"), [(0, 0.5), pytest.param(WORKERS, 3.0, marks=pytest.mark.slow)]
 )
 def test_a_case_without_end_is_ended(tmp_path, workers, timeout):
-    periodic = stand_in.simulate_endlessly
-    run = ran(plan_of(), tmp_path, periodic, workers=workers, case_timeout=timeout)
+    unending = stand_in.simulate_endlessly
+    run = ran(plan_of(), tmp_path, unending, workers=workers, case_timeout=timeout)
     assert statuses(run)["failed"] == 3
     assert f"took longer than {timeout:g} s (case_timeout)" in run.failures[0]["reason"]
     assert not list(tmp_path.glob(".timed-out-*"))

@@ -105,4 +105,4 @@ def test_a_sibling_counts_up_to_the_strain_that_it_reached():
 def test_siblings_by_dynamics_are_refused():
     plan = make_plan("preview", ("method=dynamics", "robustness=2"))
     assert {case.robustness for case in plan.cases.values()} == {0}
-    assert any("robustness = 2 is left out by dynamics" in warning for warning in plan.warnings)
+    assert any("robustness = 2 is ignored by dynamics" in warning for warning in plan.warnings)
