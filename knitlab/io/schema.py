@@ -42,7 +42,7 @@ COORDINATES = {
         ("stripe_parameter",),
         "1",
         "parameter of the rib or of the garter stripe",
-        "rib_period is the paper's w, garter_period its h; k_s of springs, k_t and theta_0 of folds",
+        "rib_period is the paper's w, garter_period its h; k_s of springs, k_t, theta_0 of folds",
     ),
     "boundary_point": Variable(
         ("boundary_point",), "1", "position along a boundary, over its length from end to end"

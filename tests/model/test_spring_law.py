@@ -131,7 +131,7 @@ def test_stiffening_springs_become_linear_as_their_strain_grows(strain):
     ("strain", "force", "problems"),
     [
         ((0.0, 0.1), (0.0,), ["2 strains and 1 forces"]),
-        ((0.0,), (0.0,), ["two at least"]),
+        ((0.0,), (0.0,), ["at least two"]),
         ((0.0, np.nan), (0.0, 1.0), ["not finite"]),
         ((0.0, 0.2, 0.1), (0.0, 1.0, 1.0), ["strain does not increase from 0.2", "force does not"]),
         ((0.1, 0.2), (0.0, 1.0), ["no strain and no force"]),
