@@ -30,13 +30,13 @@ PARAMETERS = read_parameters(shipped("params"))
 SHEET = Sheet(z_max=6.0, k_wall=100.0)
 PERIODIC = ModelOptions(cell_size="relaxed", boundary="periodic")
 CLAMPED = ModelOptions(cell_size="relaxed", boundary="clamped")
-"""Longer cells than those of the default options: softer to fold, they snap, and so try solvers
-harder."""
+"""Longer cells than those of the default options: they fold more easily and snap, which is a harder
+test of solvers."""
 DEFAULT = SolverSettings()
 MASS_AND_DRAG = MassAndDrag(surface_density=1.1e-4, damping=2e-4)
 FINE = SolverSettings(tolerance=1e-12)
 compiled_tension = jax.jit(tension)
-"""Of a zigzag; uncompiled, every call compiles its search for a root again."""
+"""Tension of a zigzag, compiled; otherwise every call would compile its root finder again."""
 
 
 def stripe(knit: Knit, n: int) -> Stripe:
@@ -54,7 +54,7 @@ EVERY_STRIPE = pytest.mark.parametrize(
         for of, name in ((of, f"{of.knit} {of.n}") for of in ALL_STRIPES)
     ],
 )
-"""A test of every stripe; all but two of them are slow."""
+"""Parametrises a test by every stripe; all but two are marked slow."""
 
 
 def patterned(
@@ -66,7 +66,7 @@ def patterned(
 
 
 def checkerboard(periods: int, unit_cells: tuple[int, int] = (1, 1)) -> PatchGrid:
-    """The paper's fabric: unit cells, so many along (y, x), of 2 × 2 alternating patches."""
+    """The paper's fabric: numbers of unit cells along (y, x), each of 2 × 2 alternating patches."""
     return patch_map(["GR", "RG"], periods).tiled(unit_cells)
 
 
@@ -86,7 +86,7 @@ def pure(
 
 
 def cell_of(fabric: Fabric) -> np.ndarray:
-    """Sides (x, y) of the grid cells of a fabric whose cells are all alike."""
+    """Sides (x, y) of the grid cells of a fabric whose cells are all equal."""
     return np.array([fabric.cell_x[0], fabric.cell_y[0]])
 
 
@@ -110,7 +110,7 @@ def moving(
     unit_cells: tuple[int, int] = (1, 1),
     mass_and_drag: MassAndDrag = MASS_AND_DRAG,
 ) -> MovingBatch:
-    """Checkerboards (n_stripe, periods) of one mesh shape, ready to move."""
+    """Checkerboards (n_stripe, periods) of one mesh shape, as a batch for the dynamics."""
     assembled = [checkered(*design, options, unit_cells) for design in designs]
     inertias = [
         inertia(stripe("rib", n), stripe("garter", 2 * n), options, mass_and_drag)
@@ -122,7 +122,7 @@ def moving(
 
 
 def periodic_poisson_ratio(test: TensileTest) -> np.ndarray:
-    """ν of periodic fabric straight from L_x and L_y."""
+    """ν of periodic fabric, computed from L_x and L_y."""
     lengths = np.array([state.configuration.lengths for state in test.states])
     strain = lengths[1:] / lengths[0] - 1
     return -strain[:, 0] / strain[:, 1]

@@ -1,4 +1,4 @@
-"""What is installed: the package alone, with its inputs, where a stranger has no repository."""
+"""The installed wheel: only the package, with its input files."""
 
 import subprocess
 import sys

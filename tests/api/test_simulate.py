@@ -1,4 +1,4 @@
-"""Single designs in Python: what a sweep computes, without a workflow."""
+"""Single designs in Python: the results of a sweep, without a workflow."""
 
 from dataclasses import replace
 

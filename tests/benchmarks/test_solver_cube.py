@@ -25,7 +25,7 @@ MACHINE = {"cpu_model": "Abacus 1", "blas_kernels": "beads"}
 
 
 def made_up_records():
-    """Times that are powers of the size; the dynamics are given up on the largest sample."""
+    """Times that are powers of the size; the dynamics do not finish the largest sample."""
     records = []
     for solver, slope in SLOPE.items():
         for size, nodes in NODES.items():

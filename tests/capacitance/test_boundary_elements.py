@@ -206,7 +206,7 @@ def test_a_periodic_pair_equals_a_long_one():
 
     periodic = by_series(*ends)
     assert long_pair(32.0) / 32 == pytest.approx(periodic, rel=0.03)
-    # What the ends add is the same for both.
+    # The contribution of the ends is the same for both.
     assert (long_pair(32.0) - long_pair(16.0)) / 16 == pytest.approx(periodic, rel=0.01)
 
 
@@ -223,7 +223,7 @@ def test_square_plates_agree_with_fastcap(distance):
             for panel in panels.tolist():
                 surface.add_quad(*map(tuple, panel))
             problem.add(surface)
-        # FastCap counts metres and farads.
+        # FastCap uses metres and farads.
         return 1e9 * two_terminal(np.array(problem.solve()))
 
     computed = extrapolated(*(between(*square_plates(count, distance)) for count in (8, 16)))
@@ -353,7 +353,7 @@ def test_states_of_a_batch_equal_single_states():
     batch = [conductors[0] + shifts, *(np.repeat(each[None], 6, axis=0) for each in conductors[1:])]
     together = maxwell(*batch)
     alone = [maxwell(*(each[number] for each in batch)) for number in range(6)]
-    # Near in one state is taken for near in all of them.
+    # Panels that are near in one state count as near in all states.
     assert np.allclose(together, alone, rtol=1e-4)
 
 
@@ -374,7 +374,7 @@ def test_the_number_of_images_does_not_matter(length):
     def with_images(count, beyond):
         return two_terminal(maxwell(*pair, period=length, images=Images(count, beyond, axis=1)))
 
-    # So many that those beyond them do not count.
+    # So many images that further ones are negligible.
     exact = with_images(jnp.asarray(2000), jnp.zeros(2))
     for count in (8, 12, 40):
         beyond = jnp.array([zeta(3, count + 1), zeta(5, count + 1)])

@@ -1,4 +1,4 @@
-"""Capacitors on stripes folded by hand: what is measured, and what has a status instead."""
+"""Capacitors on stripes with given folds: measured capacitances, and states without one."""
 
 from dataclasses import replace
 

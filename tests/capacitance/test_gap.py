@@ -18,7 +18,7 @@ STEPS = np.linspace(0, 1, 41)
 
 
 def found_by_minimising(one, other):
-    """Shortest distance between triangles, as a convex problem of the places on both."""
+    """Shortest distance between triangles, as a convex problem of the positions on both."""
 
     def squared(place):
         apart = (1 - place[0] - place[1]) * one[0] + place[:2] @ one[1:]
@@ -38,7 +38,7 @@ def found_by_minimising(one, other):
 
 
 def sampled(triangle):
-    """Points all over a triangle."""
+    """Points distributed over a triangle."""
     u, v = (part.ravel() for part in np.meshgrid(STEPS, STEPS))
     u, v = u[u + v <= 1], v[u + v <= 1]
     return (
@@ -49,7 +49,7 @@ def sampled(triangle):
 
 
 def pair(seed):
-    """Two triangles side by side, that do not pass through each other."""
+    """Two triangles side by side, which do not intersect."""
     random = np.random.default_rng(seed)
     one, other = random.normal(size=(2, 3, 3))
     apart = random.normal(size=3)

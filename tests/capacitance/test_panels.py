@@ -34,7 +34,7 @@ def along_the_weft(shape, low=0.5, width=1.0, apart=4.0):
 
 
 def drawn(electrodes):
-    """The same electrodes, of strips of one grid cell each."""
+    """The same electrodes, divided into strips of one grid cell."""
     cells = [
         [
             Strip(x, x + 1.0, y, y + 1.0)
@@ -110,7 +110,7 @@ def test_a_strip_is_cut_by_level_and_finer_where_it_ends(level):
     lengthwise = (shape.cells_y + 2) * level
     within = Electrodes(((Strip(0.0, 1.0, 0.0, 8.0),), (Strip(4.0, 6.0, 0.0, 8.0),)), "wale")
     one, other = np.bincount(panel_chart(within, shape, level).electrode)
-    # Of one column both sides end; of two columns each ends at one.
+    # An electrode of one column ends at both its sides; with two columns each ends at one side.
     assert one == 4 * level * lengthwise
     assert other == (2 + 2) * level * lengthwise
     one, other = np.bincount(panel_chart(within, periodic, level).electrode)
@@ -129,7 +129,7 @@ def test_lines_run_from_0_to_1_and_are_denser_at_ends_of_the_electrode(level, lo
     assert len(steps) == level * (1 + low_free) * (1 + high_free)
     assert np.allclose(lines, 1 - graded(level, high_free, low_free)[::-1], atol=1e-15)
     if low_free or high_free:
-        # As narrow at both sides, and nowhere wider than in the middle.
+        # Equally narrow at both sides, and widest in the middle.
         assert np.allclose(steps, steps[::-1])
         assert (np.diff(steps[: (len(steps) + 1) // 2]) > 0).all()
     else:

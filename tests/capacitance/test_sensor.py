@@ -1,4 +1,4 @@
-"""Figures of a sensor, on curves of which they are known."""
+"""Figures of merit of a sensor, on curves for which they are known."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_two_points_are_too_few():
 
 
 def test_the_mean_slope_is_that_of_the_central_fifth():
-    # 0.30 to 0.40 is the central fifth of 0.10 to 0.60; a kink lies in its middle.
+    # 0.30 to 0.40 is the central fifth of 0.10 to 0.60; the curve has a kink in its middle.
     curve = np.where(STRAIN < 0.35, 5.0, 5.0 - 8 * (STRAIN - 0.35))
     fine = np.linspace(0.1, 0.6, 501)
     assert mean_slope(fine, np.interp(fine, STRAIN, curve)) == pytest.approx(4, rel=0.03)

@@ -55,14 +55,14 @@ def rolled(turns):
 
 
 def hinged(angle):
-    """Turns of a fabric with one fold, halfway between the strips."""
+    """Rotations of the cells of a fabric with one fold, midway between the strips."""
     turns = np.zeros(7)
     turns[3] = np.pi - angle
     return turns
 
 
 def corrugated(angle):
-    """Turns of a fabric with a ridge along the middle of each strip and a valley between them."""
+    """Rotations of the cells of a fabric with a ridge in each strip and a valley between them."""
     turns = np.zeros(7)
     turns[1::2] = (angle - np.pi) * np.array([1, -1, 1])
     return turns
@@ -152,7 +152,7 @@ def test_nearly_parallel_plates_have_most_of_the_exact_value(tilt):
     line = outline(turns)
     exact = LENGTH * by_series(line[[1, 3]], line[[5, 7]])
     found = wedge(rolled(turns))
-    # As wide as they are apart. The field behind them is no arc, and is left out.
+    # Strips as wide as their distance. The field behind them is not an arc, and is neglected.
     assert found > VACUUM_PERMITTIVITY * LENGTH
     assert 0.7 * exact < found < exact
 
@@ -235,7 +235,7 @@ def test_the_derivative_is_that_of_finite_differences(seed):
 def test_the_derivative_is_finite_where_the_fabric_is_flat():
     gradient = jax.grad(wedge_capacitance, argnums=2)(PAIR, SHAPE, rolled(FLAT)).flattened()
     assert np.isfinite(gradient).all()
-    # By size alone, capacitance grows with it.
+    # Capacitance is proportional to size.
     assert gradient @ rolled(FLAT).flattened() == pytest.approx(wedge(rolled(FLAT)), rel=1e-9)
 
 

@@ -1,4 +1,4 @@
-"""Chunks of elements: put together they make up the fabric, whatever its mesh shape."""
+"""Chunks of elements give the results of the whole fabric, for any mesh shape."""
 
 import jax
 import numpy as np
@@ -14,12 +14,12 @@ from tests.fabrics import checkered, shaken
 
 PART = Stage(fold=0.7, wall=0.3)
 SHEETS = [("clamped", 1), ("clamped", 4), ("periodic", 1), ("periodic", 4)]
-"""Of less than one chunk, and of some that are not all full."""
+"""Mesh shapes of less than one chunk, and of several chunks that are not all full."""
 
 
 @pytest.fixture
 def shared(monkeypatch):
-    """Small samples are worth sharing."""
+    """Makes small samples use several threads."""
     monkeypatch.setattr(element_chunks, "WORTH_SHARING", 2)
     chunks_of.cache_clear()
     yield
@@ -52,7 +52,7 @@ def test_energy_forces_and_hessians_equal_those_without_chunks(boundary, periods
 
 
 def test_the_incidence_of_a_translation_is_zero():
-    """Vectors are differences: moved as a whole, a sheet has the same, but for its heights."""
+    """Vectors are differences: a translation changes only the heights."""
     mesh_chunks = chunks_of(checkered(4, 1, ModelOptions(boundary="clamped"))[0].shape)
     for axis in (0, 1):
         moved = np.zeros(mesh_chunks.shape.unknowns)

@@ -25,7 +25,7 @@ def ran(results, *words):
 
 
 def written(results):
-    """When each file of a results folder was written."""
+    """Modification time of each file of a results folder."""
     files = [*results.rglob("*.n[cp]*"), *results.rglob("*.p*")]
     return {path: path.stat().st_mtime_ns for path in files}
 

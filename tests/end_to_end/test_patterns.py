@@ -1,4 +1,4 @@
-"""Patterns from a file to a cube: whatever can be validated builds, relaxes and comes back."""
+"""Patterns from a file to a cube: every valid pattern relaxes and is read back."""
 
 import numpy as np
 import pytest
@@ -49,9 +49,9 @@ def patterns(draw):
 
 
 def _is_frustrated(rows):
-    """Whether a column of garter alone, which shortens, lies beside one with rib, which does not.
+    """Whether a column of garter only, which shortens, is beside one with rib, which does not.
 
-    Periodic fabric then folds over itself in every row; some of it crushes cells.
+    Periodic fabric then folds over itself in every row; in some fabrics cells are crushed.
     """
     columns = ["".join(column) for column in zip(*rows, strict=True)]
     return any(set(column) == {"G"} for column in columns) and "R" in "".join(columns)

@@ -1,4 +1,4 @@
-"""Numbers that stay: the same on any processor, with any number of threads, alone or in a batch."""
+"""Results are the same on any CPU, with any number of threads, alone or in a batch."""
 
 import json
 import os
@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 SAME = 1e-3
 DESIGNS = ("strain_max=0.45", "strain_step=0.15", "robustness=0")
 KERNELS = {"Sandybridge": "avx", "Haswell": "avx2", "SkylakeX": "avx512f"}
-"""Kernels of OpenBLAS, and what a processor must know to run them."""
+"""Kernels of OpenBLAS, and the CPU features that they need."""
 
 
 def ratios(cases, runner=None):

@@ -1,4 +1,4 @@
-"""A real sweep that is killed, taken up again, damaged and reproduced, as a user types it."""
+"""A real sweep that is killed, resumed, damaged and reproduced by commands."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Cubes that grow, swept settings, and results that go stale, by a cheap stand-in."""
+"""Cubes that grow, swept settings, and stale results, by a cheap stand-in."""
 
 import json
 import os
@@ -53,7 +53,7 @@ def test_new_designs_are_added_to_a_cube_whose_values_stay_bitwise_equal(tmp_pat
         assert bits(more.cube, **labels) == bits(first.cube, **labels)
     assert more.cube["status"].sel(n_stripe=6, n_subunit=16) == Status.excluded
     assert more.cube["status"].sel(n_stripe=6, n_subunit=48) == Status.ok
-    # What was there comes first again, and the cube is the same either way round.
+    # Existing designs come first, and the cube does not depend on the order of the runs.
     again = ran(planned(*PAIRS), tmp_path)
     assert again.simulated == ()
     xr.testing.assert_identical(again.cube.drop_attrs(), more.cube.drop_attrs())

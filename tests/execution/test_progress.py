@@ -44,7 +44,7 @@ def test_a_log_counts_parts_of_a_state_and_ends_at_the_total(cases, monkeypatch)
         for states in (0.25, 0.5, 3.0):
             bar.reached(case_id, states)
         bar.ended(case_id)
-        # What was reported before does not move it back.
+        # An earlier state that is reported again does not decrease it.
         bar.reached(case_id, 1.0)
     shares = [float(line.split(",")[1].strip(" %")) for line in lines(log)]
     assert shares == sorted(shares)

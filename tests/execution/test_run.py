@@ -1,4 +1,4 @@
-"""Running small sweeps for real: what is written, reused, and said of what fails."""
+"""Real small sweeps: files that are written or reused, and reports of failures."""
 
 import json
 

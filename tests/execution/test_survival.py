@@ -1,4 +1,4 @@
-"""Sweeps that survive: kills, poison, damage, full disks and second runs, by a cheap stand-in."""
+"""Sweeps survive kills, failing cases, damage, full disks and second runs; by a cheap stand-in."""
 
 import hashlib
 import json
@@ -57,7 +57,7 @@ def stand_in_process(*words, **options):
 
 
 def await_cases(process, count):
-    """Wait until a process has announced so many cases; no more than a few more are written."""
+    """Wait until a process has announced a number of cases; only a few more are written."""
     for _ in range(count):
         assert process.stdout.readline(), "the process ended too early"
 
@@ -95,7 +95,7 @@ def test_a_killed_run_with_workers_resumes(tmp_path, uninterrupted):
 
 
 def ignoring_ctrl_c():
-    """As a shell starts what runs in the background."""
+    """Signal handling of a process that a shell starts in the background."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
@@ -291,7 +291,7 @@ def test_garbage_in_files_that_are_rewritten_is_ignored(tmp_path, garbage):
     with pytest.raises(BadInput, match="remove it and run again"):
         ran(plan, tmp_path)
     (tmp_path / "cube.nc").unlink()
-    # Whole by its checksum, and yet no case.
+    # Its checksum is correct, but it is not a case.
     case_path(tmp_path, second).write_bytes(garbage)
     digest = hashlib.sha256(garbage).hexdigest()
     case_path(tmp_path, second).with_suffix(".sha256").write_text(f"{digest}  {second}.nc\n")
@@ -300,7 +300,7 @@ def test_garbage_in_files_that_are_rewritten_is_ignored(tmp_path, garbage):
 
 def test_a_second_run_names_the_holder_of_the_lock(tmp_path):
     with held(tmp_path), pytest.raises(BadInput, match=f"is held by process {os.getpid()} of "):
-        # A lock is of an open file, so that this process can take the part of another.
+        # A lock belongs to an open file, so that this process can act as another one.
         ran(plan_of(), tmp_path)
     assert ran(plan_of(), tmp_path).failures == ()
 

@@ -1,4 +1,4 @@
-"""Maps of sensors on made-up cubes: the front, what has no value, and what there is to draw."""
+"""Maps of sensors on artificial cubes: the Pareto front, missing values, and refused cubes."""
 
 import numpy as np
 import pytest

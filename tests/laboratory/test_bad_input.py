@@ -18,7 +18,7 @@ def good(tmp_path_factory):
 
 
 def imported(tmp_path, good, kind, changes=(), files=()):
-    """What importing says and leaves, with parts of the description and of files changed."""
+    """Message and result of an import, with parts of the description and of files changed."""
     description = good.description()
     for path, value in changes:
         *tables, key = path.split(".")

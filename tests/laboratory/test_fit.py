@@ -1,4 +1,4 @@
-"""Fits to whole fabrics: parameters that were perturbed come back within their errors."""
+"""Fits to whole fabrics: perturbed parameters are recovered within their errors."""
 
 from dataclasses import replace
 
@@ -64,7 +64,7 @@ def test_parameters_perturbed_by_20_percent_come_back_within_their_errors(fit):
     ]
     assert np.abs(astray).max() < 3
     assert np.sqrt(np.mean(np.square(astray))) < 1.8
-    # What a test tells hardly anything of would come back within its errors from any start.
+    # A hardly determined parameter would be recovered within its errors from any start.
     for name in ("rib_k_t", "rib_theta_0", "garter_k_t", "garter_theta_0"):
         assert fit.standard_errors[name] < 0.15
         assert fit.learned[name] > 0.5
@@ -97,7 +97,7 @@ def test_the_fitted_curves_are_those_of_a_test_from_the_start(fit):
     ],
 )
 def test_derivatives_are_those_of_finite_differences(case, name):
-    # Short of the snap, where the fabric has one state alone.
+    # Below the strain of the snap, where the fabric has only one state.
     fine = replace(case.equilibrium_solver, tolerance=1e-11)
     short = replace(case, applied_strain=STRAINS[:3], solver=fine)
     truth, step = simulated_test(with_factors(short, TRUTH)), 1e-4
@@ -147,7 +147,7 @@ def test_a_sample_that_does_not_relax_is_refused(case, truth):
 
 @pytest.mark.slow
 def test_a_test_that_fails_midway_is_skipped(case, truth):
-    # So far from it that no state converges: the search has to turn back, not to break off.
+    # So far away that no state converges: the search must take a shorter step, not end.
     assert simulated_test(with_factors(case, {"rib_k_s": 1e-9}), truth) is None
 
 

@@ -51,7 +51,7 @@ def test_rotated_scaled_shuffled_and_missing_markers_give_the_same_strains(
     corners = positions(strain, still)
     count = corners[0, ..., 0].size
     camera = Camera(pixel, np.radians(turn), (200.0, 900.0), 0.0)
-    # A corner of the sample that bears no marker loses one unit cell and its place in the grid.
+    # A corner of the sample without a marker removes one unit cell and its place in the grid.
     present = np.setdiff1d(np.arange(count), [0, count - 1][:missing])
     order = random.permutation(present)
     tracks = camera.sees(corners.reshape(31, -1, 2), random)[:, order]

@@ -49,7 +49,7 @@ def two_lengths(shape: MeshShape) -> np.ndarray:
 
 
 def random_stiffness(shape: MeshShape) -> np.ndarray:
-    """Positive semidefinite, as of taut springs and hinges."""
+    """Positive semidefinite, like the stiffness of springs in tension and of hinges."""
     rng, full, net = np.random.default_rng(0), np.zeros((shape.unknowns,) * 2), network(shape)
     for elements in (net.springs, net.hinges):
         for nodes, periods in zip(elements.nodes, elements.periods.T, strict=True):

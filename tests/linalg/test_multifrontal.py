@@ -21,7 +21,7 @@ OFFSETS = [
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A positive definite matrix and where its unknowns lie."""
+    """A positive definite matrix, and the positions of its unknowns on the grid."""
 
     matrix: sp.csc_array
     rows: Int[np.ndarray, " unknown"]
@@ -82,7 +82,7 @@ def sheet(height: int, width: int, periodic: bool = False, held: int = 0) -> Cas
 
 
 def half_free() -> Case:
-    """A sheet of which any unknown may be held, alone of its node."""
+    """A sheet of which any single unknown of a node may be held."""
     case = sheet(20, 30)
     free = np.random.default_rng(3).random(len(case.rows)) < 0.5
     return Case(sp.csc_array(case.matrix[free][:, free]), case.rows[free], case.columns[free])
@@ -251,7 +251,7 @@ def test_the_two_halves_are_independent(case: Case) -> None:
 
 @pytest.mark.parametrize("periodic", [False, True])
 def test_a_front_passes_few_blocks_to_its_parent(periodic: bool) -> None:
-    """A rectangle borders on four cuts; in a ring, on some of them from both sides."""
+    """A rectangle is bordered by four separators; in a ring, by some of them on both sides."""
     plan = sheet(48, 48, periodic=periodic).plan
     handed = [len(transfers) for front in fronts(plan) for _, transfers in front.children]
     assert max(handed) <= 28
@@ -291,7 +291,7 @@ def test_the_size_of_the_leaves_does_not_matter(leaf: int, monkeypatch) -> None:
 
 
 def test_only_the_order_depends_on_the_grid() -> None:
-    """Wrong places give wrong cuts, whose fronts couple across them, and the same solution."""
+    """Wrong grid positions give separators that do not separate, but the same solution."""
     case = sheet(14, 19)
     shuffled = np.random.default_rng(2).permutation(len(case.rows))
     scrambled = Case(case.matrix, case.rows[shuffled], case.columns[shuffled])

@@ -11,7 +11,7 @@ from tests.fabrics import CLAMPED, PERIODIC, checkerboard, checkered, relaxed
 
 
 def waved(net, fabric, cells, amplitude=0.4):
-    """A flat sheet whose courses are waves along x, one a unit cell; and the cell's width."""
+    """A flat sheet whose courses are waves along x, one per unit cell; and the cell's width."""
     flat = flat_sheet(net, fabric)
     nodes = np.array(flat.positions)
     width = float(np.diff(nodes[0, :2, 0])[0]) * net.shape.cells_x / cells
@@ -70,7 +70,7 @@ def test_central_cell_is_a_whole_unit_cell(options, cells):
 
 def test_widths_across_folds_differ_between_centre_and_edges_of_a_patch():
     y, x = np.mgrid[:17, :17].astype(float)
-    # Every patch is 8 wide, and 6 at mid-height: its right border bulges in by 2.
+    # Every patch is 8 wide, and 6 at mid-height, where its right border is shifted by 2.
     bulge = 1 - (np.mod(y, 8) / 4 - 1) ** 2
     x = x - 2 * bulge * np.mod(x, 8) / 8 - 2 * bulge * (x // 8)
     cell = np.stack([x, y, 0 * x], axis=-1)

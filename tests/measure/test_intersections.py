@@ -48,7 +48,7 @@ def pairs_by_library(shape: MeshShape, state: Configuration, reach: int) -> int:
     found = 0.0
     for one, other in itertools.product(home, cells):
         if one != other and library_says(nodes, one, other):
-            # Two cells of the period are met from both sides, and so are one and an image.
+            # Two cells of a period are a pair in both orders, and so are a cell and an image.
             found += 0.5
     return round(found)
 

@@ -19,7 +19,7 @@ def distorted_grids(draw):
     place = np.stack(np.mgrid[:rows, :columns], axis=-1).reshape(-1, 2)
     y, x = (place * [height, width]).T
     points = np.stack([x + shear * y, y], axis=1)
-    # A smooth distortion that stretches and shears cells by up to some 10 %, and a rough one.
+    # A smooth distortion that stretches and shears cells by up to about 10 %, and a random one.
     least = min(width, height)
     wave = 2 * np.pi / (max(width, height) * draw(st.floats(6, 15)))
     amount = draw(st.floats(0, 0.1)) / wave
@@ -44,7 +44,7 @@ def test_every_marker_finds_its_place(grid):
     rows_columns = np.argwhere(found.marker >= 0)
     markers = found.marker[tuple(rows_columns.T)]
     assert sorted(markers) == sorted(np.flatnonzero(seen))
-    # A whole row or column at the edge may be missing, and nobody can know.
+    # A whole row or column at the edge may be missing, which cannot be detected.
     expected = place[markers] - place[seen].min(axis=0)
     np.testing.assert_array_equal(rows_columns, expected)
 

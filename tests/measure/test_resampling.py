@@ -5,7 +5,7 @@ from knitlab.measure.cycles import cycles
 from knitlab.measure.resampling import resampled
 
 RESTS = np.array([[1, 1, 5], [5, 1, 1], [1, 1, 1]])
-"""How long it rests at a turn, where noise may put the turn anywhere."""
+"""Time at rest at a reversal, which with noise may be detected anywhere within it."""
 AT = np.linspace(0, 0.4, 11)
 
 

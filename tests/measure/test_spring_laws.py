@@ -1,4 +1,4 @@
-"""Calibration of springs beyond linear, and the criterion that says whether a curve wants them."""
+"""Calibration of non-linear springs, and the criterion that decides between laws."""
 
 import json
 from dataclasses import replace
@@ -27,8 +27,8 @@ STRIPES = {
 }
 LAWS = {"linear": "linear", "stiffening": "stiffening", "tabulated": CURVE}
 NOISE = 1e-3
-"""Of the largest force. Springs hardly stretch until the folds are open, so that with 1 % another
-k_s makes up for another law."""
+"""Noise, relative to the largest force. Springs hardly stretch until the folds are open, so that
+with 1 % another k_s can compensate another law."""
 
 
 def curve(of, noise=NOISE, seed=0):
@@ -90,7 +90,7 @@ def test_the_criterion_penalises_a_useless_parameter_and_accepts_a_needed_one():
 
 
 def test_smooth_misfit_is_no_evidence_of_many_points():
-    """What keeps for a while has a slope by chance, which seems wanted if it is taken as noise."""
+    """Correlated residuals have random trends, which seem significant if taken as independent."""
     random = np.random.default_rng(1)
     at = np.linspace(-1, 1, 200)
     independent, correlated = [], []
@@ -165,7 +165,7 @@ def test_a_bad_spring_curve_ends_with_code_2(in_folder, more, problem):
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["linear", "stiffening"])
 def test_the_assumed_period_of_a_curve_only_scales_the_stiffnesses(law):
-    """As the example of the documentation says of swatches whose period is not known."""
+    """As stated in the documentation for swatches whose period is not known."""
     swatch = Path(__file__).parents[2] / "docs/examples/swatches/rib.csv"
     measured = read_tension_curve(swatch)
     one, ten = (calibrate(of, measured.strain, measured.force, law) for of in (1.0, 10.0))

@@ -37,7 +37,7 @@ def test_wavelength_of_a_noisy_wave_on_a_bent_sample(waves, most, phase, part, b
 
 
 def test_a_line_of_three_waves_is_resolved_between_the_points_of_its_transform():
-    """Neighbours on the grid of the plain transform lie a third apart."""
+    """Neighbouring points of the transform without padding differ by a third."""
     found = [wave_of(wavy(waves), 3).wavelength for waves in (2.9, 3.0, 3.1)]
     assert found == pytest.approx([LAMBDA] * 3, rel=0.02)
     assert np.ptp(1 / np.array(found)) < 0.1 * (1 / (3 * LAMBDA))

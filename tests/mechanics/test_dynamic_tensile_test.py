@@ -1,4 +1,4 @@
-"""Dynamics and the equilibrium solver, two ways to the same states."""
+"""Dynamics and the equilibrium solver reach the same states."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ from tests.fabrics import CLAMPED, PERIODIC, checkered, moving, relaxed, shaken,
 SETTINGS = DynamicsSettings()
 STRAINS = [0.0, 0.05, 0.1, 0.15, 0.2]
 PATCHES = (2, 2)
-"""Of a single unit cell; between clamps only the corners of its patches can move across."""
+"""Corners of a single unit cell; between clamps only those of its patches can move across."""
 
 
 def patch_poisson_ratio(shape, test):
@@ -53,9 +53,9 @@ def test_both_methods_reach_the_same_states(options):
     ratios = np.array(
         [patch_poisson_ratio(net.shape, test) for test in (in_equilibrium, by_dynamics)]
     )
-    # Both snap on the way, the dynamics slowed down, the solver at the end of its branch, and then
-    # find the same states. Where motion loses its work, the solver has found a branch's end; it
-    # sees smaller snaps as well, for it looks at smaller steps.
+    # Both snap: the dynamics at a reduced rate, the solver at the end of its branch. Then they
+    # find the same states. Where the dynamics lose work, the solver finds the end of a branch. It
+    # also detects smaller snaps, because its steps are smaller.
     flagged = np.array(
         [[state.snapped for state in test.states] for test in (in_equilibrium, by_dynamics)]
     )
@@ -67,7 +67,7 @@ def test_both_methods_reach_the_same_states(options):
 
 
 def loss_of_a_pull(design, rate):
-    """Work and losses of pulling periodic fabric from rest to 5 % strain at one rate."""
+    """Work and losses when periodic fabric is stretched from rest to 5 % strain at one rate."""
     batch = moving([design], PERIODIC, SETTINGS)
     net = network(batch.shape)
     relaxed_state = relaxed(net, batch.fabrics[0])
@@ -85,13 +85,13 @@ def test_the_loss_is_the_work_that_did_not_go_into_the_fabric():
         result, rise = loss_of_a_pull((8, 1), rate)
         dissipated = result.history.dissipated[-1]
         work = rise + dissipated
-        # Sudden pulls overshoot, and the drive takes some of its work back.
+        # Fast tests overshoot, and the drive recovers part of its work.
         assert result.loss == pytest.approx(
             (dissipated + result.state.kinetic_peak) / work, rel=0.05
         )
         loss.append(result.loss)
     assert loss[0] > 0.3
-    assert loss[1] / loss[2] > 3  # drag's work is as fast as the pull
+    assert loss[1] / loss[2] > 3  # the work of the drag is proportional to the rate
     assert loss[2] < SETTINGS.quasi_static_limit
 
 

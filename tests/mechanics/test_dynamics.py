@@ -22,7 +22,7 @@ STIFFNESS, MASS, LENGTH, PULL = 2.0, 1e-3, 1.0, 1e-3
 
 
 def two_nodes(damping: float, settings: DynamicsSettings) -> tuple[MovingBatch, MotionPath]:
-    """One spring along x between two free nodes, released stretched by ``PULL``."""
+    """One spring along x between two free nodes, released with the elongation ``PULL``."""
     shape = MeshShape(cells_y=0, cells_x=1, periodic=False)
     none = jnp.zeros(0)
     fabric = Fabric(
@@ -159,7 +159,7 @@ def test_a_design_that_diverges_does_not_affect_others_of_its_batch(ending, outc
     flat = [flat_sheet(network(batch.shape), fabric) for fabric in batch.fabrics]
     sheets = [np.asarray(sheet.flattened()) for sheet in flat]
     honest = move(batch, [MotionPath(sheet) for sheet in sheets])
-    # A mass far too light for any step diverges with fixed ones, one that is no number with all.
+    # With a much too small mass fixed steps diverge, with a mass of NaN all methods do.
     mass = jnp.array(1e-12 if ending == "fixed_steps" else np.nan)
     light = Inertia(mass, batch.inertias[0].damping)
     spoiled = move(

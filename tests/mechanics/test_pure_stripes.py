@@ -85,7 +85,7 @@ def test_a_pure_stripe_relaxes_to_the_sine_of_half_its_rest_angle(of, options):
         nodes = state.configuration.positions
         if of.knit == "garter":
             nodes = nodes.swapaxes(0, 1)
-        # An open sample's first fold is at line 2, so its ends lie level: the facets' chords.
+        # The first fold of an open sample is at line 2, so that its ends are at equal height.
         across = np.linalg.norm(nodes[0, 4] - nodes[0, 0]) / (cells * cell)
         straight = np.linalg.norm(nodes[4, 0] - nodes[0, 0]) / (cells * cell)
     assert across == pytest.approx(of.contraction, rel=1e-8)
@@ -177,7 +177,7 @@ def test_without_its_diagonals_an_open_sheet_is_a_zigzag_with_one_more_row_of_sp
 
 
 def weakly_braced(of, options, factor):
-    """A pure stripe whose diagonals have a factor of their stiffness; none would leave it limp."""
+    """A pure stripe with scaled stiffness of diagonals; without them shear would cost no energy."""
     net, fabric = pure(of, options, ridges="G")
     diagonal = ~(net.weft | net.warp)
     stiffness = fabric.stretch_stiffness * np.where(diagonal, factor, 1.0)

@@ -1,4 +1,4 @@
-"""Springs beyond linear in fabrics: derivatives, tensile tests, motion and the zigzag."""
+"""Non-linear springs in fabrics: derivatives, tensile tests, dynamics and the zigzag."""
 
 from dataclasses import replace
 
@@ -150,7 +150,7 @@ def test_energy_and_dissipation_balance_over_a_motion(law):
     batch = moving([(8, 1)], PERIODIC, settings)
     net, fabric = lawful(8, 1, PERIODIC, law)
     batch = replace(batch, fabrics=[fabric])
-    # From a sheet stretched by a tenth, where the law counts.
+    # From a sheet stretched by a tenth, where the law matters.
     sheet = flat_sheet(network(batch.shape), fabric)
     start = Configuration(sheet.positions * 1.1, sheet.lengths * 1.1)
     (result,) = move(batch, [MotionPath(np.asarray(start.flattened()))])

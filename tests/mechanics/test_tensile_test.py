@@ -1,4 +1,4 @@
-"""The tensile test: balance of forces, work, symmetry, readings, and honesty when it fails."""
+"""The tensile test: balance of forces, work, symmetry, model options, and reported failures."""
 
 from dataclasses import replace
 
@@ -162,7 +162,7 @@ def test_a_step_that_fails_is_halved(monkeypatch):
     net, fabric = checkered(4, 1, PERIODIC)
     whole = SolverSettings(path_step=1.0, ramp_steps=60, branch_limit=1e9)
     iterations = stretched(net, fabric, [0.0, 0.4], whole).states[1].iterations
-    # Too few for the whole step, enough for its halves or theirs.
+    # Too few iterations for the whole step, enough for a half or a quarter of it.
     tight = replace(whole, max_iterations=iterations - 1)
     halved = stretched(net, fabric, [0.0, 0.4], tight)
     assert halved.states[1].converged
@@ -179,7 +179,7 @@ def test_a_step_that_fails_is_halved(monkeypatch):
     ],
 )
 def test_a_rough_step_ends_where_a_smooth_one_does(options, monkeypatch):
-    """Soft walls and a convexified stiffness are a way to a state; they are none of it."""
+    """Soft walls and a convexified stiffness do not change the state that is found."""
     net, fabric = checkered(4, 1, options)
     ways = []
     for iterations in (-1, np.inf):
@@ -197,7 +197,7 @@ def test_relaxation_does_not_shift_a_sample():
     flat, folded = flat_sheet(net, fabric), relaxed(net, fabric).configuration
     shift = np.abs(np.mean(folded.positions - flat.positions, axis=(0, 1)))
     assert shift[:2].max() < 1e-6
-    # Between walls that it does not touch nothing holds its height but the solver's own shift.
+    # If it touches no wall, only the shift of the solver keeps its height.
     assert shift[2] < 1e-2
 
 
@@ -228,7 +228,7 @@ def test_large_samples_start_from_the_lowest_energy_on_the_line_of_extrapolation
 ):
     net, fabric, loading = sample
     before, last = stretched(net, fabric, [0.0, 0.01]).states
-    # A state far off sends the line through it and the last one far off on the other side.
+    # With a distant previous state the linear extrapolation is distant too, on the other side.
     noise = np.random.default_rng(0).normal(size=net.shape.unknowns)
     off = loading.holding(before.unknowns + shake * noise, 0.0)
     starts = []

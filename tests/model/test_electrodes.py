@@ -1,4 +1,4 @@
-"""Layouts of electrodes: where they lie on the chart, and what is refused with its place."""
+"""Layouts of electrodes: their position on the chart, and refused layouts."""
 
 from dataclasses import replace
 
@@ -55,7 +55,7 @@ def test_garter_ridges_run_along_courses():
 def test_a_sample_is_plated_in_its_middle_patch_over_its_span():
     layout = replace(RIDGES, span=(0.25, 0.75))
     (strip,), _ = laid(layout, options=CLAMPED, unit_cells=(2, 3)).strips
-    # Of six patches across the third lies left of the middle.
+    # With six patches across, the middle one is the third.
     assert strip == Strip(17, 19, 8, 24)
 
 

@@ -31,13 +31,13 @@ def test_on_the_papers_grid_a_fold_is_one_hinge_whatever_the_ridge():
 def test_a_stripe_has_the_same_compliance_and_the_same_folds_on_any_grid(cells, fraction, phase):
     ridge = Ridge(cells, fraction)
     refinement = cells // 4
-    # Edges are shorter by the refinement, so that as many stand side by side.
+    # On a refined grid there are more, but shorter edges.
     compliance = (1 / (refinement * ridge.stiffness_by_place(phase))).sum()
     assert compliance == pytest.approx(4)
     assert ridge.fold_parts.sum() == pytest.approx(1)
     parts = fold_senses(np.ones((1, 2 * cells), bool), phase, periodic=True, ridge=ridge)[0]
     assert parts.sum() == pytest.approx(0, abs=1e-12)
-    # Ridges that touch cancel on the line between them.
+    # Adjacent ridges cancel on the line between them.
     assert np.abs(parts).sum() <= 4 + 1e-12
     if fraction < 1 - 1 / (2 * refinement):
         assert np.abs(parts).sum() == pytest.approx(4)
@@ -82,7 +82,7 @@ def test_rounded_ridges_tend_to_one_shape():
         options = ModelOptions(boundary="periodic", cells_per_period=cells)
         state = relaxed(*pure(of, options), FINE)
         heights.append(np.ptp(state.configuration.positions[..., 2]))
-    # The limit: flanks of a quarter of the period, arcs of as much, of the same projected length.
+    # The limit: flanks and arcs of a quarter of the period each, with the same projected length.
     arc = of.period / 8
 
     def contraction(tilt):

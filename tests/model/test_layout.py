@@ -1,4 +1,4 @@
-"""Fabrics whose patches differ: graded, plain and singly folded ones."""
+"""Fabrics with graded or plain patches, or single folds."""
 
 from dataclasses import replace
 
@@ -108,7 +108,7 @@ def test_a_plain_sheet_rests_flat_and_stretches_as_its_springs_do():
     a, b = float(fabric.cell_x[0]), float(fabric.cell_y[0])
     weft, warp = PLAIN.plain_stretch_weft * b / a, PLAIN.plain_stretch_warp * a / b
     diagonal, square = min(weft, warp), a**2 + b**2
-    # A cell has a weft and a warp spring and two diagonals, all stretched evenly.
+    # A cell has a weft and a warp spring and two diagonals, in homogeneous strain.
     across = weft + 2 * diagonal * a**2 / square
     along = warp + 2 * diagonal * b**2 / square
     both = 2 * diagonal * a * b / square

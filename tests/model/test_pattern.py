@@ -46,7 +46,7 @@ def test_mountains_and_valleys_alternate_and_lie_inside_their_knit(like, phase, 
 
 @given(LINES, PHASES, st.integers(0, 5))
 def test_periodic_folds_shift_with_their_pattern(like, phase, patches):
-    # Runs that fill the line have no start, so their first fold is free to choose.
+    # Runs that fill the line have no start, so their first fold is a convention.
     like = like[~like.all(axis=1)]
     shifted = fold_senses(np.roll(like, 4 * patches, axis=1), phase, periodic=True)
     assert (shifted == np.roll(fold_senses(like, phase, True), 4 * patches, axis=1)).all()

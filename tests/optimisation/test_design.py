@@ -1,4 +1,4 @@
-"""Designs from a wish to a workflow: hidden fabrics met, wishes out of reach, kills, budgets."""
+"""Designs from targets to a workflow: hidden fabrics, unreachable targets, kills, budgets."""
 
 import json
 from pathlib import Path

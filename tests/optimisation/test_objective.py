@@ -109,7 +109,7 @@ def test_targets_that_a_test_cannot_have_are_refused(text, message):
 
 
 def thickness(shape):
-    # The same wherever the sheet lies, which no force decides.
+    # Independent of a translation of the sheet, which costs no energy.
     return jnp.std(shape.positions[..., 2])
 
 

@@ -1,4 +1,4 @@
-"""The search space: its places, and how the stripes of a case follow them."""
+"""The search space: its points, and the stripe parameters that follow from them."""
 
 from dataclasses import asdict
 
@@ -28,7 +28,7 @@ def space(targets="poisson_ratio = -0.3 @ 0.05:0.25", **changes):
 
 
 def logarithms(case, gauge):
-    """Of every number that what varies acts on."""
+    """Logarithm of every parameter that the variables change."""
     stripes = {"weft": asdict(case.weft), "warp": asdict(case.warp)}
     numbers = [stripes[side][name] for side, name in STRIPE_PARAMETERS.values()]
     return np.log([*numbers, *asdict(gauge).values()])

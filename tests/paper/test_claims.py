@@ -1,4 +1,4 @@
-"""Claims on made-up cubes: one on which every claim holds, and what makes each of them fail."""
+"""Claims on artificial cubes: one on which every claim holds, and one for each that fails."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ ROWS, COLUMNS = 6, 3
 
 
 def good_checkerboards() -> xr.Dataset:
-    """Twenty designs that do all that the paper says."""
+    """Twenty designs that meet all claims."""
     stripes, subunits = (sorted({design[k] for design in LOWEST}) for k in (0, 1))
     grid = (len(stripes), len(subunits))
     scalars = ("knit_wavelength_x", "knit_wavelength_y", "wave_amplitude_x", "wave_amplitude_y")
@@ -93,7 +93,7 @@ def good_checkerboards() -> xr.Dataset:
 
 
 def good_stripes() -> xr.Dataset:
-    """Nine stripes whose tension curves do all that the paper says."""
+    """Nine stripes whose tension curves meet all claims."""
     sizes = {"rib": (2, 4, 6, 8), "garter": (4, 6, 8, 12, 16)}
     numbers = sorted({n for line in sizes.values() for n in line})
     strains = np.arange(41) * 0.05

@@ -1,4 +1,4 @@
-"""How claims are judged: on what is there, by the paper's samples, and a quarter to each side."""
+"""How claims are judged: on available designs, by the nearest samples, with changed thresholds."""
 
 import itertools
 import json
@@ -27,7 +27,7 @@ OF_ALL = "wide_stripes_reach_minus_02_to_minus_07"
 
 
 def without(cube, designs):
-    """The cube with designs that never came to an end, and whose values are nonsense."""
+    """The cube with additional designs that did not converge, with arbitrary values."""
     cube = cube.copy(deep=True)
     for n, m in designs:
         at = {"n_stripe": n, "n_subunit": m}
@@ -42,7 +42,7 @@ def finding(name, cube):
 
 
 def bad_checkerboards():
-    """Designs that miss some of the claims by something."""
+    """Designs that fail some of the claims."""
     cube = good_checkerboards()
     random = np.random.default_rng(1)
     for name in ("poisson_ratio_min", "applied_strain_at_min", "rib_width_centre"):

@@ -1,4 +1,4 @@
-"""The page of claims: what one may rely on, near misses apart, and one file to hand on."""
+"""The page of claims: reliable claims, near misses, and one self-contained file."""
 
 import base64
 import re
@@ -18,7 +18,7 @@ from tests.paper.test_claims import good_checkerboards, good_stripes
 
 @pytest.fixture(scope="module")
 def cubes(tmp_path_factory):
-    """Checkerboards that miss one claim, and stripes that miss one by little and one by much."""
+    """Checkerboards that fail one claim, and stripes that miss one narrowly and fail another."""
     folder = tmp_path_factory.mktemp("cubes")
     boards, stripes = good_checkerboards(), good_stripes()
     boards["poisson_ratio_min"].loc[{"n_stripe": 4, "n_subunit": 48}] = -0.1

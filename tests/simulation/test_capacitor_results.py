@@ -1,4 +1,4 @@
-"""Electrodes in a workflow: what is refused before anything runs, and what the cube then holds."""
+"""Electrodes in a workflow: refused layouts, and the variables of the cube."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_capacitance_is_of_the_length_that_was_asked_for(cube, tmp_path):
     plan = make_plan("sensor_stripes", (*SMALL, "electrode_length=50", "permittivity=3"))
     other = run_plan(plan, tmp_path, RunOptions()).cube
     np.testing.assert_allclose(other["capacitance"], 1.5 * cube["capacitance"], rtol=1e-6)
-    # Relaxed and still folded, it is more than that of the same strips laid flat.
+    # In the relaxed, folded state it is larger than that of the same strips in flat fabric.
     modulus = 2 / 6
     flat = VACUUM_PERMITTIVITY * 100 * ellipk(1 - modulus**2) / ellipk(modulus**2)
     assert float(cube["capacitance"][0, 0, 0, 0]) > 1.2 * flat

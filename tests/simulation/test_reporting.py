@@ -1,4 +1,4 @@
-"""What a run says of how far it has come."""
+"""Progress that a run reports."""
 
 import io
 import itertools

@@ -1,4 +1,4 @@
-"""Spread over siblings: small where one branch is followed, large where fabric has several."""
+"""Spread over siblings: small if the fabric has one branch, large if it has several."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from knitlab.study.plan import make_plan
 
 SMALL = ("strain_max=0.09", "n_stripe=8", "n_subunit=32")
 MULTISTABLE = ("cell_size=relaxed", "z_max=6")
-"""The reading under which (8, 32) has several relaxed shapes."""
+"""Model options with which (8, 32) has several relaxed shapes."""
 
 
 def cube_of(tmp_path, *settings, workflow="preview"):

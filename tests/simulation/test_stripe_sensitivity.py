@@ -1,4 +1,4 @@
-"""Sensitivities as cube variables: there on request, and what the derivatives are."""
+"""Sensitivities as variables of the cube, on request, against finite differences."""
 
 from dataclasses import replace
 

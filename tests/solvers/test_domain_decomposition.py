@@ -1,4 +1,4 @@
-"""Subdomains of a large sample: each is a true part of it, and the whole reaches equilibrium."""
+"""Subdomains of a large sample: each is a part of it, and the whole reaches equilibrium."""
 
 from collections import Counter
 from dataclasses import replace
@@ -41,7 +41,7 @@ from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered
 
 
 def slow(sample, step_length=0.3, settings=DEFAULT) -> SearchRules:
-    """Rules to pull the sample by, as tension does."""
+    """Search rules as in a tensile test."""
     net, _, loading = sample
     free = free_stiffness(net.shape, loading.free)
     return SearchRules(free, step_length, settings, convexified=False)
@@ -122,7 +122,7 @@ def test_groups_hold_every_subdomain_once_and_none_that_are_coupled(count, seed,
 @pytest.mark.slow
 def test_two_threads_give_the_subdomain_solutions_of_one(small_subdomains, sample, monkeypatch):
     net, fabric, loading = sample
-    # Smaller subdomains yet, of which some are not coupled.
+    # Even smaller subdomains, of which some are not coupled.
     monkeypatch.setattr(subdomains, "CELLS", 4)
     monkeypatch.setattr(subdomains, "OVERLAP", 1)
     free = free_stiffness(net.shape, loading.free)
@@ -341,7 +341,7 @@ def extrapolated(sample, energy, passed, step_length=1e6, waiting=domain_decompo
 
 
 def test_extrapolation_steps_grow_while_the_energy_falls(sample):
-    # On by twice the step before: to 4, 8, 16, and to 32, which is up the other side.
+    # Each step is twice as long as the previous one: to 4, 8, 16, and to 32, where energy rises.
     assert extrapolated(sample, lambda x: abs(x - 20.0), (0.0, 1.0, 2.0)) == (16.0, 4)
 
 

@@ -1,4 +1,4 @@
-"""Solvers alone and in step: the same states, and none disturbs another."""
+"""Solvers alone and in lockstep: the same states, and none affects another."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -29,7 +29,7 @@ def stretches(net, fabrics):
 def test_a_batch_on_the_device_equals_single_fabrics(options):
     net, four = checkered(4, 1, options)
     _, eight = checkered(8, 1, options)
-    # Close to a snap an energy to 1e-7 needs a finer tolerance.
+    # Close to a snap, an energy accurate to 1e-7 needs a smaller tolerance.
     solvers = [stretch(net, fabric, STRAINS, FINE) for fabric in (four, eight)]
     batch = run_in_lockstep(net.shape, [four, eight], solvers)
     for fabric, together in zip((four, eight), batch, strict=True):

@@ -1,4 +1,4 @@
-"""The second process: it finds what this process would, and does not outlive its use."""
+"""The second process finds the solutions of this process, and ends with its use."""
 
 import gc
 import os
@@ -44,7 +44,7 @@ def test_a_second_process_finds_the_same_solution(sample, subdomain_request):
     at, process = subdomain_request.at, SecondProcess()
     for number, subdomain in enumerate(subdomains_of(subdomain_request.free)):
         sent = SubdomainData(subdomain.free.shape, subdomain.free.places, subdomain.fabric(fabric))
-        # Sent twice, the second time by its name alone.
+        # Sent twice, the second time only by its name.
         for start in (at.unknowns, at.unknowns + 1e-3):
             task = SubdomainTask(
                 (0, number), Evaluate(start[subdomain.places]), 0.3, subdomain_request.settings

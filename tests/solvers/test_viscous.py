@@ -16,7 +16,7 @@ from tests.fabrics import FINE, checkered
 READING = ModelOptions(boundary="clamped")
 STRAINS = [0.0, 0.1, 0.2]
 DRAG = 2e-3
-"""Large enough for a sample of one unit cell to lag [N/mm]."""
+"""Large enough to change the states of a sample of one unit cell [N/mm]."""
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def pulled(sample, drag, path_step=0.1):
 
 
 def integrated(sample, test, drag):
-    """The same pull by a Runge–Kutta integrator, along the applied strain in place of the time."""
+    """The same test by a Runge–Kutta integrator, with the applied strain instead of time."""
     net, fabric = sample
     loading, free = test.loading, test.loading.free
     chunked = ChunkedFabric.of(net.shape, fabric)

@@ -1,4 +1,4 @@
-"""Named patterns: what a file may hold, what it makes of a design, and what is refused."""
+"""Named patterns: contents of a file, the resulting designs, and refused patterns."""
 
 import warnings
 
@@ -69,7 +69,7 @@ def test_graded_samples_have_cells_and_stripes_of_their_own():
     assert np.diff(rows.cell_grid.rows).tolist() == [16, 16, 24, 32, 40, 48]
     assert stripes.cell_grid.count == (4, 6)
     assert [stripe.n for stripe in stripes.grading.weft] == [2, 4, 6, 8]
-    # Neighbours meet stitch for stitch: every column has whole wales, every row whole courses.
+    # The stitches of neighbours match: every column has whole wales, every row whole courses.
     for graded in (rows, stripes):
         courses, wales = graded.stitches_per_cell
         assert courses.sum() == graded.stitches.courses

@@ -30,7 +30,7 @@ def ran(results, *overrides, **options):
 
 
 def stored(results):
-    """The cube of a folder, without what tells where and when it was made."""
+    """The cube of a folder, without attributes of its origin and time."""
     cube = open_cube(results)
     for name in provenance():
         del cube.attrs[name]

@@ -1,4 +1,4 @@
-"""Finding: ranks against brute force, spreads, and what cannot be found."""
+"""Finding: ranks against brute force, spreads, and refused targets."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ CURVE = "poisson_ratio = -0.3 @ 0.1:0.3"
 
 
 def cube(**changes):
-    """Designs of constant Poisson's ratio with a spread of 0.02 either way, of growing size."""
+    """Designs with constant Poisson's ratio, a spread of ±0.02 and increasing size."""
     dims = ("n_stripe", "n_subunit")
     stripes, subunits = [4, 8], [16, 24, 32, 48]
     ratio = np.full((2, 4, 4), np.nan)
