@@ -34,7 +34,7 @@ MOST_STRAYS = 0.25
 """Largest fraction of markers that are not on the grid."""
 UNEVEN = 0.85
 """Largest relative difference of a step from the typical one."""
-ONE_LINE = "the markers are on one line, but the corners of unit cells are on two"
+ONE_LINE = "the markers are in one line, but the corners of unit cells are in two"
 
 
 class NoGrid(ValueError):

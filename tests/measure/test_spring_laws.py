@@ -151,7 +151,7 @@ def test_the_command_reports_the_preferred_law_and_its_stripe_is_simulated(in_fo
     [
         (("--law", "tabulated"), "goes with --law tabulated"),
         (("--spring-curve", "spring.csv"), "goes with --law tabulated"),
-        (("--law", "tabulated", "--spring-curve", "spring.csv"), "no strain and no force"),
+        (("--law", "tabulated", "--spring-curve", "spring.csv"), "zero strain and zero force"),
     ],
 )
 def test_a_bad_spring_curve_ends_with_code_2(in_folder, more, problem):
