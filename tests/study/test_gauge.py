@@ -46,7 +46,7 @@ def test_sizes_in_cloth_follow_contraction_and_stitches(tmp_path):
         np.testing.assert_allclose(design["knit_length"], cells_y * cell_y)
     for name in SIZES:
         assert cube[name].attrs["units"] == "mm"
-        assert "indicative" in cube[name].attrs["description"]
+        assert "approximate" in cube[name].attrs["description"]
 
 
 @pytest.mark.slow
