@@ -98,7 +98,7 @@ def test_the_workflow_of_a_candidate_gives_its_numbers_and_the_cube_can_be_queri
 
 @pytest.mark.slow
 def test_a_target_that_cannot_be_met_is_reported_with_the_limiting_bound(tmp_path):
-    path = tmp_path / "wish.toml"
+    path = tmp_path / "sleeve.toml"
     path.write_text(
         'targets = ["poisson_ratio = -0.9 ± 0.02 @ 0.1"]\nrobustness = 0\n'
         "[vary]\nn_stripe = [4]\nn_subunit = [8]\nrib_theta_0_factor = [0.95, 1.05]\n"
@@ -108,7 +108,7 @@ def test_a_target_that_cannot_be_met_is_reported_with_the_limiting_bound(tmp_pat
     assert ran.exit_code == 1, ran.output
     assert "not met: poisson_ratio = -0.9" in ran.output
     assert "held back by rib_theta_0_factor" in ran.output
-    assert (tmp_path / "wish" / "figures" / "wanted.png").is_file()
+    assert (tmp_path / "sleeve" / "figures" / "wanted.png").is_file()
 
 
 @pytest.mark.slow
@@ -222,7 +222,7 @@ def test_functions_of_the_shape_can_be_targets(tmp_path):
         )
 
 
-WISH = """
+REQUEST = """
 targets = ["poisson_ratio = -0.2 ± 0.01 @ 0.05:0.15"]
 robustness = 0
 [vary]
@@ -264,12 +264,12 @@ def test_a_search_whose_worker_dies_is_begun_again_and_repeats_nothing(tmp_path,
 
 @pytest.mark.slow
 def test_allowed_designs_that_no_cube_has_are_reported(tmp_path):
-    (tmp_path / "wish.toml").write_text(
+    (tmp_path / "sleeve.toml").write_text(
         'targets = ["poisson_ratio = -0.1 ± 0.02 @ 0.05:0.15"]\nrobustness = 0\n'
         f'cubes = ["{PREVIEW}"]\n[vary]\nn_stripe = [4]\nn_subunit = [16, 40]\n'
         "[settings]\nstrain_step = 0.05\nstrain_max = 0.15\n"
     )
-    words = ["design", str(tmp_path / "wish.toml"), "--budget", "1", "--results", str(tmp_path)]
+    words = ["design", str(tmp_path / "sleeve.toml"), "--budget", "1", "--results", str(tmp_path)]
     ran = CliRunner().invoke(main, words)
     reported = "not considered, as no cube has results of them: n_stripe 4  n_subunit 40"
     assert reported in ran.output, ran.output
@@ -277,22 +277,22 @@ def test_allowed_designs_that_no_cube_has_are_reported(tmp_path):
 
 @pytest.mark.slow
 def test_a_killed_design_resumes_to_the_same_result(tmp_path):
-    (tmp_path / "wish.toml").write_text(WISH)
-    words = ["design", "wish.toml", "--results", str(tmp_path / "results")]
+    (tmp_path / "sleeve.toml").write_text(REQUEST)
+    words = ["design", "sleeve.toml", "--results", str(tmp_path / "results")]
     kill_command(tmp_path, words, 3)
-    trials = tmp_path / "results" / "wish" / "trials" / "cases"
+    trials = tmp_path / "results" / "sleeve" / "trials" / "cases"
     before = {path.name: path.stat().st_mtime_ns for path in trials.glob("*.nc")}
     assert before
-    went_on = kl.design(tmp_path / "wish.toml", results=tmp_path / "results")
-    whole = kl.design(tmp_path / "wish.toml", results=tmp_path / "whole")
+    went_on = kl.design(tmp_path / "sleeve.toml", results=tmp_path / "results")
+    whole = kl.design(tmp_path / "sleeve.toml", results=tmp_path / "whole")
     assert all((trials / name).stat().st_mtime_ns == each for name, each in before.items())
     assert went_on.trials.equals(whole.trials)
     assert len(before) < len(whole.trials)
     xr.testing.assert_allclose(
         went_on.cube[["poisson_ratio", "distance"]], whole.cube[["poisson_ratio", "distance"]]
     )
-    kept = json.loads((tmp_path / "whole" / "wish" / "request.json").read_text())
+    kept = json.loads((tmp_path / "whole" / "sleeve" / "request.json").read_text())
     assert kept["vary"]["n_stripe"] == [4]
-    (tmp_path / "wish.toml").write_text(WISH.replace("-0.2", "-0.1"))
+    (tmp_path / "sleeve.toml").write_text(REQUEST.replace("-0.2", "-0.1"))
     with pytest.raises(kl.BadInput, match="holds the design of another request"):
-        kl.design(tmp_path / "wish.toml", results=tmp_path / "results")
+        kl.design(tmp_path / "sleeve.toml", results=tmp_path / "results")

@@ -102,7 +102,7 @@ def test_constraints_are_negative_where_they_are_violated():
     ],
 )
 def test_targets_that_a_test_cannot_have_are_refused(text, message):
-    space = search_space(checked_request("wish", {"targets": ["poisson_ratio < 0 @ 0.1"]}))
+    space = search_space(checked_request("sleeve", {"targets": ["poisson_ratio < 0 @ 0.1"]}))
     case, _ = space.case(space.designs[0], np.zeros(0))
     with pytest.raises(BadInput, match=message):
         check_targets([parse_target(text)], [], case)
@@ -147,7 +147,7 @@ def test_derivatives_of_every_kind_of_target_are_those_of_finite_differences(tmp
     if boundary == "periodic":
         table["targets"].remove("knit_length < 1 ± 1")
         table["settings"]["unit_cells"] = [1, 1]
-    space = search_space(checked_request("wish", table))
+    space = search_space(checked_request("sleeve", table))
     wanted = [*table["targets"], WANTED[-1]]
     asked = objective(
         *wanted, subject_to=["0 < reaction_force < 9 @ 0.03:0.06"], acts_on=space.acts_on()

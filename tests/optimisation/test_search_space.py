@@ -24,7 +24,7 @@ VARY = {
 
 
 def space(targets="poisson_ratio = -0.3 @ 0.05:0.25", **changes):
-    return search_space(checked_request("wish", {"targets": [targets], "vary": VARY, **changes}))
+    return search_space(checked_request("sleeve", {"targets": [targets], "vary": VARY, **changes}))
 
 
 def logarithms(case, gauge):
