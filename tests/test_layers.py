@@ -20,6 +20,7 @@ LAYERS = (
     "execution",
     "laboratory",
     "tables",
+    "meshes",
     "optimisation",
     "paper",
     "figures",
