@@ -50,9 +50,7 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Sequence[str] = ()) 
         varied = [dim for dim in dims if len(np.unique(designs[dim])) > 1]
         present = xr.Dataset(coords={dim: np.unique(designs[dim]) for dim in varied})
         number = designs.sizes["design"]
-        raise fault(
-            "selections", f"leave {number} designs; select one by {choices(present, varied)}"
-        )
+        raise fault("selections", f"leave {number} designs; select {choices(present, varied)}")
     (only,) = designs["design"].values
     case_id = str(designs["case_id"].item())
     name = ", ".join(f"{dim} = {value}" for dim, value in zip(dims, only, strict=True))
@@ -107,7 +105,7 @@ def chosen_strains(
         highest = strains[reached].max()
         raise fault(
             f"{STRAIN} {strains[missing[0]]:g}",
-            f"was not reached, the last with a shape is {highest:g} ({reason}); select that or less",
+            f"has no shape: {reason}; select up to {highest:g}",
         )
     if not places or (len(places) > 1 and not several):
         chosen = ", ".join(f"{strains[place]:g}" for place in places) or "none"

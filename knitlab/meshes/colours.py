@@ -7,13 +7,13 @@ from knitlab.meshes.fields import ELECTRODE, KNIT
 from knitlab.meshes.surface import SurfaceMesh
 
 KNIT_COLOURS = ((86, 180, 233), (240, 228, 66), (221, 221, 221))
-"""sRGB of rib, garter and plain knit; told apart without colour vision, as the next."""
+"""Colours of rib, garter and plain knit, told apart without colour vision [sRGB]."""
 ELECTRODE_COLOURS = ((213, 94, 0), (0, 114, 178))
-"""sRGB of electrodes A and B."""
+"""Colours of electrodes A and B, likewise [sRGB]."""
 
 
 def node_colours(mesh: SurfaceMesh) -> UInt8[np.ndarray, "node 3"]:
-    """sRGB of every node: the mean over the faces around it.
+    """Colour of every node in sRGB: the mean over the faces around it.
 
     A face has the colour of its electrode or, where there is none, of its knit.
     """

@@ -73,7 +73,7 @@ def _overlap(extent: tuple[float, float], cells: int, periodic: bool) -> Float[n
     start = np.arange(cells)
     turns = (-cells, 0, cells) if periodic else (0,)
     return sum(
-        (np.clip(np.minimum(high + turn, start + 1) - np.maximum(low + turn, start), 0, 1))
+        np.clip(np.minimum(high + turn, start + 1) - np.maximum(low + turn, start), 0, 1)
         for turn in turns
     )
 
@@ -137,7 +137,8 @@ def fold_angle_at_nodes(
         kind = np.flatnonzero(folded & (net.wale == wale))
         row, column = net.hinge_cells[kind].T
         for end in (0, 1):
+            # No two hinges of a kind begin, or end, at one node.
             at = (row + end * up) % shape.nodes_y, (column + end * right) % shape.nodes_x
-            np.add.at(total, (slice(None), *at), angles[:, kind])
-            np.add.at(edges, at, 1)
+            total[:, *at] += angles[:, kind]
+            edges[at] += 1
     return total / np.maximum(edges, 1)

@@ -33,21 +33,21 @@ class MeshFormat:
 
 def _write_vtu(mesh: SurfaceMesh, path: Path) -> None:
     fields = {name: [values] for name, values in mesh.face_fields.items()}
-    _meshio(mesh, dict(mesh.node_fields), fields).write(path)
+    _meshio(mesh, dict(mesh.node_fields), fields).write(path, "vtu")
 
 
 def _write_obj(mesh: SurfaceMesh, path: Path) -> None:
-    _meshio(mesh).write(path)
+    _meshio(mesh).write(path, "obj")
 
 
 def _write_ply(mesh: SurfaceMesh, path: Path) -> None:
     colours = dict(zip(("red", "green", "blue"), node_colours(mesh).T, strict=True))
     fields = {_word(name): values for name, values in mesh.node_fields.items()}
-    _meshio(mesh, colours | fields).write(path)
+    _meshio(mesh, colours | fields).write(path, "ply")
 
 
 def _write_stl(mesh: SurfaceMesh, path: Path) -> None:
-    _trimesh(mesh).export(path)
+    _trimesh(mesh).export(path, "stl")
 
 
 def _write_glb(mesh: SurfaceMesh, path: Path) -> None:
@@ -65,7 +65,7 @@ def _write_glb(mesh: SurfaceMesh, path: Path) -> None:
     scene.add_geometry(
         _trimesh(mesh, visual), geom_name="fabric", node_name="fabric", transform=METRES_OF_Z_UP
     )
-    scene.export(path)
+    scene.export(path, "glb")
 
 
 FORMATS = {

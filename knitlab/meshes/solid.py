@@ -75,7 +75,7 @@ def mitred_normals(sheet: SurfaceMesh) -> Float[np.ndarray, "node 3"]:
 
 
 def largest_thickness(sheet: SurfaceMesh) -> float:
-    """Thickness at which the first face of a side turns over, or the sheet is as thick as wide [mm].
+    """Thickness at which a face of a side turns over, or that is the width of the sheet [mm].
 
     The area of a triangle whose corners move by s along their offsets, counted along its own
     normal, is a + b s + c s².
