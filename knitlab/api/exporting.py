@@ -1,6 +1,5 @@
 """Export of shapes as meshes for other programs."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -101,8 +100,6 @@ def export_selected(
     if not series and output.suffix.lower() not in FORMATS:
         known = ", ".join((*FORMATS, SERIES))
         raise fault(f"output {output}", f"has no suffix of a mesh; give one of {known}")
-    if thickness is not None and not (math.isfinite(thickness) and thickness > 0):
-        raise fault(f"thickness {thickness:g}", "is no length above 0 mm; give a thickness")
     case_file = _case_file(shapes, selections)
     places = chosen_strains(case_file, selections, several=series)
     meshes = fabric_meshes(case_file, places, repeats)
@@ -122,13 +119,16 @@ def export_selected(
 def _case_file(shapes: "Cube", selections: Sequence[str]) -> xr.Dataset:
     """The contents of the case file of one design."""
     if isinstance(shapes, xr.Dataset):
+        if "status" not in shapes:
+            raise fault("shapes", "is no cube or test; give one of knitlab.run or simulate")
         if is_case(shapes):
             refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
             return shapes
         source = shapes.encoding.get("source")
         if source is None:
             raise fault(
-                "cube", "was not opened from a file, beside which shapes are; give its path"
+                "shapes",
+                "is a cube that was not opened from a file, beside which shapes lie; give its path",
             )
         return chosen_case(shapes, Path(source).parent, selections)
     path = Path(shapes)

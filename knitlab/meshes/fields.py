@@ -124,10 +124,12 @@ def fold_angle_at_nodes(
     from knitlab.io.case_file import configurations
     from knitlab.measure.folds import fold_angles
 
-    layout = case.layout
+    layout, states = case.layout, configurations(case_file)
     net, shape = layout.net, layout.net.shape
-    angles = np.asarray(
-        fold_angles(net, layout.fabric(case.stripe_pair), configurations(case_file))
+    fabric = layout.fabric(case.stripe_pair)
+    # State by state, one compiled program serves any number of them.
+    angles = np.stack(
+        [fold_angles(net, fabric, states[k]) for k in range(case_file.sizes["applied_strain"])]
     )
     total = np.zeros((len(angles), shape.nodes_y, shape.nodes_x))
     edges = np.zeros((shape.nodes_y, shape.nodes_x))
