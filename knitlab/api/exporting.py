@@ -30,11 +30,14 @@ class Exported:
         applied_strain: the strains of the meshes [1].
         meshes: the mesh at each, with ``nodes`` in mm, ``faces``, ``node_fields`` and
             ``face_fields``.
+        self_intersections: at each, pairs of grid cells of a sample, or of one repeat, that pass
+            through each other [1].
     """
 
     files: tuple[Path, ...]
     applied_strain: tuple[float, ...]
     meshes: tuple[SurfaceMesh, ...]
+    self_intersections: tuple[int, ...]
 
 
 def export(
@@ -105,7 +108,7 @@ def export_selected(
     meshes = fabric_meshes(case_file, places, repeats)
     if thickness is not None:
         meshes = [solid_of(mesh, thickness) for mesh in meshes]
-    if triangles:
+    if triangles or not (series or FORMATS[output.suffix.lower()].quads):
         meshes = [mesh.triangulated() for mesh in meshes]
     strains = tuple(case_file[STRAIN].values[places].tolist())
     if series:
@@ -113,7 +116,8 @@ def export_selected(
     else:
         write_mesh(meshes[0], output)
         files = [output]
-    return Exported(tuple(files), strains, tuple(meshes))
+    crossing = case_file["self_intersections"].values[places].astype(int).tolist()
+    return Exported(tuple(files), strains, tuple(meshes), tuple(crossing))
 
 
 def _case_file(shapes: "Cube", selections: Sequence[str]) -> xr.Dataset:

@@ -23,7 +23,8 @@ from knitlab.cli.options import explains_bad_input, select_option
     nargs=2,
     default=(1, 1),
     metavar="Y X",
-    help="Repeats of periodic fabric along the warp and the weft.  [default: 1 1]",
+    show_default=True,
+    help="Repeats of periodic fabric along the warp and the weft.",
 )
 @click.option("--triangles", is_flag=True, help="Divide every grid cell into two triangles.")
 @click.option(
@@ -49,11 +50,14 @@ def export(
     from knitlab.api.exporting import export_selected
 
     exported = export_selected(cube, output, selections, repeats, triangles, thickness)
-    for strain, mesh in zip(exported.applied_strain, exported.meshes, strict=True):
+    for strain, mesh, crossing in zip(
+        exported.applied_strain, exported.meshes, exported.self_intersections, strict=True
+    ):
         corners = {3: "triangles", 4: "quads"}[mesh.faces.shape[1]]
         size = " × ".join(f"{length:.3g}" for length in mesh.size)
         click.echo(
             f"applied_strain {strain:g}: {len(mesh.nodes)} nodes, {len(mesh.faces)} {corners},"
             f" {size} mm"
+            + (f", {crossing} pairs of cells pass through each other" if crossing else "")
         )
     click.echo(f"mesh    {exported.files[0]}")

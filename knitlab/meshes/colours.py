@@ -6,7 +6,7 @@ from jaxtyping import Float, UInt8
 from knitlab.meshes.fields import ELECTRODE, KNIT
 from knitlab.meshes.surface import SurfaceMesh
 
-KNIT_COLOURS = ((86, 180, 233), (240, 228, 66), (221, 221, 221))
+KNIT_COLOURS = ((166, 206, 227), (240, 228, 66), (221, 221, 221))
 """Colours of rib, garter and plain knit, told apart without colour vision [sRGB]."""
 ELECTRODE_COLOURS = ((213, 94, 0), (0, 114, 178))
 """Colours of electrodes A and B, likewise [sRGB]."""

@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -24,11 +24,11 @@ class MeshFormat:
 
     Attributes:
         write: writes a mesh into a file.
-        faces: whether it can hold quads, or triangles alone.
+        quads: whether it can hold quads; otherwise they are divided.
     """
 
     write: Callable[[SurfaceMesh, Path], None]
-    faces: Literal["quads", "triangles"]
+    quads: bool
 
 
 def _write_vtu(mesh: SurfaceMesh, path: Path) -> None:
@@ -69,11 +69,11 @@ def _write_glb(mesh: SurfaceMesh, path: Path) -> None:
 
 
 FORMATS = {
-    ".vtu": MeshFormat(_write_vtu, "quads"),
-    ".obj": MeshFormat(_write_obj, "quads"),
-    ".ply": MeshFormat(_write_ply, "quads"),
-    ".stl": MeshFormat(_write_stl, "triangles"),
-    ".glb": MeshFormat(_write_glb, "triangles"),
+    ".vtu": MeshFormat(_write_vtu, quads=True),
+    ".obj": MeshFormat(_write_obj, quads=True),
+    ".ply": MeshFormat(_write_ply, quads=True),
+    ".stl": MeshFormat(_write_stl, quads=False),
+    ".glb": MeshFormat(_write_glb, quads=False),
 }
 """By the suffix of a file."""
 
@@ -82,15 +82,14 @@ def write_mesh(mesh: SurfaceMesh, path: Path) -> None:
     """Write a mesh into a file, atomically.
 
     Args:
-        mesh: the mesh; its quads are divided where the format has none.
+        mesh: the mesh.
         path: the file, with a suffix of :data:`FORMATS`.
 
     Raises:
         CannotWrite: if it cannot be written.
     """
-    its = FORMATS[path.suffix.lower()]
     with atomic_write(path) as temporary:
-        its.write(mesh.triangulated() if its.faces == "triangles" else mesh, temporary)
+        FORMATS[path.suffix.lower()].write(mesh, temporary)
 
 
 def _meshio(
@@ -109,7 +108,8 @@ def _trimesh(mesh: SurfaceMesh, visual: Any = None) -> Any:
     import trimesh
 
     # Unprocessed, it keeps the numbers of the nodes.
-    return trimesh.Trimesh(mesh.nodes, mesh.faces, visual=visual, process=False)
+    faces = mesh.triangulated().faces
+    return trimesh.Trimesh(mesh.nodes, faces, visual=visual, process=False)
 
 
 def _word(name: str) -> str:

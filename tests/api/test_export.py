@@ -162,7 +162,7 @@ def test_the_command_says_what_it_wrote(tmp_path):
     said = knitlab(*DESIGN, "--repeats", "2", "3", "-o", output)
     assert said.exit_code == 0, said.output
     first, last = said.output.splitlines()
-    assert first.startswith("applied_strain 0: 1617 nodes, 1536 quads, ")
+    assert first.startswith("applied_strain 0: 1617 nodes, 3072 triangles, ")
     assert last == f"mesh    {output}"
 
 
@@ -203,7 +203,7 @@ def test_a_simulated_test_is_exported(tmp_path, design):
 
 @pytest.mark.slow
 def test_a_simulated_sensor_has_electrodes(tmp_path):
-    design = kl.Design(n_stripe=4, n_subunit=8, boundary="periodic")
+    design = kl.Design(n_stripe=4, n_subunit=16, boundary="periodic")
     test = kl.simulate(design, [0, 0.05], layout="checkerboard")
     mesh = kl.export(test, tmp_path / "a.vtu").meshes[0]
     electrode = mesh.face_fields["electrode (0 none, 1 A, 2 B)"]

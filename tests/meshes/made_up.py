@@ -54,6 +54,7 @@ def flat_test(case: Case, stretch: tuple[float, float] = (1.0, 1.0)) -> xr.Datas
     return xr.Dataset(
         {
             "status": 1,
+            "self_intersections": ("applied_strain", [0.0, 0.0]),
             "position": (("applied_strain", "node_y", "node_x", "component"), positions),
             **{name: ("applied_strain", side) for name, side in sides.items()},
             **strains,
