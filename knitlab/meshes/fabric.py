@@ -32,7 +32,7 @@ from knitlab.meshes.surface import SurfaceMesh, grid_surface
 if TYPE_CHECKING:
     from knitlab.simulation.case import Case
 
-MOST_FACES = 4_000_000
+MOST_FACES = 1_000_000
 """Largest number of grid cells of a mesh."""
 
 

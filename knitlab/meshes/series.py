@@ -32,11 +32,12 @@ def write_series(meshes: Sequence[SurfaceMesh], strains: Sequence[float], path: 
     collection = ElementTree.SubElement(root, "Collection")
     files = []
     for mesh, strain in zip(meshes, strains, strict=True):
-        file = path.with_suffix("") / f"strain_{strain:g}.vtu"
+        time = f"{strain:.9g}"
+        file = path.with_suffix("") / f"strain_{time}.vtu"
         write_mesh(mesh, file)
         files.append(file)
         place = file.relative_to(path.parent).as_posix()
-        ElementTree.SubElement(collection, "DataSet", timestep=f"{strain:g}", part="0", file=place)
+        ElementTree.SubElement(collection, "DataSet", timestep=time, part="0", file=place)
     ElementTree.indent(root)
     with atomic_write(path) as temporary:
         ElementTree.ElementTree(root).write(temporary, encoding="utf-8", xml_declaration=True)

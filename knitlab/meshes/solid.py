@@ -10,7 +10,7 @@ MITRE_LIMIT = 4.0
 """Largest distance of a node from the sheet, over that of the faces beside it; a fold whose flanks
 enclose 29° reaches it."""
 LEAST = 1e-12
-"""Length below which normals that add up to it point nowhere."""
+"""Length below which a vector points nowhere: of a crushed cell, or of opposite normals."""
 
 
 def solid_of(sheet: SurfaceMesh, thickness: float) -> SurfaceMesh:
@@ -62,7 +62,7 @@ def mitred_normals(sheet: SurfaceMesh) -> Float[np.ndarray, "node 3"]:
     """
     corners = sheet.nodes[sheet.faces]
     normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), LEAST)
     node, face = sheet.faces.ravel(), np.repeat(np.arange(len(normals)), 4)
     total = np.zeros_like(sheet.nodes)
     np.add.at(total, node, normals[face])
@@ -106,10 +106,10 @@ def _smallest_positive_root(
 ) -> Float[np.ndarray, " face"]:
     """Smallest s > 0 at which constant + linear s + square s² = 0; infinite if there is none.
 
-    The constant is above 0.
+    The constant is above 0; at 0, of a triangle without area, there is none.
     """
     root = np.sqrt(np.maximum(linear**2 - 4 * constant * square, 0))
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         # In this form no digits cancel, and a square of 0 is no exception.
         found = np.stack([2 * constant / (root - linear), 2 * constant / (-root - linear)])
     real = (linear**2 >= 4 * constant * square) & (found > 0)

@@ -85,6 +85,16 @@ def test_a_thickness_is_above_0(thickness):
         solid_of(grid_surface(zigzag(CELLS, 0.3)), thickness)
 
 
+def test_a_sheet_with_a_crushed_cell_and_a_closed_fold_is_still_closed():
+    nodes = zigzag(CELLS, 0.3)
+    nodes[:, 3] = nodes[:, 2]
+    nodes[0, -1] = nodes[0, -3]
+    sheet = grid_surface(nodes)
+    body = as_trimesh(solid_of(sheet, largest_thickness(sheet) / 2))
+    assert np.isfinite(body.vertices).all()
+    assert body.is_watertight
+
+
 def test_fields_are_on_both_sides_and_on_the_wall():
     sheet = grid_surface(
         zigzag((1, 2), 0.3), {"node": np.arange(6.0)}, {"face": np.array([[7, 8]])}
