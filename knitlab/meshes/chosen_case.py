@@ -20,6 +20,15 @@ from knitlab.tables.selection import (
 )
 
 STRAIN = "applied_strain"
+NO_CASE_FILE = (
+    "has no case file in {folder}/cases, and shapes are not in the cube; run the design into"
+    " this folder"
+)
+NO_SHAPE = {
+    Status.failed: "failed and has no shape; knitlab status says why",
+    Status.pending: "is planned but has not run; run it first",
+}
+"""Why a design has no case file, by its status."""
 
 
 def chosen_case(cube: xr.Dataset, folder: Path, selections: Sequence[str] = ()) -> xr.Dataset:
@@ -38,9 +47,8 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Sequence[str] = ()) 
         raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
     dims = design_dims(cube)
     known = (*dims, STRAIN)
-    refuse_others(
-        selections, known, f"is no coordinate of a shape; select along {', '.join(known)}"
-    )
+    problem = f"is no coordinate of a shape; select along {', '.join(known)}"
+    refuse_others(selections, known, problem)
     left = selected(cube, selections_along(selections, dims))
     designs = left[["status", "case_id"]].stack(design=dims)
     designs = designs.isel(design=np.flatnonzero(designs["status"] != Status.excluded))
@@ -61,17 +69,6 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Sequence[str] = ()) 
             status = Status(int(designs["status"].item()))
             raise fault(name, NO_SHAPE.get(status, NO_CASE_FILE).format(folder=folder))
     return read_case(folder, case_id)
-
-
-NO_CASE_FILE = (
-    "has no case file in {folder}/cases, and shapes are not in the cube; run the design into"
-    " this folder"
-)
-NO_SHAPE = {
-    Status.failed: "failed and has no shape; knitlab status says why",
-    Status.pending: "is planned but has not run; run it first",
-}
-"""Why a design has no case file, by its status."""
 
 
 def chosen_strains(

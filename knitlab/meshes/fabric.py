@@ -1,6 +1,7 @@
 """The surface of a fabric at strains of its test, with all of its fields."""
 
 import json
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -88,15 +89,13 @@ def _recorded_case(case_file: xr.Dataset) -> "Case":
 
 
 def _check_repeats(case_file: xr.Dataset, repeats: tuple[int, int]) -> None:
-    along_y, along_x = repeats
-    given = f"repeats {along_y} {along_x}"
-    if min(repeats) < 1:
-        raise fault(given, "is not 1 or more along y and along x; give two such numbers")
-    if repeats != (1, 1) and not is_periodic(case_file):
+    given = f"repeats {' '.join(map(str, repeats))}"
+    if len(repeats) != 2 or any(int(count) != count or count < 1 for count in repeats):
+        raise fault(given, "is not 1 or more along y and along x; give two whole numbers")
+    if tuple(repeats) != (1, 1) and not is_periodic(case_file):
         raise fault(given, "is of periodic fabric, and this sample has edges; give 1 1")
-    if (faces := along_y * along_x * case_file["node_y"].size * case_file["node_x"].size) > (
-        MOST_FACES
-    ):
+    faces = math.prod(repeats) * case_file.sizes["node_y"] * case_file.sizes["node_x"]
+    if faces > MOST_FACES:
         raise fault(given, f"makes {faces:,} grid cells, above {MOST_FACES:,}; repeat it less")
 
 

@@ -1,5 +1,6 @@
 """Fields: what a fabric has at its nodes and in its grid cells, by name and unit."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,14 +9,14 @@ from jaxtyping import Float, Int
 
 if TYPE_CHECKING:
     from knitlab.model.electrodes import Strip
-    from knitlab.model.pattern import PatchGrid
+    from knitlab.model.pattern import Knit, PatchGrid
     from knitlab.simulation.case import Case
 
-KNITS = ("rib", "garter", "plain")
+KNITS: tuple["Knit", ...] = ("rib", "garter", "plain")
 CONDUCTORS = ("none", "A", "B")
 
 
-def _with_legend(name: str, words: tuple[str, ...]) -> str:
+def _with_legend(name: str, words: Sequence[str]) -> str:
     return f"{name} ({', '.join(f'{code} {word}' for code, word in enumerate(words))})"
 
 
@@ -33,7 +34,7 @@ UNIT_CELL_STRAINS = ("strain_xx", "strain_yy")
 
 def knit_of_cells(pattern: "PatchGrid") -> Int[np.ndarray, "cell_y cell_x"]:
     """The knit of every grid cell, as its place among :data:`KNITS`."""
-    of_knits = [pattern.cells_of(knit) for knit in KNITS]  # type: ignore[arg-type]
+    of_knits = [pattern.cells_of(knit) for knit in KNITS]
     return np.argmax(of_knits, axis=0)
 
 

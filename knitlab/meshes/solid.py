@@ -1,5 +1,7 @@
 """Solids: a sheet with a thickness, closed all around."""
 
+import math
+
 import numpy as np
 from jaxtyping import Float
 
@@ -34,7 +36,8 @@ def solid_of(sheet: SurfaceMesh, thickness: float) -> SurfaceMesh:
     if thickness >= most:
         raise fault(
             f"thickness {thickness:g}",
-            f"is too large for folds and cells of this size; give less than {most:.2g} mm",
+            "is too large for folds and cells of this size; give at most"
+            f" {_rounded_down(most):g} mm",
         )
     offset = thickness / 2 * mitred_normals(sheet)
     count = len(sheet.nodes)
@@ -97,6 +100,12 @@ def largest_thickness(sheet: SurfaceMesh) -> float:
         _smallest_positive_root(area, sign * linear, square).min(initial=np.inf) for sign in (1, -1)
     )
     return float(min(2 * turned, np.sort(sheet.size)[1]))
+
+
+def _rounded_down(length: float) -> float:
+    """A length with two digits that is not above it."""
+    digit = 10.0 ** (math.floor(math.log10(length)) - 1)
+    return math.floor(length / digit) * digit
 
 
 def _smallest_positive_root(

@@ -172,6 +172,7 @@ def test_a_sample_between_clamps_keeps_its_own_nodes():
     ("periodic", "repeats", "message"),
     [
         (True, (0, 1), "repeats 0 1: is not 1 or more along y and along x"),
+        (True, (1.5, 1), "repeats 1.5 1: .* give two whole numbers"),
         (True, (900, 900), "makes 207,360,000 grid cells"),
         (False, (2, 1), "this sample has edges; give 1 1"),
     ],
