@@ -22,6 +22,7 @@ LAYERS = (
     "execution",
     "laboratory",
     "tables",
+    "meshes",
     "optimisation",
     "paper",
     "figures",

@@ -18,7 +18,7 @@ PAGES = [
     "CONTRIBUTING.md",
     *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs").rglob("*.md"))),
 ]
-READING_COMMANDS = ("query", "find", "claims")
+READING_COMMANDS = ("query", "find", "claims", "export")
 """Commands that only read a cube, whose output can be compared without a simulation."""
 LEFT_OUT = "…"
 
@@ -99,7 +99,7 @@ def split(lines, separator):
         if line.strip() == separator:
             yield part
             part = []
-        elif not line.startswith(("page ", "figure ")):
+        elif not line.startswith(("page ", "figure ", "mesh ")):
             part.append(line.rstrip())
     yield part
 
