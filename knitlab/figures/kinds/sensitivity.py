@@ -6,7 +6,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.figures.cells import MARKS, cell, frame, ink_on, marks_legend
+from knitlab.figures.cells import MARKS, cell, ink_on, marks_legend, remove_frame
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS
 from knitlab.io.design_status import Status
@@ -81,10 +81,11 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
             textcoords="offset points",
             ha="center",
         )
-    frame(
-        figure,
-        axes,
+    remove_frame(axes)
+    figure.colorbar(
         mpl.cm.ScalarMappable(norm, colours),
+        ax=axes,
+        pad=0.01,
         extend="both" if np.nanmax(np.abs(values), initial=0) > norm.vmax else "neither",
         label="$p\\,\\partial\\nu/\\partial p$ [1]",
     )
