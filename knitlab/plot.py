@@ -28,7 +28,6 @@ __all__ = list(FIGURES)
 
 def _plot_function(name: str) -> Callable[..., Drawing]:
     """The public function of a figure."""
-
     kind = FIGURES[name]
 
     def plot(*cubes: Cube, **keywords: Any) -> Drawing:

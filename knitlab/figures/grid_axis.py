@@ -75,9 +75,7 @@ class GridAxis:
 def _edges(centres: np.ndarray) -> np.ndarray:
     """Edges halfway between centres."""
     middles = (centres[:-1] + centres[1:]) / 2
-    return np.concatenate(
-        [[2 * centres[0] - middles[0]], middles, [2 * centres[-1] - middles[-1]]]
-    )
+    return np.concatenate([[2 * centres[0] - middles[0]], middles, [2 * centres[-1] - middles[-1]]])
 
 
 def _label(value: Any) -> str:

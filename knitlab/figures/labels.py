@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.text import Annotation, Text
+from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
 DIRECTIONS = ((1, 0), (-1, 0), (1, 1), (-1, 1), (1, -1), (-1, -1), (0, 1), (0, -1))
@@ -62,13 +62,14 @@ def place_labels(figure: Figure, axes: Axes, labels: Sequence[Label]) -> list[An
     for label, own in zip(labels, points, strict=True):
         for distance, (right, up) in itertools.product(DISTANCES, DIRECTIONS):
             text = _written(axes, label, (right * distance, up * distance))
-            # Without the line to the point.
-            box = Text.get_window_extent(text)
+            box = text.get_window_extent()
             within = np.all(box.min >= inside.min) and np.all(box.max <= inside.max)
             clear = distance > DISTANCES[0] or _is_nearest(own, points, box)
             if within and clear and not box.count_overlaps(taken):
                 taken.append(box)
                 written.append(text)
+                if distance > DISTANCES[0]:
+                    _join(axes, label, text)
                 break
             text.remove()
     return written
@@ -81,7 +82,6 @@ def _is_nearest(own: np.ndarray, points: np.ndarray, box: Bbox) -> bool:
 
 
 def _written(axes: Axes, label: Label, offset: tuple[float, float]) -> Annotation:
-    far = max(map(abs, offset)) > DISTANCES[0]
     right, up = np.sign(offset).astype(int)
     return axes.annotate(
         label.text,
@@ -92,7 +92,16 @@ def _written(axes: Axes, label: Label, offset: tuple[float, float]) -> Annotatio
         va=("center", "bottom", "top")[up],
         fontsize=label.size,
         color=label.colour,
-        arrowprops={"arrowstyle": "-", "lw": 0.4, "color": "0.5", "shrinkA": 0, "shrinkB": 2}
-        if far
-        else None,
+    )
+
+
+def _join(axes: Axes, label: Label, text: Annotation) -> None:
+    """Draw a line from a point to its label."""
+    axes.annotate(
+        "",
+        (label.x, label.y),
+        xytext=text.get_position(),
+        textcoords="offset points",
+        arrowprops={"arrowstyle": "-", "lw": 0.4, "color": "0.5", "shrinkA": 0, "shrinkB": 2},
+        zorder=0,
     )

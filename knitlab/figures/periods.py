@@ -25,9 +25,7 @@ def by_periods(cube: xr.Dataset) -> xr.Dataset:
         cube: the cube.
     """
     cube = cube.drop_vars(PERIODS, errors="ignore")
-    of = {
-        int(n): cube["n_subunit"].values / (2 * int(n)) for n in np.atleast_1d(cube["n_stripe"])
-    }
+    of = {int(n): cube["n_subunit"].values / (2 * int(n)) for n in np.atleast_1d(cube["n_stripe"])}
     # P of what no n_stripe has as a design would be an empty column.
     planned = cube["status"] != Status.excluded
     used = planned.any([dim for dim in planned.dims if dim not in DESIGN_DIMS])

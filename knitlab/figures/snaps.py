@@ -37,5 +37,5 @@ def break_note(designs: Iterable[xr.Dataset]) -> list[Line2D]:
     """Legend entry of the breaks, if there are any."""
     if not any(snapped_before(design)[1:].any() for design in designs):
         return []
-    gap = np.nan
-    return [Line2D([0, 1, gap, 2, 3], [0, 0, gap, 1, 1], color="0.3", ls=(0, (5, 4)), label=NOTE)]
+    # A piece of line, a gap and a piece of line in the width of a handle.
+    return [Line2D([], [], color="0.3", ls=(0, (4.2, 3.3)), label=NOTE)]

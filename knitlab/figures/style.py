@@ -14,11 +14,20 @@ STRAIN_COLOURS = "RdBu_r"
 """Diverging colour map for signed values, white at zero."""
 SEQUENCE_COLOURS = "viridis"
 """Sequential colour map for ordered values."""
-CATEGORY_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "black", "0.5")
+CATEGORY_COLOURS = (
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#E69F00",
+    "#56B4E9",
+    "black",
+    "0.5",
+)
 """Colours of things without an order, by Okabe and Ito."""
 MINUS = "\u2212"
 
-DOTS_PER_INCH = 360
+DOTS_PER_INCH = 320
 """Resolution of PNG files, and of what vector files hold as a picture."""
 
 

@@ -17,7 +17,7 @@ from knitlab.figures.value_colours import ValueColours
 from knitlab.io.cube_file import design_dims
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
-from knitlab.io.schema import COORDINATES, FLAGS, VARIABLES
+from knitlab.io.schema import COORDINATES, FLAGS
 from knitlab.io.suggestions import unknown
 from knitlab.study.settings import SETTINGS
 from knitlab.tables.selection import choices
