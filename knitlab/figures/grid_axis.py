@@ -34,8 +34,8 @@ class GridAxis:
     def of(cls, values: np.ndarray) -> "GridAxis":
         """The axis of the values of a dimension.
 
-        Numbers at even steps have a linear scale, those at a constant ratio a logarithmic one. Text,
-        and a few numbers at any distances, are categories: cells of one width.
+        Numbers at even steps have a linear scale, those at a constant ratio a logarithmic one.
+        Text, and a few numbers at any distances, are categories: cells of one width.
 
         Args:
             values: values along the dimension, in ascending order if they are numbers.

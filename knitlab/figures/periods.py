@@ -34,7 +34,6 @@ def by_periods(cube: xr.Dataset) -> xr.Dataset:
         cube.sel(n_stripe=[n])
         .assign_coords({PERIODS: ("n_subunit", of[n])})
         .swap_dims(n_subunit=PERIODS)
-        .drop_vars("n_subunit")
         .reindex({PERIODS: wanted}, fill_value=missing_values(cube))
         for n in of
     ]

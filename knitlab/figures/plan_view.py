@@ -55,7 +55,7 @@ def draw_faces(
     from_below = np.argsort(faces[:, :, 2].mean(axis=1))
     axes.add_collection(
         PolyCollection(
-            faces[from_below, :, :2],
+            list(faces[from_below, :, :2]),
             facecolors=colours[from_below],
             edgecolors="face",
             lw=0.2,

@@ -27,6 +27,7 @@ from knitlab.io.schema import DESIGN_DIMS
 SLOPE: dict[str, Any] = {"lw": 4, "alpha": 0.45, "solid_capstyle": "butt"}
 END: dict[str, Any] = {"marker": "|", "ms": 9, "mew": 1.5, "ls": ""}
 BACK: dict[str, Any] = {"marker": ".", "ms": 3, "mfc": "none", "ls": ""}
+INK = "0.3"
 LINES = ("-", "--", "-.", (0, (1, 1)))
 PAPER_STRIPES = (("rib", 4), ("garter", 4))
 PAPER_CHECKERBOARDS = ((4, 16), (4, 32))
@@ -97,14 +98,13 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
 
 def _notes(samples: Sequence[Sample]) -> list[Line2D]:
     """Legend entries of the marks on the curves."""
-    grey = {"color": "0.3"}
     within = f"central {CENTRAL_PART:.0%} of the range: mean slope"
     notes = [
-        Line2D([], [], **SLOPE, **grey, label=within),
-        Line2D([], [], **END, **grey, label="end of the range"),
+        Line2D([], [], **SLOPE, color=INK, label=within),
+        Line2D([], [], **END, color=INK, label="end of the range"),
     ]
     if any(np.isfinite(_unloading(sample.cell, "capacitance")).any() for sample in samples):
-        notes.append(Line2D([], [], **BACK, **grey, label="unloading, where it differs"))
+        notes.append(Line2D([], [], **BACK, color=INK, label="unloading, where it differs"))
     return [*notes, *break_note(sample.cell for sample in samples)]
 
 

@@ -121,7 +121,7 @@ def _draw_design(rows: Iterable[Axes], design: xr.Dataset, colour: Colour) -> No
         curve = broken(snapped[recorded], *(each[recorded] for each in curves))
         axes.plot(*curve[:2], marker="" if measured else ".", ms=3, **look)
         if len(curve) == 4:
-            axes.fill_between(curve[0], *curve[2:], color=colour, alpha=BAND, lw=0)
+            axes.fill_between(curve[0], curve[2], curve[3], color=colour, alpha=BAND, lw=0)
         if int(design["status"]) == Status.not_converged and recorded.any():
             axes.plot(curve[0][-1], curve[1][-1], "x", ms=6, color=colour)
 

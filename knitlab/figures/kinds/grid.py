@@ -1,6 +1,7 @@
 """A grid: any variable of a cube over any two of its dimensions."""
 
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -161,19 +162,20 @@ def _draw(
         if code is Status.excluded:
             gaps = True
             continue
-        corner = across.edges[column], up.edges[row]
-        size = across.edges[column + 1] - corner[0], up.edges[row + 1] - corner[1]
+        left, right = across.edges[column : column + 2].tolist()
+        low, high = up.edges[row : row + 2].tolist()
+        place = Rectangle((left, low), right - left, high - low, lw=line)
+        axes.add_patch(place)
         if code in (Status.ok, Status.not_converged) and np.isfinite(value):
             colour = colours(value)
-            edge = "white" if written else colour
-            axes.add_patch(Rectangle(corner, *size, facecolor=colour, edgecolor=edge, lw=line))
+            place.set(facecolor=colour, edgecolor="white" if written else colour)
             if written:
-                place = across.centres[column], up.centres[row]
-                ink = ink_on(colour)
-                axes.text(*place, _text(value), ha="center", va="center", fontsize=6.5, color=ink)
+                middle = float(across.centres[column]), float(up.centres[row])
+                look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.5}
+                axes.text(*middle, _text(value), color=ink_on(colour), **look)
         else:
             marked.add(code)
-            axes.add_patch(Rectangle(corner, *size, lw=line, **MARKS[code]))
+            place.set(**MARKS[code])
     return marked, gaps
 
 

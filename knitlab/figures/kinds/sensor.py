@@ -114,8 +114,7 @@ def _trade_off(axes: Axes, cubes: Sequence[xr.Dataset]) -> list[Label]:
     ]
     if simulated and measured:
         points = np.array(list(measured.values()))
-        look = {"ms": 8, "mfc": "none", "mec": "black", "ls": ""}
-        axes.plot(points[:, 1], points[:, 0], "o", label="measured", **look)
+        axes.plot(points[:, 1], points[:, 0], "o", ms=8, mfc="none", mec="black", label="measured")
         labels += [
             Label(width, sensitivity, f"{design} measured")
             for design, (sensitivity, width) in measured.items()

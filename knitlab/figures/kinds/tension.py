@@ -30,8 +30,9 @@ def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
     """Local strain over samples between clamps (paper, Fig. "tension images").
 
     Shows every unit cell of the paper's three samples, and of measured samples of any design, at
-    ``applied_strain`` or the recorded strain nearest 0.23. Cells have the size of the relaxed unit cell, and are white
-    if they lost a marker; the central ones, over which strains are averaged, have a dark frame.
+    ``applied_strain`` or the recorded strain nearest 0.23. Cells have the size of the relaxed unit
+    cell, and are white if they lost a marker; the central ones, over which strains are averaged,
+    have a dark frame.
 
     Raises:
         BadInput: if none of the three has been simulated with more than one unit cell.
