@@ -37,4 +37,4 @@ def by_periods(cube: xr.Dataset) -> xr.Dataset:
         .reindex({PERIODS: wanted}, fill_value=missing_values(cube))
         for n in of
     ]
-    return xr.concat(families, "n_stripe")
+    return xr.concat(families, "n_stripe", coords="different", compat="equals")
