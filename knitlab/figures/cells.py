@@ -152,7 +152,10 @@ def _name_design(axes: Axes, row: int, column: int, design: xr.Dataset, colour: 
     )
 
 
-PERIODS_LABEL = "P = n_subunit / (2 n_stripe): periods of a stripe across a patch"
+PERIODS_LABEL = (
+    "P\u00a0=\u00a0n_subunit\u00a0/\u00a0(2\u00a0n_stripe): periods of a stripe across a patch"
+)
+"""With spaces where no line may end."""
 DESIGN_NOTE = "in each cell: (n_stripe, n_subunit)"
 
 

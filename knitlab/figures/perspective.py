@@ -44,7 +44,8 @@ def draw_sheet(axes: Axes3D, nodes: np.ndarray, colours: Sequence[str] | None = 
         rcount=nodes.shape[0],
         ccount=nodes.shape[1],
         facecolors=np.broadcast_to(faces, (rows * columns, 4)).reshape(rows, columns, 4),
-        linewidth=0,
+        # Edges in the colour of their face cover the gaps between faces.
+        linewidth=0.3,
         antialiased=False,
         shade=True,
         lightsource=LIGHT,

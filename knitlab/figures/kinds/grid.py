@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from knitlab.figures.cells import EMPTY, MARKS, ink_on, marks_legend, text_note
+from knitlab.figures.cells import EMPTY, MARKS, PERIODS_LABEL, ink_on, marks_legend, text_note
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.grid_axis import GridAxis
 from knitlab.figures.periods import PERIODS, by_periods, has_periods
@@ -78,13 +78,13 @@ def value_grid(
     colours = ValueColours.of(values.values)
     marked, gaps = _draw(axes, values, status, across, up, colours)
     axes.set(**across.settings("x"), **up.settings("y"))
-    axes.set(xlabel=_axis_label(cube, x), ylabel=fill(_axis_label(cube, y), LETTERS))
+    axes.set(xlabel=_axis_label(cube, x), ylabel=_upright(_axis_label(cube, y)))
     axes.minorticks_off()
     axes.tick_params(length=0 if across.named and up.named else 2)
     axes.spines[:].set_visible(False)
     unit = values.attrs.get("units", "1")
     label = f"{values.attrs.get('long_name', of)} [{unit}]"
-    colours.bar(figure, axes, pad=0.01, label=fill(label, LETTERS))
+    colours.bar(figure, axes, pad=0.01, label=_upright(label))
     marks_legend(figure, marked, NO_VALUE, [text_note(EMPTY)] if gaps else [])
     figure.suptitle(", ".join([of, *fixed]), fontsize="small")
     return figure
@@ -185,9 +185,14 @@ def _figure(rows: int) -> tuple[Figure, Axes]:
     return figure, figure.add_subplot()
 
 
+def _upright(label: str) -> str:
+    """A label in short lines."""
+    return fill(label, LETTERS, break_long_words=False)
+
+
 def _axis_label(cube: xr.Dataset, dim: str) -> str:
     if dim == PERIODS:
-        return "P = n_subunit / (2 n_stripe): periods of a stripe across a patch"
+        return PERIODS_LABEL
     if dim in COORDINATES:
         known = COORDINATES[dim]
         unit = "" if known.units == "1" else f" [{known.units}]"
