@@ -38,6 +38,8 @@ DASHED: dict[str, Any] = {
 }
 MEASURED_HEIGHT = 0.42
 """Height of the measured part of a cell whose design is simulated too."""
+INSET = 0.015
+"""Distance of the frame of a measured part from its edge."""
 DESIGN_SIZE, VALUE_SIZE, SMALL_VALUE_SIZE = 6, 7.5, 6
 """Sizes of the type in a cell [pt]."""
 
@@ -91,8 +93,10 @@ def draw_cells(
             bottom = row + (MEASURED_HEIGHT - 0.5 if k == 0 and len(shown) > 1 else -0.5)
             if status is Status.ok and np.isfinite(value):
                 colour = style.colour(value)
-                edge = DASHED if is_measured(design) else {"edgecolor": "white"}
-                cell(axes, row, column, bottom=bottom, top=top, facecolor=colour, **edge)
+                look = {"facecolor": colour, "edgecolor": "white"}
+                cell(axes, row, column, bottom=bottom, top=top, **look)
+                if is_measured(design):
+                    _frame_measured(axes, column, bottom, top, ink_on(colour))
                 axes.text(
                     column,
                     (bottom + top) / 2,
@@ -136,6 +140,12 @@ def designs_of(cube: xr.Dataset) -> list[xr.Dataset]:
 def _place(design: xr.Dataset) -> tuple[int, float]:
     n_stripe, n_subunit = int(design["n_stripe"]), int(design["n_subunit"])
     return n_stripe, n_subunit / (2 * n_stripe)
+
+
+def _frame_measured(axes: Axes, column: int, bottom: float, top: float, ink: str) -> None:
+    corner = column - 0.5 + INSET, bottom + INSET
+    size = 1 - 2 * INSET, top - bottom - 2 * INSET
+    axes.add_patch(Rectangle(corner, *size, fill=False, **DASHED | {"edgecolor": ink}))
 
 
 def _name_design(axes: Axes, row: int, column: int, design: xr.Dataset, colour: Colour) -> None:

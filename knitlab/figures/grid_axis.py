@@ -22,6 +22,7 @@ class GridAxis:
         labels: text of every value.
         scale: ``linear`` or ``log``.
         named: whether every value has a tick.
+        whole: whether ticks are whole numbers.
     """
 
     edges: Float[np.ndarray, " edge"]
@@ -29,6 +30,7 @@ class GridAxis:
     labels: list[str]
     scale: str
     named: bool
+    whole: bool = False
 
     @classmethod
     def of(cls, values: np.ndarray) -> "GridAxis":
@@ -47,7 +49,8 @@ class GridAxis:
         numbers = values.astype(float)
         steps = np.diff(numbers)
         if np.ptp(steps) <= STEADY * np.abs(steps).max():
-            return cls(_edges(numbers), numbers, labels, "linear", named)
+            whole = values.dtype.kind in "iu"
+            return cls(_edges(numbers), numbers, labels, "linear", named, whole)
         if (numbers > 0).all():
             ratios = np.diff(np.log(numbers))
             if np.ptp(ratios) <= STEADY * np.abs(ratios).max():

@@ -13,8 +13,11 @@ from knitlab.figures.style import SEQUENCE_COLOURS, STRAIN_COLOURS
 
 Colour = tuple[float, float, float, float]
 
-DECADES = 100.0
-"""Ratio of the largest to the smallest of positive values above which colours follow decades."""
+DECADES = 30.0
+"""Ratio of the largest of positive values to their median above which colours follow decades.
+
+To the smallest it would depend on a single value, such as a force of 1e-10 N at zero strain.
+"""
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ class ValueColours:
             largest = max(abs(low), abs(high)) or 1.0
             norm = mpl.colors.Normalize(-largest, largest)
             return cls(norm, mpl.colormaps[STRAIN_COLOURS], low, high)
-        if low > 0 and high / low > DECADES:
+        if low > 0 and high / float(np.median(finite)) > DECADES:
             norm = mpl.colors.LogNorm(low, high)
         else:
             norm = mpl.colors.Normalize(low, high if high > low else low + 1.0)

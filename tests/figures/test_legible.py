@@ -36,6 +36,9 @@ CUBES = {
 }
 
 
+SLOW = ("capacitors", "curves", "departure", "samples", "sensitivity", "sensor", "stripes")
+
+
 def stripes_cube() -> xr.Dataset:
     """Pure stripes whose sheets depart from the zigzag the more, the narrower they are."""
     strain = np.linspace(0, 2, 9)
@@ -63,7 +66,10 @@ def drawn(figure):
     return figure
 
 
-@pytest.mark.parametrize("kind", CUBES)
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(kind, marks=pytest.mark.slow if kind in SLOW else ()) for kind in CUBES],
+)
 def test_nothing_is_cut_off(kind):
     with print_style():
         figure = drawn(draw(kind, [CUBES[kind]()]))
@@ -98,7 +104,7 @@ def assert_apart(boxes):
         assert not box.count_overlaps(boxes[k + 1 :])
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(st.lists(st.tuples(st.floats(0, 0.3), st.floats(0, 0.3)), min_size=2, max_size=6))
 def test_labels_of_crowded_points_stay_apart(points):
     figure = Figure()

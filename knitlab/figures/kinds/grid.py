@@ -8,6 +8,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.ticker import MaxNLocator
 
 from knitlab.figures.cells import EMPTY, MARKS, PERIODS_LABEL, ink_on, marks_legend, text_note
 from knitlab.figures.figure_kind import FigureKind
@@ -23,7 +24,7 @@ from knitlab.io.suggestions import unknown
 from knitlab.study.settings import SETTINGS
 from knitlab.tables.selection import choices
 
-MOST_COLUMNS, MOST_ROWS = 14, 24
+MOST_COLUMNS, MOST_ROWS = 16, 24
 """Largest numbers of columns and rows whose cells still have room for a number."""
 ROW, MARGIN = 0.3, 1.3
 """Height of a row, and of what is around the grid [in]."""
@@ -79,6 +80,9 @@ def value_grid(
     marked, gaps = _draw(axes, values, status, across, up, colours)
     axes.set(**across.settings("x"), **up.settings("y"))
     axes.set(xlabel=_axis_label(cube, x), ylabel=_upright(_axis_label(cube, y)))
+    for axis, of_axis in ((across, axes.xaxis), (up, axes.yaxis)):
+        if axis.whole and not axis.named:
+            of_axis.set_major_locator(MaxNLocator(integer=True))
     axes.minorticks_off()
     axes.tick_params(length=0 if across.named and up.named else 2)
     axes.spines[:].set_visible(False)
@@ -171,7 +175,7 @@ def _draw(
             place.set(facecolor=colour, edgecolor="white" if written else colour)
             if written:
                 middle = float(across.centres[column]), float(up.centres[row])
-                look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.5}
+                look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6}
                 axes.text(*middle, _text(value), color=ink_on(colour), **look)
         else:
             marked.add(code)
