@@ -105,23 +105,13 @@ class _State:
         self.now = operation
         if operation.is_extension:
             return
-        follow: dict[str, Callable[[], None]] = {
-            "knit": self._knit,
-            "tuck": self._tuck,
-            "xfer": self._transfer,
-            "drop": self._drop,
-            "inhook": self._inhook,
-            "releasehook": self._releasehook,
-            "outhook": self._outhook,
-            "rack": self._rack,
-        }
-        if operation.opcode not in follow:
-            known = ", ".join(follow)
-            self._report(f"is not followed by this check; use {known}")
+        follow = FOLLOW.get(operation.opcode)
+        if follow is None:
+            self._report(f"is not followed by this check; use {', '.join(FOLLOW)}")
         elif not _is_complete(operation):
             self._report("lacks a direction, a needle, a carrier or a number; complete it")
         else:
-            follow[operation.opcode]()
+            follow(self)
 
     def finish(self) -> None:
         """Find what is left over."""
@@ -158,7 +148,7 @@ class _State:
             return None
         carriers = tuple(map(int, words))
         if len(carriers) > MOST_CARRIERS or len(set(carriers)) < len(carriers):
-            self._report(f"has {len(carriers)} carriers; take at most {MOST_CARRIERS} different ones")
+            self._report(f"has {len(carriers)} carriers; take one or {MOST_CARRIERS}")
         for carrier in carriers:
             if carrier not in self.active:
                 self._report(f"carrier {carrier} is not in action; bring it in by inhook {carrier}")
@@ -300,6 +290,19 @@ class _State:
         if abs(racking) > largest:
             self._report(f"racks by more than {largest} needles; move the loops in steps")
         self.racking = racking
+
+
+FOLLOW: dict[str, Callable[[_State], None]] = {
+    "knit": _State._knit,
+    "tuck": _State._tuck,
+    "xfer": _State._transfer,
+    "drop": _State._drop,
+    "inhook": _State._inhook,
+    "releasehook": _State._releasehook,
+    "outhook": _State._outhook,
+    "rack": _State._rack,
+}
+"""What follows each operation."""
 
 
 def _is_complete(operation: Operation) -> bool:

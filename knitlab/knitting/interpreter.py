@@ -59,7 +59,6 @@ def interpreted(text: str) -> list[FormedStitch]:
         Refused: if the interpreter refuses the program, or warns of a stitch on an empty needle, or
             if loops are left on the needles.
     """
-    from knitout_interpreter.knitout_errors.Knitout_Error import Knitout_Error
     from knitout_interpreter.knitout_execution import Knitout_Executer
     from knitout_interpreter.knitout_language.Knitout_Parser import parse_knitout
     from virtual_knitting_machine.knitting_machine_warnings.Needle_Warnings import (
@@ -69,7 +68,10 @@ def interpreted(text: str) -> list[FormedStitch]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         warnings.simplefilter("error", Knit_on_Empty_Needle_Warning)
-        executer: Any = Knitout_Executer(parse_knitout(stripped(text)))
+        try:
+            executer: Any = Knitout_Executer(parse_knitout(stripped(text)))
+        except Exception as error:  # it raises errors of many kinds, and its warnings
+            raise Refused(" ".join(str(error).split()) or type(error).__name__) from error
     if left := executer.knitting_machine.all_loops():
         raise Refused(f"{len(left)} needles hold loops at the end, one of them {left[0]}")
     return _formed(executer.resulting_knit_graph)

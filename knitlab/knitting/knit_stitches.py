@@ -110,7 +110,7 @@ def stitches_of(
         raise NotAChart(f"course {late[0] + 2} begins before course {late[0] + 1} is finished")
     front, conductor = np.zeros(size, bool), np.zeros(size, int)
     for place in np.ndindex(*size):
-        stitch = graph[made[place]]
+        stitch = graph[int(made[place])]
         front[place] = stitch.front
         conductor[place] = _conductor(stitch, machine)
     return KnitStitches(front, conductor)
@@ -118,7 +118,9 @@ def stitches_of(
 
 def _conductor(stitch: FormedStitch, machine: Machine) -> int:
     """Number of the electrode of a stitch, negative where its conductor lies on the back."""
-    conductors = [carrier for carrier in stitch.carriers if carrier != machine.carriers.body_carrier]
+    conductors = [
+        carrier for carrier in stitch.carriers if carrier != machine.carriers.body_carrier
+    ]
     if not conductors:
         return 0
     carrier, *others = conductors

@@ -7,7 +7,7 @@ inserting hook brings yarn in from the right.
 """
 
 from collections.abc import Iterator
-from itertools import groupby
+from itertools import groupby, pairwise
 
 import numpy as np
 from jaxtyping import Bool
@@ -204,7 +204,7 @@ class _Program:
         self._move_to(np.ones(self.chart.wales, bool))
         order = self._towards(self.direction)
         self.out.knit(self.direction, True, order[0], carrier)
-        for number, following in zip(order[:-1], order[1:], strict=True):
+        for number, following in pairwise(order):
             self.out.rack(0)
             self.out.transfer(False, [number])
             self.out.move(False, number, following)

@@ -1,12 +1,19 @@
-"""The knitting machine: its beds, carriers, stitch numbers and speeds, from ``params/machine.toml``."""
+"""The knitting machine of ``params/machine.toml``: beds, carriers, stitch numbers and speeds."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, NonNegativeInt, PositiveFloat, PositiveInt
-from pydantic import TypeAdapter, ValidationError
+from pydantic import (
+    AfterValidator,
+    Field,
+    NonNegativeInt,
+    PositiveFloat,
+    PositiveInt,
+    TypeAdapter,
+    ValidationError,
+)
 
 from knitlab.io.errors import BadInput, Fault, faults_of
 from knitlab.io.shipped import shipped
@@ -195,9 +202,7 @@ class MachineFile(StrictModel):
     """``machine.toml``."""
 
 
-def read_machine(
-    changes: Mapping[str, Any] | None = None, folder: Path | None = None
-) -> Machine:
+def read_machine(changes: Mapping[str, Any] | None = None, folder: Path | None = None) -> Machine:
     """The machine of a parameter folder.
 
     Args:

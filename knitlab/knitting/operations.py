@@ -1,8 +1,9 @@
 """Operations: knitout read line by line."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 
@@ -21,7 +22,12 @@ class Needle(NamedTuple):
         return f"{'f' if self.front else 'b'}{self.number}"
 
 
-@dataclass(frozen=True)
+DIRECTED = ("knit", "tuck")
+OF_CARRIERS = ("inhook", "releasehook", "outhook")
+NEEDLE = re.compile(r"([fb])(-?\d+)")
+
+
+@dataclass(frozen=True, slots=True)
 class Operation:
     """One operation of a program.
 
@@ -29,55 +35,48 @@ class Operation:
         line: its line in the file, from 1.
         opcode: its first word.
         parameters: the words after that.
+        direction: direction of the carriage, if it has one.
+        needles: the needles that it names.
+        carriers: the carriers that it names.
     """
 
     line: int
     opcode: str
     parameters: tuple[str, ...]
+    direction: str | None = None
+    needles: tuple[Needle, ...] = ()
+    carriers: tuple[str, ...] = ()
 
     @property
     def is_extension(self) -> bool:
         """Whether it is an extension of the language."""
         return self.opcode.startswith("x-")
 
-    @property
-    def direction(self) -> str | None:
-        """Direction of the carriage, if it has one."""
-        return self.parameters[0] if self.opcode in DIRECTED and self.parameters else None
-
-    @property
-    def needles(self) -> tuple[Needle, ...]:
-        """The needles that it names."""
-        found = (NEEDLE.fullmatch(word) for word in self.parameters)
-        return tuple(Needle(match[1] == "f", int(match[2])) for match in found if match)
-
-    @property
-    def carriers(self) -> tuple[str, ...]:
-        """The carriers that it names."""
-        if self.opcode in CARRIER_ONLY:
-            return self.parameters
-        return self.parameters[2:] if self.opcode in DIRECTED else ()
-
     def __str__(self) -> str:
         return " ".join((self.opcode, *self.parameters))
-
-
-NEEDLE = re.compile(r"([fb])(-?\d+)")
-DIRECTED = ("knit", "tuck", "miss")
-CARRIER_ONLY = ("in", "inhook", "releasehook", "out", "outhook")
-TWO_NEEDLES = ("xfer",)
-ONE_NEEDLE = ("drop",)
-OTHERS = ("rack", "pause")
-OPCODES = (*DIRECTED, *CARRIER_ONLY, *TWO_NEEDLES, *ONE_NEEDLE, *OTHERS)
-"""The part of the language that knitlab reads; it writes all of them but miss, in, out and pause."""
 
 
 def operations(text: str) -> Iterator[Operation]:
     """The operations of a program; comments are left out."""
     for line, content in enumerate(text.split("\n"), start=1):
-        words = content.partition(";")[0].split()
-        if words:
-            yield Operation(line, words[0], tuple(words[1:]))
+        opcode, *words = content.partition(";")[0].split() or [""]
+        if opcode in DIRECTED:
+            direction, carriers = (*words, "")[0], tuple(words[2:])
+            yield Operation(line, opcode, tuple(words), direction, _needles(words[1:2]), carriers)
+        elif opcode in OF_CARRIERS:
+            yield Operation(line, opcode, tuple(words), carriers=tuple(words))
+        elif opcode:
+            yield Operation(line, opcode, tuple(words), needles=_needles(words))
+
+
+def _needles(words: Sequence[str]) -> tuple[Needle, ...]:
+    return tuple(found for word in words if (found := _needle(word)))
+
+
+@lru_cache(maxsize=4096)
+def _needle(word: str) -> Needle | None:
+    match = NEEDLE.fullmatch(word)
+    return Needle(match[1] == "f", int(match[2])) if match else None
 
 
 def headers(text: str) -> dict[str, str]:

@@ -44,7 +44,9 @@ def plated_stitches(case: Case, lines: StitchLines) -> Int[np.ndarray, "course w
     for number, strips in enumerate(electrodes.strips, start=1):
         for strip in strips:
             across, along = strip.extents
-            rows, columns = (_whole(extent, line) for extent, line in zip((along, across), lines))
+            rows, columns = (
+                _whole(extent, line) for extent, line in zip((along, across), lines, strict=True)
+            )
             plated[np.ix_(rows % size[0], columns % size[1])] = number
     touching = binary_dilation(plated == 1, np.ones((3, 3))) & (plated == 2)
     if touching.any():
@@ -88,7 +90,8 @@ def _whole(
     """Stitches between two places of the grid, which may lie beyond its edges."""
     cells, stitches = len(line) - 1, line[-1]
     first, last = (
-        int(np.floor(place // cells * stitches + np.interp(place % cells, range(cells + 1), line) + 0.5))
+        place // cells * stitches + np.interp(place % cells, np.arange(cells + 1), line)
         for place in extent
     )
-    return np.arange(first, max(last, first + 1))
+    low, high = int(np.floor(first + 0.5)), int(np.floor(last + 0.5))
+    return np.arange(low, max(high, low + 1))

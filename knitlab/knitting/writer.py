@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Sequence
 from typing import Literal
 
-
 Direction = Literal["-", "+"]
 LEFTWARD: Direction = "-"
 RIGHTWARD: Direction = "+"
