@@ -17,6 +17,7 @@ LAYERS = (
     "io",
     "simulation",
     "study",
+    "knitting",
     "execution",
     "laboratory",
     "tables",

@@ -6,6 +6,7 @@ from knitlab.cli.calibration import calibrate
 from knitlab.cli.cubes import claims, compare, draw_map, query
 from knitlab.cli.designing import design
 from knitlab.cli.finding import find
+from knitlab.cli.knitting import knit
 from knitlab.cli.laboratory import fit, import_group
 from knitlab.cli.sweeps import plan, reproduce, run, status
 
@@ -17,6 +18,7 @@ COMMANDS = (
     query,
     find,
     design,
+    knit,
     draw_map,
     claims,
     compare,

@@ -41,7 +41,7 @@ class PatchLines:
 
     @property
     def in_first_stripe(self) -> Bool[np.ndarray, " stitch"]:
-        """Whether each course or wale lies in the first stripe of its patch, or the third and so on."""
+        """Whether each course or wale lies in the first, third, … stripe of its patch."""
         place = np.arange(self.count) - self.borders[self.patch]
         return place // self.stripe[self.patch] % 2 == 0
 
