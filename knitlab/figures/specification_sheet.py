@@ -13,10 +13,10 @@ from knitlab.knitting.specification import Prediction, Specification
 
 A4 = 210 / 25.4, 297 / 25.4
 """Width and height of the page [in]."""
-CHART_WIDTH = 3.6
+CHART_WIDTH = 4.4
 """Width of the chart on the page [in]."""
-LINE = 0.028
-"""Height of a line of the table, as a part of that."""
+LINE = 0.0165
+"""Height of a line of the table, as a part of the page."""
 WIDEST_VALUE = 78
 """Letters of a value on one line."""
 
@@ -34,9 +34,10 @@ def specification_sheet(specification: Specification) -> Figure:
     _draw_rows(figure, specification)
     chart = specification.chart
     _, columns = drawn_part(chart)
-    axes = figure.add_axes((0.09, 0.13, 0.5, 0.36))
+    axes = figure.add_axes((0.1, 0.12, 0.54, 0.4))
+    axes.set_anchor("NW")
     draw_chart(axes, chart, CHART_WIDTH / (columns.stop - columns.start))
-    figure.text(0.07, 0.525, f"Chart, seen from the front. {title_of(chart)}", fontsize=9)
+    figure.text(0.07, 0.565, f"Chart, seen from the front. {title_of(chart)}", fontsize=9)
     figure.legend(
         handles=legend_handles(chart),
         loc="lower left",
@@ -44,7 +45,7 @@ def specification_sheet(specification: Specification) -> Figure:
         ncols=2,
         frameon=False,
     )
-    beside = figure.add_axes((0.7, 0.29, 0.24, 0.2))
+    beside = figure.add_axes((0.75, 0.32, 0.2, 0.18))
     if specification.prediction is None:
         _say_nothing_predicted(beside)
     else:
@@ -59,7 +60,7 @@ def _draw_rows(figure: Figure, specification: Specification) -> None:
         lines = textwrap.wrap(value, WIDEST_VALUE) or [""]
         figure.text(0.07, place, name, fontsize=9, color="0.3", va="top")
         figure.text(0.24, place, "\n".join(lines), fontsize=9, va="top")
-        place -= LINE * 0.62 * len(lines)
+        place -= LINE * len(lines)
 
 
 def _draw_prediction(axes: Axes, prediction: Prediction) -> None:
@@ -93,4 +94,4 @@ def _draw_notes(figure: Figure, specification: Specification) -> None:
         "Both are estimates.",
         *(line for remark in specification.remarks for line in textwrap.wrap(remark, 34)),
     ]
-    figure.text(0.66, 0.2, "\n".join(notes), va="top", fontsize=8, color="0.3")
+    figure.text(0.7, 0.25, "\n".join(notes), va="top", fontsize=8, color="0.3")

@@ -95,11 +95,11 @@ def stitches_of(
         found = f"from {min(by_position)} to {max(by_position)}" if by_position else "nowhere"
         raise NotAChart(f"the body is knitted on needles {found}, not from 1 to {wales}")
     first = machine.sections.setup_courses
+    _check_counts(
+        {position: len(chain) - first for position, chain in by_position.items()}, courses, machine
+    )
     made = np.zeros(size, int)
     for position, chain in by_position.items():
-        if len(chain) < first + courses:
-            count = len(chain) - first
-            raise NotAChart(f"wale {position} has {count} stitches, not {courses}")
         for before, number in zip(chain[first:], chain[first + 1 : first + courses], strict=False):
             if before not in graph[number].through:
                 course = chain.index(number) - first + 1
@@ -114,6 +114,26 @@ def stitches_of(
         front[place] = stitch.front
         conductor[place] = _conductor(stitch, machine)
     return KnitStitches(front, conductor)
+
+
+def _check_counts(counts: dict[int, int], courses: int, machine: Machine) -> None:
+    """Check that every wale has as many stitches as the chart has courses, and no more.
+
+    A bind-off knits one more in each, and its tail in the last.
+
+    Raises:
+        NotAChart: if not.
+    """
+    bound_off = machine.sections.end == "bind_off"
+    tail = machine.sections.bind_off_tail if bound_off else 0
+    more = {position: count - courses - bound_off for position, count in counts.items()}
+    wrong = [position for position, its in more.items() if its not in (0, tail)]
+    if not wrong and sum(more.values()) != tail:
+        wrong = [max(more, key=lambda position: more[position])]
+    if wrong:
+        position = wrong[0]
+        found = courses + min(more[position], more[position] - tail, key=abs)
+        raise NotAChart(f"wale {position} has {found} stitches, not {courses}")
 
 
 def _conductor(stitch: FormedStitch, machine: Machine) -> int:

@@ -51,8 +51,8 @@ class StitchChart:
     plated: Int[np.ndarray, "course wale"]
     plated_face: tuple[Face, Face]
     knit: np.ndarray
-    row_borders: Int[np.ndarray, " border"]
-    column_borders: Int[np.ndarray, " border"]
+    row_borders: Int[np.ndarray, " border_y"]
+    column_borders: Int[np.ndarray, " border_x"]
     repeat: tuple[int, int]
     periodic: bool
 
