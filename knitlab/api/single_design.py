@@ -14,6 +14,7 @@ from knitlab.io.cube_file import design_dims, is_case, open_cube
 from knitlab.io.errors import BadInput, fault
 from knitlab.io.plain_cube import CUBE, cube_path
 from knitlab.io.shipped import shipped
+from knitlab.knitting.patch_lines import is_turned
 from knitlab.knitting.specification import Prediction
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
@@ -95,7 +96,7 @@ def of_cube(cube: str | Path | xr.Dataset, selections: Sequence[str] = ()) -> Si
     dataset = cube if isinstance(cube, xr.Dataset) else open_cube(cube)
     if is_case(dataset):
         case = case_of(json.loads(dataset.attrs["parameters"]))
-        return SingleDesign(case, _gauge(dataset.attrs), _prediction(dataset, "test"))
+        return SingleDesign(case, _gauge(dataset.attrs), _prediction(dataset, case, "test"))
     dims = design_dims(dataset)
     kept = selected(dataset, selections).stack(design=dims)
     kept = kept.isel(design=np.flatnonzero(kept["case_id"].values != ""))
@@ -109,7 +110,7 @@ def of_cube(cube: str | Path | xr.Dataset, selections: Sequence[str] = ()) -> Si
     folder = None if source is None else cube_path(source).parent
     name = str(dataset.attrs.get("workflow", "cube"))
     case = _recorded(str(design["case_id"].item()), folder, name)
-    return SingleDesign(case, _gauge(dataset.attrs), _prediction(design, name))
+    return SingleDesign(case, _gauge(dataset.attrs), _prediction(design, case, name))
 
 
 def _labels(plan: Plan) -> dict[str, np.ndarray]:
@@ -155,7 +156,7 @@ def _gauge(attributes: Mapping[Any, Any]) -> Gauge:
     return Gauge(**{name: float(attributes[its]) for name, its in ATTRIBUTES.items()})
 
 
-def _prediction(design: xr.Dataset, source: str) -> Prediction | None:
+def _prediction(design: xr.Dataset, case: Case, source: str) -> Prediction | None:
     """What a cube says of a design; None if it has no Poisson's ratio."""
     if "poisson_ratio" not in design or not np.isfinite(design["poisson_ratio"]).any():
         return None
@@ -168,7 +169,8 @@ def _prediction(design: xr.Dataset, source: str) -> Prediction | None:
         for end in ("low", "high")
     )
     along_x, along_y = (
-        float(design[f"relaxed_cell_{axis}"] / design[f"flat_cell_{axis}"]) for axis in "xy"
+        float(design[f"relaxed_cell_{axis}"] / design[f"flat_cell_{axis}"])
+        for axis in ("yx" if is_turned(case) else "xy")
     )
     strain = np.asarray(design["applied_strain"].values, float)
     return Prediction(source, (along_x, along_y), strain, ratio, low, high)

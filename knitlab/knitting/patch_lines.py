@@ -53,6 +53,11 @@ class PatchLines:
         return np.concatenate([[0], np.cumsum(sizes)])
 
 
+def is_turned(case: Case) -> bool:
+    """Whether the chart of a case is turned: pure rib has its ridges along x in the model."""
+    return case.pure and case.weft.knit == "rib"
+
+
 def patch_lines(case: Case) -> tuple[PatchLines, PatchLines]:
     """The rows and the columns of patches of a case.
 
@@ -64,7 +69,7 @@ def patch_lines(case: Case) -> tuple[PatchLines, PatchLines]:
     weft = (case.weft,) if grading is None else grading.weft
     rows = np.array([stripe.n for stripe in warp])[sample.row_stripe]
     columns = np.array([stripe.n for stripe in weft])[sample.column_stripe]
-    if case.pure and case.weft.knit == "rib":
+    if is_turned(case):
         columns = columns * GARTER_STITCHES_PER_RIB_STITCH
     elif case.pure:
         columns = np.maximum(1, columns // GARTER_STITCHES_PER_RIB_STITCH)

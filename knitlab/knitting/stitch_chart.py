@@ -21,7 +21,7 @@ from jaxtyping import Bool, Int
 
 from knitlab.io.errors import fault
 from knitlab.knitting.knit_stitches import KnitStitches
-from knitlab.knitting.patch_lines import PatchLines, patch_lines
+from knitlab.knitting.patch_lines import PatchLines, is_turned, patch_lines
 from knitlab.knitting.plating import Face, plated_faces, plated_stitches
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH
 from knitlab.simulation.case import Case
@@ -123,7 +123,7 @@ def stitch_chart(
             f"has {len(case.folds)} single folds, and no stitch is known to make a fold of a given"
             " rest angle; take a pattern of rib, garter and plain knit alone",
         )
-    turned = case.pure and case.weft.knit == "rib"
+    turned = is_turned(case)
     unit = patch_lines(replace(case, unit_cells=(1, 1)))
     repeat = unit[0].count, unit[1].count
     if needles is not None:
