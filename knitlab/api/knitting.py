@@ -17,13 +17,13 @@ from knitlab.api.single_design import (
 )
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
+from knitlab.knitting.chart import Face, StitchChart
 from knitlab.knitting.chart_table import chart_table
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import Machine, read_machine
-from knitlab.knitting.plating import Face
 from knitlab.knitting.round_trip import RoundTrip, round_trip
 from knitlab.knitting.specification import Specification, specification
-from knitlab.knitting.stitch_chart import StitchChart, stitch_chart
+from knitlab.knitting.stitch_chart import stitch_chart
 from knitlab.study.figure_names import STILL_SUFFIXES, check_still
 from knitlab.tables.selection import selection_texts
 

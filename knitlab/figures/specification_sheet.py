@@ -3,13 +3,16 @@
 import textwrap
 from datetime import date
 from importlib.metadata import version
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from knitlab.figures.stitch_chart import draw_chart, drawn_part, legend_handles, title_of
-from knitlab.knitting.specification import Prediction, Specification
+
+if TYPE_CHECKING:
+    from knitlab.knitting.specification import Prediction, Specification
 
 A4 = 210 / 25.4, 297 / 25.4
 """Width and height of the page [in]."""
@@ -21,7 +24,7 @@ WIDEST_VALUE = 78
 """Letters of a value on one line."""
 
 
-def specification_sheet(specification: Specification) -> Figure:
+def specification_sheet(specification: "Specification") -> Figure:
     """One page A4: what a sample takes to knit, its chart, and what is predicted of it.
 
     Args:
@@ -54,7 +57,7 @@ def specification_sheet(specification: Specification) -> Figure:
     return figure
 
 
-def _draw_rows(figure: Figure, specification: Specification) -> None:
+def _draw_rows(figure: Figure, specification: "Specification") -> None:
     place = 0.925
     for name, value in specification.rows():
         lines = textwrap.wrap(value, WIDEST_VALUE) or [""]
@@ -63,7 +66,7 @@ def _draw_rows(figure: Figure, specification: Specification) -> None:
         place -= LINE * len(lines)
 
 
-def _draw_prediction(axes: Axes, prediction: Prediction) -> None:
+def _draw_prediction(axes: Axes, prediction: "Prediction") -> None:
     strain = prediction.applied_strain
     axes.axhline(0, color="0.6", linewidth=0.6)
     if np.isfinite(prediction.low).any():
@@ -87,7 +90,7 @@ def _say_nothing_predicted(axes: Axes) -> None:
     axes.text(0, 1, text, va="top", fontsize=9, color="0.3")
 
 
-def _draw_notes(figure: Figure, specification: Specification) -> None:
+def _draw_notes(figure: Figure, specification: "Specification") -> None:
     notes = [
         "Sizes are of cloth, by the gauge;",
         "times by the speeds in machine.toml.",

@@ -12,9 +12,8 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from knitlab.figures.style import TWO_COLUMNS
-from knitlab.knitting.plating import electrode_name
-from knitlab.knitting.stitch_chart import StitchChart
-from knitlab.model.pattern import KNIT_OF_LETTER
+from knitlab.knitting.chart import StitchChart
+from knitlab.knitting.knit_stitches import electrode_name
 
 FRONT, BACK = "white", "0.68"
 ELECTRODES = {1: ("#F5B041", "#B9770E"), 2: ("#7FB3D5", "#1F618D")}
@@ -154,11 +153,11 @@ def _draw_patches(
         for x, right in pairwise(xs):
             row = int(np.searchsorted(chart.row_borders, y, side="right")) - 1
             column = int(np.searchsorted(chart.column_borders, x, side="right")) - 1
-            letter = str(chart.knit[row, column])
+            knit = str(chart.knit[row, column])
             axes.text(
                 (x + right) / 2,
                 (y + above) / 2,
-                KNIT_OF_LETTER[letter] if (right - x) * stitch > WORD else letter,
+                knit if (right - x) * stitch > WORD else knit[0].upper(),
                 ha="center",
                 va="center",
                 bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},

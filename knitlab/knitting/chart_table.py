@@ -5,8 +5,8 @@ import io
 
 import numpy as np
 
-from knitlab.knitting.plating import electrode_name
-from knitlab.knitting.stitch_chart import StitchChart
+from knitlab.knitting.chart import StitchChart
+from knitlab.knitting.knit_stitches import electrode_name
 
 KNIT, PURL = "k", "p"
 """Letters of a stitch of the front and of the back bed, as in knitting instructions."""

@@ -1,14 +1,22 @@
-"""Stitches of a fabric, as a chart has them or as they are read back from a knit graph."""
+"""Stitches of a fabric, as charted or as read back from a knit graph. Needs no JAX."""
 
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Int
 
-from knitlab.knitting.machine import Machine
-from knitlab.knitting.plating import electrode_name
+if TYPE_CHECKING:
+    from knitlab.knitting.machine import Machine
+
+ELECTRODES = ("A", "B")
+
+
+def electrode_name(number: int) -> str:
+    """Name of an electrode by its number in a chart, from 1."""
+    return ELECTRODES[number - 1]
 
 
 class NotAChart(Exception):
@@ -70,7 +78,7 @@ class FormedStitch:
 
 
 def stitches_of(
-    graph: Sequence[FormedStitch], size: tuple[int, int], machine: Machine
+    graph: Sequence[FormedStitch], size: tuple[int, int], machine: "Machine"
 ) -> KnitStitches:
     """Read the knit graph of a program as the stitches of a chart.
 
@@ -116,7 +124,7 @@ def stitches_of(
     return KnitStitches(front, conductor)
 
 
-def _check_counts(counts: dict[int, int], courses: int, machine: Machine) -> None:
+def _check_counts(counts: dict[int, int], courses: int, machine: "Machine") -> None:
     """Check that every wale has as many stitches as the chart has courses, and no more.
 
     A bind-off knits one more in each, and its tail in the last.
@@ -136,7 +144,7 @@ def _check_counts(counts: dict[int, int], courses: int, machine: Machine) -> Non
         raise NotAChart(f"wale {position} has {found} stitches, not {courses}")
 
 
-def _conductor(stitch: FormedStitch, machine: Machine) -> int:
+def _conductor(stitch: FormedStitch, machine: "Machine") -> int:
     """Number of the electrode of a stitch, negative where its conductor lies on the back."""
     conductors = [
         carrier for carrier in stitch.carriers if carrier != machine.carriers.body_carrier

@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Bool
 
 from knitlab.io.errors import fault
+from knitlab.knitting.chart import StitchChart
 from knitlab.knitting.machine import Machine
-from knitlab.knitting.stitch_chart import StitchChart
 from knitlab.knitting.writer import LEFTWARD, RIGHTWARD, Direction, KnitoutWriter, opposite
 
 VERSION = 2

@@ -241,17 +241,6 @@ def read_machine(changes: Mapping[str, Any] | None = None, folder: Path | None =
     return Machine(**made)
 
 
-def machine_sources() -> dict[str, str]:
-    """Where each value of the machine comes from, by its name."""
-    read: Any = read_checked(MachineFile, shipped("params") / FILE, "machine")
-    return {
-        key: entry.source
-        for name in TABLES
-        for key, entry in getattr(read, name)
-        if isinstance(entry, ParameterValue)
-    }
-
-
 def _faults(values: Mapping[str, Any]) -> list[Fault]:
     found: list[Fault] = []
     for table in TABLES.values():

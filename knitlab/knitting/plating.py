@@ -1,18 +1,16 @@
 """Plating: which stitches an electrode takes, and the face of the fabric that it lies on."""
 
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.ndimage import binary_dilation
 
 from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.knitting.chart import Face
 from knitlab.model.electrode_layout import BadLayout, ElectrodeLayout, ridge_lines
-from knitlab.model.electrodes import NAMES
 from knitlab.simulation.case import Case
 
-Face = Literal["front", "back"]
 FRONT: Face = "front"
 BACK: Face = "back"
 
@@ -77,11 +75,6 @@ def plated_faces(case: Case, face: Face | None) -> tuple[Face, Face]:
     mountains = ridge_lines(replace(layout, face=FRONT), case.sample, case.reading)
     one, other = (FRONT if lines[number - 1] in mountains else BACK for number in layout.ridges)
     return one, other
-
-
-def electrode_name(number: int) -> str:
-    """Name of an electrode by its number in a chart."""
-    return NAMES[number - 1]
 
 
 def _whole(

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 from knitlab.knitting import interpreter
+from knitlab.knitting.chart import StitchChart
 from knitlab.knitting.checks import check
 from knitlab.knitting.knit_stitches import NotAChart, stitches_of
 from knitlab.knitting.machine import Machine
 from knitlab.knitting.operations import operations
-from knitlab.knitting.stitch_chart import StitchChart
 
 MOST_OPERATIONS = 20_000
 """Operations up to which the interpreter is asked unbidden; it takes about 1 ms for each."""

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from knitlab.knitting.chart import StitchChart
+from knitlab.knitting.knit_stitches import electrode_name
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import Machine
 from knitlab.knitting.operations import operations
 from knitlab.knitting.passes import Duration, duration, longest_floats
-from knitlab.knitting.plating import electrode_name
-from knitlab.knitting.stitch_chart import StitchChart
 from knitlab.measure.knit_size import Gauge
 
 

@@ -14,78 +14,21 @@ folds of the model run along the middles of these stripes and point to these sid
 ``"stripe_border"`` they run where a front stripe meets a back stripe, and the chart is the same.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool
 
 from knitlab.io.errors import fault
-from knitlab.knitting.knit_stitches import KnitStitches
+from knitlab.knitting.chart import Face, StitchChart
 from knitlab.knitting.patch_lines import PatchLines, is_turned, patch_lines
-from knitlab.knitting.plating import Face, plated_faces, plated_stitches
+from knitlab.knitting.plating import plated_faces, plated_stitches
+from knitlab.model.pattern import KNIT_OF_LETTER
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH
 from knitlab.simulation.case import Case
 
 ASPECT = 2.0
 """Length over width of a sample on a number of needles (paper, "Kinematics": 200 by 400 mm)."""
-
-
-@dataclass(frozen=True, eq=False)
-class StitchChart:
-    """The stitches of a fabric, course 0 knitted first and wale 0 leftmost, seen from the front.
-
-    Attributes:
-        title: the design in words.
-        front: whether a stitch is knitted on the front bed; one of the back bed shows its reverse,
-            a purl.
-        plated: number of the electrode that a stitch belongs to, 1 for A and 2 for B; 0 where none.
-        plated_face: the face of the fabric that the conductor of each electrode lies on.
-        knit: letter of every patch, lowest row first: R for rib, G for garter, P for plain knit.
-        row_borders, column_borders: courses and wales at which patches begin and end.
-        repeat: courses and wales of the pattern that repeats.
-        periodic: whether the model has no edges, so that the chart is a part of endless fabric.
-    """
-
-    title: str
-    front: Bool[np.ndarray, "course wale"]
-    plated: Int[np.ndarray, "course wale"]
-    plated_face: tuple[Face, Face]
-    knit: np.ndarray
-    row_borders: Int[np.ndarray, " border_y"]
-    column_borders: Int[np.ndarray, " border_x"]
-    repeat: tuple[int, int]
-    periodic: bool
-
-    @property
-    def courses(self) -> int:
-        """Its courses."""
-        return int(self.front.shape[0])
-
-    @property
-    def wales(self) -> int:
-        """Its wales, and the needles that it takes."""
-        return int(self.front.shape[1])
-
-    @property
-    def repeats(self) -> tuple[int, int]:
-        """How often the pattern repeats along (y, x)."""
-        return self.courses // self.repeat[0], self.wales // self.repeat[1]
-
-    @property
-    def electrodes(self) -> tuple[int, ...]:
-        """Numbers of the electrodes that it has."""
-        return tuple(np.unique(self.plated[self.plated > 0]).tolist())
-
-    @property
-    def transfers(self) -> int:
-        """Stitches that change the bed between two of its courses."""
-        return int((self.front[1:] != self.front[:-1]).sum())
-
-    @property
-    def stitches(self) -> KnitStitches:
-        """Bed and conductor of every stitch."""
-        on_back = np.array([0, *(face == "back" for face in self.plated_face)], bool)
-        return KnitStitches(self.front, np.where(on_back[self.plated], -self.plated, self.plated))
 
 
 def stitch_chart(
@@ -136,7 +79,7 @@ def stitch_chart(
         front=_front_stitches(case, rows, columns),
         plated=plated_stitches(case, (rows.at_grid_lines, columns.at_grid_lines)),
         plated_face=plated_faces(case, face),
-        knit=case.sample.knit,
+        knit=np.vectorize(KNIT_OF_LETTER.__getitem__)(case.sample.knit),
         row_borders=rows.borders,
         column_borders=columns.borders,
         repeat=repeat,
@@ -178,7 +121,7 @@ def _turned(chart: StitchChart) -> StitchChart:
         chart,
         front=chart.front.T,
         plated=chart.plated.T,
-        knit=np.full_like(chart.knit.T, "R"),
+        knit=np.full(chart.knit.T.shape, "rib"),
         row_borders=chart.column_borders,
         column_borders=chart.row_borders,
         repeat=chart.repeat[::-1],

@@ -6,7 +6,7 @@ import typing
 import numpy as np
 import pytest
 
-from knitlab.knitting.stitch_chart import StitchChart
+from knitlab.knitting.chart import StitchChart
 from knitlab.simulation.case import Case
 from knitlab.study.plan import make_plan
 
@@ -26,7 +26,7 @@ def chart_of_arrays(front, plated=None, plated_face=("front", "front")) -> Stitc
         front=front,
         plated=np.zeros(front.shape, int) if plated is None else np.asarray(plated),
         plated_face=plated_face,
-        knit=np.array([["P"]]),
+        knit=np.array([["plain"]]),
         row_borders=np.array([0, courses]),
         column_borders=np.array([0, wales]),
         repeat=(courses, wales),
