@@ -27,7 +27,7 @@ def test_a_design_of_a_cube_gives_all_files(tmp_path):
     assert "size relaxed  13 × 13 mm (width × length)" in result.output
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*names, "sheet.pdf"])
     assert (tmp_path / "sample.k").read_bytes().startswith(b";!knitout-2\n;;Machine: SWG061N2\n")
-    assert (tmp_path / "sheet.pdf").read_bytes().startswith(b"%PDF")
+    assert (tmp_path / "sheet.pdf").read_bytes().count(b"/Count 1") == 1
 
 
 def test_the_table_has_a_line_for_each_course_the_last_first(tmp_path):

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from knitlab.api.design import Design, resolve
 from knitlab.io.shipped import shipped
 from knitlab.knitting.checks import check
 from knitlab.knitting.interpreter import interpreted, stripped
@@ -16,6 +17,7 @@ from knitlab.knitting.machine import read_machine
 from knitlab.knitting.round_trip import MOST_OPERATIONS, round_trip
 from knitlab.knitting.stitch_chart import stitch_chart
 from knitlab.study.parameters import read_parameters
+from knitlab.study.patterns import Pattern
 from tests.knitting.charts import case_of, chart_of_arrays, fast_protocols  # noqa: F401
 
 interpreter = pytest.mark.skipif(
@@ -23,6 +25,14 @@ interpreter = pytest.mark.skipif(
 )
 PAPER = read_parameters(shipped("params")).designs.root["paper"].pairs
 SMALL = [(2, 16), (4, 16)]
+GRADED = Pattern(
+    rows=("GRP", "RGR"),
+    column_stitches=(8, 16, 24),
+    column_n_stripe=(2, 4, 6),
+    row_courses=(32, 16),
+    row_n_stripe=(4, 2),
+)
+"""Columns and rows that differ in size and in their stripes."""
 ENDS = ["bind_off", "drop"]
 
 
@@ -96,6 +106,7 @@ def test_every_design_of_the_paper_is_knitted_as_charted(design):
 
 @interpreter
 @pytest.mark.slow
+@pytest.mark.timeout(3600)  # 80,000 operations, each a millisecond or two
 @pytest.mark.parametrize("design", PAPER, ids=str)
 def test_the_interpreter_knits_every_design_of_the_paper(design, fast_protocols):  # noqa: F811
     chart = stitch_chart(case_of(n_stripe=design[0], n_subunit=design[1]))
@@ -110,12 +121,14 @@ def test_the_interpreter_knits_every_design_of_the_paper(design, fast_protocols)
     [
         pytest.param({"workflow": "sensor", "n_stripe": 4, "n_subunit": 16}, id="plated"),
         pytest.param({"workflow": "sensor_stripes", "knit": ["rib"]}, id="plated rib"),
-        pytest.param({"workflow": "graded", "pattern": "graded_stripes"}, id="graded"),
+        pytest.param({"n_stripe": 4, "n_subunit": 16, "pattern": GRADED}, id="graded"),
         pytest.param({"n_stripe": 2, "n_subunit": 8, "pattern": "framed"}, id="plain knit"),
     ],
 )
 def test_the_interpreter_knits_graded_plain_and_plated_fabric(case, fast_protocols):  # noqa: F811
-    chart, machine = stitch_chart(case_of(**case)), read_machine()
+    graded = case.get("pattern") is GRADED
+    found = resolve(Design(**case), [0.0], {}).case if graded else case_of(**case)
+    chart, machine = stitch_chart(found), read_machine()
     assert round_trip(knitout(chart, machine), chart, machine, interpret=True).faults == ()
 
 
