@@ -16,7 +16,7 @@ from knitlab.knitting.chart import StitchChart
 from knitlab.knitting.knit_stitches import electrode_name
 
 FRONT, BACK = "white", "0.68"
-ELECTRODES = {1: ("#F5B041", "#B9770E"), 2: ("#7FB3D5", "#1F618D")}
+ELECTRODES = {1: ("#FAD7A0", "#DC7633"), 2: ("#AED6F1", "#2471A3")}
 """Colours of the plated stitches of electrodes, on the front and on the back bed."""
 WIDEST_STITCH = 0.16
 """Width of a stitch in a small chart [in]."""
@@ -165,16 +165,23 @@ def _draw_patches(
 
 
 def _draw_electrodes(axes: Axes, chart: StitchChart, rows: slice, columns: slice) -> None:
-    """The letter of every electrode at its lower end."""
+    """The outline of every electrode, and its letter at its lower end."""
+    plated = chart.plated[rows, columns]
+    course, wale = np.nonzero(plated[:, 1:] != plated[:, :-1])
+    x, y = columns.start + wale + 1, rows.start + course
+    axes.vlines(x, y, y + 1, colors="black", lw=1.4)
+    course, wale = np.nonzero(plated[1:] != plated[:-1])
+    x, y = columns.start + wale, rows.start + course + 1
+    axes.hlines(y, x, x + 1, colors="black", lw=1.4)
     for number in chart.electrodes:
-        places = np.argwhere(chart.plated[rows, columns] == number)
+        places = np.argwhere(plated == number)
         if not len(places):
             continue
-        course = int(places[:, 0].min())
-        wale = float(places[places[:, 0] == course, 1].mean())
+        lowest = int(places[:, 0].min())
+        middle = float(places[places[:, 0] == lowest, 1].mean())
         axes.text(
-            columns.start + wale + 0.5,
-            rows.start + course + 0.02 * (rows.stop - rows.start),
+            columns.start + middle + 0.5,
+            rows.start + lowest + 0.02 * (rows.stop - rows.start),
             electrode_name(number),
             ha="center",
             va="bottom",
