@@ -50,10 +50,12 @@ def round_trip(
         faults.append(f"knits no chart: {error}")
     notes = [f"own checks: {count}, {len(faults)} faults"]
     length = sum(1 for _ in operations(program))
-    if interpret is None and interpreter.is_installed() and length > MOST_OPERATIONS:
-        notes.append(f"interpreter: not asked, {length} operations take it long; take less repeats")
-    elif interpret is False or (interpret is None and not interpreter.is_installed()):
+    if interpret is False or not interpreter.is_installed():
         notes.append("interpreter: not asked; it comes with pip install knitlab[knitting]")
+    elif interpret is None and length > MOST_OPERATIONS:
+        notes.append(
+            f"interpreter: not asked, {length} operations take it long; take fewer repeats"
+        )
     else:
         found = _interpreted(program, chart, machine)
         notes.append(f"interpreter: {count}, {len(found)} faults")
