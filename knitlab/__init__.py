@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from knitlab.api.designing import design
     from knitlab.api.exporting import export
     from knitlab.api.finding import find
+    from knitlab.api.knitting import knit
     from knitlab.api.laboratory import fit, import_records
     from knitlab.api.measures import evaluate
     from knitlab.api.simulation import NotConverged, simulate
@@ -50,6 +51,7 @@ __all__ = [
     "find",
     "fit",
     "import_records",
+    "knit",
     "open_cube",
     "plan",
     "plot",
@@ -75,6 +77,7 @@ _MODULES = {
     "find": "knitlab.api.finding",
     "fit": "knitlab.api.laboratory",
     "import_records": "knitlab.api.laboratory",
+    "knit": "knitlab.api.knitting",
     "open_cube": "knitlab.tables.accessor",
     "plan": "knitlab.api.sweeps",
     "query": "knitlab.api.comparison",

@@ -19,6 +19,7 @@ LAYERS = (
     "io",
     "simulation",
     "study",
+    "knitting",
     "execution",
     "laboratory",
     "tables",

@@ -7,6 +7,7 @@ from knitlab.cli.cubes import claims, compare, draw_map, query
 from knitlab.cli.designing import design
 from knitlab.cli.exporting import export
 from knitlab.cli.finding import find
+from knitlab.cli.knitting import knit
 from knitlab.cli.laboratory import fit, import_group
 from knitlab.cli.sweeps import plan, reproduce, run, status
 
@@ -18,6 +19,7 @@ COMMANDS = (
     query,
     find,
     design,
+    knit,
     draw_map,
     export,
     claims,
