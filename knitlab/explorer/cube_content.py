@@ -1,0 +1,82 @@
+"""A cube for the page: its dimensions, designs, variables, shapes and run."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from knitlab.explorer.run_report import figures_of, run_of
+from knitlab.explorer.shapes import shape_of
+from knitlab.explorer.variables import STRAIN, variables_of
+from knitlab.execution.status import earlier_failures
+from knitlab.io.cube_file import design_dims, is_measured, source_of
+from knitlab.io.design_status import Status
+from knitlab.io.plain_cube import named_path
+
+MEASURED = "It was measured, so that there is no shape."
+NOT_FROM_FILE = "The cube was not opened from a file, so that there is no shape."
+Content = dict[str, Any]
+
+
+def cube_content(cube: xr.Dataset) -> Content:
+    """What the page holds of a cube.
+
+    Shapes, reasons of failures, and figures come from the results folder that the cube was opened
+    from, as far as they are there.
+
+    Args:
+        cube: the cube.
+    """
+    source = cube.encoding.get("source")
+    folder = Path(source).parent if source else None
+    dims = design_dims(cube)
+    places = [
+        tuple(map(int, place))
+        for place in np.argwhere(cube["status"].values != Status.excluded)
+    ]
+    strains = cube[STRAIN].values
+    failures = earlier_failures(folder) if folder else {}
+    designs: list[Content] = []
+    for place in places:
+        case_id = str(cube["case_id"].values[place])
+        shape = _shape(cube, case_id, folder, strains)
+        designs.append(
+            {
+                "at": place,
+                "status": int(cube["status"].values[place]),
+                "case_id": case_id,
+                "reason": failures.get(case_id, {}).get("reason", ""),
+                "shape": None if isinstance(shape, str) else shape,
+                "why_no_shape": shape if isinstance(shape, str) else "",
+            }
+        )
+    return {
+        "name": named_path(Path(source)).name if source else str(cube.attrs.get("workflow", "")),
+        "title": str(cube.attrs.get("title", "")),
+        "source": source_of(cube),
+        "dims": [_dimension(cube, dim) for dim in dims],
+        "strains": strains.tolist(),
+        "designs": designs,
+        "variables": variables_of(cube, places),
+        "run": run_of(cube, designs, folder),
+        "figures": figures_of(folder) if folder else [],
+    }
+
+
+def _dimension(cube: xr.Dataset, dim: str) -> Content:
+    attributes = cube[dim].attrs
+    return {
+        "name": dim,
+        "long_name": attributes.get("long_name", dim),
+        "units": attributes.get("units", "1"),
+        "values": cube[dim].values.tolist(),
+    }
+
+
+def _shape(
+    cube: xr.Dataset, case_id: str, folder: Path | None, strains: np.ndarray
+) -> Content | str:
+    if is_measured(cube):
+        return MEASURED
+    return shape_of(case_id, folder, strains) if folder else NOT_FROM_FILE

@@ -1,0 +1,59 @@
+"""Writing the explorer of cubes into a file."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from knitlab.explorer.colours import colour_maps
+from knitlab.explorer.cube_content import cube_content
+from knitlab.explorer.page import page_of
+from knitlab.io.atomic_write import atomic_write
+from knitlab.io.design_status import Status
+from knitlab.io.errors import fault
+
+SUFFIX = ".html"
+
+
+def check_suffix(output: Path) -> None:
+    """Check the format of an explorer.
+
+    Raises:
+        BadInput: if its suffix is not ``.html``.
+    """
+    if output.suffix.lower() != SUFFIX:
+        raise fault(f"output {output}", f"is no page; give it the suffix {SUFFIX}")
+
+
+def content_of(cubes: Sequence[xr.Dataset]) -> dict[str, Any]:
+    """What the page of cubes shows, as JSON can hold it."""
+    return {
+        "statuses": [status.name.replace("_", " ") for status in Status],
+        "colours": colour_maps(),
+        "cubes": [cube_content(cube) for cube in cubes],
+    }
+
+
+def write_explorer(cubes: Sequence[xr.Dataset], output: Path) -> Path:
+    """Write the explorer of cubes: one file that opens in a browser without a network.
+
+    Args:
+        cubes: the cubes.
+        output: the file, with the suffix ``.html``.
+
+    Returns:
+        The file.
+
+    Raises:
+        BadInput: if there is no cube, or the suffix is another one.
+        CannotWrite: if the file cannot be written.
+    """
+    check_suffix(output)
+    if not cubes:
+        raise fault("cubes", "are none; give one or several")
+    content = content_of(cubes)
+    names = ", ".join(dict.fromkeys(each["name"] for each in content["cubes"]))
+    with atomic_write(output) as temporary:
+        temporary.write_text(page_of(f"knitlab explorer: {names}", content), encoding="utf-8")
+    return output

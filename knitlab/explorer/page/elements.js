@@ -1,0 +1,40 @@
+// Elements of the page and of its drawings. Text only ever goes in as text.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+/** Element with this id. */
+export function byId(id) {
+  return document.getElementById(id);
+}
+
+/** HTML element with attributes, listeners (`onclick`) and children (elements or text). */
+export function element(name, attributes = {}, ...children) {
+  return furnished(document.createElement(name), attributes, children);
+}
+
+/** SVG element, likewise. */
+export function drawn(name, attributes = {}, ...children) {
+  return furnished(document.createElementNS(SVG, name), attributes, children);
+}
+
+/** Select element of `[value, text]` pairs, or of groups `[heading, pairs]`. */
+export function choice(label, groups, chosen, onchange) {
+  const options = groups.map(([heading, pairs]) => {
+    const inside = pairs.map(([value, text]) => element("option", { value }, text));
+    return heading ? element("optgroup", { label: heading }, ...inside) : inside;
+  });
+  const select = element("select", { onchange: () => onchange(select.value) }, ...options.flat());
+  select.value = chosen;
+  return element("label", {}, `${label} `, select);
+}
+
+function furnished(made, attributes, children) {
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else if (value !== null && value !== undefined && value !== false) {
+      made.setAttribute(name, value === true ? "" : value);
+    }
+  }
+  made.append(...children.filter((child) => child !== null && child !== undefined));
+  return made;
+}
