@@ -24,6 +24,7 @@ LAYERS = (
     "paper",
     "figures",
     "report",
+    "explorer",
     "api",
     "cli",
 )

@@ -18,7 +18,11 @@ LIGHTEST, DARKEST = 0.97, 0.47
 BLUE, ORANGE = np.array([-0.035, -0.135]), np.array([0.105, 0.095])
 """Chromatic coordinates (a, b) in OKLab at the ends."""
 TO_CONE_ROOTS = np.array(
-    [[1, 0.3963377774, 0.2158037573], [1, -0.1055613458, -0.0638541728], [1, -0.0894841775, -1.2914855480]]
+    [
+        [1, 0.3963377774, 0.2158037573],
+        [1, -0.1055613458, -0.0638541728],
+        [1, -0.0894841775, -1.2914855480],
+    ]
 )
 TO_LINEAR_RGB = np.array(
     [
@@ -46,7 +50,5 @@ def signed_colours(steps: int) -> Float[np.ndarray, "step 3"]:
     hue = np.where(value < 0, BLUE, ORANGE) * np.abs(value)
     linear = (np.hstack([lightness, hue]) @ TO_CONE_ROOTS.T) ** 3 @ TO_LINEAR_RGB.T
     linear = np.clip(linear, 0, 1)
-    encoded = np.where(
-        linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055
-    )
+    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     return np.clip(encoded, 0, 1)

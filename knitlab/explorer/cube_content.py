@@ -1,22 +1,21 @@
 """A cube for the page: its dimensions, designs, variables, shapes and run."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from knitlab.execution.status import earlier_failures
+from knitlab.explorer.page import Content
 from knitlab.explorer.run_report import figures_of, run_of
 from knitlab.explorer.shapes import shape_of
 from knitlab.explorer.variables import STRAIN, variables_of
-from knitlab.execution.status import earlier_failures
 from knitlab.io.cube_file import design_dims, is_measured, source_of
 from knitlab.io.design_status import Status
 from knitlab.io.plain_cube import named_path
 
 MEASURED = "It was measured, so that there is no shape."
 NOT_FROM_FILE = "The cube was not opened from a file, so that there is no shape."
-Content = dict[str, Any]
 
 
 def cube_content(cube: xr.Dataset) -> Content:
@@ -32,8 +31,7 @@ def cube_content(cube: xr.Dataset) -> Content:
     folder = Path(source).parent if source else None
     dims = design_dims(cube)
     places = [
-        tuple(map(int, place))
-        for place in np.argwhere(cube["status"].values != Status.excluded)
+        tuple(map(int, place)) for place in np.argwhere(cube["status"].values != Status.excluded)
     ]
     strains = cube[STRAIN].values
     failures = earlier_failures(folder) if folder else {}

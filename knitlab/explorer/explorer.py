@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import xarray as xr
 
 from knitlab.explorer.colours import colour_maps
 from knitlab.explorer.cube_content import cube_content
-from knitlab.explorer.page import page_of
+from knitlab.explorer.page import Content, page_of
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
@@ -26,7 +25,7 @@ def check_suffix(output: Path) -> None:
         raise fault(f"output {output}", f"is no page; give it the suffix {SUFFIX}")
 
 
-def content_of(cubes: Sequence[xr.Dataset]) -> dict[str, Any]:
+def content_of(cubes: Sequence[xr.Dataset]) -> Content:
     """What the page of cubes shows, as JSON can hold it."""
     return {
         "statuses": [status.name.replace("_", " ") for status in Status],

@@ -8,22 +8,23 @@ import base64
 import hashlib
 import html
 import json
-from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any
 
+Content = dict[str, Any]
+"""What a page shows, as JSON can hold it."""
 PREFIX = "explorer/"
 """What the names of modules begin with in their imports."""
 START = "main"
 TEMPLATE, STYLES = "page.html", "page.css"
 
 
-def page_of(title: str, content: Mapping[str, Any]) -> str:
+def page_of(title: str, content: Content) -> str:
     """Write the page.
 
     Args:
         title: its title.
-        content: what it shows, see :mod:`knitlab.explorer.content`.
+        content: what it shows, see :func:`knitlab.explorer.explorer.content_of`.
     """
     imports = json.dumps({"imports": _modules()})
     start = f'import "{PREFIX}{START}";'

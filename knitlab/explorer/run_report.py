@@ -3,6 +3,7 @@
 import base64
 import io
 import json
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,10 @@ import xarray as xr
 from PIL import Image
 
 from knitlab.execution.status import PLAN
+from knitlab.explorer.page import Content
 from knitlab.io.case_file import case_path
 from knitlab.io.cube_file import is_measured, source_of
 from knitlab.io.design_status import Status
-from knitlab.study.common_settings import parameters_of
 
 PROVENANCE = {
     "source": "code",
@@ -29,7 +30,6 @@ WIDEST = 1400
 """Width to which figures are reduced [pixels]."""
 COLOURS = 128
 MOST_FIGURES = 12
-Content = dict[str, Any]
 
 
 def run_of(cube: xr.Dataset, designs: Sequence[Content], folder: Path | None) -> Content:
@@ -40,6 +40,7 @@ def run_of(cube: xr.Dataset, designs: Sequence[Content], folder: Path | None) ->
         designs: its designs, with ``case_id`` and ``status``.
         folder: its results folder, if it was opened from a file.
     """
+    stated = json.loads(cube.attrs.get("parameters", "{}"))
     times = _batch_times([design["case_id"] for design in designs], folder)
     return {
         "facts": [
@@ -52,7 +53,7 @@ def run_of(cube: xr.Dataset, designs: Sequence[Content], folder: Path | None) ->
             ["computing time", _computing_time(times, len(designs))],
             *_planned(folder),
         ],
-        "settings": [[name, value] for name, value in _flat(parameters_of(cube))],
+        "settings": [[name, value] for name, value in _flat(stated)],
         "provenance": [
             [label, str(cube.attrs[name])]
             for name, label in PROVENANCE.items()
@@ -81,14 +82,13 @@ def _reduced(path: Path) -> str:
 
 
 def _counted(designs: Sequence[Content]) -> str:
-    counts = {status: sum(design["status"] == status for design in designs) for status in Status}
-    parts = [f"{count} {status.name.replace('_', ' ')}" for status, count in counts.items() if count]
-    return f"{len(designs)}: {', '.join(parts)}"
+    counts = Counter(Status(design["status"]).name.replace("_", " ") for design in designs)
+    return f"{len(designs)}: {', '.join(f'{count} {name}' for name, count in counts.items())}"
 
 
 def _strains(cube: xr.Dataset) -> str:
     strains = cube["applied_strain"].values
-    return f"{len(strains)}, from {strains.min():g} to {strains.max():g}" if strains.size else "none"
+    return f"{strains.size}, from {strains.min():g} to {strains.max():g}"
 
 
 def _batch_times(case_ids: Sequence[str], folder: Path | None) -> dict[str, float]:
@@ -116,10 +116,9 @@ def _planned(folder: Path | None) -> Iterator[list[str]]:
     try:
         plan = json.loads((folder / PLAN).read_text()) if folder else {}
     except (OSError, ValueError):
-        plan = {}
+        return
     if overrides := plan.get("overrides"):
-        shown = overrides if isinstance(overrides, list) else _flat(overrides)
-        yield ["overridden", ", ".join(each if isinstance(each, str) else "=".join(each) for each in shown)]
+        yield ["overridden", ", ".join(map(str, overrides))]
 
 
 def _flat(table: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, str]]:

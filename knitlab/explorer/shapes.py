@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from knitlab.explorer.page import Content
 from knitlab.explorer.positions import pack_positions
 from knitlab.io.case_file import case_path, read_case
 
@@ -20,7 +21,6 @@ MOST_NODES = 4096
 NO_FILE = "Its case file is not beside the cube, so that there is no shape."
 NO_POSITIONS = "Its case file holds no node positions, so that there is no shape."
 NO_STATE = "No state of it was reached, so that there is no shape."
-Content = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -139,9 +139,9 @@ def _electrodes(record: Mapping[str, Any], window: Window) -> Content | None:
         electrodes = case_of(dict(record)).electrodes
     except ValidationError:
         return None  # a case of another version, whose record this one does not know
-    bottom, left = window.rows[0], window.columns[0]
+    x, y = window.columns[0], window.rows[0]
     strips = [
-        [[each.left - left, each.right - left, each.bottom - bottom, each.top - bottom] for each in of]
-        for of in electrodes.strips
+        [[one.left - x, one.right - x, one.bottom - y, one.top - y] for one in of_electrode]
+        for of_electrode in electrodes.strips
     ]
     return {"along": electrodes.along, "strips": strips}

@@ -2,11 +2,11 @@
 
 import itertools
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from knitlab.explorer.page import Content
 from knitlab.io.cube_file import design_dims
 from knitlab.io.schema import FLAGS, INTEGERS
 
@@ -17,7 +17,6 @@ DIGITS = 6
 """Significant digits of the numbers on the page."""
 BAND = ("low", "high", "error")
 """Endings of the variables that give the band of another."""
-Content = dict[str, Any]
 
 
 def variables_of(cube: xr.Dataset, places: Sequence[tuple[int, ...]]) -> list[Content]:

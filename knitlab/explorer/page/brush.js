@@ -4,7 +4,7 @@ import { drawn } from "explorer/elements";
 import { number } from "explorer/numbers";
 import { linear, widened } from "explorer/scale";
 
-const [WIDTH, HEIGHT, SIDE] = [240, 36, 12];
+const [WIDTH, HEIGHT, SIDE] = [300, 40, 10];
 const LINE = 14;
 const SHORTEST = 3;
 
@@ -24,6 +24,8 @@ export function brush({ store, cube }, { name, low, high }, set) {
     const { left, width } = svg.getBoundingClientRect();
     return Math.min(Math.max(((event.clientX - left) * WIDTH) / width, 0), WIDTH);
   };
+  // What equilibrium leaves of a force that should be zero is written as zero.
+  const plain = (value) => (Math.abs(value) < 1e-6 * (most - least) ? 0 : value);
   const svg = drawn(
     "svg",
     {
@@ -49,8 +51,8 @@ export function brush({ store, cube }, { name, low, high }, set) {
     ...values
       .filter((value) => value !== null)
       .map((value) => drawn("circle", { class: "dot", cx: x(value), cy: LINE, r: 4 })),
-    drawn("text", { class: "tick start", x: 2, y: HEIGHT - 2 }, number(least)),
-    drawn("text", { class: "tick end", x: WIDTH - 2, y: HEIGHT - 2 }, number(most)),
+    drawn("text", { class: "tick start", x: 2, y: HEIGHT - 2 }, number(plain(least))),
+    drawn("text", { class: "tick end", x: WIDTH - 2, y: HEIGHT - 2 }, number(plain(most))),
   );
   return svg;
 }

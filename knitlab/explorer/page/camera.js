@@ -1,7 +1,9 @@
 // The camera: parallel projection from a direction on a sphere, in millimetres a pixel.
 
 const STEEPEST = 90;
-export const FIRST_TURN = { azimuth: -35, elevation: 40, zoom: 1 };
+/** Corners may leave the picture: seen from most sides, a sheet is smaller than its diagonal. */
+const FILL = 1.2;
+export const FIRST_TURN = { azimuth: -30, elevation: 45, zoom: 1 };
 
 /** A turn after dragging by some degrees, and zooming by a factor. */
 export function turned({ azimuth, elevation, zoom }, right, up, factor = 1) {
@@ -27,7 +29,7 @@ export function axesOf({ azimuth, elevation }) {
 /** Camera on a box `{middle, radius}` for a picture of some size in pixels. */
 export function cameraOf(turn, box, width, height) {
   const axes = axesOf(turn);
-  const scale = (turn.zoom * Math.min(width, height)) / 2 / box.radius;
+  const scale = (FILL * turn.zoom * Math.min(width, height)) / 2 / box.radius;
   const project = (x, y, z) => {
     const moved = [x - box.middle[0], y - box.middle[1], z - box.middle[2]];
     const [right, up, near] = axes.map((axis) => axis[0] * moved[0] + axis[1] * moved[1] + axis[2] * moved[2]);

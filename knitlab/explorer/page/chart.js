@@ -6,7 +6,7 @@ import { number, percent, withUnit } from "explorer/numbers";
 import { extent, linear, ticks, widened } from "explorer/scale";
 
 const HEIGHT = 190;
-const [LEFT, RIGHT, TOP, BOTTOM] = [52, 10, 8, 34];
+const [LEFT, RIGHT, TOP, BOTTOM] = [60, 10, 8, 34];
 const MARKED = 40;
 
 /** Chart of the shown designs; pressing or dragging in it sets the strain. */

@@ -106,16 +106,13 @@ export class Cube {
     return statuses[this.designs[design].status];
   }
 
-  /** Design and strain with the lowest value of a variable, states without a value left out. */
+  /** Design and strain of the lowest value of a variable, if there is one that cloth can take. */
   lowest(name) {
-    let found = [0, 0];
-    let lowest = Infinity;
-    for (let design = 0; design < this.count; design += 1) {
-      for (let strain = 0; strain < this.strains.length; strain += 1) {
-        const value = this.value(name, design, strain);
-        if (value !== null && value < lowest) [lowest, found] = [value, [design, strain]];
-      }
-    }
-    return found;
+    const states = this.designs.flatMap((_, design) => this.strains.map((__, k) => [design, k]));
+    const present = states.filter(([design, k]) => this.value(name, design, k) !== null);
+    const sound = present.filter(([design, k]) => !this.foldedThrough(design, k));
+    const lower = (one, other) =>
+      this.value(name, ...other) < this.value(name, ...one) ? other : one;
+    return (sound.length ? sound : present).reduce(lower, present[0] ?? [0, 0]);
   }
 }

@@ -54,48 +54,46 @@ function drawCurves(app) {
   const shown = shownDesigns(app);
   const along = cube.variables.filter((variable) => variable.along_strain);
   const groups = [["", along.map(({ name, long_name: long }) => [name, long])]];
+  const focused = document.activeElement?.getAttribute?.("aria-label");
   const panels = ["upper", "lower"].flatMap((which) => {
     const variable = cube.variable(state[which]);
     if (!variable) return [];
     return [
-      choice("", groups, variable.name, (name) => store.set({ [which]: name })),
+      choice(`:${which} curve`, groups, variable.name, (name) => store.set({ [which]: name })),
       chart(app, variable, shown, byId("curves").clientWidth),
     ];
   });
-  const focused = document.activeElement?.closest?.("#curves select");
-  if (focused) return replaceCharts(panels);
   byId("curves").replaceChildren(...panels);
+  byId("curves").querySelector(`select[aria-label="${focused}"]`)?.focus();
   drawReadings(app, shown);
   drawLegend(shown);
-  return undefined;
-
-  function replaceCharts(made) {
-    const charts = made.filter((each) => each.tagName === "svg");
-    byId("curves").querySelectorAll("svg").forEach((old, k) => old.replaceWith(charts[k]));
-    drawReadings(app, shown);
-    drawLegend(shown);
-  }
 }
 
-function drawReadings({ store, cube }, shown) {
-  const { state } = store;
-  const strain = cube.strains[state.strain];
+function drawReadings(app, shown) {
+  const { state } = app.store;
+  const strain = app.cube.strains[state.strain];
+  const names = [...new Set([state.upper, state.lower])];
   const lines = shown.map((each) => {
     const place = nearestStrain(each.cube, strain);
-    const parts = [state.upper, state.lower]
-      .filter((name) => each.cube.has(name))
-      .map((name) => reading(each, name, place));
-    const notes = [
-      ...(each.status === "ok" ? [] : [each.status]),
-      ...(place !== null && each.cube.foldedThrough(each.design, place) ? ["passes through itself"] : []),
-    ];
+    const through = place !== null && each.cube.foldedThrough(each.design, place);
+    const notes = [...(each.status === "ok" ? [] : [each.status]), ...(through ? ["passes through itself"] : [])];
+    const pin = each.pin === null ? "Pin" : "Unpin";
     return element(
       "li",
       { class: each.selected ? "selected" : null },
-      sign(each.look),
-      element("b", {}, each.name),
-      ` at ${percent(strain)}: ${parts.join("; ")}`,
-      notes.length ? element("em", {}, ` (${notes.join(", ")})`) : null,
+      element("b", {}, sign(each.look), each.name),
+      element(
+        "button",
+        { "aria-label": `${pin} ${each.name}`, onclick: () => app.togglePin(each.design, each.cube) },
+        pin,
+      ),
+      element(
+        "span",
+        { class: "values" },
+        `At ${percent(strain)}: `,
+        ...names.filter((name) => each.cube.has(name)).map((name, k) => `${k ? "; " : ""}${reading(each, name, place)}`),
+        notes.length ? element("em", {}, ` – ${notes.join(", ")}`) : null,
+      ),
     );
   });
   byId("readings").replaceChildren(...lines);
@@ -103,11 +101,11 @@ function drawReadings({ store, cube }, shown) {
 
 function reading({ cube, design }, name, strain) {
   const variable = cube.variable(name);
-  if (strain === null) return `${variable.long_name} –`;
-  const value = cube.value(name, design, strain);
-  const band = value === null ? null : cube.band(name, design, strain);
+  const value = strain === null ? null : cube.value(name, design, strain);
+  if (value === null) return `no ${variable.long_name}`;
+  const band = cube.band(name, design, strain);
   const range = band ? ` (${number(band[0])} to ${number(band[1])})` : "";
-  return `${variable.long_name} ${number(value)}${value === null ? "" : unit(variable.units)}${range}`;
+  return `${variable.long_name} ${number(value)}${unit(variable.units)}${range}`;
 }
 
 /** Line and mark of a design, for lists. */

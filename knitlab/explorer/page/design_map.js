@@ -12,8 +12,8 @@ import { anyOf } from "explorer/store";
 const LEFT = 46;
 const BOTTOM = 40;
 const GAP = 3;
-const [LOWEST_CELL, HIGHEST_CELL] = [46, 84];
-const NARROWEST_TEXT = 34;
+const [LOWEST_CELL, HIGHEST_CELL] = [58, 84];
+const [NARROWEST_TEXT, NARROWEST_NAME] = [34, 88];
 const MOVES = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [1, 0], ArrowDown: [-1, 0] };
 
 /** Draw the map of the shown cube, and keep it up to date. */
@@ -64,7 +64,7 @@ function drawMap(app) {
   const { columns, rows, cells } = slice;
   const width = Math.max(byId("map").clientWidth, 240);
   const cellWidth = (width - LEFT) / columns.length;
-  const cellHeight = Math.min(Math.max(0.62 * cellWidth, LOWEST_CELL), HIGHEST_CELL);
+  const cellHeight = Math.min(Math.max(0.6 * cellWidth, LOWEST_CELL), HIGHEST_CELL);
   const height = rows.length * cellHeight + BOTTOM;
   const variable = cube.variable(state.of);
   const colour = colourScale(content.colours, cube.extentOf(state.of));
@@ -133,7 +133,9 @@ function cellOf(app, design, [left, top], [width, height], colour) {
   const ink = shown ? inkOn(tint) : "var(--ink)";
   const through = cube.foldedThrough(design, state.strain);
   const pin = state.pins.indexOf(app.pinKey(design));
-  const extra = missingLabel(cube, state, design);
+  const dim = missingDim(cube, state);
+  const label = dim ? cube.coordinate(dim, design) : "";
+  const extra = dim && width >= NARROWEST_NAME ? `${dim} ${label}` : String(label);
   const words = shown ? fixed(value) : status === "ok" ? "no value" : status;
   const fits = width >= NARROWEST_TEXT && kept;
   const notes = [status, ...(through ? ["passes through itself"] : []), ...(kept ? [] : ["filtered out"])];
@@ -152,23 +154,22 @@ function cellOf(app, design, [left, top], [width, height], colour) {
     rectangle({ fill: shown ? css(tint) : "var(--panel)" }),
     shown ? null : rectangle({ fill: hatching(status), class: "hatched" }),
     fits
-      ? text(middle, top + height / 2 + (extra ? -1 : 4), words, shown ? "value" : "value plain", ink)
+      ? text(middle, top + height / 2 + (extra ? 3 : 5), words, shown ? "value" : "value halo", ink)
       : null,
-    fits && extra ? text(middle, top + height / 2 + 14, extra, "extra", ink) : null,
+    fits && extra ? text(middle, top + height / 2 + 19, extra, shown ? "extra" : "extra halo", ink) : null,
     shown && status === "not converged" && fits
       ? text(left + width - 10, top + 16, "×", "value", ink)
       : null,
-    through && kept ? throughBadge(left + 14, top + 12) : null,
-    pin >= 0 ? pinBadge(left + width - 12, top + height - 12, pin) : null,
+    through && kept ? throughBadge(left + 15, top + 12) : null,
+    pin >= 0 ? pinBadge(left + width - inset - 11, top + height - inset - 11, pin) : null,
     rectangle({ class: "frame", fill: "none" }),
   );
 }
 
-/** The stripe number that is on no axis, where the map is by periods. */
-function missingLabel(cube, { x, y }, design) {
-  if (![x, y].includes(PERIODS)) return "";
-  const dim = cube.dims.find(({ name }) => name.startsWith("n_") && ![x, y].includes(name));
-  return dim ? `${dim.name} ${cube.coordinate(dim.name, design)}` : "";
+/** The stripe number that is on no axis, where the map is by periods; null elsewhere. */
+function missingDim(cube, { x, y }) {
+  if (![x, y].includes(PERIODS)) return null;
+  return cube.dims.find(({ name }) => name.startsWith("n_") && ![x, y].includes(name))?.name ?? null;
 }
 
 function throughBadge(x, y) {
@@ -202,6 +203,7 @@ function moved({ store, togglePin }, { rows, columns, cells }, event) {
 
 function drawLegend({ store, cube, content }, variable, colour, designs) {
   const { strain } = store.state;
+  const dim = missingDim(cube, store.state);
   const statuses = new Set(designs.map((design) => cube.statusOf(design, content.statuses)));
   statuses.delete("ok");
   const through = designs.some((design) => cube.foldedThrough(design, strain));
@@ -223,6 +225,7 @@ function drawLegend({ store, cube, content }, variable, colour, designs) {
         ),
       ),
       through ? element("li", {}, key(throughSign(11, 8)), "passes through itself at this strain") : null,
+      dim ? element("li", {}, `small: ${dim}`) : null,
       element("li", {}, "blank: no such design"),
     ),
   );

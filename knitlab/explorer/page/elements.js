@@ -17,7 +17,7 @@ export function drawn(name, attributes = {}, ...children) {
   return furnished(document.createElementNS(SVG, name), attributes, children);
 }
 
-/** Select element of `[value, text]` pairs, or of groups `[heading, pairs]`. */
+/** Select element of groups `[heading, [[value, text], …]]`; a label with a colon before it is hidden. */
 export function choice(label, groups, chosen, onchange) {
   const options = groups.map(([heading, pairs]) => {
     const inside = pairs.map(([value, text]) => element("option", { value }, text));
@@ -25,7 +25,9 @@ export function choice(label, groups, chosen, onchange) {
   });
   const select = element("select", { onchange: () => onchange(select.value) }, ...options.flat());
   select.value = chosen;
-  return element("label", {}, `${label} `, select);
+  if (!label.startsWith(":")) return element("label", {}, `${label} `, select);
+  select.setAttribute("aria-label", label.slice(1));
+  return select;
 }
 
 function furnished(made, attributes, children) {

@@ -58,9 +58,13 @@ function drawFilters(app) {
         { class: "filter", "data-variable": window.name },
         element("span", { class: "name" }, `${withUnit(variable)}${at}`),
         brush(app, window, (low, high) => replace(window.name, { low, high })),
-        edge("low", "from"),
-        edge("high", "to"),
-        element("button", { onclick: () => replace(window.name, { low: null, high: null }) }, "Clear"),
+        element(
+          "div",
+          { class: "edges" },
+          edge("low", "from"),
+          edge("high", "to"),
+          element("button", { onclick: () => replace(window.name, { low: null, high: null }) }, "Clear"),
+        ),
       );
     });
   const free = variableGroups(cube).map(([heading, pairs]) => [

@@ -8,7 +8,7 @@ export function number(value, digits = 3) {
   if (value === 0) return "0";
   const size = Math.abs(value);
   const text =
-    size >= 1e5 || size < 1e-3
+    size >= 1e5 || size < 1e-4
       ? value.toExponential(Math.max(digits - 2, 0))
       : String(Number(value.toPrecision(Math.max(digits, Math.ceil(Math.log10(size))))));
   return text.replace("-", MINUS);

@@ -10,7 +10,7 @@ import { sceneOf, sheetOf } from "explorer/sheet";
 import { anyOf } from "explorer/store";
 
 const SIZES = ["poisson_ratio_min", "knit_cell_x", "knit_cell_y", "sensitivity"];
-const [WIDTH, HEIGHT] = [320, 220];
+const [WIDTH, HEIGHT] = [320, 240];
 const INK = [0.12, 0.12, 0.14];
 
 /** Draw the cards of the pinned designs, and keep them up to date. */

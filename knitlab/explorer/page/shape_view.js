@@ -132,10 +132,7 @@ class ShapeView {
     if (frame < 0) {
       if (each.status === STATUS.failed) said.push(`This case failed${each.reason ? `: ${each.reason}` : ""}.`);
       else if (each.status === STATUS.pending) said.push("This case has not been run yet.");
-      else if (each.shape) {
-        const last = cube.strains[each.shape.frames.at(-1)];
-        said.push(`It has no state at ${at}; the last one that was reached is at ${percent(last)}.`);
-      }
+      else if (each.shape) said.push(missingFrame(at, each.shape.frames, cube.strains));
       if (!each.shape && each.status !== STATUS.pending) said.push(each.why_no_shape);
     }
     this.message.textContent = said.join(" ");
@@ -190,12 +187,22 @@ class ShapeView {
       element(
         "p",
         {},
-        `Lines are patch borders. Lengths are those of the model; positions are rounded to ${number(error, 2)} mm.`,
+        "Lines are patch borders. Lengths are those of the model, before the gauge. ",
+        `Positions are off by ${number(error, 2)} mm at most, as this page stores them in 12 bits.`,
         shape.note ? ` Shown: ${shape.note}.` : "",
         this.renderer.name === "canvas" ? " This browser has no WebGL: the shape is drawn more slowly." : "",
       ),
     );
   }
+}
+
+/** Why there is no shape at a strain: the test ended before it, or its file keeps some shapes only. */
+function missingFrame(at, frames, strains) {
+  const listed = frames.map((frame) => percent(strains[frame]));
+  const gapless = frames.every((frame, k) => frame === k);
+  return gapless
+    ? `The test ended at ${listed.at(-1)}, so that there is no state at ${at}.`
+    : `There is no shape at ${at}; its case file has those at ${listed.join(", ")}.`;
 }
 
 function inkOf(canvas) {

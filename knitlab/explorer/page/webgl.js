@@ -28,7 +28,7 @@ const [PLATE_LIFT, LINE_LIFT] = [0.004, 0.006];
 
 /** A renderer on a canvas, or null where there is no WebGL. */
 export function webglRenderer(canvas) {
-  const gl = canvas.getContext("webgl", { antialias: true, alpha: true, preserveDrawingBuffer: true });
+  const gl = canvas.getContext("webgl", { antialias: true, alpha: true });
   if (!gl) return null;
   const faces = program(gl, FACES);
   const lines = program(gl, LINES);
