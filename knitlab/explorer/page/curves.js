@@ -2,7 +2,7 @@
 
 import { chart } from "explorer/chart";
 import { PIN_COLOURS, PIN_DASHES, PIN_MARKS } from "explorer/colours";
-import { byId, choice, drawn, element } from "explorer/elements";
+import { byId, choice, drawn, element, onWidth, refill } from "explorer/elements";
 import { mark } from "explorer/marks";
 import { number, percent, unit } from "explorer/numbers";
 import { anyOf } from "explorer/store";
@@ -12,7 +12,7 @@ const SELECTED = { colour: "var(--ink)", mark: "circle", dash: "" };
 /** Draw both charts, and keep them up to date. */
 export function curves(app) {
   const draw = () => drawCurves(app);
-  new ResizeObserver(() => requestAnimationFrame(draw)).observe(byId("curves"));
+  onWidth(byId("curves"), draw);
   app.store.show((state, changed) => {
     if (anyOf(changed, "cube", "design", "strain", "pins", "filters", "upper", "lower")) draw();
   });
@@ -54,7 +54,6 @@ function drawCurves(app) {
   const shown = shownDesigns(app);
   const along = cube.variables.filter((variable) => variable.along_strain);
   const groups = [["", along.map(({ name, long_name: long }) => [name, long])]];
-  const focused = document.activeElement?.getAttribute?.("aria-label");
   const panels = ["upper", "lower"].flatMap((which) => {
     const variable = cube.variable(state[which]);
     if (!variable) return [];
@@ -63,8 +62,7 @@ function drawCurves(app) {
       chart(app, variable, shown, byId("curves").clientWidth),
     ];
   });
-  byId("curves").replaceChildren(...panels);
-  byId("curves").querySelector(`select[aria-label="${focused}"]`)?.focus();
+  refill(byId("curves"), ...panels);
   drawReadings(app, shown);
   drawLegend(shown);
 }
@@ -96,7 +94,7 @@ function drawReadings(app, shown) {
       ),
     );
   });
-  byId("readings").replaceChildren(...lines);
+  refill(byId("readings"), ...lines);
 }
 
 function reading({ cube, design }, name, strain) {

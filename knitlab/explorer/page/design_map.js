@@ -3,7 +3,7 @@
 import { colourBar } from "explorer/colour_bar";
 import { PIN_COLOURS, PIN_MARKS, colourScale, css, inkOn } from "explorer/colours";
 import { PERIODS, STATUS } from "explorer/cube";
-import { byId, choice, drawn, element } from "explorer/elements";
+import { byId, choice, drawn, element, onWidth, refill } from "explorer/elements";
 import { hatching, hatchings, mark, throughSign } from "explorer/marks";
 import { fixed, number, percent, unit, withUnit } from "explorer/numbers";
 import { fixedDims, movedAlong, sliceOf } from "explorer/slice";
@@ -19,7 +19,7 @@ const MOVES = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [1, 0], ArrowDo
 /** Draw the map of the shown cube, and keep it up to date. */
 export function designMap(app) {
   const draw = () => drawMap(app);
-  new ResizeObserver(() => requestAnimationFrame(draw)).observe(byId("map"));
+  onWidth(byId("map"), draw);
   app.store.show((state, changed) => {
     if (anyOf(changed, "cube", "x", "y", "of", "design")) drawChoices(app);
     if (anyOf(changed, "cube", "x", "y", "of", "strain", "design", "pins", "filters")) draw();
@@ -42,7 +42,8 @@ function drawChoices({ store, cube }) {
   const axes = [["", cube.axes.map(({ name }) => [name, name === PERIODS ? "periods (P)" : name])]];
   const swapped = (axis, other) => (value) =>
     store.set(value === state[other] ? { [axis]: value, [other]: state[axis] } : { [axis]: value });
-  byId("map-choices").replaceChildren(
+  refill(
+    byId("map-choices"),
     choice("Colour", variableGroups(cube), state.of, (of) => store.set({ of })),
     choice("across", axes, state.x, swapped("x", "y")),
     choice("up", axes, state.y, swapped("y", "x")),

@@ -1,6 +1,6 @@
 // The table of the designs that lie in all windows, sorted by a column.
 
-import { byId, element } from "explorer/elements";
+import { byId, element, refill } from "explorer/elements";
 import { fixed, percent, withUnit } from "explorer/numbers";
 import { anyOf } from "explorer/store";
 
@@ -87,7 +87,8 @@ function drawTable(app) {
       ...values.map(({ value }) => element("td", {}, fixed(value(design)))),
     );
   });
-  byId("designs").replaceChildren(
+  refill(
+    byId("designs"),
     element("thead", {}, element("tr", {}, element("th", {}, ""), ...labels.map(heading), element("th", { scope: "col" }, "status"), ...values.map(heading))),
     element("tbody", {}, ...body),
   );

@@ -30,6 +30,24 @@ export function choice(label, groups, chosen, onchange) {
   return select;
 }
 
+/** Replace the children of an element; the control in the place of the focused one gets the focus. */
+export function refill(parent, ...children) {
+  const controls = () => [...parent.querySelectorAll("select, button, input")];
+  const place = controls().indexOf(document.activeElement);
+  parent.replaceChildren(...children.filter((child) => child !== null));
+  if (place >= 0) controls()[place]?.focus();
+}
+
+/** Call `draw` whenever the width of an element changes, which its content must not set. */
+export function onWidth(observed, draw) {
+  let width = observed.clientWidth;
+  new ResizeObserver(() => {
+    if (observed.clientWidth === width) return;
+    width = observed.clientWidth;
+    requestAnimationFrame(draw);
+  }).observe(observed);
+}
+
 function furnished(made, attributes, children) {
   for (const [name, value] of Object.entries(attributes)) {
     if (name.startsWith("on")) made.addEventListener(name.slice(2), value);

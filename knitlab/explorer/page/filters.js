@@ -2,7 +2,7 @@
 
 import { brush } from "explorer/brush";
 import { variableGroups } from "explorer/design_map";
-import { byId, choice, element } from "explorer/elements";
+import { byId, choice, element, refill } from "explorer/elements";
 import { percent, withUnit } from "explorer/numbers";
 import { anyOf } from "explorer/store";
 
@@ -74,9 +74,7 @@ function drawFilters(app) {
   const add = choice("Filter by another variable", [["", [["", "…"]]], ...free], "", (name) =>
     store.set({ filters: [...windows, { name, low: null, high: null }] }),
   );
-  const focused = document.activeElement?.getAttribute?.("aria-label");
-  byId("filters").replaceChildren(...rows, add);
-  if (focused) byId("filters").querySelector(`[aria-label="${CSS.escape(focused)}"]`)?.focus();
+  refill(byId("filters"), ...rows, add);
   const kept = cube.designs.filter((_, design) => app.passes(design)).length;
   byId("filter-count").textContent = `${kept} of ${cube.count} designs`;
 }

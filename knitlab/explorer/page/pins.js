@@ -2,7 +2,7 @@
 
 import { boxOf, cameraOf } from "explorer/camera";
 import { nearestStrain, shownDesigns, sign } from "explorer/curves";
-import { byId, element } from "explorer/elements";
+import { byId, element, refill } from "explorer/elements";
 import { number, percent, unit } from "explorer/numbers";
 import { painter } from "explorer/painter";
 import { positionsOf } from "explorer/positions";
@@ -58,7 +58,7 @@ function drawCards(app) {
       element("button", { onclick: () => app.togglePin(each.design, each.cube) }, "Unpin"),
     );
   });
-  byId("pins").replaceChildren(...cards);
+  refill(byId("pins"), ...cards);
 }
 
 async function drawShape({ store }, { cube, design, status }, strain, canvas, message) {

@@ -3,7 +3,7 @@
 import { FIRST_TURN, boxOf, cameraOf, turned } from "explorer/camera";
 import { colourScale } from "explorer/colours";
 import { STATUS } from "explorer/cube";
-import { byId, choice, drawn, element } from "explorer/elements";
+import { byId, choice, drawn, element, onWidth, refill } from "explorer/elements";
 import { number, percent } from "explorer/numbers";
 import { painter } from "explorer/painter";
 import { positionsOf } from "explorer/positions";
@@ -21,7 +21,7 @@ const SHARPEST = 2;
 /** Draw the shape, and keep it up to date. */
 export function shapeView(app) {
   const view = new ShapeView(app);
-  new ResizeObserver(() => requestAnimationFrame(() => view.paint())).observe(byId("stage"));
+  onWidth(byId("stage"), () => view.paint());
   app.store.show((state, changed) => {
     if (anyOf(changed, "cube", "design", "paint", "repeats")) view.drawChoices();
     if (anyOf(changed, "cube", "design", "strain", "paint", "repeats")) view.load();
@@ -64,7 +64,8 @@ class ShapeView {
     const zoom = (factor) => () => store.set({ turn: turned(state.turn, 0, 0, factor) });
     const paints = PAINTS.filter(([name]) => name !== "electrodes" || shape?.electrodes);
     const cells = ["1", "2", "3"].map((count) => [count, `${count} × ${count}`]);
-    byId("shape-choices").replaceChildren(
+    refill(
+      byId("shape-choices"),
       choice("Colour", [["", paints]], this.paintOf(), (paint) => store.set({ paint })),
       ...(shape?.periods
         ? [choice("Repeats", [["", cells]], state.repeats, (repeats) => store.set({ repeats }))]
