@@ -4,6 +4,7 @@ import { drawn } from "explorer/elements";
 import { mark } from "explorer/marks";
 import { number, percent, withUnit } from "explorer/numbers";
 import { extent, linear, ticks, widened } from "explorer/scale";
+import { sliceOf } from "explorer/slice";
 
 const HEIGHT = 190;
 const [LEFT, RIGHT, TOP, BOTTOM] = [60, 10, 8, 34];
@@ -12,9 +13,9 @@ const MARKED = 40;
 /** Chart of the shown designs; pressing or dragging in it sets the strain. */
 export function chart({ store, cube, passes }, variable, shown, width) {
   const own = shown.filter((each) => each.cube.has(variable.name));
-  const others = cube.designs
-    .map((_, design) => design)
-    .filter((design) => passes(design) && !own.some((each) => each.cube === cube && each.design === design));
+  const others = [...sliceOf(cube, store.state).cells.values()].filter(
+    (design) => passes(design) && !own.some((each) => each.cube === cube && each.design === design),
+  );
   const x = linear(widened(extent(cube.strains), 0.02), [LEFT, width - RIGHT]);
   const y = linear(widened(rangeOf(cube, variable.name, own, others)), [HEIGHT - BOTTOM, TOP]);
   const strain = cube.strains[store.state.strain];

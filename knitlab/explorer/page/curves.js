@@ -14,7 +14,7 @@ export function curves(app) {
   const draw = () => drawCurves(app);
   onWidth(byId("curves"), draw);
   app.store.show((state, changed) => {
-    if (anyOf(changed, "cube", "design", "strain", "pins", "filters", "upper", "lower")) draw();
+    if (anyOf(changed, "cube", "x", "y", "design", "strain", "pins", "filters", "upper", "lower")) draw();
   });
 }
 
@@ -135,7 +135,7 @@ function drawLegend(shown) {
       element("li", {}, key(mark("circle", 13, 7, ink, { hollow: true })), "hollow: passes through itself"),
       element("li", {}, key(mark("cross", 13, 7, ink)), "last state that was reached"),
       element("li", {}, key(drawn("path", { d: "M1 11L10 9M16 5L25 3", stroke: ink, "stroke-width": 2 })), "gap: the fabric snapped"),
-      element("li", {}, key(drawn("path", { d: "M1 11L25 3", class: "other" })), "the other designs"),
+      element("li", {}, key(drawn("path", { d: "M1 11L25 3", class: "other" })), "the other designs of the map"),
     ),
   );
 }

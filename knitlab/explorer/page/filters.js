@@ -6,14 +6,15 @@ import { byId, choice, element, refill } from "explorer/elements";
 import { percent, withUnit } from "explorer/numbers";
 import { anyOf } from "explorer/store";
 
-/** The variables that there are windows for at first, as far as the cube has them. */
-export const FIRST_FILTERS = [
-  "poisson_ratio",
-  "knit_cell_x",
-  "reaction_force",
-  "sensitivity",
-  "poisson_ratio_sensitivity[rib_k_t]",
-];
+const FIRST = ["poisson_ratio", "knit_cell_x", "reaction_force", "sensitivity"];
+const SENSITIVITY = "poisson_ratio_sensitivity[";
+
+/** Open windows at first: of Poisson's ratio, size, force and sensitivity, as far as there are any. */
+export function firstFilters(cube) {
+  const sensitivity = cube.variables.find(({ name }) => name.startsWith(SENSITIVITY));
+  const names = [...FIRST.filter((name) => cube.has(name)), ...(sensitivity ? [sensitivity.name] : [])];
+  return names.map((name) => ({ name, low: null, high: null }));
+}
 
 /** Whether a design lies in all windows at a strain; without a value it lies in none. */
 export function passes(cube, filters, design, strain) {

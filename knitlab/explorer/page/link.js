@@ -3,7 +3,7 @@
 import { FIRST_TURN, turned } from "explorer/camera";
 import { byId } from "explorer/elements";
 import { defaultAxes } from "explorer/slice";
-import { FIRST_FILTERS } from "explorer/filters";
+import { firstFilters } from "explorer/filters";
 import { PIN_MARKS } from "explorer/colours";
 
 const WAIT_MS = 150;
@@ -29,7 +29,7 @@ export function firstView(cubes, index) {
     upper,
     lower: cube.has("reaction_force") ? "reaction_force" : lower,
     pins: [],
-    filters: FIRST_FILTERS.filter((name) => cube.has(name)).map((name) => ({ name, low: null, high: null })),
+    filters: firstFilters(cube),
     sort: cube.has("poisson_ratio_min") ? "poisson_ratio_min" : of,
     paint: "patches",
     repeats: "2",
