@@ -38,8 +38,6 @@ def test_the_wheel_holds_every_module_input_and_the_mark_of_types(installed):
 
 
 def test_the_wheel_holds_the_page_of_the_explorer(installed):
-    page = {
-        file.relative_to(ROOT).as_posix() for file in (PACKAGE / "explorer" / "page").iterdir()
-    }
+    page = {file.relative_to(ROOT).as_posix() for file in (PACKAGE / "explorer" / "page").iterdir()}
     assert {"knitlab/explorer/page/main.js", "knitlab/explorer/page/page.html"} <= page
     assert page <= set(installed)

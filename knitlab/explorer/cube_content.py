@@ -10,12 +10,17 @@ from knitlab.explorer.page import Content
 from knitlab.explorer.run_report import figures_of, run_of
 from knitlab.explorer.shapes import shape_of
 from knitlab.explorer.variables import STRAIN, variables_of
+from knitlab.io.case_file import StoredCase, check_case_file, read_case
 from knitlab.io.cube_file import design_dims, is_measured, source_of
 from knitlab.io.design_status import Status
 from knitlab.io.plain_cube import named_path
 
 MEASURED = "It was measured, so that there is no shape."
 NOT_FROM_FILE = "The cube was not opened from a file, so that there is no shape."
+WHY_NOT = {
+    StoredCase.nothing: "Its case file is not beside the cube, so that there is no shape.",
+    StoredCase.damaged: "Its case file is damaged, so that there is no shape.",
+}
 
 
 def cube_content(cube: xr.Dataset) -> Content:
@@ -35,16 +40,19 @@ def cube_content(cube: xr.Dataset) -> Content:
     ]
     strains = cube[STRAIN].values
     failures = earlier_failures(folder) if folder else {}
-    designs: list[Content] = []
+    designs = []
     for place in places:
         case_id = str(cube["case_id"].values[place])
-        shape = _shape(cube, case_id, folder, strains)
+        case = _case(cube, case_id, folder)
+        shape = case if isinstance(case, str) else shape_of(case, strains)
+        seconds = None if isinstance(case, str) else case.attrs.get("batch_wall_seconds")
         designs.append(
             {
                 "at": place,
                 "status": int(cube["status"].values[place]),
                 "case_id": case_id,
                 "reason": failures.get(case_id, {}).get("reason", ""),
+                "seconds": None if seconds is None else float(seconds),
                 "shape": None if isinstance(shape, str) else shape,
                 "why_no_shape": shape if isinstance(shape, str) else "",
             }
@@ -72,9 +80,11 @@ def _dimension(cube: xr.Dataset, dim: str) -> Content:
     }
 
 
-def _shape(
-    cube: xr.Dataset, case_id: str, folder: Path | None, strains: np.ndarray
-) -> Content | str:
+def _case(cube: xr.Dataset, case_id: str, folder: Path | None) -> xr.Dataset | str:
+    """Contents of the file of a case, or a sentence that says why there is no shape."""
     if is_measured(cube):
         return MEASURED
-    return shape_of(case_id, folder, strains) if folder else NOT_FROM_FILE
+    if folder is None:
+        return NOT_FROM_FILE
+    stored = check_case_file(folder, case_id) if case_id else StoredCase.nothing
+    return WHY_NOT[stored] if stored in WHY_NOT else read_case(folder, case_id)

@@ -1,5 +1,6 @@
 """Writing the explorer of cubes into a file."""
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -27,11 +28,23 @@ def check_suffix(output: Path) -> None:
 
 def content_of(cubes: Sequence[xr.Dataset]) -> Content:
     """What the page of cubes shows, as JSON can hold it."""
+    described = [cube_content(cube) for cube in cubes]
+    _tell_apart(described)
     return {
         "statuses": [status.name.replace("_", " ") for status in Status],
         "colours": colour_maps(),
-        "cubes": [cube_content(cube) for cube in cubes],
+        "cubes": described,
     }
+
+
+def _tell_apart(cubes: Sequence[Content]) -> None:
+    """Number the cubes that have the same name, for links name a cube."""
+    seen: Counter[str] = Counter()
+    for cube in cubes:
+        name = cube["name"]
+        seen[name] += 1
+        if seen[name] > 1:
+            cube["name"] = f"{name} ({seen[name]})"
 
 
 def write_explorer(cubes: Sequence[xr.Dataset], output: Path) -> Path:

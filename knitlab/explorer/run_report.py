@@ -8,13 +8,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import netCDF4
 import xarray as xr
 from PIL import Image
 
 from knitlab.execution.status import PLAN
 from knitlab.explorer.page import Content
-from knitlab.io.case_file import case_path
 from knitlab.io.cube_file import is_measured, source_of
 from knitlab.io.design_status import Status
 
@@ -28,7 +26,7 @@ PROVENANCE = {
 }
 WIDEST = 1400
 """Width to which figures are reduced [pixels]."""
-COLOURS = 128
+COLOURS = 256
 MOST_FIGURES = 12
 
 
@@ -37,11 +35,10 @@ def run_of(cube: xr.Dataset, designs: Sequence[Content], folder: Path | None) ->
 
     Args:
         cube: the cube.
-        designs: its designs, with ``case_id`` and ``status``.
+        designs: its designs, with ``status`` and with ``seconds``, the wall time of their batch.
         folder: its results folder, if it was opened from a file.
     """
     stated = json.loads(cube.attrs.get("parameters", "{}"))
-    times = _batch_times([design["case_id"] for design in designs], folder)
     return {
         "facts": [
             ["workflow", str(cube.attrs.get("workflow", ""))],
@@ -50,7 +47,7 @@ def run_of(cube: xr.Dataset, designs: Sequence[Content], folder: Path | None) ->
             ["method", str(cube.attrs.get("method", ""))],
             ["designs", _counted(designs)],
             ["applied strains", _strains(cube)],
-            ["computing time", _computing_time(times, len(designs))],
+            ["computing time", _computing_time([design["seconds"] for design in designs])],
             *_planned(folder),
         ],
         "settings": [[name, value] for name, value in _flat(stated)],
@@ -59,7 +56,6 @@ def run_of(cube: xr.Dataset, designs: Sequence[Content], folder: Path | None) ->
             for name, label in PROVENANCE.items()
             if name in cube.attrs
         ],
-        "seconds": [times.get(design["case_id"]) for design in designs],
     }
 
 
@@ -91,24 +87,14 @@ def _strains(cube: xr.Dataset) -> str:
     return f"{strains.size}, from {strains.min():g} to {strains.max():g}"
 
 
-def _batch_times(case_ids: Sequence[str], folder: Path | None) -> dict[str, float]:
-    """Wall time [s] of the batch of each case that has its file, by identifier."""
-    times = {}
-    for case_id in case_ids:
-        if folder is None or not case_id or not case_path(folder, case_id).is_file():
-            continue
-        with netCDF4.Dataset(case_path(folder, case_id)) as case:
-            if "batch_wall_seconds" in case.ncattrs():
-                times[case_id] = float(case.getncattr("batch_wall_seconds"))
-    return times
-
-
-def _computing_time(times: Mapping[str, float], designs: int) -> str:
-    if not times:
+def _computing_time(seconds: Sequence[float | None]) -> str:
+    known = [each for each in seconds if each is not None]
+    if not known:
         return "not known: no case file is beside the cube"
     # Cases of one batch state the same time.
-    total = f"{sum(set(times.values())):.0f} s in {len(set(times.values()))} batches"
-    return total if len(times) == designs else f"{total}, of {len(times)} of {designs} designs"
+    batches = set(known)
+    total = f"{sum(batches):.0f} s, summed over {len(batches)} batches"
+    return total if len(known) == len(seconds) else f"{total} of {len(known)} designs"
 
 
 def _planned(folder: Path | None) -> Iterator[list[str]]:

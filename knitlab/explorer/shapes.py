@@ -1,9 +1,8 @@
-"""Shapes of the designs of a cube, from the case files beside it."""
+"""Shapes of designs, from their case files."""
 
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,14 +10,12 @@ import xarray as xr
 
 from knitlab.explorer.page import Content
 from knitlab.explorer.positions import pack_positions
-from knitlab.io.case_file import case_path, read_case
 
 if TYPE_CHECKING:
     from knitlab.model.pattern import PatchGrid
 
 MOST_NODES = 4096
 """Largest number of nodes of a large sample that are shown: of the paper's largest unit cell."""
-NO_FILE = "Its case file is not beside the cube, so that there is no shape."
 NO_POSITIONS = "Its case file holds no node positions, so that there is no shape."
 NO_STATE = "No state of it was reached, so that there is no shape."
 
@@ -37,17 +34,13 @@ class Window:
     note: str = ""
 
 
-def shape_of(case_id: str, folder: Path, strains: np.ndarray) -> Content | str:
+def shape_of(case: xr.Dataset, strains: np.ndarray) -> Content | str:
     """The shape of a design for the page, or a sentence that says why there is none.
 
     Args:
-        case_id: identifier of its case.
-        folder: results folder of its cube.
+        case: contents of its case file.
         strains: applied strains of the cube [1].
     """
-    if not case_id or not case_path(folder, case_id).is_file():
-        return NO_FILE
-    case = read_case(folder, case_id)
     if "position" not in case:
         return NO_POSITIONS
     nodes = case["position"].transpose("applied_strain", "node_y", "node_x", "component").values

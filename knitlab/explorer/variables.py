@@ -15,6 +15,8 @@ EXPANDED = ("stripe_parameter",)
 """Dimensions along which a variable becomes one for each label."""
 DIGITS = 6
 """Significant digits of the numbers on the page."""
+NEGLIGIBLE = 1e-7
+"""Part of the largest value of a variable below which another is zero but for round-off."""
 BAND = ("low", "high", "error")
 """Endings of the variables that give the band of another."""
 
@@ -55,6 +57,7 @@ def _contents(cube: xr.Dataset, name: str, places: Sequence[tuple[int, ...]]) ->
         values = np.array([ordered.values[place] for place in places], float)
         if not np.isfinite(values).any():
             continue
+        negligible = NEGLIGIBLE * np.nanmax(np.abs(values))
         label = ", ".join(map(str, labels))
         yield {
             "name": f"{name}[{label}]" if label else name,
@@ -63,9 +66,11 @@ def _contents(cube: xr.Dataset, name: str, places: Sequence[tuple[int, ...]]) ->
             "description": one.attrs.get("description", ""),
             "along_strain": along,
             "whole": name in INTEGERS,
-            "values": [_rounded(value) for value in values.ravel().tolist()],
+            "values": [_rounded(value, negligible) for value in values.ravel().tolist()],
         }
 
 
-def _rounded(value: float) -> float | None:
-    return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
+def _rounded(value: float, negligible: float) -> float | None:
+    if not np.isfinite(value):
+        return None
+    return 0.0 if abs(value) < negligible else float(f"{value:.{DIGITS}g}")

@@ -24,8 +24,6 @@ export function brush({ store, cube }, { name, low, high }, set) {
     const { left, width } = svg.getBoundingClientRect();
     return Math.min(Math.max(((event.clientX - left) * WIDTH) / width, 0), WIDTH);
   };
-  // What equilibrium leaves of a force that should be zero is written as zero.
-  const plain = (value) => (Math.abs(value) < 1e-6 * (most - least) ? 0 : value);
   const svg = drawn(
     "svg",
     {
@@ -51,8 +49,8 @@ export function brush({ store, cube }, { name, low, high }, set) {
     ...values
       .filter((value) => value !== null)
       .map((value) => drawn("circle", { class: "dot", cx: x(value), cy: LINE, r: 4 })),
-    drawn("text", { class: "tick start", x: 2, y: HEIGHT - 2 }, number(plain(least))),
-    drawn("text", { class: "tick end", x: WIDTH - 2, y: HEIGHT - 2 }, number(plain(most))),
+    drawn("text", { class: "tick start", x: 2, y: HEIGHT - 2 }, number(least)),
+    drawn("text", { class: "tick end", x: WIDTH - 2, y: HEIGHT - 2 }, number(most)),
   );
   return svg;
 }

@@ -159,10 +159,10 @@ function cellOf(app, design, [left, top], [width, height], colour) {
       : null,
     fits && extra ? text(middle, top + height / 2 + 19, extra, shown ? "extra" : "extra halo", ink) : null,
     shown && status === "not converged" && fits
-      ? text(left + width - 10, top + 16, "×", "value", ink)
+      ? text(left + width - 12, top + height - 9, "×", "value", ink)
       : null,
     through && kept ? throughBadge(left + 15, top + 12) : null,
-    pin >= 0 ? pinBadge(left + width - inset - 11, top + height - inset - 11, pin) : null,
+    pin >= 0 ? pinBadge(left + width - inset - 11, top + inset + 11, pin) : null,
     rectangle({ class: "frame", fill: "none" }),
   );
 }

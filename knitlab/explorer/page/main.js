@@ -66,8 +66,8 @@ function cubeChoice({ store, cubes }) {
 
 try {
   start();
+  byId("trouble").hidden = true;
 } catch (error) {
-  byId("trouble").hidden = false;
   byId("trouble").textContent = `This page cannot be shown: ${error.message}`;
   throw error;
 }

@@ -74,7 +74,7 @@ function designs({ cube, content, store }) {
     ["design", (design) => cube.label(design)],
     ["status", (design) => cube.statusOf(design, content.statuses)],
     ["case", (design) => cube.designs[design].case_id],
-    ["time of its batch [s]", (design) => number(cube.run.seconds[design])],
+    ["time of its batch [s]", (design) => number(cube.designs[design].seconds)],
     ["steps of the solver", (design) => number(total(cube, "iterations", design), 6)],
     ["largest residual force [N]", (design) => number(largest(cube, "residual_force", design), 2)],
     ["strains at which it snapped", (design) => number(total(cube, "snapped", design))],

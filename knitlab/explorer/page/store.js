@@ -7,7 +7,7 @@ export class Store {
     this.changed = new Set();
   }
 
-  /** Call `view(state, changed)` after every change, and once now. */
+  /** Call `view(state, changed)` after every change, with the names of what has changed. */
   show(view) {
     this.views.push(view);
   }
