@@ -9,10 +9,8 @@ import pytest
 from knitlab.io.shipped import shipped
 from knitlab.mechanics.dynamic_tensile_test import MovingBatch
 from knitlab.mechanics.dynamics import DynamicsSettings
-from knitlab.mechanics.executor import run
 from knitlab.mechanics.relaxation import relax
-from knitlab.mechanics.solver import SolverSettings
-from knitlab.mechanics.state import State, TensileTest
+from knitlab.mechanics.tensile_result import TensileTest
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, Sheet
@@ -23,6 +21,9 @@ from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import PatchGrid, patch_map
 from knitlab.model.stripe import Knit, Stripe
 from knitlab.model.zigzag import tension
+from knitlab.solvers.executor import run
+from knitlab.solvers.solver import SolverSettings
+from knitlab.solvers.state import State
 from knitlab.study.parameters import read_parameters
 
 PARAMETERS = read_parameters(shipped("params"))

@@ -11,6 +11,8 @@ from knitlab.io.shipped import PACKAGE
 LAYERS = (
     "model",
     "linalg",
+    "elasticity",
+    "solvers",
     "mechanics",
     "measure",
     "capacitance",

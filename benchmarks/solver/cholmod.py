@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from knitlab.elasticity.element_chunks import ChunkedFabric
+from knitlab.elasticity.stiffness import FreeStiffness
 from knitlab.linalg.threads import Threads
-from knitlab.mechanics.element_chunks import ChunkedFabric
-from knitlab.mechanics.executor import Executor
-from knitlab.mechanics.solver import Assemble, Factorise, Request, Solve
-from knitlab.mechanics.stiffness import FreeStiffness
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
+from knitlab.solvers.executor import Executor
+from knitlab.solvers.solver import Assemble, Factorise, Request, Solve
 
 SUPERNODAL = 2
 

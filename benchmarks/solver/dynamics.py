@@ -15,9 +15,9 @@ from jaxtyping import Bool
 
 from benchmarks.solver.problem import Free, Problem, Search, Unknowns
 from benchmarks.solver.watch import GivenUp, Watch
-from knitlab.mechanics.batch import stacked
 from knitlab.mechanics.dynamics import DynamicsSettings, Motion, PrescribedMotion, batch_integrator
 from knitlab.mechanics.loading import all_free
+from knitlab.solvers.batch import stacked
 
 PIECE = 0.25
 """Length of a piece of motion [ms]."""

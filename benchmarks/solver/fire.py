@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from benchmarks.solver.problem import Free, Problem, Search, Unknowns
 from benchmarks.solver.watch import GivenUp, Watch
-from knitlab.mechanics.evaluation import COMPLETE, evaluate
+from knitlab.elasticity.evaluation import COMPLETE, evaluate
 from knitlab.mechanics.loading import all_free
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network

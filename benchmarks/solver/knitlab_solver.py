@@ -17,20 +17,20 @@ from benchmarks.solver.problem import (
     pull_by,
 )
 from benchmarks.solver.watch import GivenUp, Watch
+from knitlab.elasticity.evaluation import COMPLETE
+from knitlab.elasticity.factorisation import one_thread_of_blas
 from knitlab.linalg.threads import Threads, allowed_threads
-from knitlab.mechanics.equilibrium import find_equilibrium
-from knitlab.mechanics.equilibrium_search import SearchRules
-from knitlab.mechanics.evaluation import COMPLETE
-from knitlab.mechanics.executor import Executor
-from knitlab.mechanics.factorisation import one_thread_of_blas
 from knitlab.mechanics.loading import all_free
 from knitlab.mechanics.relaxation import relax
-from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Solver, SolverSettings
 from knitlab.mechanics.starting_shape import tiled
-from knitlab.mechanics.state import State
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.configuration import Configuration
 from knitlab.simulation.case import Case
+from knitlab.solvers.equilibrium import find_equilibrium
+from knitlab.solvers.equilibrium_search import SearchRules
+from knitlab.solvers.executor import Executor
+from knitlab.solvers.solver import Assemble, Evaluate, Factorise, Solver, SolverSettings
+from knitlab.solvers.state import State
 
 Result = TypeVar("Result")
 Executors = type[Executor] | type[CholmodExecutor]

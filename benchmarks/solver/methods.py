@@ -12,7 +12,7 @@ from benchmarks.solver.measurement import ACROSS_EDGE, TOLERANCE, Measurement, R
 from benchmarks.solver.problem import Method, Problem, by
 from benchmarks.solver.watch import GivenUp, OutOfTime, Watch
 from knitlab.mechanics.dynamics import DynamicsSettings
-from knitlab.mechanics.solver import SolverSettings
+from knitlab.solvers.solver import SolverSettings
 
 TRIALS = {
     "dynamics": (5e-5, 1e-4, 1.5e-4, 2e-4, 3e-4, 4e-4),

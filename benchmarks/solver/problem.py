@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from benchmarks.solver.watch import Watch
-from knitlab.mechanics.element_chunks import ChunkedFabric
-from knitlab.mechanics.evaluation import COMPLETE, Evaluation
+from knitlab.elasticity.element_chunks import ChunkedFabric
+from knitlab.elasticity.evaluation import COMPLETE, Evaluation
 from knitlab.mechanics.loading import all_free, rigidly_aligned, tensile
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, flat_sheet

@@ -17,7 +17,7 @@ from knitlab.execution.status import FAILURES, PLAN, earlier_failures, read_plan
 from knitlab.io.case_file import case_path, read_case
 from knitlab.io.errors import BadInput, fault
 from knitlab.io.fingerprint import code_fingerprint
-from knitlab.mechanics.state import TensileTest
+from knitlab.mechanics.tensile_result import TensileTest
 from knitlab.simulation.case import Case, case_of
 from knitlab.simulation.measurement import measured
 from knitlab.simulation.simulate import failure_reason, tensile_tests

@@ -10,6 +10,8 @@ from knitlab.io.shipped import PACKAGE
 COMPUTING = (
     "model",
     "linalg",
+    "elasticity",
+    "solvers",
     "mechanics",
     "measure",
     "capacitance",

@@ -10,13 +10,9 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
-from knitlab.mechanics.domain_decomposition import find_equilibrium_by_subdomains
-from knitlab.mechanics.equilibrium_search import SearchRules
-from knitlab.mechanics.executor import run
 from knitlab.mechanics.loading import tensile
 from knitlab.mechanics.relaxation import relax
-from knitlab.mechanics.solver import Evaluate, Solver
-from knitlab.mechanics.state import State, TensileTest
+from knitlab.mechanics.tensile_result import TensileTest
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
@@ -24,6 +20,11 @@ from knitlab.model.stripe import Stripe
 from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import starts
 from knitlab.simulation.stripe_sensitivity import adjoint_of, measured_by
+from knitlab.solvers.domain_decomposition import find_equilibrium_by_subdomains
+from knitlab.solvers.equilibrium_search import SearchRules
+from knitlab.solvers.executor import run
+from knitlab.solvers.solver import Evaluate, Solver
+from knitlab.solvers.state import State
 
 QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")
 """Quantities measured in a test, in this order."""

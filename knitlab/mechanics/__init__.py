@@ -1,4 +1,4 @@
-"""Equilibria and dynamics of a fabric, the tensile test, and derivatives.
+"""A fabric under load: relaxation, the tensile test, dynamics, and derivatives of equilibria.
 
 This package does not depend on files, xarray or designs.
 """

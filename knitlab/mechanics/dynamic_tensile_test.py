@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.mechanics.batch import stacked
 from knitlab.mechanics.dynamics import (
     PEAK_OF_SMOOTH_RAMP,
     DynamicsSettings,
@@ -18,11 +17,13 @@ from knitlab.mechanics.dynamics import (
     batch_integrator,
 )
 from knitlab.mechanics.loading import Loading, all_free, rigidly_aligned, tensile
-from knitlab.mechanics.state import History, Outcome, State, TensileTest
+from knitlab.mechanics.tensile_result import History, TensileTest
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.inertia import Inertia
 from knitlab.model.network import MeshShape, network
+from knitlab.solvers.batch import stacked
+from knitlab.solvers.state import Outcome, State
 
 KEPT_TIMES = 400
 """Number of times at which the energies of a motion are recorded."""

@@ -9,11 +9,11 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from knitlab.mechanics.element_chunks import ChunkedFabric
-from knitlab.mechanics.evaluation import COMPLETE
-from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser, one_thread_of_blas
+from knitlab.elasticity.element_chunks import ChunkedFabric
+from knitlab.elasticity.evaluation import COMPLETE
+from knitlab.elasticity.factorisation import Factoriser, Factors, factoriser, one_thread_of_blas
+from knitlab.elasticity.stiffness import FreeStiffness, free_stiffness
 from knitlab.mechanics.loading import all_free
-from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape

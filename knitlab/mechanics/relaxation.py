@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from knitlab.mechanics.domain_decomposition import find_equilibrium_by_subdomains
-from knitlab.mechanics.equilibrium_search import SearchRules
-from knitlab.mechanics.evaluation import COMPLETE, Stage
+from knitlab.elasticity.evaluation import COMPLETE, Stage
 from knitlab.mechanics.loading import all_free, between_walls, rigidly_aligned
-from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
-from knitlab.mechanics.state import State
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.network import Network
+from knitlab.solvers.domain_decomposition import find_equilibrium_by_subdomains
+from knitlab.solvers.equilibrium_search import SearchRules
+from knitlab.solvers.solver import Evaluate, Solver, SolverSettings
+from knitlab.solvers.state import State
 
 
 def relax(

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from knitlab.mechanics.executor import Runner, run_all
 from knitlab.mechanics.relaxation import relax
-from knitlab.mechanics.solver import SolverSettings
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.network import Network
+from knitlab.solvers.executor import Runner, run_all
+from knitlab.solvers.solver import SolverSettings
 
 IMPERFECTION = 0.02
 """Standard deviation of the nodes of an imperfect sheet, over the shorter side of a grid cell."""

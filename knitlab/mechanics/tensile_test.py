@@ -6,19 +6,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from knitlab.mechanics.domain_decomposition import find_equilibrium_by_subdomains
-from knitlab.mechanics.equilibrium import find_equilibrium
-from knitlab.mechanics.equilibrium_search import SearchRules
-from knitlab.mechanics.evaluation import Stage
+from knitlab.elasticity.evaluation import Stage
 from knitlab.mechanics.loading import Loading, tensile
 from knitlab.mechanics.relaxation import intermediate_settings, relax
-from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings
-from knitlab.mechanics.state import Outcome, State, TensileTest
-from knitlab.mechanics.subdomains import worth_dividing
-from knitlab.mechanics.viscous import Drag, against_drag
+from knitlab.mechanics.tensile_result import TensileTest
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
+from knitlab.solvers.domain_decomposition import find_equilibrium_by_subdomains
+from knitlab.solvers.equilibrium import find_equilibrium
+from knitlab.solvers.equilibrium_search import SearchRules
+from knitlab.solvers.solver import Evaluate, Solver, SolverSettings
+from knitlab.solvers.state import Outcome, State
+from knitlab.solvers.subdomains import worth_dividing
+from knitlab.solvers.viscous import Drag, against_drag
 
 ROUND_OFF = 1e-9
 ROUGH = 50

@@ -82,6 +82,7 @@ class Designed:
         trials: one row for each trial of the searches: values, distances, identifiers.
         simulations: number of simulations of the searches and the coarse sweep.
         workflows: files that reproduce the candidates, in the order of their numbers.
+        unknown: allowed designs that no cube has results of, and that were not considered.
     """
 
     request: DesignRequest
@@ -92,6 +93,7 @@ class Designed:
     trials: pd.DataFrame
     simulations: int
     workflows: tuple[Path, ...]
+    unknown: tuple[DesignLabels, ...] = ()
 
     @property
     def table(self) -> pd.DataFrame:
@@ -147,10 +149,11 @@ def run_design(
                 f"is used up by the coarse sweep of {len(space.designs)} designs; raise it, or"
             )
             raise fault(f"budget {options.budget}", f"{problem} give cubes to start from")
-        starts, spent = starting_designs(request, space, folder / TRIALS, run, objective.own)
+        starts = starting_designs(request, space, folder / TRIALS, run, objective.own)
         with atomic_write(folder / REQUEST) as temporary:
             temporary.write_text(request.fingerprint)
-        jobs = _jobs(space, objective, starts, options, options.budget - spent, began, measures)
+        budget = options.budget - starts.simulations
+        jobs = _jobs(space, objective, starts.designs, options, budget, began, measures)
         searches = _searched(jobs, folder, options)
         plan = _candidates_plan(request, space, searches)
         if not plan.cases:
@@ -181,8 +184,9 @@ def run_design(
         found,
         tuple(searches),
         trials,
-        spent + len(trials),
+        starts.simulations + len(trials),
         workflows,
+        starts.unknown,
     )
 
 

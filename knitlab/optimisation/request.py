@@ -2,9 +2,8 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,6 +16,7 @@ from knitlab.io.suggestions import unknown
 from knitlab.io.toml import read_toml
 from knitlab.measure.knit_size import Gauge
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
+from knitlab.optimisation.contradiction import contradictions
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.study.declared_fields import declared
 from knitlab.study.patterns import is_pattern_name
@@ -160,7 +160,10 @@ def checked_request(
             with faults:
                 found[key].append(with_tolerance(read_target(one, f"{source}{key}", folder)))
     choices, bounds, wrong = _varied(read.vary, source)
-    faults.all += [*wrong, *_contradictions([*found["targets"], *found["subject_to"]], source)]
+    faults.all += wrong
+    for one, other in contradictions([*found["targets"], *found["subject_to"]]):
+        problem = f"no value meets both {one.text!r} and {other.text!r}; remove one"
+        faults.all.append(Fault(f"{source}targets", problem))
     faults.all += _settled_twice(read, source)
     if faults.all:
         raise BadInput(faults.all)
@@ -238,19 +241,4 @@ def _settled_twice(read: DesignFile, source: str) -> list[Fault]:
             faults.append(Fault(place, "is not a setting of a search; give it next to targets"))
         elif isinstance(read.settings[name], list) and not SETTINGS[name].takes_list:
             faults.append(Fault(place, "is a list; give one value, or let it vary"))
-    return faults
-
-
-def _contradictions(targets: Sequence[Target], source: str) -> list[Fault]:
-    """Faults of targets that contradict each other."""
-    faults = []
-    for one, other in combinations(targets, 2):
-        if one.label != other.label:
-            continue
-        at = np.array([] if one.curve is None else one.curve[0])
-        (low, high), (other_low, other_high) = one.allowed(at), other.allowed(at)
-        low, high = np.maximum(low, other_low), np.minimum(high, other_high)
-        if (low > high).any():
-            problem = f"no value meets both {one.text!r} and {other.text!r}; remove one"
-            faults.append(Fault(f"{source}targets", problem))
     return faults

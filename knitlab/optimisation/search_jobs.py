@@ -24,6 +24,8 @@ TRIALS = "trials"
 """Folder of the case files of trials, in the folder of a design."""
 SEARCHES = "searches"
 """Folder of the results of searches."""
+ATTEMPTS = 3
+"""How often a search is begun whose worker dies."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +72,8 @@ def run_searches(
 ) -> list[SearchResult]:
     """Run searches, each in one worker.
 
-    A search that was killed repeats its trials from their files and continues.
+    A search that was killed repeats its trials from their files and continues; one whose worker
+    died is tried again.
 
     Args:
         jobs: the searches.
@@ -89,10 +92,14 @@ def run_searches(
 
     task = Task(partial(_search_batch, by_start), folder)
     errors: dict[str, BatchError] = {}
+    pending = starts
     with pool_of(task, min(workers, len(jobs)), None, False, reported) as pool:
-        for batch, error in pool([(case,) for case in starts.values()]):
-            if error is not None:
-                errors[batch[0].case_id] = error
+        for attempt in range(1, ATTEMPTS + 1):
+            ended = pool([(case,) for case in pending.values()])
+            failed = {batch[0].case_id: error for batch, error in ended if error is not None}
+            again = {key for key, error in failed.items() if error.lost and attempt < ATTEMPTS}
+            errors |= {key: error for key, error in failed.items() if key not in again}
+            pending = {key: starts[key] for key in again}
     if errors:
         labels = {case_id: starts[case_id].label for case_id in errors}
         raise BadInput(

@@ -1,6 +1,7 @@
 """Starts of a design: the nearest known designs, of cubes or of a coarse sweep."""
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
@@ -17,13 +18,28 @@ from knitlab.tables.find import find_designs
 PAPERS_PATTERN = "checkerboard"
 
 
+@dataclass(frozen=True)
+class Starts:
+    """Where the searches of a design start.
+
+    Attributes:
+        designs: at most as many as the request wants, the nearest to the targets first.
+        simulations: number of simulations of the coarse sweep, if there was one.
+        unknown: allowed designs of which no cube has results; they are not considered.
+    """
+
+    designs: tuple[DesignLabels, ...]
+    simulations: int = 0
+    unknown: tuple[DesignLabels, ...] = ()
+
+
 def starting_designs(
     request: DesignRequest,
     space: SearchSpace,
     folder: Path,
     options: RunOptions,
     own: Collection[str] = (),
-) -> tuple[list[DesignLabels], int]:
+) -> Starts:
     """The designs nearest to the targets before refinement, the nearest first.
 
     Constraints are treated as further targets, as refining may fulfil them.
@@ -35,29 +51,27 @@ def starting_designs(
         options: how to run the coarse sweep if no cube is given.
         own: names of own measures, which no cube has; their targets are ignored here.
 
-    Returns:
-        At most ``request.starts`` designs, and the number of simulations for them.
-
     Raises:
         KeyboardInterrupt: if the coarse sweep is interrupted.
         BadInput: if a cube lacks a variable of the targets, or has no allowed design.
     """
     if len(space.designs) <= request.starts and not request.cubes:
-        return list(space.designs), 0
+        return Starts(space.designs)
     cubes, simulated = [open_plain_cube(path) for path in request.cubes], 0
     if not cubes:
         cubes, simulated = _coarse_sweep(request, space, folder, options)
     known = [each for each in (*request.targets, *request.subject_to) if each.name not in own]
     if not known:
-        return list(space.designs[: request.starts]), simulated
+        return Starts(space.designs[: request.starts], simulated)
     found = find_designs(cubes, known).table
-    allowed = [design for design in _labels(found, space.dims) if design in space.designs]
-    starts = list(dict.fromkeys(allowed))[: request.starts]
-    if not starts:
+    known_designs = list(dict.fromkeys(_labels(found, space.dims)))
+    allowed = [design for design in known_designs if design in space.designs]
+    unknown = [design for design in space.designs if design not in known_designs]
+    if not allowed:
         labels = ", ".join(map(str, space.designs))
         problem = f"have none of the allowed designs; simulate {labels} first"
         raise fault("cubes", problem)
-    return starts, simulated
+    return Starts(tuple(allowed[: request.starts]), simulated, tuple(unknown))
 
 
 def _labels(table: pd.DataFrame, dims: Sequence[str]) -> list[DesignLabels]:

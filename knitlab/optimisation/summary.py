@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from knitlab.optimisation.conflict import Conflict
 from knitlab.optimisation.design import Designed
 from knitlab.optimisation.search import SearchResult
+from knitlab.optimisation.search_space import DesignLabels
 
 
 def summary(designed: Designed, conflict: Conflict | None) -> list[str]:
@@ -21,7 +22,14 @@ def summary(designed: Designed, conflict: Conflict | None) -> list[str]:
         lines += _of_candidate(int(row["candidate"]), search, dims)
     if not designed.met:
         lines += _unmet(designed, conflict)
+    if designed.unknown:
+        labels = "; ".join(_labels(dims, design) for design in designed.unknown)
+        lines.append(f"not considered, as no cube has results of them: {labels}")
     return lines
+
+
+def _labels(dims: Sequence[str], design: DesignLabels) -> str:
+    return "  ".join(f"{dim} {label}" for dim, label in zip(dims, design, strict=True))
 
 
 def _of_candidate(number: int, search: SearchResult, dims: Sequence[str]) -> Iterator[str]:
@@ -29,8 +37,7 @@ def _of_candidate(number: int, search: SearchResult, dims: Sequence[str]) -> Ite
     if trial is None:
         return
     values = ", ".join(f"{name} {value:.4g}" for name, value in trial.values.items())
-    labels = "  ".join(f"{dim} {label}" for dim, label in zip(dims, search.design, strict=True))
-    yield f"candidate {number}: {labels}  {values}".rstrip()
+    yield f"candidate {number}: {_labels(dims, search.design)}  {values}".rstrip()
     how = " then ".join(search.methods) or "as it is"
     yield f"  {len(search.trials)} simulations by {how}; {search.ended}"
     if search.held_by:

@@ -16,10 +16,10 @@ from knitlab.capacitance.capacitor import (
 )
 from knitlab.capacitance.sensor import hysteresis, sensing_range, sensor_of, strain_unfolded
 from knitlab.capacitance.wedge import side_by_side, wedge_capacitance
-from knitlab.mechanics.state import State
 from knitlab.model.configuration import Configuration
 from knitlab.model.pattern import CELLS_PER_PERIOD
 from knitlab.simulation.case import Case
+from knitlab.solvers.state import State
 
 SAME = 1e-5
 """Part of a grid cell by which two states may differ and yet be one."""
@@ -100,7 +100,7 @@ def _capacitance_unloading(
 
 
 def _measured(case: Case, configurations: Configuration) -> Capacitances:
-    refinement = case.reading.cells_per_period // CELLS_PER_PERIOD
+    refinement = case.options.cells_per_period // CELLS_PER_PERIOD
     return capacitances(
         case.electrodes, *case.assemble(), configurations, _capacitor(case), refinement
     )

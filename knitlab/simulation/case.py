@@ -15,7 +15,6 @@ from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.central import central
 from knitlab.measure.knit_size import Stitches
 from knitlab.mechanics.dynamics import DynamicsSettings
-from knitlab.mechanics.solver import SolverSettings
 from knitlab.model.electrode_layout import StitchCounts, place_electrodes
 from knitlab.model.electrodes import Electrodes
 from knitlab.model.fabric import Fabric, Sheet, StripePair
@@ -24,12 +23,11 @@ from knitlab.model.inertia import Inertia, MassAndDrag, graded_inertia, inertia
 from knitlab.model.layout import FabricLayout, fabric_layout
 from knitlab.model.network import MeshShape, Network, mesh_shape
 from knitlab.model.options import ModelOptions
-from knitlab.model.pattern import CELLS_PER_PERIOD, BadPattern, PatchGrid, SingleFold
+from knitlab.model.pattern import BadPattern, PatchGrid, SingleFold
 from knitlab.model.plain import PlainKnit
-from knitlab.model.stripe import SPRING_LAWS, SpringKind, Stripe
-
-UNUSED_LEFT_OUT = ("robustness", "grading", "folds", "cell_patches", "plain")
-"""Fields that a case's record leaves out where they are empty."""
+from knitlab.model.stripe import SpringKind, Stripe
+from knitlab.simulation.case_record import fields_of_record, stored_record
+from knitlab.solvers.solver import SolverSettings
 
 Method = Literal["equilibrium", "dynamics"]
 Label = int | float | str
@@ -44,7 +42,7 @@ class Case:
         weft, warp: the stripe of its rib and of its garter patches; one stripe is both if pure.
         sheet: the walls.
         mass_and_drag: what makes it move; ``None`` where the method knows no time.
-        reading: the model's open choices.
+        options: of the model: the choices that the paper leaves open.
         pattern: patch map of a unit cell, top course first.
         periods: periods of a stripe that fill a patch, P.
         unit_cells: unit cells of the sample along (y, x).
@@ -67,7 +65,7 @@ class Case:
     warp: Stripe
     sheet: Sheet
     mass_and_drag: MassAndDrag | None
-    reading: ModelOptions
+    options: ModelOptions
     pattern: tuple[str, ...]
     periods: int
     unit_cells: tuple[int, int]
@@ -85,25 +83,8 @@ class Case:
 
     @cached_property
     def record(self) -> dict[str, Any]:
-        """The case as JSON holds it; :func:`case_of` reads it.
-
-        Fields and options that it does not use are left out, so that its identifier is that of a
-        version without them.
-        """
-        record = asdict(self)
-        grading = record["grading"] or {"row_stripes": (), "column_stripes": ()}
-        graded = (*grading["row_stripes"], *grading["column_stripes"])
-        for stripe in (record["weft"], record["warp"], *graded):
-            for name in SPRING_LAWS:
-                if stripe[name] is None:
-                    del stripe[name]
-        for name in UNUSED_LEFT_OUT:
-            if not record[name]:
-                del record[name]
-        if self.reading.cells_per_period == CELLS_PER_PERIOD:
-            for name in ("cells_per_period", "ridge_fraction"):
-                del record["reading"][name]
-        return record
+        """The case as JSON holds it; :func:`case_of` reads it."""
+        return stored_record(asdict(self))
 
     @cached_property
     def case_id(self) -> str:
@@ -134,13 +115,13 @@ class Case:
             self.unit_cells,
             self.grading,
             self.folds,
-            self.reading.cells_per_period,
+            self.options.cells_per_period,
         )
 
     @property
     def mesh_shape(self) -> MeshShape:
         """Its mesh shape; cases of one plan that share it can be one batch."""
-        return mesh_shape(self.sample, self.reading.boundary)
+        return mesh_shape(self.sample, self.options.boundary)
 
     @property
     def cell_grid(self) -> CellGrid:
@@ -229,13 +210,13 @@ class Case:
     @property
     def all_corners_held(self) -> bool:
         """Whether every corner of a unit cell lies on a clamp: then none can move across."""
-        return self.reading.boundary == "clamped" and self.cell_grid.count[0] == 1
+        return self.options.boundary == "clamped" and self.cell_grid.count[0] == 1
 
     @property
     def periodic_cell(self) -> "Case":
         """One unit cell of the same fabric, periodic: a clamped sample starts as a tiling of it."""
-        periodic = replace(self.reading, boundary="periodic")
-        return replace(self, unit_cells=(1, 1), reading=periodic)
+        periodic = replace(self.options, boundary="periodic")
+        return replace(self, unit_cells=(1, 1), options=periodic)
 
     @property
     def electrodes(self) -> Electrodes:
@@ -248,7 +229,7 @@ class Case:
         if self.capacitor is None:
             raise TypeError(f"case {self.case_id} has no capacitor")
         return place_electrodes(
-            self.capacitor.layout, self.sample, self.reading, self.stitches_per_cell
+            self.capacitor.layout, self.sample, self.options, self.stitches_per_cell
         )
 
     @property
@@ -284,7 +265,7 @@ class Case:
     @property
     def layout(self) -> FabricLayout:
         """Its fabric but for the numbers of its stripes."""
-        return fabric_layout(self.sample, self.sheet, self.reading, self.plain)
+        return fabric_layout(self.sample, self.sheet, self.options, self.plain)
 
     def assemble(self) -> tuple[Network, Fabric]:
         """Its network, and its fabric: the numbers on that."""
@@ -300,18 +281,19 @@ class Case:
         if self.mass_and_drag is None:
             raise TypeError(f"case {self.case_id} has no mass and drag")
         if self.grading is None:
-            return inertia(self.weft, self.warp, self.reading, self.mass_and_drag)
+            return inertia(self.weft, self.warp, self.options, self.mass_and_drag)
         stripes = self.grading.weft, self.grading.warp
-        return graded_inertia(self.sample, *stripes, self.reading, self.mass_and_drag)
+        return graded_inertia(self.sample, *stripes, self.options, self.mass_and_drag)
 
 
 def case_of(record: dict[str, Any]) -> Case:
-    """The case that its record, ``asdict(case)`` as JSON holds it, describes.
+    """The case that a record describes.
 
     Raises:
         ValidationError: if the record is not of a case of this version.
     """
-    settings = DynamicsSettings if record["method"] == "dynamics" else SolverSettings
+    fields = fields_of_record(record)
+    settings = DynamicsSettings if fields["method"] == "dynamics" else SolverSettings
     # Left to itself, the union would take the first kind that all keys fit.
-    solver = settings(**record["solver"])
-    return replace(TypeAdapter(Case).validate_python(record), solver=solver)
+    solver = settings(**fields["solver"])
+    return replace(TypeAdapter(Case).validate_python(fields), solver=solver)

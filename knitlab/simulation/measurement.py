@@ -23,13 +23,14 @@ from knitlab.measure.strain import (
     poisson_ratio_of_test,
 )
 from knitlab.measure.wavelength import POINTS
-from knitlab.mechanics.state import History, State, TensileTest
+from knitlab.mechanics.tensile_result import History, TensileTest
 from knitlab.mechanics.zigzag_tension import ChainState
 from knitlab.model.configuration import Configuration
 from knitlab.simulation.capacitor_results import capacitor_values
 from knitlab.simulation.case import Case
 from knitlab.simulation.robustness import SiblingTest, spread
 from knitlab.simulation.stripe_sensitivity import sensitivities
+from knitlab.solvers.state import State
 
 FIXED_COORDINATES: dict[str, list[Any]] = {
     "stripe_parameter": list(STRIPE_PARAMETERS),

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from knitlab.mechanics.solver import Factorise, Result, Solver, SolveSubdomains
+from knitlab.solvers.solver import Factorise, Result, Solver, SolveSubdomains
 
 Progress = Callable[[str, float], None]
 """Takes a case's identifier and how many of its states are done, with the part of the next one."""

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.mechanics.solver import Start
-from knitlab.mechanics.state import TensileTest
+from knitlab.mechanics.tensile_result import TensileTest
 from knitlab.model.stripe import Stripe
 from knitlab.simulation.case import Case
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
+from knitlab.solvers.solver import Start
 
 STRIPE_TOLERANCE = 0.02
 """Largest part by which a stripe number of a sibling is larger or smaller."""
@@ -50,9 +50,9 @@ def sibling(case: Case, number: int) -> Case:
     # The second of a pair differs the other way, so that a spread is not to one side by chance.
     factors = 1 + STRIPE_TOLERANCE * (-parts if second else parts)
     solver = case.solver
-    if case.reading.boundary == "clamped" and number % 2 and case.method == "equilibrium":
+    if case.options.boundary == "clamped" and number % 2 and case.method == "equilibrium":
         settings = case.equilibrium_solver
-        other: Start = "flat" if settings.start == "endless" else "endless"
+        other: Start = "flat" if settings.start == "periodic" else "periodic"
         solver = replace(settings, start=other)
     return replace(
         case.with_stripes(

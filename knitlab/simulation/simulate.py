@@ -13,10 +13,9 @@ from knitlab.io.case_file import write_case_file
 from knitlab.io.provenance import provenance
 from knitlab.mechanics.dynamic_tensile_test import MovingBatch, stretch_by_dynamics
 from knitlab.mechanics.dynamics import DynamicsSettings
-from knitlab.mechanics.executor import Runner, run_all
 from knitlab.mechanics.relaxation import relax_near
 from knitlab.mechanics.starting_shape import imperfect_sheet, starts_from_periodic
-from knitlab.mechanics.state import Outcome, TensileTest
+from knitlab.mechanics.tensile_result import TensileTest
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.mechanics.zigzag_tension import ChainState, pull_chain
 from knitlab.model.configuration import Configuration
@@ -27,6 +26,8 @@ from knitlab.simulation.case import Case
 from knitlab.simulation.measurement import measured
 from knitlab.simulation.reporting import Progress, Reporter
 from knitlab.simulation.robustness import SiblingTest, sibling
+from knitlab.solvers.executor import Runner, run_all
+from knitlab.solvers.state import Outcome
 
 
 def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> None:
@@ -154,7 +155,7 @@ def starts(
     tiled_places = [
         place
         for place, case in enumerate(cases)
-        if not case.mesh_shape.periodic and case.equilibrium_solver.start == "endless"
+        if not case.mesh_shape.periodic and case.equilibrium_solver.start == "periodic"
     ]
     if not tiled_places:
         return found
@@ -187,7 +188,7 @@ def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest
 
 
 def _zigzag_test(case: Case) -> list[ChainState]:
-    return pull_chain(zigzag(case.weft, case.reading), case.periods, case.applied_strain)
+    return pull_chain(zigzag(case.weft, case.options), case.periods, case.applied_strain)
 
 
 def simulated(case: Case, progress: Progress) -> xr.Dataset:

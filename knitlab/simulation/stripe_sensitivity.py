@@ -17,12 +17,12 @@ from knitlab.measure.sensitivity import (
 from knitlab.mechanics.adjoint import Adjoint
 from knitlab.mechanics.linear_response import NoDerivative
 from knitlab.mechanics.loading import drive_along, reaction_force
-from knitlab.mechanics.state import State
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
 from knitlab.simulation.case import Case
+from knitlab.solvers.state import State
 
 QUANTITIES = ("poisson_ratio", "reaction_force")
 

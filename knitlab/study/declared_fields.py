@@ -1,6 +1,6 @@
 """Fields of schemas, derived from the tables that declare settings.
 
-A settings table such as :class:`~knitlab.mechanics.solver.SolverSettings` declares the name, the
+A settings table such as :class:`~knitlab.solvers.solver.SolverSettings` declares the name, the
 range, the unit and the default of each of its settings. What a parameter file holds of them and
 what a workflow may replace follows from that.
 """

@@ -28,7 +28,7 @@ def sizes_of(case: Case, values: Mapping[str, Any], gauge: Gauge) -> dict[str, f
         f"{kind}_{axis}" for kind in ("relaxed_cell", "flat_cell", "wavelength") for axis in "xy"
     )
     lengths = {name: float(values[name]) for name in names}
-    return knit_sizes(lengths, case.stitches, case.reading.boundary == "periodic", gauge)
+    return knit_sizes(lengths, case.stitches, case.options.boundary == "periodic", gauge)
 
 
 def sizes_at(

@@ -22,7 +22,6 @@ from knitlab.io.strict_model import StrictModel
 from knitlab.io.toml import read_checked, read_toml
 from knitlab.measure.knit_size import Gauge
 from knitlab.mechanics.dynamics import DynamicsSettings
-from knitlab.mechanics.solver import SolverSettings
 from knitlab.model.electrode_layout import ElectrodeLayout
 from knitlab.model.fabric import Sheet
 from knitlab.model.inertia import MassAndDrag
@@ -36,6 +35,7 @@ from knitlab.model.stripe import (
     Stripe,
     periods_per_patch,
 )
+from knitlab.solvers.solver import SolverSettings
 from knitlab.study.declared_fields import (
     ParameterValue,
     declared,

@@ -255,7 +255,7 @@ def batched(cases: dict[str, Case]) -> tuple[Batch, ...]:
     """Cases that stack together, as many as fit, the longest batches first."""
     alike: dict[tuple[MeshShape, FoldAngle, tuple[SpringKind, ...]], list[str]] = defaultdict(list)
     for case_id, case in cases.items():
-        alike[case.mesh_shape, case.reading.fold_angle, case.spring_kinds].append(case_id)
+        alike[case.mesh_shape, case.options.fold_angle, case.spring_kinds].append(case_id)
     batches = []
     for (shape, *_), members in alike.items():
         size = max(1, BATCH_UNKNOWNS // shape.unknowns)

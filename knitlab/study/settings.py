@@ -1,7 +1,7 @@
 """Settings: what a workflow, a sweep and the documentation know of each.
 
 A setting is declared once, as a field of a table such as
-:class:`~knitlab.mechanics.solver.SolverSettings` with its range and unit as its type, or of a
+:class:`~knitlab.solvers.solver.SolverSettings` with its range and unit as its type, or of a
 section of :mod:`knitlab.study.workflow`. To add one, add the field and, for a table of a parameter
 file, an entry with its value, unit and source there: ``--set``, sweeps, coordinates and the
 reference of settings follow (:mod:`knitlab.study.declared_fields`).

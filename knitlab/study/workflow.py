@@ -16,7 +16,6 @@ from knitlab.io.strict_model import StrictModel
 from knitlab.io.suggestions import unknown
 from knitlab.measure.knit_size import Gauge
 from knitlab.mechanics.dynamics import DynamicsSettings
-from knitlab.mechanics.solver import SolverSettings
 from knitlab.model.electrode_layout import ElectrodeLayout
 from knitlab.model.fabric import Sheet
 from knitlab.model.inertia import MassAndDrag
@@ -27,6 +26,7 @@ from knitlab.model.setting_types import Fraction
 from knitlab.model.stripe import Knit, Stripe
 from knitlab.simulation.case import Method
 from knitlab.simulation.stripe_changes import STIFFENING, STRIPE_QUANTITIES
+from knitlab.solvers.solver import SolverSettings
 from knitlab.study.declared_fields import Types, declared, factors, optional, with_fields
 from knitlab.study.figure_names import FigureName
 from knitlab.study.patterns import is_pattern_name

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from knitlab.mechanics.batch import run_in_lockstep
 from knitlab.simulation.measurement import measured
 from knitlab.simulation.simulate import equilibrium_tests
+from knitlab.solvers.batch import run_in_lockstep
 from knitlab.study.plan import make_plan
 
 ROOT = Path(__file__).parents[2]

@@ -94,7 +94,7 @@ def test_settings_given_as_lists_are_dimensions_with_units(tmp_path):
         (
             case.weft.k_t,
             case.sheet.z_max,
-            case.reading.boundary,
+            case.options.boundary,
             case.unit_cells,
             case.solver.ramp_steps,
         )

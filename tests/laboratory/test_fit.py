@@ -14,8 +14,8 @@ from knitlab.laboratory.fit_report import report, write_stripes
 from knitlab.laboratory.simulated_test import QUANTITIES, simulated_test, with_factors
 from knitlab.laboratory.target import at_strains_of, case_for, target_of
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
-from knitlab.mechanics.executor import run
 from knitlab.mechanics.tensile_test import stretch
+from knitlab.solvers.executor import run
 from knitlab.study.parameters import read_parameters
 from knitlab.study.plan import make_plan
 

@@ -15,12 +15,8 @@ from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.mechanics.adjoint import Adjoint
 from knitlab.mechanics.alignment import aligning_rotation
-from knitlab.mechanics.equilibrium import find_equilibrium
-from knitlab.mechanics.equilibrium_search import SearchRules
-from knitlab.mechanics.executor import run
 from knitlab.mechanics.linear_response import NoDerivative, rigid_motions
 from knitlab.mechanics.loading import all_free, rigidly_aligned, tensile
-from knitlab.mechanics.solver import Evaluate
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, Sheet, StripePair, flat_sheet
@@ -30,6 +26,10 @@ from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import SingleFold
 from knitlab.model.plain import PlainKnit
 from knitlab.simulation.stripe_sensitivity import measured_by
+from knitlab.solvers.equilibrium import find_equilibrium
+from knitlab.solvers.equilibrium_search import SearchRules
+from knitlab.solvers.executor import run
+from knitlab.solvers.solver import Evaluate
 from tests.fabrics import CLAMPED, FINE, PERIODIC, checkerboard, stripe
 
 NAMES = (

@@ -15,11 +15,11 @@ from knitlab.measure.strain import central_mean, local_strain, poisson_ratio
 from knitlab.mechanics.dynamic_tensile_test import MotionPath, move, stretch_by_dynamics
 from knitlab.mechanics.dynamics import DynamicsSettings
 from knitlab.mechanics.loading import rigidly_aligned, tensile
-from knitlab.mechanics.state import Outcome
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.network import network
+from knitlab.solvers.state import Outcome
 from tests.fabrics import CLAMPED, PERIODIC, checkered, moving, relaxed, shaken, stretched
 
 SETTINGS = DynamicsSettings()

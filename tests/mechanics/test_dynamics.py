@@ -9,12 +9,12 @@ import pytest
 
 from knitlab.mechanics.dynamic_tensile_test import MotionPath, MovingBatch, move
 from knitlab.mechanics.dynamics import DynamicsSettings
-from knitlab.mechanics.state import Outcome
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.inertia import Inertia, moved_mass
 from knitlab.model.network import MeshShape, network
+from knitlab.solvers.state import Outcome
 from tests.fabrics import CLAMPED, PERIODIC, checkered, moving, relaxed
 
 SETTINGS = DynamicsSettings()

@@ -4,10 +4,10 @@ import jax
 import numpy as np
 import pytest
 
-from knitlab.mechanics.executor import run
 from knitlab.mechanics.relaxation import relax
 from knitlab.mechanics.starting_shape import tiled
 from knitlab.model.energy import energy
+from knitlab.solvers.executor import run
 from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered, relaxed
 
 REACH = 2

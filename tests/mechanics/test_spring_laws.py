@@ -11,13 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
+from knitlab.elasticity.element_chunks import ChunkedFabric
+from knitlab.elasticity.evaluation import COMPLETE, element_hessians, evaluate
+from knitlab.elasticity.stiffness import free_stiffness
 from knitlab.mechanics.dynamic_tensile_test import MotionPath, move
 from knitlab.mechanics.dynamics import DynamicsSettings
-from knitlab.mechanics.element_chunks import ChunkedFabric
-from knitlab.mechanics.evaluation import COMPLETE, element_hessians, evaluate
-from knitlab.mechanics.executor import run
 from knitlab.mechanics.loading import all_free
-from knitlab.mechanics.stiffness import free_stiffness
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.mechanics.zigzag_tension import pull_chain
 from knitlab.model.configuration import Configuration
@@ -28,6 +27,7 @@ from knitlab.model.network import network
 from knitlab.model.options import ModelOptions
 from knitlab.model.spring_curve import SpringCurve
 from knitlab.model.zigzag import Zigzag, law_of_one, tension, zigzag
+from knitlab.solvers.executor import run
 from tests.fabrics import (
     CLAMPED,
     FINE,

@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from knitlab.elasticity.element_chunks import ChunkedFabric
+from knitlab.elasticity.evaluation import COMPLETE
 from knitlab.mechanics import tensile_test
-from knitlab.mechanics.domain_decomposition import find_equilibrium_by_subdomains
-from knitlab.mechanics.element_chunks import ChunkedFabric
-from knitlab.mechanics.evaluation import COMPLETE
-from knitlab.mechanics.executor import run
-from knitlab.mechanics.solver import SolverSettings
-from knitlab.mechanics.state import Outcome
 from knitlab.mechanics.tensile_test import _Path, stretch
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import patch_map
+from knitlab.solvers.domain_decomposition import find_equilibrium_by_subdomains
+from knitlab.solvers.executor import run
+from knitlab.solvers.solver import SolverSettings
+from knitlab.solvers.state import Outcome
 from tests.fabrics import (
     CLAMPED,
     DEFAULT,

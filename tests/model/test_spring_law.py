@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.mechanics.element_stiffness import SPRING_ENTRIES, spring_stiffness
+from knitlab.elasticity.element_stiffness import SPRING_ENTRIES, spring_stiffness
 from knitlab.model.energy import spring_energy
 from knitlab.model.layout import assemble_fabric
 from knitlab.model.spring_curve import SpringCurve

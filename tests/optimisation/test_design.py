@@ -1,9 +1,11 @@
 """Designs from a wish to a workflow: hidden fabrics met, wishes out of reach, kills, budgets."""
 
 import json
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
+import psutil
 import pytest
 import xarray as xr
 from click.testing import CliRunner
@@ -12,8 +14,10 @@ import knitlab as kl
 from knitlab.cli import main
 from knitlab.mechanics.linear_response import NoDerivative
 from knitlab.optimisation.objective import Objective
+from knitlab.optimisation.search_jobs import run_searches
 from tests.file_events import kill_command
 
+PREVIEW = Path(__file__).parents[2] / "results" / "reference" / "preview"
 SMALL = {"n_stripe": [4], "n_subunit": [8]}
 STRAINS = np.array([0.0, 0.05, 0.1, 0.15])
 STEPS = {"strain_step": 0.05, "strain_max": 0.15}
@@ -229,6 +233,46 @@ garter_theta_0_factor = [0.8, 1.25]
 [settings]
 strain_step = 0.05
 """
+
+
+@pytest.mark.slow
+def test_a_search_whose_worker_dies_is_begun_again_and_repeats_nothing(tmp_path, monkeypatch):
+    killed = []
+
+    def run_and_kill_once(jobs, folder, workers, progress):
+        def reported(design, distance):
+            if not killed:
+                workers_here = [
+                    child
+                    for child in psutil.Process().children(recursive=True)
+                    if any("spawn_main" in word for word in child.cmdline())
+                ]
+                killed.extend(child.pid for child in workers_here)
+                for child in workers_here:
+                    child.kill()
+            progress(design, distance)
+
+        return run_searches(jobs, folder, workers, reported)
+
+    asked = {"targets": "poisson_ratio = -0.2 ± 0.01 @ 0.05:0.15", "budget": 6}
+    alone = designed(tmp_path / "alone", **asked)
+    monkeypatch.setattr("knitlab.optimisation.design.run_searches", run_and_kill_once)
+    found = designed(tmp_path / "killed", **asked, workers=1)
+    assert killed
+    assert found.trials.equals(alone.trials)
+
+
+@pytest.mark.slow
+def test_allowed_designs_that_no_cube_has_are_reported(tmp_path):
+    (tmp_path / "wish.toml").write_text(
+        'targets = ["poisson_ratio = -0.1 ± 0.02 @ 0.05:0.15"]\nrobustness = 0\n'
+        f'cubes = ["{PREVIEW}"]\n[vary]\nn_stripe = [4]\nn_subunit = [16, 40]\n'
+        "[settings]\nstrain_step = 0.05\nstrain_max = 0.15\n"
+    )
+    words = ["design", str(tmp_path / "wish.toml"), "--budget", "1", "--results", str(tmp_path)]
+    ran = CliRunner().invoke(main, words)
+    reported = "not considered, as no cube has results of them: n_stripe 4  n_subunit 40"
+    assert reported in ran.output, ran.output
 
 
 @pytest.mark.slow

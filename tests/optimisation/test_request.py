@@ -1,9 +1,15 @@
 """Requests of designs: what may stand in one, and every mistake with its place."""
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from knitlab.io.errors import BadInput
-from knitlab.optimisation.request import checked_request, read_request
+from knitlab.optimisation.contradiction import WITHIN_RANGE, contradictions
+from knitlab.optimisation.request import checked_request, read_request, with_tolerance
+from knitlab.tables.strain_window import REDUCTIONS
+from knitlab.tables.target import parse_target
 
 TARGET = "poisson_ratio = -0.3 @ 0.05:0.25"
 
@@ -13,8 +19,60 @@ def request(**changes):
 
 
 def test_a_target_without_a_tolerance_has_a_twentieth_of_its_value():
-    asked = request(targets=[TARGET, "poisson_ratio = 0 @ 0.1", "knit_cell_x < 20 ± 2"])
+    asked = request(targets=[TARGET, "reaction_force = 0 @ 0.1", "knit_cell_x < 20 ± 2"])
     assert [each.tolerance for each in asked.targets] == pytest.approx([0.015, 0.01, 2])
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "contradictory"),
+    [
+        ("poisson_ratio < -0.3 @ 0.05:0.25", "poisson_ratio > -0.2 @ 0.2:0.4", True),
+        ("poisson_ratio < -0.3 @ 0.05:0.15", "poisson_ratio > -0.2 @ 0.2:0.4", False),
+        ("poisson_ratio < -0.2 @ 0.05:0.25", "poisson_ratio > -0.3 @ 0.2:0.4", False),
+        ("poisson_ratio = -0.3 ± 0.06 @ 0.1", "poisson_ratio > -0.25 @ 0.05:0.2", False),
+        ("poisson_ratio = -0.3 ± 0.04 @ 0.1", "poisson_ratio > -0.25 @ 0.05:0.2", True),
+        ("mean(poisson_ratio) < -0.3 @ 0.1:0.2", "poisson_ratio > -0.2 @ 0.05:0.25", True),
+        ("mean(poisson_ratio) < -0.3 @ 0.1:0.3", "poisson_ratio > -0.2 @ 0.05:0.25", False),
+        ("slope(poisson_ratio) < -3 @ 0.1:0.2", "poisson_ratio > -2 @ 0.05:0.25", False),
+        ("max(reaction_force) < 1 @ 0.1:0.2", "min(reaction_force) > 2 @ 0.1:0.2", False),
+        ("max(reaction_force) < 1 @ 0.1:0.2", "max(reaction_force) > 2 @ 0.1:0.2", True),
+        ("knit_cell_x < 10", "knit_cell_y > 20", False),
+    ],
+)
+def test_only_targets_that_no_curve_meets_contradict_each_other(one, other, contradictory):
+    targets = [with_tolerance(parse_target(text)) for text in (one, other)]
+    assert bool(list(contradictions(targets))) == contradictory
+    assert bool(list(contradictions(targets[::-1]))) == contradictory
+
+
+CURVES = st.lists(st.floats(-1, 1), min_size=2, max_size=5)
+RELATIONS = st.sampled_from(["<", ">", "="])
+REDUCED = st.sampled_from(["poisson_ratio", *(f"{name}(poisson_ratio)" for name in WITHIN_RANGE)])
+PLACES = st.sampled_from([0.0, 0.1, 0.2, 0.3])
+
+
+@given(
+    CURVES,
+    st.lists(
+        st.tuples(REDUCED, RELATIONS, st.sampled_from([-0.5, 0.0, 0.5]), PLACES, PLACES),
+        min_size=2,
+        max_size=8,
+    ),
+)
+def test_targets_that_one_curve_meets_do_not_contradict_each_other(curve, asked):
+    strains = np.linspace(0, 0.3, len(curve))
+
+    def met(target):
+        inside, values = target.window.read(strains, np.array([curve]))
+        if target.reduction:
+            inside, values = inside[:1], REDUCTIONS[target.reduction](inside, values)
+        return (target.excess(values, inside) <= target.allowance).all()
+
+    targets = [
+        with_tolerance(parse_target(f"{name} {relation} {value} @ {min(one, two)}:{max(one, two)}"))
+        for name, relation, value, one, two in asked
+    ]
+    assert not list(contradictions([target for target in targets if met(target)]))
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.execution.progress import ProgressBar
-from knitlab.mechanics.solver import Evaluate, Factorise
 from knitlab.simulation import reporting
 from knitlab.simulation.reporting import Reporter
+from knitlab.solvers.solver import Evaluate, Factorise
 from knitlab.study.estimate import RELAXATION_STEPS, work
 from knitlab.study.plan import make_plan
 

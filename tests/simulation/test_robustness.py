@@ -49,8 +49,8 @@ def test_a_clamped_sample_is_tried_from_its_other_start(tmp_path):
     cube = cube_of(tmp_path, *settings, "strain_max=0.06", "robustness=1").squeeze()
     assert (cube["siblings"] == 1).all()
     case = case_of(*settings, "robustness=2")
-    assert case.equilibrium_solver.start == "endless"
-    assert [sibling(case, k).equilibrium_solver.start for k in (1, 2)] == ["flat", "endless"]
+    assert case.equilibrium_solver.start == "periodic"
+    assert [sibling(case, k).equilibrium_solver.start for k in (1, 2)] == ["flat", "periodic"]
 
 
 @given(st.integers(1, 50))

@@ -40,7 +40,7 @@ def test_a_batch_shares_one_mesh_shape_and_no_case_is_left_out():
 
 def test_cases_of_another_kind_of_fold_angle_are_not_in_one_batch():
     (case,) = make_plan("preview", ("n_stripe=4", "n_subunit=16")).cases.values()
-    other = replace(case, reading=replace(case.reading, fold_angle="across_edge"))
+    other = replace(case, options=replace(case.options, fold_angle="across_edge"))
     assert len(batched({"one": case, "same": case, "other": other})) == 2
 
 
@@ -54,7 +54,7 @@ def test_overrides_reach_the_case():
     )
     (case,) = make_plan("preview", overrides).cases.values()
     assert case.design == {"n_stripe": 4, "n_subunit": 16}
-    assert case.reading.cell_size == "flat"
+    assert case.options.cell_size == "flat"
     assert case.sheet.z_max == 0.6
     assert case.solver.path_step == 0.02
 
@@ -217,7 +217,7 @@ def test_the_stripes_workflow_holds_all_nine_under_both_boundaries():
     assert plan.dims == ("knit", "n", "boundary")
     assert len(plan.cases) == 18
     assert all(case.pure and case.pattern == ("G",) for case in plan.cases.values())
-    assert {case.reading.boundary for case in plan.cases.values()} == {"periodic", "clamped"}
+    assert {case.options.boundary for case in plan.cases.values()} == {"periodic", "clamped"}
 
 
 def test_mass_and_drag_change_the_identifier_of_a_case_by_dynamics_alone():

@@ -1,4 +1,4 @@
-"""States along a test, for both methods."""
+"""State: a configuration that a solver found, and how far it is from equilibrium."""
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -6,7 +6,6 @@ from enum import IntEnum
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.mechanics.loading import Loading
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import Energy
 from knitlab.model.network import MeshShape
@@ -69,43 +68,3 @@ class State:
             iterations=self.iterations + sum(state.iterations for state in earlier),
             factorisations=self.factorisations + sum(state.factorisations for state in earlier),
         )
-
-
-@dataclass(frozen=True)
-class History:
-    """History of a relaxation by dynamics.
-
-    Attributes:
-        time: times of the energies, from 0 [ms].
-        kinetic: T [N mm].
-        potential: V [N mm].
-        dissipated: work done against the drag since time 0 [N mm].
-        snapshot_time: times of the snapshots [ms].
-        snapshots: configurations at these times, along a leading axis.
-    """
-
-    time: Float[np.ndarray, " time"]
-    kinetic: Float[np.ndarray, " time"]
-    potential: Float[np.ndarray, " time"]
-    dissipated: Float[np.ndarray, " time"]
-    snapshot_time: Float[np.ndarray, " snapshot"]
-    snapshots: Configuration
-
-
-@dataclass(frozen=True)
-class TensileTest:
-    """States along a tensile test.
-
-    Attributes:
-        loading: held and driven unknowns; ``None`` if the fabric did not relax.
-        states: one state for each applied strain that was tried, the relaxed shape first; only the
-            last may be unconverged, and then the test ended there.
-        history: history of the relaxation, for dynamics.
-        unloaded: states of unloading, if requested: at the same strains, from the last but one down
-            to 0, as far as they were reached.
-    """
-
-    loading: Loading | None
-    states: list[State]
-    history: History | None = None
-    unloaded: tuple[State, ...] = ()

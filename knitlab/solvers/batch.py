@@ -18,17 +18,17 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Bool, Float
 
+from knitlab.elasticity.evaluation import Stage, element_hessians, evaluate
+from knitlab.elasticity.stiffness import FreeStiffness
 from knitlab.linalg.block_tridiagonal import (
     BlockFactors,
     BlockTridiagonal,
     block_tridiagonal,
     narrower,
 )
-from knitlab.mechanics.evaluation import Stage, element_hessians, evaluate
-from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Request, Solver, SolveSubdomains
-from knitlab.mechanics.stiffness import FreeStiffness
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
+from knitlab.solvers.solver import Assemble, Evaluate, Factorise, Request, Solver, SolveSubdomains
 
 Result = TypeVar("Result")
 Numbers = TypeVar("Numbers")

@@ -4,10 +4,10 @@ import jax
 import numpy as np
 import pytest
 
+from knitlab.elasticity import element_chunks
+from knitlab.elasticity.element_chunks import HEIGHTS, ChunkedFabric, chunks_of
+from knitlab.elasticity.evaluation import Stage, element_hessians, evaluate
 from knitlab.linalg.threads import ALONE, Threads
-from knitlab.mechanics import element_chunks
-from knitlab.mechanics.element_chunks import HEIGHTS, ChunkedFabric, chunks_of
-from knitlab.mechanics.evaluation import Stage, element_hessians, evaluate
 from knitlab.model.fabric import flat_sheet
 from knitlab.model.options import ModelOptions
 from tests.fabrics import checkered, shaken

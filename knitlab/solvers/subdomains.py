@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
-from knitlab.mechanics.stiffness import FreeStiffness, sparsity
+from knitlab.elasticity.stiffness import FreeStiffness, sparsity
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
 

@@ -19,8 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
-from knitlab.linalg.threads import ALONE, Threads
-from knitlab.mechanics.element_stiffness import (
+from knitlab.elasticity.element_stiffness import (
     HINGE_ENTRIES,
     LANES,
     SPRING_ENTRIES,
@@ -28,7 +27,8 @@ from knitlab.mechanics.element_stiffness import (
     spring_stiffness,
     wall_stiffness,
 )
-from knitlab.mechanics.evaluation import ElementHessians, Evaluation, Stage
+from knitlab.elasticity.evaluation import ElementHessians, Evaluation, Stage
+from knitlab.linalg.threads import ALONE, Threads
 from knitlab.model.energy import Energy, hinge_energy, spring_energy, wall_energy
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Elements, MeshShape, network
@@ -194,7 +194,7 @@ class ChunkedFabric:
         return cls(mesh_chunks, numbered, walls, fabric.fold_angle, threads)
 
     def evaluate(self, stage: Stage, unknowns: Float[np.ndarray, " unknown"]) -> Evaluation:
-        """Like :func:`~knitlab.mechanics.evaluation.evaluate`, in NumPy arrays."""
+        """Like :func:`~knitlab.elasticity.evaluation.evaluate`, in NumPy arrays."""
         evaluate_part = partial(self._evaluated, self._acting(stage), unknowns)
         energies, gradients = zip(
             *self.threads.each(evaluate_part, self.chunks.by_thread), strict=True
@@ -218,7 +218,7 @@ class ChunkedFabric:
     def element_hessians(
         self, stage: Stage, unknowns: Float[np.ndarray, " unknown"]
     ) -> ElementHessians:
-        """Like :func:`~knitlab.mechanics.evaluation.element_hessians`, in NumPy arrays."""
+        """Like :func:`~knitlab.elasticity.evaluation.element_hessians`, in NumPy arrays."""
         count, net = self.chunks.count, network(self.chunks.shape)
         filled = ElementHessians(
             np.empty((len(SPRING_ENTRIES[0]), count * SPRINGS)),

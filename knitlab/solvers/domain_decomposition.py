@@ -17,16 +17,16 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.mechanics.equilibrium import (
+from knitlab.elasticity.evaluation import Evaluation
+from knitlab.solvers.equilibrium import (
     find_equilibrium,
     minimise,
     minimise_with_one_factorisation,
 )
-from knitlab.mechanics.equilibrium_search import Search, SearchRules
-from knitlab.mechanics.evaluation import Evaluation
-from knitlab.mechanics.solver import Evaluate, Solver, SolverSettings, SolveSubdomains
-from knitlab.mechanics.state import Outcome, State
-from knitlab.mechanics.subdomains import worth_dividing
+from knitlab.solvers.equilibrium_search import Search, SearchRules
+from knitlab.solvers.solver import Evaluate, Solver, SolverSettings, SolveSubdomains
+from knitlab.solvers.state import Outcome, State
+from knitlab.solvers.subdomains import worth_dividing
 
 PATIENCE = 10
 """Iterations for the whole sample after which subdomains are solved again."""
@@ -50,7 +50,7 @@ LONGEST_EXTRAPOLATION = 2.5
 def find_equilibrium_by_subdomains(
     start: Evaluate, rules: SearchRules, patience: int | None = PATIENCE
 ) -> Solver[State]:
-    """Like :func:`~knitlab.mechanics.equilibrium.find_equilibrium`; large samples by subdomains.
+    """Like :func:`~knitlab.solvers.equilibrium.find_equilibrium`; large samples by subdomains.
 
     An iteration of a subdomain counts by its share of the unknowns.
 

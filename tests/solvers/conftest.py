@@ -2,8 +2,8 @@
 
 import pytest
 
-from knitlab.mechanics import subdomains
 from knitlab.mechanics.loading import tensile
+from knitlab.solvers import subdomains
 from tests.fabrics import CLAMPED, checkered, relaxed
 
 

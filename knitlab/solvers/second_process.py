@@ -19,12 +19,12 @@ import numpy as np
 from jaxtyping import Int
 
 from knitlab.linalg.threads import ONE_THREAD
-from knitlab.mechanics.solver import Evaluate, SolverSettings
-from knitlab.mechanics.state import State
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
+from knitlab.solvers.solver import Evaluate, SolverSettings
+from knitlab.solvers.state import State
 
-PROGRAM = "knitlab.mechanics.second_process_program"
+PROGRAM = "knitlab.solvers.second_process_program"
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Program of the second process: ``python -m knitlab.mechanics.second_process_program``."""
+"""Program of the second process: ``python -m knitlab.solvers.second_process_program``."""
 
 import os
 import pickle
@@ -6,11 +6,11 @@ import signal
 import sys
 from typing import IO
 
-from knitlab.mechanics.executor import Executor, solve_subdomain
-from knitlab.mechanics.factorisation import Factoriser, one_thread_of_blas
-from knitlab.mechanics.second_process import SubdomainData, SubdomainTask
-from knitlab.mechanics.stiffness import FreeStiffness
-from knitlab.mechanics.subdomains import subdomain_stiffness
+from knitlab.elasticity.factorisation import Factoriser, one_thread_of_blas
+from knitlab.elasticity.stiffness import FreeStiffness
+from knitlab.solvers.executor import Executor, solve_subdomain
+from knitlab.solvers.second_process import SubdomainData, SubdomainTask
+from knitlab.solvers.subdomains import subdomain_stiffness
 
 
 def serve(requests: IO[bytes], replies: IO[bytes]) -> None:

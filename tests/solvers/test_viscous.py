@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from knitlab.mechanics.element_chunks import ChunkedFabric
-from knitlab.mechanics.evaluation import COMPLETE
-from knitlab.mechanics.executor import run
+from knitlab.elasticity.element_chunks import ChunkedFabric
+from knitlab.elasticity.evaluation import COMPLETE
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.options import ModelOptions
+from knitlab.solvers.executor import run
 from tests.fabrics import FINE, checkered
 
 READING = ModelOptions(boundary="clamped")

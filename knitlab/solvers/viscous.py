@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.mechanics.evaluation import Evaluation
-from knitlab.mechanics.solver import Evaluate, Factorise, Solver
-from knitlab.mechanics.state import State
+from knitlab.elasticity.evaluation import Evaluation
+from knitlab.solvers.solver import Evaluate, Factorise, Solver
+from knitlab.solvers.state import State
 
 
 @dataclass(frozen=True, eq=False)

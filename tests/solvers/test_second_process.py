@@ -9,15 +9,15 @@ import sys
 import numpy as np
 import pytest
 
+from knitlab.elasticity.factorisation import one_thread_of_blas
+from knitlab.elasticity.stiffness import free_stiffness
 from knitlab.linalg.threads import Threads
-from knitlab.mechanics import executor
-from knitlab.mechanics.domain_decomposition import subdomain_settings
-from knitlab.mechanics.executor import Executor, solve_subdomain
-from knitlab.mechanics.factorisation import one_thread_of_blas
-from knitlab.mechanics.second_process import SecondProcess, SubdomainData, SubdomainTask
-from knitlab.mechanics.solver import Evaluate, SolveSubdomains
-from knitlab.mechanics.stiffness import free_stiffness
-from knitlab.mechanics.subdomains import subdomains_of
+from knitlab.solvers import executor
+from knitlab.solvers.domain_decomposition import subdomain_settings
+from knitlab.solvers.executor import Executor, solve_subdomain
+from knitlab.solvers.second_process import SecondProcess, SubdomainData, SubdomainTask
+from knitlab.solvers.solver import Evaluate, SolveSubdomains
+from knitlab.solvers.subdomains import subdomains_of
 from tests.fabrics import DEFAULT
 
 
@@ -89,7 +89,7 @@ def test_it_ends_when_nobody_holds_it():
 
 def test_it_ends_when_what_started_it_is_killed():
     script = (
-        "from knitlab.mechanics.second_process import SecondProcess\n"
+        "from knitlab.solvers.second_process import SecondProcess\n"
         "process = SecondProcess()\nprint(process.pid, flush=True)\ninput()"
     )
     with subprocess.Popen(

@@ -10,15 +10,18 @@ import jax
 import numpy as np
 from jaxtyping import Bool
 
+from knitlab.elasticity.element_chunks import ChunkedFabric
+from knitlab.elasticity.evaluation import Evaluation
+from knitlab.elasticity.factorisation import Factoriser, Factors, factoriser, one_thread_of_blas
+from knitlab.elasticity.stiffness import FreeStiffness
 from knitlab.linalg.threads import ALONE, Threads, allowed_threads
-from knitlab.mechanics.batch import run_in_lockstep
-from knitlab.mechanics.element_chunks import ChunkedFabric
-from knitlab.mechanics.equilibrium import find_equilibrium
-from knitlab.mechanics.equilibrium_search import SearchRules
-from knitlab.mechanics.evaluation import Evaluation
-from knitlab.mechanics.factorisation import Factoriser, Factors, factoriser, one_thread_of_blas
-from knitlab.mechanics.second_process import SecondProcess, SubdomainData, SubdomainTask
-from knitlab.mechanics.solver import (
+from knitlab.model.fabric import Fabric
+from knitlab.model.network import MeshShape
+from knitlab.solvers.batch import run_in_lockstep
+from knitlab.solvers.equilibrium import find_equilibrium
+from knitlab.solvers.equilibrium_search import SearchRules
+from knitlab.solvers.second_process import SecondProcess, SubdomainData, SubdomainTask
+from knitlab.solvers.solver import (
     Assemble,
     Evaluate,
     Factorise,
@@ -27,11 +30,8 @@ from knitlab.mechanics.solver import (
     Solver,
     SolveSubdomains,
 )
-from knitlab.mechanics.state import Outcome, State
-from knitlab.mechanics.stiffness import FreeStiffness
-from knitlab.mechanics.subdomains import Subdomain, couplings, independent_groups, subdomains_of
-from knitlab.model.fabric import Fabric
-from knitlab.model.network import MeshShape
+from knitlab.solvers.state import Outcome, State
+from knitlab.solvers.subdomains import Subdomain, couplings, independent_groups, subdomains_of
 
 MOST_SECOND_PROCESSES = 7
 """Largest number of second processes for one sample; each takes 0.4 to 0.9 GB."""

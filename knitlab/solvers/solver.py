@@ -2,7 +2,7 @@
 
 A solver yields a request and is sent the answer. It does not use a device itself, so that the same
 solver runs alone on a CPU or together with others in a batch on an accelerator
-(:mod:`knitlab.mechanics.executor`).
+(:mod:`knitlab.solvers.executor`).
 """
 
 from collections.abc import Generator
@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import NonNegativeFloat, PositiveFloat, PositiveInt
 
-from knitlab.mechanics.evaluation import COMPLETE, Stage
-from knitlab.mechanics.stiffness import FreeStiffness
+from knitlab.elasticity.evaluation import COMPLETE, Stage
+from knitlab.elasticity.stiffness import FreeStiffness
 from knitlab.model.setting_types import Fraction, Unit
 
 Result = TypeVar("Result")
@@ -77,7 +77,7 @@ class SolveSubdomains:
     settings: "SolverSettings"
 
 
-Start = Literal["endless", "flat"]
+Start = Literal["periodic", "flat"]
 Request = Evaluate | Assemble | Factorise | Solve | SolveSubdomains
 Solver = Generator[Request, Any, Result]
 
@@ -93,7 +93,7 @@ class SolverSettings:
             fraction of the shorter side of a grid cell; keeps hinges from passing ±π.
         smallest_shift: smallest shift, which also regularises the modes that cost no energy
             [N/mm].
-        start: initial shape of the relaxation of a clamped sample: ``endless``, tiled with relaxed
+        start: initial shape of the relaxation of a clamped sample: ``periodic``, tiled with relaxed
             periodic fabric, or ``flat``; periodic fabric always starts flat.
         ramp_steps: number of equal steps in which relaxation raises the rest fold angles.
         soft_wall: fraction of the wall stiffness at which relaxation begins, raised tenfold from
@@ -113,7 +113,7 @@ class SolverSettings:
     max_iterations: PositiveInt = 4000
     step_limit: Fraction = 0.3
     smallest_shift: Annotated[PositiveFloat, Unit("N/mm")] = 1e-9
-    start: Start = "endless"
+    start: Start = "periodic"
     ramp_steps: PositiveInt = 1
     soft_wall: Fraction = 1e-3
     waypoint_force: Fraction = 1e-3

@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Float
 from threadpoolctl import ThreadpoolController
 
+from knitlab.elasticity.stiffness import FreeStiffness
 from knitlab.linalg.multifrontal import Multifrontal
 from knitlab.linalg.symbolic_factorisation import NestedDissection, nested_dissection
 from knitlab.linalg.threads import ALONE, Threads
-from knitlab.mechanics.stiffness import FreeStiffness
 
 
 class Factors(Protocol):

@@ -15,9 +15,9 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
+from knitlab.elasticity.element_stiffness import HINGE_ENTRIES, LANES, SPRING_ENTRIES
+from knitlab.elasticity.evaluation import ElementHessians
 from knitlab.linalg.threads import ALONE, Threads
-from knitlab.mechanics.element_stiffness import HINGE_ENTRIES, LANES, SPRING_ENTRIES
-from knitlab.mechanics.evaluation import ElementHessians
 from knitlab.model.network import Elements, MeshShape, network
 
 

@@ -15,10 +15,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg.blas import daxpy
 
-from knitlab.mechanics.equilibrium_search import Search, SearchRules
-from knitlab.mechanics.evaluation import Evaluation
-from knitlab.mechanics.solver import Assemble, Evaluate, Factorise, Solve, Solver
-from knitlab.mechanics.state import Outcome, State
+from knitlab.elasticity.evaluation import Evaluation
+from knitlab.solvers.equilibrium_search import Search, SearchRules
+from knitlab.solvers.solver import Assemble, Evaluate, Factorise, Solve, Solver
+from knitlab.solvers.state import Outcome, State
 
 LEAST_RAISED_SHIFT = 1e-6
 LARGEST_SHIFT = 1e6

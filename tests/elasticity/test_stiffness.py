@@ -5,20 +5,20 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from knitlab.mechanics.element_stiffness import (
+from knitlab.elasticity.element_stiffness import (
     HINGE_ENTRIES,
     SPRING_ENTRIES,
     hinge_stiffness,
     spring_stiffness,
 )
-from knitlab.mechanics.evaluation import (
+from knitlab.elasticity.evaluation import (
     COMPLETE,
     Stage,
     element_hessians,
     staged,
 )
+from knitlab.elasticity.stiffness import FreeStiffness, free_stiffness
 from knitlab.mechanics.loading import all_free, tensile
-from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import (
     element_vectors,

@@ -8,35 +8,35 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from knitlab.elasticity.element_chunks import ChunkedFabric
+from knitlab.elasticity.evaluation import COMPLETE, Evaluation
+from knitlab.elasticity.stiffness import free_stiffness
 from knitlab.linalg.threads import ALONE, Threads
-from knitlab.mechanics import domain_decomposition, executor, subdomains
-from knitlab.mechanics.batch import run_in_lockstep
-from knitlab.mechanics.domain_decomposition import (
+from knitlab.mechanics.loading import all_free, free_under_tension
+from knitlab.model.energy import Energy
+from knitlab.solvers import domain_decomposition, executor, subdomains
+from knitlab.solvers.batch import run_in_lockstep
+from knitlab.solvers.domain_decomposition import (
     LONGEST_EXTRAPOLATION,
     SubdomainSolution,
     find_equilibrium_by_subdomains,
     subdomain_settings,
 )
-from knitlab.mechanics.element_chunks import ChunkedFabric
-from knitlab.mechanics.equilibrium import (
+from knitlab.solvers.equilibrium import (
     BACKTRACKS,
     find_equilibrium,
     minimise_with_one_factorisation,
 )
-from knitlab.mechanics.equilibrium_search import Search, SearchRules
-from knitlab.mechanics.evaluation import COMPLETE, Evaluation
-from knitlab.mechanics.executor import Executor, run, run_to_end
-from knitlab.mechanics.loading import all_free, free_under_tension
-from knitlab.mechanics.solver import Evaluate, Factorise, SolveSubdomains
-from knitlab.mechanics.state import Outcome, State
-from knitlab.mechanics.stiffness import free_stiffness
-from knitlab.mechanics.subdomains import (
+from knitlab.solvers.equilibrium_search import Search, SearchRules
+from knitlab.solvers.executor import Executor, run, run_to_end
+from knitlab.solvers.solver import Evaluate, Factorise, SolveSubdomains
+from knitlab.solvers.state import Outcome, State
+from knitlab.solvers.subdomains import (
     couplings,
     independent_groups,
     subdomains_of,
     worth_dividing,
 )
-from knitlab.model.energy import Energy
 from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered
 
 

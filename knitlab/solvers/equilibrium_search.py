@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.mechanics.evaluation import Evaluation
-from knitlab.mechanics.solver import Evaluate, SolverSettings
-from knitlab.mechanics.state import Outcome, State
-from knitlab.mechanics.stiffness import FreeStiffness, free_stiffness
+from knitlab.elasticity.evaluation import Evaluation
+from knitlab.elasticity.stiffness import FreeStiffness, free_stiffness
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
+from knitlab.solvers.solver import Evaluate, SolverSettings
+from knitlab.solvers.state import Outcome, State
 
 FIRST_SHIFT = 1e-4
 """Initial μ of a search [N/mm]."""

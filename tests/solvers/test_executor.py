@@ -5,10 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from knitlab.mechanics.batch import run_in_lockstep
-from knitlab.mechanics.executor import run_sequentially
-from knitlab.mechanics.solver import SolverSettings
 from knitlab.mechanics.tensile_test import stretch
+from knitlab.solvers.batch import run_in_lockstep
+from knitlab.solvers.executor import run_sequentially
+from knitlab.solvers.solver import SolverSettings
 from tests.fabrics import CLAMPED, FINE, PERIODIC, checkered, stretched
 
 STRAINS = [0.0, 0.05, 0.1]

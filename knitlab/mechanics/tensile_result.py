@@ -1,0 +1,50 @@
+"""Result of a tensile test, by either method: its states, and the history of its relaxation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.mechanics.loading import Loading
+from knitlab.model.configuration import Configuration
+from knitlab.solvers.state import State
+
+
+@dataclass(frozen=True)
+class History:
+    """History of a relaxation by dynamics.
+
+    Attributes:
+        time: times of the energies, from 0 [ms].
+        kinetic: T [N mm].
+        potential: V [N mm].
+        dissipated: work done against the drag since time 0 [N mm].
+        snapshot_time: times of the snapshots [ms].
+        snapshots: configurations at these times, along a leading axis.
+    """
+
+    time: Float[np.ndarray, " time"]
+    kinetic: Float[np.ndarray, " time"]
+    potential: Float[np.ndarray, " time"]
+    dissipated: Float[np.ndarray, " time"]
+    snapshot_time: Float[np.ndarray, " snapshot"]
+    snapshots: Configuration
+
+
+@dataclass(frozen=True)
+class TensileTest:
+    """States along a tensile test.
+
+    Attributes:
+        loading: held and driven unknowns; ``None`` if the fabric did not relax.
+        states: one state for each applied strain that was tried, the relaxed shape first; only the
+            last may be unconverged, and then the test ended there.
+        history: history of the relaxation, for dynamics.
+        unloaded: states of unloading, if requested: at the same strains, from the last but one down
+            to 0, as far as they were reached.
+    """
+
+    loading: Loading | None
+    states: list[State]
+    history: History | None = None
+    unloaded: tuple[State, ...] = ()
