@@ -45,13 +45,14 @@ def cube_content(cube: xr.Dataset) -> Content:
         case_id = str(cube["case_id"].values[place])
         case = _case(cube, case_id, folder)
         shape = case if isinstance(case, str) else shape_of(case, strains)
-        seconds = None if isinstance(case, str) else case.attrs.get("batch_wall_seconds")
+        noted = {} if isinstance(case, str) else case.attrs
+        seconds = noted.get("batch_wall_seconds")
         designs.append(
             {
                 "at": place,
                 "status": int(cube["status"].values[place]),
                 "case_id": case_id,
-                "reason": failures.get(case_id, {}).get("reason", ""),
+                "reason": failures.get(case_id, noted).get("reason", ""),
                 "seconds": None if seconds is None else float(seconds),
                 "shape": None if isinstance(shape, str) else shape,
                 "why_no_shape": shape if isinstance(shape, str) else "",

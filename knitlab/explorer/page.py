@@ -16,7 +16,9 @@ Content = dict[str, Any]
 PREFIX = "explorer/"
 """What the names of modules begin with in their imports."""
 START = "main"
-TEMPLATE, STYLES = "page.html", "page.css"
+TEMPLATE = "page.html"
+STYLES = ("theme.css", "layout.css", "views.css", "tables.css", "narrow.css")
+"""In the order in which they apply."""
 
 
 def page_of(title: str, content: Content) -> str:
@@ -28,7 +30,7 @@ def page_of(title: str, content: Content) -> str:
     """
     imports = json.dumps({"imports": _modules()})
     start = f'import "{PREFIX}{START}";'
-    styles = _text(STYLES)
+    styles = "".join(map(_text, STYLES))
     policy = "; ".join(
         [
             "default-src 'none'",

@@ -18,7 +18,8 @@ export function brush({ store, cube }, { name, low, high }, set) {
     marked.setAttribute("x", Math.max(Math.min(from, to), 0));
     marked.setAttribute("width", Math.abs(to - from));
   };
-  if (low !== null || high !== null) show(low === null ? 0 : x(low), high === null ? WIDTH : x(high));
+  if (low !== null || high !== null)
+    show(low === null ? 0 : x(low), high === null ? WIDTH : x(high));
   let start = null;
   const place = (event) => {
     const { left, width } = svg.getBoundingClientRect();

@@ -32,10 +32,20 @@ export function cameraOf(turn, box, width, height) {
   const scale = (FILL * turn.zoom * Math.min(width, height)) / 2 / box.radius;
   const project = (x, y, z) => {
     const moved = [x - box.middle[0], y - box.middle[1], z - box.middle[2]];
-    const [right, up, near] = axes.map((axis) => axis[0] * moved[0] + axis[1] * moved[1] + axis[2] * moved[2]);
+    const [right, up, near] = axes.map(
+      (axis) => axis[0] * moved[0] + axis[1] * moved[1] + axis[2] * moved[2],
+    );
     return [width / 2 + scale * right, height / 2 - scale * up, near];
   };
-  return { axes, scale, width, height, project, box, matrix: matrixOf(axes, scale, box, width, height) };
+  return {
+    axes,
+    scale,
+    width,
+    height,
+    project,
+    box,
+    matrix: matrixOf(axes, scale, box, width, height),
+  };
 }
 
 /** Column-major matrix from millimetres to the cube that WebGL draws. */
@@ -46,7 +56,8 @@ function matrixOf(axes, scale, { middle, radius }, width, height) {
     axis.forEach((component, column) => {
       matrix[4 * column + row] = factors[row] * component;
     });
-    matrix[12 + row] = -factors[row] * axis.reduce((sum, component, k) => sum + component * middle[k], 0);
+    matrix[12 + row] =
+      -factors[row] * axis.reduce((sum, component, k) => sum + component * middle[k], 0);
   });
   matrix[15] = 1;
   return matrix;

@@ -38,7 +38,9 @@ export function chart({ store, cube, passes }, variable, shown, width) {
       onpointermove: (event) => event.buttons && seek(event),
     },
     ...frame(cube, variable, x, y, width),
-    ...others.map((design) => drawn("path", { class: "other", d: path(points(cube, variable.name, design, x, y)) })),
+    ...others.map((design) =>
+      drawn("path", { class: "other", d: path(points(cube, variable.name, design, x, y)) }),
+    ),
     drawn("path", { class: "now", d: `M${x(strain)} ${TOP}V${HEIGHT - BOTTOM}` }),
     ...own.flatMap((each) => curve(each, variable.name, x, y)),
   );
@@ -61,10 +63,15 @@ function frame(cube, variable, x, y, width) {
   const floor = HEIGHT - BOTTOM;
   return [
     ...ticks([low, high], 4).flatMap((value) => [
-      drawn("path", { class: value === 0 ? "zero" : "grid", d: `M${LEFT} ${y(value)}H${width - RIGHT}` }),
+      drawn("path", {
+        class: value === 0 ? "zero" : "grid",
+        d: `M${LEFT} ${y(value)}H${width - RIGHT}`,
+      }),
       drawn("text", { class: "tick end", x: LEFT - 6, y: y(value) + 4 }, number(value)),
     ]),
-    ...strains.map((value) => drawn("text", { class: "tick", x: x(value), y: floor + 14 }, percent(value))),
+    ...strains.map((value) =>
+      drawn("text", { class: "tick", x: x(value), y: floor + 14 }, percent(value)),
+    ),
     drawn("text", { class: "axis", x: (LEFT + width) / 2, y: HEIGHT - 5 }, "applied strain"),
     drawn(
       "text",
@@ -81,7 +88,9 @@ function shortened(name) {
 function points(cube, name, design, x, y) {
   return cube.strains.map((strain, k) => {
     const value = cube.value(name, design, k);
-    return value === null ? null : { x: x(strain), y: y(value), snapped: cube.snapped(design, k), k };
+    return value === null
+      ? null
+      : { x: x(strain), y: y(value), snapped: cube.snapped(design, k), k };
   });
 }
 
@@ -120,7 +129,9 @@ function curve({ cube, design, look, selected, status }, name, x, y) {
         size: 0.75,
       }),
     ),
-    ...(unfinished ? [mark("cross", present.at(-1).x, present.at(-1).y, look.colour, { size: 1.5 })] : []),
+    ...(unfinished
+      ? [mark("cross", present.at(-1).x, present.at(-1).y, look.colour, { size: 1.5 })]
+      : []),
   ];
 }
 

@@ -81,6 +81,18 @@ export class Cube {
     return periods ? [...this.dims, periods] : this.dims;
   }
 
+  /** The variables that a map or an axis can show, as groups of choices. */
+  get variableGroups() {
+    const pairs = (along) =>
+      this.variables
+        .filter((variable) => variable.along_strain === along)
+        .map(({ name, long_name: long }) => [name, long]);
+    return [
+      ["at the applied strain", pairs(true)],
+      ["of the design", pairs(false)],
+    ];
+  }
+
   /** The labels of a design as one text, by which links name it. */
   key(design) {
     return this.dims.map(({ name }) => this.coordinate(name, design)).join("~");

@@ -14,7 +14,8 @@ export function curves(app) {
   const draw = () => drawCurves(app);
   onWidth(byId("curves"), draw);
   app.store.show((state, changed) => {
-    if (anyOf(changed, "cube", "x", "y", "design", "strain", "pins", "filters", "upper", "lower")) draw();
+    if (anyOf(changed, "cube", "x", "y", "design", "strain", "pins", "filters", "upper", "lower"))
+      draw();
   });
 }
 
@@ -74,7 +75,10 @@ function drawReadings(app, shown) {
   const lines = shown.map((each) => {
     const place = nearestStrain(each.cube, strain);
     const through = place !== null && each.cube.foldedThrough(each.design, place);
-    const notes = [...(each.status === "ok" ? [] : [each.status]), ...(through ? ["passes through itself"] : [])];
+    const notes = [
+      ...(each.status === "ok" ? [] : [each.status]),
+      ...(through ? ["passes through itself"] : []),
+    ];
     const pin = each.pin === null ? "Pin" : "Unpin";
     return element(
       "li",
@@ -82,14 +86,19 @@ function drawReadings(app, shown) {
       element("b", {}, sign(each.look), each.name),
       element(
         "button",
-        { "aria-label": `${pin} ${each.name}`, onclick: () => app.togglePin(each.design, each.cube) },
+        {
+          "aria-label": `${pin} ${each.name}`,
+          onclick: () => app.togglePin(each.design, each.cube),
+        },
         pin,
       ),
       element(
         "span",
         { class: "values" },
         `At ${percent(strain)}: `,
-        ...names.filter((name) => each.cube.has(name)).map((name, k) => `${k ? "; " : ""}${reading(each, name, place)}`),
+        ...names
+          .filter((name) => each.cube.has(name))
+          .map((name, k) => `${k ? "; " : ""}${reading(each, name, place)}`),
         notes.length ? element("em", {}, ` – ${notes.join(", ")}`) : null,
       ),
     );
@@ -117,7 +126,9 @@ export function sign({ colour, mark: shape, dash }) {
 }
 
 function drawLegend(shown) {
-  const banded = shown.some(({ cube }) => cube.variables.some(({ band }) => Object.keys(band).length));
+  const banded = shown.some(({ cube }) =>
+    cube.variables.some(({ band }) => Object.keys(band).length),
+  );
   const key = (...signs) => drawn("svg", { width: 26, height: 14, "aria-hidden": true }, ...signs);
   const ink = "var(--ink)";
   byId("curve-legend").replaceChildren(
@@ -132,10 +143,25 @@ function drawLegend(shown) {
             "band: spread over slightly different fabrics, or two standard errors of a measurement",
           )
         : null,
-      element("li", {}, key(mark("circle", 13, 7, ink, { hollow: true })), "hollow: passes through itself"),
+      element(
+        "li",
+        {},
+        key(mark("circle", 13, 7, ink, { hollow: true })),
+        "hollow: passes through itself",
+      ),
       element("li", {}, key(mark("cross", 13, 7, ink)), "last state that was reached"),
-      element("li", {}, key(drawn("path", { d: "M1 11L10 9M16 5L25 3", stroke: ink, "stroke-width": 2 })), "gap: the fabric snapped"),
-      element("li", {}, key(drawn("path", { d: "M1 11L25 3", class: "other" })), "the other designs of the map"),
+      element(
+        "li",
+        {},
+        key(drawn("path", { d: "M1 11L10 9M16 5L25 3", stroke: ink, "stroke-width": 2 })),
+        "gap: the fabric snapped",
+      ),
+      element(
+        "li",
+        {},
+        key(drawn("path", { d: "M1 11L25 3", class: "other" })),
+        "the other designs of the map",
+      ),
     ),
   );
 }

@@ -51,8 +51,16 @@ function drawTable(app) {
   const heading = ({ id, heading: words }) =>
     element(
       "th",
-      { scope: "col", "aria-sort": id === sorted.id ? (descending ? "descending" : "ascending") : null },
-      element("button", { onclick: () => store.set({ sort: state.sort === id ? `-${id}` : id }) }, words, id === sorted.id ? (descending ? " ▼" : " ▲") : ""),
+      {
+        scope: "col",
+        "aria-sort": id === sorted.id ? (descending ? "descending" : "ascending") : null,
+      },
+      element(
+        "button",
+        { onclick: () => store.set({ sort: state.sort === id ? `-${id}` : id }) },
+        words,
+        id === sorted.id ? (descending ? " ▼" : " ▲") : "",
+      ),
     );
   const body = rows.map((design) => {
     const pinned = state.pins.includes(app.pinKey(design));
@@ -81,7 +89,15 @@ function drawTable(app) {
         ),
       ),
       ...labels.map(({ value }) =>
-        element("td", {}, element("button", { class: "plain", onclick: () => store.set({ design }) }, String(value(design)))),
+        element(
+          "td",
+          {},
+          element(
+            "button",
+            { class: "plain", onclick: () => store.set({ design }) },
+            String(value(design)),
+          ),
+        ),
       ),
       element("td", { class: "word" }, `${SIGNS[status]}${status}`),
       ...values.map(({ value }) => element("td", {}, fixed(value(design)))),
@@ -89,7 +105,18 @@ function drawTable(app) {
   });
   refill(
     byId("designs"),
-    element("thead", {}, element("tr", {}, element("th", {}, ""), ...labels.map(heading), element("th", { scope: "col" }, "status"), ...values.map(heading))),
+    element(
+      "thead",
+      {},
+      element(
+        "tr",
+        {},
+        element("th", {}, ""),
+        ...labels.map(heading),
+        element("th", { scope: "col" }, "status"),
+        ...values.map(heading),
+      ),
+    ),
     element("tbody", {}, ...body),
   );
 }

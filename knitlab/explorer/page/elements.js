@@ -17,6 +17,11 @@ export function drawn(name, attributes = {}, ...children) {
   return furnished(document.createElementNS(SVG, name), attributes, children);
 }
 
+/** Text of a drawing at a place. */
+export function lettering(x, y, words, kind, fill = null) {
+  return drawn("text", { class: kind, x, y, fill }, words);
+}
+
 /** Select element of groups `[heading, [[value, text], …]]`; a label with a colon before it is hidden. */
 export function choice(label, groups, chosen, onchange) {
   const options = groups.map(([heading, pairs]) => {

@@ -1,7 +1,6 @@
 // Filters: windows of variables that designs must lie in; the rest is faded on the map.
 
 import { brush } from "explorer/brush";
-import { variableGroups } from "explorer/design_map";
 import { byId, choice, element, refill } from "explorer/elements";
 import { percent, withUnit } from "explorer/numbers";
 import { anyOf } from "explorer/store";
@@ -12,7 +11,10 @@ const SENSITIVITY = "poisson_ratio_sensitivity[";
 /** Open windows at first: of Poisson's ratio, size, force and sensitivity, as far as there are any. */
 export function firstFilters(cube) {
   const sensitivity = cube.variables.find(({ name }) => name.startsWith(SENSITIVITY));
-  const names = [...FIRST.filter((name) => cube.has(name)), ...(sensitivity ? [sensitivity.name] : [])];
+  const names = [
+    ...FIRST.filter((name) => cube.has(name)),
+    ...(sensitivity ? [sensitivity.name] : []),
+  ];
   return names.map((name) => ({ name, low: null, high: null }));
 }
 
@@ -64,11 +66,15 @@ function drawFilters(app) {
           { class: "edges" },
           edge("low", "from"),
           edge("high", "to"),
-          element("button", { onclick: () => replace(window.name, { low: null, high: null }) }, "Clear"),
+          element(
+            "button",
+            { onclick: () => replace(window.name, { low: null, high: null }) },
+            "Clear",
+          ),
         ),
       );
     });
-  const free = variableGroups(cube).map(([heading, pairs]) => [
+  const free = cube.variableGroups.map(([heading, pairs]) => [
     heading,
     pairs.filter(([name]) => !windows.some((each) => each.name === name)),
   ]);

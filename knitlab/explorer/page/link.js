@@ -50,15 +50,33 @@ export function viewOf(hash, cubes) {
   };
   const isAxis = (name) => cube.axes.some((axis) => axis.name === name);
   const isCurve = (name) => cube.variable(name)?.along_strain;
-  take("design", (text) => cube.find(text) !== null, (text) => cube.find(text));
-  take("strain", (text) => text && Number.isFinite(Number(text)), (text) => nearest(cube.strains, Number(text)));
+  take(
+    "design",
+    (text) => cube.find(text) !== null,
+    (text) => cube.find(text),
+  );
+  take(
+    "strain",
+    (text) => text && Number.isFinite(Number(text)),
+    (text) => nearest(cube.strains, Number(text)),
+  );
   take("of", (name) => cube.has(name));
   take("x", isAxis);
   take("y", isAxis);
   take("upper", isCurve);
   take("lower", isCurve);
-  take("pins", Boolean, (text) => text.split(";").filter((key) => isPin(key, cubes)).slice(0, PIN_MARKS.length));
-  take("filters", Boolean, (text) => text.split(";").map(windowOf).filter(({ name }) => cube.has(name)));
+  take("pins", Boolean, (text) =>
+    text
+      .split(";")
+      .filter((key) => isPin(key, cubes))
+      .slice(0, PIN_MARKS.length),
+  );
+  take("filters", Boolean, (text) =>
+    text
+      .split(";")
+      .map(windowOf)
+      .filter(({ name }) => cube.has(name)),
+  );
   take("sort", (name) => isAxis(name.replace("-", "")) || cube.has(name.replace("-", "")));
   take("paint", (name) => ["patches", "height", "electrodes"].includes(name));
   take("repeats", (text) => ["1", "2", "3"].includes(text));
@@ -76,7 +94,9 @@ export function hashOf(state, cubes) {
     design: cube.key(state.design),
     strain: cube.strains[state.strain],
     pins: state.pins.join(";"),
-    filters: state.filters.map(({ name, low, high }) => `${name}:${low ?? ""}:${high ?? ""}`).join(";"),
+    filters: state.filters
+      .map(({ name, low, high }) => `${name}:${low ?? ""}:${high ?? ""}`)
+      .join(";"),
     turn: [state.turn.azimuth, state.turn.elevation, state.turn.zoom].join(),
   };
   const stated = new URLSearchParams();

@@ -50,7 +50,9 @@ function* facesOf({ count, corners, normals, colours }, camera, lift) {
 
 function* linesOf(lines, camera, lift) {
   for (let k = 0; k < lines.length; k += 6) {
-    const points = [0, 3].map((end) => camera.project(lines[k + end], lines[k + end + 1], lines[k + end + 2]));
+    const points = [0, 3].map((end) =>
+      camera.project(lines[k + end], lines[k + end + 1], lines[k + end + 2]),
+    );
     yield { points, depth: (points[0][2] + points[1][2]) / 2 + lift, colour: null };
   }
 }

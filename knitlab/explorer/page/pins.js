@@ -29,14 +29,20 @@ function drawCards(app) {
   app.cards = [];
   const cards = pinned.map((each) => {
     const strain = nearestStrain(each.cube, cube.strains[state.strain]);
-    const canvas = element("canvas", { width: WIDTH, height: HEIGHT, role: "img", "aria-label": `Shape of ${each.name}` });
+    const canvas = element("canvas", {
+      width: WIDTH,
+      height: HEIGHT,
+      role: "img",
+      "aria-label": `Shape of ${each.name}`,
+    });
     const message = element("p", { class: "note" });
     const card = { draw: () => drawShape(app, each, strain, canvas, message) };
     app.cards.push(card);
     card.draw();
-    const names = [...new Set([state.upper, state.lower, ...SIZES])].filter((name) => each.cube.has(name));
-    const show = () =>
-      store.set({ cube: cubes.indexOf(each.cube), design: each.design });
+    const names = [...new Set([state.upper, state.lower, ...SIZES])].filter((name) =>
+      each.cube.has(name),
+    );
+    const show = () => store.set({ cube: cubes.indexOf(each.cube), design: each.design });
     return element(
       "article",
       { class: "card", "data-key": each.cube.key(each.design) },
@@ -48,8 +54,14 @@ function drawCards(app) {
         {},
         ...names.flatMap((name) => {
           const variable = each.cube.variable(name);
-          const at = variable.along_strain && strain !== null ? ` at ${percent(each.cube.strains[strain])}` : "";
-          const value = strain === null && variable.along_strain ? null : each.cube.value(name, each.design, strain);
+          const at =
+            variable.along_strain && strain !== null
+              ? ` at ${percent(each.cube.strains[strain])}`
+              : "";
+          const value =
+            strain === null && variable.along_strain
+              ? null
+              : each.cube.value(name, each.design, strain);
           const text = value === null ? "–" : `${number(value)}${unit(variable.units)}`;
           return [element("dt", {}, `${variable.long_name}${at}`), element("dd", {}, text)];
         }),

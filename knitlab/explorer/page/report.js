@@ -22,7 +22,12 @@ function sections(app) {
     panel("Designs", designs(app)),
     panel(
       "Settings that all designs share",
-      element("details", {}, element("summary", {}, `${settings.length} settings`), pairs(settings)),
+      element(
+        "details",
+        {},
+        element("summary", {}, `${settings.length} settings`),
+        pairs(settings),
+      ),
     ),
     panel("Figures", figures(cube)),
   ];
@@ -93,7 +98,9 @@ function designs({ cube, content, store }) {
           element(
             "tr",
             { onclick: () => store.set({ design, tab: "explore" }) },
-            ...columns.map(([, value], k) => element("td", { class: k < 3 ? "word" : null }, value(design))),
+            ...columns.map(([, value], k) =>
+              element("td", { class: k < 3 ? "word" : null }, value(design)),
+            ),
           ),
         ),
       ),

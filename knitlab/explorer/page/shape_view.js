@@ -13,7 +13,11 @@ import { anyOf } from "explorer/store";
 import { listenToTurns } from "explorer/turning";
 import { webglRenderer } from "explorer/webgl";
 
-const PAINTS = [["patches", "patches"], ["height", "height z"], ["electrodes", "electrodes"]];
+const PAINTS = [
+  ["patches", "patches"],
+  ["height", "height z"],
+  ["electrodes", "electrodes"],
+];
 const HEIGHT = { long_name: "height z", units: "mm" };
 const INKS = { light: [0.12, 0.12, 0.14], dark: [0.02, 0.02, 0.03] };
 const SHARPEST = 2;
@@ -104,13 +108,17 @@ class ShapeView {
     this.letters = labelsOf(shape, shown, paint);
     this.drawLegend(paint);
     this.paint();
-    Object.assign(byId("stage").dataset, { design: cube.key(design), strain: cube.strains[strain] });
+    Object.assign(byId("stage").dataset, {
+      design: cube.key(design),
+      strain: cube.strains[strain],
+    });
   }
 
   boxOf(shape, repeats, sheet) {
     if (!this.boxes.has(shape)) this.boxes.set(shape, new Map());
     const known = this.boxes.get(shape);
-    if (!known.has(repeats)) known.set(repeats, boxOf(shape.frames.map((_, frame) => sheet(frame))));
+    if (!known.has(repeats))
+      known.set(repeats, boxOf(shape.frames.map((_, frame) => sheet(frame))));
     return known.get(repeats);
   }
 
@@ -131,7 +139,8 @@ class ShapeView {
     const through = cube.value("self_intersections", design, strain) ?? 0;
     const said = [];
     if (frame < 0) {
-      if (each.status === STATUS.failed) said.push(`This case failed${each.reason ? `: ${each.reason}` : ""}.`);
+      if (each.status === STATUS.failed)
+        said.push(`This case failed${each.reason ? `: ${each.reason}` : ""}.`);
       else if (each.status === STATUS.pending) said.push("This case has not been run yet.");
       else if (each.shape) said.push(missingFrame(at, each.shape.frames, cube.strains));
       if (!each.shape && each.status !== STATUS.pending) said.push(each.why_no_shape);
@@ -147,7 +156,9 @@ class ShapeView {
     byId("stage").classList.toggle("failed", each.status === STATUS.failed);
     this.canvas.setAttribute(
       "aria-label",
-      frame < 0 ? "No shape" : `Shape of ${cube.label(design)} at ${at}. Arrow keys turn it, + and − zoom.`,
+      frame < 0
+        ? "No shape"
+        : `Shape of ${cube.label(design)} at ${at}. Arrow keys turn it, + and − zoom.`,
     );
     byId("shape-title").textContent = `3 · Its shape at ${at}`;
     if (frame < 0) byId("shape-legend").replaceChildren();
@@ -174,12 +185,23 @@ class ShapeView {
       drawn(
         "svg",
         { width: 16, height: 14, "aria-hidden": true },
-        drawn("rect", { x: 1, y: 1, width: 14, height: 12, class: "frame", fill: `rgb(${red} ${green} ${blue})` }),
+        drawn("rect", {
+          x: 1,
+          y: 1,
+          width: 14,
+          height: 12,
+          class: "frame",
+          fill: `rgb(${red} ${green} ${blue})`,
+        }),
       );
     const knits = [...new Set(shape.knit.join(""))].map((letter) => [letter, ...KNITS[letter]]);
     const entries = [
-      ...(of === "patches" ? knits.map(([letter, name, tint]) => [tint, `${letter}: ${name}`]) : []),
-      ...(shape.electrodes ? ELECTRODES.map(([name, tint]) => [tint, `${name}: electrode ${name}`]) : []),
+      ...(of === "patches"
+        ? knits.map(([letter, name, tint]) => [tint, `${letter}: ${name}`])
+        : []),
+      ...(shape.electrodes
+        ? ELECTRODES.map(([name, tint]) => [tint, `${name}: electrode ${name}`])
+        : []),
     ];
     const error = Math.max(...shape.error);
     byId("shape-legend").replaceChildren(
@@ -191,7 +213,9 @@ class ShapeView {
         "Lines are patch borders. Lengths are those of the model, before the gauge. ",
         `Positions are off by ${number(error, 2)} mm at most, as this page stores them in 12 bits.`,
         shape.note ? ` Shown: ${shape.note}.` : "",
-        this.renderer.name === "canvas" ? " This browser has no WebGL: the shape is drawn more slowly." : "",
+        this.renderer.name === "canvas"
+          ? " This browser has no WebGL: the shape is drawn more slowly."
+          : "",
       ),
     );
   }

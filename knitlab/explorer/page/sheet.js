@@ -4,7 +4,10 @@ const RIB = [86, 160, 211];
 const GARTER = [240, 200, 120];
 const PLAIN = [225, 225, 225];
 export const KNITS = { R: ["rib", RIB], G: ["garter", GARTER], P: ["plain", PLAIN] };
-export const ELECTRODES = [["A", [170, 50, 0]], ["B", [90, 60, 200]]];
+export const ELECTRODES = [
+  ["A", [170, 50, 0]],
+  ["B", [90, 60, 200]],
+];
 const FABRIC = [205, 205, 205];
 
 /** Node grid of a frame, periodic fabric repeated and closed: `{rows, columns, at(row, column)}`. */
@@ -65,7 +68,9 @@ function byPatch(shape, sheet, { of }) {
   if (of === "electrodes") return () => FABRIC;
   const patchOf = (borders, cell) => borders.findIndex((border) => border > cell) - 1;
   const rows = Array.from({ length: sheet.cellsY }, (_, cell) => patchOf(shape.row_borders, cell));
-  const columns = Array.from({ length: sheet.cellsX }, (_, cell) => patchOf(shape.column_borders, cell));
+  const columns = Array.from({ length: sheet.cellsX }, (_, cell) =>
+    patchOf(shape.column_borders, cell),
+  );
   return (row, column) =>
     KNITS[shape.knit[rows[row % sheet.cellsY]][columns[column % sheet.cellsX]]][1];
 }
@@ -88,7 +93,8 @@ function bordersOf(shape, sheet) {
 function repeated(borders, cells, count) {
   const found = new Set();
   for (let turn = 0; turn * cells < count; turn += 1) {
-    for (const border of borders) if (border + turn * cells < count) found.add(border + turn * cells);
+    for (const border of borders)
+      if (border + turn * cells < count) found.add(border + turn * cells);
   }
   return found;
 }
@@ -122,7 +128,12 @@ function platesOf(shape, sheet) {
     for (const strip of strips) {
       for (const [row, column, bottom, top, left, right] of pieces(shape, sheet, strip, along)) {
         const inside = (u, v) => between(sheet, row, column, u, v);
-        const corners = [inside(left, bottom), inside(right, bottom), inside(right, top), inside(left, top)];
+        const corners = [
+          inside(left, bottom),
+          inside(right, bottom),
+          inside(right, top),
+          inside(left, top),
+        ];
         plates.push([corners, ELECTRODES[which][1]]);
       }
     }
@@ -149,7 +160,12 @@ function pieces(shape, sheet, [left, right, bottom, top], along) {
   for (let turnY = 0; turnY < turnsY; turnY += 1) {
     for (let turnX = 0; turnX < turnsX; turnX += 1) {
       for (const [row, low, high] of split(bottom, top, turnY * sheet.cellsY, sheet.rows - 1)) {
-        for (const [column, from, to] of split(left, right, turnX * sheet.cellsX, sheet.columns - 1)) {
+        for (const [column, from, to] of split(
+          left,
+          right,
+          turnX * sheet.cellsX,
+          sheet.columns - 1,
+        )) {
           found.push([row, column, low, high, from, to]);
         }
       }
@@ -179,7 +195,10 @@ export class Faces {
     const [a, b, c, d] = corners;
     corners.forEach((corner, k) => this.corners.set(corner, 12 * this.count + 3 * k));
     this.normals.set(unitNormal(a, b, c, d), 3 * this.count);
-    this.colours.set(colour.map((channel) => channel / 255), 3 * this.count);
+    this.colours.set(
+      colour.map((channel) => channel / 255),
+      3 * this.count,
+    );
     this.count += 1;
   }
 }

@@ -40,7 +40,10 @@ export function sliceOf(cube, state) {
   const rows = labelsAlong(cube, y, within);
   const cells = new Map();
   for (const each of within) {
-    const place = [rows.indexOf(cube.coordinate(y, each)), columns.indexOf(cube.coordinate(x, each))];
+    const place = [
+      rows.indexOf(cube.coordinate(y, each)),
+      columns.indexOf(cube.coordinate(x, each)),
+    ];
     cells.set(place.join(), each);
   }
   return { columns, rows, cells };

@@ -29,10 +29,13 @@ export function strainBar(app) {
     if (store.state.strain >= last) store.set({ strain: 0 });
     play.textContent = "❚❚";
     play.setAttribute("aria-label", "Pause");
-    timer = setInterval(() => {
-      if (store.state.strain >= app.cube.strains.length - 1) stop();
-      else store.set({ strain: store.state.strain + 1 });
-    }, Math.min(PLAYED_MS / (last + 1), SLOWEST_MS));
+    timer = setInterval(
+      () => {
+        if (store.state.strain >= app.cube.strains.length - 1) stop();
+        else store.set({ strain: store.state.strain + 1 });
+      },
+      Math.min(PLAYED_MS / (last + 1), SLOWEST_MS),
+    );
   });
   store.show((state, changed) => {
     if (!anyOf(changed, "cube", "strain")) return;

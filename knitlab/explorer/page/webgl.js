@@ -13,7 +13,8 @@ const FACES = {
       float light = sign(seen.z) * dot(seen, normalize(vec3(-0.45, 0.55, 0.7)));
       shade = colour * (0.5 + 0.5 * max(light, 0.0));
     }`,
-  fragment: "precision mediump float; varying vec3 shade; void main() { gl_FragColor = vec4(shade, 1.0); }",
+  fragment:
+    "precision mediump float; varying vec3 shade; void main() { gl_FragColor = vec4(shade, 1.0); }",
 };
 const LINES = {
   vertex: `
@@ -21,7 +22,8 @@ const LINES = {
     uniform mat4 matrix;
     uniform float lift;
     void main() { gl_Position = matrix * vec4(place, 1.0) - vec4(0.0, 0.0, lift, 0.0); }`,
-  fragment: "precision mediump float; uniform vec3 ink; void main() { gl_FragColor = vec4(ink, 1.0); }",
+  fragment:
+    "precision mediump float; uniform vec3 ink; void main() { gl_FragColor = vec4(ink, 1.0); }",
 };
 const CORNERS = [0, 1, 2, 0, 2, 3];
 const [PLATE_LIFT, LINE_LIFT] = [0.004, 0.006];
@@ -37,7 +39,11 @@ export function webglRenderer(canvas) {
     for (const set of loaded?.sets ?? []) set.buffers.forEach((buffer) => gl.deleteBuffer(buffer));
     loaded = {
       scene,
-      sets: [quads(gl, scene.faces), quads(gl, scene.plates), { buffers: [filled(gl, scene.lines)], count: scene.lines.length / 3 }],
+      sets: [
+        quads(gl, scene.faces),
+        quads(gl, scene.plates),
+        { buffers: [filled(gl, scene.lines)], count: scene.lines.length / 3 },
+      ],
     };
   };
   return {
@@ -108,7 +114,10 @@ function point(gl, used, name, buffer) {
 
 function program(gl, { vertex, fragment }) {
   const made = gl.createProgram();
-  for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+  for (const [kind, source] of [
+    [gl.VERTEX_SHADER, vertex],
+    [gl.FRAGMENT_SHADER, fragment],
+  ]) {
     const shader = gl.createShader(kind);
     gl.shaderSource(shader, source);
     gl.compileShader(shader);
