@@ -17,6 +17,7 @@ from knitlab.io.plain_cube import named_path
 
 MEASURED = "It was measured, so that there is no shape."
 NOT_FROM_FILE = "The cube was not opened from a file, so that there is no shape."
+NO_FIGURES: Content = {"shown": [], "left_out": 0}
 WHY_NOT = {
     StoredCase.nothing: "Its case file is not beside the cube, so that there is no shape.",
     StoredCase.damaged: "Its case file is damaged, so that there is no shape.",
@@ -67,7 +68,7 @@ def cube_content(cube: xr.Dataset) -> Content:
         "designs": designs,
         "variables": variables_of(cube, places),
         "run": run_of(cube, designs, folder),
-        "figures": figures_of(folder) if folder else [],
+        "figures": figures_of(folder) if folder else NO_FIGURES,
     }
 
 

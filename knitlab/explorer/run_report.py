@@ -26,8 +26,7 @@ PROVENANCE = {
 }
 WIDEST = 1400
 """Width to which figures are reduced [pixels]."""
-COLOURS = 256
-MOST_FIGURES = 12
+MOST_FIGURES = 10
 
 
 def run_of(cube: xr.Dataset, designs: Sequence[Content], folder: Path | None) -> Content:
@@ -59,22 +58,28 @@ def run_of(cube: xr.Dataset, designs: Sequence[Content], folder: Path | None) ->
     }
 
 
-def figures_of(folder: Path) -> list[Content]:
-    """The PNG figures of a results folder, reduced for the screen, with their names."""
+def figures_of(folder: Path) -> Content:
+    """The PNG figures of a results folder, reduced for the screen, and how many are left out.
+
+    Args:
+        folder: the results folder.
+    """
     found = sorted((folder / "figures").glob("*.png"))
-    return [
-        {"name": path.stem, "source": f"data:image/png;base64,{_reduced(path)}"}
-        for path in found[:MOST_FIGURES]
-    ]
+    shown = found[:MOST_FIGURES]
+    return {
+        "shown": [{"name": path.stem, "source": _reduced(path)} for path in shown],
+        "left_out": len(found) - len(shown),
+    }
 
 
 def _reduced(path: Path) -> str:
+    """A figure as the address of an image, without loss but for its size."""
     with Image.open(path) as image:
         drawn = image.convert("RGB")
     drawn.thumbnail((WIDEST, 4 * WIDEST), Image.Resampling.LANCZOS)
     written = io.BytesIO()
-    drawn.quantize(COLOURS, dither=Image.Dither.NONE).save(written, "PNG", optimize=True)
-    return base64.b64encode(written.getvalue()).decode("ascii")
+    drawn.save(written, "WEBP", lossless=True)
+    return f"data:image/webp;base64,{base64.b64encode(written.getvalue()).decode('ascii')}"
 
 
 def _counted(designs: Sequence[Content]) -> str:

@@ -10,6 +10,7 @@ import xarray as xr
 from PIL import Image
 
 from knitlab.explorer.cube_content import WHY_NOT, cube_content
+from knitlab.explorer.run_report import MOST_FIGURES, figures_of
 from knitlab.explorer.shapes import MOST_NODES, shape_of
 from knitlab.explorer.variables import variables_of
 from knitlab.io.case_file import StoredCase, read_case
@@ -148,13 +149,21 @@ def test_the_report_says_what_ran_and_what_failed(troubled):
 
 def test_figures_are_reduced_for_the_screen(content):
     stored = {path.stem: path.stat().st_size for path in (PREVIEW / "figures").glob("*.png")}
-    assert {each["name"] for each in content["figures"]} == set(stored)
-    for each in content["figures"]:
+    assert {each["name"] for each in content["figures"]["shown"]} == set(stored)
+    for each in content["figures"]["shown"]:
         start, text = each["source"].split(",")
-        assert start == "data:image/png;base64"
+        assert start == "data:image/webp;base64"
         drawn = base64.b64decode(text)
         assert Image.open(io.BytesIO(drawn)).width <= 1400
         assert len(drawn) < stored[each["name"]]
+
+
+def test_figures_that_are_left_out_are_counted(tmp_path):
+    (tmp_path / "figures").mkdir()
+    for number in range(MOST_FIGURES + 3):
+        Image.new("RGB", (4, 4)).save(tmp_path / "figures" / f"{number:02}.png")
+    found = figures_of(tmp_path)
+    assert (len(found["shown"]), found["left_out"]) == (MOST_FIGURES, 3)
 
 
 @pytest.mark.slow

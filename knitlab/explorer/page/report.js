@@ -122,12 +122,12 @@ function largest(cube, name, design) {
   return values.length ? Math.max(...values) : null;
 }
 
-function figures(cube) {
-  if (!cube.figures.length) return element("p", {}, "No figure was drawn into the results folder.");
+function figures({ figures: { shown, left_out: more } }) {
+  if (!shown.length) return element("p", {}, "No figure was drawn into the results folder.");
   return element(
     "div",
     { class: "figures" },
-    ...cube.figures.map(({ name, source }) =>
+    ...shown.map(({ name, source }) =>
       element(
         "figure",
         {},
@@ -135,5 +135,6 @@ function figures(cube) {
         element("figcaption", {}, name),
       ),
     ),
+    more ? element("p", {}, `${more} more are in the results folder.`) : null,
   );
 }
