@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from knitlab.api.design import Design
     from knitlab.api.designing import design
     from knitlab.api.explorer import explore
+    from knitlab.api.exporting import export
     from knitlab.api.finding import find
     from knitlab.api.laboratory import fit, import_records
     from knitlab.api.measures import evaluate
@@ -47,6 +48,7 @@ __all__ = [
     "design",
     "evaluate",
     "explore",
+    "export",
     "find",
     "fit",
     "import_records",
@@ -72,6 +74,7 @@ _MODULES = {
     "design": "knitlab.api.designing",
     "evaluate": "knitlab.api.measures",
     "explore": "knitlab.api.explorer",
+    "export": "knitlab.api.exporting",
     "find": "knitlab.api.finding",
     "fit": "knitlab.api.laboratory",
     "import_records": "knitlab.api.laboratory",

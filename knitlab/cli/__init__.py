@@ -6,6 +6,7 @@ from knitlab.cli.calibration import calibrate
 from knitlab.cli.cubes import claims, compare, draw_map, query
 from knitlab.cli.designing import design
 from knitlab.cli.exploring import explore
+from knitlab.cli.exporting import export
 from knitlab.cli.finding import find
 from knitlab.cli.laboratory import fit, import_group
 from knitlab.cli.sweeps import plan, reproduce, run, status
@@ -20,6 +21,7 @@ COMMANDS = (
     design,
     draw_map,
     explore,
+    export,
     claims,
     compare,
     calibrate,

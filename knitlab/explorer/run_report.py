@@ -73,13 +73,16 @@ def figures_of(folder: Path) -> Content:
 
 
 def _reduced(path: Path) -> str:
-    """A figure as the address of an image, without loss but for its size."""
+    """A figure as the address of an image: reduced without other loss, or as it is if smaller."""
+    stored = path.read_bytes()
     with Image.open(path) as image:
         drawn = image.convert("RGB")
     drawn.thumbnail((WIDEST, 4 * WIDEST), Image.Resampling.LANCZOS)
     written = io.BytesIO()
     drawn.save(written, "WEBP", lossless=True)
-    return f"data:image/webp;base64,{base64.b64encode(written.getvalue()).decode('ascii')}"
+    reduced = written.getvalue()
+    kind, smaller = ("webp", reduced) if len(reduced) < len(stored) else ("png", stored)
+    return f"data:image/{kind};base64,{base64.b64encode(smaller).decode('ascii')}"
 
 
 def _counted(designs: Sequence[Content]) -> str:
