@@ -346,7 +346,7 @@ def test_the_report_is_the_other_tab(preview):
     assert "Every design is ok." in text
     assert "jax=" in text
     images = preview.all("#report img")
-    assert len(images) == 5
+    assert len(images) == len(list((PREVIEW / "figures").glob("*.png"))) > 0
     preview.driver.execute_script("arguments[0].scrollIntoView()", images[0])
     preview.until(lambda: images[0].get_property("naturalWidth") > 500)
     assert preview.is_quiet()
