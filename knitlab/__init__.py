@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from knitlab.api.comparison import compare, query
     from knitlab.api.design import Design
     from knitlab.api.designing import design
+    from knitlab.api.explorer import explore
     from knitlab.api.exporting import export
     from knitlab.api.finding import find
     from knitlab.api.knitting import knit
@@ -47,6 +48,7 @@ __all__ = [
     "compare",
     "design",
     "evaluate",
+    "explore",
     "export",
     "find",
     "fit",
@@ -73,6 +75,7 @@ _MODULES = {
     "compare": "knitlab.api.comparison",
     "design": "knitlab.api.designing",
     "evaluate": "knitlab.api.measures",
+    "explore": "knitlab.api.explorer",
     "export": "knitlab.api.exporting",
     "find": "knitlab.api.finding",
     "fit": "knitlab.api.laboratory",

@@ -28,6 +28,7 @@ LAYERS = (
     "paper",
     "figures",
     "report",
+    "explorer",
     "api",
     "cli",
 )

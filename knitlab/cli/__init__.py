@@ -5,6 +5,7 @@ import click
 from knitlab.cli.calibration import calibrate
 from knitlab.cli.cubes import claims, compare, draw_map, query
 from knitlab.cli.designing import design
+from knitlab.cli.exploring import explore
 from knitlab.cli.exporting import export
 from knitlab.cli.finding import find
 from knitlab.cli.knitting import knit
@@ -21,6 +22,7 @@ COMMANDS = (
     design,
     knit,
     draw_map,
+    explore,
     export,
     claims,
     compare,
