@@ -168,16 +168,14 @@ def starts(
         return found
     cells = [cases[place].periodic_cell for place in tiled_places]
     assembled_cells = [cell.assemble() for cell in cells]
+    fabrics = [fabric for _, fabric in assembled_cells]
     tiled = starts_from_periodic(
         [assembled[place] for place in tiled_places],
         assembled_cells,
         [cell.equilibrium_solver for cell in cells],
         runner,
         imperfection,
-        [
-            contact_of(cell, fabric)
-            for cell, (_, fabric) in zip(cells, assembled_cells, strict=True)
-        ],
+        [contact_of(*its) for its in zip(cells, fabrics, strict=True)],
     )
     for place, start in zip(tiled_places, tiled, strict=True):
         if start is None:
