@@ -1,8 +1,9 @@
 """The barrier: a potential that grows without bound as parts come as near as they may.
 
 Energy, gradient, Hessian and collision-free steps are those of the IPC Toolkit (Li et al.,
-Incremental Potential Contact, ACM Trans. Graph. 39, 2020), weighted by area so that they hardly
-depend on the mesh (Li et al., Convergent Incremental Potential Contact, 2023).
+Incremental Potential Contact, ACM Trans. Graph. 39, 2020): a sum over pairs of a node and a
+triangle, and of two edges. Each pair stands for a part of the sheet, so that the sum is multiplied
+by the area of a grid cell.
 """
 
 from dataclasses import replace
@@ -13,15 +14,11 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from knitlab.contact.contact_mesh import ContactMesh
+from knitlab.contact.contact_mesh import ContactMesh, without_pairs_of_images
+from knitlab.contact.distances import NEAR_RANGE, RANGE
 from knitlab.elasticity.evaluation import Evaluation
 
-RANGE = 0.25
-"""Distance over which the barrier acts, in thicknesses."""
-NEAR_RANGE = 0.1
-"""Distance over which it acts between parts that are near on the grid, in thicknesses: it keeps
-them from passing through each other, and leaves the calibrated folds alone."""
-KEPT_PART = 0.8
+KEPT_PART = 0.5
 """Part of the collision-free step that is taken, so that the barrier is finite after it."""
 LEAST_FREE = 1e-12
 """Distance over the least allowed one, less 1, below which a configuration counts as touching."""
@@ -38,15 +35,22 @@ class _Layer:
     when a vertex has moved further than that.
 
     Args:
-        mesh: their collision mesh.
+        whole: the contact mesh.
+        mesh: the collision mesh of these parts.
         least: distance that they keep [mm].
         reach: distance beyond it over which the barrier acts [mm].
         margin: distance that vertices may move before pairs are searched anew [mm].
     """
 
     def __init__(
-        self, mesh: ipctk.CollisionMesh, least: float, reach: float, margin: float
+        self,
+        whole: ContactMesh,
+        mesh: ipctk.CollisionMesh,
+        least: float,
+        reach: float,
+        margin: float,
     ) -> None:
+        self._whole = whole
         self.mesh, self.least, self.reach, self._margin = mesh, least, reach, margin
         self._searched_at = np.full((mesh.num_vertices, 3), np.inf)
         self._candidates = ipctk.Candidates()
@@ -59,22 +63,21 @@ class _Layer:
         if not self._within_margin(vertices):
             radius = (self.least + self.reach) / 2 + self._margin
             self._candidates.build(self.mesh, vertices, radius)
+            without_pairs_of_images(self._candidates, self._whole)
             self._searched_at = vertices
 
     def collisions(self, vertices: np.ndarray) -> ipctk.NormalCollisions:
         """Pairs within reach of the barrier."""
         self._search(vertices)
         found = ipctk.NormalCollisions()
-        found.use_area_weighting = True
-        found.collision_set_type = ipctk.NormalCollisions.IMPROVED_MAX_APPROX
         found.build(self._candidates, self.mesh, vertices, self.reach, self.least)
         return found
 
-    def potential(self, stiffness: float) -> ipctk.BarrierPotential:
-        """The barrier potential; scaled so that its unit is that of ``stiffness`` times length."""
+    def potential(self, force: float) -> ipctk.BarrierPotential:
+        """The barrier potential of pairs that repel each other with a force of this scale [N]."""
         # The library's barrier takes squared distances, so that its value is a length to the 4th.
         squared = 2 * self.least * self.reach + self.reach**2
-        return ipctk.BarrierPotential(self.reach, stiffness * self.reach / squared**2, False)
+        return ipctk.BarrierPotential(self.reach, force * self.reach / squared**2, False)
 
     def free_part(self, before: np.ndarray, after: np.ndarray) -> float:
         """Part of a straight step that brings no parts as near as they may be."""
@@ -83,6 +86,7 @@ class _Layer:
         if not self._within_margin(after):
             candidates = ipctk.Candidates()
             candidates.build(self.mesh, before, after, (self.least + self.reach) / 2)
+            without_pairs_of_images(candidates, self._whole)
         if not len(candidates):
             return 1.0
         return candidates.compute_collision_free_stepsize(
@@ -96,16 +100,18 @@ class Barrier:
     Args:
         mesh: the contact mesh.
         thickness: distance of the middle surfaces of two touching plies [mm].
-        stiffness: pressure scale of the barrier [N/mm²].
-        cell: shortest side of a grid cell [mm].
+        pressure: pressure scale of the barrier [N/mm²].
+        cell: mean sides (x, y) of a grid cell [mm].
     """
 
-    def __init__(self, mesh: ContactMesh, thickness: float, stiffness: float, cell: float) -> None:
-        self._mesh, self._stiffness = mesh, stiffness
-        margin = MARGIN * cell
+    def __init__(
+        self, mesh: ContactMesh, thickness: float, pressure: float, cell: tuple[float, float]
+    ) -> None:
+        self._mesh, self._force = mesh, pressure * cell[0] * cell[1]
+        margin = MARGIN * min(cell)
         self._layers = (
-            _Layer(mesh.far, thickness, RANGE * thickness, margin),
-            _Layer(mesh.near, 0.0, NEAR_RANGE * thickness, margin),
+            _Layer(mesh, mesh.far, thickness, RANGE * thickness, margin),
+            _Layer(mesh, mesh.near, 0.0, NEAR_RANGE * thickness, margin),
         )
 
     def added(self, evaluation: Evaluation, unknowns: Float[np.ndarray, " unknown"]) -> Evaluation:
@@ -115,7 +121,7 @@ class Barrier:
         for layer in self._layers:
             collisions = layer.collisions(vertices)
             if len(collisions):
-                potential = layer.potential(self._stiffness)
+                potential = layer.potential(self._force)
                 energy += potential(collisions, layer.mesh, vertices)
                 gradient += potential.gradient(collisions, layer.mesh, vertices)
         if not energy:
@@ -137,7 +143,7 @@ class Barrier:
             collisions = layer.collisions(vertices)
             if not len(collisions):
                 continue
-            part = layer.potential(self._stiffness).hessian(
+            part = layer.potential(self._force).hessian(
                 collisions, layer.mesh, vertices, ipctk.PSDProjectionMethod.CLAMP
             )
             found = part if found is None else found + part
@@ -163,6 +169,4 @@ class Barrier:
                 squared = collisions.compute_minimum_distance(layer.mesh, vertices)
                 if squared <= layer.least**2 * (1 + LEAST_FREE):
                     return False
-            if ipctk.has_intersections(layer.mesh, vertices):
-                return False
-        return True
+        return not ipctk.has_intersections(self._mesh.whole, vertices)

@@ -4,8 +4,8 @@ Positions of its vertices are linear in the unknowns of the fabric, images inclu
 node lies whole sides L_x and L_y away from it. So gradients and Hessians by vertices become those
 by unknowns through one constant sparse matrix.
 
-Each pair of cells is there once a period: a cell of the fabric is compared with other cells, and
-with their images to the right, above, and above to the left.
+Each pair of parts counts once a period: parts of the fabric are compared with each other, and with
+the images to the right, above, and above to the left. Pairs of two images are left out.
 """
 
 from dataclasses import dataclass
@@ -14,14 +14,12 @@ from functools import lru_cache
 import ipctk
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
+from knitlab.contact.distances import NEAR_CELLS
 from knitlab.model.network import MeshShape
 from knitlab.model.pattern import CELLS_PER_PERIOD
 
-NEAR_CELLS = 2
-"""Nodes within so many of the paper's cells of each other, along both axes, are near. A fold at its
-rest angle brings them nearer than a thickness, without any force in the calibrated hinge."""
 TRIANGLES = np.array([[[0, 0], [0, 1], [1, 1]], [[1, 1], [1, 0], [0, 0]]])
 """Triangles of a cell by corner (y, x), as in :mod:`knitlab.measure.intersections`."""
 
@@ -33,12 +31,16 @@ class ContactMesh:
     Attributes:
         shape: the mesh shape.
         from_unknowns: matrix from unknowns to the coordinates of the vertices, vertex by vertex.
-        far: collision mesh of parts that are not near each other on the grid.
-        near: collision mesh of parts that are.
+        own: which vertices are nodes of the fabric itself, rather than images.
+        whole: collision mesh of all parts.
+        far: that of parts that are not near each other on the grid.
+        near: that of parts that are.
     """
 
     shape: MeshShape
     from_unknowns: sp.csr_array
+    own: Bool[np.ndarray, " vertex"]
+    whole: ipctk.CollisionMesh
     far: ipctk.CollisionMesh
     near: ipctk.CollisionMesh
 
@@ -58,23 +60,37 @@ def contact_mesh(shape: MeshShape, cells_per_period: int = CELLS_PER_PERIOD) -> 
     cells = _cells(shape)
     corners = cells[:, None, None] + TRIANGLES
     places, number = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
-    own = ((places >= 0) & (places < [shape.nodes_y, shape.nodes_x])).all(axis=1)
-    # Images come last, as the library's filter of obstacles wants them.
-    order = np.argsort(~own, kind="stable")
-    rank = np.empty(len(order), np.int64)
-    rank[order] = np.arange(len(order))
-    places, faces = places[order], rank[number].reshape(-1, 3).astype(np.int32)
-    from_unknowns = _from_unknowns(shape, places)
+    inside = (places >= 0) & (places < [shape.nodes_y, shape.nodes_x])
+    own = np.asarray(inside.all(axis=1))
+    faces = number.reshape(-1, 3).astype(np.int32)
     rest = np.asfortranarray(np.pad(places[:, ::-1].astype(float), ((0, 0), (0, 1))))
     near = _near_pairs(places, NEAR_CELLS * cells_per_period // CELLS_PER_PERIOD)
-    touching = ipctk.make_static_obstacle_filter(int(own.sum()))
-    meshes = []
-    for value in (False, True):
-        mesh = ipctk.CollisionMesh(rest, ipctk.edges(faces), faces)
-        explicit = dict.fromkeys(map(tuple, near.tolist()), value)
-        mesh.can_collide = touching & ipctk.make_sparse_filter(explicit, not value)
-        meshes.append(mesh)
-    return ContactMesh(shape, from_unknowns, *meshes)
+    edges = ipctk.edges(faces)
+    whole, *filtered = (ipctk.CollisionMesh(rest, edges, faces) for _ in range(3))
+    for mesh, are_near in zip(filtered, (False, True), strict=True):
+        explicit = dict.fromkeys(map(tuple, near.tolist()), are_near)
+        mesh.can_collide = ipctk.make_sparse_filter(explicit, not are_near)
+    return ContactMesh(shape, _from_unknowns(shape, places), own, whole, *filtered)
+
+
+def without_pairs_of_images(candidates: ipctk.Candidates, mesh: ContactMesh) -> None:
+    """Remove the candidates of which both parts are images.
+
+    The filter of a collision mesh cannot: it asks for each pair of vertices by itself, and so would
+    also lose pairs of which only the vertices that are not near each other are images.
+    """
+    own = mesh.own
+    own_faces, own_edges = (
+        own[np.asarray(parts)].any(axis=1) for parts in (mesh.whole.faces, mesh.whole.edges)
+    )
+    candidates.fv_candidates = [
+        pair for pair in candidates.fv_candidates if own[pair.vertex_id] or own_faces[pair.face_id]
+    ]
+    candidates.ee_candidates = [
+        pair
+        for pair in candidates.ee_candidates
+        if own_edges[pair.edge0_id] or own_edges[pair.edge1_id]
+    ]
 
 
 def _cells(shape: MeshShape) -> Int[np.ndarray, "cell 2"]:

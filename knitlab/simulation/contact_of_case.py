@@ -34,5 +34,5 @@ def contact_of(case: Case, fabric: Fabric) -> "Barrier | None":
         contact_mesh(case.mesh_shape, case.options.cells_per_period),
         case.sheet.thickness,
         case.sheet.contact_pressure,
-        float(np.min(np.asarray(fabric.cell_sides))),
+        (float(np.mean(fabric.cell_x)), float(np.mean(fabric.cell_y))),
     )

@@ -144,12 +144,15 @@ def _descend(search: Search) -> Solver[_Descent]:
             return _Descent(steps, blocked=True)
         shortening = min(1.0, rules.longest_part(direction))
         before = search.energy, search.gradient, search.force
+        free = rules.free_part(search.at.unknowns, direction * shortening)
+        shortening *= free
         length = yield from _line_search(search, direction * shortening, slope * shortening)
         if not length:
             noise = ENERGY_ROUND_OFF * abs(search.energy)
             return _Descent(steps, blocked=True, below_round_off=-slope * shortening < noise)
         steps += 1
-        if search.end() is not None:
+        # Contact that has come within reach is in the forces, but not in the factorisation.
+        if search.end() is not None or free < 1:
             break
         step, change = direction * (shortening * length), search.gradient - before[1]
         curvature = float(step @ change)
@@ -178,8 +181,7 @@ def _direction(gradient: Vector, memory: deque[tuple[Vector, Vector, float]]) ->
 
 def _line_search(search: Search, step: Vector, slope: float) -> Solver[float]:
     """Move by the fraction of a step that lowers the energy sufficiently; 0 if none does."""
-    length = search.rules.free_part(search.at.unknowns, step)
-    energy, force = search.energy, search.force
+    length, energy, force = 1.0, search.energy, search.force
     noise = ENERGY_ROUND_OFF * abs(energy)
     for _ in range(BACKTRACKS):
         unknowns = search.at.unknowns.copy()
