@@ -1,4 +1,4 @@
-"""Round trip of designs: Poisson's ratio of hidden fabrics as the wish.
+"""Round trip of designs: Poisson's ratio of hidden fabrics as the target.
 
 Run ``python -m benchmarks.design_round_trip``. All eight stripe numbers of each hidden fabric are
 off the tables by up to 25 %, at random with a fixed seed, and the search is free to change them by

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from knitlab.api.comparison import compare, query
     from knitlab.api.design import Design
     from knitlab.api.designing import design
+    from knitlab.api.exporting import export
     from knitlab.api.finding import find
     from knitlab.api.laboratory import fit, import_records
     from knitlab.api.measures import evaluate
@@ -45,6 +46,7 @@ __all__ = [
     "compare",
     "design",
     "evaluate",
+    "export",
     "find",
     "fit",
     "import_records",
@@ -69,6 +71,7 @@ _MODULES = {
     "compare": "knitlab.api.comparison",
     "design": "knitlab.api.designing",
     "evaluate": "knitlab.api.measures",
+    "export": "knitlab.api.exporting",
     "find": "knitlab.api.finding",
     "fit": "knitlab.api.laboratory",
     "import_records": "knitlab.api.laboratory",

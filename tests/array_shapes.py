@@ -1,6 +1,6 @@
-"""The checker of arrays at run time: their data types and shapes, which mypy cannot see.
+"""The run-time checker of the data types and shapes of arrays, which mypy cannot check.
 
-Whether an array is JAX's or NumPy's is mypy's to check, as every other type is.
+Whether an array is a JAX or a NumPy array is checked by mypy, like every other type.
 """
 
 import functools
@@ -20,13 +20,13 @@ ANY_LIBRARY = jax.Array | np.ndarray | np.generic
 
 
 def checked(function: F) -> F:
-    """Have every call compare its arrays with their annotations."""
+    """Make every call compare its arrays with their annotations."""
     hints = getattr(function, "__annotations__", {})
     arrays = {name: _of_any_library(hint) for name, hint in hints.items() if _has_arrays(hint)}
     if not arrays:
         return function
     if "return" in arrays:
-        # jaxtyping has a function of its own for the arguments, and keeps their shapes for this.
+        # jaxtyping checks the arguments by a separate function, which stores their shapes.
         arrays = {"return": arrays["return"]}
     function.__annotations__ = arrays
     return CHECKER(function)

@@ -3,10 +3,10 @@ import os
 import shutil
 import tempfile
 
-# One thread a process, so that as many processes as there are processors can share the tests.
+# One thread per process, so that the tests can be distributed over one process per core.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("PJRT_NPROC", "1")
-# What one process of a session has compiled, its others load, which takes a tenth of the time.
+# Processes of a session load what another has compiled, which takes a tenth of the time.
 if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
     os.environ["JAX_COMPILATION_CACHE_DIR"] = tempfile.mkdtemp(prefix="knitlab-compiled-")
     atexit.register(shutil.rmtree, os.environ["JAX_COMPILATION_CACHE_DIR"], ignore_errors=True)
@@ -17,10 +17,10 @@ from jaxtyping import install_import_hook
 
 from tests.array_shapes import checked
 
-# Before anything imports knitlab.
+# This must precede any import of knitlab.
 install_import_hook("knitlab", f"{checked.__module__}.{checked.__name__}")
 
-# A first example may compile a JAX program; speed is the benchmark's business.
+# A first example may compile a JAX program; benchmarks measure speed.
 settings.register_profile("quick", deadline=None, max_examples=20)
 settings.register_profile("thorough", deadline=None, max_examples=100)
 settings.load_profile("quick")

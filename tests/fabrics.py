@@ -30,13 +30,13 @@ PARAMETERS = read_parameters(shipped("params"))
 SHEET = Sheet(z_max=6.0, k_wall=100.0)
 PERIODIC = ModelOptions(cell_size="relaxed", boundary="periodic")
 CLAMPED = ModelOptions(cell_size="relaxed", boundary="clamped")
-"""Longer cells than those of the default reading: softer to fold, they snap, and so try solvers
-harder."""
+"""Longer cells than those of the default options: they fold more easily and snap, which is a harder
+test of solvers."""
 DEFAULT = SolverSettings()
 MASS_AND_DRAG = MassAndDrag(surface_density=1.1e-4, damping=2e-4)
 FINE = SolverSettings(tolerance=1e-12)
 compiled_tension = jax.jit(tension)
-"""Of a zigzag; uncompiled, every call compiles its search for a root again."""
+"""Tension of a zigzag, compiled; otherwise every call would compile its root finder again."""
 
 
 def stripe(knit: Knit, n: int) -> Stripe:
@@ -54,39 +54,39 @@ EVERY_STRIPE = pytest.mark.parametrize(
         for of, name in ((of, f"{of.knit} {of.n}") for of in ALL_STRIPES)
     ],
 )
-"""A test of every stripe; all but two of them are slow."""
+"""Parametrises a test by every stripe; all but two are marked slow."""
 
 
 def patterned(
-    n_stripe: int, pattern: PatchGrid, reading: ModelOptions, sheet: Sheet = SHEET
+    n_stripe: int, pattern: PatchGrid, options: ModelOptions, sheet: Sheet = SHEET
 ) -> tuple[Network, Fabric]:
     return assemble_fabric(
-        pattern, stripe("rib", n_stripe), stripe("garter", 2 * n_stripe), sheet, reading
+        pattern, stripe("rib", n_stripe), stripe("garter", 2 * n_stripe), sheet, options
     )
 
 
 def checkerboard(periods: int, unit_cells: tuple[int, int] = (1, 1)) -> PatchGrid:
-    """The paper's fabric: unit cells, so many along (y, x), of 2 × 2 alternating patches."""
+    """The paper's fabric: numbers of unit cells along (y, x), each of 2 × 2 alternating patches."""
     return patch_map(["GR", "RG"], periods).tiled(unit_cells)
 
 
 def checkered(
-    n_stripe: int, periods: int, reading: ModelOptions, unit_cells: tuple[int, int] = (1, 1)
+    n_stripe: int, periods: int, options: ModelOptions, unit_cells: tuple[int, int] = (1, 1)
 ) -> tuple[Network, Fabric]:
-    return patterned(n_stripe, checkerboard(periods, unit_cells), reading)
+    return patterned(n_stripe, checkerboard(periods, unit_cells), options)
 
 
 def pure(
-    of: Stripe, reading: ModelOptions, periods: int = 1, ridges: str | None = None
+    of: Stripe, options: ModelOptions, periods: int = 1, ridges: str | None = None
 ) -> tuple[Network, Fabric]:
     """A pure stripe; ``ridges`` "R" or "G" lays them along y or x, whatever its knit."""
     letter = ridges or ("R" if of.knit == "rib" else "G")
-    pattern = replace(patch_map([letter], periods), cells_per_period=reading.cells_per_period)
-    return assemble_fabric(pattern, of, of, SHEET, reading)
+    pattern = replace(patch_map([letter], periods), cells_per_period=options.cells_per_period)
+    return assemble_fabric(pattern, of, of, SHEET, options)
 
 
 def cell_of(fabric: Fabric) -> np.ndarray:
-    """Sides (x, y) of the grid cells of a fabric whose cells are all alike."""
+    """Sides (x, y) of the grid cells of a fabric whose cells are all equal."""
     return np.array([fabric.cell_x[0], fabric.cell_y[0]])
 
 
@@ -105,15 +105,15 @@ def stretched(
 
 def moving(
     designs: list[tuple[int, int]],
-    reading: ModelOptions,
+    options: ModelOptions,
     settings: DynamicsSettings,
     unit_cells: tuple[int, int] = (1, 1),
     mass_and_drag: MassAndDrag = MASS_AND_DRAG,
 ) -> MovingBatch:
-    """Checkerboards (n_stripe, periods) of one mesh shape, ready to move."""
-    assembled = [checkered(*design, reading, unit_cells) for design in designs]
+    """Checkerboards (n_stripe, periods) of one mesh shape, as a batch for the dynamics."""
+    assembled = [checkered(*design, options, unit_cells) for design in designs]
     inertias = [
-        inertia(stripe("rib", n), stripe("garter", 2 * n), reading, mass_and_drag)
+        inertia(stripe("rib", n), stripe("garter", 2 * n), options, mass_and_drag)
         for n, _ in designs
     ]
     return MovingBatch(
@@ -122,7 +122,7 @@ def moving(
 
 
 def periodic_poisson_ratio(test: TensileTest) -> np.ndarray:
-    """ν of periodic fabric straight from L_x and L_y."""
+    """ν of periodic fabric, computed from L_x and L_y."""
     lengths = np.array([state.configuration.lengths for state in test.states])
     strain = lengths[1:] / lengths[0] - 1
     return -strain[:, 0] / strain[:, 1]

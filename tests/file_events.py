@@ -1,7 +1,7 @@
 """Processes that wait before each change of a file for permission: kills at counted events.
 
 A process announces every change of a file in a folder on one end of a pair of sockets and waits
-for an answer. So what holds the other end knows where it is, without a look at a clock.
+for an answer. The process at the other end thus knows its state without a clock.
 """
 
 import os
@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def pause_before_changes(channel: socket.socket, folder: Path, suffix: str = "") -> None:
-    """Have this process wait before it makes, opens to write, or renames a file to such a path."""
+    """Make this process wait before it creates, opens for writing, or renames such a file."""
 
     def hook(event: str, arguments: tuple) -> None:
         path = _changed(event, arguments)
@@ -58,7 +58,7 @@ main()
 
 
 def kill_command(folder: Path, words: Sequence[str], changes: int) -> None:
-    """Run ``knitlab`` in a folder, and kill it before it changes so many netCDF files."""
+    """Run ``knitlab`` in a folder, and kill it before a given number of changes of netCDF files."""
     own, other_end = socket.socketpair()
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, *words, str(other_end.fileno())],
@@ -75,6 +75,6 @@ def kill_command(folder: Path, words: Sequence[str], changes: int) -> None:
 
 
 def kill(pid: int) -> None:
-    """Kill a child, and wait until it is gone."""
+    """Kill a child process, and wait for its end."""
     os.kill(pid, signal.SIGKILL)
     os.waitpid(pid, 0)

@@ -1,4 +1,4 @@
-"""The layers of the package: each imports only from those before it, so that there is no circle."""
+"""The layers of the package: each imports only from those before it, without circles."""
 
 import ast
 import re
@@ -23,6 +23,7 @@ LAYERS = (
     "execution",
     "laboratory",
     "tables",
+    "meshes",
     "optimisation",
     "paper",
     "figures",
@@ -59,7 +60,7 @@ def test_a_layer_imports_only_from_those_before_it(layer):
 
 
 def messages(file: Path) -> list[str]:
-    """Texts of a module that are no docstrings, those within formatted ones included."""
+    """Texts of a module that are not docstrings, including those within f-strings."""
     tree = ast.parse(file.read_text(encoding="utf-8"))
     explaining = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     return [
@@ -71,8 +72,8 @@ def messages(file: Path) -> list[str]:
     ]
 
 
-def test_only_the_command_line_speaks_of_its_options():
-    # A message reaches users of Python too; ``provenance`` gives options to git.
+def test_only_the_command_line_names_its_options():
+    # Messages are also shown to users of Python; ``provenance`` passes options to git.
     files = [path for path in PACKAGE.rglob("*.py") if path.parent.name != "cli"]
     found = {
         f"{file.parent.name}/{file.name}": text

@@ -31,7 +31,7 @@ assert allowed_threads() >= 1
 """
 
 
-def test_every_module_is_imported_without_what_linux_alone_has():
+def test_every_module_is_imported_without_features_of_linux():
     command = [sys.executable, "-W", "ignore", "-c", SCRIPT]
     imported = subprocess.run(command, capture_output=True, text=True, check=False)
     assert imported.returncode == 0, imported.stderr

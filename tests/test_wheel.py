@@ -1,4 +1,4 @@
-"""What is installed: the package alone, with its inputs, where a stranger has no repository."""
+"""The installed wheel: only the package, with its input files."""
 
 import subprocess
 import sys
@@ -27,7 +27,7 @@ def test_the_wheel_installs_one_package(installed):
     assert {top for top in tops if not top.endswith(".dist-info")} == {"knitlab"}
 
 
-def test_the_wheel_holds_every_module_input_and_the_mark_of_types(installed):
+def test_the_wheel_holds_every_module_every_input_and_py_typed(installed):
     modules = {file.relative_to(ROOT).as_posix() for file in PACKAGE.rglob("*.py")}
     inputs = {
         f"knitlab/shipped/{file.relative_to(ROOT).as_posix()}"

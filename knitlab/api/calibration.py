@@ -27,7 +27,7 @@ def calibrate(strain: Curve, force: Curve, *, period: float, law: Law = "linear"
 
     Returns:
         The fitted numbers with their standard errors, 95 % intervals and correlations; its method
-        ``compared_with`` says whether the curve wants this law rather than a simpler one.
+        ``compared_with`` compares this law with a simpler one by AICc.
 
     Raises:
         BadInput: if the curve has too few points, or no tension.

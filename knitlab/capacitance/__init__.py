@@ -1,1 +1,1 @@
-"""Capacitance of electrodes on a fabric by boundary elements, and its figures as a sensor."""
+"""Capacitance of electrodes on a fabric by boundary elements, and figures of merit as a sensor."""

@@ -263,8 +263,8 @@ def _quadrature(
     panels: Float[Array, "panel 4 3"], order: int
 ) -> tuple[Float[Array, "point panel 3"], Float[Array, "point panel"]]:
     """Gauss points of panels, and their weights as fractions of the area of the panel."""
-    at, weight = np.polynomial.legendre.leggauss(order)
-    u, v = (each.ravel()[:, None, None] for each in np.meshgrid((1 + at) / 2, (1 + at) / 2))
+    node, weight = np.polynomial.legendre.leggauss(order)
+    u, v = (grid.ravel()[:, None, None] for grid in np.meshgrid((1 + node) / 2, (1 + node) / 2))
     first, second, third, fourth = jnp.moveaxis(panels, 1, 0)
     by_u = (1 - v) * (second - first) + v * (third - fourth)
     by_v = (1 - u) * (fourth - first) + u * (third - second)

@@ -1,4 +1,4 @@
-"""A knitted capacitor during a test: its capacitance in every state, or why it has none."""
+"""A knitted capacitor during a test: its capacitance in every state, or why it is missing."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -96,11 +96,11 @@ def capacitances(
     Args:
         electrodes: the plated cells.
         net: network of the fabric.
-        fabric: its numbers.
-        configurations: of every state, along a leading axis.
-        capacitor: what else it depends on.
-        refinement: grid cells along one cell of the paper's grid, as far as which gaps are looked
-            for.
+        fabric: the fabric.
+        configurations: configurations of all states, along a leading axis.
+        capacitor: parameters of the electrodes.
+        refinement: grid cells along one cell of the paper's grid; gaps are searched up to this
+            length.
     """
     shape, states = net.shape, len(configurations.lengths)
     status = np.full(states, CapacitorStatus.measured)
@@ -184,9 +184,12 @@ def _obstacles(
     folds = np.asarray(fold_angles(net, fabric, configurations))[:, hinges_at(electrodes, net)]
     through = (np.abs(folds) > np.pi).any(axis=-1)
     for number in (0, 1):
-        own = panels[:, chart.electrode == number]
+        panels_of_one = panels[:, chart.electrode == number]
         through |= np.array(
-            [crosses_itself(state, period) for state, period in zip(own, periods, strict=True)]
+            [
+                crosses_itself(state, period)
+                for state, period in zip(panels_of_one, periods, strict=True)
+            ]
         )
     return gap, through
 
@@ -224,8 +227,8 @@ def electrode_length(electrodes: Electrodes, shape: MeshShape, relaxed: Configur
         return float(relaxed.lengths[axis])
     start, end = electrodes.strips[0][0].extents[axis]
     along = np.asarray(relaxed.positions)[..., axis].mean(axis=axis)
-    at = np.interp([start, end], np.arange(len(along)), along)
-    return float(at[1] - at[0])
+    ends = np.interp([start, end], np.arange(len(along)), along)
+    return float(ends[1] - ends[0])
 
 
 def hinges_at(electrodes: Electrodes, net: Network) -> Bool[np.ndarray, " hinge"]:

@@ -6,10 +6,10 @@ from enum import IntEnum
 class CapacitorStatus(IntEnum):
     """Whether a capacitance is measured, or why not.
 
-    ``touching``: the electrodes are closer than they are thick, or pass through each other.
-    ``folded_through``: a fold at them is beyond half a turn, or one of them passes through itself,
-    which the model does not prevent. ``unresolved``: finer panels still change it by more than the
-    required accuracy.
+    ``touching``: the electrodes are closer than ``clearance``, or pass through each other.
+    ``folded_through``: a fold at the electrodes is beyond half a turn, or an electrode passes
+    through itself, which the model does not prevent. ``unresolved``: finer panels change the
+    capacitance by more than the required accuracy.
     """
 
     measured = 0

@@ -10,7 +10,7 @@ Points = Float[np.ndarray, "... 3"]
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])
 EDGES = ((0, 1), (1, 2), (2, 0))
 FLAT = 1e-12
-"""Determinant, over its largest possible value, below which it counts as zero."""
+"""Determinant relative to its largest possible value, below which it counts as zero."""
 
 
 def gap_between(

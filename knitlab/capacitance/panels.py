@@ -132,9 +132,9 @@ class _Sides:
             self._side(part, axis, 1) not in self.begin,
         )
 
-    def _side(self, part: Strip, axis: int, which: int) -> tuple[int, float, float, float]:
-        at = part.extents[axis][which]
+    def _side(self, part: Strip, axis: int, end: int) -> tuple[int, float, float, float]:
+        position = part.extents[axis][end]
         low, high = part.extents[1 - axis]
         if self.around is not None and axis == self.wrapped_axis:
-            at %= self.around
-        return axis, round(at, 9), round(low, 9), round(high, 9)
+            position %= self.around
+        return axis, round(position, 9), round(low, 9), round(high, 9)

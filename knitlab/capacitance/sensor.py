@@ -1,6 +1,6 @@
-"""Figures of a capacitor as a strain sensor: slope, linearity, range (paper, "Knit capacitors").
+"""Figures of merit of a capacitor as a strain sensor (paper, "Knit capacitors").
 
-All follow from a curve C(ε), simulated or measured, with at least three points.
+All of them follow from a curve C(ε), simulated or measured, with at least three points.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ Kept = Bool[np.ndarray, " point"]
 
 @dataclass(frozen=True)
 class Sensor:
-    """Figures of a strain sensor.
+    """Figures of merit of a strain sensor.
 
     Attributes:
         sensitivity: mean |dC/dε| over the central 20 % of the strain range [pF].
@@ -42,7 +42,7 @@ class Sensor:
 
 
 def sensor_of(strain: Curve, capacitance: Curve, least_linearity: float) -> Sensor | None:
-    """The figures of a sensor from its curve; ``None`` if it has too few points.
+    """The figures of merit of a sensor from its curve; ``None`` if it has too few points.
 
     Between points the curve is interpolated by monotone cubics.
 
@@ -103,8 +103,8 @@ def mean_slope(strain: Curve, capacitance: Curve) -> float:
     """
     middle, half = (strain[0] + strain[-1]) / 2, CENTRAL_PART / 2 * (strain[-1] - strain[0])
     inner = strain[(strain > middle - half) & (strain < middle + half)]
-    at = np.concatenate([[middle - half], inner, [middle + half]])
-    return float(np.abs(np.diff(np.interp(at, strain, capacitance))).sum() / (2 * half))
+    strains = np.concatenate([[middle - half], inner, [middle + half]])
+    return float(np.abs(np.diff(np.interp(strains, strain, capacitance))).sum() / (2 * half))
 
 
 def linearity(strain: Curve, capacitance: Curve) -> Float[np.ndarray, ""]:
@@ -175,11 +175,11 @@ def strain_unfolded(strain: Curve, fold: Curve, left: float) -> float:
     Unfolding is complete when the folds between the electrodes are open: when their mean angle has
     fallen to a fraction of its relaxed value, or to its minimum if they close again from there on.
     A checkerboard reaches this at its largest transverse strain, as the paper describes (Sec.
-    "Kinematics under tension"); when pulled further it narrows, and its folds close.
+    "Kinematics under tension"); at larger strain it narrows, and its folds close.
 
     Args:
         strain: strains, ascending from 0 [1].
-        fold: mean fold angle of those folds at these strains [rad].
+        fold: mean angle of the folds between the electrodes at these strains [rad].
         left: the fraction of the relaxed angle.
     """
     least = int(np.argmin(fold))

@@ -1,6 +1,6 @@
 """Capacitance by the wedge integral: a fast estimate for two strips side by side.
 
-Field lines are approximated by arcs about the line halfway between the strips, through the wedge in
+Field lines are approximated by arcs about the line midway between the strips, through the wedge in
 front of the fabric and through that behind it. Each wedge of angle θ between flat strips has
 
     C = ε L ∫ dr/(r θ) = ε L G,  G = ln(r2/r1)/θ,
@@ -50,18 +50,19 @@ def wedge_capacitance(
 ) -> Float[Array, "*state"]:
     """Capacitance between two strips in vacuum, by the wedge integral [pF].
 
-    It is differentiable by the configuration. For periodic fabric it is that of one period.
+    It is differentiable with respect to the configuration. For periodic fabric it is that of one
+    period.
 
     Args:
         electrodes: two strips, see :func:`side_by_side`.
         shape: mesh of the configuration.
-        configuration: of one state or several.
+        configuration: configuration of one state or several.
 
     Raises:
         ValueError: if the electrodes are not two such strips.
     """
     if not side_by_side(electrodes):
-        raise ValueError("the wedge integral takes two strips of one width, side by side")
+        raise ValueError("the wedge integral needs two strips of equal width, side by side")
     axis, across = electrodes.axis, 1 - electrodes.axis
     left, right = sorted(
         (strips[0].extents for strips in electrodes.strips), key=lambda e: e[across]
@@ -140,7 +141,7 @@ def _cut(low: float, high: float, origins: tuple[float, ...]) -> list[float]:
 
 def _gauss(lines: list[float]) -> tuple[Float[np.ndarray, " point"], Float[np.ndarray, " point"]]:
     """Gauss points and weights of the intervals between lines."""
-    at, weight = np.polynomial.legendre.leggauss(POINTS_A_CELL)
+    node, weight = np.polynomial.legendre.leggauss(POINTS_A_CELL)
     edges = np.array(lines)
     middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
-    return (middle[:, None] + half[:, None] * at).ravel(), (half[:, None] * weight).ravel()
+    return (middle[:, None] + half[:, None] * node).ravel(), (half[:, None] * weight).ravel()

@@ -5,6 +5,7 @@ import click
 from knitlab.cli.calibration import calibrate
 from knitlab.cli.cubes import claims, compare, draw_map, query
 from knitlab.cli.designing import design
+from knitlab.cli.exporting import export
 from knitlab.cli.finding import find
 from knitlab.cli.laboratory import fit, import_group
 from knitlab.cli.sweeps import plan, reproduce, run, status
@@ -18,6 +19,7 @@ COMMANDS = (
     find,
     design,
     draw_map,
+    export,
     claims,
     compare,
     calibrate,

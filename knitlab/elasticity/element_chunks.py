@@ -40,7 +40,7 @@ HEIGHTS = 512
 which has the most of them."""
 SPRINGS, HINGES = 4 * HEIGHTS, 2 * HEIGHTS
 VECTORS = 3 * SPRINGS + 15 * HINGES + HEIGHTS
-"""Numbers that the energy of a chunk depends on."""
+"""Parameters of the energy of a chunk."""
 WORTH_SHARING = 8
 """Number of chunks from which a second thread pays off."""
 
@@ -113,7 +113,7 @@ def chunks_of(shape: MeshShape) -> ElementChunks:
         *_terms(net.hinges, count * HINGES, HINGES, 3 * SPRINGS),
         of_nodes,
     ]
-    rows, columns, values = (np.concatenate(of) for of in zip(*terms, strict=True))
+    rows, columns, values = (np.concatenate(parts) for parts in zip(*terms, strict=True))
     incidence = sp.csr_array((values, (rows, columns)), shape=(count * VECTORS, shape.unknowns))
     incidence.eliminate_zeros()
     ends = [0, count] if count < WORTH_SHARING else [0, count // 2, count]
@@ -123,8 +123,8 @@ def chunks_of(shape: MeshShape) -> ElementChunks:
 
 
 def _thread_chunks(incidence: sp.csr_array, first: int, end: int) -> ThreadChunks:
-    own = incidence[first * VECTORS : end * VECTORS]
-    return ThreadChunks(first, end - first, own, own.T.tocsr())
+    rows = incidence[first * VECTORS : end * VECTORS]
+    return ThreadChunks(first, end - first, rows, rows.T.tocsr())
 
 
 def _first_row(place: Places, per_chunk: int, offset: int) -> Places:
@@ -139,16 +139,16 @@ def _terms(
     """Rows, columns and values of the incidence of one kind of elements."""
     place = np.arange(places)
     # Padding may repeat any element, as it has no stiffness.
-    which = np.minimum(place, len(elements.nodes) - 1)
-    first, one = _first_row(place, per_chunk, offset), np.ones(places)
+    element = np.minimum(place, len(elements.nodes) - 1)
+    first, ones = _first_row(place, per_chunk, offset), np.ones(places)
     for vector, (start, end) in enumerate(elements.ends):
         for component in range(3):
             row = first + (3 * vector + component) * per_chunk
-            yield row, 3 * elements.nodes[which, end] + component, one
-            yield row, 3 * elements.nodes[which, start] + component, -one
+            yield row, 3 * elements.nodes[element, end] + component, ones
+            yield row, 3 * elements.nodes[element, start] + component, -ones
             if component < 2:
                 length = np.full(places, elements.shape.unknowns - 2 + component)
-                yield row, length, elements.periods[vector, component, which]
+                yield row, length, elements.periods[vector, component, element]
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,9 +186,11 @@ class ChunkedFabric:
             _in_chunks(fabric.rest_fold, count, HINGES),
             _in_chunks(fabric.fold_stiffness, count, HINGES),
         ]
-        numbers, structure = jax.tree.flatten(fabric.spring_law)
-        of_law = [_in_chunks(number, count, SPRINGS) for number in numbers]
-        laws = [jax.tree.unflatten(structure, [its[k] for its in of_law]) for k in range(count)]
+        parameters, structure = jax.tree.flatten(fabric.spring_law)
+        of_law = [_in_chunks(parameter, count, SPRINGS) for parameter in parameters]
+        laws = [
+            jax.tree.unflatten(structure, [values[k] for values in of_law]) for k in range(count)
+        ]
         walls = float(fabric.z_max), float(fabric.k_wall)
         numbered = tuple(zip(*columns, laws, strict=True))
         return cls(mesh_chunks, numbered, walls, fabric.fold_angle, threads)
@@ -202,18 +204,18 @@ class ChunkedFabric:
         return Evaluation(Energy(*np.sum(energies, axis=0)), np.sum(gradients, axis=0))
 
     def _evaluated(
-        self, acting: Acting, unknowns: Float[np.ndarray, " unknown"], own_chunks: ThreadChunks
+        self, acting: Acting, unknowns: Float[np.ndarray, " unknown"], thread_chunks: ThreadChunks
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, " unknown"]]:
         """Energies of the chunks of one thread, and the gradient of their sum."""
-        vectors = own_chunks.vectors(unknowns)
+        vectors = thread_chunks.vectors(unknowns)
         energies, gradient = np.zeros(3), np.empty_like(vectors)
-        for chunk, values, slopes in zip(own_chunks.chunks, vectors, gradient, strict=True):
-            own = self.stiffnesses[chunk]
-            parts, by_vectors = _evaluate(self.fold_angle, acting, own, _split(values))
+        for chunk, values, slopes in zip(thread_chunks.chunks, vectors, gradient, strict=True):
+            stiffnesses = self.stiffnesses[chunk]
+            parts, by_vectors = _evaluate(self.fold_angle, acting, stiffnesses, _split(values))
             energies += np.asarray(parts)
             for view, part in zip(_split(slopes), by_vectors, strict=True):
                 view[:] = part
-        return energies, own_chunks.transposed @ gradient.ravel()
+        return energies, thread_chunks.transposed @ gradient.ravel()
 
     def element_hessians(
         self, stage: Stage, unknowns: Float[np.ndarray, " unknown"]
@@ -238,15 +240,17 @@ class ChunkedFabric:
         filled: ElementHessians,
         acting: Acting,
         unknowns: Float[np.ndarray, " unknown"],
-        own_chunks: ThreadChunks,
+        thread_chunks: ThreadChunks,
     ) -> None:
         """Compute the element Hessians of the chunks of one thread."""
-        for chunk, values in zip(own_chunks.chunks, own_chunks.vectors(unknowns), strict=True):
-            own = self.stiffnesses[chunk]
-            part = _element_hessians(self.fold_angle, acting, own, _split(values))
+        for chunk, values in zip(
+            thread_chunks.chunks, thread_chunks.vectors(unknowns), strict=True
+        ):
+            stiffnesses = self.stiffnesses[chunk]
+            part = _element_hessians(self.fold_angle, acting, stiffnesses, _split(values))
             springs, hinges, heights = (
-                slice(chunk * each, (chunk + 1) * each)
-                for each in (SPRINGS, HINGES // LANES, HEIGHTS)
+                slice(chunk * per_chunk, (chunk + 1) * per_chunk)
+                for per_chunk in (SPRINGS, HINGES // LANES, HEIGHTS)
             )
             filled.springs[:, springs] = part.springs
             filled.hinges[hinges] = part.hinges
@@ -260,7 +264,7 @@ class ChunkedFabric:
 def _in_chunks(
     number: Float[Array, " element ..."], count: int, per_chunk: int, spare: float = 0.0
 ) -> list[Float[Array, " place ..."]]:
-    """A number of all elements by chunks, filled up for those that are none."""
+    """A parameter of all elements by chunks; the last chunk is padded."""
     none = [(0, count * per_chunk - len(number)), *[(0, 0)] * (number.ndim - 1)]
     padded = np.pad(np.asarray(number), none, constant_values=spare)
     return [jnp.asarray(row) for row in padded.reshape(count, per_chunk, *number.shape[1:])]
@@ -292,7 +296,7 @@ def _elements(
 def _evaluate(
     of: FoldAngle, acting: Acting, stiffnesses: Stiffnesses, vectors: Vectors
 ) -> tuple[Float[Array, "3"], Vectors]:
-    """Energies of a chunk, and the gradient of their sum by the vectors."""
+    """Energies of a chunk, and the gradient of their sum with respect to the vectors."""
 
     def total(at: Vectors) -> tuple[Array, Array]:
         springs, hinges, heights = _elements(acting, stiffnesses, at)

@@ -1,7 +1,6 @@
 """Second derivatives of the energies of elements: of springs and hinges in closed form.
 
-Automatic differentiation gives the same numbers (the tests compare them) at five times the cost,
-and this is the part of a Newton step that depends on nothing but elements.
+Automatic differentiation gives the same values (tests compare them) at five times the cost.
 """
 
 import jax
@@ -17,10 +16,10 @@ from knitlab.model.spring_law import LINEAR, SpringLaw
 Vector = Float[Array, "3 element"]
 Matrix = Float[Array, "3 3 element"]
 ByEdgeAndNormals = tuple[tuple[Vector, Vector], list[list[Matrix]]]
-"""Gradient by the two normals, and Hessian by edge and normals, lower triangle."""
+"""Gradient with respect to the two normals, and Hessian for edge and normals, lower triangle."""
 
 LANES = 64
-"""Hinges that are worked on together: their intermediate values stay in the fastest cache."""
+"""Number of hinges in a block, so that their intermediate values stay in the fastest cache."""
 
 SPRING_ENTRIES = np.tril_indices(3)
 """Rows and columns of the entries of a spring's stiffness that are kept."""
@@ -35,9 +34,10 @@ def spring_stiffness(
     stiffness: Float[Array, " spring"],
     law: SpringLaw = LINEAR,
 ) -> Float[Array, "6 spring"]:
-    """Hessian of the energy of springs by their vectors, lower triangle [N/mm].
+    """Hessian of the energy of springs with respect to their vectors, lower triangle [N/mm].
 
-    Along a linear spring it is k_s, across it the tension over length k_s (1 − ℓ0/ℓ).
+    For a linear spring it is k_s along the spring, and tension over length, k_s (1 − ℓ0/ℓ), across
+    it.
     """
     length = jnp.sqrt((vectors**2).sum(0))
     along = vectors / length
@@ -53,21 +53,21 @@ def hinge_stiffness(
     stiffness: Float[Array, " hinge"],
     of: FoldAngle,
 ) -> Float[Array, "block 171 lane"]:
-    """Hessian of ½ k_t (φ − φ0)² by the hinge's six nodes, lower triangle [N/mm].
+    """Hessian of ½ k_t (φ − φ0)² with respect to the hinge's six nodes, lower triangle [N/mm].
 
     Args:
         vectors: see :data:`~knitlab.model.network.HINGE_VECTORS`.
         rest: signed fold angle at rest, φ0.
         stiffness: k_t.
-        of: what the fold angles are between.
+        of: definition of the fold angle, a model option.
 
     Returns:
         The entries of :data:`HINGE_ENTRIES`, for blocks of :data:`LANES` hinges; the last block
-        is filled up with hinges of no stiffness.
+        is padded with hinges of no stiffness.
     """
     blocks = -(-len(rest) // LANES)
     spare = (0, blocks * LANES - len(rest))
-    # Any hinge that is not degenerate will do where there is none.
+    # The padding may be any hinge that is not degenerate.
     filled = jnp.concatenate([vectors, jnp.broadcast_to(_UNFOLDED, (5, 3, spare[1]))], axis=-1)
     hinges = (
         jnp.moveaxis(filled.reshape(5, 3, blocks, LANES), 2, 0),
@@ -80,7 +80,7 @@ def hinge_stiffness(
 def wall_stiffness(
     heights: Float[Array, " node"], z_max: Float[Array, ""], k_wall: Float[Array, ""]
 ) -> Float[Array, " node"]:
-    """Second derivative of the wall penalty by the height of every node [N/mm]."""
+    """Second derivative of the wall penalty with respect to the height of every node [N/mm]."""
     return jax.vmap(jax.grad(jax.grad(wall_energy)), (0, None, None))(heights, z_max, k_wall)
 
 
@@ -93,7 +93,7 @@ def _hinge_entries(
     stiffness: Float[Array, " lane"],
     of: FoldAngle,
 ) -> Float[Array, "171 lane"]:
-    """By nodes: every node is the start or the end of some of the vectors."""
+    """Derivatives with respect to nodes: every node is the start or the end of some vectors."""
     by_vectors = _by_vectors(vectors, rest, stiffness, of)
     blocks = {}
     for row in range(6):
@@ -119,7 +119,7 @@ def _by_vectors(
     stiffness: Float[Array, " lane"],
     of: FoldAngle,
 ) -> list[list[Matrix]]:
-    """By the edge and the diagonals, through the cross products that the normals are."""
+    """Derivatives with respect to the edge and the diagonals; normals are their cross products."""
     edge, *diagonals = vectors
     before = jnp.cross(diagonals[0], diagonals[1], axis=0)
     after = jnp.cross(diagonals[2], diagonals[3], axis=0)
@@ -147,7 +147,7 @@ def _by_vectors(
 def _of_whole_normals(
     edge: Vector, before: Vector, after: Vector, rest: Array, stiffness: Array
 ) -> ByEdgeAndNormals:
-    """Where φ is the angle between whole normals.
+    """Gradient and Hessian where φ is the angle between whole normals.
 
     φ = atan2(S, C) with S = (n1 × n2)·ê and C = n1·n2, so that with r² = S² + C²:
     φ_S = C/r², φ_C = −S/r², φ_SS = −φ_CC = −2SC/r⁴, φ_SC = (S² − C²)/r⁴.
@@ -195,19 +195,19 @@ def _of_whole_normals(
 def _of_parts_across_edge(
     edge: Vector, before: Vector, after: Vector, rest: Array, stiffness: Array
 ) -> ByEdgeAndNormals:
-    """Where φ is the turn of the second normal about the edge less that of the first.
+    """Gradient and Hessian where φ is the rotation of the second normal minus that of the first.
 
-    No second derivative of it mixes the normals.
+    No second derivative of φ mixes the normals.
     """
     length = jnp.sqrt((edge**2).sum(0))
     along = edge / length
-    lean_1, lean_2 = (before * along).sum(0), (after * along).sum(0)
+    component_1, component_2 = (before * along).sum(0), (after * along).sum(0)
     sine = (jnp.cross(before, after, axis=0) * along).sum(0)
-    cosine = (before * after).sum(0) - lean_1 * lean_2
+    cosine = (before * after).sum(0) - component_1 * component_2
     moment = _moment(sine, cosine, rest, stiffness)
 
-    slopes_1, bends_1 = _turn(before, lean_1, along, length)
-    slopes_2, bends_2 = _turn(after, lean_2, along, length)
+    slopes_1, bends_1 = _turn(before, component_1, along, length)
+    slopes_2, bends_2 = _turn(after, component_2, along, length)
     slopes = slopes_2[0] - slopes_1[0], -slopes_1[1], slopes_2[1]
 
     def squares(i: int, j: int) -> Matrix:
@@ -221,20 +221,20 @@ def _of_parts_across_edge(
 
 
 def _turn(
-    normal: Vector, lean: Array, along: Vector, length: Array
+    normal: Vector, component: Array, along: Vector, length: Array
 ) -> tuple[tuple[Vector, Vector], tuple[Matrix, Matrix, Matrix]]:
-    """Derivatives of a normal's turn about the edge, α: by edge and by normal, and the second ones.
+    """First and second derivatives of a normal's rotation α about the edge, by edge and by normal.
 
     With p = n·ê, m = n − p ê and t = ê × m/|m|² they are α_n = t, α_e = −(p/ℓ) t,
-    α_nn = −(m tᵀ + t mᵀ)/|m|², α_ne = −((p/ℓ) α_nn + ê tᵀ/ℓ) and, but for a part that is the same
-    for every normal, α_ee = ((p² + |m|²/2) α_nn + p (t êᵀ + ê tᵀ))/ℓ².
+    α_nn = −(m tᵀ + t mᵀ)/|m|², α_ne = −((p/ℓ) α_nn + ê tᵀ/ℓ) and, except for a part that is
+    the same for every normal, α_ee = ((p² + |m|²/2) α_nn + p (t êᵀ + ê tᵀ))/ℓ².
     """
-    across = normal - lean * along
+    across = normal - component * along
     square = (across**2).sum(0)
     turn = jnp.cross(along, across, axis=0) / square
     twist = _outer(across, turn)
     by_normal = -(twist + _turned(twist)) / square
-    lever = lean / length
+    lever = component / length
     aside = _outer(along, turn) / length
     by_edge = (lever**2 + square / (2 * length**2)) * by_normal + lever * (aside + _turned(aside))
     return (-lever * turn, turn), (by_edge, -(lever * by_normal + aside), by_normal)

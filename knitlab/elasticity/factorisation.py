@@ -52,13 +52,13 @@ def factoriser(free: FreeStiffness, threads: Threads = ALONE) -> Factoriser:
         free: the sparsity.
         threads: threads that may share a factorisation.
     """
-    plan, own = _plan(free), threading.local()
+    plan, of_thread = _plan(free), threading.local()
 
     def factorise(entries: Entries, convexified: bool = False) -> Factors | None:
         # Threads that factorise at the same time each need their own memory.
-        if not hasattr(own, "factors"):
-            own.factors = Multifrontal(plan, threads)
-        factors: Multifrontal = own.factors
+        if not hasattr(of_thread, "factors"):
+            of_thread.factors = Multifrontal(plan, threads)
+        factors: Multifrontal = of_thread.factors
         return factors if factors.factorise(entries, convexified) else None
 
     return factorise

@@ -213,9 +213,9 @@ def _terms(
 def _freedoms(
     elements: Elements, number: Int[np.ndarray, " unknown"], node: int, component: int
 ) -> list[tuple[Int[np.ndarray, " element"], Float[np.ndarray, " element"]]]:
-    """Free unknowns on which a node of every element depends (−1 if held), and the derivatives."""
-    own = number[3 * elements.nodes[:, node] + component], np.ones(len(elements.nodes))
+    """Free unknowns on which a node of every element depends (−1 if fixed), and the derivatives."""
+    coordinate = number[3 * elements.nodes[:, node] + component], np.ones(len(elements.nodes))
     if component == 2 or not elements.images[:, node, component].any():
-        return [own]
+        return [coordinate]
     length = np.full(len(elements.nodes), number[3 * elements.shape.nodes + component])
-    return [own, (length, elements.images[:, node, component].astype(float))]
+    return [coordinate, (length, elements.images[:, node, component].astype(float))]

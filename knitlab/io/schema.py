@@ -16,7 +16,7 @@ DESIGN_DIMS = ("n_stripe", "n_subunit")
 """Dimensions of a cube of checkerboards; one of pure stripes has :data:`STRIPE_DIMS`."""
 STRIPE_DIMS = ("knit", "n", "boundary")
 CYCLE = "cycle"
-"""Dimension of an experiment that was pulled several times."""
+"""Dimension of an experiment with several cycles."""
 SOURCE = "source"
 """Coordinate that states the source of a cube."""
 SIMULATION = "simulation"
@@ -42,7 +42,7 @@ COORDINATES = {
         ("stripe_parameter",),
         "1",
         "parameter of the rib or of the garter stripe",
-        "rib_period is the paper's w, garter_period its h; k_s stretches, k_t and theta_0 fold",
+        "rib_period is the paper's w, garter_period its h; k_s of springs, k_t, theta_0 of folds",
     ),
     "boundary_point": Variable(
         ("boundary_point",), "1", "position along a boundary, over its length from end to end"
@@ -58,12 +58,13 @@ COORDINATES = {
 _STATE = ("applied_strain",)
 _PARAMETERS = ("applied_strain", "stripe_parameter")
 _LOGARITHMIC = (
-    "for a parameter p, p times the derivative by p at fixed applied strain: the change for a"
-    " relative change of p, comparable between parameters; divide by p for the plain derivative."
-    " Missing at zero strain, and where the state is no stable equilibrium"
+    "for a parameter p, p times the derivative with respect to p at fixed applied strain: the"
+    " change for a relative change of p, comparable between parameters; divide by p for the"
+    " derivative."
+    " Missing at zero strain, and where the state is not a stable equilibrium"
 )
 _CELLS = ("applied_strain", "cell_y", "cell_x")
-_SAMPLE = "of the simulated sample, or of the cell that periodic fabric repeats"
+_SAMPLE = "of the simulated sample, or of the period of periodic fabric"
 _POINTS = ("boundary_point",)
 _TRACED = "between unit cells, nearest the middle of the relaxed fabric"
 _WAVE = f"{_TRACED}; missing where it crosses a single unit cell"
@@ -72,15 +73,15 @@ _ACROSS = "across its folds, relaxed, in the unit cell nearest the middle"
 
 _BY_GAUGE = (
     "by the cube's gauge (gauge_stitch_width and gauge_stitch_height, in mm), which changes no"
-    " other variable. The gauge that is shipped is that of the paper's finished samples, about"
-    " 200 mm wide on 360 needles, taken as the stitch before the fabric folds: absolute sizes are"
-    " indicative, while ratios between designs do not depend on it"
+    " other variable. The default gauge is that of the paper's finished samples, about"
+    " 200 mm wide on 360 needles, used for stitches before the fabric folds: absolute sizes are"
+    " approximate, while ratios between designs do not depend on the gauge"
 )
 _KNIT_CELL = (
     f"relaxed over flat cell, times stitches across it, times size of a stitch, {_BY_GAUGE}"
 )
 _KNIT_WAVE = (
-    "wavelength of the boundary in the proportion of the knit cell to the relaxed one; missing"
+    "wavelength of the boundary, times the knit cell over the relaxed cell; missing"
     f" where it crosses a single unit cell; {_BY_GAUGE}"
 )
 _KNIT_SAMPLE = f"knit cell times unit cells; missing for periodic fabric; {_BY_GAUGE}"
@@ -109,10 +110,11 @@ def _of_siblings(units: str, long_name: str) -> Variable:
 
 
 _SIBLINGS = (
-    "over the case and those of its siblings that reached the strain: imperfect sheets with each"
-    " stripe number up to 2 % larger or smaller, clamped ones alternately from the other start"
+    "over the case and its siblings that reached the strain. Siblings are imperfect sheets with"
+    " each stripe parameter changed by up to 2 %; every second clamped one begins from the other"
+    " start"
 )
-_SCATTER = "of the curve through what was recorded near a strain"
+_SCATTER = "of the curve that is fitted to the records near a strain"
 
 VARIABLES = {
     "status": Variable((), "1", "status of the design"),
@@ -141,7 +143,7 @@ VARIABLES = {
         _STATE, "1", "Poisson's ratio", "-mean_strain_xx / mean_strain_yy; undefined at zero strain"
     ),
     "poisson_ratio_min": Variable(
-        (), "1", "lowest Poisson's ratio", "over the strains of the test, all of them converged"
+        (), "1", "lowest Poisson's ratio", "over all strains; missing unless all of them converged"
     ),
     "applied_strain_at_min": Variable((), "1", "applied strain at the lowest Poisson's ratio"),
     "knit_cell_x": _of_cloth("finished unit cell in cloth along the weft", _KNIT_CELL),
@@ -201,30 +203,30 @@ VARIABLES = {
         _STATE,
         "1",
         "whether the fabric snapped on the way to a strain",
-        "1 where the fabric left its branch of equilibria: more than branch_limit (by dynamics,"
-        " quasi_static_limit) of the work of even the smallest strain step went astray",
+        "1 where the fabric left its branch of equilibria: even in the smallest strain step, more"
+        " than branch_limit (by dynamics, quasi_static_limit) of the work was lost",
     ),
     "hinges_past_pi": Variable(
         _STATE,
         "1",
         "hinges folded past half a turn",
-        "there the fabric passes through itself, which the model does not forbid",
+        "there the fabric passes through itself, which the model does not prevent",
     ),
     "self_intersections": Variable(
         _STATE,
         "1",
         "pairs of grid cells that pass through each other",
-        "each cell as two triangles; of periodic fabric, each pair once a period. The model does"
-        " not forbid it",
+        "each cell as two triangles; in periodic fabric, each pair once per period. The model does"
+        " not prevent it",
     ),
     "row_force": Variable(
-        _STATE, "N", "force for one row of the sheet", "a row is as wide as a cell", of="stripe"
+        _STATE, "N", "force for one row of the sheet", "a row is one grid cell wide", of="stripe"
     ),
     "zigzag_force": Variable(
         _STATE, "N", "force of the two-dimensional zigzag", "at its energy minimum", of="stripe"
     ),
     "zigzag_residual": Variable(
-        _STATE, "N", "largest force left on a free node of the zigzag", of="stripe"
+        _STATE, "N", "largest residual force on a free node of the zigzag", of="stripe"
     ),
     "zigzag_iterations": Variable(_STATE, "1", "minimiser steps of the zigzag", of="stripe"),
     **CAPACITOR_VARIABLES,
@@ -236,14 +238,14 @@ VARIABLES = {
         _STATE,
         "1",
         "siblings that reached a strain",
-        "the case itself not counted",
+        "without the case itself",
         of="robustness",
     ),
     "relaxed_branches": Variable(
         (),
         "1",
         "distinct relaxed energies",
-        "of the fabric as designed, relaxed by itself and from the shapes of its siblings",
+        "of the unperturbed fabric, relaxed from its start and from the shapes of its siblings",
         of="robustness",
     ),
     "mean_strain_xx_error": _of_laboratory(
@@ -259,7 +261,7 @@ VARIABLES = {
     ),
     "markers_lost": _of_laboratory("1", "markers lost", "corners of unit cells that are not seen"),
     "cells_lost": _of_laboratory(
-        "1", "unit cells lost", "a corner of them is not seen; they are in no mean"
+        "1", "unit cells lost", "cells with a corner that is not seen; no mean includes them"
     ),
     "distance": Variable(
         (),
@@ -272,7 +274,7 @@ VARIABLES = {
         (),
         "1",
         "distance from the targets within the spread",
-        "the worst of its edges",
+        "the largest distance within the spread",
         of="candidate",
     ),
     "relaxed_cell_x": Variable((), "mm", "relaxed unit cell along the weft"),

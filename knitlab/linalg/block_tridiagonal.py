@@ -125,10 +125,10 @@ class BlockTridiagonal:
         values = jnp.append(entries, jnp.array([0.0, 1.0]))
 
         def eliminate(taken: Arrays, sources: Array) -> tuple[Arrays, Pair]:
-            own, shared, corner = taken
+            update, shared, corner = taken
             # Gathered here and not beforehand, so that the blocks are never all held twice.
             pivot, following, border = jnp.split(values[sources], [width, 2 * width])
-            pivot = _cholesky(pivot - own)
+            pivot = _cholesky(pivot - update)
             panel = triangular_solve(
                 pivot,
                 jnp.concatenate([following, border - shared]),
@@ -208,9 +208,9 @@ def block_tridiagonal(
 def _layout(ends: Int[np.ndarray, "2 nonzero"], lines: Int[np.ndarray, " unknown"]) -> BlockLayout:
     bordering = lines < 0
     line = np.searchsorted(np.unique(lines[~bordering]), lines)
-    apart = abs(line[ends[0]] - line[ends[1]])[~bordering[ends].any(axis=0)]
+    distance = abs(line[ends[0]] - line[ends[1]])[~bordering[ends].any(axis=0)]
     # Lines so far apart couple only across a periodic boundary, where the grid is cut open.
-    if apart.max() > REACH:
+    if distance.max() > REACH:
         bordering |= line > line.max() - REACH
     blocks = int(line[~bordering].max()) // REACH + 1
     block = np.where(bordering, blocks, line // REACH)

@@ -196,8 +196,10 @@ def _fronts(
         pivots = slice(int(starts[number]), int(starts[number + 1]))
         bottom = stack if number == middle else bottom
         update = _first_gap(waiting, len(boundary) ** 2, bottom)
-        taken = tuple((child, _extend_adds(child, pivots, boundary)) for child in children[number])
-        front = Front(pivots, boundary, stored, update, taken)
+        extend_adds = tuple(
+            (child, _extend_adds(child, pivots, boundary)) for child in children[number]
+        )
+        front = Front(pivots, boundary, stored, update, extend_adds)
         fronts.append(front)
         stored += front.size * (front.size + len(boundary))
         stack = max(stack, update + len(boundary) ** 2)

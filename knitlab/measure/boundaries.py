@@ -27,12 +27,12 @@ def boundary_line(
     Args:
         shape: mesh of the configuration.
         unit_cells: the unit cells.
-        configuration: of one state. In periodic fabric the boundary is followed across
-            :data:`PERIODIC_CELLS` cells.
+        configuration: configuration of one state. In periodic fabric the boundary is followed
+            across :data:`PERIODIC_CELLS` cells.
         direction: direction of the boundary, the weft x or the warp y.
 
     Returns:
-        Its coordinates along that direction and across it, seen from above.
+        Coordinates along that direction and across it, seen from above.
     """
     nodes, sides = np.asarray(configuration.positions)[..., :2], configuration.lengths
     if direction == "x":
@@ -53,7 +53,7 @@ def boundary_wave(
     configuration: Configuration,
     direction: Direction,
 ) -> Wave | None:
-    """The wave in that boundary; ``None`` if it crosses too few unit cells.
+    """The wave of that boundary; ``None`` if it crosses too few unit cells.
 
     Arguments as for :func:`boundary_line`.
     """

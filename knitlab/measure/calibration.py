@@ -21,21 +21,21 @@ from knitlab.model.stripe import Knit, Stripe
 from knitlab.model.zigzag import Zigzag, law_of_one, tension
 
 Law = Literal["linear", "stiffening"] | SpringCurve
-"""How the force of a spring grows; a curve is its shape, which is not fitted."""
+"""Kind of spring law; the shape of a tabulated curve is not fitted."""
 
 FITTED = ("k_s", "k_t", "theta_0")
-"""What is fitted, in this order; all but the angle by their logarithms."""
+"""Fitted parameters, in this order; all except the angle are fitted as logarithms."""
 FITTED_IF_STIFFENING = (*FITTED, "stiffening_strain")
-"""What is fitted where springs stiffen."""
+"""Fitted parameters for stiffening springs."""
 UNITS = {"k_s": "N/mm", "k_t": "N", "theta_0": "rad", "stiffening_strain": "1"}
-"""As the paper tabulates them; k_t per radian, so N mm for an edge."""
+"""Units as in the paper's tables, except for k_t, which is N mm for an edge."""
 BOUNDS = {
     "k_s": (1e-4, 1e4),
     "k_t": (1e-7, 1e2),
     "theta_0": (0.05, np.pi - 0.05),
     "stiffening_strain": (1e-3, 1e2),
 }
-"""Where each is looked for [N/mm, N mm, rad, 1]."""
+"""Range in which each parameter is searched [N/mm, N mm, rad, 1]."""
 STARTING_ANGLES = (0.4, 0.8, 1.4)
 STARTING_FACTORS = (0.3, 3.0)
 STARTING_STRAINS = (0.1, 1.0)
@@ -43,14 +43,14 @@ CONFIDENCE = 0.95
 ALIKE_CORRELATION = 0.99
 VAGUE_ERROR = 0.1
 USELESS_ERROR = 0.5
-"""Standard error of a logarithm, or of the angle [rad], that leaves nothing known."""
+"""Standard error of a logarithm, or of the angle [rad], above which it is undetermined."""
 AT_BOUND = 1e-3
-"""How near a bound, in the fitted unknown, counts as at it."""
+"""Distance from a bound, in the fitted unknown, up to which a value counts as on the bound."""
 INSIDE = {
     name: (low * (1 + 2 * AT_BOUND), high * (1 - 2 * AT_BOUND))
     for name, (low, high) in BOUNDS.items()
 }
-"""Values that are not at a bound."""
+"""Values that are not on a bound."""
 
 
 @dataclass(frozen=True)
@@ -59,19 +59,20 @@ class Calibration:
 
     Attributes:
         period: relaxed peak-to-peak distance of the stripe, as given [mm].
-        values: k_s [N/mm], k_t [N mm], theta_0 [rad] and, where springs stiffen, the stiffening
+        values: k_s [N/mm], k_t [N mm], theta_0 [rad] and, for stiffening springs, the stiffening
             strain [1], by name.
-        standard_errors: of each, in its unit.
-        intervals: 95 % confidence interval of each, in its unit; of the angle within 0 to π.
-        correlations: between the fitted, in the order of ``values``.
-        strain: of the curve [1].
-        force: measured [N].
-        fitted_force: of the zigzag [N].
-        starts: how many starts there were, and how many of them ended at this fit.
+        standard_errors: standard error of each, in its unit.
+        intervals: 95 % confidence interval of each, in its unit; that of the angle is within 0
+            to π.
+        correlations: correlations of the fitted parameters, in the order of ``values``.
+        strain: strains of the curve [1].
+        force: measured forces [N].
+        fitted_force: forces of the fitted zigzag [N].
+        starts: number of starts, and number of starts that ended at this fit.
         converged: whether the optimiser met its tolerances.
-        iterations: Jacobians that the best start took.
-        warnings: what the curve does not determine.
-        law: of the springs.
+        iterations: number of Jacobians from the best start.
+        warnings: warnings about parameters that the curve does not determine.
+        law: law of the springs.
     """
 
     period: float
@@ -90,7 +91,7 @@ class Calibration:
 
     @property
     def usable(self) -> bool:
-        """Whether the fit converged, with no parameter at the bound of where it was looked for."""
+        """Whether the fit converged, and no parameter is on a bound of its range."""
         return self.converged and all(
             INSIDE[name][0] < value < INSIDE[name][1] for name, value in self.values.items()
         )
@@ -98,19 +99,20 @@ class Calibration:
     def tabulated_period(self, cell_size: CellSize) -> float:
         """Period with which the network has the springs and folds of the fitted zigzag [mm].
 
-        A table's period is that of the relaxed stripe where ``cell_size`` is ``"relaxed"``, and of
-        the flat one where it is ``"flat"``: then four grid cells, longer by 1/sin(θ0/2).
+        In a stripe table the period is that of the relaxed stripe if ``cell_size`` is
+        ``"relaxed"``. If it is ``"flat"``, the period is that of the flat stripe, which is longer
+        by 1/sin(θ0/2).
         """
         flat = cell_size == "flat"
         return self.period / math.sin(self.values["theta_0"] / 2) if flat else self.period
 
     def stripe(self, knit: Knit, n: int, cell_size: CellSize = "flat") -> Stripe:
-        """The fitted stripe, as a design takes it.
+        """The fitted stripe, for a design.
 
         Args:
             knit: rib or garter.
             n: stitches across a stripe.
-            cell_size: model option that the stripe is for, on which its period depends.
+            cell_size: model option with which the stripe will be used; its period depends on it.
         """
         period = self.tabulated_period(cell_size)
         curve = self.law if isinstance(self.law, SpringCurve) else None
@@ -118,16 +120,16 @@ class Calibration:
 
     @property
     def misfit(self) -> float:
-        """Root of the mean square difference between curve and fit [N]."""
+        """Root mean square difference between curve and fit [N]."""
         return float(np.sqrt(np.mean(self.residuals**2)))
 
     @property
     def residuals(self) -> Float[np.ndarray, " point"]:
-        """Curve less fit [N]."""
+        """Curve minus fit [N]."""
         return self.force - self.fitted_force
 
     def compared_with(self, simpler: "Calibration") -> Comparison:
-        """Whether the curve wants this law rather than a simpler one, fitted to the same curve."""
+        """Comparison of this law with a simpler one that was fitted to the same curve."""
         counts = len(simpler.values), len(self.values)
         order = np.argsort(self.strain, kind="stable")
         return compare(simpler.residuals[order], self.residuals[order], counts)
@@ -141,18 +143,18 @@ def calibrate(
 ) -> Calibration:
     """Fit k_s, k_t and θ0 of a zigzag to its tension curve by bounded least squares.
 
-    Springs that stiffen have their stiffening strain fitted too. Gradients are exact; of several
-    starts the best fit is kept. Standard errors and correlations are those of the linearised fit,
+    For stiffening springs the stiffening strain is fitted too. Gradients are exact. The best fit of
+    several starts is used. Standard errors and correlations are those of the linearised fit,
     with the noise taken from the residual.
 
     Args:
         period: relaxed peak-to-peak distance, w or h [mm].
-        strain: of the period, not negative [1].
-        force: on one row of the network [N].
-        law: of the springs.
+        strain: strains of the period, not negative [1].
+        force: force on one row of the network [N].
+        law: law of the springs.
 
     Raises:
-        ValueError: if there are no more points than parameters, or no force.
+        ValueError: if there are not more points than parameters, or no force.
     """
     fitted = FITTED_IF_STIFFENING if law == "stiffening" else FITTED
     curve = law if isinstance(law, SpringCurve) else None
@@ -167,8 +169,8 @@ def calibrate(
     if not np.sum(strain * force) > 0:
         raise ValueError("the force falls with strain; give tension as positive")
     compiled, jacobian = (
-        lambda unknowns, of=of: np.asarray(of(curve, unknowns, period, strain))
-        for of in (_force, _force_slopes)
+        lambda unknowns, function=function: np.asarray(function(curve, unknowns, period, strain))
+        for function in (_force, _force_slopes)
     )
     lower, upper = (_unknowns({name: BOUNDS[name][side] for name in fitted}) for side in (0, 1))
     fits = [
@@ -193,7 +195,7 @@ def calibrate(
     reach = errors * student_t.ppf((1 + CONFIDENCE) / 2, len(strain) - len(fitted))
     values, lows, highs = (_numbers(best.x + shift, fitted) for shift in (0, -reach, reach))
     slopes = np.array([1.0 if name == "theta_0" else values[name] for name in fitted])
-    # Beyond its bounds an angle is no fold.
+    # An interior angle of a fold is between 0 and π.
     lows["theta_0"], highs["theta_0"] = np.clip([lows["theta_0"], highs["theta_0"]], 0, np.pi)
     return Calibration(
         period=period,
@@ -235,22 +237,22 @@ def report(calibration: Calibration) -> list[str]:
 
 
 def report_comparison(calibration: Calibration, linear: Calibration) -> list[str]:
-    """What the curve says about the law of the springs, in lines of text.
+    """The law that the curve supports, in lines of text.
 
     Args:
         calibration: the fit with another law.
-        linear: that with linear springs.
+        linear: the fit with linear springs.
     """
     found = calibration.compared_with(linear)
     name = "tabulated" if isinstance(calibration.law, SpringCurve) else calibration.law
     if math.isnan(found.gain_if_correlated):
-        verdict = "too few points to tell which law the curve wants"
+        verdict = "too few points to decide between the laws"
     elif found.wanted:
-        verdict = f"the curve wants {name} springs"
+        verdict = f"the curve supports {name} springs"
     elif found.refused:
-        verdict = "the curve wants linear springs"
+        verdict = "the curve supports linear springs"
     else:
-        verdict = "the curve does not tell; linear springs do"
+        verdict = "the curve does not decide; linear springs are sufficient"
     if not calibration.usable:
         verdict += f"; the {name} fit cannot be used"
     return [
@@ -297,18 +299,21 @@ def _starts(
     force: Float[np.ndarray, " point"],
     fitted: Sequence[str],
 ) -> list[Float[np.ndarray, " fitted"]]:
-    """Starts about the stiffnesses that the curve's size and its first half suggest."""
+    """Starts around the stiffness estimated from the curve's size and from its first half."""
     half = strain <= (strain[0] + strain[-1]) / 2
     opening = np.sum(force[half] * strain[half]) / max(np.sum(strain[half] ** 2), 1e-12)
     starts = []
     for angle, stiff, soft in itertools.product(STARTING_ANGLES, *[STARTING_FACTORS] * 2):
         cell = period / (4 * np.sin(angle / 2))
-        # A fold that opens a little: F = k_t dθ / (ℓ cos θ/2) and dε = dθ / (2 tan θ/2).
+        # For a fold that opens slightly: F = k_t dθ / (ℓ cos θ/2) and dε = dθ / (2 tan θ/2).
         k_t = max(opening, 1e-9) * cell * np.cos(angle / 2) / (2 * np.tan(angle / 2))
         k_s = np.max(np.abs(force)) / (0.1 * cell)
         start = {"k_s": stiff * k_s, "k_t": soft * k_t, "theta_0": angle}
         if "stiffening_strain" in fitted:
-            starts += [_unknowns(start | {"stiffening_strain": at}) for at in STARTING_STRAINS]
+            starts += [
+                _unknowns(start | {"stiffening_strain": stiffening})
+                for stiffening in STARTING_STRAINS
+            ]
         else:
             starts.append(_unknowns(start))
     return starts
@@ -317,7 +322,7 @@ def _starts(
 def _covariance(fit: OptimizeResult) -> Float[np.ndarray, "fitted fitted"]:
     freedom = len(fit.fun) - len(fit.x)
     _, singular, right = np.linalg.svd(fit.jac, full_matrices=False)
-    # Round-off must not pass for information.
+    # Round-off must not count as information.
     singular = np.maximum(singular, np.finfo(float).eps * singular[0])
     return 2 * fit.cost / freedom * (right.T / singular**2) @ right
 
@@ -337,16 +342,18 @@ def _warnings(
         if min(fit.x[place] - lower[place], upper[place] - fit.x[place]) < AT_BOUND:
             low, high = BOUNDS[name]
             warnings.append(
-                f"{name} is at its bound ({low:g} to {high:g}): the curve does not fix it"
+                f"{name} is at its bound ({low:g} to {high:g}): the curve does not determine it"
             )
         if errors[place] > USELESS_ERROR:
-            warnings.append(f"{name} is uncertain by more than half; the curve does not fix it")
+            warnings.append(
+                f"{name} is uncertain by more than half; the curve does not determine it"
+            )
     for one, other in itertools.combinations(range(len(fitted)), 2):
         vague = max(errors[one], errors[other]) > VAGUE_ERROR
         if vague and abs(correlations[one, other]) > ALIKE_CORRELATION:
             warnings.append(
-                f"the curve cannot tell {fitted[one]} from {fitted[other]} (correlation"
-                f" {correlations[one, other]:+.4f}); measure to larger strain, and trust no"
-                " standard error meanwhile"
+                f"the curve cannot separate {fitted[one]} and {fitted[other]} (correlation"
+                f" {correlations[one, other]:+.4f}); their standard errors are not reliable;"
+                " measure to larger strain"
             )
     return tuple(warnings)

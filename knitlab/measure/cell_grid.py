@@ -7,11 +7,11 @@ from knitlab.model.network import MeshShape
 
 @dataclass(frozen=True)
 class CellGrid:
-    """Grid lines that the unit cells of a fabric lie between; they need not be equal.
+    """Grid lines between which the unit cells of a fabric lie; cells need not be equal.
 
     Attributes:
         rows: lines along the weft, ascending from 0 to the last one.
-        columns: lines along the warp, likewise.
+        columns: lines along the warp, ascending from 0 to the last one.
     """
 
     rows: tuple[int, ...]
@@ -19,7 +19,7 @@ class CellGrid:
 
     @classmethod
     def even(cls, shape: MeshShape, unit_cells: tuple[int, int]) -> "CellGrid":
-        """Equal unit cells, so many along (y, x)."""
+        """Equal unit cells, with their numbers along (y, x)."""
         along_y, along_x = unit_cells
         rows = range(0, shape.cells_y + 1, shape.cells_y // along_y)
         columns = range(0, shape.cells_x + 1, shape.cells_x // along_x)
@@ -32,7 +32,7 @@ class CellGrid:
 
     @property
     def middle(self) -> tuple[slice, slice]:
-        """Nodes (rows, columns) of the unit cell nearest the middle, its last lines included."""
+        """Nodes (rows, columns) of the unit cell nearest the middle, including its last lines."""
         spans = []
         for lines, count in zip((self.rows, self.columns), self.count, strict=True):
             first = (count - 1) // 2

@@ -19,7 +19,7 @@ def unit_cell_corners(
     Args:
         shape: mesh of the configuration.
         cells: the unit cells.
-        configuration: of one state or several; in periodic fabric the last corners are the
-            first ones' images.
+        configuration: configuration of one state or several; in periodic fabric the last corners
+            are images of the first.
     """
     return nodes_at(shape, configuration, np.array(cells.rows), np.array(cells.columns))[..., :2]

@@ -43,8 +43,8 @@ def cycles(
             reversal is ignored.
 
     Returns:
-        The cycles in order, without what precedes the first loading, and without a final loading by
-        less than ``least_turn`` of the range.
+        The cycles in order, without records before the first loading, and without a final loading
+        by less than ``least_turn`` of the range.
     """
     span = np.ptp(extension)
     if not span > 0:

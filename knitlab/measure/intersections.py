@@ -58,11 +58,11 @@ def _intersections(shape: MeshShape, configurations: Configuration) -> Int[np.nd
     pairs = overlapping_boxes(shape, low, high, periods)
     state = pairs.one // place.shape[1]
     corners = cells.reshape(4, 3, -1)
-    own, other_cells = corners.take(pairs.one, -1), corners.take(pairs.other, -1)
-    other_cells[:, 1::-1] += pairs.turns * periods[:, state]
-    open_to = np.flatnonzero(~_separated(shape, pairs, own, other_cells, tolerance))
-    own, other_cells = own.take(open_to, -1), other_cells.take(open_to, -1)
-    crossing = _pierced(own, other_cells, tolerance) | _pierced(other_cells, own, tolerance)
+    cells_1, cells_2 = corners.take(pairs.one, -1), corners.take(pairs.other, -1)
+    cells_2[:, 1::-1] += pairs.turns * periods[:, state]
+    open_to = np.flatnonzero(~_separated(shape, pairs, cells_1, cells_2, tolerance))
+    cells_1, cells_2 = cells_1.take(open_to, -1), cells_2.take(open_to, -1)
+    crossing = _pierced(cells_1, cells_2, tolerance) | _pierced(cells_2, cells_1, tolerance)
     return np.bincount(state[open_to][crossing], minlength=len(configurations.lengths))
 
 
@@ -114,22 +114,22 @@ def _pierced(cells: Cells, others: Cells, tolerance: float) -> Bool[np.ndarray, 
         others: the other cell of each pair.
         tolerance: length by which a segment must cross the plane of the triangle [mm].
     """
-    found = np.zeros(cells.shape[-1], bool)
+    pierced = np.zeros(cells.shape[-1], bool)
     for triangle in TRIANGLES:
         corners = others[triangle]
         normal = _unit(_cross(corners[1] - corners[0], corners[2] - corners[0]))
         height = ((cells - corners[0]) * normal).sum(axis=1)
         # Most cells are on one side of the plane.
         both = (height.min(axis=0) < -tolerance) & (height.max(axis=0) > tolerance)
-        place = np.flatnonzero(both & ~found)
+        place = np.flatnonzero(both & ~pierced)
         for start, end in SEGMENTS:
             above, below = height[start, place], height[end, place]
-            apart = (above * below < 0) & (np.minimum(abs(above), abs(below)) > tolerance)
-            at, above, below = place[apart], above[apart], below[apart]
+            crossing = (above * below < 0) & (np.minimum(abs(above), abs(below)) > tolerance)
+            pair, above, below = place[crossing], above[crossing], below[crossing]
             share = above / (above - below)
-            point = cells[start][:, at] * (1 - share) + cells[end][:, at] * share
-            found[at] |= _inside(point, corners[:, :, at], normal[:, at], tolerance)
-    return found
+            point = cells[start][:, pair] * (1 - share) + cells[end][:, pair] * share
+            pierced[pair] |= _inside(point, corners[:, :, pair], normal[:, pair], tolerance)
+    return pierced
 
 
 def _inside(

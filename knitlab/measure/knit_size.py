@@ -1,7 +1,7 @@
 """Knit size: finished sizes in cloth, from simulated contractions and the gauge.
 
-Lengths of the network are those of the paper's tables, and its samples are several times smaller
-than the cloth. Simulations predict the contraction, relaxed over flat; the gauge gives the flat
+Lengths of the network are those of the paper's tables, in which samples are several times smaller
+than in cloth. Simulations predict the contraction, relaxed over flat; the gauge gives the flat
 size: the number of stitches times the size of a stitch. The shipped gauge is that of the paper's
 finished samples, about 200 mm wide on 360 needles, used for the stitch before the fabric folds:
 absolute sizes are therefore indicative, while ratios between designs do not depend on it.
@@ -37,10 +37,11 @@ class Stitches:
     """Stitches of a fabric.
 
     Attributes:
-        courses_in_cell, wales_in_cell: along the sides of a unit cell; the mean of the central
-            ones where they differ. The paper's, of 2 × 2 patches that are n_subunit stitches wide
-            and 2 n_subunit high, has (64, 32) for n_subunit 16 (Fig. "knit stitches").
-        courses, wales: along the sides of the whole fabric.
+        courses_in_cell, wales_in_cell: stitches along the sides of a unit cell; the mean over the
+            central cells if these differ. The paper's unit cell, of 2 × 2 patches that are
+            n_subunit stitches wide and 2 n_subunit high, has (64, 32) for n_subunit 16 (Fig.
+            "knit stitches").
+        courses, wales: stitches along the sides of the whole fabric.
     """
 
     courses_in_cell: float
@@ -59,7 +60,7 @@ def knit_cell(relaxed: float, flat: float, stitches: float, stitch: float) -> fl
         stitch: size of a stitch in the same direction [mm].
 
     Returns:
-        The length [mm]; NaN if the relaxed one is.
+        The length [mm]; NaN if the relaxed length is NaN.
     """
     return relaxed / flat * stitches * stitch
 
@@ -70,16 +71,16 @@ def knit_sizes(
     """Finished sizes in cloth of a fabric of patches.
 
     Args:
-        lengths: of the network, relaxed_cell, flat_cell and wavelength along x and y, by the names
-            of the registry; not a number where missing [mm].
-        stitches: of the fabric.
+        lengths: lengths of the network, relaxed_cell, flat_cell and wavelength along x and y, by
+            the names of the schema; NaN if missing [mm].
+        stitches: stitches of the fabric.
         periodic: whether it has no edges.
         gauge: size of a stitch.
 
     Returns:
-        By name, those of :data:`ALONG_X` and :data:`ALONG_Y`: size of a unit cell, wavelength of
-        the boundary, and size of the sample, which is missing of periodic fabric; of a graded
-        sample by the contraction of its central unit cells [mm].
+        Sizes by the names of :data:`ALONG_X` and :data:`ALONG_Y`: size of a unit cell, wavelength
+        of the boundary, and size of the sample, which is missing for periodic fabric. Sizes of a
+        graded sample follow from the contraction of its central unit cells [mm].
     """
     sizes: dict[str, float] = {}
     for axis, names, in_cell, whole, stitch in (
@@ -103,7 +104,7 @@ def at_gauge(sizes: Mapping[str, float], before: Gauge, now: Gauge) -> dict[str,
         now: the requested gauge.
 
     Returns:
-        The sizes, unchanged to the last bit if the gauge is the same [mm].
+        The sizes, bitwise unchanged if the gauge is the same [mm].
     """
     factors = dict.fromkeys(ALONG_X, now.stitch_width / before.stitch_width)
     factors |= dict.fromkeys(ALONG_Y, now.stitch_height / before.stitch_height)

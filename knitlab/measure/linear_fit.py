@@ -60,13 +60,13 @@ def common_slope_probability(lines: Sequence[LinearFit]) -> float:
     The points of all lines are assumed to have the same variance. Simulated points hardly scatter,
     so that even slopes that are equal for all practical purposes differ significantly.
     """
-    apart = sum(float((line.residuals**2).sum()) for line in lines)
+    separate = sum(float((line.residuals**2).sum()) for line in lines)
     moments = [(line.x - line.x.mean(), line.y - line.y.mean()) for line in lines]
     slope = sum(float(x @ y) for x, y in moments) / sum(float(x @ x) for x, _ in moments)
     together = sum(float(((y - slope * x) ** 2).sum()) for x, y in moments)
     points, count = sum(len(line.x) for line in lines), len(lines)
     freedom = points - 2 * count
-    if apart <= 0:
+    if separate <= 0:
         return 1.0 if together <= 0 else 0.0
-    statistic = (together - apart) / (count - 1) / (apart / freedom)
+    statistic = (together - separate) / (count - 1) / (separate / freedom)
     return float(stats.f.sf(statistic, count - 1, freedom))

@@ -34,7 +34,7 @@ MOST_STRAYS = 0.25
 """Largest fraction of markers that are not on the grid."""
 UNEVEN = 0.85
 """Largest relative difference of a step from the typical one."""
-ONE_LINE = "the markers stand in one line, and unit cells have corners in two"
+ONE_LINE = "the markers are in one line, but the corners of unit cells are in two"
 
 
 class NoGrid(ValueError):
@@ -104,15 +104,15 @@ def find_grid(points: Points) -> MarkerGrid:
     seen = np.flatnonzero(np.isfinite(points).all(axis=1))
     if len(seen) < FEWEST:
         raise NoGrid(
-            f"{len(seen)} markers are seen, and a unit cell has {FEWEST}; begin with a frame that"
-            " shows them all"
+            f"{len(seen)} markers are seen, but a unit cell has {FEWEST}; begin with a frame that"
+            " shows all of them"
         )
     steps = _steps_of_grid(points[seen])
     places = _followed(points[seen], steps)
     if len(places) < max(FEWEST, (1 - MOST_STRAYS) * len(seen)):
         raise NoGrid(
-            f"{len(seen) - len(places)} of {len(seen)} markers stand on no grid that can be"
-            " followed; give a table of their places"
+            f"{len(seen) - len(places)} of {len(seen)} markers are not on one regular grid;"
+            " give a table of their places"
         )
     rows, columns = (np.full(len(points), NONE) for _ in range(2))
     found = np.array(list(places))
@@ -193,7 +193,7 @@ def _check_even(corners: Float[np.ndarray, "row column 2"]) -> None:
         if astray.any():
             row, column = np.argwhere(astray)[0]
             raise NoGrid(
-                f"the markers cannot be told apart by {direction}s near row {row}, column"
+                f"the {direction}s of the markers are ambiguous near row {row}, column"
                 f" {column}: a step there differs from the others; give a table of their places"
             )
 

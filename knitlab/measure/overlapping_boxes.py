@@ -90,14 +90,14 @@ def _bins(
     share = (low - low.min(axis=2, keepdims=True)) / periods[..., None]
     turns = np.floor(share)
     last = number[..., None] - 1
-    at = np.minimum(((share - turns) * number[..., None]).astype(int), last).reshape(2, -1)
+    index = np.minimum(((share - turns) * number[..., None]).astype(int), last).reshape(2, -1)
     ends = np.cumsum(number.prod(axis=0))
     start = np.repeat(ends - number.prod(axis=0), cells)
     number = np.repeat(number, cells, axis=1)
-    key = start + at[0] * number[1] + at[1]
+    key = start + index[0] * number[1] + index[1]
     first = np.concatenate([[0], np.cumsum(np.bincount(key, minlength=ends[-1]))])
     order = np.argsort(key, kind="stable")
-    return _Bins(order, first, start, number, at, turns.reshape(2, -1).astype(int))
+    return _Bins(order, first, start, number, index, turns.reshape(2, -1).astype(int))
 
 
 def _overlapping(

@@ -18,8 +18,8 @@ def central_cell(
     Args:
         shape: mesh of the configuration.
         cells: the unit cells.
-        configuration: of one state; the cell of periodic fabric is closed by images of its first
-            nodes.
+        configuration: configuration of one state; the last nodes of the cell of periodic fabric
+            are images of its first nodes.
     """
     rows, columns = (np.arange(lines.start, lines.stop) for lines in cells.middle)
     return np.asarray(nodes_at(shape, configuration, rows, columns))
@@ -30,18 +30,19 @@ def widths_across_folds(
 ) -> dict[str, tuple[float, float]]:
     """Width of the patches of a unit cell across their folds, at the centre and at the edges [mm].
 
-    A rib patch is as wide as its borders lie apart along the weft: at its centre on its middle
-    row, at its edges on its first and last row, of which the mean is taken. A garter patch
-    likewise along the warp. Patches of a knit in the unit cell nearest the middle are averaged.
+    The width of a rib patch is the distance of its borders along the weft. At its centre it is
+    measured on its middle row, at its edges it is the mean of its first and last row. The width of
+    a garter patch is measured in the same way along the warp. Patches of a knit in the unit cell
+    nearest the middle are averaged.
 
     Args:
         shape: mesh of the configuration.
-        pattern: of the whole fabric.
+        pattern: pattern of the whole fabric.
         cells: its unit cells.
-        configuration: of one state.
+        configuration: configuration of one state.
 
     Returns:
-        (centre, edge) of ``rib`` and ``garter``, as far as the unit cell has them.
+        (centre, edge) of ``rib`` and ``garter``, if the unit cell has such patches.
     """
     middle = central_cell(shape, cells, configuration)
     rows, columns = cells.middle

@@ -28,7 +28,7 @@ class Resampled(NamedTuple):
 
     Attributes:
         values: values at the strains; NaN if no record is near.
-        errors: their standard errors; NaN if known are too few records.
+        errors: their standard errors; NaN if there are too few records.
         noise: standard deviation of a single record at each strain.
     """
 
@@ -41,8 +41,8 @@ def resampled(at: Strains, strain: Float[np.ndarray, " record"], values: Records
     """Records resampled at given strains, with standard errors.
 
     A parabola is fitted to the records within half the distance to the next strains, for every
-    series separately, as records may be missing in one only; or a line or a mean if known are few.
-    If even that is impossible, the value is interpolated linearly between the nearest records on
+    series separately, as records may be missing in one only; with few records, a line or a mean. If
+    even that is impossible, the value is interpolated linearly between the nearest records on
     both sides, and has no error.
 
     Args:

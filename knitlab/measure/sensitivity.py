@@ -19,7 +19,7 @@ Quantity = Callable[[Configuration, Configuration, Fabric], Float[Array, ""]]
 
 
 def quantities(shape: MeshShape, cells: CellGrid) -> dict[str, Quantity]:
-    """What is read off the shapes in a tensile test, each by its name in the cube.
+    """Quantities of the shapes in a tensile test, each by its name in the cube.
 
     Args:
         shape: the mesh shape.
@@ -31,7 +31,7 @@ def quantities(shape: MeshShape, cells: CellGrid) -> dict[str, Quantity]:
 
     def strains(relaxed: Configuration, strained: Configuration) -> list[Array]:
         local = local_strain(corners(relaxed), corners(strained))
-        return [jnp.asarray(central_mean(of)) for of in local]
+        return [jnp.asarray(central_mean(strain)) for strain in local]
 
     def cell(relaxed: Configuration) -> Float[Array, "2"]:
         return jnp.stack(mean_cell_size(corners(relaxed)))
@@ -46,13 +46,13 @@ def quantities(shape: MeshShape, cells: CellGrid) -> dict[str, Quantity]:
 
 
 def logarithmic(derivative: StripePair, stripes: StripePair) -> Float[np.ndarray, "quantity 8"]:
-    """Logarithmic derivatives p ∂J/∂p by every parameter p of :data:`STRIPE_PARAMETERS`, in order.
+    """Logarithmic derivatives p ∂J/∂p for every parameter p of :data:`STRIPE_PARAMETERS`, in order.
 
-    They are the change of J for a relative change of p, and so comparable between parameters. Of
-    a graded fabric p changes by the same part in all stripes of a knit.
+    They are the change of J for a relative change of p, and thus comparable between parameters. In
+    a graded fabric p changes by the same factor in all stripes of a knit.
 
     Args:
-        derivative: derivatives of every quantity J by each parameter.
+        derivative: derivatives of every quantity J with respect to each parameter.
         stripes: the parameters.
     """
 

@@ -20,7 +20,7 @@ Series = Float[Array | np.ndarray, "*state"]
 
 
 def _library(array: Array | np.ndarray) -> Any:
-    """NumPy or JAX's NumPy, whichever an array is of."""
+    """NumPy or JAX's NumPy, depending on the array."""
     return array.__array_namespace__()
 
 
@@ -93,7 +93,7 @@ def poisson_ratio(mean_strain_xx: Series, mean_strain_yy: Series) -> Series:
 
     Args:
         mean_strain_xx: mean strain along the courses [1].
-        mean_strain_yy: mean strain along the wales, the way that the sample is pulled [1].
+        mean_strain_yy: mean strain along the wales, the direction of the applied strain [1].
     """
     stretched = mean_strain_yy != 0
     xp = _library(mean_strain_yy)
@@ -103,12 +103,12 @@ def poisson_ratio(mean_strain_xx: Series, mean_strain_yy: Series) -> Series:
 def poisson_ratio_of_test(
     mean_strain_xx: Float[np.ndarray, " strain"], mean_strain_yy: Float[np.ndarray, " strain"]
 ) -> Float[np.ndarray, " strain"]:
-    """ν at every strain of a test that begins relaxed: missing known, where it is 0/0 [1].
+    """ν at every strain of a test; missing at the first, relaxed state, where it is 0/0 [1].
 
     Arguments as for :func:`poisson_ratio`.
     """
     ratio = np.array(poisson_ratio(mean_strain_xx, mean_strain_yy))
-    # Round-off and noise would give an arbitrary number.
+    # Round-off and noise would give an arbitrary value.
     ratio[0] = np.nan
     return ratio
 

@@ -63,10 +63,10 @@ def wave_of(line: Float[np.ndarray, "point 2"], waves: float) -> Wave:
         raise ValueError(f"{waves:g} waves are too few for a wavelength; trace 2 at least")
     if not np.isfinite(line).all():
         raise ValueError("a point of the line is not finite; leave it out")
-    places, which = np.unique(line[:, 0], return_inverse=True)
+    places, place = np.unique(line[:, 0], return_inverse=True)
     if len(places) < 4 * waves:
         raise ValueError(f"{len(places)} points cannot resolve {waves:g} waves; give 4 for each")
-    offsets = np.bincount(which.ravel(), line[:, 1]) / np.bincount(which.ravel())
+    offsets = np.bincount(place.ravel(), line[:, 1]) / np.bincount(place.ravel())
     along = np.linspace(places[0], places[-1], POINTS)
     raw = np.interp(along, places, offsets)
     extent = float(along[-1] - along[0])
@@ -106,8 +106,8 @@ def _peak(
     wavenumbers, amplitudes = spectrum(across, extent)
     inside = np.flatnonzero((wavenumbers >= within[0]) & (wavenumbers <= within[1]))
     top = inside[np.argmax(amplitudes[inside])]
-    before, at, after = np.log(np.maximum(amplitudes[top - 1 : top + 2], np.finfo(float).tiny))
-    bend = before - 2 * at + after
-    shift = 0.5 * (before - after) / bend if bend < 0 else 0.0
-    height = float(np.exp(at - 0.25 * (before - after) * shift))
+    before, middle, after = np.log(np.maximum(amplitudes[top - 1 : top + 2], np.finfo(float).tiny))
+    curvature = before - 2 * middle + after
+    shift = 0.5 * (before - after) / curvature if curvature < 0 else 0.0
+    height = float(np.exp(middle - 0.25 * (before - after) * shift))
     return float(wavenumbers[top] + shift * wavenumbers[1]), height

@@ -1,14 +1,15 @@
-"""Adjoints: derivatives of measures of an equilibrium by its stripe parameters.
+"""Adjoints: derivatives of measures of an equilibrium with respect to its stripe parameters.
 
-By the implicit function theorem: in equilibrium the force g on the free unknowns is zero, so that
-a change of anything else displaces them by −K⁻¹ ∂g, with the stiffness K. For a quantity J one
-solve K λ = ∂J/∂(free) at the strained state gives the multipliers λ. The derivative by the held
-unknowns is pulled back through the loading to the relaxed shape, where a second solve completes it.
-One factorisation serves all quantities of a state, and that of the relaxed shape all states.
+They follow from the implicit function theorem. In equilibrium the force g on the free unknowns is
+zero, so that a change of anything else displaces them by −K⁻¹ ∂g, with the stiffness K. For a
+quantity J one solve K λ = ∂J/∂(free) at the strained state gives the multipliers λ. The derivative
+with respect to the held unknowns is pulled back through the loading to the relaxed shape, where a
+second solve completes it. One factorisation is used for all quantities of a state, and that of the
+relaxed shape for all states.
 
 There is no derivative at the end of a branch of equilibria, where the fabric snaps and K is
 singular. At parameters at which a node begins to touch a wall only one-sided derivatives exist; the
-result is that of the present contacts.
+result is that with the present contacts.
 """
 
 from collections.abc import Callable
@@ -44,7 +45,7 @@ class Adjoint:
 
     Args:
         layout: the fabric without its parameters.
-        stripes: the parameters to differentiate by, at their values.
+        stripes: values of the parameters with respect to which is differentiated.
         relaxed: the relaxed shape of that fabric, an equilibrium.
 
     Raises:
@@ -74,7 +75,7 @@ class Adjoint:
             measure: the function to differentiate, see :meth:`of_strained`.
 
         Returns:
-            Derivatives of every value of the measure by every stripe parameter.
+            Derivatives of every value of the measure with respect to every stripe parameter.
         """
         by_relaxed, by_strained, by_fabric = _jacobian(measure, self._shape)(
             self._relaxed, self._relaxed, self._fabric
@@ -98,8 +99,8 @@ class Adjoint:
                 function object for all fabrics of a mesh shape.
 
         Returns:
-            Of every number that the measure gives, by each number of the stripes; of a graded
-            fabric, by that of each stripe along the first axis.
+            Derivatives of every value of the measure with respect to every stripe parameter; for a
+            graded fabric, with the stripes of a knit along the first axis.
 
         Raises:
             NoDerivative: if the state is not a stable equilibrium.
@@ -120,8 +121,8 @@ class Adjoint:
     def _through_relaxed(
         self, by_relaxed: Float[np.ndarray, "quantity unknown"], by_fabric: Fabric
     ) -> StripePair:
-        """Derivatives by stripe parameters, from those by the relaxed shape and by the fabric."""
-        # Rigid motions, which no force resists, are determined by the rigid alignment.
+        """Derivatives by stripe parameters, from those by relaxed shape and by the fabric."""
+        # Rigid motions, which cost no energy, are determined by the rigid alignment.
         rigid = self._at_rest.rigid_part(by_relaxed)
         by_fabric, aligned_part = _through_alignment(self._shape)(
             self._fabric, self._relaxed, rigid, by_fabric
@@ -148,7 +149,7 @@ class Adjoint:
 def _slope(
     layout: FabricLayout, stripes: StripePair
 ) -> Float[np.ndarray, "fabric_number stripe_number"]:
-    """Derivatives of all parameters of a fabric by those of its stripes."""
+    """Derivatives of all parameters of a fabric with respect to those of its stripes."""
     numbers, pair = ravel_pytree(stripes)
     return np.asarray(jax.jacfwd(lambda x: ravel_pytree(layout.fabric(pair(x)))[0])(numbers))
 

@@ -57,7 +57,7 @@ class MotionPath:
         loading: what is held and driven; ``None`` if all unknowns are free.
         before, after: applied strains.
         rate: largest strain rate [1/ms].
-        ended: whether the test of the fabric has ended, and it only keeps its place in the batch.
+        ended: whether the test of the fabric has ended; it then only fills its place in the batch.
     """
 
     start: Float[np.ndarray, " unknown"]
@@ -189,7 +189,7 @@ def stretch_by_dynamics(
     """Relax a batch from flat sheets at rest, then run its tensile tests.
 
     The driven end moves to every applied strain at no more than ``settings.ramp_rate``; then the
-    fabric comes to rest. A strain step whose quasi-static loss exceeds
+    fabric moves until it is at rest. A strain step whose quasi-static loss exceeds
     ``settings.quasi_static_limit`` is repeated at a quarter of the rate, which reduces the work of
     the drag as much and the kinetic energy more. If that does not even halve the loss, although
     both ramps lasted longer than the settling after them, the fabric snaps: no rate is slow enough,

@@ -38,7 +38,7 @@ class DynamicsSettings:
         duration: longest motion towards one state, after the end of the drive [ms].
         max_steps: largest number of time steps of a motion.
         relative_tolerance, absolute_tolerance: error tolerances of a time step, for positions [mm],
-            velocities [mm/ms] and work [N mm] alike.
+            velocities [mm/ms] and work [N mm], with the same numbers.
         fixed_steps: number of steps for ``"fixed_steps"``.
         time_step: size of these steps [ms].
         ramp_rate: largest applied strain rate of a tensile test [1/ms].
@@ -103,7 +103,8 @@ class PrescribedMotion(eqx.Module):
         direction: displacement of each unknown per unit of applied strain, if held [mm].
         before, after: applied strains.
         ramp_time: duration of the change [ms].
-        ended: whether the test of this fabric has ended, and it only keeps its place in the batch.
+        ended: whether the test of this fabric has ended; it then only fills its place in the
+            batch.
     """
 
     free: Bool[Array, "*batch unknown"]
@@ -238,7 +239,7 @@ SMALLEST_STEP = 1e-9
 
 
 class IntegratorNumbers(eqx.Module):
-    """The numbers among the settings, which are traced, so that changing one does not recompile."""
+    """The numeric settings, which JAX traces, so that changing one does not recompile."""
 
     steady_force: Float[Array, ""]
     relative_tolerance: Float[Array, ""]
@@ -248,7 +249,7 @@ class IntegratorNumbers(eqx.Module):
 
     @classmethod
     def of(cls, settings: DynamicsSettings) -> "IntegratorNumbers":
-        """The numbers of some settings."""
+        """The numeric settings of some settings."""
         return cls(*(jnp.asarray(getattr(settings, field.name)) for field in fields(cls)))
 
 
@@ -270,7 +271,7 @@ def integrate(
         net: network of its mesh shape.
         steady_ending: whether the motion ends at rest, rather than after equal steps.
         max_steps: largest number of time steps.
-        settings: numbers of the integration.
+        settings: numeric settings of the integration.
         fabric: the fabric.
         inertia: its mass and drag.
         drive: motion of the held unknowns.

@@ -55,8 +55,8 @@ class LinearResponses:
             shape: the mesh shape.
             free: indices of the free unknowns.
         """
-        own = free_stiffness(shape, free)
-        return cls(own, free_stiffness(shape, all_free(shape)), factoriser(own))
+        stiffness = free_stiffness(shape, free)
+        return cls(stiffness, free_stiffness(shape, all_free(shape)), factoriser(stiffness))
 
     def at(self, fabric: Fabric, unknowns: Float[np.ndarray, " unknown"]) -> "LinearResponse":
         """The response of one equilibrium, which invalidates the previous one.
@@ -130,12 +130,12 @@ class LinearResponse:
         return part
 
     def _solved(self, force: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
-        found, left, largest = np.zeros_like(force), force, np.abs(force).max()
+        solution, residual, largest = np.zeros_like(force), force, np.abs(force).max()
         for _ in range(REFINEMENTS):
-            if np.abs(left).max() <= ACCURACY * largest:
-                return found
-            found = self._without_rigid_motion(found + self.factors.solve(left))
-            left = self._without_rigid_motion(force - self.within @ found)
+            if np.abs(residual).max() <= ACCURACY * largest:
+                return solution
+            solution = self._without_rigid_motion(solution + self.factors.solve(residual))
+            residual = self._without_rigid_motion(force - self.within @ solution)
         raise NoDerivative("the stiffness is singular, or nearly so")
 
     def _without_rigid_motion(

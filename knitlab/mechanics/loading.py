@@ -103,7 +103,7 @@ def reaction_force(
     length: Float[Array, ""] | float,
     gradient: Float[Array | np.ndarray, " unknown"],
 ) -> Float[Array, ""]:
-    """See :meth:`Loading.reaction_force`; in JAX as in NumPy [N]."""
+    """See :meth:`Loading.reaction_force`; for JAX and NumPy arrays [N]."""
     held = held_under_tension(shape)
     return drive[held] @ gradient[held] / length
 
@@ -127,7 +127,9 @@ def rigidly_aligned(
     """
     if shape.periodic:
         return relaxed
-    rows, flat_rows = (of.positions[np.array([0, -1])].reshape(-1, 3) for of in (relaxed, flat))
+    rows, flat_rows = (
+        sheet.positions[np.array([0, -1])].reshape(-1, 3) for sheet in (relaxed, flat)
+    )
     middle = rows.mean(axis=0)
     turn = aligning_rotation(flat_rows - flat_rows.mean(axis=0), rows - middle)
     nodes = middle + (relaxed.positions.reshape(-1, 3) - middle) @ turn.T

@@ -34,7 +34,7 @@ ROUGH_WALL = 1e-2
 PARTS_AHEAD = (1.0, 0.5, 0.25, 0.125, 0.0)
 """Fractions of the way from an affine stretch of the last state to the linear extrapolation."""
 LEAST_WORK = 1e-6
-"""Work over stored energy of a strain step below which the stored energy is the scale."""
+"""Ratio of work to stored energy of a strain step below which the stored energy is the scale."""
 
 
 def stretch(
@@ -52,8 +52,8 @@ def stretch(
     The path to a strain is followed in steps of at most ``settings.path_step``. Each step starts
     from the linear extrapolation of the two previous states; for a sample of many subdomains, from
     the point of lowest energy on that line. If the previous step took many iterations, the path is
-    rough: the extrapolation is poor, and hard walls would obstruct the way back, so that the search
-    begins with soft walls and a convexified stiffness.
+    rough: the extrapolation is poor, and hard walls would obstruct the search for the equilibrium.
+    The search then begins with soft walls and a convexified stiffness.
 
     Along a branch of equilibria the energy grows by the work of the reaction force. If the
     difference exceeds ``settings.branch_limit`` times that work, the fabric has left its branch. A
@@ -116,7 +116,7 @@ class _Path:
             strain = self.last[-1][0] + towards * step
             strain = target if towards * (target - strain) <= ROUND_OFF else strain
             last = step <= smallest
-            # If subdomains are solved first, the whole sample rarely runs into walls.
+            # If subdomains are solved first, walls rarely obstruct the search for the whole sample.
             many = worth_dividing(self.loading.shape)
             rough = self.last[-1][1].iterations > ROUGH and not many and not self.settings.drag
             find = self._find_fast(strain) if rough else self._find_slowly(strain, last)
@@ -141,11 +141,11 @@ class _Path:
     def _find_slowly(self, strain: float, to_the_end: bool) -> Solver[State]:
         """Search for the state at a strain in small steps, as a slow motion would reach it.
 
-        With many subdomains each raises its own μ where it snaps; raising μ of the whole sample
-        would slow all others.
+        With many subdomains each subdomain raises its own μ when it snaps; raising μ of the whole
+        sample would slow all others.
 
         A search that leaves the branch is stopped, unless ``to_the_end``: then it continues to the
-        state that the fabric snaps to. With drag there is no branch to leave.
+        state that the fabric snaps to. With drag there are no branches.
         """
         if self.settings.drag:
             return (yield from self._against_drag(strain))
@@ -182,9 +182,9 @@ class _Path:
     def _ahead(self, strain: float) -> Solver[Evaluate]:
         """Extrapolation of the path to a strain.
 
-        If wrinkles across many subdomains have shifted, the linear extrapolation penetrates the
-        walls, and cells would be crushed on the way back; so the point of lowest energy on the way
-        to it is used.
+        If wrinkles across many subdomains have moved, the linear extrapolation penetrates the
+        walls, and the search from there would crush cells. Then the point of lowest energy on the
+        line from the last state to the extrapolation is used.
         """
         passed = [(before, state.unknowns) for before, state in self.last]
         far = self.loading.ahead(passed, strain)

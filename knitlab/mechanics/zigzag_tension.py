@@ -38,12 +38,12 @@ class ChainState:
 def pull_chain(
     chain: Zigzag, periods: int, applied_strain: Sequence[float], tolerance: float = 1e-12
 ) -> list[ChainState]:
-    """Pull a zigzag: the leftmost node is held, the rightmost displaced along x.
+    """Stretch a zigzag: the leftmost node is fixed, the rightmost displaced along x.
 
     At every strain the energy is minimised over the free nodes by :func:`scipy.optimize.minimize`
     (trust-region Newton, exact JAX gradient and Hessian), starting from the previous state
-    stretched to the new length. The minimiser compares energies, which limits it to half of the
-    digits; :func:`scipy.optimize.root` determines the others.
+    stretched to the new length. The minimiser compares energies, which limits its accuracy to half
+    of the digits; :func:`scipy.optimize.root` then improves the result to full accuracy.
 
     Args:
         chain: the zigzag.
@@ -92,7 +92,7 @@ def _whole(
 
 @lru_cache(maxsize=8)
 def _derivatives(_: int) -> tuple[Callable[..., np.ndarray], ...]:
-    """Compiled energy, gradient and Hessian by the free nodes, for a number of nodes."""
+    """Compiled energy, gradient and Hessian of the free nodes, for a number of nodes."""
 
     def energy(free: Array, chain: Zigzag, ends: Array) -> Array:
         return chain_energy(chain, _whole(free, ends))

@@ -1,8 +1,8 @@
 """What a fabric is: calibrated stripes, patch patterns, the spring network and its energies.
 
-This package knows nothing of solvers, files or xarray. It is the first to import JAX, so it is
-the one place that switches JAX to float64, and to computing in the calling thread: otherwise two
-calling threads on a processor share one that computes.
+This package does not depend on solvers, files or xarray. It is the first to import JAX, and
+therefore sets JAX to float64 and to computing in the calling thread. Otherwise the computations of
+two calling threads would share one thread on a CPU.
 """
 
 import jax

@@ -1,6 +1,6 @@
 """Configurations: the shape of a fabric, as the positions of its nodes and the sides of its cell.
 
-Solvers search for one vector of unknowns instead. This module alone knows their order: the
+Solvers use one vector of unknowns instead. Only this module defines their order: the
 coordinates (x, y, z) of every node, row by row from the bottom left, then the two sides.
 """
 
@@ -14,21 +14,21 @@ from jaxtyping import Array, Float
 from knitlab.model.network import MeshShape
 
 SIDES = 2
-"""Unknowns behind the coordinates of the nodes: L_x and L_y."""
+"""Number of unknowns after the coordinates of the nodes: L_x and L_y."""
 
 
 class Configuration(eqx.Module):
     """The shape of a fabric in one state, or in several along leading axes; a pytree.
 
-    What it is measured by may be written in JAX and then be differentiated, or in NumPy, which
-    compiles nothing: the arrays are of either kind. A velocity or a gradient by the shape has this
-    form too.
+    The arrays are either JAX arrays, so that functions of the shape can be differentiated, or NumPy
+    arrays, which need no compilation. A velocity, or a gradient with respect to the shape, is also
+    a ``Configuration``.
 
     Attributes:
         positions: (x, y, z) of every node, x along the courses and y along the wales; row 0 is the
             bottom course, column 0 the left wale [mm].
-        lengths: sides L_x and L_y of the cell of periodic fabric. A sample with open edges has
-            none; there they are not used, and mostly hold its flat size [mm].
+        lengths: sides L_x and L_y of the cell of periodic fabric. For a sample with open edges they
+            are not used, and usually are its flat size [mm].
 
     Example:
         >>> import jax, jax.numpy as jnp
@@ -53,7 +53,7 @@ class Configuration(eqx.Module):
         """The configuration that a vector of unknowns holds; the inverse of :meth:`flattened`.
 
         Args:
-            unknowns: the vector, or one a state along leading axes [mm].
+            unknowns: the vector, or several along leading axes, one for each state [mm].
             shape: mesh shape of the fabric.
         """
         grid = *unknowns.shape[:-1], shape.nodes_y, shape.nodes_x, 3
@@ -61,7 +61,7 @@ class Configuration(eqx.Module):
 
     @classmethod
     def stacked(cls, states: Sequence["Configuration"]) -> "Configuration":
-        """Configurations of one mesh shape as the states of one, in NumPy."""
+        """Configurations of one mesh shape as the states of one configuration, in NumPy."""
         return cls(
             np.stack([np.asarray(state.positions) for state in states]),
             np.stack([np.asarray(state.lengths) for state in states]),
@@ -74,5 +74,5 @@ class Configuration(eqx.Module):
         return library.concatenate([coordinates, self.lengths], axis=-1)
 
     def __getitem__(self, state: Any) -> "Configuration":
-        """One state of several, or some: the index applies to the leading axis."""
+        """One or some of several states: the index applies to the leading axis."""
         return Configuration(self.positions[state], self.lengths[state])

@@ -1,4 +1,4 @@
-"""Layouts: which fold lines of a fabric carry conductor, and what that makes of its chart."""
+"""Layouts: which fold lines of a fabric are plated, and the electrodes that result."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -42,7 +42,7 @@ def _mask(rows: tuple[str, ...]) -> tuple[str, ...]:
     if len({len(row) for row in rows}) > 1 or "" in rows:
         raise ValueError("a mask is a rectangle of letters; give rows of equal length")
     if unknown := sorted(set("".join(rows).upper()) - {*NAMES, BARE}):
-        raise ValueError(f"a mask holds A, B and '.', not {', '.join(unknown)}")
+        raise ValueError(f"a mask consists of A, B and '.', not {', '.join(unknown)}")
     return rows
 
 
@@ -55,14 +55,14 @@ SENSES: dict[Face, tuple[int, ...]] = {"front": (1,), "back": (-1,), "both": (1,
 StitchCounts = tuple[Float[np.ndarray, " grid_y"], Float[np.ndarray, " grid_x"]]
 """Courses in every row of grid cells, and wales in every column."""
 SHARP = 1e-9
-"""Part of a stripe that a ridge takes where its middle line alone is wanted."""
+"""Width of a ridge, relative to a stripe, where only its middle line is needed."""
 
 
 class BadLayout(ValueError):
-    """A layout that a fabric cannot carry.
+    """A layout that is impossible on a fabric.
 
     Attributes:
-        problems: a sentence for each.
+        problems: a sentence for each fault.
     """
 
     def __init__(self, problems: list[str]) -> None:
@@ -72,19 +72,19 @@ class BadLayout(ValueError):
 
 @dataclass(frozen=True)
 class ElectrodeLayout:
-    """Where the two electrodes of a fabric run: along two of its ridges, or as drawn.
+    """Where the two electrodes of a fabric lie: along two of its ridges, or as drawn in a mask.
 
     Attributes:
-        along: what they run along. Ridges along a wale are folds of rib, and go straight on
-            through garter patches; those along a course are folds of garter.
-        ridges: numbers of the two ridges, from 1, the leftmost or lowest.
-        face: on which face ridges are counted.
-        within: whether they are counted in the middle patch, or in the whole fabric.
-        width: of each electrode, about its ridge; ``"stripe"`` is a whole stripe [stitches].
-        span: from where to where they run, as parts of the fabric's length; periodic fabric is
-            plated from 0 to 1.
-        mask: instead of ridges, a drawing of the chart: a letter for each grid cell, A or B where
-            it is plated and ``.`` where not, top course first.
+        along: direction of the electrodes. Ridges along a wale are folds of rib, and electrodes on
+            them continue through garter patches; ridges along a course are folds of garter.
+        ridges: numbers of the two ridges; 1 is the leftmost or lowest.
+        face: the face on which ridges are counted.
+        within: whether ridges are counted in the middle patch, or in the whole fabric.
+        width: of each electrode, centred on its ridge; ``"stripe"`` is a whole stripe [stitches].
+        span: start and end of the electrodes, relative to the length of the fabric; 0 and 1 for
+            periodic fabric.
+        mask: instead of ridges, a letter for each grid cell, A or B where it is plated and ``.``
+            where it is not, top course first.
     """
 
     along: Along = "wale"
@@ -104,15 +104,15 @@ def place_electrodes(
     Args:
         layout: the layout.
         pattern: which patch is rib and which garter.
-        options: of the model: where folds lie and whether the fabric is periodic.
+        options: model options, which define where folds lie and whether the fabric is periodic.
         stitches: courses in every row of grid cells, and wales in every column.
 
     Raises:
-        BadLayout: with every fault, each with its place.
+        BadLayout: if the layout is impossible; it lists every fault with its place.
     """
     shape = mesh_shape(pattern, options.boundary)
     if shape.periodic and layout.span != (0.0, 1.0):
-        raise BadLayout(["periodic fabric has no ends; leave span, or take boundary = clamped"])
+        raise BadLayout(["periodic fabric has no ends; remove span, or use boundary = clamped"])
     if layout.mask:
         electrodes = _drawn(layout, shape)
     else:
@@ -178,7 +178,7 @@ def _drawn(layout: ElectrodeLayout, shape: MeshShape) -> Electrodes:
         raise BadLayout(
             [
                 f"the mask has {len(layout.mask)} rows of {columns} letters, the fabric"
-                f" {shape.cells_y} rows of {shape.cells_x} grid cells; draw one letter a cell"
+                f" {shape.cells_y} rows of {shape.cells_x} grid cells; draw one letter per cell"
             ]
         )
     problems, strips = [], []
@@ -199,7 +199,7 @@ def _drawn(layout: ElectrodeLayout, shape: MeshShape) -> Electrodes:
 def _broken(
     name: str, plated: Bool[np.ndarray, "row column"], along: Along, shape: MeshShape
 ) -> list[str]:
-    """Why a drawn electrode is not connected and, on periodic fabric, continued across the seam."""
+    """Faults of a drawn electrode: not connected, or not continued across a periodic boundary."""
     if not plated.any():
         return [f"the mask has no letter {name}; draw both electrodes"]
     axis = 0 if along == "wale" else 1
@@ -212,7 +212,7 @@ def _broken(
         seam[(slice(None),) * direction + (-1,)] = True
         meets = (number >= 0) & (ahead >= 0)
         if shape.periodic and direction == axis and not (meets & seam).any():
-            return [f"electrode {name} does not run on over the seam of periodic fabric"]
+            return [f"electrode {name} does not continue across the boundary of periodic fabric"]
         if not (shape.periodic and direction == axis):
             meets &= ~seam
         joined.append(np.stack([number[meets], ahead[meets]]))

@@ -12,7 +12,7 @@ import numpy as np
 from knitlab.model.network import MeshShape
 
 Along = Literal["wale", "course"]
-"""What electrodes run along: a wale, up the warp, or a course, along the weft."""
+"""Direction of electrodes: along a wale, up the warp, or along a course, in the weft."""
 NAMES = ("A", "B")
 
 
@@ -39,11 +39,11 @@ class Strip:
 
     @property
     def extents(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """From where to where it reaches along x, and along y."""
+        """Start and end along x, and along y."""
         return (self.left, self.right), (self.bottom, self.top)
 
     def shared(self, other: "Strip") -> "Strip | None":
-        """What it has in common with another, be it an edge or a corner; ``None`` if nothing."""
+        """The intersection with another strip, possibly an edge or a corner; ``None`` if empty."""
         common = Strip(
             max(self.left, other.left),
             min(self.right, other.right),
@@ -63,9 +63,9 @@ class Electrodes:
     """The two conductors of a capacitor.
 
     Attributes:
-        strips: what is plated for each; strips of one electrode meet at whole edges, if at all.
-        along: what they run along. On periodic fabric they go on without end in that direction,
-            and are alone in the other.
+        strips: the plated rectangles of each; strips of one electrode share whole edges or nothing.
+        along: direction of the electrodes. On periodic fabric they are periodic in this direction,
+            and have no images in the other.
     """
 
     strips: tuple[tuple[Strip, ...], tuple[Strip, ...]]
@@ -73,15 +73,16 @@ class Electrodes:
 
     @property
     def axis(self) -> int:
-        """The axis that they run along, 0 for x and 1 for y."""
+        """The axis of the electrodes, 0 for x and 1 for y."""
         return 0 if self.along == "course" else 1
 
     def faults(self, shape: MeshShape) -> list[str]:
-        """What is wrong with them on a mesh, each fault with its place."""
+        """All faults of the electrodes on a mesh, each with its place."""
         found = []
         for name, strips in zip(NAMES, self.strips, strict=True):
             found += [
-                f"electrode {name} leaves the fabric: {strip} of {shape.cells_x} × {shape.cells_y}"
+                f"electrode {name} extends beyond the fabric: {strip} of"
+                f" {shape.cells_x} × {shape.cells_y}"
                 for strip in strips
                 if self._leaves(strip, shape)
             ]
@@ -101,7 +102,7 @@ class Electrodes:
         return found
 
     def _images(self, strip: Strip, shape: MeshShape) -> list[Strip]:
-        """A strip, and on periodic fabric those before and after it along the electrodes."""
+        """A strip and, on periodic fabric, its images before and after it along the electrodes."""
         if not shape.periodic:
             return [strip]
         x, y = (shape.cells_x, 0) if self.axis == 0 else (0, shape.cells_y)

@@ -1,4 +1,4 @@
-"""Energies of a fabric: stretch, fold and wall, and the elements they are summed from.
+"""Energies of a fabric: stretch, fold and wall, as sums over its elements.
 
 Units are mm, N and rad.
 """
@@ -22,7 +22,7 @@ from knitlab.model.spring_law import LINEAR, SpringLaw
 class Energy:
     """Elastic energy in its three parts [N mm] (paper, Eqs. 1, 2 and the wall penalty).
 
-    ``drag`` is the potential of the drag while a viscous step is solved, and 0 in every state.
+    ``drag`` is the potential of the drag while a viscous step is solved, and 0 in every result.
     """
 
     stretch: Float[Array, "*batch"]
@@ -33,14 +33,14 @@ class Energy:
 
     @property
     def total(self) -> Float[Array, "*batch"]:
-        """Their sum: V, and while a viscous step is solved the incremental potential."""
+        """Sum of the parts: V or, while a viscous step is solved, the incremental potential."""
         return self.stretch + self.fold + self.wall + self.drag + self.contact
 
 
 def element_vectors(
     elements: Elements, configuration: Configuration
 ) -> Float[Array, "vector 3 element"]:
-    """The vectors that every element's energy depends on [mm]; elements last, for speed."""
+    """The vectors on which every element's energy depends [mm]; last axis elements, for speed."""
     columns = configuration.positions.reshape(-1, 3).T
     corners = [columns[:, nodes] for nodes in elements.nodes.T]
     vectors = [corners[end] - corners[start] for start, end in elements.ends]
@@ -54,7 +54,7 @@ def spring_energy(
     stiffness: Float[Array, " *element"],
     law: SpringLaw = LINEAR,
 ) -> Float[Array, " *element"]:
-    """Energy of springs [N mm], ½ k_s (ℓ − ℓ0)² of linear ones (paper, Eq. 1)."""
+    """Energy of springs [N mm]; ½ k_s (ℓ − ℓ0)² if they are linear (paper, Eq. 1)."""
     return stiffness * law.stored(jnp.linalg.norm(vectors[0], axis=0), rest_length)
 
 

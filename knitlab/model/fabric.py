@@ -1,4 +1,4 @@
-"""The fabric: a network with the numbers of its stripes, ready to have its energy taken."""
+"""The fabric: a network with the parameters of its elements, from which its energy follows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from knitlab.model.stripe import Stripe
 
 @dataclass(frozen=True)
 class Sheet:
-    """What all fabrics share: the walls they lie between, and their thickness.
+    """The walls between which every fabric lies, and its thickness.
 
     Attributes:
         z_max: half the gap between the walls [mm].
@@ -36,23 +36,23 @@ class Sheet:
 
 
 class Fabric(eqx.Module):
-    """Numbers of one fabric on a network.
+    """Parameters of one fabric on a network.
 
-    Those of one mesh shape, of one kind of fold angle and of one kind of spring law stack into a
-    batch.
+    Fabrics with the same mesh shape, kind of fold angle and kind of spring law can be stacked into
+    a batch.
 
     Attributes:
         rest_length: of every spring [mm].
         stretch_stiffness: of every spring [N/mm].
         rest_fold: signed fold angle at rest of every hinge, 0 where flat, positive for a
             mountain [rad].
-        fold_stiffness: of every hinge, 0 where the model options put none [N mm].
+        fold_stiffness: of every hinge, 0 where the model options omit the hinge [N mm].
         z_max: half the gap between the walls [mm].
         k_wall: penalty stiffness of the walls [N/mm].
         cell_x: flat width of every column of grid cells [mm].
         cell_y: flat height of every row of grid cells [mm].
-        fold_angle: what its fold angles are between.
-        spring_law: how the force of its springs grows.
+        fold_angle: definition of the fold angle, a model option.
+        spring_law: force of the springs as a function of their length.
     """
 
     rest_length: Float[Array, " spring"]
@@ -73,16 +73,16 @@ class Fabric(eqx.Module):
 
 
 class StripeNumbers(eqx.Module):
-    """The numbers of a :class:`~knitlab.model.stripe.Stripe`, to take derivatives by.
+    """The parameters of a :class:`~knitlab.model.stripe.Stripe`, as variables of derivatives.
 
     Attributes:
         k_s: stiffness of the extensional springs across the ridges [N/mm].
         k_t: stiffness of the torsional springs, as tabulated [N].
         theta_0: interior rest angle of a fold [rad].
         period: measured peak-to-peak distance of the relaxed corrugation [mm].
-        stiffening_strain: of its springs, infinite where they have another law, None where all of
-            them have [1].
-        spring_curves: measured curve of the springs of each stripe, None where they have another
+        stiffening_strain: of its springs; infinite for stripes with another law, None if all
+            stripes have another law [1].
+        spring_curves: measured curve of the springs of each stripe, None for stripes with another
             law.
     """
 
@@ -95,7 +95,7 @@ class StripeNumbers(eqx.Module):
 
     @classmethod
     def of(cls, stripe: Stripe) -> "StripeNumbers":
-        """Those of a stripe."""
+        """The parameters of a stripe."""
         stiffening = stripe.stiffening_strain
         return cls(
             k_s=jnp.asarray(stripe.k_s, float),
@@ -108,7 +108,7 @@ class StripeNumbers(eqx.Module):
 
     @classmethod
     def of_several(cls, stripes: Sequence[Stripe]) -> "StripeNumbers":
-        """Those of several stripes, along one axis."""
+        """The parameters of several stripes, along one axis."""
         strains = [stripe.stiffening_strain for stripe in stripes]
         stiffening = [jnp.inf if strain is None else strain for strain in strains]
         return cls(
@@ -131,9 +131,9 @@ class StripeNumbers(eqx.Module):
 
 
 class StripePair(eqx.Module):
-    """Both stripes of a fabric; also a derivative by each of their numbers.
+    """Both stripes of a fabric; also a derivative with respect to each of their parameters.
 
-    A graded fabric has several of each, along an axis of their numbers.
+    A graded fabric has several stripes of each knit, along an axis of the parameters.
 
     Attributes:
         weft: the rib stripe, whose period is w; for a pure stripe fabric, that stripe.
@@ -145,17 +145,17 @@ class StripePair(eqx.Module):
 
     @classmethod
     def of(cls, weft: Stripe, warp: Stripe) -> "StripePair":
-        """The numbers of two stripes."""
+        """The parameters of two stripes."""
         return cls(StripeNumbers.of(weft), StripeNumbers.of(warp))
 
     @classmethod
     def of_several(cls, weft: Sequence[Stripe], warp: Sequence[Stripe]) -> "StripePair":
-        """The numbers of several rib and several garter stripes."""
+        """The parameters of several rib and several garter stripes."""
         return cls(StripeNumbers.of_several(weft), StripeNumbers.of_several(warp))
 
 
 def cell_length(stripe: Stripe | StripeNumbers, options: ModelOptions) -> Float[Array, "*stripe"]:
-    """Flat length of a grid cell across a stripe's ridges [mm]: the option ``cell_size``."""
+    """Flat length of a grid cell across a stripe's ridges, by the option ``cell_size`` [mm]."""
     part = jnp.asarray(options.length_scale * stripe.period / options.cells_per_period)
     return part if options.cell_size == "flat" else part / jnp.sin(stripe.theta_0 / 2)
 

@@ -1,9 +1,10 @@
 """Fold lines: which hinges of a patch fold, by which part of a fold, and how stiff they are.
 
-With four grid cells a period, the paper's grid, a fold is one hinge. On a finer grid it is spread
-over the hinges of a ridge, which is rounded: the ridge takes ``ridge_fraction`` of the stripe and
-has one curvature. Each of its hinges takes the part of the fold that lies within half a cell of it,
-and the same part of its compliance; the flanks share the compliance of the joints between folds.
+With four grid cells per period, the paper's grid, a fold is one hinge. On a finer grid it is
+distributed over the hinges of a rounded ridge, which covers ``ridge_fraction`` of the stripe and
+has constant curvature at rest. Each of its hinges has the part of the fold angle that lies within
+half a cell of it, and the same part of the fold's compliance. The hinges of a flank share the
+compliance of the hinge between two folds of the paper's grid.
 """
 
 from functools import lru_cache
@@ -36,9 +37,10 @@ def inside_runs(
 def place_in_run(
     like: Bool[np.ndarray, "line cell"], periodic: bool
 ) -> Float[np.ndarray, "line cell"]:
-    """How many cells of its run come before each cell, along axis 1.
+    """Number of cells of its run that come before each cell, along axis 1.
 
-    In periodic fabric a run may wrap around; one that fills the whole line is counted from 0.
+    In periodic fabric a run may continue across the boundary; a run that fills the whole line is
+    counted from 0.
     """
     lines, cells = like.shape
     start = np.where(like.all(axis=1), 0, np.argmin(like, axis=1)) if periodic else np.zeros(lines)
@@ -56,17 +58,17 @@ def fold_senses(
     periodic: bool,
     ridge: "Ridge | None" = None,
 ) -> Float[np.ndarray, "line cell"]:
-    """Part of a fold on the edge before each cell: +1 and −1 in turn, 0 where it rests flat.
+    """Part of a fold on the edge before each cell: +1 and −1 alternately, 0 if it is flat at rest.
 
     Lines are counted from the start of each run of like cells, so neighbouring patches of one
     knit fold together and no fold lies on the border between two knits. In periodic fabric
-    a run may wrap around; one that fills the whole line is counted from line 0.
+    a run may continue across the boundary; a run that fills the whole line is counted from line 0.
 
     Args:
         like: which cells are of this knit; axis 1 runs across its folds.
         fold_phase: whether the folds lie on the odd or the even lines of a run.
-        periodic: whether axis 1 wraps around.
-        ridge: how a fold is spread on a finer grid; on the paper's it is one hinge.
+        periodic: whether axis 1 is periodic.
+        ridge: distribution of a fold on a finer grid; on the paper's grid it is one hinge.
 
     Returns:
         At index k of axis 1 the part and sense of the edge between cells k − 1 and k.
@@ -85,16 +87,16 @@ def fold_senses(
 
 
 class Ridge:
-    """How a fold is spread over the hinges of a fine grid.
+    """Distribution of a fold over the hinges of a fine grid.
 
     Args:
         cells_per_period: grid cells along one period, a multiple of the paper's 4.
-        fraction: part of a stripe that its rounded ridge takes.
+        fraction: part of a stripe that its rounded ridge covers.
 
     Attributes:
         refinement: grid cells along one cell of the paper's grid.
-        fold_parts: part of the fold that each hinge takes, from ``refinement`` cells before the
-            middle of the ridge to as many behind it.
+        fold_parts: part of the fold of each hinge, from ``refinement`` cells before the middle of
+            the ridge to as many after it.
     """
 
     def __init__(self, cells_per_period: int, fraction: float) -> None:
@@ -106,7 +108,7 @@ class Ridge:
         """Factor on k_t of a hinge, by its place in the period; all 1 on the paper's grid.
 
         A hinge with the part s of a fold's compliance is 1/s times as stiff, and its edge is
-        shorter than the paper's by the refinement.
+        shorter than on the paper's grid by the factor ``refinement``.
         """
         fold = np.abs(SENSE_BY_LINE[fold_phase])
         shares = np.zeros(CELLS_PER_PERIOD * self.refinement)
@@ -116,11 +118,12 @@ class Ridge:
                 shares[(line * self.refinement + offset) % len(shares)] += part
         return 1 / (self.refinement * shares)
 
-    def turn(self, theta_0: Float[Array, "*stripe"]) -> Float[Array, "*stripe"]:
-        """Whole angle by which a ridge turns at rest [rad].
+    def rest_fold(self, theta_0: Float[Array, "*stripe"]) -> Float[Array, "*stripe"]:
+        """Total fold angle of a ridge at rest [rad].
 
-        On the paper's grid π − θ0. On a finer one it is such that a pure stripe relaxes to
-        sin(θ0/2) of its flat length as there: the mean cosine of the lean of its cells.
+        On the paper's grid π − θ0. On a finer grid it is chosen so that a pure stripe relaxes to
+        sin(θ0/2) of its flat length, as on the paper's grid. This ratio is the mean cosine of the
+        tilt of its cells.
 
         Args:
             theta_0: interior rest angle of the sharp fold [rad].
@@ -129,13 +132,13 @@ class Ridge:
         if self.refinement == 1:
             return sharp
         middle = self.refinement
-        # Lean of the cells from the middle of the ridge to that of the flank, over the turn.
-        leans = self.fold_parts[middle] / 2 + np.concatenate(
+        # Tilt of the cells from the middle of the ridge to that of the flank, over the fold angle.
+        tilts = self.fold_parts[middle] / 2 + np.concatenate(
             [[0.0], np.cumsum(self.fold_parts[middle + 1 : 2 * middle])]
         )
 
-        def excess(turn: Array, contraction: Array) -> Array:
-            return jnp.mean(jnp.cos(turn[..., None] * leans), axis=-1) - contraction
+        def excess(fold: Array, contraction: Array) -> Array:
+            return jnp.mean(jnp.cos(fold[..., None] * tilts), axis=-1) - contraction
 
         found: optx.Solution = optx.root_find(
             excess,
@@ -151,7 +154,7 @@ class Ridge:
 def _parts(refinement: int, fraction: float) -> Float[np.ndarray, " offset"]:
     """Parts of an arc about a line that lie within half a cell of each line around it.
 
-    The arc is ``fraction`` of two cells of the paper's grid long, a stripe.
+    The length of the arc is ``fraction`` of a stripe, which is two cells of the paper's grid.
     """
     offsets = np.arange(-refinement, refinement + 1)
     if refinement == 1:
@@ -168,7 +171,7 @@ PAPER_RIDGE = Ridge(CELLS_PER_PERIOD, 0.5)
 
 @lru_cache(maxsize=16)
 def ridge_of(options: ModelOptions) -> Ridge:
-    """The ridge of a model's options."""
+    """The ridge that the model options define."""
     return Ridge(options.cells_per_period, options.ridge_fraction)
 
 
@@ -177,8 +180,8 @@ def patch_senses(
 ) -> tuple[Float[np.ndarray, "row column"], Float[np.ndarray, "row column"]]:
     """Parts of the folds of rib and of garter patches, > 0 for a mountain and < 0 for a valley.
 
-    Of rib at the edge to the left of every grid cell, of garter at the edge below it; 0 where the
-    fabric rests flat.
+    The first array is for rib, at the edge to the left of every grid cell, the second for garter,
+    at the edge below it; 0 where the fabric is flat at rest.
     """
     periodic, ridge = options.boundary == "periodic", ridge_of(options)
     garter_sign = 1 if options.garter_start == "mountain" else -1
@@ -194,7 +197,7 @@ def fold_stiffness_factors(
 ) -> tuple[Float[np.ndarray, "row column"], Float[np.ndarray, "row column"]]:
     """Factors on k_t of hinges inside rib patches, and inside garter patches; 1 elsewhere.
 
-    Arguments and places as for :func:`patch_senses`.
+    Arguments and edges as for :func:`patch_senses`.
     """
     periodic = options.boundary == "periodic"
     by_place = ridge_of(options).stiffness_by_place(options.fold_phase)

@@ -17,8 +17,8 @@ class Grading:
     """Sizes and stripes of every row and column of a pattern, rows from the top.
 
     Attributes:
-        row_periods: periods of its garter stripe in the height of each row of patches.
-        column_periods: periods of its rib stripe in the width of each column of patches.
+        row_periods: height of each row of patches, in periods of its garter stripe.
+        column_periods: width of each column of patches, in periods of its rib stripe.
         row_stripes: the garter stripe of each row.
         column_stripes: the rib stripe of each column.
     """
@@ -30,12 +30,12 @@ class Grading:
 
     @property
     def weft(self) -> tuple[Stripe, ...]:
-        """Its different rib stripes, in the order of the columns."""
+        """The different rib stripes, in the order of the columns."""
         return tuple(dict.fromkeys(self.column_stripes))
 
     @property
     def warp(self) -> tuple[Stripe, ...]:
-        """Its different garter stripes, in the order of the rows from below."""
+        """The different garter stripes, in the order of the rows from below."""
         return tuple(dict.fromkeys(self.row_stripes[::-1]))
 
 
@@ -51,15 +51,15 @@ def graded_pattern(
     """The pattern of a whole fabric.
 
     Args:
-        rows: letters of the patches that repeat, top course first.
+        rows: letters of the repeated patches, top course first.
         periods: P of every patch, if they are not graded.
-        repeats: how often they repeat along (y, x).
-        grading: sizes and stripes of rows and columns that differ.
-        folds: single folds of the patches that repeat.
+        repeats: number of repeats along (y, x).
+        grading: sizes and stripes of the rows and columns, if they are graded.
+        folds: single folds of the repeated patches.
         cells_per_period: grid cells along one period.
 
     Raises:
-        BadPattern: if the rows are no map of patches.
+        BadPattern: if the rows are not a map of patches.
     """
     knit = letters_of(rows)
     height, width = knit.shape
@@ -82,8 +82,8 @@ def recorded_pattern(
     """The pattern of a whole fabric, from the record of its case.
 
     Args:
-        record: of a case of this or of an earlier version, as JSON holds it.
-        repeats: how often the pattern repeats along (y, x), if not as in the case.
+        record: record of a case of this or of an earlier version, as read from JSON.
+        repeats: number of repeats along (y, x); by default that of the case.
     """
     along_y, along_x = repeats or record["unit_cells"]
     return graded_pattern(

@@ -1,4 +1,4 @@
-"""Inertia and the Lagrangian: what a fabric weighs, its kinetic energy and its viscous drag.
+"""Inertia and the Lagrangian: mass, kinetic energy and viscous drag of a fabric.
 
 Units are mm, N, g and ms, in which 1 N = 1 g mm/ms².
 """
@@ -26,7 +26,7 @@ from knitlab.model.stripe import Stripe
 
 @dataclass(frozen=True)
 class MassAndDrag:
-    """What makes fabrics move as they do; it moves no equilibrium.
+    """Density and damping of fabrics; they do not affect equilibria.
 
     Attributes:
         surface_density: ρ_s [g/mm²].
@@ -41,7 +41,7 @@ class Inertia(eqx.Module):
     """Mass and drag of one fabric on its network.
 
     Attributes:
-        node_mass: lumped mass of a node, m, one for all or one for each [g].
+        node_mass: lumped mass m of a node, one value for all nodes or one for each [g].
         damping: viscous damping of a node, c [g/ms].
     """
 
@@ -57,7 +57,7 @@ def inertia(
     Args:
         weft: the stripe across the wales, with the tabulated period w.
         warp: the stripe across the courses, with the tabulated period h.
-        options: of the model; ``length_scale`` multiplies both periods.
+        options: model options; ``length_scale`` multiplies both periods.
         mass_and_drag: ρ_s and c.
     """
     sides = [_side(stripe, options) for stripe in (weft, warp)]
@@ -74,13 +74,13 @@ def graded_inertia(
     options: ModelOptions,
     mass_and_drag: MassAndDrag,
 ) -> Inertia:
-    """Inertia of a fabric of several stripes: a node has the mean size of the cells beside it.
+    """Inertia of a fabric of several stripes: a node has the mean mass of the cells beside it.
 
     Args:
-        pattern: of the whole fabric, with the number of the stripe of each row and column.
-        weft: its rib stripes.
-        warp: its garter stripes.
-        options: of the model.
+        pattern: pattern of the whole fabric, with the number of the stripe of each row and column.
+        weft: the rib stripes.
+        warp: the garter stripes.
+        options: model options.
         mass_and_drag: ρ_s and c.
     """
     width = np.array([_side(stripe, options) for stripe in weft])
@@ -103,7 +103,7 @@ def _side(stripe: Stripe, options: ModelOptions) -> float:
 
 
 def _about_lines(side: Float[np.ndarray, " cell"], periodic: bool) -> Float[np.ndarray, " line"]:
-    """Mean side of the cells before and behind each grid line, of one at an edge."""
+    """Mean side of the cells before and after each grid line; at an edge, that of one cell."""
     if periodic:
         return (np.roll(side, 1) + side) / 2
     return (np.concatenate([side[:1], side]) + np.concatenate([side, side[-1:]])) / 2
@@ -112,8 +112,8 @@ def _about_lines(side: Float[np.ndarray, " cell"], periodic: bool) -> Float[np.n
 def moved_mass(shape: MeshShape, inertia: Inertia) -> Configuration:
     """Mass that each unknown moves [g].
 
-    A coordinate moves its node's. L_x and L_y, which are knitlab's and not the paper's, move the
-    images of a line of nodes, and that line's mass; at equilibrium it is all one.
+    A coordinate moves the mass of its node. L_x and L_y, which the paper does not have, move the
+    images of a line of nodes, and thus the mass of this line; equilibria do not depend on it.
     """
     mass = jnp.broadcast_to(inertia.node_mass, (shape.nodes_y, shape.nodes_x))
     lines = jnp.stack([mass[:, 0].sum(), mass[0].sum()])
@@ -121,7 +121,7 @@ def moved_mass(shape: MeshShape, inertia: Inertia) -> Configuration:
 
 
 def nodes_moved(shape: MeshShape) -> Configuration:
-    """How many nodes each unknown moves, see :func:`moved_mass`."""
+    """Number of nodes that each unknown moves, see :func:`moved_mass`."""
     lines = [float(shape.nodes_y), float(shape.nodes_x)]
     return Configuration(jnp.ones((shape.nodes_y, shape.nodes_x, 3)), jnp.array(lines))
 
@@ -132,7 +132,7 @@ def kinetic_energy(net: Network, inertia: Inertia, velocity: Configuration) -> F
     Args:
         net: network of the fabric.
         inertia: its mass.
-        velocity: rate at which its configuration changes [mm/ms].
+        velocity: time derivative of its configuration [mm/ms].
     """
     mass, rates = moved_mass(net.shape, inertia).flattened(), velocity.flattened()
     return jnp.asarray(0.5 * jnp.sum(mass * rates**2))
@@ -149,10 +149,10 @@ def lagrangian(
 
     Args:
         net: network of the fabric.
-        fabric: its numbers.
+        fabric: the fabric.
         inertia: its mass.
         configuration: its shape [mm].
-        velocity: rate at which that changes [mm/ms].
+        velocity: time derivative of the configuration [mm/ms].
     """
     return kinetic_energy(net, inertia, velocity) - energy(net, fabric, configuration).total
 
@@ -163,7 +163,7 @@ def drag(net: Network, inertia: Inertia, velocity: Configuration) -> Configurati
     Args:
         net: network of the fabric.
         inertia: its drag.
-        velocity: rate at which its configuration changes [mm/ms].
+        velocity: time derivative of its configuration [mm/ms].
     """
     return jax.tree.map(
         lambda nodes, rate: inertia.damping * nodes * rate, nodes_moved(net.shape), velocity

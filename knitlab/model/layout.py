@@ -1,4 +1,4 @@
-"""The layout of a fabric: where it has which spring, hinge and fold, without their numbers."""
+"""The layout of a fabric: place and kind of every spring, hinge and fold, without parameters."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -27,27 +27,27 @@ Sides = Int[np.ndarray, "hinge 2"]
 
 @dataclass(frozen=True, eq=False)
 class FabricLayout:
-    """How a patterned fabric takes its numbers from its stripes: all of it but the numbers.
+    """How the parameters of a patterned fabric follow from those of its stripes.
 
     Attributes:
         net: the network of its mesh shape.
         sheet: the walls.
-        options: the choices that the paper leaves open.
+        options: model options.
         row_stripe: number of the garter stripe of each row of grid cells.
         column_stripe: number of the rib stripe of each column of grid cells.
-        plain: the numbers of plain knit; None if the fabric has none.
+        plain: the stiffness of plain knit; None if the fabric has none.
         plain_cells: which grid cells are of plain knit.
-        spring_kind: of every spring, 0 along the weft, 1 along the warp, 2 a diagonal.
-        spring_cells: the two grid cells (y, x) that every spring borders on, the same one twice
-            for a diagonal and at an edge.
-        hinge_kind: of every hinge, 0 if it turns about an edge along y, else 1.
+        spring_kind: of every spring, 0 along the weft, 1 along the warp, 2 for a diagonal.
+        spring_cells: the two grid cells (y, x) beside every spring; twice the same cell for a
+            diagonal and at an edge.
+        hinge_kind: of every hinge, 0 if its edge is along y, else 1.
         hinge_cells: the grid cells (y, x) before and after every hinge's edge.
-        fold_part: of every hinge, the part of a fold that it takes: > 0 in a mountain, < 0 in a
-            valley, 0 where it rests flat.
-        single_fold: of every hinge, the fold angle at rest of the single fold that it lies on,
-            NaN where it lies on none [rad].
-        stiffness_factor: of every hinge, on its k_t.
-        hinged: of every hinge, whether the model options put one there.
+        fold_part: of every hinge, its part of a fold: > 0 in a mountain, < 0 in a valley, 0 if it
+            is flat at rest.
+        single_fold: of every hinge, the rest fold angle of the single fold on which it lies, NaN
+            if it lies on none [rad].
+        stiffness_factor: of every hinge, the factor on its k_t.
+        hinged: of every hinge, whether it exists by the model options.
     """
 
     net: Network
@@ -68,18 +68,18 @@ class FabricLayout:
 
     @property
     def fold_sense(self) -> Float[np.ndarray, " hinge"]:
-        """Of every hinge, > 0 in a mountain, < 0 in a valley, 0 where it rests flat."""
+        """Of every hinge, > 0 in a mountain, < 0 in a valley, 0 if it is flat at rest."""
         return np.where(np.isnan(self.single_fold), self.fold_part, np.sign(self.single_fold))
 
     def fabric(self, stripes: StripePair) -> Fabric:
-        """The fabric of its stripes; pure JAX, so that derivatives pass through it.
+        """The fabric of given stripes; differentiable by JAX.
 
-        There is none by k_s where two springs have the same: diagonals take the smaller, and the
-        spring law of its stripe.
+        Diagonals have the smaller of both k_s, and the spring law of that stripe. Where both k_s
+        are equal, the fabric is not differentiable with respect to k_s.
 
         Args:
-            stripes: of rib by the number of the column's stripe, of garter by that of the row's;
-                plain numbers if there is one of each.
+            stripes: rib stripes in the order of ``column_stripe``, garter stripes in the order of
+                ``row_stripe``; without this axis if there is one of each.
         """
         xp = _library(stripes)
         width, height = (
@@ -98,7 +98,7 @@ class FabricLayout:
             for name in ("k_s", "k_t")
         )
         if self.options.hinge_stiffness == "per_length":
-            # The paper's edges, which are as long as a cell of its grid.
+            # The length of an edge is that on the paper's grid.
             paper_cells = self.options.cells_per_period // CELLS_PER_PERIOD
             k_t = [k_t[0] * height[:, None] * paper_cells, k_t[1] * width * paper_cells]
         if self.plain is not None:
@@ -133,13 +133,13 @@ class FabricLayout:
 
     @property
     def _k_wall(self) -> float:
-        """Stiffness of the wall at a node, which stands for a part of the paper's cell."""
+        """Stiffness of the wall at a node, in proportion to the area of its cell."""
         return self.sheet.k_wall * (CELLS_PER_PERIOD / self.options.cells_per_period) ** 2
 
     def _spring_stiffness(self, k_s: list[Any], xp: Any) -> Float[Array | np.ndarray, " spring"]:
-        """A spring on the border of two cells takes the mean of theirs."""
+        """A spring on the border of two cells has the mean of their stiffness."""
         one, other = self.spring_cells[:, 0].T, self.spring_cells[:, 1].T
-        along = [(of[tuple(one)] + of[tuple(other)]) / 2 for of in k_s]
+        along = [(stiffness[tuple(one)] + stiffness[tuple(other)]) / 2 for stiffness in k_s]
         return xp.select([self.spring_kind == 0, self.spring_kind == 1], along, xp.minimum(*along))
 
     def _spring_law(self, stripes: StripePair, k_s: list[Any], xp: Any) -> SpringLaw:
@@ -154,9 +154,9 @@ class FabricLayout:
         return laws.of(xp.where(plain, len(weft) + len(warp), number))
 
     def _hinge_stiffness(self, k_t: list[Any], xp: Any) -> Float[Array | np.ndarray, " hinge"]:
-        """A hinge between two cells is half of one's and half of the other's in series."""
+        """A hinge between two cells is half a hinge of each cell in series."""
         before, after = self.hinge_cells[:, 0].T, self.hinge_cells[:, 1].T
-        pairs = [(of[tuple(before)], of[tuple(after)]) for of in k_t]
+        pairs = [(stiffness[tuple(before)], stiffness[tuple(after)]) for stiffness in k_t]
         across = self.hinge_kind == 0
         one = xp.where(across, pairs[0][0], pairs[1][0])
         other = xp.where(across, pairs[0][1], pairs[1][1])
@@ -165,7 +165,7 @@ class FabricLayout:
 
     @property
     def _alike(self) -> Bool[np.ndarray, " hinge"]:
-        """Whether the cells on both sides of a hinge take the same numbers."""
+        """Whether the cells on both sides of a hinge have the same parameters."""
         (y, x), (up, right) = self.hinge_cells[:, 0].T, self.hinge_cells[:, 1].T
         stripe = np.where(
             self.hinge_kind == 0,
@@ -177,27 +177,30 @@ class FabricLayout:
     def _rest_fold(self, stripes: StripePair, xp: Any) -> Float[Array | np.ndarray, " hinge"]:
         ridge = ridge_of(self.options)
         before, after = self.hinge_cells[:, 0], self.hinge_cells[:, 1]
-        turns = [
-            xp.asarray(ridge.turn(jnp.asarray(_by_number(side, "theta_0"))))
+        folds = [
+            xp.asarray(ridge.rest_fold(jnp.asarray(_by_number(side, "theta_0"))))
             for side in (stripes.weft, stripes.warp)
         ]
         numbers = [
             (self.column_stripe[before[:, 1]], self.column_stripe[after[:, 1]]),
             (self.row_stripe[before[:, 0]], self.row_stripe[after[:, 0]]),
         ]
-        turn = [(of[one] + of[other]) / 2 for of, (one, other) in zip(turns, numbers, strict=True)]
-        fold = self.fold_part * xp.where(self.hinge_kind == 0, turn[0], turn[1])
+        weft, warp = (
+            (angle[one] + angle[other]) / 2
+            for angle, (one, other) in zip(folds, numbers, strict=True)
+        )
+        fold = self.fold_part * xp.where(self.hinge_kind == 0, weft, warp)
         return xp.where(np.isnan(self.single_fold), fold, np.nan_to_num(self.single_fold))
 
 
 def _library(stripes: StripePair) -> Any:
-    """JAX's NumPy where derivatives pass through, else NumPy, which compiles nothing."""
+    """JAX's NumPy while JAX traces a derivative, else NumPy, which needs no compilation."""
     traced = any(isinstance(number, jax.core.Tracer) for number in jax.tree.leaves(stripes))
     return jnp if traced else np
 
 
 def _by_number(stripe: StripeNumbers, name: str) -> Any:
-    """A number of one or of several stripes, along one axis."""
+    """A parameter of one or of several stripes, along one axis."""
     number = getattr(stripe, name)
     return jnp.reshape(number, -1) if isinstance(number, jax.core.Tracer) else np.ravel(number)
 
@@ -205,49 +208,53 @@ def _by_number(stripe: StripeNumbers, name: str) -> Any:
 def fabric_layout(
     pattern: PatchGrid, sheet: Sheet, options: ModelOptions, plain: PlainKnit | None = None
 ) -> FabricLayout:
-    """Where a patterned fabric has which spring, hinge and fold (paper, Sec. "3D model").
+    """The springs, hinges and folds of a patterned fabric (paper, Sec. "3D model").
 
-    Springs and hinges take their values by direction: those across the wales (springs along x,
-    hinges about edges along y) from the rib stripe of their column, those across the courses from
-    the garter stripe of their row, diagonals the smaller k_s. In plain knit they take its own.
-    Folds lie where :func:`~knitlab.model.fold_lines.fold_senses` puts them, the first of a rib
-    patch a mountain, of a garter patch as the option ``garter_start`` has it, and where the pattern
-    has single folds. Hinges that join unlike patches, or turn against their patch's folds, rest
-    flat and exist only by the option ``hinges = "all"``, within plain knit always.
+    The parameters of springs and hinges depend on their direction: those across the wales (springs
+    along x, hinges about edges along y) have the values of the rib stripe of their column, those
+    across the courses the values of the garter stripe of their row, and diagonals the smaller k_s.
+    Within plain knit they have the values of plain knit.
+
+    Folds lie on the lines given by :func:`~knitlab.model.fold_lines.fold_senses`, and where the
+    pattern has single folds. The first fold of a rib patch is a mountain; the sense of the first
+    fold of a garter patch is the option ``garter_start``. Hinges that join different knits, or that
+    are across the folds of their patch, are flat at rest. They exist only with the option
+    ``hinges = "all"``; hinges within plain knit always exist.
 
     Args:
         pattern: the patches.
         sheet: the walls.
-        options: the choices that the paper leaves open.
-        plain: numbers of plain knit, which a pattern that has plain patches needs.
+        options: model options.
+        plain: stiffness of plain knit, required if the pattern has plain patches.
 
     Raises:
         BadPattern: if a single fold lies outside the pattern or between grid lines.
-        ValueError: if the pattern has plain knit and no numbers of it are given, or another grid
-            than the options.
+        ValueError: if the pattern has plain knit and ``plain`` is not given, or if its grid is not
+            that of the options.
     """
     shape = mesh_shape(pattern, options.boundary)
     net = network(shape)
     if pattern.cells_per_period != options.cells_per_period:
         counts = f"{pattern.cells_per_period} and {options.cells_per_period}"
-        raise ValueError(f"pattern and options have {counts} cells a period; give both the same")
+        raise ValueError(f"pattern and options have {counts} cells per period; make them equal")
     plain_cells = pattern.cells_of("plain")
     if plain is None and plain_cells.any():
-        raise ValueError("the pattern has plain patches (P); give the numbers of plain knit")
+        raise ValueError("the pattern has plain patches (P); give the stiffness of plain knit")
     after = net.hinge_cells
     before = (after - np.where(net.wale[:, None], [0, 1], [1, 0])) % pattern.grid
-    at = tuple(after.T)
+    cell_after = tuple(after.T)
     rib_senses, garter_senses = patch_senses(pattern, options)
     rib_factors, garter_factors = fold_stiffness_factors(pattern, options)
     single = _single_folds(pattern, net, options.boundary == "periodic")
-    factor = np.where(net.wale, rib_factors[at], garter_factors[at])
+    factor = np.where(net.wale, rib_factors[cell_after], garter_factors[cell_after])
     paper_cells = options.cells_per_period // CELLS_PER_PERIOD
     hinged = np.ones(len(net.wale), dtype=bool)
     if options.hinges == "fold_lines":
         in_rib = inside_runs(pattern.cells_of("rib"), shape.periodic)
         in_garter = inside_runs(pattern.cells_of("garter").T, shape.periodic).T
-        in_plain = plain_cells[tuple(before.T)] & plain_cells[at]
-        hinged = np.where(net.wale, in_rib[at], in_garter[at]) | in_plain | ~np.isnan(single)
+        in_plain = plain_cells[tuple(before.T)] & plain_cells[cell_after]
+        in_patch = np.where(net.wale, in_rib[cell_after], in_garter[cell_after])
+        hinged = in_patch | in_plain | ~np.isnan(single)
     return FabricLayout(
         net=net,
         sheet=sheet,
@@ -260,9 +267,9 @@ def fabric_layout(
         spring_cells=_spring_cells(net),
         hinge_kind=np.where(net.wale, 0, 1),
         hinge_cells=np.stack([before, after], axis=1),
-        fold_part=np.where(net.wale, rib_senses[at], garter_senses[at]),
+        fold_part=np.where(net.wale, rib_senses[cell_after], garter_senses[cell_after]),
         single_fold=single,
-        # A single fold is one hinge on any grid, with an edge shorter than the paper's.
+        # A single fold is one hinge on any grid; on a finer grid its edges are shorter.
         stiffness_factor=np.where(np.isnan(single), factor, 1 / paper_cells),
         hinged=hinged,
     )
@@ -276,24 +283,24 @@ def assemble_fabric(
     options: ModelOptions,
     plain: PlainKnit | None = None,
 ) -> tuple[Network, Fabric]:
-    """Network and numbers of a patterned fabric of one pair of stripes.
+    """Network and parameters of a patterned fabric of one pair of stripes.
 
     Args:
         pattern: the patches.
         weft: the rib stripe; for a pure stripe fabric, that stripe.
         warp: the garter stripe; for a pure stripe fabric, that stripe.
         sheet: the walls.
-        options: the choices that the paper leaves open.
-        plain: numbers of plain knit, if the pattern has any.
+        options: model options.
+        plain: stiffness of plain knit, if the pattern has any.
     """
     layout = fabric_layout(pattern, sheet, options, plain)
     return layout.net, layout.fabric(StripePair.of(weft, warp))
 
 
 def _spring_cells(net: Network) -> Int[np.ndarray, "spring 2 2"]:
-    """The two grid cells (y, x) that every spring borders on."""
+    """The two grid cells (y, x) beside every spring."""
     shape = net.shape
-    # The node of a spring that lies lowest and leftmost names the cell above and right of it.
+    # The lowest leftmost node of a spring has the indices of the cell above and right of it.
     first, second = (
         np.stack(np.divmod(nodes, shape.nodes_x), axis=-1)
         + net.springs.images[:, end, ::-1] * [shape.cells_y, shape.cells_x]
@@ -305,7 +312,7 @@ def _spring_cells(net: Network) -> Int[np.ndarray, "spring 2 2"]:
     size = np.array([shape.cells_y, shape.cells_x])
     if shape.periodic:
         return cells % size
-    # At an edge there is a cell on one side alone.
+    # At an edge there is a cell only on one side.
     return np.clip(cells, 0, size - 1)
 
 
@@ -318,6 +325,6 @@ def _single_folds(pattern: PatchGrid, net: Network, periodic: bool) -> Float[np.
         )
         line = fold.line % count if periodic else fold.line
         wale = net.wale if fold.along == "wale" else ~net.wale
-        on = wale & (across == line) & (fold.start <= along) & (along < fold.end)
-        rest[on] = fold.rest_fold
+        folded = wale & (across == line) & (fold.start <= along) & (along < fold.end)
+        rest[folded] = fold.rest_fold
     return rest

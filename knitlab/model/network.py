@@ -1,7 +1,7 @@
-"""The network: which nodes a spring or a hinge joins. Topology only, no numbers.
+"""The network: the nodes of every spring and hinge. Connectivity only, no parameters.
 
-Nodes lie on a rectangular grid, numbered course by course from the bottom left. The mesh shape
-alone fixes the network, so designs that share a shape share one compiled program.
+Nodes lie on a rectangular grid, numbered course by course from the bottom left. The network
+depends only on the mesh shape, so that designs of one shape share a compiled program.
 """
 
 from dataclasses import dataclass
@@ -24,12 +24,12 @@ class MeshShape:
 
     @property
     def nodes_y(self) -> int:
-        """Rows of nodes: one more than of cells, unless the sheet closes on itself."""
+        """Rows of nodes: one more than of cells, unless the sheet is periodic."""
         return self.cells_y + (not self.periodic)
 
     @property
     def nodes_x(self) -> int:
-        """Columns of nodes, likewise."""
+        """Columns of nodes: one more than of cells, unless the sheet is periodic."""
         return self.cells_x + (not self.periodic)
 
     @property
@@ -39,12 +39,12 @@ class MeshShape:
 
     @property
     def unknowns(self) -> int:
-        """Length of a configuration: three coordinates a node, then the lengths L_x and L_y."""
+        """Number of unknowns: three coordinates per node, then the lengths L_x and L_y."""
         return 3 * self.nodes + 2
 
 
 def mesh_shape(pattern: PatchGrid, boundary: Boundary) -> MeshShape:
-    """Mesh shape of a pattern under a boundary."""
+    """Mesh shape of a pattern with a boundary."""
     return MeshShape(*pattern.grid, boundary == "periodic")
 
 
@@ -55,9 +55,10 @@ class Elements:
     Attributes:
         nodes: node numbers of every element.
         images: periods of periodic fabric along (x, y) by which each node is shifted; zero unless
-            the element crosses the seam.
-        incidence: the vectors as differences of nodes, −1 where one starts and 1 where it ends.
-        shape: the mesh they belong to.
+            the element crosses the periodic boundary.
+        incidence: the vectors as differences of nodes, −1 where a vector starts and 1 where it
+            ends.
+        shape: the mesh shape.
     """
 
     nodes: Int[np.ndarray, "element node"]
@@ -67,7 +68,7 @@ class Elements:
 
     @cached_property
     def ends(self) -> list[tuple[int, int]]:
-        """Places of the nodes where each vector starts and ends."""
+        """Indices of the nodes where each vector starts and ends."""
         return [(int(np.argmin(row)), int(np.argmax(row))) for row in self.incidence]
 
     @cached_property
@@ -98,12 +99,12 @@ class Network:
 
     Attributes:
         shape: the mesh shape.
-        springs: two nodes each: weft springs, warp springs, then two diagonals a grid cell.
-        weft, warp: which springs run along x, which along y; the others are diagonals.
+        springs: two nodes each: weft springs, warp springs, then two diagonals per grid cell.
+        weft, warp: which springs are along x, which along y; the others are diagonals.
         hinges: six nodes each: the ends a, b of the shared edge, the far nodes c, d of the cell
             before it and e, f of the cell after it (c and e beside a, d and f beside b).
-        wale: which hinges turn about an edge along y, as rib ridges do; the others turn about
-            an edge along x, as garter ridges do.
+        wale: which hinges have an edge along y, as rib ridges have; the others have an edge along
+            x, as garter ridges have.
         hinge_cells: grid cell (y, x) after each hinge's edge.
     """
 
@@ -136,7 +137,7 @@ def network(shape: MeshShape) -> Network:
 
     after_wale = cells[0], cells[1][first_line:]
     wale = _places(after_wale, [(0, 0), (1, 0), (0, -1), (1, -1), (0, 1), (1, 1)])
-    # The edge runs towards −x so that, as for a wale hinge, a mountain has a positive angle.
+    # The edge points to −x so that, as for a wale hinge, a mountain has a positive angle.
     after_course = cells[0][first_line:], cells[1]
     course = _places(after_course, [(0, 1), (0, 0), (-1, 1), (-1, 0), (1, 1), (1, 0)])
     hinge_cells = [_places(after, [(0, 0)])[:, 0] for after in (after_wale, after_course)]

@@ -1,4 +1,4 @@
-"""Model options: what the paper leaves open, as named choices that every result carries."""
+"""Model options: what the paper leaves open, as settings that every result records."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -20,7 +20,7 @@ CellsPerPeriod = Literal[4, 8, 16]
 
 @dataclass(frozen=True)
 class ModelOptions:
-    """One version of the paper's model.
+    """One combination of model options.
 
     Attributes:
         cell_size: ``"flat"`` makes a grid cell w/4 × h/4 (Sec. "3D model"); ``"relaxed"`` makes
@@ -29,22 +29,22 @@ class ModelOptions:
         fold_phase: ``"stripe_centre"`` folds at the odd grid lines of a run of like patches,
             ``"stripe_border"`` at the even ones.
         hinges: ``"fold_lines"`` puts hinges only across the fold direction inside like patches
-            (rest angles π and θ0 in turn); ``"all"`` adds every other interior edge, at rest
-            when flat, with the k_t of its direction: rib for edges along y, garter along x.
-        hinge_stiffness: ``"per_edge"`` takes k_t for each edge; ``"per_length"`` takes
+            (rest angles π and θ0 alternately); ``"all"`` adds every other interior edge, flat at
+            rest, with the k_t of its direction: rib for edges along y, garter along x.
+        hinge_stiffness: with ``"per_edge"`` each edge has k_t, with ``"per_length"``
             k_t × edge length, as its tabulated unit, N, suggests.
-        garter_start: side to which the first fold of a garter patch points; the first fold of a
-            rib patch is a mountain, later ones alternate. A periodic checkerboard with folds at
-            stripe centres, whose number in a patch is even, is the same either way.
-        fold_angle: what of the normals of two cells the angle about their shared edge is taken
-            between; a cell is no plane, and its normal may lean along the edge.
-            ``"whole_normals"`` is atan2((n1 × n2)·ê, n1·n2), which jumps where normals lean so
-            far that both vanish; ``"across_edge"`` takes their parts across the edge, so that a
-            cell that turns about the edge changes the fold by just that.
-        length_scale: factor on the stripes' periods, and so on every grid length [1].
+        garter_start: sense of the first fold of a garter patch; the first fold of a rib patch is a
+            mountain, and folds alternate. In a periodic checkerboard with folds at stripe
+            centres, whose number in a patch is even, both values give the same fabric.
+        fold_angle: definition of the angle between two cells about their shared edge. A cell is
+            not plane, and its normal may have a component along the edge. ``"whole_normals"`` is
+            atan2((n1 × n2)·ê, n1·n2), which is discontinuous where both arguments vanish;
+            ``"across_edge"`` uses the components of the normals across the edge, so that a
+            rotation of a cell about the edge changes the fold angle by the same angle.
+        length_scale: factor on the periods of the stripes, and thus on every grid length [1].
         cells_per_period: grid cells along one period, 4 in the paper; on a finer grid folds are
             rounded (:mod:`~knitlab.model.fold_lines`).
-        ridge_fraction: part of a stripe that its rounded ridge takes; without effect on the
+        ridge_fraction: part of a stripe that its rounded ridge covers; without effect on the
             paper's grid [1].
         contact: ``"none"`` lets a fabric pass through itself; with ``"barrier"`` its parts keep a
             distance of its thickness (:mod:`knitlab.contact`).

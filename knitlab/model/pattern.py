@@ -11,16 +11,16 @@ from pydantic import Field
 from knitlab.model.setting_types import RestAngle
 
 CELLS_PER_PERIOD = 4
-"""Grid cells along one period in the paper: two a stripe (Fig. 1F: grid of size w/4)."""
+"""Grid cells along one period in the paper: two per stripe (Fig. 1F: grid of size w/4)."""
 
 Knit = Literal["rib", "garter", "plain"]
 KNIT_OF_LETTER: dict[str, Knit] = {"R": "rib", "G": "garter", "P": "plain"}
 LETTERS = "R for rib, G for garter and P for plain knit"
 
 Along = Literal["wale", "course"]
-"""What a line of the fabric runs along: a wale, up the warp, or a course, along the weft."""
+"""Direction of a line of the fabric: along a wale, up the warp, or along a course, in the weft."""
 Patches = Annotated[float, Field(ge=0)]
-"""A place or an extent, counted in patches of the pattern: 1.5 is the middle of the second."""
+"""A position or a length in patches of the pattern: 1.5 is the middle of the second patch."""
 
 
 class BadPattern(ValueError):
@@ -37,15 +37,15 @@ class BadPattern(ValueError):
 
 @dataclass(frozen=True)
 class SingleFold:
-    """One line of a pattern that folds by itself.
+    """A single fold line of a pattern.
 
     Attributes:
-        along: what the line runs along.
-        at: where it lies across that: patches from the left edge of the pattern to a line along
-            a wale, from its lower edge to one along a course. It must fall on a grid line.
-        start, end: from where to where it runs, in patches; to the end of the pattern if ``end``
-            is left out.
-        sense: to which face it points.
+        along: direction of the line.
+        at: its position: patches from the left edge of the pattern to a line along a wale, from
+            the lower edge to a line along a course. It must be on a grid line.
+        start, end: start and end of the line, in patches; without ``end`` it ends at the edge of
+            the pattern.
+        sense: mountain or valley.
         theta_0: its interior rest angle; π is flat [rad].
     """
 
@@ -58,7 +58,7 @@ class SingleFold:
 
     @property
     def rest_fold(self) -> float:
-        """Its signed fold angle at rest, positive for a mountain [rad]."""
+        """The signed fold angle at rest, positive for a mountain [rad]."""
         return (np.pi - self.theta_0) * (1 if self.sense == "mountain" else -1)
 
 
@@ -67,9 +67,9 @@ class GridFold:
     """A single fold on the grid.
 
     Attributes:
-        along: what it runs along.
-        line: the grid line that it lies on.
-        start, end: grid lines between which it runs.
+        along: direction of the fold.
+        line: the grid line on which it lies.
+        start, end: grid lines at its start and end.
         rest_fold: signed fold angle at rest [rad].
     """
 
@@ -84,14 +84,14 @@ class GridFold:
 class PatchGrid:
     """Patches in rows and columns, each with its knit; row 0 is the lowest, column 0 the leftmost.
 
-    All patches of a column have the same wales, and all of a row the same courses, so that
-    neighbours meet stitch for stitch: a column has one width and one rib stripe, a row one height
-    and one garter stripe.
+    All patches of a column have the same number of wales, and all patches of a row the same number
+    of courses, so that the stitches of neighbours match. A column has one width and one rib stripe,
+    a row one height and one garter stripe.
 
     Attributes:
         knit: letter of every patch, see :data:`KNIT_OF_LETTER`.
-        row_periods: periods of its garter stripe that fill the height of each row.
-        column_periods: periods of its rib stripe that fill the width of each column.
+        row_periods: height of each row, in periods of its garter stripe.
+        column_periods: width of each column, in periods of its rib stripe.
         row_stripe: number of the garter stripe of each row, from 0.
         column_stripe: number of the rib stripe of each column, from 0.
         folds: single folds.
@@ -113,23 +113,23 @@ class PatchGrid:
 
     @property
     def patch_of_row(self) -> Int[np.ndarray, " grid_y"]:
-        """Row of patches that each row of grid cells lies in."""
+        """The row of patches that contains each row of grid cells."""
         return np.repeat(np.arange(len(self.row_periods)), self.cells_per_period * self.row_periods)
 
     @property
     def patch_of_column(self) -> Int[np.ndarray, " grid_x"]:
-        """Column of patches that each column of grid cells lies in."""
+        """The column of patches that contains each column of grid cells."""
         periods = self.column_periods
         return np.repeat(np.arange(len(periods)), self.cells_per_period * periods)
 
     @property
     def row_borders(self) -> Int[np.ndarray, " border"]:
-        """Grid lines along which rows of patches meet or end."""
+        """Grid lines at the borders of rows of patches."""
         return self.cells_per_period * np.concatenate([[0], np.cumsum(self.row_periods)])
 
     @property
     def column_borders(self) -> Int[np.ndarray, " border"]:
-        """Grid lines along which columns of patches meet or end."""
+        """Grid lines at the borders of columns of patches."""
         return self.cells_per_period * np.concatenate([[0], np.cumsum(self.column_periods)])
 
     @property
@@ -162,10 +162,10 @@ class PatchGrid:
         )
 
     def grid_folds(self) -> tuple[GridFold, ...]:
-        """Its single folds on the grid.
+        """The single folds on the grid.
 
         Raises:
-            BadPattern: with every fold that lies outside the pattern or between grid lines.
+            BadPattern: if folds lie outside the pattern or between grid lines; it lists them all.
         """
         problems: list[str] = []
         found = []
@@ -201,7 +201,7 @@ def patch_map(rows: Sequence[str], periods: int) -> PatchGrid:
 
     Args:
         rows: a letter for each patch: ``R`` for rib, ``G`` for garter, ``P`` for plain knit.
-        periods: P, periods of a stripe that fill a patch.
+        periods: P, periods of a stripe across a patch.
 
     Raises:
         BadPattern: if the rows differ in length, are empty, or hold another letter.
@@ -241,7 +241,7 @@ def _moved(fold: SingleFold, up: int, right: int, rows: int, columns: int) -> Si
 
 
 def _grid_line(place: float, borders: Int[np.ndarray, " border"]) -> int | str:
-    """Grid line at a place in patches, or what is wrong with that."""
+    """Grid line at a position in patches, or the fault of this position."""
     if not 0 <= place <= len(borders) - 1:
         return f"lies outside the pattern, which has {len(borders) - 1} patches there"
     patch = min(int(place), len(borders) - 2)
@@ -250,5 +250,5 @@ def _grid_line(place: float, borders: Int[np.ndarray, " border"]) -> int | str:
     if abs(line - round(line)) > 1e-6:
         near = sorted({int(line), int(line) + 1})
         places = " or ".join(f"{patch + k / cells:g}" for k in near)
-        return f"lies between grid lines; take {places}"
+        return f"lies between grid lines; use {places}"
     return int(borders[patch]) + round(line)

@@ -10,17 +10,17 @@ from knitlab.model.setting_types import Unit
 
 @dataclass(frozen=True)
 class PlainKnit:
-    """Stiffness of plain knit as a sheet, so that it does not depend on the grid.
+    """Stiffness of plain knit as a continuous sheet, which does not depend on the grid.
 
     A spring along the weft of a cell a × b has k_s = ``plain_stretch_weft`` · b / a, and a hinge
-    between two cells along the weft has k_t = ``plain_bend_weft`` · b / a; along the warp
-    likewise. The diagonals take the smaller k_s, as in all patches.
+    between two cells along the weft has k_t = ``plain_bend_weft`` · b / a; the same
+    holds along the warp. Diagonals have the smaller k_s, as in all patches.
 
     Attributes:
-        plain_stretch_weft: force along the weft for a unit of width and strain, without the
-            diagonals [N/mm].
+        plain_stretch_weft: force along the weft per unit of width and strain, without diagonals
+            [N/mm].
         plain_stretch_warp: the same along the warp [N/mm].
-        plain_bend_weft: moment for a unit of width and curvature along the weft [N mm].
+        plain_bend_weft: moment per unit of width and curvature along the weft [N mm].
         plain_bend_warp: the same along the warp [N mm].
     """
 

@@ -14,7 +14,7 @@ from pydantic import Field
 
 @dataclass(frozen=True)
 class Unit:
-    """The unit of a setting; one without is dimensionless.
+    """The unit of a setting; a setting without unit is dimensionless.
 
     Attributes:
         symbol: UDUNITS text.
@@ -24,8 +24,8 @@ class Unit:
 
 
 Fraction = Annotated[float, Field(gt=0, le=1)]
-"""A part of something, above 0 and at most 1."""
+"""A fraction, above 0 and at most 1."""
 Position = Annotated[float, Field(ge=0, le=1)]
-"""A place along a length, from 0 at its start to 1 at its end."""
+"""A position along a length, from 0 at its start to 1 at its end."""
 RestAngle = Annotated[float, Field(gt=0, lt=math.pi), Unit("rad")]
 """Interior angle of a fold, below π, which is flat [rad]."""

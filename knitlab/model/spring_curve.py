@@ -12,16 +12,15 @@ from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly
 class SpringCurve:
     """Force against strain of a spring, as a table.
 
-    Only its shape counts: it is scaled to the slope 1 at rest, so that k_s is still the stiffness
-    of a spring that is hardly stretched. A table that starts at rest is continued into compression
-    with the opposite sign.
+    Only its shape matters: it is scaled to slope 1 at rest, so that k_s is still the stiffness at
+    small strain. A table that starts at rest is continued into compression as an odd function.
 
     Attributes:
-        strain: of the spring, growing, with 0 among its values and above −1 [1].
-        force: at each strain, growing, 0 at rest, in any unit.
+        strain: of the spring, increasing, above −1 and including 0 [1].
+        force: at each strain, increasing, 0 at rest, in any unit.
 
     Raises:
-        ValueError: with all that is wrong with the table.
+        ValueError: if the table is invalid; it lists every fault.
 
     Example:
         >>> curve = SpringCurve((0.0, 0.1, 0.2), (0.0, 1.0, 3.0))
@@ -34,17 +33,17 @@ class SpringCurve:
     force: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        """Refuse a table that is no curve."""
+        """Refuse an invalid table."""
         if problems := _problems(np.asarray(self.strain, float), np.asarray(self.force, float)):
             raise ValueError("; ".join(problems))
 
     @property
     def spline(self) -> PPoly:
-        """Force over k_s times rest length, by strain [1].
+        """Force over k_s times rest length, as a function of strain [1].
 
         The monotone cubic of Fritsch and Butland (:class:`scipy.interpolate.PchipInterpolator`)
-        has continuous first derivatives, so that the energy is smooth to second order. The last
-        slopes are those of the last chords, and beyond the table the force goes on straight.
+        has continuous first derivatives, so that the energy is smooth to second order. The end
+        slopes are those of the last chords, and beyond the table the force is linear.
         """
         return _spline(self)
 
@@ -52,8 +51,8 @@ class SpringCurve:
 def _problems(strain: Float[np.ndarray, " point"], force: Float[np.ndarray, " knot"]) -> list[str]:
     if len(strain) != len(force) or len(strain) < 2:
         return [
-            f"it has {len(strain)} strains and {len(force)} forces; give as many of one as of the"
-            " other, and two at least"
+            f"it has {len(strain)} strains and {len(force)} forces; give the same number of"
+            " both, at least two"
         ]
     if not (np.isfinite(strain).all() and np.isfinite(force).all()):
         return ["it has numbers that are not finite; remove them"]
@@ -61,16 +60,16 @@ def _problems(strain: Float[np.ndarray, " point"], force: Float[np.ndarray, " kn
     for name, values in (("strain", strain), ("force", force)):
         falls = np.flatnonzero(np.diff(values) <= 0)
         if len(falls):
-            at = falls[0]
+            step = falls[0]
             problems.append(
-                f"its {name} does not grow from {values[at]:g} to {values[at + 1]:g} at point"
-                f" {at + 2}; give a growing one"
+                f"its {name} does not increase from {values[step]:g} to {values[step + 1]:g} at"
+                f" point {step + 2}; give increasing values"
             )
     if strain[0] <= -1:
-        problems.append(f"its strain begins at {strain[0]:g}; keep it above -1, no length at all")
+        problems.append(f"its strain begins at {strain[0]:g}; give strains above -1")
     rest = np.flatnonzero(strain == 0)
     if not len(rest) or force[rest[0]] != 0:
-        problems.append("it does not pass through no strain and no force; give the point 0, 0")
+        problems.append("it does not contain zero strain and zero force; give the point 0, 0")
     elif rest[0] == len(strain) - 1:
         problems.append("it ends at rest; give points in tension")
     return problems
@@ -87,7 +86,7 @@ def _spline(curve: SpringCurve) -> PPoly:
     slopes[0], slopes[-1] = chords[0], chords[-1]
     at_rest = slopes[strain == 0]
     ends = np.array([-1.0, 1.0])
-    # A cubic between two points of one slope on a line is that line.
+    # Two added points with the end slope continue the curve as a line.
     beyond = force[[0, -1]] + ends * slopes[[0, -1]]
     return CubicHermiteSpline(
         np.array([strain[0] - 1, *strain, strain[-1] + 1]),

@@ -1,8 +1,8 @@
-"""Spring laws: how the force of an extensional spring grows as it is stretched.
+"""Spring laws: the force of an extensional spring as a function of its length.
 
 F = k_s ℓ0 f(e) with the strain e = ℓ/ℓ0 − 1 of the spring, f(0) = 0 and f′(0) = 1, so that k_s is
-the stiffness of a spring that is hardly stretched, whatever the law. By strain and not by length,
-so that one law serves springs of every length, diagonals included.
+the stiffness at small strain for every law. Laws are functions of strain and not of length, so that
+one law applies to springs of every length, including diagonals.
 """
 
 from abc import abstractmethod
@@ -17,13 +17,13 @@ from jaxtyping import Array, Float, Int
 from knitlab.model.spring_curve import SpringCurve
 
 Each = Float[Array, "*#spring"]
-"""A number of every spring, or of all."""
+"""A value of every spring, or one of all springs."""
 
 
 class SpringLaw(eqx.Module):
-    """The law of some springs; its numbers, if it has any, are along the first axis.
+    """The law of some springs; its parameters, if it has any, are along the first axis.
 
-    All that it gives is over the stiffness k_s.
+    All its results are divided by the stiffness k_s.
     """
 
     @abstractmethod
@@ -36,14 +36,14 @@ class SpringLaw(eqx.Module):
 
     @abstractmethod
     def slope(self, length: Each, rest_length: Each) -> Each:
-        """Derivative of the force by length, over k_s [1]."""
+        """Derivative of the force with respect to length, over k_s [1]."""
 
     def pull_over_length(self, length: Each, rest_length: Each) -> Each:
         """Force over k_s and length: stiffness across the spring, over k_s [1]."""
         return self.pull(length, rest_length) / length
 
     def of(self, springs: Int[Array | np.ndarray, "*spring"]) -> "SpringLaw":
-        """The law of some of the springs, by their places."""
+        """The law of some of the springs, by their indices."""
         return jax.tree.map(lambda numbers: numbers[springs], self)
 
 
@@ -73,13 +73,13 @@ LINEAR = Linear()
 class Stiffening(SpringLaw):
     """f = e + e³/e_s²: the cubic hardening spring (Duffing's).
 
-    At the stiffening strain e_s the force is twice that of a linear spring. It is a polynomial,
-    smooth to any order; it stiffens in compression as in tension, so that no cell of the network
-    softens as it is crushed; and its energy does not overflow on a long step of a solver, as that
-    of an exponential would. With e_s → ∞ it is linear.
+    At the stiffening strain e_s the force is twice that of a linear spring. The law is
+    a polynomial and thus smooth. It stiffens in compression as in tension, so that no cell of the
+    network softens when it is crushed, and its energy does not overflow in a long step of a solver,
+    as that of an exponential law would. With e_s → ∞ it is linear.
 
     Attributes:
-        rate: 1/e_s², 0 of a linear spring [1].
+        rate: 1/e_s², 0 for a linear spring [1].
     """
 
     rate: Float[Array, "*spring"]
@@ -100,10 +100,10 @@ class Stiffening(SpringLaw):
 
 
 class Tabulated(SpringLaw):
-    """Springs of which some have measured curves; the others are linear or stiffen.
+    """Springs of which some have measured curves; the others are linear or stiffening.
 
     Attributes:
-        rate: 1/e_s² of those that stiffen, 0 of the others [1].
+        rate: 1/e_s² of stiffening springs, 0 of the others [1].
         shares: 1 where a spring has the curve, else 0.
         curves: the curves.
     """
@@ -113,7 +113,7 @@ class Tabulated(SpringLaw):
     curves: tuple[SpringCurve, ...] = eqx.field(static=True)
 
     def stored(self, length: Each, rest_length: Each) -> Each:
-        """Energy over k_s: ℓ0² times the integral of f by strain [mm²]."""
+        """Energy over k_s: ℓ0² times the integral of f over strain [mm²]."""
         return rest_length**2 * self._of_shape(-1, (length - rest_length) / rest_length)
 
     def pull(self, length: Each, rest_length: Each) -> Each:
@@ -125,7 +125,7 @@ class Tabulated(SpringLaw):
         return self._of_shape(1, (length - rest_length) / rest_length)
 
     def _of_shape(self, order: int, strain: Each) -> Each:
-        """A derivative of f by strain, its integral being the one of order −1."""
+        """A derivative of f with respect to strain; order −1 is the integral."""
         linear, cubic = {
             -1: (0.5 * strain**2, 0.25 * strain**4),
             0: (strain, strain**3),
@@ -138,7 +138,7 @@ class Tabulated(SpringLaw):
 
 
 def _on_curve(curve: SpringCurve, order: int, strain: Each) -> Each:
-    """A derivative of a curve's force by strain, or its integral from rest."""
+    """A derivative of a curve's force with respect to strain, or its integral from rest."""
     spline = curve.spline
     polynomials = spline.antiderivative() if order < 0 else spline.derivative(order)
     piece = jnp.searchsorted(jnp.asarray(spline.x[1:-1]), strain, side="right")
@@ -153,15 +153,15 @@ def _on_curve(curve: SpringCurve, order: int, strain: Each) -> Each:
 def spring_law(
     stiffening_strains: Sequence[Float[Array, ""] | None], curves: Sequence[SpringCurve | None]
 ) -> SpringLaw:
-    """One law of several springs, each with its own.
+    """One law object for several springs, each with a law of its own.
 
     Args:
-        stiffening_strains: e_s of each, or None [1].
-        curves: of each, or None.
+        stiffening_strains: e_s of each spring, or None [1].
+        curves: measured curve of each spring, or None.
     """
-    if all(its is None for its in (*stiffening_strains, *curves)):
+    if all(given is None for given in (*stiffening_strains, *curves)):
         return LINEAR
-    rates = [jnp.zeros(()) if its is None else 1 / its**2 for its in stiffening_strains]
+    rates = [jnp.zeros(()) if strain is None else 1 / strain**2 for strain in stiffening_strains]
     known = tuple(dict.fromkeys(curve for curve in curves if curve is not None))
     if not known:
         return Stiffening(jnp.stack(rates))

@@ -1,4 +1,4 @@
-"""Calibrated stripes: the four fitted numbers of one n × n rib or garter fabric."""
+"""Calibrated stripes: the four fitted parameters of one n × n rib or garter fabric."""
 
 import math
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from knitlab.model.spring_curve import SpringCurve
 
 Knit = Literal["rib", "garter"]
 SpringKind = Literal["linear", "stiffening"] | SpringCurve
-"""What springs must share to be computed together: their law, but for its numbers."""
+"""The kind of a spring law, without its parameters. Springs of one kind are computed together."""
 
 SPRING_LAWS = ("stiffening_strain", "spring_curve")
-"""What a stripe may give of the law of its springs; linear ones have neither."""
+"""The fields of a stripe that define the law of its springs; linear springs have neither."""
 GARTER_STITCHES_PER_RIB_STITCH = 2
 """A stitch is about twice as wide as it is high, so an n × n rib pairs with a 2n × 2n garter
 (paper, Sec. "Relaxation of a pattern of rib and garter patches")."""
@@ -32,9 +32,9 @@ class Stripe:
         theta_0: interior rest angle of a fold; π is flat [rad].
         k_t: stiffness of the torsional springs, as tabulated [N].
         stiffening_strain: strain of a spring at which its force is twice that of a linear one;
-            None where it does not stiffen so [1].
-        spring_curve: table of a measured curve of its springs, in place of that. With neither,
-            springs are linear, as the paper's.
+            None for another law [1].
+        spring_curve: table of a measured curve of the springs, instead of a stiffening strain.
+            With neither, springs are linear, as in the paper.
     """
 
     knit: Knit
@@ -47,7 +47,7 @@ class Stripe:
     spring_curve: SpringCurve | None = None
 
     def __post_init__(self) -> None:
-        """Refuse two laws at once."""
+        """Refuse a stripe with two laws."""
         if self.stiffening_strain is not None and self.spring_curve is not None:
             raise ValueError(
                 f"{self.knit} {self.n} has both stiffening_strain and spring_curve; give one"
@@ -67,12 +67,12 @@ class Stripe:
 
     @property
     def contraction(self) -> float:
-        """Relaxed over flat length of the pure stripe, sin(θ0/2): exact, at zero energy."""
+        """Relaxed over flat length of the pure stripe, sin(θ0/2); exact, with zero energy."""
         return math.sin(self.theta_0 / 2)
 
 
 def periods_per_patch(n_stripe: int, n_subunit: int) -> int:
-    """Periods (one front and one back stripe) that fill a patch, P = n_subunit / (2 n_stripe).
+    """Periods (one front and one back stripe) across a patch, P = n_subunit / (2 n_stripe).
 
     Raises:
         ValueError: if ``n_subunit`` is not a positive multiple of ``2 * n_stripe``.

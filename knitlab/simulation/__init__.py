@@ -1,1 +1,1 @@
-"""One case: a fabric relaxed and pulled, measured, and made a labelled dataset."""
+"""One case: a fabric is relaxed, stretched and measured; the result is a labelled dataset."""

@@ -1,4 +1,4 @@
-"""A finished test as a sensor: the capacitance of its electrodes, and what its curve is worth."""
+"""Results of a capacitor in a finished test: capacitance in every state, and figures of merit."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -22,24 +22,24 @@ from knitlab.simulation.case import Case
 from knitlab.solvers.state import State
 
 SAME = 1e-5
-"""Part of a grid cell by which two states may differ and yet be one."""
+"""Largest difference of two states that count as equal, relative to a grid cell."""
 
 
 def capacitor_values(
     case: Case, reached: Sequence[State], unloaded: Sequence[State]
 ) -> dict[str, Any]:
-    """Capacitance along the test of a case, under the registry's names.
+    """Capacitance along the test of a case, by the names of the schema.
 
     Args:
         case: the case.
         reached: its converged states, the relaxed one first.
-        unloaded: those on the way back, from the last strain but one.
+        unloaded: states of unloading, from the last strain but one.
     """
     capacitor = _capacitor(case)
     configurations = Configuration.stacked([state.configuration for state in reached])
     strain = np.array(case.applied_strain[: len(reached)])
     length = electrode_length(case.electrodes, case.mesh_shape, configurations[0])
-    # Of periodic fabric one period is modelled, in place of electrodes of the stated length.
+    # For periodic fabric only one period of the electrodes is modelled, not their stated length.
     factor = capacitor.electrode_length / length if case.mesh_shape.periodic else 1.0
     found = _measured(case, configurations)
     capacitance = factor * found.capacitance
@@ -87,15 +87,15 @@ def _capacitance_unloading(
     loading: Configuration,
     capacitance: Float[np.ndarray, " any"],
 ) -> Float[np.ndarray, " state"]:
-    """Capacitance on the way back, of one period if periodic [pF].
+    """Capacitance during unloading, of one period if periodic [pF].
 
-    Where the fabric comes back to what it was at the same strain, its capacitance is what it was.
+    Where the fabric returns to its state at the same strain, the capacitance is not computed again.
     """
     values = capacitance.copy()
     moved = np.abs(unloading.flattened() - loading.flattened()).max(axis=1)
-    apart = moved > SAME * case.assemble()[1].cell_sides.min()
-    if apart.any():
-        values[apart] = _measured(case, unloading[apart]).capacitance
+    different = moved > SAME * case.assemble()[1].cell_sides.min()
+    if different.any():
+        values[different] = _measured(case, unloading[different]).capacitance
     return values
 
 

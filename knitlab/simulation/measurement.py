@@ -1,4 +1,4 @@
-"""Measurement of a finished test: all that a case holds, as a labelled dataset."""
+"""Measurement of a finished test: all variables of a case, as a labelled dataset."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -36,16 +36,16 @@ FIXED_COORDINATES: dict[str, list[Any]] = {
     "stripe_parameter": list(STRIPE_PARAMETERS),
     "boundary_point": np.linspace(0, 1, POINTS).tolist(),
 }
-"""Labels along the dimensions that are the same for every case."""
+"""Labels along dimensions that are the same for every case."""
 
 
 def fixed_coordinates(dims: Iterable[str]) -> dict[str, list[Any]]:
-    """Those of :data:`FIXED_COORDINATES` that lie along some dimensions."""
+    """The :data:`FIXED_COORDINATES` of some dimensions."""
     return {name: labels for name, labels in FIXED_COORDINATES.items() if name in dims}
 
 
 def variables_of(case: Case) -> dict[str, Variable]:
-    """The registry's variables that a case has."""
+    """The variables of the schema that a case has."""
     kinds = ["all", "stripe" if case.pure else "patches"]
     if case.method == "dynamics":
         kinds.append("dynamics")
@@ -66,16 +66,16 @@ def measured(
     chain: Sequence[ChainState] = (),
     siblings: Sequence[SiblingTest] = (),
 ) -> xr.Dataset:
-    """Dataset of a case: its variables of the registry at every strain of the protocol.
+    """Dataset of a case: its variables of the schema at every strain of the protocol.
 
-    Strains that did not converge, or were not tried, are missing; ``residual_force`` and
-    ``iterations`` are there for every strain that was tried. What sums up the whole test is
-    missing unless all of it converged.
+    Values are missing at strains that did not converge or were not tried; ``residual_force`` and
+    ``iterations`` have values at every strain that was tried. Variables of the whole test are
+    missing unless all strains converged.
 
     Args:
         case: the case.
         test: its test.
-        chain: of a pure stripe, its two-dimensional zigzag at every strain.
+        chain: for a pure stripe, its two-dimensional zigzag at every strain.
         siblings: tests of its siblings.
     """
     reached = [state for state in test.states if state.converged]
@@ -104,9 +104,10 @@ def measured(
         if case.capacitor is not None:
             values |= capacitor_values(case, reached, test.unloaded)
         if case.robustness:
-            results = [_results(its.case, its.test) for its in siblings]
-            own = float(reached[0].energy.total)
-            values |= spread(values, results, [own, *(its.branch_energy for its in siblings)])
+            results = [_results(sibling.case, sibling.test) for sibling in siblings]
+            energies = [float(reached[0].energy.total)]
+            energies += [sibling.branch_energy for sibling in siblings]
+            values |= spread(values, results, energies)
     if case.method == "dynamics":
         values["kinetic_energy_peak"] = [state.kinetic_peak for state in test.states]
     if test.history is not None:
@@ -195,7 +196,7 @@ def _strains(case: Case, reached: list[State], complete: bool) -> dict[str, Any]
     cell_x, cell_y = mean_cell_size(corners[0])
     ratio = poisson_ratio_of_test(mean_xx, mean_yy)
     if case.all_corners_held:
-        # What its strain across reads is round-off.
+        # Its transverse strain is only round-off.
         strain_xx, mean_xx = strain_xx * np.nan, mean_xx * np.nan
         ratio[:] = np.nan
     values: dict[str, Any] = {
@@ -215,7 +216,7 @@ def _strains(case: Case, reached: list[State], complete: bool) -> dict[str, Any]
 
 
 def _dataset(case: Case, values: dict[str, Any]) -> xr.Dataset:
-    """The registry's variables, padded along ``applied_strain`` with what is missing."""
+    """The variables of the schema, padded along ``applied_strain`` with missing values."""
     shape = case.mesh_shape
     sizes = {
         "applied_strain": len(case.applied_strain),

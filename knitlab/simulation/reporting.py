@@ -1,4 +1,4 @@
-"""Reporting: how far a solver has come, on the way to a state too."""
+"""Reporting: progress of a solver, including parts of a state."""
 
 import time
 from collections.abc import Callable
@@ -7,20 +7,20 @@ from typing import Any
 from knitlab.solvers.solver import Factorise, Result, Solver, SolveSubdomains
 
 Progress = Callable[[str, float], None]
-"""Takes a case's identifier and how many of its states are done, with the part of the next one."""
+"""Function of a case's identifier and of the number of its finished states, with a fraction."""
 SECONDS_BETWEEN_REPORTS = 1.0
 USUAL_FACTORISATIONS = 20
-"""After which half of the way to a state is taken to be done."""
+"""Number of factorisations after which half of a state is reported as done."""
 
 
 class Reporter:
-    """Reports the states of a solver, and between them the part of the next one.
+    """Reports the finished states of a solver, and fractions of the next one.
 
-    How many factorisations a state takes is not known before; the part that is reported after n of
-    them is n / (n + 20), which grows however many there are.
+    The number of factorisations of a state is not known beforehand. The fraction that is reported
+    after n factorisations is n / (n + 20), which increases for any number.
 
     Args:
-        report: takes how many states are done.
+        report: called with the number of finished states.
     """
 
     def __init__(self, report: Callable[[float], None]) -> None:
@@ -29,12 +29,12 @@ class Reporter:
         self._last = time.monotonic()
 
     def done(self, states: int) -> None:
-        """Note that so many states are done."""
+        """Report a number of finished states."""
         self._states, self._factorisations = states, 0
         self._report(states)
 
     def over(self, solver: Solver[Result]) -> Solver[Result]:
-        """The same solver, reported on."""
+        """The same solver, with its progress reported."""
         answer: Any = None
         while True:
             try:
@@ -50,5 +50,5 @@ class Reporter:
         now = time.monotonic()
         if now - self._last >= SECONDS_BETWEEN_REPORTS:
             self._last = now
-            part = self._factorisations / (self._factorisations + USUAL_FACTORISATIONS)
-            self._report(self._states + part)
+            fraction = self._factorisations / (self._factorisations + USUAL_FACTORISATIONS)
+            self._report(self._states + fraction)

@@ -1,4 +1,4 @@
-"""Changes of stripe and sheet parameters: numbers that replace others, and factors on them."""
+"""Changes of stripe and sheet parameters: new values, and factors."""
 
 import math
 from collections.abc import Mapping
@@ -12,24 +12,24 @@ from knitlab.model.plain import PlainKnit
 from knitlab.model.stripe import Stripe
 
 STRIPE_QUANTITIES = ("period", "k_s", "k_t", "theta_0")
-"""The numbers of a stripe, in the order in which siblings draw theirs at random."""
+"""The parameters of a stripe, in the order in which random changes of siblings are drawn."""
 STIFFENING = "stiffening_strain"
-"""What is given for one knit or for both, without factors: the tables have none to multiply."""
+"""Setting for one knit or both, without factors, because the tables have no value."""
 
 Table = TypeVar("Table", Sheet, MassAndDrag, PlainKnit)
 
 
 def changed_stripe(stripe: Stripe, changes: Mapping[str, float]) -> Stripe:
-    """A stripe with numbers replaced and multiplied.
+    """A stripe with parameters replaced and multiplied.
 
     Args:
         stripe: the stripe.
-        changes: numbers by names such as ``rib_k_s``, and factors by names such as
+        changes: values by names such as ``rib_k_s``, and factors by names such as
             ``rib_k_s_factor`` for one knit or ``k_s_factor`` for both; a stiffening strain, for one
-            knit or for both, takes the place of whatever law its springs have.
+            knit or for both, replaces any other spring law.
 
     Raises:
-        BadInput: if its rest angle would reach π, which is flat.
+        BadInput: if the rest angle would reach π, which is flat.
     """
     numbers: dict[str, Any] = {
         name: _changed(getattr(stripe, name), changes, f"{stripe.knit}_{name}", f"{name}_factor")
@@ -48,11 +48,11 @@ def changed_stripe(stripe: Stripe, changes: Mapping[str, float]) -> Stripe:
 
 
 def changed_table(table: Table, changes: Mapping[str, float]) -> Table:
-    """A table with numbers replaced and multiplied.
+    """A table with values replaced and multiplied.
 
     Args:
         table: walls, plain knit, or mass and drag.
-        changes: numbers by names such as ``z_max``, and factors such as ``z_max_factor``.
+        changes: values by names such as ``z_max``, and factors such as ``z_max_factor``.
     """
     names = [field.name for field in fields(table)]
     return replace(table, **{name: _changed(getattr(table, name), changes, name) for name in names})

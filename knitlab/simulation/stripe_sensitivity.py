@@ -1,4 +1,4 @@
-"""Sensitivities of a finished test: how its results depend on the stripe parameters."""
+"""Sensitivities of a finished test to the stripe parameters."""
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -36,7 +36,7 @@ def measured_by(
     Args:
         shape: the mesh shape.
         cells: the unit cells.
-        names: of :func:`~knitlab.measure.sensitivity.quantities`, or ``reaction_force``.
+        names: names of :func:`~knitlab.measure.sensitivity.quantities`, or ``reaction_force``.
     """
 
     def force(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
@@ -50,15 +50,15 @@ def measured_by(
 
 
 def adjoint_of(case: Case, relaxed: Configuration) -> Adjoint:
-    """Derivatives along the test of a case by the numbers of its stripes.
+    """Derivatives along the test of a case with respect to its stripe parameters.
 
     Args:
         case: the case.
         relaxed: its relaxed shape.
 
     Raises:
-        NoDerivative: if that is no stable equilibrium, or if the case has contact, which these
-            derivatives leave out.
+        NoDerivative: if the relaxed shape is not a stable equilibrium, or if the case has contact,
+            which these derivatives leave out.
     """
     if case.options.contact != "none":
         raise NoDerivative("derivatives leave out contact")
@@ -69,10 +69,10 @@ def adjoint_of(case: Case, relaxed: Configuration) -> Adjoint:
 def sensitivities(
     case: Case, reached: Sequence[State]
 ) -> dict[str, Float[np.ndarray, "strain parameter"]]:
-    """Logarithmic sensitivities, under the registry's names.
+    """Logarithmic sensitivities, by the names of the schema.
 
-    They are missing at zero strain and where there is no derivative, and that of Poisson's ratio
-    where the sample has none.
+    They are missing at zero strain and where there is no derivative; those of Poisson's ratio are
+    also missing if the sample has no Poisson's ratio.
 
     Args:
         case: the case.
@@ -96,4 +96,4 @@ def sensitivities(
         found[:, place] = logarithmic(derivatives, stripes)
     if case.all_corners_held:
         found[QUANTITIES.index("poisson_ratio")] = np.nan
-    return {f"{name}_sensitivity": its for name, its in zip(QUANTITIES, found, strict=True)}
+    return {f"{name}_sensitivity": values for name, values in zip(QUANTITIES, found, strict=True)}

@@ -72,8 +72,8 @@ class _BatchStiffness:
         self.entries = jnp.zeros((cases, len(free.indices)))
         self.factors: BlockFactors | None = None
 
-    def assemble(self, selected: Bool[Array, " case"], *at: Any) -> None:
-        self.entries = _chosen(selected, self._assemble(*at), self.entries)
+    def assemble(self, selected: Bool[Array, " case"], *points: Any) -> None:
+        self.entries = _chosen(selected, self._assemble(*points), self.entries)
 
     def factorise(
         self, selected: Bool[Array, " case"], shifts: Float[Array, " case"]
@@ -166,9 +166,9 @@ class _Batch:
         return stiffness.solve(jnp.asarray(np.array(right)))
 
     def _points(self) -> tuple[Stage, Float[Array, "case unknown"]]:
-        at = [request for request in self._at if request is not None]
-        stages = stacked([Stage(jnp.asarray(a.stage.fold), jnp.asarray(a.stage.wall)) for a in at])
-        return stages, jnp.asarray(np.array([a.unknowns for a in at]))
+        points = [request for request in self._at if request is not None]
+        stages = [Stage(jnp.asarray(p.stage.fold), jnp.asarray(p.stage.wall)) for p in points]
+        return stacked(stages), jnp.asarray(np.array([point.unknowns for point in points]))
 
 
 def _unstacked(batch: Numbers, cases: int) -> list[Numbers]:

@@ -1,7 +1,7 @@
-"""Equilibrium: minimisation by quasi-Newton steps, refactorising when it pays off.
+"""Equilibrium: minimisation by quasi-Newton steps with occasional factorisations of the stiffness.
 
-Folds move far while the yarn hardly stretches, so that the energy is a narrow curved valley and a
-straight Newton step soon climbs its side. A factorisation costs about ten gradients and solves. So
+Folds move far while the yarn hardly stretches, so that the energy is a narrow curved valley, and a
+long straight Newton step would raise it. A factorisation costs about ten gradients and solves. So
 one factorisation of K + μ I is the initial inverse Hessian of many L-BFGS steps (Nocedal and
 Wright, Numerical Optimization, Alg. 7.4), which learn the curvature of the valley. The stiffness is
 refactorised when a step gains less than the average since the last factorisation, including its
@@ -57,10 +57,10 @@ def find_equilibrium(start: Evaluate, rules: SearchRules) -> Solver[State]:
 
     Every step lowers the energy, so that the fabric is followed through snaps to a nearby minimum.
     If K + μ I is not positive definite, it is either convexified, which is fast and takes large
-    steps, or μ is raised until it is, which stays in the valley of the start, as a slow motion
-    would. μ decreases while steps succeed; once it is negligible and the forces are small,
-    convergence is that of Newton's method. Only the forces of the result are tested: a path that
-    leads exactly into a saddle point would end there.
+    steps, or μ is raised until it is, which stays in the valley of the initial configuration, as a
+    slow motion would. μ decreases while steps succeed; once it is negligible and the forces are
+    small, convergence is that of Newton's method. Only the forces of the result are tested: a path
+    that leads exactly into a saddle point would end there.
 
     Args:
         start: configuration to start from, and the stage; its held unknowns stay fixed.

@@ -111,14 +111,14 @@ class Executor:
 
     def _solve_subdomains(self, request: SolveSubdomains) -> tuple[Evaluate, float]:
         decomposition = self._decomposition(request.free)
-        at, cost = request.at.unknowns.copy(), 0.0
-        gradient = np.asarray(self._fabric.evaluate(request.at.stage, at).gradient)
+        unknowns, cost = request.at.unknowns.copy(), 0.0
+        gradient = np.asarray(self._fabric.evaluate(request.at.stage, unknowns).gradient)
         forces = np.array([problem.subdomain.force(gradient) for problem in decomposition.problems])
         processes = self._processes
 
         def solved(place: int) -> State:
             problem = decomposition.problems[place]
-            start = Evaluate(at[problem.subdomain.places], request.at.stage)
+            start = Evaluate(unknowns[problem.subdomain.places], request.at.stage)
             name = decomposition.number, place
             subdomain_task = SubdomainTask(name, start, request.step_length, request.settings)
             process = processes.get()
@@ -130,15 +130,15 @@ class Executor:
             finally:
                 processes.put(process)
 
-        for together in independent_groups(forces, decomposition.coupled):
-            for place, state in zip(together, self._threads.each(solved, together), strict=True):
+        for group in independent_groups(forces, decomposition.coupled):
+            for place, state in zip(group, self._threads.each(solved, group), strict=True):
                 subdomain = decomposition.problems[place].subdomain
                 # A subdomain that stalls, or ends with a larger residual than any had before, may
                 # have collapsed a cell, where fold angles are undefined.
                 if state.outcome is not Outcome.stalled and state.residual <= forces.max():
-                    at[subdomain.places] = state.unknowns
+                    unknowns[subdomain.places] = state.unknowns
                 cost += state.iterations * len(subdomain.free.places) / len(request.free.places)
-        return Evaluate(at, request.at.stage), cost
+        return Evaluate(unknowns, request.at.stage), cost
 
     def _decomposition(self, free: FreeStiffness) -> "_Decomposition":
         if free not in self._decompositions:

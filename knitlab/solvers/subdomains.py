@@ -73,7 +73,7 @@ def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
             )
             row, column = np.mgrid[bottom : top + 1, left : right + 1].reshape(2, -1)
             nodes = row * shape.nodes_x + column
-            own = MeshShape(top - bottom, right - left, periodic=False)
+            part = MeshShape(top - bottom, right - left, periodic=False)
             places = np.append(
                 (3 * nodes[:, None] + np.arange(3)).ravel(), shape.unknowns - np.array([2, 1])
             )
@@ -84,7 +84,7 @@ def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
             within[nodes] = True
             yield Subdomain(
                 places,
-                subdomain_stiffness(own, np.flatnonzero(movable_here).tobytes()),
+                subdomain_stiffness(part, np.flatnonzero(movable_here).tobytes()),
                 *(
                     np.flatnonzero(within[elements.nodes].all(axis=1))
                     for elements in (net.springs, net.hinges)

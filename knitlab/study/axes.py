@@ -1,4 +1,4 @@
-"""Axes: settings that a workflow gives as a list, and that so become dimensions of its cube."""
+"""Axes: settings that a workflow gives as a list, which become dimensions of its cube."""
 
 import itertools
 from collections.abc import Iterator
@@ -58,7 +58,7 @@ class SweepAxis:
 def combinations(
     workflow: Workflow, axes: tuple[SweepAxis, ...]
 ) -> Iterator[tuple[dict[str, Label], Workflow]]:
-    """Every combination of the axes' values: its labels, and the workflow that has these values."""
+    """Every combination of the axes' values: its labels, and the workflow with these values."""
     labelled = [tuple(zip(axis.labels, axis.values, strict=True)) for axis in axes]
     for chosen in itertools.product(*labelled):
         labels: dict[str, Label] = {}

@@ -1,4 +1,4 @@
-"""Common settings: what all designs of a cube share, and in what two sets of them differ."""
+"""Common settings: the settings that all designs of a cube share, and their differences."""
 
 import json
 from collections.abc import Collection, Iterable
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     import xarray as xr  # slow to import
 
 ATTRIBUTE = "parameters"
-"""The cube's attribute that states them."""
+"""Attribute of a cube that contains the common settings."""
 OF_DESIGNS = ("design", "weft", "warp", "periods")
-"""What follows from a design and the stripes."""
+"""Entries of a record that follow from a design and its stripes."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Difference:
     """One setting in which two sets differ.
 
     Attributes:
-        key: its key, with the tables that it is in before it.
+        key: its key, preceded by the tables that contain it.
         before, after: its two values.
     """
 
@@ -37,16 +37,16 @@ class Difference:
 
 
 def common_settings(cases: Iterable[Case], swept: Collection[str], stripes: str) -> dict[str, Any]:
-    """What all cases of a plan share beside their designs.
+    """The settings that all cases of a plan share.
 
-    The rest, what is a dimension included, is in ``plan.json`` and in each case file.
+    All other settings, including swept ones, are in ``plan.json`` and in each case file.
 
     Args:
         cases: the cases.
         swept: settings that are dimensions, or quantities that have a factor as a dimension.
         stripes: fingerprint of the stripes.
     """
-    # As JSON holds them, so that they compare with what a cube states.
+    # Converted to JSON, so that they can be compared with those of a cube.
     first, *others = json.loads(json.dumps([case.record for case in cases]))
     common: dict[str, Any] = first
     for record in others:
@@ -62,13 +62,13 @@ def common_settings(cases: Iterable[Case], swept: Collection[str], stripes: str)
 
 
 def parameters_of(cube: "xr.Dataset") -> dict[str, Any]:
-    """The common settings that a cube states."""
+    """The common settings in the attributes of a cube."""
     stated: dict[str, Any] = json.loads(cube.attrs.get(ATTRIBUTE, "{}"))
     return stated
 
 
 def shared(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
-    """What two records have in common, tables within them likewise."""
+    """The common entries of two records, including those of nested tables."""
     both: dict[str, Any] = {}
     for key, value in one.items():
         if isinstance(value, dict) and isinstance(other.get(key), dict):
@@ -86,7 +86,7 @@ def differences(
     Args:
         one: the first record.
         other: the second.
-        within: keys of the tables that they are in.
+        within: keys of the tables that contain the records.
 
     Returns:
         The differences, ordered as their sentences are.

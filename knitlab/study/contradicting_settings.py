@@ -60,4 +60,4 @@ def check_thickness(case: Case, source: Source) -> None:
     largest = largest_thickness(refinement * float(fabric.cell_sides.min()), sharpest)
     if case.sheet.thickness >= largest:
         problem = f"is too thick for the folds of {case.label}; give less than {largest:.3g} mm"
-        raise fault(f"{source('model.thickness')} {case.sheet.thickness:g}", problem)
+        raise fault(source("model.thickness"), f"{case.sheet.thickness:g} mm {problem}")

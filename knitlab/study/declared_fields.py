@@ -1,8 +1,8 @@
 """Fields of schemas, derived from the tables that declare settings.
 
 A settings table such as :class:`~knitlab.solvers.solver.SolverSettings` declares the name, the
-range, the unit and the default of each of its settings. What a parameter file holds of them and
-what a workflow may replace follows from that.
+range, the unit and the default of each of its settings. The schemas of parameter files
+and of workflows follow from it.
 """
 
 import dataclasses
@@ -24,7 +24,7 @@ Model = TypeVar("Model", bound=type[StrictModel])
 
 
 class ParameterValue(StrictModel, Generic[Value, UnitText]):
-    """A value with the unit that it must have, and where it comes from."""
+    """A value with its unit and source."""
 
     value: Value
     unit: UnitText
@@ -47,7 +47,7 @@ def declared(table: type, without: Collection[str] = ()) -> Types:
 
     Args:
         table: a dataclass.
-        without: fields of it that are no settings.
+        without: fields that are not settings.
     """
     hints = get_type_hints(table, include_extras=True)
     names = [field.name for field in dataclasses.fields(table)]
@@ -60,7 +60,7 @@ def factors(quantities: Types) -> Types:
 
 
 def parts(kind: Any) -> tuple[Any, ...]:
-    """A declared type and all that it is made of, markers such as its unit included."""
+    """A declared type and all its parts, including markers such as its unit."""
     return kind, *(part for its in get_args(kind) for part in parts(its))
 
 
@@ -70,17 +70,17 @@ def unit_of(kind: Any) -> str:
 
 
 def required(types: Types) -> Fields:
-    """Fields that must be there."""
+    """Required fields."""
     return {name: (_of_toml(kind), ...) for name, kind in types.items()}
 
 
 def optional(types: Types) -> Fields:
-    """Fields that may be left out, and are then None."""
+    """Optional fields with the default None."""
     return {name: (_of_toml(kind) | None, None) for name, kind in types.items()}
 
 
 def with_defaults(table: type) -> Fields:
-    """Fields that have the defaults of a dataclass; those without one must be there."""
+    """Fields with the defaults of a dataclass; fields without a default are required."""
     defaults = {
         field.name: ... if field.default is dataclasses.MISSING else field.default
         for field in dataclasses.fields(table)
@@ -97,7 +97,7 @@ def entries(types: Types) -> Fields:
 
 
 def units(types: Types) -> Fields:
-    """The unit of each of some quantities."""
+    """The unit of each quantity."""
     return {name: (_literal(unit_of(kind)), ...) for name, kind in types.items()}
 
 

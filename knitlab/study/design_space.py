@@ -36,7 +36,7 @@ def design_space(section: DesignSection, parameters: Parameters, source: Source)
     Args:
         section: the workflow's section.
         parameters: the stripe tables and the named sets.
-        source: names where a ``section.key`` comes from, for a fault.
+        source: returns the origin of a ``section.key``, for messages.
 
     Raises:
         BadInput: if a set or a member of it does not exist, if a single design is impossible, or
@@ -89,17 +89,17 @@ def _members(
 
 
 def stripe_space(section: StripesSection, parameters: Parameters, source: Source) -> DesignSpace:
-    """Resolve a workflow's ``[stripes]``: all stripes of the tables, or those of some sizes.
+    """Resolve a workflow's ``[stripes]``: all stripes of the tables, or those of given sizes.
 
-    A size that only one of the knits has is excluded for the other.
+    If only one knit has a stripe of some size, this size is excluded for the other knit.
 
     Args:
         section: the workflow's section.
         parameters: the stripe tables.
-        source: names where a ``section.key`` comes from, for a fault.
+        source: returns the origin of a ``section.key``, for messages.
 
     Raises:
-        BadInput: if none of the knits has a stripe of a size.
+        BadInput: if no knit has a stripe of a given size.
     """
     there = {knit: sorted(map(int, parameters.stripes.table(knit).n)) for knit in section.knit}
     sizes = sorted(set().union(*there.values()))

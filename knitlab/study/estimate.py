@@ -1,11 +1,11 @@
-"""Estimates of time and memory, from what ``benchmarks/sweeps.py`` measures."""
+"""Estimates of time and memory, based on measurements by ``benchmarks/sweeps.py``."""
 
 from collections.abc import Iterable
 
 from knitlab.simulation.case import Case, Method
 
-# Relaxation costs about as much as this many steps of a tensile test, and a step grows with the
-# unknowns by about this power.
+# Relaxation costs about this number of steps of a tensile test, and the cost of a step grows with
+# about this power of the number of unknowns.
 RELAXATION_STEPS = 20
 COST_POWER = 1.3
 SECONDS_OF_WORK: dict[Method, float] = {"equilibrium": 0.07, "dynamics": 4.0}
@@ -13,13 +13,13 @@ SECONDS_OF_WORK: dict[Method, float] = {"equilibrium": 0.07, "dynamics": 4.0}
 PROCESS_BYTES = 600e6
 """Memory of a worker with its compiled programs."""
 BYTES_OF_UNKNOWN = 25e3
-"""Memory for each unknown of a batch: mostly the element Hessians, their places and the factors."""
+"""Memory for each unknown of a batch, mostly for element Hessians, indices and factors."""
 
 
 def work(case: Case, states: float) -> float:
     """Work in the first ``states`` states of a case, in steps of a test of 1000 unknowns.
 
-    Those of its siblings follow its own; a fraction is part of the way to the next state.
+    The states of its siblings are counted after its own; a fraction is part of the next state.
     """
     tests, states = divmod(states, len(case.applied_strain))
     whole = len(case.applied_strain) + RELAXATION_STEPS - 1
@@ -31,10 +31,10 @@ def work(case: Case, states: float) -> float:
 
 
 def seconds(cases: Iterable[Case]) -> float:
-    """How long cases take on one core, to within a factor of about three [s]."""
+    """Time of cases on one core, accurate to a factor of about three [s]."""
     return sum(SECONDS_OF_WORK[case.method] * work(case, case.states) for case in cases)
 
 
 def bytes_needed(unknowns: int) -> float:
-    """Memory of a worker on a batch of so many unknowns [bytes]."""
+    """Memory of a worker for a batch with a number of unknowns [bytes]."""
     return PROCESS_BYTES + BYTES_OF_UNKNOWN * unknowns

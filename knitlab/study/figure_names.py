@@ -1,4 +1,4 @@
-"""Names and formats of the figures that a workflow can ask for. Needs no library."""
+"""Names and formats of the figures that a workflow can name. Imports no library."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -9,13 +9,13 @@ from knitlab.io.shipped import PACKAGE
 FIGURE_NAMES = tuple(
     sorted(path.stem for path in (PACKAGE / "figures" / "kinds").glob("[a-z]*.py"))
 )
-"""One for each file of :mod:`knitlab.figures.kinds`, none of which is imported for its name."""
+"""One for each file of :mod:`knitlab.figures.kinds`, which are not imported here."""
 if TYPE_CHECKING:
     FigureName = str
 else:
     FigureName = Literal[FIGURE_NAMES]
 COMPARING = ("readings",)
-"""Those that show all values of swept settings side by side."""
+"""Figures that show all values of swept settings side by side."""
 FILMS = ("folding",)
 STILL_SUFFIXES = (".pdf", ".svg", ".png")
 FILM_SUFFIXES = (".gif",)
@@ -27,10 +27,10 @@ def suffixes(kind: str) -> tuple[str, ...]:
 
 
 def check_still(output: Path) -> None:
-    """Refuse a file whose suffix is no format of a still figure.
+    """Check that the suffix of a file is a format of a still figure.
 
     Raises:
-        BadInput: if so.
+        BadInput: if it is not.
     """
     if output.suffix.lower() not in STILL_SUFFIXES:
         raise fault(

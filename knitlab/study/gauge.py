@@ -1,4 +1,4 @@
-"""The gauge of a cube: the knit sizes of its designs, and what it states of the gauge."""
+"""The gauge of a cube: the knit sizes of its designs, and the attributes for its gauge."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, fields
@@ -12,15 +12,15 @@ ATTRIBUTES = {field.name: f"gauge_{field.name}" for field in fields(Gauge)}
 
 
 def sizes_of(case: Case, values: Mapping[str, Any], gauge: Gauge) -> dict[str, float]:
-    """Knit sizes of a simulated case, under the registry's names.
+    """Knit sizes of a simulated case, by the names of the schema.
 
     Args:
         case: the case.
-        values: what its file holds.
-        gauge: of the cube.
+        values: variables of its file.
+        gauge: the gauge of the cube.
 
     Returns:
-        The sizes, none of a pure stripe, which has no patches to count stitches of [mm].
+        The sizes; empty for a pure stripe, whose stitches are not defined by patches [mm].
     """
     if case.pure:
         return {}
@@ -37,13 +37,13 @@ def sizes_at(
     """Knit sizes of a design of an old cube, at the gauge of the new one.
 
     Args:
-        values: of the design in the old cube.
-        attributes: of the old cube.
-        gauge: of the new cube.
+        values: values of the design in the old cube.
+        attributes: attributes of the old cube.
+        gauge: the gauge of the new cube.
 
     Returns:
-        The sizes, none if the old cube states no gauge: one of pure stripes, or of an earlier
-        version [mm].
+        The sizes; empty if the old cube has no gauge, because it is of pure stripes or of an
+        earlier version [mm].
     """
     if not set(ATTRIBUTES.values()) <= set(attributes):
         return {}

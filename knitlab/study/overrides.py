@@ -15,7 +15,7 @@ Overrides = Sequence[str] | Mapping[str, Any]
 
 
 def as_text(overrides: Overrides) -> tuple[str, ...]:
-    """Overrides as the ``KEY=VALUE`` text of ``--set``, which ``plan.json`` holds.
+    """Overrides as the ``KEY=VALUE`` text of ``--set``, which is stored in ``plan.json``.
 
     Args:
         overrides: such text, or Python values by the name of their setting: numbers, text, paths,
@@ -25,7 +25,7 @@ def as_text(overrides: Overrides) -> tuple[str, ...]:
         One text for each setting; read back, it gives the same values.
 
     Raises:
-        BadInput: with every value that no setting can have.
+        BadInput: if values cannot be those of a setting; it lists them all.
 
     Example:
         >>> as_text({"n_stripe": 4, "boundary": ["periodic", "clamped"]})
@@ -48,7 +48,7 @@ def as_text(overrides: Overrides) -> tuple[str, ...]:
 
 
 def read_value(text: str) -> Any:
-    """The value that text stands for: a TOML value, a list of several between commas, or itself."""
+    """The value of a text: a TOML value, a list of values between commas, or the text itself."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:

@@ -1,4 +1,4 @@
-"""Parameters: what ``params/*.toml`` may hold, each value with its unit and source."""
+"""Parameters: schemas of ``params/*.toml``, each value with its unit and source."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -118,13 +118,13 @@ class Stripes(StrictModel):
         return self.rib if knit == "rib" else self.garter
 
     def stripe(self, knit: Knit, stitches: int) -> Stripe:
-        """One stripe that there is."""
+        """One stripe of the table."""
         row = self.table(knit).n[str(stitches)]
         numbers = dict(row) | {"spring_curve": row.spring_curve and row.spring_curve.curve}
         return Stripe(knit=knit, n=stitches, **numbers)
 
     def impossible(self, n_stripe: int, n_subunit: int) -> str | None:
-        """Why a design cannot be made of these stripes, or None if it can."""
+        """Why a design is impossible with these stripes, or None if it is possible."""
         ribs, garters = (sorted(map(int, table.n)) for table in (self.rib, self.garter))
         pairing = [n for n in ribs if GARTER_STITCHES_PER_RIB_STITCH * n in garters]
         if n_stripe not in pairing:
@@ -145,7 +145,7 @@ class StripeFile(StrictModel):
     garter: StripeTable | None = None
 
     def over(self, stripes: Stripes) -> Stripes:
-        """The stripes, with those of this file added or replaced."""
+        """The stripes, to which those of this file are added, or which they replace."""
         tables = {}
         for knit, table in (("rib", stripes.rib), ("garter", stripes.garter)):
             own: StripeTable | None = getattr(self, knit)
@@ -161,7 +161,7 @@ class LayoutRow(StrictModel):
 
 
 class ElectrodesFile(StrictModel):
-    """``electrodes.toml``: named layouts, beside the entries of a capacitor."""
+    """``electrodes.toml``: named layouts, and the entries of a capacitor."""
 
     layouts: dict[str, LayoutRow]
 
@@ -182,7 +182,7 @@ class DesignSet(StrictModel):
 
     @property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """Its (n_stripe, n_subunit), in order."""
+        """The designs (n_stripe, n_subunit), in order."""
         return tuple((n, m) for grid in self.designs for n in grid.n_stripe for m in grid.n_subunit)
 
 
@@ -206,15 +206,15 @@ class Parameters:
         sheet: the walls.
         plain: plain knit.
         mass_and_drag: mass and damping.
-        model_options: what the paper leaves open.
-        solver: of equilibria.
-        dynamics: of motion.
-        capacitor: what a capacitance depends on beside its layout, which is the default one.
+        model_options: model options.
+        solver: settings of the equilibrium solver.
+        dynamics: settings of the dynamics.
+        capacitor: parameters of a capacitor, with the default layout.
         layouts: named layouts of electrodes.
         gauge: size of a stitch.
         designs: named sets of designs.
-        patterns: named patterns, each with the folder that its paths are relative to.
-        sources: where each value comes from, by the name of its setting.
+        patterns: named patterns, each with the folder to which its paths are relative.
+        sources: source of each value, by the name of its setting.
     """
 
     stripes: Stripes
@@ -252,7 +252,7 @@ def read_stripe_file(path: Path, source: str) -> StripeFile:
 
     Args:
         path: the file.
-        source: what named it, for a fault.
+        source: the setting that names the file, for messages.
 
     Raises:
         BadInput: with every fault of the file.
@@ -276,7 +276,7 @@ def read_parameters(folder: Path) -> Parameters:
             except ValidationError as error:
                 raise BadInput(faults_of(error, str(path))) from error
     if "stripes" in read and "designs" in read:
-        # Sets can be checked against the stripes even if another file is at fault.
+        # Sets can be checked against the stripes even if another file has faults.
         faults.all += [
             Fault(f"{folder / 'designs.toml'}: {name}", problem)
             for name, members in read["designs"].root.items()

@@ -1,4 +1,4 @@
-"""Named patterns: their schema, and what they make of a design's stripes and sizes."""
+"""Named patterns: their schema, and the stripes and sizes of a design that follow from them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -26,19 +26,19 @@ class FoldEntry(StrictModel):
 
 
 class Pattern(StrictModel):
-    """Patches that repeat, and what of them does not follow from n_stripe and n_subunit.
+    """Repeated patches, with sizes and stripes that do not follow from n_stripe and n_subunit.
 
     Patches are given as ``rows`` of letters, top course first, as a text file ``map`` of such rows,
     or as an ``image`` with a pixel for each patch and the letter of each of its ``colours``. Lists
-    of rows begin at the top, lists of columns at the left. A patch is n_subunit stitches wide and
-    2 n_subunit courses high, with ribs of n_stripe stitches and garter stripes of 2 n_stripe
-    courses, where the pattern does not say otherwise.
+    of rows begin at the top, lists of columns at the left. Unless the pattern gives
+    other values, a patch is n_subunit stitches wide and 2 n_subunit courses high, with ribs of
+    n_stripe stitches and garter stripes of 2 n_stripe courses.
 
     Attributes:
         source: what it is and where it comes from.
         rows: letters of the patches: R for rib, G for garter, P for plain knit.
-        map: path of a text file of such rows, from the pattern's file on.
-        image: path of an image, likewise.
+        map: path of a text file of such rows, relative to the pattern's file.
+        image: path of an image, relative to the pattern's file.
         colours: letter of each colour of the image, by its name such as ``#ff0000``.
         column_stitches: width of each column of patches [stitches].
         row_courses: height of each row of patches [courses].
@@ -52,7 +52,7 @@ class Pattern(StrictModel):
             :class:`~knitlab.model.pattern.SingleFold`.
 
     Raises:
-        ValidationError: with every key that is wrong.
+        ValidationError: if keys are wrong; it lists them all.
 
     Example:
         >>> import knitlab as kl
@@ -99,21 +99,21 @@ class Pattern(StrictModel):
 
     @property
     def single_folds(self) -> tuple[SingleFold, ...]:
-        """Its single folds."""
+        """The single folds."""
         return tuple(SingleFold(**fold.model_dump()) for fold in self.folds)
 
     def files(self, folder: Path) -> list[Path]:
-        """Files that it reads, relative to a folder."""
+        """Files that the pattern reads, relative to a folder."""
         return [folder / name for name in (self.map, self.image) if name is not None]
 
     def patches(self, folder: Path) -> tuple[str, ...]:
-        """Its rows of letters, top course first.
+        """The rows of letters, top course first.
 
         Args:
-            folder: what its paths are relative to.
+            folder: folder to which paths are relative.
 
         Raises:
-            BadInput: if its file cannot be read, or holds another letter or colour.
+            BadInput: if its file cannot be read, or has another letter or colour.
         """
         if self.rows is not None:
             return tuple(row.upper() for row in self.rows)
@@ -129,7 +129,7 @@ class Pattern(StrictModel):
             problem = f"cannot be read ({error.strerror or error}); check the path"
             raise fault(str(path), problem) from error
         except UnicodeDecodeError as error:
-            raise fault(str(path), "is no text; give rows of letters") from error
+            raise fault(str(path), "is not a text file; give rows of letters") from error
         except BadPattern as error:
             raise fault(str(path), str(error)) from error
         return rows
@@ -137,16 +137,16 @@ class Pattern(StrictModel):
     def grading(
         self, rows: Sequence[str], n_stripe: int, n_subunit: int, stripe: StripeOf
     ) -> Grading | None:
-        """Sizes and stripes of its rows and columns for one design; None if all are alike.
+        """Sizes and stripes of the rows and columns for one design; None if all are equal.
 
         Args:
-            rows: its rows of letters.
-            n_stripe: of what the pattern leaves open [stitches].
-            n_subunit: likewise [stitches].
-            stripe: the stripe of a knit and its stitches.
+            rows: the rows of letters.
+            n_stripe: n_stripe of rows and columns for which the pattern gives none [stitches].
+            n_subunit: n_subunit of rows and columns for which the pattern gives none [stitches].
+            stripe: returns the stripe of a knit and a number of stitches.
 
         Raises:
-            BadPattern: with every row and column that cannot be knitted.
+            BadPattern: if rows or columns cannot be knitted; it lists them all.
         """
         if not self.is_graded:
             return None
@@ -170,12 +170,12 @@ class Pattern(StrictModel):
         return Grading(tuple(row_periods), tuple(column_periods), tuple(garter), tuple(rib))
 
     def stitches(self, rows: Sequence[str], n_stripe: int, n_subunit: int) -> tuple[int, int]:
-        """Courses and wales of the whole pattern, as far as its lists fit it.
+        """Courses and wales of the whole pattern.
 
         Args:
-            rows: its rows of letters.
-            n_stripe: of what the pattern leaves open [stitches].
-            n_subunit: likewise [stitches].
+            rows: the rows of letters.
+            n_stripe: n_stripe of rows and columns for which the pattern gives none [stitches].
+            n_subunit: n_subunit of rows and columns for which the pattern gives none [stitches].
         """
         rib_n = self.column_n_stripe or (n_stripe,) * len(rows[0])
         garter_n = self.row_n_stripe or (n_stripe,) * len(rows)
@@ -198,7 +198,7 @@ class _Lines:
         self.stitches_a_period, self.problems = stripes, problems
 
     def given(self, values: Sequence[int] | None, default: int, key: str) -> list[int]:
-        """Values of all lines, the default where there are none or not as many as lines."""
+        """Values of all lines; the default if no values are given, or not one for each line."""
         if values is None:
             return [default] * self.count
         if len(values) != self.count:
@@ -212,7 +212,7 @@ class _Lines:
     def periods(
         self, sizes: Sequence[int], n_stripe: Sequence[int], given: Sequence[int] | None, key: str
     ) -> list[int]:
-        """Periods of all lines, from their sizes in stitches where they are not given."""
+        """Periods of all lines, computed from their sizes in stitches if they are not given."""
         if given is not None:
             return self.given(given, 1, key)
         found = []
@@ -245,7 +245,7 @@ class _Lines:
 
 
 def _letters_of_image(path: Path, colours: Mapping[str, str]) -> tuple[str, ...]:
-    # Slow to import, and of use to images alone.
+    # Slow to import, and only used for images.
     from matplotlib.colors import to_hex
     from matplotlib.image import imread
 
@@ -290,7 +290,7 @@ def read_pattern_file(path: Path, source: str) -> dict[str, Pattern]:
 
     Args:
         path: the file.
-        source: what named it, for a fault.
+        source: the setting that names the file, for messages.
 
     Raises:
         BadInput: with every fault of the file.

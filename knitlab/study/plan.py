@@ -1,4 +1,4 @@
-"""The plan: everything a run needs, resolved once and frozen into ``plan.json``."""
+"""The plan: everything that a run needs, resolved once and stored in ``plan.json``."""
 
 import json
 from collections import defaultdict
@@ -54,8 +54,8 @@ class Batch:
 
     Attributes:
         cases: their identifiers.
-        unknowns: of all of them.
-        estimated_seconds: how long they take on one core [s].
+        unknowns: number of unknowns of all of them.
+        estimated_seconds: their time on one core [s].
         estimated_bytes: memory of their worker [bytes].
     """
 
@@ -73,11 +73,11 @@ class Plan:
         workflow: its name.
         title: its title.
         figures: the figures that it draws.
-        cases: what to simulate, by identifier.
+        cases: the cases to simulate, by identifier.
         batches: the cases by mesh shape, as many together as memory allows.
         excluded: impossible designs of the grid, with the reason.
-        coordinates: of the settings that are given as lists.
-        overrides: the ``KEY=VALUE`` settings that it was made with.
+        coordinates: coordinates of the settings that are given as lists.
+        overrides: the ``KEY=VALUE`` overrides.
         inputs: SHA-256 of every file that the plan was made from, by path.
         stripes: fingerprint of the stripe tables, with the changes that all cases share.
         gauge: size of a stitch, for the cube's sizes in cloth; no case depends on it.
@@ -104,12 +104,12 @@ class Plan:
 
     @property
     def designs(self) -> dict[str, Design]:
-        """Labels of its cases, by identifier."""
+        """Labels of the cases, by identifier."""
         return {case_id: tuple(case.design.values()) for case_id, case in self.cases.items()}
 
     @cached_property
     def common(self) -> dict[str, Any]:
-        """What all of its cases share beside their designs."""
+        """The settings that all cases share."""
         settings = [SETTINGS[dim] for dim in self.coordinates]
         swept = {*self.dims, *(setting.factor_on for setting in settings if setting.factor_on)}
         return common_settings(self.cases.values(), swept, self.stripes)
@@ -120,7 +120,7 @@ class Plan:
         return next(iter(self.cases.values())).applied_strain
 
     def record(self) -> dict[str, Any]:
-        """The plan as JSON holds it."""
+        """The plan as a JSON object."""
         return {
             "workflow": self.workflow,
             "title": self.title,
@@ -137,7 +137,7 @@ class Plan:
         }
 
     def write(self, path: Path) -> None:
-        """Freeze the plan into a JSON file, a line for each case.
+        """Write the plan into a JSON file, one line for each case.
 
         Raises:
             CannotWrite: if it cannot be written.
@@ -159,7 +159,7 @@ def make_plan(
         workflow: name of a shipped workflow, or path of a file of the same form.
         overrides: settings that replace the workflow's, as ``KEY=VALUE`` text or as Python values
             by their names, such as ``{"n_stripe": 4, "k_t_factor": [0.8, 1.0]}``.
-        parameter_folder: where the parameter files lie; by default knitlab's own.
+        parameter_folder: folder of the parameter files; by default knitlab's own.
 
     Raises:
         BadInput: with every fault of every file and override.
@@ -215,15 +215,15 @@ def make_plan(
 
 
 def _left_out(read: Workflow) -> Iterator[str]:
-    """Settings of a workflow that its method leaves out."""
+    """Settings of a workflow that its method ignores."""
     protocol = read.protocol
     if protocol.robustness and protocol.method != "equilibrium":
-        siblings = "siblings are tested in equilibrium alone"
-        yield f"robustness = {protocol.robustness} is left out by {protocol.method}: {siblings}"
+        siblings = "siblings are tested in equilibrium only"
+        yield f"robustness = {protocol.robustness} is ignored by {protocol.method}: {siblings}"
 
 
 def _misplaced_electrodes(made: dict[str, Case], text: WorkflowText) -> list[Fault]:
-    """What is wrong with the electrodes of cases, a fault once for all the designs that have it."""
+    """Faults of the electrodes of cases; one fault for all designs that have it."""
     designs: dict[str, list[str]] = defaultdict(list)
     for case in made.values():
         for problem in electrode_problems(case):
@@ -241,7 +241,7 @@ def _stripes_fingerprint(
 ) -> str:
     swept = {axis.name for axis in axes}
     changes = read.model.model_dump(include=set(CHANGES) - swept)
-    # Of linear springs the fingerprint is that of a version without other laws.
+    # For linear springs the fingerprint is that of a version without other laws.
     changes = {
         name: value
         for name, value in changes.items()
@@ -252,7 +252,7 @@ def _stripes_fingerprint(
 
 
 def batched(cases: dict[str, Case]) -> tuple[Batch, ...]:
-    """Cases that stack together, as many as fit, the longest batches first."""
+    """Batches of cases that can be stacked, as large as memory allows, the longest first."""
     alike: dict[tuple[MeshShape, FoldAngle, tuple[SpringKind, ...]], list[str]] = defaultdict(list)
     for case_id, case in cases.items():
         alike[case.mesh_shape, case.options.fold_angle, case.spring_kinds].append(case_id)

@@ -5,10 +5,10 @@ from knitlab.study.workflow import DesignSection
 
 
 def sample_size(section: DesignSection, stitches: tuple[int, int]) -> tuple[int, int]:
-    """Repeats of a pattern in a sample along (y, x); of the paper's pattern, its unit cells.
+    """Repeats of a pattern in a sample along (y, x), which are unit cells for the paper's pattern.
 
-    Given needles, it is as wide as a whole number of repeats can be on them, at least one. It is
-    ``aspect`` times as long as wide, counting two courses as long as a wale is wide.
+    With ``needles``, a sample has as many whole repeats as fit on them, at least one. Its length is
+    ``aspect`` times its width; two courses count as long as a wale is wide.
 
     Args:
         section: the workflow's section.

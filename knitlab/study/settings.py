@@ -1,4 +1,4 @@
-"""Settings: what a workflow, a sweep and the documentation know of each.
+"""Settings: name, type, default and unit of each, for workflows, sweeps and documentation.
 
 A setting is declared once, as a field of a table such as
 :class:`~knitlab.solvers.solver.SolverSettings` with its range and unit as its type, or of a
@@ -23,7 +23,7 @@ SWEPT_SECTIONS = ("model", "solver", "dynamics", "electrodes")
 SAMPLE_SIZE = "unit_cells"
 """The setting of ``[design]`` that may be a list too, of pairs."""
 PATTERN = "pattern"
-"""The one that may be a list of names."""
+"""The setting of ``[design]`` that may be a list of names."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,10 @@ class Setting:
     """One setting of a workflow.
 
     Attributes:
-        section: the workflow's section that it is in.
+        section: its section of a workflow.
         name: its name, which no other section has.
         kind: its declared type, with range and unit.
-        default: its value where a workflow leaves it out; None if it is then taken from the
+        default: its value if a workflow does not give one; None if the value is then that of the
             parameter files or has no effect.
     """
 
@@ -60,7 +60,7 @@ class Setting:
         return any(get_origin(part) is tuple for part in parts(self.kind))
 
     def is_swept_by(self, value: Any) -> bool:
-        """Whether a value of a workflow file lists several values of it."""
+        """Whether a value of a workflow file is a list of several values."""
         if not isinstance(value, list) or not value:
             return False
         if self.name == SAMPLE_SIZE:
@@ -81,15 +81,15 @@ SETTINGS = {
 
 @dataclass(frozen=True)
 class SettingRow:
-    """What the documentation lists of a setting.
+    """A setting as the documentation lists it.
 
     Attributes:
-        section: the workflow's section that it is in.
+        section: its section of a workflow.
         name: its name.
-        values: what it may be, in words.
+        values: its possible values, in words.
         unit: its unit, ``"1"`` if it has none.
         default: its default; None if it has none.
-        source: where the default comes from, if it is that of a parameter file.
+        source: source of the default, if it is that of a parameter file.
     """
 
     section: str
@@ -104,7 +104,7 @@ def settings_table(parameter_folder: Path | None = None) -> tuple[SettingRow, ..
     """Every setting of a workflow, with its range, unit, default and source.
 
     Args:
-        parameter_folder: where the parameter files are; by default knitlab's own.
+        parameter_folder: folder of the parameter files; by default knitlab's own.
 
     Returns:
         A row for each setting, in the order of the sections.

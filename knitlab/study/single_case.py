@@ -26,16 +26,16 @@ from knitlab.study.settings import SETTINGS
 from knitlab.study.workflow_text import WorkflowText
 
 OF_THE_DESIGN = ("design", "stripes")
-"""Sections of a workflow that the design itself takes the place of."""
+"""Sections of a workflow that the design replaces."""
 OF_THE_STRAINS = ("strain_max", "strain_step", "further_strains")
 SOURCE = "given to knitlab.Design"
 OWN_PATTERN = "own pattern"
-"""Name of a pattern that is given as such."""
+"""Name of a pattern that is given as an object."""
 
 
 @dataclass(frozen=True)
 class SingleCase:
-    """A case that belongs to no sweep.
+    """A case outside a sweep.
 
     Attributes:
         case: the case.
@@ -60,10 +60,11 @@ def single_case(
         stripes: stripes that replace or complete the tables of ``params/stripes.toml``.
         applied_strain: strains of the tensile test, ascending from 0 [1].
         settings: one value for each of some keys of a workflow's other sections.
-        pattern: what the design names :data:`OWN_PATTERN`; its paths are relative to here.
+        pattern: the pattern that the design names :data:`OWN_PATTERN`; its paths are relative to
+            the current folder.
 
     Raises:
-        BadInput: with everything that is wrong in the design, the strains and the settings.
+        BadInput: if the design, the strains or the settings are wrong; it lists every fault.
     """
     faults = [*_refused(settings), *_bad_strains(applied_strain)]
     if faults:
@@ -94,7 +95,7 @@ def single_case(
 
 
 def _refused(settings: Mapping[str, Any]) -> Iterator[Fault]:
-    """Settings that are none, or that a single case has no use for."""
+    """Faults of settings that do not exist, or that a single case does not use."""
     for name, value in settings.items():
         setting = SETTINGS.get(name)
         if setting is None:

@@ -14,7 +14,7 @@ NAMES = {
 
 
 def in_words(kind: Any) -> str:
-    """What values of a type there are.
+    """The possible values of a type.
 
     Args:
         kind: a type with its range, as a settings table declares it.
@@ -35,7 +35,7 @@ def _words(schema: dict[str, Any]) -> str:
         return " or ".join(_words(one) for one in schema["anyOf"] if one.get("type") != "null")
     if "const" in schema or "enum" in schema:
         values = schema.get("enum", [schema.get("const")])
-        return " or ".join(f'"{its}"' if isinstance(its, str) else str(its) for its in values)
+        return " or ".join(f'"{each}"' if isinstance(each, str) else str(each) for each in values)
     if schema["type"] == "array":
         members = schema.get("prefixItems")
         return (

@@ -7,13 +7,13 @@ from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.study.parameters import Parameters
 
 USUAL_STRAIN = 2.0
-"""Largest usual applied strain: pure stripes, which unfold the furthest, are pulled so far."""
+"""Largest usual applied strain: that of pure stripes, which unfold furthest."""
 FAR = 10.0
-"""Factor above the largest, or below the smallest, value of the tables beyond which one is far."""
+"""Factor above the largest, or below the smallest, value of the tables of an unusual value."""
 
 
 def unusual_values(cases: Iterable[Case], parameters: Parameters) -> tuple[str, ...]:
-    """A sentence for every value of cases that may be a mistake, with the usual range.
+    """A sentence for every value that may be a mistake, with the usual range.
 
     Args:
         cases: the cases of a plan.

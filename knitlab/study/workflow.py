@@ -1,4 +1,4 @@
-"""Workflows: the schema of the TOML file that describes one experiment."""
+"""Workflows: the schema of the TOML file that describes one sweep."""
 
 from typing import Annotated, Any, get_args
 
@@ -35,9 +35,9 @@ Sizes = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
 """Numbers of stitches."""
 
 MOST_STEPS = 1000
-"""Strain steps of a test, at most."""
+"""Largest number of strain steps of a test."""
 MOST_SIBLINGS = 100
-"""Siblings of a design, at most."""
+"""Largest number of siblings of a design."""
 
 
 def _known_figure(name: Any) -> Any:
@@ -51,7 +51,7 @@ Figure = Annotated[FigureName, BeforeValidator(_known_figure)]
 
 
 def even_strains(strain_max: float, strain_step: float) -> tuple[float, ...]:
-    """Multiples of a step from 0 up to a largest strain, which is one of them."""
+    """Multiples of a step from 0 to a largest strain, which is one of them."""
     steps = round(strain_max / strain_step)
     return tuple(round(step * strain_step, 12) for step in range(steps + 1))
 
@@ -65,20 +65,20 @@ PatternText = Annotated[tuple[str, ...], Field(strict=False), BeforeValidator(_o
 
 
 def pattern_name(rows: tuple[str, ...]) -> str | None:
-    """The name that a ``pattern`` is, or None if it is rows of patches."""
+    """The name of a ``pattern``, or None if it is rows of patches."""
     return rows[0] if len(rows) == 1 and is_pattern_name(rows[0]) else None
 
 
 class DesignSection(StrictModel):
-    """``[design]``: which designs, as a named set or as a grid, and the sample they make.
+    """``[design]``: the designs, as a named set or as a grid, and the size of their samples.
 
     ``pattern`` is rows of patches, top course first, or the name of a pattern of ``patterns.toml``
     or of the ``pattern_files``; several names are a dimension of the cube.
 
-    With a set, ``n_stripe`` or ``n_subunit`` alone keep those members of it; both together
+    With a set, ``n_stripe`` or ``n_subunit`` alone select members of the set; both together
     replace it by their grid. The size of the sample is given in ``unit_cells``, or by ``needles``:
-    it is then as many unit cells as fit on that number of needles times ``scale``, and ``aspect``
-    times as long as wide.
+    the sample then has as many unit cells as fit on that number of needles times ``scale``, and is
+    ``aspect`` times as long as wide.
     """
 
     set: str | None = None
@@ -108,9 +108,9 @@ class DesignSection(StrictModel):
 
 
 class StripesSection(StrictModel):
-    """``[stripes]``: pure stripes, pulled across their ridges, in place of ``[design]``.
+    """``[stripes]``: pure stripes, stretched across their ridges, instead of ``[design]``.
 
-    Each is run under every boundary, as a sheet of ``stripe_periods`` periods.
+    Each is simulated with every boundary, as a sheet of ``stripe_periods`` periods.
     """
 
     knit: Annotated[tuple[Knit, ...], Field(min_length=1, strict=False)] = ("rib", "garter")
@@ -123,10 +123,10 @@ class ProtocolSection(StrictModel):
     """``[protocol]``: the strains of the tensile test, and how its states are reached.
 
     The strains are the multiples of ``strain_step`` and the ``further_strains``, up to
-    ``strain_max``. ``sensitivities`` adds how Poisson's ratio and force depend on the stripe
-    parameters, ``unloading`` the way back through the same strains, and ``robustness`` the spread
-    of results over this number of slightly different siblings of each design; siblings are tested
-    in equilibrium only.
+    ``strain_max``. ``sensitivities`` adds the derivatives of Poisson's ratio and force with
+    respect to the stripe parameters, ``unloading`` the states of unloading at the same strains, and
+    ``robustness`` the spread of results over this number of siblings of each design, which are
+    slightly perturbed copies of the fabric; siblings are tested in equilibrium only.
     """
 
     method: Method = "equilibrium"
@@ -151,13 +151,12 @@ class ProtocolSection(StrictModel):
         steps = self.strain_max / self.strain_step
         if abs(steps - round(steps)) > 1e-6:
             raise ValueError(
-                f"strain_max = {self.strain_max:g} is no whole number of strain_step ="
+                f"strain_max = {self.strain_max:g} is not a whole multiple of strain_step ="
                 f" {self.strain_step:g}; change one"
             )
         if steps > MOST_STEPS:
             raise ValueError(
-                f"strain_max / strain_step asks for {steps:.3g} strains;"
-                f" ask for {MOST_STEPS} at most"
+                f"strain_max / strain_step gives {steps:.3g} strains; give at most {MOST_STEPS}"
             )
         return self
 
@@ -189,43 +188,43 @@ CHANGES: Types = {
     **factors(SHEET_NUMBERS),
     **SPRING_LAW_CHANGES,
 }
-"""Numbers of stripes and sheet that may be replaced or multiplied, in the order of the fingerprint
-of stripes that a cube states."""
+"""Parameters of stripes and sheet that may be replaced or multiplied, in the order of the
+fingerprint of stripes in a cube."""
 
 
 @with_fields(optional(CHANGES | PLAIN_NUMBERS | declared(ModelOptions)))
 class ModelSection(StrictModel):
-    """``[model]``: what replaces the values of ``reading.toml``, ``sheet.toml``, ``stripes.toml``.
+    """``[model]``: settings that replace ``reading.toml``, ``sheet.toml`` and ``stripes.toml``.
 
-    ``stripe_files`` hold stripes to add or replace, as ``knitlab calibrate`` writes them. Any other
-    setting may be a list, and is then a dimension of the cube. Factors multiply what the tables or
-    other settings give.
+    ``stripe_files`` contain stripes to add or replace, as ``knitlab calibrate`` writes them. Any
+    other setting may be a list, and is then a dimension of the cube. Factors multiply the values of
+    the tables or of other settings.
     """
 
     stripe_files: Annotated[tuple[str, ...], Field(strict=False)] = ()
 
     @property
     def changes(self) -> dict[str, float]:
-        """Numbers and factors that it gives for stripes, plain knit and sheet."""
+        """Values and factors that it gives for stripes, plain knit and sheet."""
         return self.model_dump(include=set(CHANGES | PLAIN_NUMBERS), exclude_none=True)
 
 
 @with_fields(optional(declared(SolverSettings)))
 class SolverSection(StrictModel):
-    """``[solver]``: what replaces the values of ``solver.toml``; a list is a dimension."""
+    """``[solver]``: settings that replace ``solver.toml``; a list is a dimension."""
 
 
 @with_fields(optional(declared(DynamicsSettings)))
 class DynamicsSection(StrictModel):
-    """``[dynamics]``: what replaces the values of ``dynamics.toml``; a list is a dimension."""
+    """``[dynamics]``: settings that replace ``dynamics.toml``; a list is a dimension."""
 
 
 @with_fields(optional(declared(ElectrodeLayout) | declared(Capacitor, without=("layout",))))
 class ElectrodesSection(StrictModel):
-    """``[electrodes]``: the layout of a capacitor, and what replaces ``electrodes.toml``.
+    """``[electrodes]``: the layout of a capacitor, and settings that replace ``electrodes.toml``.
 
-    The values of along, ridges, face, within, width, span and mask change the named layout, or are
-    the layout where none is named. A list of layouts, or of another single setting, is a dimension.
+    The values of along, ridges, face, within, width, span and mask change the named layout, or
+    define a layout if none is named. A list of layouts, or of one other setting, is a dimension.
     """
 
     layout: str | None = None
@@ -233,7 +232,7 @@ class ElectrodesSection(StrictModel):
 
 @with_fields(optional(declared(Gauge)))
 class GaugeSection(StrictModel):
-    """``[gauge]``: what replaces the values of ``gauge.toml``; a cube has one gauge."""
+    """``[gauge]``: settings that replace ``gauge.toml``; a cube has one gauge."""
 
 
 class Workflow(StrictModel):

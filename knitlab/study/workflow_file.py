@@ -21,4 +21,4 @@ def workflow_file(workflow: str) -> Path:
         return path
     names = [file.stem for file in shipped("workflows").glob("*.toml")]
     problem = unknown(path.stem, names, "workflow")
-    raise fault(workflow, f"is no file, and {problem}")
+    raise fault(workflow, f"is not a file, and {problem}")

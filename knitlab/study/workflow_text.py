@@ -1,4 +1,4 @@
-"""The text of a workflow: its file with overrides applied, before and while it is checked."""
+"""The text of a workflow: its file with overrides, before validation and during it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ from knitlab.study.workflow import SECTIONS, Workflow
 KEYS = dict.fromkeys(Workflow.model_fields, "") | {
     name: setting.section for name, setting in SETTINGS.items()
 }
-"""What a workflow may hold, with the table that it is in."""
+"""Keys of a workflow, with the table of each."""
 
 
 @dataclass(frozen=True)
 class WorkflowText:
-    """What a workflow and its overrides say, before it is checked.
+    """A workflow with its overrides, before validation.
 
     Attributes:
         path: the workflow's file.
@@ -40,14 +40,14 @@ class WorkflowText:
     faults: tuple[Fault, ...]
 
     def source(self, key: str) -> str:
-        """Where a ``section.key`` is given: its override, or its place in the file."""
+        """Origin of a ``section.key``: its override, or its place in the file."""
         return self.overrides.get(key, f"{self.path}: {key}")
 
     def checked(self) -> Workflow:
         """The workflow, with the first value of every axis.
 
         Raises:
-            BadInput: with every fault of the file and of the overrides.
+            BadInput: if the file or the overrides have faults; it lists them all.
         """
         try:
             workflow = Workflow.model_validate(self.table)
@@ -60,10 +60,10 @@ class WorkflowText:
         return workflow
 
     def checked_axes(self) -> tuple[SweepAxis, ...]:
-        """Its axes.
+        """The axes.
 
         Raises:
-            BadInput: with every fault of their values but the first, which :meth:`checked` checks.
+            BadInput: if values other than the first, which :meth:`checked` checks, have faults.
         """
         faults: list[Fault] = []
         axes = []
@@ -88,18 +88,18 @@ class WorkflowText:
         return tuple(axes)
 
     def section(self, name: str) -> Any:
-        """One of its sections alone, or None where that is not there or has faults."""
+        """One section of the workflow, or None if it is missing or has faults."""
         try:
             return SECTIONS[name].model_validate(self.table[name])
         except (KeyError, ValidationError):
             return None
 
     def folder(self, key: str) -> Path:
-        """What a path under ``section.key`` is relative to: here, or the workflow's folder."""
+        """Folder to which a path of ``section.key`` is relative."""
         return Path() if key in self.overrides else self.path.parent
 
     def _place(self, path: str) -> str:
-        """Where a fault is, from its path in the tables."""
+        """Origin of a fault, from its path in the tables."""
         section, _, key = path.partition(".")
         name, _, item = key.partition(".")
         number = item.partition(".")[0]
@@ -114,10 +114,10 @@ class WorkflowText:
 def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
     """Read a workflow's file and apply overrides to it.
 
-    A key is the name of a setting, with its section before it or not; a comma makes a list.
+    A key is the name of a setting, with or without its section; a comma makes a list.
 
     Raises:
-        BadInput: if the file cannot be read, or an override has a value of no such type.
+        BadInput: if the file cannot be read, or an override cannot be applied.
     """
     table = {name: _with_lists(name, its) for name, its in read_toml(path).items()}
     faults: list[Fault] = []
@@ -143,7 +143,7 @@ def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
 
 
 def _with_single_values(table: dict[str, Any]) -> tuple[dict[str, Any], tuple[SweepAxis, ...]]:
-    """Tables with the first value of each setting that has several, and the axes of these."""
+    """Tables with the first value of each setting that has several, and the axes."""
     single, axes = dict(table), []
     for setting, value in _settings_in(table):
         if setting.is_swept_by(value):
@@ -162,7 +162,7 @@ def _settings_in(table: dict[str, Any]) -> Iterator[tuple[Setting, Any]]:
 
 
 def _with_lists(section: str, given: Any) -> Any:
-    """A table of a file, with a list of one where a single value is given for a list."""
+    """A table of a file, in which a single value that stands for a list is a list."""
     if section not in SECTIONS or not isinstance(given, dict):
         return given
     return {

@@ -1,4 +1,4 @@
-"""Single designs in Python: what a sweep computes, without a workflow."""
+"""Single designs in Python: the results of a sweep, without a workflow."""
 
 from dataclasses import replace
 
@@ -60,7 +60,7 @@ def test_a_stripe_that_no_table_has_makes_a_design():
     assert test["rib_k_t"] == rib.k_t
 
 
-def test_what_does_not_converge_is_reported_and_missing():
+def test_a_test_that_does_not_converge_is_reported_and_its_values_are_missing():
     with pytest.warns(kl.NotConverged, match="n_stripe 4 .* no equilibrium at applied strain 0"):
         test = kl.simulate(SMALL, STRAINS, max_iterations=2)
     assert test["poisson_ratio"].isnull().all()
@@ -75,7 +75,7 @@ def test_what_does_not_converge_is_reported_and_missing():
         ({"unit_cells": (1, 1), "needles": 90}, "both unit_cells and needles"),
     ],
 )
-def test_a_design_that_cannot_be_is_refused(change, message):
+def test_an_impossible_design_is_refused(change, message):
     with pytest.raises(kl.BadInput, match=message):
         kl.simulate(replace(SMALL, **change), STRAINS)
 
@@ -90,7 +90,7 @@ def test_a_design_that_cannot_be_is_refused(change, message):
         ({"strain_max": 0.3}, "leave it out"),
     ],
 )
-def test_a_setting_that_cannot_be_is_refused(settings, message):
+def test_an_invalid_setting_is_refused(settings, message):
     with pytest.raises(kl.BadInput, match=message):
         kl.simulate(SMALL, STRAINS, **settings)
 
@@ -101,7 +101,7 @@ def test_strains_ascend_from_zero(strains):
         kl.simulate(SMALL, strains)
 
 
-def test_a_stripe_is_of_its_place():
+def test_a_stripe_must_have_the_knit_of_its_argument():
     rib = kl.Stripe("rib", 4, period=1.6, k_s=0.8, theta_0=3.5, k_t=0.012)
     with pytest.raises(kl.BadInput, match=r"garter: is a rib stripe.*\n?.*theta_0"):
         kl.Design(n_stripe=4, n_subunit=16, garter=rib)

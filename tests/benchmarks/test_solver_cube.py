@@ -25,7 +25,7 @@ MACHINE = {"cpu_model": "Abacus 1", "blas_kernels": "beads"}
 
 
 def made_up_records():
-    """Times that are powers of the size; the dynamics are given up on the largest sample."""
+    """Times that are powers of the size; the dynamics do not finish the largest sample."""
     records = []
     for solver, slope in SLOPE.items():
         for size, nodes in NODES.items():
@@ -69,7 +69,7 @@ def cube():
     return cube_of(made_up_records()).assign_attrs(machine())
 
 
-def test_every_variable_says_what_it_is(cube):
+def test_every_variable_has_units_and_a_long_name(cube):
     for name, variable in cube.data_vars.items():
         assert variable.attrs["long_name"], name
         assert "units" in variable.attrs or "flag_meanings" in variable.attrs, name
@@ -142,7 +142,7 @@ def test_what_was_not_reached_has_no_time(cube):
     assert "not reached" in report(cube)
 
 
-def test_of_two_records_that_differ_in_their_setting_the_later_counts():
+def test_of_two_records_with_different_settings_the_later_is_used():
     early = asdict(Measurement("relaxation", "fire", setting=0.1))
     early |= {
         "seconds": 1.0,
@@ -157,7 +157,7 @@ def test_of_two_records_that_differ_in_their_setting_the_later_counts():
     assert cube["setting"].item() == 0.2
 
 
-def test_sweeps_alone_make_a_cube():
+def test_a_cube_can_hold_only_sweeps():
     measurement = Measurement("sweep", "knitlab", size="paper", workers=2)
     cost = {
         "reached": True,
@@ -233,7 +233,7 @@ def test_the_setting_that_took_the_fewest_evaluations_is_taken(tmp_path):
     assert best_setting(asked, tmp_path) == 0.02
 
 
-def test_what_took_long_is_not_repeated(tmp_path):
+def test_a_slow_measurement_is_not_repeated(tmp_path):
     budget = Budget(repeats=2, time_limit=100.0, once_above=10.0)
     names = []
     for measurement in planned(["scaling"], budget, tmp_path):

@@ -28,7 +28,7 @@ def test_fire_and_l_bfgs_relax_to_the_state_of_the_equilibrium_solver(boundary):
         evaluation = problem.evaluate(relaxed)
         assert np.abs(evaluation.gradient[free]).max() <= TOLERANCE
         energies[solver] = float(evaluation.energy.total)
-    # A force of the tolerance left on a soft mode is worth this much energy.
+    # A residual force equal to the tolerance on a soft mode changes the energy by this amount.
     assert energies == pytest.approx(dict.fromkeys(energies, energies["knitlab"]), rel=1e-6)
 
 
@@ -47,7 +47,7 @@ def test_methods_pull_a_sample_to_the_same_state(solver):
     )
     assert watch.states == len(pulled) == len(expected) == 3
     energies = [float(problem.evaluate(states[-1]).energy.total) for states in (pulled, expected)]
-    # Each pulls from its own relaxed shape, whose length the force left on it blurs.
+    # Each starts from its own relaxed shape, whose length varies with the residual force.
     assert energies[0] == pytest.approx(energies[1], rel=5e-5)
 
 
@@ -80,7 +80,7 @@ def test_a_batch_reaches_the_last_strain_sequentially_and_in_lockstep():
         assert record["residual"] <= named.case().equilibrium_solver.tolerance
 
 
-def test_a_watch_tells_when_a_residual_was_first_reached():
+def test_a_watch_reports_when_a_residual_was_first_reached():
     watch = Watch(np.inf, trace=[(1.0, 0.5), (2.0, 0.05), (3.0, 0.2), (4.0, 0.01)])
     assert watch.first_times(np.array([1.0, 0.1, 0.01, 1e-3])) == [1.0, 2.0, 4.0, None]
 

@@ -1,4 +1,4 @@
-"""Conductors made of panels by hand, and their capacitance."""
+"""Conductors divided into panels without knitlab, and their capacitance."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from knitlab.capacitance.boundary_elements import (
 )
 
 PAIRS_A_PANEL = 48
-"""So many near pairs suffice, whatever the shape; one number of them is one program."""
+"""A sufficient number of near pairs for every shape; one number needs one compiled program."""
 
 
 def evenly(count):
@@ -20,7 +20,7 @@ def evenly(count):
 
 
 def crowded(count):
-    """Lines from 0 to 1 that crowd towards both ends, where charge gathers."""
+    """Lines from 0 to 1 that are denser towards both ends, where charge concentrates."""
     return (1 - np.cos(np.pi * evenly(count))) / 2
 
 
@@ -31,7 +31,7 @@ def net_of(points):
 
 
 def plate(corner, one, other, lines, other_lines):
-    """A flat parallelogram of two sides, cut along lines from 0 to 1."""
+    """A flat parallelogram with two given sides, divided along lines from 0 to 1."""
     corner, one, other = (np.asarray(vector, float) for vector in (corner, one, other))
     points = lines[:, None, None] * one + other_lines[None, :, None] * other
     return net_of(corner + points)
@@ -45,21 +45,21 @@ def cube(lines, side=1.0):
 
 
 def sphere(count, radius=1.0):
-    """A sphere, of a cube whose faces are cut at equal angles and blown up."""
+    """A sphere: a cube whose faces are divided at equal angles and projected onto the sphere."""
     angles = np.tan(np.pi / 4 * np.linspace(-1, 1, count + 1))
     panels = cube((1 + angles) / 2)
     return radius * panels / np.linalg.norm(panels, axis=-1, keepdims=True)
 
 
 def disc(count, radius=1.0):
-    """A disc, as a square whose sides are bent to the rim."""
+    """A disc: a square whose sides are mapped to the rim."""
     u, v = np.meshgrid(2 * crowded(count) - 1, 2 * crowded(count) - 1, indexing="ij")
     x, y = u * np.sqrt(1 - v**2 / 2), v * np.sqrt(1 - u**2 / 2)
     return radius * net_of(np.stack([x, y, 0 * x], axis=-1))
 
 
 def prism(outline, length, count):
-    """A wall along y on an outline (x, z), closed or not as that is."""
+    """A surface along y over an outline (x, z), which may be closed."""
     y = length * evenly(count)
     x, z = (np.repeat(side[:, None], len(y), axis=1) for side in np.asarray(outline, float).T)
     return net_of(np.stack([x, np.broadcast_to(y, x.shape), z], axis=-1))
@@ -100,7 +100,7 @@ def maxwell(*conductors, period=None, axis=1, images=None):
 
 
 def filled(pairs, count):
-    """At least so many pairs, for the last may stand there again and again."""
+    """At least this number of pairs, padded with copies of the last."""
     count = -(-max(count, len(pairs)) // PAIRS_AT_ONCE) * PAIRS_AT_ONCE
     return np.concatenate([pairs, np.repeat(pairs[-1:], count - len(pairs), axis=0)])
 
@@ -111,7 +111,7 @@ def between(*conductors, period=None):
 
 
 def extrapolated(coarse, fine):
-    """Limit of what converges with the square of the panels' size, at half the size."""
+    """Extrapolated limit of a quantity that converges with the square of the panel size."""
     return fine + (fine - coarse) / 3
 
 
@@ -133,7 +133,7 @@ def by_series(one, other, terms=80):
     own = np.pi * series / np.maximum(order, 1)
     lengths = np.linalg.norm(half, axis=-1)
     own_by_strip = [np.column_stack([own[:, 0] * c, own[:, 1:]]) for c in np.log(2 / lengths)]
-    # Unknown: the terms of both, and a potential shared by both; their charges are opposite.
+    # Unknowns: the terms of both strips, and a common potential; their charges are opposite.
     ones, total = np.ones((terms, 1)), np.zeros(2 * terms + 1)
     total[[0, terms]] = 1
     system = np.block(
@@ -144,9 +144,9 @@ def by_series(one, other, terms=80):
 
 
 def bent(panels):
-    """Panels on which space is bent across y, so that hardly two are alike.
+    """Panels in a space that is deformed across y, so that hardly two are equal.
 
-    Which of two alike is taken for the larger, and charged, is up to round-off.
+    Which of two equal panels counts as the larger would depend on round-off.
     """
     x, y, z = np.moveaxis(panels, -1, 0)
     return np.stack([x + 0.07 * np.sin(1.1 * z + 0.3 * x), y, z + 0.06 * np.sin(0.9 * x + 1)], -1)

@@ -156,7 +156,7 @@ def test_periodic_strips_agree_with_a_series(ends):
 
 
 @pytest.mark.slow
-def test_hinged_plates_tend_to_a_tight_wedge():
+def test_hinged_plates_converge_to_a_tight_wedge():
     angles = np.array([0.8, 0.4, 0.2, 0.1])
     found = np.array([of_strips(hinged(angle), 24) for angle in angles])
     excess = found / (VACUUM_PERMITTIVITY * LENGTH / angles * np.log(5)) - 1
@@ -206,7 +206,7 @@ def test_a_periodic_pair_equals_a_long_one():
 
     periodic = by_series(*ends)
     assert long_pair(32.0) / 32 == pytest.approx(periodic, rel=0.03)
-    # What the ends add is the same for both.
+    # The contribution of the ends is the same for both.
     assert (long_pair(32.0) - long_pair(16.0)) / 16 == pytest.approx(periodic, rel=0.01)
 
 
@@ -223,7 +223,7 @@ def test_square_plates_agree_with_fastcap(distance):
             for panel in panels.tolist():
                 surface.add_quad(*map(tuple, panel))
             problem.add(surface)
-        # FastCap counts metres and farads.
+        # FastCap uses metres and farads.
         return 1e9 * two_terminal(np.array(problem.solve()))
 
     computed = extrapolated(*(between(*square_plates(count, distance)) for count in (8, 16)))
@@ -233,7 +233,7 @@ def test_square_plates_agree_with_fastcap(distance):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("distance", [0.05, 0.2, 1.0])
-def test_plates_have_more_than_the_field_straight_between_them(distance):
+def test_plates_have_more_capacitance_than_the_homogeneous_field(distance):
     assert between(*square_plates(8, distance)) > VACUUM_PERMITTIVITY / distance
 
 
@@ -306,7 +306,7 @@ def test_graded_panels_converge_by_the_second_order():
 
 
 @pytest.mark.slow
-def test_even_panels_converge_by_the_first_order():
+def test_uniform_panels_converge_by_the_first_order():
     found = [
         maxwell(plate([0, 0, 0], [1, 0, 0], [0, 1, 0], evenly(count), evenly(count)))[0, 0]
         for count in (4, 8, 16)
@@ -353,7 +353,7 @@ def test_states_of_a_batch_equal_single_states():
     batch = [conductors[0] + shifts, *(np.repeat(each[None], 6, axis=0) for each in conductors[1:])]
     together = maxwell(*batch)
     alone = [maxwell(*(each[number] for each in batch)) for number in range(6)]
-    # Near in one state is taken for near in all of them.
+    # Panels that are near in one state count as near in all states.
     assert np.allclose(together, alone, rtol=1e-4)
 
 
@@ -374,7 +374,7 @@ def test_the_number_of_images_does_not_matter(length):
     def with_images(count, beyond):
         return two_terminal(maxwell(*pair, period=length, images=Images(count, beyond, axis=1)))
 
-    # So many that those beyond them do not count.
+    # So many images that further ones are negligible.
     exact = with_images(jnp.asarray(2000), jnp.zeros(2))
     for count in (8, 12, 40):
         beyond = jnp.array([zeta(3, count + 1), zeta(5, count + 1)])
@@ -404,7 +404,7 @@ def test_a_shift_of_all_potentials_leaves_the_capacitance_between_two():
         assert two_terminal(shifted) == pytest.approx(two_terminal(matrix), rel=1e-9)
 
 
-def test_between_two_a_meter_reads_their_charge_by_their_voltage():
+def test_mutual_capacitance_is_charge_over_voltage():
     matrix = maxwell(*two_spheres(3, 2.5, 0.5))
     one, other = np.linalg.solve(matrix, [1.0, -1.0])
     assert two_terminal(matrix) == pytest.approx(1 / (one - other), rel=1e-12)

@@ -1,4 +1,4 @@
-"""Capacitors on stripes folded by hand: what is measured, and what has a status instead."""
+"""Capacitors on stripes with given folds: measured capacitances, and states without one."""
 
 from dataclasses import replace
 
@@ -43,12 +43,12 @@ def folded(net, fabric, angles):
     return Configuration.stacked(states)
 
 
-def measured(angles, reading=PERIODIC, **changes):
-    net, fabric = pure(STRIPE, reading, PERIODS, ridges="G")
+def measured(angles, options=PERIODIC, **changes):
+    net, fabric = pure(STRIPE, options, PERIODS, ridges="G")
     capacitor = replace(CAPACITOR, **changes)
     pattern = patch_map(["G"], PERIODS)
     stitches = tuple(np.full(cells, 4.0) for cells in pattern.grid)
-    electrodes = place_electrodes(capacitor.layout, pattern, reading, stitches)
+    electrodes = place_electrodes(capacitor.layout, pattern, options, stitches)
     return capacitances(electrodes, net, fabric, folded(net, fabric, angles), capacitor)
 
 
@@ -62,7 +62,7 @@ def test_capacitance_falls_as_the_stripe_unfolds():
 
 
 @pytest.mark.slow
-def test_flat_it_is_that_of_coplanar_strips():
+def test_flat_fabric_has_the_capacitance_of_coplanar_strips():
     from scipy.special import ellipk
 
     found = measured([np.pi])
@@ -109,7 +109,7 @@ def test_unresolved_capacitances_are_reported():
     assert found.error[0] > 1e-5
 
 
-def test_the_surroundings_multiply_it():
+def test_permittivity_multiplies_the_capacitance():
     assert measured([1.0], permittivity=2.5).capacitance == pytest.approx(
         2.5 * measured([1.0]).capacitance
     )

@@ -18,7 +18,7 @@ STEPS = np.linspace(0, 1, 41)
 
 
 def found_by_minimising(one, other):
-    """Shortest distance between triangles, as a convex problem of the places on both."""
+    """Shortest distance between triangles, as a convex problem of the positions on both."""
 
     def squared(place):
         apart = (1 - place[0] - place[1]) * one[0] + place[:2] @ one[1:]
@@ -38,7 +38,7 @@ def found_by_minimising(one, other):
 
 
 def sampled(triangle):
-    """Points all over a triangle."""
+    """Points distributed over a triangle."""
     u, v = (part.ravel() for part in np.meshgrid(STEPS, STEPS))
     u, v = u[u + v <= 1], v[u + v <= 1]
     return (
@@ -49,7 +49,7 @@ def sampled(triangle):
 
 
 def pair(seed):
-    """Two triangles side by side, that do not pass through each other."""
+    """Two triangles side by side, which do not intersect."""
     random = np.random.default_rng(seed)
     one, other = random.normal(size=(2, 3, 3))
     apart = random.normal(size=3)
@@ -110,7 +110,7 @@ def test_the_distance_of_triangles_does_not_depend_on_their_order(seed, motion):
 
 @pytest.mark.slow
 @given(SEED)
-def test_the_distance_of_many_is_that_of_each(seed):
+def test_the_distance_of_many_equals_that_of_each(seed):
     one, other = (np.array(each) for each in zip(*map(pair, range(seed, seed + 5)), strict=True))
     alone = [triangle_distance(*each)[0] for each in zip(one[:, None], other[:, None], strict=True)]
     assert triangle_distance(one, other).tolist() == alone
@@ -197,7 +197,7 @@ def test_there_is_no_gap_between_surfaces_that_lie_in_each_other():
 
 
 @pytest.mark.parametrize("reach", [0.1, 1.9])
-def test_the_gap_is_looked_for_no_farther_than_its_reach(reach):
+def test_the_gap_is_limited_to_the_search_distance(reach):
     assert gap(square(), square((0, 0, 2.0)), reach) == reach
 
 

@@ -15,8 +15,8 @@ from tests.fabrics import CLAMPED, PERIODIC, cell_of, pure, shaken, stripe
 LEVELS = (1, 2, 3)
 
 
-def rib(reading, periods=2):
-    net, fabric = pure(stripe("rib", 4), reading, periods)
+def rib(options, periods=2):
+    net, fabric = pure(stripe("rib", 4), options, periods)
     return net.shape, cell_of(fabric), jax.tree.map(np.asarray, flat_sheet(net, fabric))
 
 
@@ -34,7 +34,7 @@ def along_the_weft(shape, low=0.5, width=1.0, apart=4.0):
 
 
 def drawn(electrodes):
-    """The same electrodes, of strips of one grid cell each."""
+    """The same electrodes, divided into strips of one grid cell."""
     cells = [
         [
             Strip(x, x + 1.0, y, y + 1.0)
@@ -60,11 +60,11 @@ def panel_area(panels):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("level", LEVELS)
-@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
+@pytest.mark.parametrize("options", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
 @pytest.mark.parametrize("laid", [up_the_warp, along_the_weft])
 @given(low=st.floats(0, 0.9), width=st.floats(0.2, 1.9))
-def test_panels_cover_their_electrode(laid, reading, level, low, width):
-    shape, *_ = rib(reading)
+def test_panels_cover_their_electrode(laid, options, level, low, width):
+    shape, *_ = rib(options)
     electrodes = laid(shape, low, width)
     chart = panel_chart(electrodes, shape, level)
     areas = chart_area(chart)
@@ -93,9 +93,9 @@ def test_panels_stay_in_their_grid_cells():
     assert corners.max() == 1
 
 
-@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
-def test_on_a_flat_sheet_panels_are_as_large_as_their_electrode(reading):
-    shape, cell, flat = rib(reading)
+@pytest.mark.parametrize("options", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
+def test_on_a_flat_sheet_panels_are_as_large_as_their_electrode(options):
+    shape, cell, flat = rib(options)
     electrodes = up_the_warp(shape, 0.7, 1.5)
     chart = panel_chart(electrodes, shape, 2)
     areas = panel_area(panels_on(chart, shape, flat))
@@ -110,7 +110,7 @@ def test_a_strip_is_cut_by_level_and_finer_where_it_ends(level):
     lengthwise = (shape.cells_y + 2) * level
     within = Electrodes(((Strip(0.0, 1.0, 0.0, 8.0),), (Strip(4.0, 6.0, 0.0, 8.0),)), "wale")
     one, other = np.bincount(panel_chart(within, shape, level).electrode)
-    # Of one column both sides end; of two columns each ends at one.
+    # An electrode of one column ends at both its sides; with two columns each ends at one side.
     assert one == 4 * level * lengthwise
     assert other == (2 + 2) * level * lengthwise
     one, other = np.bincount(panel_chart(within, periodic, level).electrode)
@@ -120,7 +120,7 @@ def test_a_strip_is_cut_by_level_and_finer_where_it_ends(level):
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("low_free", [False, True])
 @pytest.mark.parametrize("high_free", [False, True])
-def test_lines_run_from_0_to_1_and_crowd_where_the_electrode_ends(level, low_free, high_free):
+def test_lines_run_from_0_to_1_and_are_denser_at_ends_of_the_electrode(level, low_free, high_free):
     lines = graded(level, low_free, high_free)
     steps = np.diff(lines)
     assert lines[0] == 0
@@ -129,7 +129,7 @@ def test_lines_run_from_0_to_1_and_crowd_where_the_electrode_ends(level, low_fre
     assert len(steps) == level * (1 + low_free) * (1 + high_free)
     assert np.allclose(lines, 1 - graded(level, high_free, low_free)[::-1], atol=1e-15)
     if low_free or high_free:
-        # As narrow at both sides, and nowhere wider than in the middle.
+        # Equally narrow at both sides, and widest in the middle.
         assert np.allclose(steps, steps[::-1])
         assert (np.diff(steps[: (len(steps) + 1) // 2]) > 0).all()
     else:
@@ -171,11 +171,11 @@ def test_periodic_fabric_continues_along_its_electrodes_only():
 
 
 @pytest.mark.parametrize("level", LEVELS)
-@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
+@pytest.mark.parametrize("options", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
 @pytest.mark.parametrize("width", [1.0, 2.0])
 @pytest.mark.parametrize("laid", [up_the_warp, along_the_weft])
-def test_a_drawn_electrode_has_the_panels_of_a_strip(laid, width, reading, level):
-    shape, *_ = rib(reading)
+def test_a_drawn_electrode_has_the_panels_of_a_strip(laid, width, options, level):
+    shape, *_ = rib(options)
     electrodes = laid(shape, 0.0, width)
 
     def panels(of):
@@ -241,7 +241,7 @@ def test_panels_beyond_the_periodic_boundary_lie_on_images_of_nodes(laid):
 
 
 @pytest.mark.parametrize("laid", [up_the_warp, along_the_weft])
-def test_an_electrode_a_period_on_has_its_panels_a_period_on(laid):
+def test_shifting_an_electrode_by_a_period_shifts_its_panels_by_a_period(laid):
     shape, _, flat = rib(PERIODIC)
     configuration = shaken(flat, 0.3)
     local, on = (
@@ -262,7 +262,7 @@ def test_panels_of_many_states_are_those_of_each():
 
 
 @pytest.mark.slow
-def test_panels_are_carried_alike_in_numpy_and_in_jax():
+def test_panel_positions_are_equal_in_numpy_and_in_jax():
     shape, _, flat = rib(PERIODIC)
     chart = panel_chart(up_the_warp(shape), shape, 1)
     found = panels_on(chart, shape, jax.tree.map(jnp.asarray, flat))

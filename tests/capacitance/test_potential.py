@@ -48,14 +48,14 @@ def placed(seed, in_plane=False):
 @pytest.mark.slow
 @pytest.mark.parametrize("height", [0.2, -0.7, 3.0])
 @pytest.mark.parametrize("foot", [(1.0, 0.5), (0.0, 0.0), (1.5, 1.5), (-2.0, 4.0)])
-def test_off_the_plane_it_is_the_integral(foot, height):
+def test_the_potential_off_the_plane_is_the_integral(foot, height):
     corners = np.array([[0.2, -0.4, 0.0], [2.9, 0.3, 0.0], [0.6, 2.2, 0.0]])
     at = np.array([*foot, height])
     assert one_potential(at, corners) == pytest.approx(integrated(at, corners), rel=1e-8)
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_of_a_triangle_anywhere_it_is_the_integral(seed):
+def test_the_potential_of_any_triangle_is_the_integral(seed):
     at, corners = placed(seed)
     assert one_potential(at, corners) == pytest.approx(integrated(at, corners), rel=1e-7)
 
@@ -68,11 +68,11 @@ def test_of_a_triangle_anywhere_it_is_the_integral(seed):
         (2, 3 * np.log(1 + np.sqrt(2))),
     ],
 )
-def test_at_its_corners_a_right_triangle_has_closed_forms(corner, exact):
+def test_the_potential_at_the_corners_of_a_right_triangle_has_closed_forms(corner, exact):
     assert one_potential(RIGHT[corner], RIGHT) == pytest.approx(exact, rel=1e-14)
 
 
-def test_at_its_centre_an_equilateral_triangle_has_a_closed_form():
+def test_the_potential_at_the_centre_of_an_equilateral_triangle_has_a_closed_form():
     turns = 2 * np.pi / 3 * np.arange(3)
     corners = np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=-1)
     exact = 3 * np.log(2 + np.sqrt(3))
@@ -110,11 +110,11 @@ def test_the_parts_of_a_triangle_add_up_where_they_meet(on):
     ids=["line", "segment", "point"],
 )
 @pytest.mark.parametrize("at", [(0.3, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 2.0, 3.0), (1.0, 1.0, 1.0)])
-def test_a_triangle_without_area_gives_nothing(corners, at):
+def test_a_triangle_without_area_has_no_potential(corners, at):
     assert one_potential(at, corners) == pytest.approx(0, abs=1e-12)
 
 
-def test_far_away_it_is_that_of_a_point():
+def test_far_away_the_potential_is_that_of_a_point_charge():
     away = Rotation.random(20, rng=0).apply([1.0, 0, 0])
     for distance, most in ((30, 3e-3), (300, 3e-5), (3000, 3e-7)):
         at = RIGHT.mean(axis=0) + distance * away
@@ -123,7 +123,7 @@ def test_far_away_it_is_that_of_a_point():
 
 
 @given(SEED, SEED)
-def test_it_does_not_change_with_a_rigid_motion(seed, motion):
+def test_a_rigid_motion_does_not_change_the_value(seed, motion):
     at, corners = placed(seed)
     turn = Rotation.random(rng=motion)
     shift = np.random.default_rng(motion).normal(size=3)
@@ -138,7 +138,7 @@ def test_the_order_of_the_corners_does_not_matter(seed, order):
 
 
 @given(SEED, st.floats(1e-3, 1e3))
-def test_it_grows_with_length(seed, scale):
+def test_the_potential_scales_with_length(seed, scale):
     at, corners = placed(seed)
     grown = one_potential(scale * at, scale * corners)
     assert grown == pytest.approx(scale * one_potential(at, corners), rel=1e-8)
@@ -146,7 +146,7 @@ def test_it_grows_with_length(seed, scale):
 
 @given(SEED)
 @settings(max_examples=20)
-def test_it_is_the_same_on_both_sides(seed):
+def test_the_potential_is_the_same_on_both_sides(seed):
     at, corners = placed(seed)
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     normal /= np.linalg.norm(normal)
@@ -156,7 +156,7 @@ def test_it_is_the_same_on_both_sides(seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
-def test_off_the_triangle_it_is_harmonic(seed):
+def test_the_potential_is_harmonic_off_the_triangle(seed):
     at, corners = placed(seed)
     second = np.asarray(jax.hessian(triangle_potential)(at, corners))
     assert abs(np.trace(second)) < 1e-9 * np.abs(second).max()
@@ -170,7 +170,7 @@ def test_on_either_face_the_field_is_that_of_its_charge():
         assert above[2] == pytest.approx(-side * 2 * np.pi, rel=1e-6)
 
 
-def test_many_points_are_as_one_at_a_time():
+def test_many_points_give_the_values_of_single_points():
     at, corners = (np.array(part) for part in zip(*map(placed, range(8)), strict=True))
     alone = [one_potential(*each) for each in zip(at, corners, strict=True)]
     assert np.allclose(potential(at, corners), alone, rtol=1e-13)

@@ -1,4 +1,4 @@
-"""Figures of a sensor, on curves of which they are known."""
+"""Figures of merit of a sensor, on curves for which they are known."""
 
 import numpy as np
 import pytest
@@ -29,17 +29,17 @@ def test_a_straight_line_is_linear_all_along(slope):
     assert sensor.working_slope == pytest.approx(slope)
 
 
-def test_a_constant_senses_nothing():
+def test_a_constant_capacitance_has_no_sensitivity():
     sensor = sensor_of(STRAIN, np.full(STRAIN.size, 3.0), 0.99)
     assert (sensor.sensitivity, sensor.linearity, sensor.working_range) == (0, 0, 0)
 
 
-def test_two_points_are_no_curve():
+def test_two_points_are_too_few():
     assert sensor_of(STRAIN[:2], STRAIN[:2], 0.99) is None
 
 
 def test_the_mean_slope_is_that_of_the_central_fifth():
-    # 0.30 to 0.40 is the central fifth of 0.10 to 0.60; a kink lies in its middle.
+    # 0.30 to 0.40 is the central fifth of 0.10 to 0.60; the curve has a kink in its middle.
     curve = np.where(STRAIN < 0.35, 5.0, 5.0 - 8 * (STRAIN - 0.35))
     fine = np.linspace(0.1, 0.6, 501)
     assert mean_slope(fine, np.interp(fine, STRAIN, curve)) == pytest.approx(4, rel=0.03)
@@ -76,7 +76,7 @@ def test_no_window_wider_than_the_working_range_is_as_straight(seed, least):
 
 
 @given(st.floats(0.01, 100), st.floats(0.1, 10))
-def test_figures_scale_as_their_units_do(capacitance, strain):
+def test_figures_of_merit_scale_with_their_units(capacitance, strain):
     curve = 2 + np.tanh(8 * (STRAIN - 0.3))
     one = sensor_of(STRAIN, curve, 0.97)
     other = sensor_of(strain * STRAIN, capacitance * curve, 0.97)
@@ -109,14 +109,14 @@ def test_unfolding_that_continues_is_not_complete():
     assert np.isnan(strain_unfolded(STRAIN, 2 + STRAIN, 0.1))
 
 
-def test_the_longest_run_without_a_gap_is_the_one_that_senses():
+def test_the_sensing_range_is_the_longest_without_a_gap():
     able = np.array([True, False, True, True, True, False, True, True])
     assert np.flatnonzero(longest_run(able)).tolist() == [2, 3, 4]
     assert not longest_run(np.zeros(3, dtype=bool)).any()
     assert longest_run(np.ones(3, dtype=bool)).all()
 
 
-def test_a_fabric_senses_until_it_is_unfolded_and_where_it_has_a_capacitance():
+def test_the_sensing_range_ends_at_unfolding_and_needs_a_capacitance():
     strain, missing = np.linspace(0, 0.6, 7), np.nan
     curve = np.array([missing, 5.0, 4.0, 3.0, 2.0, 1.0, 0.5])
     assert strain[sensing_range(strain, curve, 0.45)] == pytest.approx([0.1, 0.2, 0.3, 0.4])

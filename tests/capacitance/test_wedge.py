@@ -55,14 +55,14 @@ def rolled(turns):
 
 
 def hinged(angle):
-    """Turns of a fabric with one fold, halfway between the strips."""
+    """Rotations of the cells of a fabric with one fold, midway between the strips."""
     turns = np.zeros(7)
     turns[3] = np.pi - angle
     return turns
 
 
 def corrugated(angle):
-    """Turns of a fabric with a ridge along the middle of each strip and a valley between them."""
+    """Rotations of the cells of a fabric with a ridge in each strip and a valley between them."""
     turns = np.zeros(7)
     turns[1::2] = (angle - np.pi) * np.array([1, -1, 1])
     return turns
@@ -112,14 +112,14 @@ def test_flat_fabric_has_the_closed_form_of_coplanar_strips(low, width, gap):
 
 
 @pytest.mark.parametrize("angle", [3.0, 2.0, 1.0, 0.3, 5.0])
-def test_of_a_hinge_it_is_the_sum_of_both_wedges(angle):
+def test_the_capacitance_of_a_hinge_is_the_sum_of_both_wedges(angle):
     ratios = np.log(3) / np.array([angle, 2 * np.pi - angle])
     exact = VACUUM_PERMITTIVITY * LENGTH * float(with_ends(ratios).sum())
     assert wedge(rolled(hinged(angle))) == pytest.approx(exact, rel=1e-4)
 
 
 @pytest.mark.parametrize(("angle", "most"), [(2.5, 0.01), (2.0, 0.02), (1.0, 0.07), (0.3, 0.09)])
-def test_of_a_hinge_it_is_a_little_less_than_the_exact_value(angle, most):
+def test_the_capacitance_of_a_hinge_is_slightly_below_the_exact_value(angle, most):
     line = outline(hinged(angle))
     exact = LENGTH * by_series(line[[1, 3]], line[[5, 7]])
     found = wedge(rolled(hinged(angle)))
@@ -140,26 +140,26 @@ def test_of_a_hinge_it_is_a_little_less_than_the_exact_value(angle, most):
     ],
     ids=["flat", "hinge 2", "hinge 0.5", "ridges 2.5", "ridges 2", "ridges 1.5", "ridges 1"],
 )
-def test_it_agrees_with_boundary_elements(turns, most):
+def test_the_wedge_integral_agrees_with_boundary_elements(turns, most):
     configuration = rolled(turns)
     assert wedge(configuration) == pytest.approx(by_panels(configuration), rel=most)
 
 
 @pytest.mark.parametrize("tilt", [1e-2, 1e-4, -1e-4])
-def test_nearly_parallel_plates_are_followed(tilt):
+def test_nearly_parallel_plates_have_most_of_the_exact_value(tilt):
     turns = np.zeros(7)
     turns[2] = turns[4] = np.pi / 2 - tilt / 2
     line = outline(turns)
     exact = LENGTH * by_series(line[[1, 3]], line[[5, 7]])
     found = wedge(rolled(turns))
-    # As wide as they are apart. The field behind them is no arc, and is left out.
+    # Strips as wide as their distance. The field behind them is not an arc, and is neglected.
     assert found > VACUUM_PERMITTIVITY * LENGTH
     assert 0.7 * exact < found < exact
 
 
 @given(SEED)
 @settings(max_examples=10)
-def test_it_does_not_change_with_a_rigid_motion(seed):
+def test_a_rigid_motion_does_not_change_the_value(seed):
     configuration = shaken(rolled(corrugated(1.5)), 0.02, seed)
     turn, shift = Rotation.from_euler("y", seed), np.random.default_rng(seed).normal(size=3)
     nodes = moved(configuration.positions.reshape(-1, 3), turn, shift)
@@ -169,27 +169,27 @@ def test_it_does_not_change_with_a_rigid_motion(seed):
 
 @given(st.floats(0.01, 100))
 @settings(max_examples=10)
-def test_it_grows_with_size(scale):
+def test_the_capacitance_scales_with_size(scale):
     configuration = shaken(rolled(corrugated(1.5)), 0.02)
     assert wedge(scaled(configuration, scale)) == pytest.approx(
         scale * wedge(configuration), rel=1e-9
     )
 
 
-def test_it_is_the_same_seen_from_behind():
+def test_the_capacitance_is_the_same_from_both_sides():
     configuration = shaken(rolled(corrugated(1.5)), 0.02)
     mirrored = Configuration(configuration.positions * [1, 1, -1], configuration.lengths)
     assert wedge(mirrored) == pytest.approx(wedge(configuration), rel=1e-12)
 
 
-def test_it_does_not_matter_which_strip_is_named_first():
+def test_the_order_of_the_strips_does_not_matter():
     configuration = shaken(rolled(corrugated(1.5)), 0.02)
     swapped = Electrodes(PAIR.strips[::-1], PAIR.along)
     assert wedge(configuration, swapped) == pytest.approx(wedge(configuration), rel=1e-12)
 
 
 @pytest.mark.slow
-def test_strips_along_the_weft_are_as_those_up_the_warp():
+def test_strips_along_weft_and_warp_are_equivalent():
     configuration = shaken(rolled(corrugated(1.5)), 0.02)
     turned_shape = MeshShape(SHAPE.cells_x, SHAPE.cells_y, periodic=True)
     nodes = configuration.positions.swapaxes(0, 1)[..., [1, 0, 2]]
@@ -202,7 +202,7 @@ def test_strips_along_the_weft_are_as_those_up_the_warp():
 
 
 @pytest.mark.slow
-def test_a_period_on_it_is_the_same():
+def test_a_shift_by_a_period_does_not_change_the_capacitance():
     configuration = shaken(rolled(corrugated(1.5)), 0.02)
     on = beside(1.0 + SHAPE.cells_x)
     assert wedge(configuration, on) == pytest.approx(wedge(configuration), rel=1e-9)
@@ -217,7 +217,7 @@ def test_many_states_equal_single_states():
 @pytest.mark.slow
 @given(SEED)
 @settings(max_examples=5)
-def test_its_derivative_is_that_of_finite_differences(seed):
+def test_the_derivative_is_that_of_finite_differences(seed):
     configuration = shaken(rolled(corrugated(1.5)), 0.05, seed)
     direction = shaken(scaled(configuration, 0.0), 1.0, seed + 1)
     step = 1e-5
@@ -232,10 +232,10 @@ def test_its_derivative_is_that_of_finite_differences(seed):
 
 
 @pytest.mark.slow
-def test_its_derivative_is_finite_where_the_fabric_is_flat():
+def test_the_derivative_is_finite_where_the_fabric_is_flat():
     gradient = jax.grad(wedge_capacitance, argnums=2)(PAIR, SHAPE, rolled(FLAT)).flattened()
     assert np.isfinite(gradient).all()
-    # By size alone, capacitance grows with it.
+    # Capacitance is proportional to size.
     assert gradient @ rolled(FLAT).flattened() == pytest.approx(wedge(rolled(FLAT)), rel=1e-9)
 
 
@@ -248,9 +248,9 @@ def test_its_derivative_is_finite_where_the_fabric_is_flat():
     ],
     ids=["widths", "lengths", "drawn"],
 )
-def test_it_refuses_what_are_not_two_strips_of_one_width(strips):
+def test_only_two_strips_of_one_width_are_accepted(strips):
     electrodes = Electrodes(strips, "wale")
     assert not side_by_side(electrodes)
-    with pytest.raises(ValueError, match="two strips of one width"):
+    with pytest.raises(ValueError, match="two strips of equal width"):
         wedge_capacitance(electrodes, SHAPE, rolled(FLAT))
     assert side_by_side(PAIR)

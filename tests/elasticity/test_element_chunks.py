@@ -1,4 +1,4 @@
-"""Chunks of elements: put together they make up the fabric, whatever its mesh shape."""
+"""Chunks of elements give the results of the whole fabric, for any mesh shape."""
 
 import jax
 import numpy as np
@@ -14,12 +14,12 @@ from tests.fabrics import checkered, shaken
 
 PART = Stage(fold=0.7, wall=0.3)
 SHEETS = [("clamped", 1), ("clamped", 4), ("periodic", 1), ("periodic", 4)]
-"""Of less than one chunk, and of some that are not all full."""
+"""Mesh shapes of less than one chunk, and of several chunks that are not all full."""
 
 
 @pytest.fixture
 def shared(monkeypatch):
-    """Small samples are worth sharing."""
+    """Makes small samples use several threads."""
     monkeypatch.setattr(element_chunks, "WORTH_SHARING", 2)
     chunks_of.cache_clear()
     yield
@@ -31,7 +31,7 @@ def shared(monkeypatch):
 @pytest.mark.parametrize(
     "angle", ["whole_normals", pytest.param("across_edge", marks=pytest.mark.slow)]
 )
-def test_energy_forces_and_hessians_are_those_of_the_whole(boundary, periods, angle):
+def test_energy_forces_and_hessians_equal_those_without_chunks(boundary, periods, angle):
     net, fabric = checkered(4, periods, ModelOptions(boundary=boundary, fold_angle=angle))
     full, spare = divmod(net.shape.nodes, HEIGHTS)
     assert (full > 0) == (periods > 1)
@@ -51,8 +51,8 @@ def test_energy_forces_and_hessians_are_those_of_the_whole(boundary, periods, an
     assert min(float(part) for part in (parts.stretch, parts.fold, parts.wall)) > 0
 
 
-def test_the_incidence_of_any_motion_of_the_whole_is_none():
-    """Vectors are differences: moved as a whole, a sheet has the same, but for its heights."""
+def test_the_incidence_of_a_translation_is_zero():
+    """Vectors are differences: a translation changes only the heights."""
     mesh_chunks = chunks_of(checkered(4, 1, ModelOptions(boundary="clamped"))[0].shape)
     for axis in (0, 1):
         moved = np.zeros(mesh_chunks.shape.unknowns)

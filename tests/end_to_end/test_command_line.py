@@ -87,6 +87,7 @@ def test_a_case_that_does_not_converge_makes_exit_code_1():
         ("query", "nowhere.nc"),
         ("map", "auxetic", "nowhere.nc", "-o", "new/map.png"),
         ("map", "shapes", "nowhere.nc", "-o", "map.png"),
+        ("export", "nowhere.nc", "-o", "new/shape.vtu"),
     ],
 )
 def test_bad_input_is_a_sentence_and_exit_code_2_and_writes_nothing(words, tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""What the documentation prints is what its commands and its Python print of the kept cubes."""
+"""The output shown in the documentation is that of its commands and Python on the kept cubes."""
 
 import doctest
 import re
@@ -18,8 +18,8 @@ PAGES = [
     "CONTRIBUTING.md",
     *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs").rglob("*.md"))),
 ]
-READING_COMMANDS = ("query", "find", "claims")
-"""Commands that only read a cube: what they print must be true without a simulation."""
+READING_COMMANDS = ("query", "find", "claims", "export")
+"""Commands that only read a cube, whose output can be compared without a simulation."""
 LEFT_OUT = "…"
 
 
@@ -51,7 +51,7 @@ def examples(page):
 
 
 def kept(word):
-    """A results folder as it is kept here, if it is."""
+    """The kept copy of a results folder, if there is one."""
     folder = REFERENCE / Path(word).name
     return str(folder) if word.startswith("results/") and (folder / "cube.nc").exists() else word
 
@@ -93,13 +93,13 @@ def test_a_printed_table_is_that_of_the_kept_cube(example, tmp_path, monkeypatch
 
 
 def split(lines, separator):
-    """Runs of lines between separators; what names the files written is left out."""
+    """Runs of lines between separators, without lines that name written files."""
     part = []
     for line in lines:
         if line.strip() == separator:
             yield part
             part = []
-        elif not line.startswith(("page ", "figure ")):
+        elif not line.startswith(("page ", "figure ", "mesh ")):
             part.append(line.rstrip())
     yield part
 
@@ -159,8 +159,8 @@ def test_the_tutorials_have_python_that_runs():
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_links_to_files_lead_to_files_that_there_are(page):
-    # What another page is included by is read from where that page lies.
+def test_links_to_files_lead_to_existing_files(page):
+    # Paths of included pages are relative to those pages.
     text = re.sub(r"```{include}.*?```", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.S)
     targets = re.findall(r"\]\((?!https?://)([^)#\s]+)", text)
     missing = [each for each in targets if not (ROOT / page).parent.joinpath(each).exists()]

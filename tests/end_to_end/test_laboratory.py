@@ -34,14 +34,14 @@ def shown() -> list[tuple[list[str], list[str]]]:
 
 @pytest.fixture
 def results_folder(tmp_path, monkeypatch):
-    """A folder like the repository, with the simulation that the tutorial runs already there."""
+    """A folder like the repository that already contains the simulation of the tutorial."""
     (tmp_path / "workflows").symlink_to(ROOT / "workflows")
     shutil.copytree(REFERENCE, tmp_path / "results" / "laboratory")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
-def test_the_tutorial_shows_what_its_commands_say(results_folder):
+def test_the_tutorial_shows_the_output_of_its_commands(results_folder):
     commands = shown()
     assert [command[0] for command, _ in commands] == [*["import"] * 3, "query", "compare"]
     for command, output in commands:
@@ -58,7 +58,7 @@ def test_the_overlay_is_drawn_of_both(results_folder):
     cube = open_cube("results/synthetic_4_16")
     assert cube.attrs["synthetic"].startswith("yes")
     assert "synthetic" in str(cube["source"].item())
-    # Two corners bear no marker: their five unit cells are missing throughout.
+    # Two corners have no marker: their five unit cells are always missing.
     assert (cube["cells_lost"] >= 5).all()
     assert np.isfinite(cube["mean_strain_xx"]).all()
     for kind in ("curves", "auxetic", "tension", "sensor", "capacitors"):

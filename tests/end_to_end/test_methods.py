@@ -20,7 +20,7 @@ def knitlab(*words):
 
 
 @pytest.mark.slow
-def test_a_relaxation_is_drawn_and_filmed():
+def test_a_relaxation_is_drawn_and_animated():
     settings = ("n_stripe=8", "n_subunit=16", "boundary=periodic", "snapshots=12")
     words = [word for setting in settings for word in ("--set", setting)]
     ran = knitlab("run", "relaxation", *words, "--workers", "0")

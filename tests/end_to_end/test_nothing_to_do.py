@@ -25,7 +25,7 @@ def ran(results, *words):
 
 
 def written(results):
-    """When each file of a results folder was written."""
+    """Modification time of each file of a results folder."""
     files = [*results.rglob("*.n[cp]*"), *results.rglob("*.p*")]
     return {path: path.stat().st_mtime_ns for path in files}
 
@@ -53,7 +53,7 @@ def test_a_second_run_prints_the_same_and_writes_nothing(results):
     assert written(results) == before
 
 
-def test_a_second_run_needs_none_of_the_slow_libraries(results):
+def test_a_second_run_imports_none_of_the_slow_libraries(results):
     words = [*WORDS, "--results", str(results)]
     program = (
         "import sys; from knitlab.cli import main\n"
@@ -91,7 +91,7 @@ def test_lost_or_damaged_files_are_recreated(results, change):
     assert finished_plan("preview", SETTINGS, results)
 
 
-def test_other_settings_or_code_are_not_taken_for_done(results, monkeypatch):
+def test_results_of_other_settings_or_code_are_not_reused(results, monkeypatch):
     assert finished_plan("preview", SETTINGS[:2], results) is None
     assert finished_plan("sensor", SETTINGS, results) is None
     monkeypatch.setattr("knitlab.execution.finished.package_fingerprint", lambda: "other code")

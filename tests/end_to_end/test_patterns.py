@@ -1,4 +1,4 @@
-"""Patterns from a file to a cube: whatever can be validated builds, relaxes and comes back."""
+"""Patterns from a file to a cube: every valid pattern relaxes and is read back."""
 
 import numpy as np
 import pytest
@@ -49,9 +49,9 @@ def patterns(draw):
 
 
 def _is_frustrated(rows):
-    """Whether a column of garter alone, which shortens, lies beside one with rib, which does not.
+    """Whether a column of garter only, which shortens, is beside one with rib, which does not.
 
-    Periodic fabric then folds over itself in every row; some of it crushes cells.
+    Periodic fabric then folds over itself in every row; in some fabrics cells are crushed.
     """
     columns = ["".join(column) for column in zip(*rows, strict=True)]
     return any(set(column) == {"G"} for column in columns) and "R" in "".join(columns)
@@ -60,7 +60,7 @@ def _is_frustrated(rows):
 @pytest.mark.slow
 @SLOW_TO_COMPILE
 @given(patterns())
-def test_any_valid_pattern_relaxes_or_says_why_not_and_comes_back(tmp_path_factory, pattern):
+def test_any_valid_pattern_relaxes_or_reports_why_and_is_read_back(tmp_path_factory, pattern):
     folder = tmp_path_factory.mktemp("pattern")
     (folder / "own.toml").write_text(tomli_w.dumps({"own": pattern}), encoding="utf-8")
     chosen = {
@@ -83,7 +83,7 @@ def test_any_valid_pattern_relaxes_or_says_why_not_and_comes_back(tmp_path_facto
         assert row["status"] == "ok", (pattern, ran.failures)
         assert stored["residual_force"].max() <= 1e-8
     found = recorded_pattern(case.record)
-    np.testing.assert_array_equal(found.knit, [list(its) for its in pattern["rows"][::-1]])
+    np.testing.assert_array_equal(found.knit, [list(row) for row in pattern["rows"][::-1]])
     assert stored.sizes["node_y"], stored.sizes["node_x"] == found.grid
 
 

@@ -1,4 +1,4 @@
-"""Numbers that stay: the same on any processor, with any number of threads, alone or in a batch."""
+"""Results are the same on any CPU, with any number of threads, alone or in a batch."""
 
 import json
 import os
@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 SAME = 1e-3
 DESIGNS = ("strain_max=0.45", "strain_step=0.15", "robustness=0")
 KERNELS = {"Sandybridge": "avx", "Haswell": "avx2", "SkylakeX": "avx512f"}
-"""Kernels of OpenBLAS, and what a processor must know to run them."""
+"""Kernels of OpenBLAS, and the CPU features that they need."""
 
 
 def ratios(cases, runner=None):
@@ -72,7 +72,7 @@ needs_linux = pytest.mark.skipif(
 @pytest.mark.parametrize(
     ("kernel", "threads"), [("Haswell", 2), ("Sandybridge", 1), ("SkylakeX", 1)]
 )
-def test_threads_and_kernels_leave_every_ratio_of_the_preview(usual, kernel, threads):
+def test_threads_and_kernels_do_not_change_the_ratios_of_the_preview(usual, kernel, threads):
     if not runs_here(kernel):
         pytest.skip(f"this processor does not know {KERNELS[kernel]}")
     assert len(usual) == 10
@@ -80,7 +80,7 @@ def test_threads_and_kernels_leave_every_ratio_of_the_preview(usual, kernel, thr
 
 
 @pytest.mark.slow
-def test_a_case_alone_has_the_ratios_that_it_has_in_a_batch():
+def test_a_case_has_the_same_ratios_alone_and_in_a_batch():
     together = next(batch for batch in batches() if len(batch) > 2)
     in_batch = ratios(together, run_in_lockstep)
     alone = {}

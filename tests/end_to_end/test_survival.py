@@ -1,4 +1,4 @@
-"""A real sweep that is killed, taken up again, damaged and reproduced, as a user types it."""
+"""A real sweep that is killed, resumed, damaged and reproduced by commands."""
 
 import json
 from pathlib import Path
@@ -86,7 +86,7 @@ def test_a_case_that_failed_is_reproduced_alone(tmp_path, monkeypatch):
         (("reproduce", "4-8-0"), "is in no plan.json"),
     ],
 )
-def test_what_is_not_there_is_a_sentence(tmp_path, monkeypatch, words, message):
+def test_missing_files_are_reported_in_one_sentence(tmp_path, monkeypatch, words, message):
     monkeypatch.chdir(tmp_path)
     result = knitlab(*words)
     assert result.exit_code == 2

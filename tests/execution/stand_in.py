@@ -32,17 +32,17 @@ POISONED = 8
 """n_stripe of the designs that the bad stand-ins fail on."""
 FACTORS = 4
 EVENT_BYTES = 512
-"""A pipe of one page holds eight of them: a process is no further ahead of who counts them."""
+"""A pipe of one page holds eight messages, so a process is at most eight messages ahead."""
 
 
 def plan_of(factors=FACTORS):
-    """Ten designs under so many factors of k_t."""
+    """Ten designs with a number of factors of k_t."""
     values = ",".join(f"{1 + k / 1000:g}" for k in range(factors))
     return make_plan("preview", ("strain_max=0.06", f"k_t_factor={values}"))
 
 
 def write(results, case, status=Status.ok):
-    """A case file with made-up numbers that only the case decides."""
+    """A case file with artificial numbers that depend only on the case."""
     seed = int(hashlib.sha256(case.case_id.encode()).hexdigest()[:8], 16)
     numbers = np.random.default_rng(seed)
     sizes = {"applied_strain": len(case.applied_strain)}
@@ -102,7 +102,7 @@ def simulate_endlessly(results, cases, progress):
 
 
 def simulate_once_lost(results, cases, progress):
-    """The worker dies once, and not when the batch is tried again."""
+    """The worker dies once, but not when the batch is run again."""
     mark = results / "died-once"
     if any(case.design["n_stripe"] == POISONED for case in cases) and not mark.exists():
         mark.touch()
@@ -122,11 +122,11 @@ def simulate_unconverged(results, cases, progress):
 
 
 def kill_again_and_again(results, kills):
-    """Run and kill in turns, each run a fork of this process; then say how often each was hit.
+    """Run and kill alternately, each run in a fork of this process; then print the counts.
 
-    Every other run dies of its file growing too long, in the middle of a case; the others are
-    killed at or after some change of a file. After every kill the sound case files must be no fewer
-    than before.
+    Every second run dies in the middle of a case because its file exceeds a size; the others are
+    killed at or after some change of a file. After every kill there must be at least as many valid
+    case files as before.
     """
     plan = plan_of()
     random = np.random.default_rng(1)
@@ -155,7 +155,7 @@ def kill_at_a_change(plan, results, count, begun):
     if not child:
         own.close()
         pause_before_changes(other_end, results)
-        while True:  # what is done is done: then the cube alone is written, over and over
+        while True:  # after the last case every run only writes the cube again
             run_plan(plan, results, RunOptions(simulate=simulate))
     other_end.close()
     with own:
@@ -166,7 +166,7 @@ def kill_at_a_change(plan, results, count, begun):
 
 
 def die_within_a_case(plan, results, size):
-    """A run that the system ends where a case file grows beyond a size [bytes]."""
+    """A run that the system ends when a case file exceeds a size [bytes]."""
 
     def simulate_with_little_room(*arguments):
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))

@@ -1,4 +1,4 @@
-"""Cubes that grow, swept settings, and results that go stale, by a cheap stand-in."""
+"""Cubes that grow, swept settings, and stale results, by a cheap stand-in."""
 
 import json
 import os
@@ -43,7 +43,7 @@ def bits(cube, **labels):
 
 
 @pytest.mark.slow
-def test_new_designs_join_a_cube_and_old_cells_stay_bit_for_bit(tmp_path):
+def test_new_designs_are_added_to_a_cube_whose_values_stay_bitwise_equal(tmp_path):
     first = ran(planned(*PAIRS), tmp_path)
     more = ran(planned("n_stripe=6,8", "n_subunit=24,48", "strain_max=0.06"), tmp_path)
     assert more.cube["n_stripe"].values.tolist() == [4, 6, 8]
@@ -53,7 +53,7 @@ def test_new_designs_join_a_cube_and_old_cells_stay_bit_for_bit(tmp_path):
         assert bits(more.cube, **labels) == bits(first.cube, **labels)
     assert more.cube["status"].sel(n_stripe=6, n_subunit=16) == Status.excluded
     assert more.cube["status"].sel(n_stripe=6, n_subunit=48) == Status.ok
-    # What was there comes first again, and the cube is the same either way round.
+    # Existing designs come first, and the cube does not depend on the order of the runs.
     again = ran(planned(*PAIRS), tmp_path)
     assert again.simulated == ()
     xr.testing.assert_identical(again.cube.drop_attrs(), more.cube.drop_attrs())
@@ -227,7 +227,7 @@ def test_results_of_other_code_are_reported_and_recomputed_on_request(tmp_path, 
     assert sorted(ran(plan, tmp_path, refresh=True).simulated) == sorted(plan.cases)
 
 
-def test_a_new_field_of_a_case_makes_every_case_another():
+def test_a_new_field_of_a_case_changes_every_identifier():
     (case,) = planned("n_stripe=4", "n_subunit=16").cases.values()
     gravity = ("gravity", float, field(default=0.0))
     later = make_dataclass("Case", [gravity], bases=(Case,), frozen=True)
@@ -248,7 +248,7 @@ def test_a_case_is_read_back_from_its_record():
             assert again.case_id == case_id
 
 
-def test_a_plan_tells_which_of_its_files_have_changed(tmp_path):
+def test_a_plan_reports_which_of_its_files_have_changed(tmp_path):
     workflow = tmp_path / "mine.toml"
     workflow.write_text((shipped("workflows") / "preview.toml").read_text())
     plan = make_plan(str(workflow), PAIRS)

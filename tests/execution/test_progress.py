@@ -21,7 +21,7 @@ def lines(log):
     return log.getvalue().splitlines()
 
 
-def test_a_log_goes_on_while_no_work_is_reported(cases, monkeypatch):
+def test_a_log_continues_while_no_work_is_reported(cases, monkeypatch):
     monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.02)
     log, began = io.StringIO(), time.monotonic()
     with ProgressBar(cases, shown=True, file=log):
@@ -37,14 +37,14 @@ def test_a_log_goes_on_while_no_work_is_reported(cases, monkeypatch):
     assert len(lines(log)) == count
 
 
-def test_a_log_moves_with_parts_of_a_state_and_ends_at_the_whole(cases, monkeypatch):
+def test_a_log_counts_parts_of_a_state_and_ends_at_the_total(cases, monkeypatch):
     monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.0)
     log, (case_id,) = io.StringIO(), cases
     with ProgressBar(cases, shown=True, file=log) as bar:
         for states in (0.25, 0.5, 3.0):
             bar.reached(case_id, states)
         bar.ended(case_id)
-        # What was reported before does not move it back.
+        # An earlier state that is reported again does not decrease it.
         bar.reached(case_id, 1.0)
     shares = [float(line.split(",")[1].strip(" %")) for line in lines(log)]
     assert shares == sorted(shares)

@@ -1,4 +1,4 @@
-"""Reproducing a case alone: found by the beginning of its name, and compared with what is kept."""
+"""Reproducing one case: found by the beginning of its identifier, compared with its file."""
 
 import shutil
 
@@ -16,7 +16,7 @@ SMALL = ("n_stripe=4", "n_subunit=8,16", "strain_max=0.06", "robustness=0")
 
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory):
-    """A results folder with case files alone, as one that is kept for reference."""
+    """A results folder with case files only, like those kept for reference."""
     made = tmp_path_factory.mktemp("made")
     plan = make_plan("preview", SMALL)
     run_plan(plan, made, RunOptions())

@@ -1,4 +1,4 @@
-"""Running small sweeps for real: what is written, reused, and said of what fails."""
+"""Real small sweeps: files that are written or reused, and reports of failures."""
 
 import json
 
@@ -23,7 +23,7 @@ def sweep(tmp_path_factory):
     return plan, results, run_plan(plan, results, RunOptions())
 
 
-def test_numbers_that_no_run_can_have_are_refused_by_the_names_of_the_arguments():
+def test_invalid_numbers_are_refused_with_the_name_of_their_argument():
     with pytest.raises(BadInput) as caught:
         RunOptions(workers=-1, retries=-2, case_timeout=0)
     named = [entry.path for entry in caught.value.faults]
@@ -63,7 +63,7 @@ def test_impossible_designs_are_excluded_and_the_others_are_ok(sweep):
     assert values.isnull().all()
 
 
-def test_results_are_converged_and_say_how_well(sweep):
+def test_results_are_converged_and_report_their_residual(sweep):
     _, _, run = sweep
     ok = run.cube["status"] == Status.ok
     assert float(run.cube["residual_force"].max()) <= 1e-8
@@ -72,7 +72,7 @@ def test_results_are_converged_and_say_how_well(sweep):
     assert float(np.abs(run.cube["mean_strain_yy"] - run.cube["applied_strain"]).max()) < 1e-9
 
 
-def test_provenance_tells_how_to_make_it_again(sweep):
+def test_provenance_states_how_to_repeat_the_run(sweep):
     plan, results, run = sweep
     for name in ("source", "git_commit", "library_versions", "random_seeds", "workflow"):
         assert run.cube.attrs[name]
@@ -103,7 +103,7 @@ def test_a_second_run_recomputes_nothing(sweep):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
-def test_workers_give_what_this_process_gives(sweep, tmp_path, workers):
+def test_workers_give_the_results_of_this_process(sweep, tmp_path, workers):
     plan, _, run = sweep
     spawned = run_plan(plan, tmp_path, RunOptions(workers=workers)).cube
     assert (spawned["status"] == run.cube["status"]).all()

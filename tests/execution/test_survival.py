@@ -1,4 +1,4 @@
-"""Sweeps that survive: kills, poison, damage, full disks and second runs, by a cheap stand-in."""
+"""Sweeps survive kills, failing cases, damage, full disks and second runs; by a cheap stand-in."""
 
 import hashlib
 import json
@@ -57,7 +57,7 @@ def stand_in_process(*words, **options):
 
 
 def await_cases(process, count):
-    """Wait until a process has announced so many cases; no more than a few more are written."""
+    """Wait until a process has announced a number of cases; only a few more are written."""
     for _ in range(count):
         assert process.stdout.readline(), "the process ended too early"
 
@@ -69,7 +69,7 @@ def uninterrupted(tmp_path_factory):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kills", [10, pytest.param(100, marks=pytest.mark.slow)])
-def test_kills_at_any_change_of_a_file_lose_nothing_that_was_done(tmp_path, uninterrupted, kills):
+def test_kills_at_any_change_of_a_file_lose_no_finished_case(tmp_path, uninterrupted, kills):
     command = [sys.executable, "-m", "tests.execution.stand_in", "kills", tmp_path, str(kills)]
     said = subprocess.run(command, cwd=HERE, capture_output=True, text=True, check=False)
     assert said.returncode == 0, said.stderr
@@ -95,7 +95,7 @@ def test_a_killed_run_with_workers_resumes(tmp_path, uninterrupted):
 
 
 def ignoring_ctrl_c():
-    """As a shell starts what runs in the background."""
+    """Signal handling of a process that a shell starts in the background."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
@@ -151,7 +151,7 @@ def test_a_case_that_raises_does_not_affect_others(tmp_path, workers):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("n_stripe", "threads"), [("8", 4), ("4,8", 2)])
-def test_processors_that_no_batch_is_left_for_help_the_others(tmp_path, n_stripe, threads):
+def test_cores_without_a_batch_become_threads_of_other_workers(tmp_path, n_stripe, threads):
     plan = make_plan("preview", (f"n_stripe={n_stripe}", "n_subunit=32", "strain_max=0.06"))
     ran(plan, tmp_path, stand_in.simulate_and_tell_threads, workers=4)
     result = [path.read_text() for path in tmp_path.glob("threads-*")]
@@ -179,8 +179,8 @@ def test_a_worker_lost_once_costs_nothing(tmp_path):
     ("workers", "timeout"), [(0, 0.5), pytest.param(WORKERS, 3.0, marks=pytest.mark.slow)]
 )
 def test_a_case_without_end_is_ended(tmp_path, workers, timeout):
-    periodic = stand_in.simulate_endlessly
-    run = ran(plan_of(), tmp_path, periodic, workers=workers, case_timeout=timeout)
+    unending = stand_in.simulate_endlessly
+    run = ran(plan_of(), tmp_path, unending, workers=workers, case_timeout=timeout)
     assert statuses(run)["failed"] == 3
     assert f"took longer than {timeout:g} s (case_timeout)" in run.failures[0]["reason"]
     assert not list(tmp_path.glob(".timed-out-*"))
@@ -291,7 +291,7 @@ def test_garbage_in_files_that_are_rewritten_is_ignored(tmp_path, garbage):
     with pytest.raises(BadInput, match="remove it and run again"):
         ran(plan, tmp_path)
     (tmp_path / "cube.nc").unlink()
-    # Whole by its checksum, and yet no case.
+    # Its checksum is correct, but it is not a case.
     case_path(tmp_path, second).write_bytes(garbage)
     digest = hashlib.sha256(garbage).hexdigest()
     case_path(tmp_path, second).with_suffix(".sha256").write_text(f"{digest}  {second}.nc\n")
@@ -300,7 +300,7 @@ def test_garbage_in_files_that_are_rewritten_is_ignored(tmp_path, garbage):
 
 def test_a_second_run_names_the_holder_of_the_lock(tmp_path):
     with held(tmp_path), pytest.raises(BadInput, match=f"is held by process {os.getpid()} of "):
-        # A lock is of an open file, so that this process can take the part of another.
+        # A lock belongs to an open file, so that this process can act as another one.
         ran(plan_of(), tmp_path)
     assert ran(plan_of(), tmp_path).failures == ()
 

@@ -38,7 +38,7 @@ def cell_pixels(figure, column, row):
 
 
 @pytest.mark.slow
-def test_failures_and_gaps_never_look_like_values():
+def test_failed_and_missing_designs_are_not_drawn_as_values():
     figure = auxetic_map([made_up_cube()])
     for column, row in ((1, 0), (1, 2), (2, 0), (0, 2)):
         pixels = cell_pixels(figure, column, row)
@@ -56,7 +56,7 @@ def test_the_map_writes_each_value_with_its_strain():
 
 
 def with_spread(half):
-    """A made-up cube whose siblings of (4, 16) differ by so much at 10 % strain, others by 0.02."""
+    """An artificial cube: siblings of (4, 16) differ by a value at 10 % strain, others by 0.02."""
     cube = made_up_cube()
     width = xr.full_like(cube["poisson_ratio"], 0.01)
     width.loc[{"n_stripe": 4, "n_subunit": 16, "applied_strain": 0.1}] = half

@@ -1,4 +1,4 @@
-"""Maps of sensors on made-up cubes: the front, what has no value, and what there is to draw."""
+"""Maps of sensors on artificial cubes: the Pareto front, missing values, and refused cubes."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_the_front_is_of_designs_that_are_ok():
 
 
 @given(st.lists(st.tuples(FIGURE, FIGURE), min_size=1, max_size=12))
-def test_no_design_beats_one_of_the_front_and_one_of_it_beats_every_other(points):
+def test_the_front_is_the_set_of_designs_that_none_dominates(points):
     figures = {(k, k): point for k, point in enumerate(points)}
     front = pareto_front(figures)
 

@@ -25,7 +25,7 @@ def written(tmp_path, text):
         ("strain [1],stress [kPa]", 1, 1000 / (0.5 * 2), {"width": 0.5, "thickness": 2.0}),
     ],
 )
-def test_units_of_the_header_are_heeded(tmp_path, header, strain, force, options):
+def test_units_of_the_header_are_converted(tmp_path, header, strain, force, options):
     extra = ",7" if "time" in header else ""
     strains, forces = [0.0, 0.1, 0.1, 0.3, 0.4], [0.0, 0.2, 0.5, 0.9, 1.0]
     rows = [f"{strain * a},{force * b}{extra}" for a, b in zip(strains, forces, strict=True)]
@@ -73,7 +73,7 @@ def test_a_bad_curve_is_refused(tmp_path, text, options, message):
         read_tension_curve(written(tmp_path, text), **options)
 
 
-def test_all_faults_come_at_once(tmp_path):
+def test_all_faults_are_in_one_message(tmp_path):
     path = written(tmp_path, "strain [m],force [kg]\n0,0\nx,1\n0.2,2\n0.3,nan\n")
     with pytest.raises(BadInput) as caught:
         read_tension_curve(path)

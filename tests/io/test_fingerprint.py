@@ -1,4 +1,4 @@
-"""The fingerprint of code: whatever can change a number changes it."""
+"""The fingerprint changes with every module that can change a number."""
 
 import ast
 import shutil

@@ -1,4 +1,4 @@
-"""A made-up laboratory: a sheet that is pulled by a known motion, and the files it leaves."""
+"""An artificial laboratory: a sheet with a known motion, and its records."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -45,7 +45,7 @@ def capacitance(strain: np.ndarray) -> np.ndarray:
 
 @dataclass
 class Laboratory:
-    """What a test leaves in a folder; any part may be changed before it is written."""
+    """The records of a test; any part may be changed before it is written."""
 
     folder: Path
     test: Protocol = TEST
@@ -112,7 +112,7 @@ class Laboratory:
         return pd.DataFrame({"t": 1000 * time, "C": 1000 * capacitance(strain), "TRIG": rising})
 
     def write(self, description: dict[str, Any] | None = None) -> Path:
-        """Write all of it; the path of the description."""
+        """Write all records, and return the path of the description."""
         self.folder.mkdir(parents=True, exist_ok=True)
         np.save(self.folder / "markers.npy", self.tracks())
         self.machine().to_csv(self.folder / "tensile.csv", index=False)

@@ -18,7 +18,7 @@ def good(tmp_path_factory):
 
 
 def imported(tmp_path, good, kind, changes=(), files=()):
-    """What importing says and leaves, with parts of the description and of files changed."""
+    """Message and result of an import, with parts of the description and of files changed."""
     description = good.description()
     for path, value in changes:
         *tables, key = path.split(".")
@@ -227,7 +227,7 @@ def test_a_bad_description_is_refused(tmp_path, good, kind, path, value, problem
     refused(tmp_path, good, kind, problem, changes=[(path, value)])
 
 
-def test_all_faults_come_in_one_message(tmp_path, good):
+def test_all_faults_are_in_one_message(tmp_path, good):
     changes = [
         ("tensile.force.unit", "mm"),
         ("sample.width", None),
@@ -302,7 +302,7 @@ FALSE = [
 
 
 @pytest.mark.parametrize(("what", "column", "change", "problem"), FALSE)
-def test_a_log_with_its_sign_turned_is_refused(tmp_path, good, what, column, change, problem):
+def test_a_log_with_the_wrong_sign_is_refused(tmp_path, good, what, column, change, problem):
     def turned(text):
         rows = [line.split(",") for line in text[1:]]
         for row in rows:
@@ -325,7 +325,7 @@ def test_semicolons_are_named(tmp_path, good):
     refused(tmp_path, good, "tensile", "by semicolons", files=[("tensile.csv", other)])
 
 
-def test_a_cube_of_simulations_is_not_written_over(tmp_path, good):
+def test_a_cube_of_simulations_is_not_overwritten(tmp_path, good):
     (tmp_path / "results" / "sheet").mkdir(parents=True)
     path = tmp_path / "results" / "sheet" / "cube.nc"
     made_up_cube().to_netcdf(path)

@@ -46,7 +46,7 @@ def test_an_experiment_has_the_names_dims_and_units_of_a_simulation(cube):
     np.testing.assert_allclose(cube["applied_strain"], np.arange(7) * 0.05)
 
 
-def test_it_says_what_was_measured_in_the_units_of_the_cube(cube):
+def test_measured_values_are_in_the_units_of_the_cube(cube):
     only = cube.squeeze()
     strain = only["applied_strain"].values
     np.testing.assert_allclose(only["mean_strain_yy"], strain, atol=1e-9)
@@ -111,7 +111,7 @@ def test_the_first_cycles_may_be_left_out(tmp_path):
 
 
 @pytest.mark.parametrize(("drift", "still"), [((5.0, 2.0), 0.0), ((0.4, 0.5), 0.5)])
-def test_a_camera_that_drifts_turns_nothing(tmp_path, drift, still):
+def test_a_drifting_camera_changes_no_strain(tmp_path, drift, still):
     laboratory = Laboratory(tmp_path)
     path = laboratory.write()
     strain = TEST.strain(np.arange(len(laboratory.tracks())) / laboratory.frame_rate, PEAK)
@@ -160,7 +160,7 @@ def test_markers_alone_need_no_machine(tmp_path):
     np.testing.assert_allclose(found["mean_strain_yy"], found["applied_strain"], atol=1e-9)
 
 
-def test_synthetic_records_say_so_in_the_cube(tmp_path):
+def test_synthetic_records_are_marked_in_the_cube(tmp_path):
     laboratory = Laboratory(tmp_path)
     path = laboratory.write(laboratory.description() | {"synthetic": True})
     assert import_records("tensile", path, tmp_path).cube.attrs["synthetic"].startswith("yes")
@@ -182,7 +182,7 @@ def both(tmp_path_factory, cube):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["curves", "auxetic", "tension", "sensor", "capacitors"])
-def test_figures_take_an_experiment_with_a_simulation_and_without(tmp_path, both, kind):
+def test_figures_accept_an_experiment_with_and_without_a_simulation(tmp_path, both, kind):
     simulated, measured = both
     for cubes in ([measured], [simulated, measured], [measured, simulated]):
         result = drawn(kind, cubes, tmp_path / "map.png")

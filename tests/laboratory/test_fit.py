@@ -1,4 +1,4 @@
-"""Fits to whole fabrics: parameters that were perturbed come back within their errors."""
+"""Fits to whole fabrics: perturbed parameters are recovered within their errors."""
 
 from dataclasses import replace
 
@@ -64,7 +64,7 @@ def test_parameters_perturbed_by_20_percent_come_back_within_their_errors(fit):
     ]
     assert np.abs(astray).max() < 3
     assert np.sqrt(np.mean(np.square(astray))) < 1.8
-    # What a test tells hardly anything of would come back within its errors from any start.
+    # A hardly determined parameter would be recovered within its errors from any start.
     for name in ("rib_k_t", "rib_theta_0", "garter_k_t", "garter_theta_0"):
         assert fit.standard_errors[name] < 0.15
         assert fit.learned[name] > 0.5
@@ -97,7 +97,7 @@ def test_the_fitted_curves_are_those_of_a_test_from_the_start(fit):
     ],
 )
 def test_derivatives_are_those_of_finite_differences(case, name):
-    # Short of the snap, where the fabric has one state alone.
+    # Below the strain of the snap, where the fabric has only one state.
     fine = replace(case.equilibrium_solver, tolerance=1e-11)
     short = replace(case, applied_strain=STRAINS[:3], solver=fine)
     truth, step = simulated_test(with_factors(short, TRUTH)), 1e-4
@@ -112,14 +112,14 @@ def test_derivatives_are_those_of_finite_differences(case, name):
 
 
 @pytest.mark.slow
-def test_a_test_near_another_comes_to_what_a_test_from_the_start_does(case):
+def test_a_test_continued_from_another_reaches_the_states_of_a_full_test(case):
     short = replace(case, applied_strain=STRAINS[:3])
     near = simulated_test(short, simulated_test(with_factors(short, {"rib_k_t": 1.03})))
     np.testing.assert_allclose(near.values, simulated_test(short).values, rtol=1e-5, atol=1e-8)
 
 
 @pytest.mark.slow
-def test_without_data_the_tables_stay(case, truth):
+def test_without_data_the_fit_keeps_the_tables(case, truth):
     target = noisy(truth, 0.005, seed=1)
     vague = replace(target, errors=target.errors * 1e6)
     fit = fit_stripes(case, vague, looseness=0.1)
@@ -139,20 +139,20 @@ def test_a_poor_fit_warns(case, truth):
 
 
 @pytest.mark.slow
-def test_a_sample_that_does_not_come_to_rest_is_refused(case, truth):
+def test_a_sample_that_does_not_relax_is_refused(case, truth):
     hopeless = replace(case, solver=replace(case.equilibrium_solver, max_iterations=3))
     with pytest.raises(NoFit, match="does not converge"):
         fit_stripes(hopeless, noisy(truth, 0.005, 1), looseness=0.2)
 
 
 @pytest.mark.slow
-def test_a_test_that_fails_midway_is_passed_over(case, truth):
-    # So far from it that no state converges: the search has to turn back, not to break off.
+def test_a_test_that_fails_midway_is_skipped(case, truth):
+    # So far away that no state converges: the search must take a shorter step, not end.
     assert simulated_test(with_factors(case, {"rib_k_s": 1e-9}), truth) is None
 
 
 @pytest.mark.slow
-def test_the_report_and_the_stripes_say_what_changed(tmp_path, fit):
+def test_the_report_and_the_stripe_file_state_what_changed(tmp_path, fit):
     text = "\n".join(report(fit))
     for name in FITTED:
         assert name in text
@@ -212,7 +212,7 @@ def test_experiments_that_cannot_be_fitted_are_refused(case, truth):
 
 
 @pytest.mark.slow
-def test_a_virtual_test_reads_what_a_sweep_does(case):
+def test_a_simulated_test_gives_the_results_of_a_sweep(case):
     net, fabric = case.assemble()
     test = run(net.shape, fabric, stretch(net, fabric, STRAINS, case.equilibrium_solver))
     force = [test.loading.reaction_force(state.gradient) for state in test.states[1:]]

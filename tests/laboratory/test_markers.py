@@ -51,7 +51,7 @@ def test_rotated_scaled_shuffled_and_missing_markers_give_the_same_strains(
     corners = positions(strain, still)
     count = corners[0, ..., 0].size
     camera = Camera(pixel, np.radians(turn), (200.0, 900.0), 0.0)
-    # A corner of the sample that bears no marker loses one unit cell and its place in the grid.
+    # A corner of the sample without a marker removes one unit cell and its place in the grid.
     present = np.setdiff1d(np.arange(count), [0, count - 1][:missing])
     order = random.permutation(present)
     tracks = camera.sees(corners.reshape(31, -1, 2), random)[:, order]
@@ -89,7 +89,7 @@ def test_an_affine_motion_gives_its_gradient_exactly(entries, seed):
     np.testing.assert_allclose(found, np.broadcast_to(gradient, found.shape), atol=1e-10)
 
 
-def test_a_lost_marker_takes_only_its_own_quadrilaterals_and_is_counted():
+def test_a_lost_marker_removes_only_its_own_quadrilaterals_and_is_counted():
     strain = np.linspace(0, 0.3, 61)
     corners = positions(strain)
     lost = corners.copy()
@@ -126,7 +126,7 @@ def test_the_mean_is_over_the_central_cells_that_are_left():
 
 
 @pytest.mark.slow
-def test_noise_comes_through_at_the_level_that_is_stated(tmp_path):
+def test_errors_of_strains_are_those_of_the_noise(tmp_path):
     astray = {name: [] for name in ("xx", "yy")}
     for seed in range(40):
         laboratory = Laboratory(

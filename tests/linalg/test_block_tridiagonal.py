@@ -49,7 +49,7 @@ def two_lengths(shape: MeshShape) -> np.ndarray:
 
 
 def random_stiffness(shape: MeshShape) -> np.ndarray:
-    """Positive semidefinite, as of taut springs and hinges."""
+    """Positive semidefinite, like the stiffness of springs in tension and of hinges."""
     rng, full, net = np.random.default_rng(0), np.zeros((shape.unknowns,) * 2), network(shape)
     for elements in (net.springs, net.hinges):
         for nodes, periods in zip(elements.nodes, elements.periods.T, strict=True):
@@ -113,7 +113,7 @@ def test_a_sheet_is_factorised_and_solved_as_a_dense_matrix(cells_y, cells_x, of
 @pytest.mark.slow
 @pytest.mark.parametrize("of", [clamped, unpinned, one_length, two_lengths])
 @pytest.mark.parametrize("size", [4, 7])
-def test_positive_just_where_every_eigenvalue_is(of, size):
+def test_positive_if_and_only_if_every_eigenvalue_is(of, size):
     sheet = case(size, size, of)
     smallest = np.linalg.eigvalsh(sheet.full)[0]
     for excess in (1e-9, 1e-3):

@@ -21,7 +21,7 @@ OFFSETS = [
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A positive definite matrix and where its unknowns lie."""
+    """A positive definite matrix, and the positions of its unknowns on the grid."""
 
     matrix: sp.csc_array
     rows: Int[np.ndarray, " unknown"]
@@ -82,7 +82,7 @@ def sheet(height: int, width: int, periodic: bool = False, held: int = 0) -> Cas
 
 
 def half_free() -> Case:
-    """A sheet of which any unknown may be held, alone of its node."""
+    """A sheet of which any single unknown of a node may be held."""
     case = sheet(20, 30)
     free = np.random.default_rng(3).random(len(case.rows)) < 0.5
     return Case(sp.csc_array(case.matrix[free][:, free]), case.rows[free], case.columns[free])
@@ -120,7 +120,7 @@ def triangle(factors: Multifrontal) -> np.ndarray:
     return dense
 
 
-def test_it_solves(case: Case) -> None:
+def test_a_factorisation_solves(case: Case) -> None:
     rhs = np.random.default_rng(1).normal(size=len(case.rows))
     before = rhs.copy()
     solution = case.factors().solve(rhs)
@@ -130,7 +130,7 @@ def test_it_solves(case: Case) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("columns", [0, 1, 5])
-def test_it_solves_for_many_columns(case: Case, columns: int) -> None:
+def test_a_factorisation_solves_for_many_right_hand_sides(case: Case, columns: int) -> None:
     rhs = np.random.default_rng(1).normal(size=(len(case.rows), columns))
     solution = case.factors().solve(rhs)
     assert solution.shape == rhs.shape
@@ -207,7 +207,7 @@ def test_a_single_front_is_convexified_to_its_absolute_eigenvalues() -> None:
     )
 
 
-def test_what_is_not_finite_cannot_be_convexified() -> None:
+def test_a_matrix_that_is_not_finite_cannot_be_convexified() -> None:
     case = sheet(12, 17, periodic=True)
     factors, lower = case.factors(), case.lower
     for column in range(0, len(case.rows), 31):
@@ -224,7 +224,7 @@ def test_a_plan_serves_many_matrices() -> None:
     np.testing.assert_allclose(first.solve(rhs), 2 * second.solve(rhs), rtol=1e-12)
 
 
-def test_memory_serves_one_matrix_after_the_other() -> None:
+def test_memory_is_reused_for_the_next_matrix() -> None:
     case = sheet(15, 20, held=1)
     lower, rhs = case.lower, np.ones(len(case.rows))
     factors = case.factors()
@@ -236,7 +236,7 @@ def test_memory_serves_one_matrix_after_the_other() -> None:
     np.testing.assert_allclose(factors.solve(rhs), solution / 2, rtol=1e-12)
 
 
-def test_the_halves_hand_nothing_to_each_other(case: Case) -> None:
+def test_the_two_halves_are_independent(case: Case) -> None:
     first, second, top = case.plan.parts
     for half in (first, second):
         own = {id(front) for front in half}
@@ -250,15 +250,15 @@ def test_the_halves_hand_nothing_to_each_other(case: Case) -> None:
 
 
 @pytest.mark.parametrize("periodic", [False, True])
-def test_a_front_hands_on_few_blocks(periodic: bool) -> None:
-    """A rectangle borders on four cuts; in a ring, on some of them from both sides."""
+def test_a_front_passes_few_blocks_to_its_parent(periodic: bool) -> None:
+    """A rectangle is bordered by four separators; in a ring, by some of them on both sides."""
     plan = sheet(48, 48, periodic=periodic).plan
     handed = [len(transfers) for front in fronts(plan) for _, transfers in front.children]
     assert max(handed) <= 28
 
 
 @pytest.mark.parametrize("periodic", [False, True])
-def test_the_halves_of_a_sheet_have_as_much_to_do(periodic: bool) -> None:
+def test_the_two_halves_of_a_sheet_have_equal_work(periodic: bool) -> None:
     first, second, _ = sheet(41, 60, periodic=periodic).plan.parts
     work = [
         sum(front.size * len(front.boundary) ** 2 for front in half) for half in (first, second)
@@ -291,7 +291,7 @@ def test_the_size_of_the_leaves_does_not_matter(leaf: int, monkeypatch) -> None:
 
 
 def test_only_the_order_depends_on_the_grid() -> None:
-    """Wrong places give wrong cuts, whose fronts couple across them, and the same solution."""
+    """Wrong grid positions give separators that do not separate, but the same solution."""
     case = sheet(14, 19)
     shuffled = np.random.default_rng(2).permutation(len(case.rows))
     scrambled = Case(case.matrix, case.rows[shuffled], case.columns[shuffled])

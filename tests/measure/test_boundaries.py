@@ -11,7 +11,7 @@ from tests.fabrics import CLAMPED, PERIODIC, checkerboard, checkered, relaxed
 
 
 def waved(net, fabric, cells, amplitude=0.4):
-    """A flat sheet whose courses are waves along x, one a unit cell; and the cell's width."""
+    """A flat sheet whose courses are waves along x, one per unit cell; and the cell's width."""
     flat = flat_sheet(net, fabric)
     nodes = np.array(flat.positions)
     width = float(np.diff(nodes[0, :2, 0])[0]) * net.shape.cells_x / cells
@@ -20,9 +20,9 @@ def waved(net, fabric, cells, amplitude=0.4):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("reading", "cells"), [(CLAMPED, (3, 5)), (PERIODIC, (1, 1))])
-def test_boundary_of_a_waved_sheet_has_its_wavelength_and_amplitude(reading, cells):
-    net, fabric = checkered(4, 2, reading, cells)
+@pytest.mark.parametrize(("options", "cells"), [(CLAMPED, (3, 5)), (PERIODIC, (1, 1))])
+def test_boundary_of_a_waved_sheet_has_its_wavelength_and_amplitude(options, cells):
+    net, fabric = checkered(4, 2, options, cells)
     configuration, width = waved(net, fabric, cells[1])
     wave = boundary_wave(net.shape, CellGrid.even(net.shape, cells), configuration, "x")
     assert wave.wavelength == pytest.approx(width, rel=0.01)
@@ -57,9 +57,9 @@ def test_wavelength_of_relaxed_periodic_fabric_is_its_unit_cell():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("reading", "cells"), [(CLAMPED, (3, 4)), (PERIODIC, (1, 1))])
-def test_central_cell_is_a_whole_unit_cell(reading, cells):
-    net, fabric = checkered(4, 2, reading, cells)
+@pytest.mark.parametrize(("options", "cells"), [(CLAMPED, (3, 4)), (PERIODIC, (1, 1))])
+def test_central_cell_is_a_whole_unit_cell(options, cells):
+    net, fabric = checkered(4, 2, options, cells)
     flat = flat_sheet(net, fabric)
     cell = central_cell(net.shape, CellGrid.even(net.shape, cells), flat)
     assert cell.shape == (17, 17, 3)
@@ -68,9 +68,9 @@ def test_central_cell_is_a_whole_unit_cell(reading, cells):
         assert np.allclose(step, step[0, 0])
 
 
-def test_widths_across_folds_tell_the_centre_of_a_patch_from_its_edges():
+def test_widths_across_folds_differ_between_centre_and_edges_of_a_patch():
     y, x = np.mgrid[:17, :17].astype(float)
-    # Every patch is 8 wide, and 6 at mid-height: its right border bulges in by 2.
+    # Every patch is 8 wide, and 6 at mid-height, where its right border is shifted by 2.
     bulge = 1 - (np.mod(y, 8) / 4 - 1) ** 2
     x = x - 2 * bulge * np.mod(x, 8) / 8 - 2 * bulge * (x // 8)
     cell = np.stack([x, y, 0 * x], axis=-1)

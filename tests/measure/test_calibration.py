@@ -1,4 +1,4 @@
-"""Calibration recovers a stripe that is known, and says when a curve does not fix it."""
+"""Calibration recovers a known stripe, and reports when a curve does not determine it."""
 
 from dataclasses import replace
 from functools import cache
@@ -35,7 +35,7 @@ def test_a_clean_curve_gives_its_stripe_back(of):
 @pytest.mark.slow
 @pytest.mark.parametrize("cell_size", ["flat", "relaxed"])
 @EVERY_STRIPE
-def test_a_fitted_stripe_has_the_measured_curve_in_the_reading_it_is_tabulated_for(of, cell_size):
+def test_a_fitted_stripe_has_the_measured_curve_with_the_cell_size_it_is_fitted_for(of, cell_size):
     strain, force = curve(of, noise=0.0)
     fit = calibrate(of.period, strain, force)
     tabulated = replace(of, period=fit.tabulated_period(cell_size), **fit.values)
@@ -73,7 +73,7 @@ def test_correlations_are_those_of_repeated_measurements():
 @pytest.mark.slow
 def test_a_curve_too_short_to_separate_two_parameters_warns():
     fit = calibrate(1.41, *curve(stripe("rib", 4), largest=0.3))
-    assert any("cannot tell k_t from theta_0" in warning for warning in fit.warnings)
+    assert any("cannot separate k_t and theta_0" in warning for warning in fit.warnings)
     straight = np.linspace(0, 0.02, 20)
     fit = calibrate(1.41, straight, 0.02 * straight)
     assert fit.warnings
@@ -96,6 +96,6 @@ def test_the_misfit_is_the_noise():
         (np.arange(5.0), -np.arange(5.0), "falls with strain"),
     ],
 )
-def test_what_cannot_be_fitted_is_refused(strain, force, message):
+def test_curves_that_cannot_be_fitted_are_refused(strain, force, message):
     with pytest.raises(ValueError, match=message):
         calibrate(1.41, strain, force)

@@ -1,4 +1,4 @@
-"""Fold angles: of a sheet folded by hand, up to and past half a turn."""
+"""Fold angles of a sheet with one given fold, up to and beyond half a turn."""
 
 import equinox as eqx
 import jax
@@ -16,7 +16,7 @@ FOLD_LINE = 2
 
 
 def folded(angle: float) -> tuple:
-    """A sheet folded by an angle about its third line of nodes, stress-free but for its hinges."""
+    """A sheet folded by an angle about its third line of nodes, with unstretched springs."""
     net, fabric = pure(stripe("rib", 4), CLAMPED)
     nodes = np.array(flat_sheet(net, fabric).positions)
     line = nodes[0, FOLD_LINE, 0]

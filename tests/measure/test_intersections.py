@@ -48,7 +48,7 @@ def pairs_by_library(shape: MeshShape, state: Configuration, reach: int) -> int:
     found = 0.0
     for one, other in itertools.product(home, cells):
         if one != other and library_says(nodes, one, other):
-            # Two cells of the period are met from both sides, and so are one and an image.
+            # Two cells of a period are a pair in both orders, and so are a cell and an image.
             found += 0.5
     return round(found)
 
@@ -74,7 +74,7 @@ def test_a_flat_sheet_and_a_zigzag_do_not_intersect():
     assert self_intersections(shape, both).tolist() == [0, 0]
 
 
-def test_a_sheet_that_loops_through_itself_does_so_once_a_row():
+def test_a_sheet_that_loops_through_itself_intersects_once_per_row():
     shape = sheet("clamped")
     loop = np.array([[0, 0], [2, 0], [2, 1], [1, 1], [1, -1]])
     assert shape.nodes_x == len(loop)
@@ -90,7 +90,7 @@ def test_touching_is_not_passing_through(height, pairs):
     assert found.tolist() == [pairs * shape.cells_y]
 
 
-def test_periodic_fabric_longer_than_its_period_meets_its_image():
+def test_periodic_fabric_longer_than_its_period_intersects_its_image():
     shape = sheet("periodic")
     row = np.array([[0, 0], [0.5, 0.5], [1, 0], [0.2, 0.6]])
     nodes = extruded(shape, row) + np.random.default_rng(1).normal(scale=1e-3, size=(4, 4, 3))

@@ -89,14 +89,14 @@ def test_sizes_at_another_gauge_are_those_computed_by_it(fabric, design, gauge, 
     assert at_gauge(before, gauge, gauge) == before
 
 
-def test_endless_fabric_has_cells_but_no_size():
+def test_periodic_fabric_has_cells_but_no_size():
     sizes = knit_sizes(FLAT, stitches(16), True, PAPER)
     assert math.isnan(sizes["knit_width"])
     assert math.isnan(sizes["knit_length"])
     assert sizes["knit_cell_x"] == 32 * PAPER.stitch_width
 
 
-def test_what_is_missing_of_the_network_is_missing_in_cloth():
+def test_missing_sizes_of_the_network_are_missing_in_cloth():
     unknown = dict.fromkeys(FLAT, math.nan) | {"flat_cell_x": 3.0, "flat_cell_y": 4.0}
     assert all(map(math.isnan, knit_sizes(unknown, stitches(16, (2, 1)), False, PAPER).values()))
     no_wave = knit_sizes(FLAT | {"wavelength_x": math.nan}, stitches(16, (2, 1)), False, PAPER)

@@ -19,7 +19,7 @@ def distorted_grids(draw):
     place = np.stack(np.mgrid[:rows, :columns], axis=-1).reshape(-1, 2)
     y, x = (place * [height, width]).T
     points = np.stack([x + shear * y, y], axis=1)
-    # A smooth distortion that stretches and shears cells by up to some 10 %, and a rough one.
+    # A smooth distortion that stretches and shears cells by up to about 10 %, and a random one.
     least = min(width, height)
     wave = 2 * np.pi / (max(width, height) * draw(st.floats(6, 15)))
     amount = draw(st.floats(0, 0.1)) / wave
@@ -44,7 +44,7 @@ def test_every_marker_finds_its_place(grid):
     rows_columns = np.argwhere(found.marker >= 0)
     markers = found.marker[tuple(rows_columns.T)]
     assert sorted(markers) == sorted(np.flatnonzero(seen))
-    # A whole row or column at the edge may be missing, and nobody can know.
+    # A whole row or column at the edge may be missing, which cannot be detected.
     expected = place[markers] - place[seen].min(axis=0)
     np.testing.assert_array_equal(rows_columns, expected)
 
@@ -72,7 +72,7 @@ def test_stray_markers_are_ignored():
     assert found.marker.shape == (5, 4)
 
 
-def test_a_hole_wider_than_a_step_is_passed_by():
+def test_the_grid_continues_around_a_gap_wider_than_a_step():
     points = lattice(7, 7)
     hole = (abs(points - 30).max(axis=1)) < 15
     points[hole] = np.nan
@@ -101,7 +101,7 @@ def test_corners_follow_the_markers():
         (np.random.default_rng(3).uniform(0, 100, (40, 2)), "table"),
     ],
 )
-def test_what_is_no_grid_is_refused(points, problem):
+def test_markers_that_form_no_grid_are_refused(points, problem):
     with pytest.raises(NoGrid, match=problem):
         find_grid(points)
 

@@ -12,7 +12,7 @@ Pair = tuple[int, int, int, int]
 
 
 def one_of_two_sides(one: int, other: int, turns_y: int, turns_x: int) -> Pair:
-    """A pair is met from both of its cells."""
+    """Pairs in both orders."""
     return max((one, other, turns_y, turns_x), (other, one, -turns_y, -turns_x))
 
 

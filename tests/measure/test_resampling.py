@@ -5,11 +5,11 @@ from knitlab.measure.cycles import cycles
 from knitlab.measure.resampling import resampled
 
 RESTS = np.array([[1, 1, 5], [5, 1, 1], [1, 1, 1]])
-"""How long it rests at a turn, where noise may put the turn anywhere."""
+"""Time at rest at a reversal, which with noise may be detected anywhere within it."""
 AT = np.linspace(0, 0.4, 11)
 
 
-def test_parabolas_come_back_exactly():
+def test_parabolas_are_reproduced_exactly():
     strain = np.sort(np.random.default_rng(0).uniform(0, 0.4, 400))
     strain[[0, -1]] = 0, 0.4
     values = np.stack([2 + 3 * strain**2, -strain], axis=1)
@@ -49,7 +49,7 @@ def test_a_few_frames_are_joined_by_straight_lines_without_an_error():
     assert np.isnan(error).all()
 
 
-def test_nothing_is_drawn_out_beyond_the_records():
+def test_nothing_is_extrapolated_beyond_the_records():
     strain = np.linspace(0.1, 0.3, 101)
     found = resampled(AT, strain, strain).values
     known = (AT >= 0.1 - 1e-9) & (AT <= 0.3 + 1e-9)
@@ -69,7 +69,7 @@ def test_cycles_of_any_shape_are_separated(noise):
     assert found[0].unloaded(np.array([20.0])).all()
 
 
-def test_a_test_that_never_pulls_has_no_cycles():
+def test_a_test_without_strain_has_no_cycles():
     time = np.linspace(0, 1, 50)
     assert cycles(time, np.zeros(50), 0.1) == []
     assert cycles(time, -time, 0.1) == []

@@ -1,4 +1,4 @@
-"""Calibration of springs beyond linear, and the criterion that says whether a curve wants them."""
+"""Calibration of non-linear springs, and the criterion that decides between laws."""
 
 import json
 from dataclasses import replace
@@ -27,8 +27,8 @@ STRIPES = {
 }
 LAWS = {"linear": "linear", "stiffening": "stiffening", "tabulated": CURVE}
 NOISE = 1e-3
-"""Of the largest force. Springs hardly stretch until the folds are open, so that with 1 % another
-k_s makes up for another law."""
+"""Noise, relative to the largest force. Springs hardly stretch until the folds are open, so that
+with 1 % another k_s can compensate another law."""
 
 
 def curve(of, noise=NOISE, seed=0):
@@ -77,7 +77,7 @@ def test_stated_errors_of_the_stiffening_strain_are_its_scatter():
     assert abs(found.mean() - 0.15) < 4 * errors / np.sqrt(len(fits))
 
 
-def test_a_useless_parameter_costs_and_a_needed_one_is_worth_its_cost():
+def test_the_criterion_penalises_a_useless_parameter_and_accepts_a_needed_one():
     random = np.random.default_rng(0)
     at = np.linspace(-1, 1, 200)
     for needed in (0.0, 0.5):
@@ -90,7 +90,7 @@ def test_a_useless_parameter_costs_and_a_needed_one_is_worth_its_cost():
 
 
 def test_smooth_misfit_is_no_evidence_of_many_points():
-    """What keeps for a while has a slope by chance, which seems wanted if it is taken as noise."""
+    """Correlated residuals have random trends, which seem significant if taken as independent."""
     random = np.random.default_rng(1)
     at = np.linspace(-1, 1, 200)
     independent, correlated = [], []
@@ -126,7 +126,7 @@ CALIBRATE = ("calibrate", "curve.csv", "--stripe", "rib", "-n", "4", "--period",
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["stiffening", "tabulated"])
-def test_the_command_says_what_the_curve_wants_and_its_stripe_is_simulated(in_folder, name):
+def test_the_command_reports_the_preferred_law_and_its_stripe_is_simulated(in_folder, name):
     write("curve.csv", *curve(STRIPES[name]))
     more = ()
     if name == "tabulated":
@@ -134,7 +134,7 @@ def test_the_command_says_what_the_curve_wants_and_its_stripe_is_simulated(in_fo
         more = ("--spring-curve", "spring.csv")
     done = CliRunner().invoke(main, [*CALIBRATE, "--law", name, *more])
     assert done.exit_code == 0, done.output
-    assert f"the curve wants {name} springs" in done.output
+    assert f"the curve supports {name} springs" in done.output
     planned = ("plan", "preview", "--set", "stripe_files=rib-4.toml", "--set", "n_stripe=4")
     done = CliRunner().invoke(main, planned)
     assert done.exit_code == 0, done.output
@@ -151,7 +151,7 @@ def test_the_command_says_what_the_curve_wants_and_its_stripe_is_simulated(in_fo
     [
         (("--law", "tabulated"), "goes with --law tabulated"),
         (("--spring-curve", "spring.csv"), "goes with --law tabulated"),
-        (("--law", "tabulated", "--spring-curve", "spring.csv"), "no strain and no force"),
+        (("--law", "tabulated", "--spring-curve", "spring.csv"), "zero strain and zero force"),
     ],
 )
 def test_a_bad_spring_curve_ends_with_code_2(in_folder, more, problem):
@@ -165,7 +165,7 @@ def test_a_bad_spring_curve_ends_with_code_2(in_folder, more, problem):
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["linear", "stiffening"])
 def test_the_assumed_period_of_a_curve_only_scales_the_stiffnesses(law):
-    """As the example of the documentation says of swatches whose period is not known."""
+    """As stated in the documentation for swatches whose period is not known."""
     swatch = Path(__file__).parents[2] / "docs/examples/swatches/rib.csv"
     measured = read_tension_curve(swatch)
     one, ten = (calibrate(of, measured.strain, measured.force, law) for of in (1.0, 10.0))

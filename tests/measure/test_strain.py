@@ -30,7 +30,7 @@ def skewed_corners(rows=3, columns=4, seed=0):
 
 
 @given(MATRIX, st.tuples(ENTRY, ENTRY))
-def test_affine_motion_has_its_own_gradient(gradient, shift):
+def test_the_gradient_of_an_affine_motion_is_exact(gradient, shift):
     assume(abs(np.linalg.det(gradient)) > 1e-2)
     reference = skewed_corners()
     current = reference @ gradient.T + shift
@@ -80,9 +80,9 @@ def test_poisson_ratio_is_undefined_without_axial_strain():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
-def test_corners_of_the_flat_sheet_are_its_lattice(reading):
-    net, fabric = checkered(4, 1, reading, unit_cells=(3, 2))
+@pytest.mark.parametrize("options", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
+def test_corners_of_the_flat_sheet_are_its_lattice(options):
+    net, fabric = checkered(4, 1, options, unit_cells=(3, 2))
     corners = np.asarray(
         unit_cell_corners(net.shape, CellGrid.even(net.shape, (3, 2)), flat_sheet(net, fabric))
     )
@@ -91,7 +91,7 @@ def test_corners_of_the_flat_sheet_are_its_lattice(reading):
 
 
 @pytest.mark.slow
-def test_it_is_measured_alike_in_numpy_and_in_jax():
+def test_strains_are_equal_in_numpy_and_in_jax():
     corners = np.random.default_rng(0).normal(size=(3, 4, 5, 2)) + np.mgrid[:4, :5].T.swapaxes(0, 1)
     for found, library in ((corners, np), (jnp.asarray(corners), jnp)):
         strains = local_strain(found[0], found)

@@ -37,13 +37,13 @@ def test_wavelength_of_a_noisy_wave_on_a_bent_sample(waves, most, phase, part, b
 
 
 def test_a_line_of_three_waves_is_resolved_between_the_points_of_its_transform():
-    """Neighbours on the grid of the plain transform lie a third apart."""
+    """Neighbouring points of the transform without padding differ by a third."""
     found = [wave_of(wavy(waves), 3).wavelength for waves in (2.9, 3.0, 3.1)]
     assert found == pytest.approx([LAMBDA] * 3, rel=0.02)
     assert np.ptp(1 / np.array(found)) < 0.1 * (1 / (3 * LAMBDA))
 
 
-def test_strong_ripples_of_the_folds_are_not_taken_for_the_wave():
+def test_strong_ripples_of_the_folds_are_not_mistaken_for_the_wave():
     line = wavy(6)
     line[:, 1] += 2 * AMPLITUDE * np.sin(2 * np.pi * 4 * line[:, 0] / LAMBDA)
     assert wave_of(line, 6).wavelength == pytest.approx(LAMBDA, rel=0.01)
@@ -63,7 +63,7 @@ def test_the_order_of_the_points_does_not_matter():
     assert wave_of(mixed, 5).wavelength == wave_of(line, 5).wavelength
 
 
-def test_the_trend_is_taken_off_and_the_wave_is_left():
+def test_the_trend_is_removed_and_the_wave_remains():
     found = wave_of(wavy(9, bend=8.0, points_per_wave=200), 9)
     exact = AMPLITUDE * np.sin(2 * np.pi * found.along / LAMBDA)
     inner = (found.along > LAMBDA) & (found.along < found.along[-1] - LAMBDA)

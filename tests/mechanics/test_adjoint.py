@@ -69,7 +69,7 @@ class Pulled:
         return measured_by(self.layout.net.shape, self.cells, NAMES)
 
     def under(self, stripes: StripePair) -> tuple[Configuration, Configuration, Fabric]:
-        """Its states under slightly other stripes, each found from the one it has."""
+        """Its states with slightly different stripes, each started from the original state."""
         net, fabric = self.layout.net, self.layout.fabric(stripes)
 
         def found(start: np.ndarray, free: np.ndarray) -> Configuration:
@@ -102,11 +102,11 @@ class Pulled:
 
 def pulled(
     n_stripe: int,
-    reading: ModelOptions,
+    options: ModelOptions,
     unit_cells: tuple[int, int] = (1, 1),
     sheet: Sheet = WALLS_FAR,
 ) -> Pulled:
-    layout = fabric_layout(checkerboard(1, unit_cells), sheet, reading)
+    layout = fabric_layout(checkerboard(1, unit_cells), sheet, options)
     stripes = StripePair.of(stripe("rib", n_stripe), stripe("garter", 2 * n_stripe))
     return pulled_fabric(layout, stripes, unit_cells, sheet)
 
@@ -119,7 +119,7 @@ def pulled_fabric(
     relaxed, strained = test.states
     assert strained.converged
     assert not strained.snapped
-    # A node that is about to touch a wall, or to leave it, would spoil the differences.
+    # Finite differences are invalid if a node begins or ends to touch a wall.
     for state in test.states:
         heights = np.abs(state.configuration.positions[..., 2])
         assert np.abs(heights - sheet.z_max).min() > 1e-6
@@ -200,10 +200,10 @@ def test_derivatives_of_graded_fabric_are_those_of_differences(cells_per_period)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["periodic", "clamped"])
 def test_derivatives_scale_as_the_model_does(name, request):
-    """Exact while no wall is touched.
+    """Exact if no wall is touched.
 
-    Forces grow with all stiffnesses, which moves nothing; and as all lengths grow, so does the
-    shape if every k_t grows with their square.
+    If all stiffnesses are scaled, forces scale with them and the shape stays. If all lengths are
+    scaled, and every k_t with their square, the shape scales with the lengths.
     """
     of = request.getfixturevalue(name)
     found = dict(zip(NAMES, of.sensitivities(), strict=True))
@@ -247,7 +247,7 @@ def test_any_scalar_of_the_states_has_a_gradient(periodic):
 
 @pytest.mark.slow
 def test_results_do_not_depend_on_the_pose_before_the_rigid_alignment(clamped):
-    """Whatever rigid motion a derivative of the relaxed shape is mixed with, it comes out."""
+    """Derivatives do not depend on a rigid motion of the relaxed shape."""
     adjoint = clamped.adjoint()
     shape = clamped.layout.net.shape
     flat = flat_sheet(clamped.layout.net, clamped.layout.fabric(clamped.stripes))
@@ -278,7 +278,7 @@ def test_results_do_not_depend_on_the_pose_before_the_rigid_alignment(clamped):
     )
 
 
-def test_no_derivative_is_made_up_where_there_is_no_stable_equilibrium(periodic):
+def test_derivatives_are_missing_without_a_stable_equilibrium(periodic):
     flat = flat_sheet(periodic.layout.net, periodic.layout.fabric(periodic.stripes))
     squeezed = Configuration(
         flat.positions * np.array([1, 0.5, 1]), flat.lengths * np.array([1, 0.5])

@@ -1,4 +1,4 @@
-"""Dynamics and the equilibrium solver, two ways to the same states."""
+"""Dynamics and the equilibrium solver reach the same states."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ from tests.fabrics import CLAMPED, PERIODIC, checkered, moving, relaxed, shaken,
 SETTINGS = DynamicsSettings()
 STRAINS = [0.0, 0.05, 0.1, 0.15, 0.2]
 PATCHES = (2, 2)
-"""Of a single unit cell; between clamps only the corners of its patches can move across."""
+"""Corners of a single unit cell; between clamps only those of its patches can move across."""
 
 
 def patch_poisson_ratio(shape, test):
@@ -36,11 +36,11 @@ def patch_poisson_ratio(shape, test):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
-def test_both_methods_reach_the_same_states(reading):
-    net, fabric = checkered(4, 2, reading)
+@pytest.mark.parametrize("options", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
+def test_both_methods_reach_the_same_states(options):
+    net, fabric = checkered(4, 2, options)
     in_equilibrium = stretched(net, fabric, STRAINS)
-    batch = moving([(4, 2)], reading, SETTINGS)
+    batch = moving([(4, 2)], options, SETTINGS)
     (by_dynamics,) = stretch_by_dynamics(batch, [STRAINS])
     for test in (in_equilibrium, by_dynamics):
         assert [state.outcome for state in test.states] == [Outcome.converged] * len(STRAINS)
@@ -53,21 +53,21 @@ def test_both_methods_reach_the_same_states(reading):
     ratios = np.array(
         [patch_poisson_ratio(net.shape, test) for test in (in_equilibrium, by_dynamics)]
     )
-    # Both snap on the way, the dynamics slowed down, the solver at the end of its branch, and then
-    # find the same states. Where motion loses its work, the solver has found a branch's end; it
-    # sees smaller snaps as well, for it looks at smaller steps.
+    # Both snap: the dynamics at a reduced rate, the solver at the end of its branch. Then they
+    # find the same states. Where the dynamics lose work, the solver finds the end of a branch. It
+    # also detects smaller snaps, because its steps are smaller.
     flagged = np.array(
         [[state.snapped for state in test.states] for test in (in_equilibrium, by_dynamics)]
     )
     assert flagged[0].any()
-    assert flagged[1].any() == (reading is PERIODIC)
+    assert flagged[1].any() == (options is PERIODIC)
     assert not (flagged[1] & ~flagged[0]).any()
     np.testing.assert_allclose(energies[1], energies[0], rtol=1e-4)
     np.testing.assert_allclose(ratios[1], ratios[0], rtol=0.01, atol=1e-4)
 
 
 def loss_of_a_pull(design, rate):
-    """Work and losses of pulling periodic fabric from rest to 5 % strain at one rate."""
+    """Work and losses when periodic fabric is stretched from rest to 5 % strain at one rate."""
     batch = moving([design], PERIODIC, SETTINGS)
     net = network(batch.shape)
     relaxed_state = relaxed(net, batch.fabrics[0])
@@ -85,18 +85,18 @@ def test_the_loss_is_the_work_that_did_not_go_into_the_fabric():
         result, rise = loss_of_a_pull((8, 1), rate)
         dissipated = result.history.dissipated[-1]
         work = rise + dissipated
-        # Sudden pulls overshoot, and the drive takes some of its work back.
+        # Fast tests overshoot, and the drive recovers part of its work.
         assert result.loss == pytest.approx(
             (dissipated + result.state.kinetic_peak) / work, rel=0.05
         )
         loss.append(result.loss)
     assert loss[0] > 0.3
-    assert loss[1] / loss[2] > 3  # drag's work is as fast as the pull
+    assert loss[1] / loss[2] > 3  # the work of the drag is proportional to the rate
     assert loss[2] < SETTINGS.quasi_static_limit
 
 
 @pytest.mark.slow
-def test_too_fast_a_pull_is_reported_and_is_no_snap():
+def test_too_fast_a_test_is_reported_and_is_no_snap():
     fast = replace(SETTINGS, ramp_rate=20.0, smallest_rate=1 / 16)
     (test,) = stretch_by_dynamics(moving([(8, 1)], PERIODIC, fast), [[0.0, 0.05, 0.1]])
     assert [state.outcome for state in test.states] == [Outcome.converged, Outcome.too_fast]
@@ -104,7 +104,7 @@ def test_too_fast_a_pull_is_reported_and_is_no_snap():
 
 
 @pytest.mark.slow
-def test_the_papers_fixed_steps_carry_a_whole_test():
+def test_a_whole_test_runs_with_the_papers_fixed_steps():
     fixed = replace(SETTINGS, ending="fixed_steps")
     (test,) = stretch_by_dynamics(moving([(4, 1)], PERIODIC, fixed), [[0.0, 0.1, 0.2]])
     (steady,) = stretch_by_dynamics(moving([(4, 1)], PERIODIC, SETTINGS), [[0.0, 0.1, 0.2]])
@@ -116,7 +116,7 @@ def test_the_papers_fixed_steps_carry_a_whole_test():
 
 
 @pytest.mark.slow
-def test_one_test_that_ends_does_not_end_its_neighbour():
+def test_a_test_that_ends_does_not_end_others_of_its_batch():
     batch = moving(
         [(4, 1), (8, 1)], PERIODIC, replace(SETTINGS, ramp_rate=0.2, quasi_static_limit=10.0)
     )
@@ -138,7 +138,7 @@ def test_one_test_that_ends_does_not_end_its_neighbour():
 
 @pytest.mark.slow
 @given(turn=arrays(float, 3, elements=st.floats(-3, 3)))
-def test_a_sample_is_squared_up_however_it_turned_and_tilted(turn):
+def test_a_sample_is_aligned_after_any_rotation(turn):
     net, fabric = checkered(4, 1, CLAMPED)
     flat = flat_sheet(net, fabric)
     shape = shaken(flat, 0.05)

@@ -22,7 +22,7 @@ STIFFNESS, MASS, LENGTH, PULL = 2.0, 1e-3, 1.0, 1e-3
 
 
 def two_nodes(damping: float, settings: DynamicsSettings) -> tuple[MovingBatch, MotionPath]:
-    """One spring along x between two free nodes, released stretched by ``PULL``."""
+    """One spring along x between two free nodes, released with the elongation ``PULL``."""
     shape = MeshShape(cells_y=0, cells_x=1, periodic=False)
     none = jnp.zeros(0)
     fabric = Fabric(
@@ -66,7 +66,7 @@ def test_an_undamped_spring_never_comes_to_rest():
 
 
 @pytest.mark.slow
-def test_energy_is_kept_account_of_over_a_relaxation():
+def test_energy_and_dissipation_balance_over_a_relaxation():
     batch = moving([(8, 1)], PERIODIC, SETTINGS)
     sheet = np.asarray(flat_sheet(network(batch.shape), batch.fabrics[0]).flattened())
     (result,) = move(batch, [MotionPath(sheet)])
@@ -153,13 +153,13 @@ def test_a_batch_moves_like_each_of_its_cases_alone():
 @pytest.mark.parametrize(
     ("ending", "outcome"), [("steady", Outcome.stalled), ("fixed_steps", Outcome.diverged)]
 )
-def test_a_design_that_diverges_does_not_disturb_its_neighbour(ending, outcome):
+def test_a_design_that_diverges_does_not_affect_others_of_its_batch(ending, outcome):
     settings = replace(SETTINGS, ending=ending)
     batch = moving([(4, 1), (8, 1)], PERIODIC, settings)
     flat = [flat_sheet(network(batch.shape), fabric) for fabric in batch.fabrics]
     sheets = [np.asarray(sheet.flattened()) for sheet in flat]
     honest = move(batch, [MotionPath(sheet) for sheet in sheets])
-    # A mass far too light for any step diverges with fixed ones, one that is no number with all.
+    # With a much too small mass fixed steps diverge, with a mass of NaN all methods do.
     mass = jnp.array(1e-12 if ending == "fixed_steps" else np.nan)
     light = Inertia(mass, batch.inertias[0].damping)
     spoiled = move(

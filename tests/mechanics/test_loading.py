@@ -1,4 +1,4 @@
-"""A sample as it is laid between walls before it is clamped."""
+"""The position of a sample between walls before it is clamped."""
 
 import numpy as np
 import pytest
@@ -11,11 +11,11 @@ from knitlab.mechanics.loading import between_walls
 from knitlab.model.configuration import Configuration
 
 GAP = 0.5
-"""Half of it [mm]."""
+"""Half the gap [mm]."""
 
 
 def corrugated() -> np.ndarray:
-    """Nodes of a sheet with ridges that the walls leave just room for [mm]."""
+    """Nodes of a sheet whose ridges just fit between the walls [mm]."""
     x, y = np.mgrid[:13, :9].reshape(2, -1).astype(float)
     return np.stack([x, y, GAP * np.cos(np.pi * x)], axis=1)
 

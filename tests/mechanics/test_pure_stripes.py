@@ -70,22 +70,22 @@ def along_the_ridges(of, strain):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
+@pytest.mark.parametrize("options", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
 @EVERY_STRIPE
-def test_a_pure_stripe_relaxes_to_the_sine_of_half_its_rest_angle(of, reading):
-    net, fabric = pure(of, reading)
+def test_a_pure_stripe_relaxes_to_the_sine_of_half_its_rest_angle(of, options):
+    net, fabric = pure(of, options)
     state = relaxed(net, fabric, FINEST)
     assert state.converged
     assert float(state.energy.total) == pytest.approx(0, abs=1e-15)
     cells, cell = 4, float(cell_of(fabric)[0])
-    if reading is PERIODIC:
+    if options is PERIODIC:
         lengths = state.configuration.lengths / (cells * cell)
         across, straight = lengths if of.knit == "rib" else lengths[::-1]
     else:
         nodes = state.configuration.positions
         if of.knit == "garter":
             nodes = nodes.swapaxes(0, 1)
-        # An open sample's first fold is at line 2, so its ends lie level: the facets' chords.
+        # The first fold of an open sample is at line 2, so that its ends are at equal height.
         across = np.linalg.norm(nodes[0, 4] - nodes[0, 0]) / (cells * cell)
         straight = np.linalg.norm(nodes[4, 0] - nodes[0, 0]) / (cells * cell)
     assert across == pytest.approx(of.contraction, rel=1e-8)
@@ -125,8 +125,8 @@ def test_tension_along_the_ridges_is_that_of_three_unknowns(of):
     [("periodic", 1), ("clamped", 1), pytest.param("clamped", 2, marks=pytest.mark.slow)],
 )
 def test_the_sheet_is_the_zigzag_within_five_percent_while_it_unfolds(of, boundary, periods):
-    reading = ModelOptions(cell_size="relaxed", boundary=boundary, fold_phase="stripe_centre")
-    net, fabric = pure(of, reading, periods=periods, ridges="G")
+    options = ModelOptions(cell_size="relaxed", boundary=boundary, fold_phase="stripe_centre")
+    net, fabric = pure(of, options, periods=periods, ridges="G")
     test = stretched(net, fabric, [0.0, 0.1, 0.3])
     assert all(state.converged for state in test.states)
     zigzag_force = compiled_tension(zigzag(of), jnp.array([0.1, 0.3]))
@@ -137,13 +137,13 @@ def test_the_sheet_is_the_zigzag_within_five_percent_while_it_unfolds(of, bounda
 @pytest.mark.parametrize(
     "choice", [{"cell_size": "flat"}, {"hinge_stiffness": "per_length"}, {"length_scale": 3.0}]
 )
-def test_the_zigzag_is_read_as_the_sheet_is(choice):
+def test_model_options_act_on_the_zigzag_as_on_the_sheet(choice):
     of = stripe("garter", 12)
-    reading = replace(PERIODIC, fold_phase="stripe_centre", **choice)
-    test = stretched(*pure(of, reading, ridges="G"), [0.0, 0.1])
-    (force,) = row_force(pure(of, reading)[0], test)
+    options = replace(PERIODIC, fold_phase="stripe_centre", **choice)
+    test = stretched(*pure(of, options, ridges="G"), [0.0, 0.1])
+    (force,) = row_force(pure(of, options)[0], test)
     assert force == pytest.approx(
-        float(compiled_tension(zigzag(of, reading), jnp.array([0.1]))[0]), rel=0.01
+        float(compiled_tension(zigzag(of, options), jnp.array([0.1]))[0]), rel=0.01
     )
     assert force != pytest.approx(float(compiled_tension(zigzag(of), jnp.array([0.1]))[0]), rel=0.1)
 
@@ -166,8 +166,8 @@ def test_a_periodic_sheet_without_diagonals_is_the_zigzag(of):
 @EVERY_STRIPE
 def test_without_its_diagonals_an_open_sheet_is_a_zigzag_with_one_more_row_of_springs(of):
     """The second reason: R cells side by side have R hinges on a fold, but R + 1 springs."""
-    reading = ModelOptions(cell_size="relaxed", boundary="clamped", fold_phase="stripe_centre")
-    net, fabric = weakly_braced(of, reading, 1e-3)
+    options = ModelOptions(cell_size="relaxed", boundary="clamped", fold_phase="stripe_centre")
+    net, fabric = weakly_braced(of, options, 1e-3)
     test = stretched(net, fabric, [0.0, 1.0, 2.0], LONG_STEPS)
     rows = net.shape.cells_x
     stiffer = zigzag(replace(of, k_s=of.k_s * (rows + 1) / rows))
@@ -176,9 +176,9 @@ def test_without_its_diagonals_an_open_sheet_is_a_zigzag_with_one_more_row_of_sp
     assert float(compiled_tension(zigzag(of), jnp.array([2.0]))[0]) < 0.95 * expected
 
 
-def weakly_braced(of, reading, factor):
-    """A pure stripe whose diagonals have a factor of their stiffness; none would leave it limp."""
-    net, fabric = pure(of, reading, ridges="G")
+def weakly_braced(of, options, factor):
+    """A pure stripe with scaled stiffness of diagonals; without them shear would cost no energy."""
+    net, fabric = pure(of, options, ridges="G")
     diagonal = ~(net.weft | net.warp)
     stiffness = fabric.stretch_stiffness * np.where(diagonal, factor, 1.0)
     return net, eqx.tree_at(lambda whole: whole.stretch_stiffness, fabric, stiffness)

@@ -1,4 +1,4 @@
-"""Relaxation: its start from periodic fabric, what it costs, and walls that are pressed on."""
+"""Relaxation: its start from periodic fabric, its cost, and active walls."""
 
 import jax
 import numpy as np
@@ -11,7 +11,7 @@ from knitlab.solvers.executor import run
 from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered, relaxed
 
 REACH = 2
-"""Lines of nodes within which a node feels the edge of a sample."""
+"""Number of lines of nodes over which the edge of a sample affects forces."""
 
 
 def fabric_layout(n_stripe, periods, unit_cells):

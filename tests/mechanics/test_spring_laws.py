@@ -1,4 +1,4 @@
-"""Springs beyond linear in fabrics: derivatives, tensile tests, motion and the zigzag."""
+"""Non-linear springs in fabrics: derivatives, tensile tests, dynamics and the zigzag."""
 
 from dataclasses import replace
 
@@ -58,8 +58,8 @@ def pair(n_stripe, law):
     )
 
 
-def lawful(n_stripe, periods, reading, law, unit_cells=(1, 1)):
-    return assemble_fabric(checkerboard(periods, unit_cells), *pair(n_stripe, law), SHEET, reading)
+def lawful(n_stripe, periods, options, law, unit_cells=(1, 1)):
+    return assemble_fabric(checkerboard(periods, unit_cells), *pair(n_stripe, law), SHEET, options)
 
 
 @pytest.mark.slow
@@ -145,12 +145,12 @@ def test_derivatives_are_those_of_differences(law):
 
 @pytest.mark.slow
 @EVERY_LAW
-def test_energy_is_kept_account_of_over_a_motion(law):
+def test_energy_and_dissipation_balance_over_a_motion(law):
     settings = DynamicsSettings()
     batch = moving([(8, 1)], PERIODIC, settings)
     net, fabric = lawful(8, 1, PERIODIC, law)
     batch = replace(batch, fabrics=[fabric])
-    # From a sheet stretched by a tenth, where the law counts.
+    # From a sheet stretched by a tenth, where the law matters.
     sheet = flat_sheet(network(batch.shape), fabric)
     start = Configuration(sheet.positions * 1.1, sheet.lengths * 1.1)
     (result,) = move(batch, [MotionPath(np.asarray(start.flattened()))])
@@ -179,13 +179,13 @@ def test_the_zigzag_meets_its_two_balances(law, knit, n):
         length = cell * (1 + stretched_by)
         pull = of.k_s * float(chain.law.pull(jnp.asarray(length), jnp.asarray(cell)))
 
-        def moment(lean, pull=pull, length=length):
-            turned = of.k_t * (np.pi - 2 * lean - of.theta_0)
-            return turned - pull / np.cos(lean) * length * np.sin(lean)
+        def moment(tilt, pull=pull, length=length):
+            turned = of.k_t * (np.pi - 2 * tilt - of.theta_0)
+            return turned - pull / np.cos(tilt) * length * np.sin(tilt)
 
-        lean = brentq(moment, 1e-12, np.pi / 2 - of.theta_0 / 2, xtol=1e-15)
-        strain.append(4 * length * np.cos(lean) / of.period - 1)
-        force.append(pull / np.cos(lean))
+        tilt = brentq(moment, 1e-12, np.pi / 2 - of.theta_0 / 2, xtol=1e-15)
+        strain.append(4 * length * np.cos(tilt) / of.period - 1)
+        force.append(pull / np.cos(tilt))
     np.testing.assert_allclose(tension(chain, jnp.array(strain)), force, rtol=1e-8)
 
 

@@ -1,4 +1,4 @@
-"""The tensile test: balance of forces, work, symmetry, readings, and honesty when it fails."""
+"""The tensile test: balance of forces, work, symmetry, model options, and reported failures."""
 
 from dataclasses import replace
 
@@ -57,14 +57,14 @@ def test_reactions_at_top_and_bottom_cancel():
 
 
 @pytest.mark.parametrize(
-    "reading",
+    "options",
     [
         pytest.param(CLAMPED, id="clamped", marks=pytest.mark.slow),
         pytest.param(PERIODIC, id="periodic"),
     ],
 )
-def test_the_reaction_force_does_the_work_that_the_energy_gains(reading):
-    net, fabric = checkered(2, 1, reading)
+def test_the_reaction_force_does_the_work_that_the_energy_gains(options):
+    net, fabric = checkered(2, 1, options)
     # Gauss–Legendre points between two strains integrate the smooth force to high order.
     points, weights = np.polynomial.legendre.leggauss(5)
     strains = [0.0, *(0.1 * (points + 1) / 2), 0.1]
@@ -121,7 +121,7 @@ def test_the_curve_does_not_depend_on_the_recorded_strains():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("n_stripe", "periods", "reading", "first", "last"),
+    ("n_stripe", "periods", "options", "first", "last"),
     [
         (4, 2, ModelOptions(cell_size="flat", fold_phase="stripe_centre"), -0.38, -0.29),
         (2, 4, ModelOptions(cell_size="flat", fold_phase="stripe_border"), -0.08, 0.07),
@@ -129,18 +129,18 @@ def test_the_curve_does_not_depend_on_the_recorded_strains():
     ids=["flat stripe_centre", "flat stripe_border"],
 )
 def test_model_options_change_poisson_ratio_as_in_the_trial_runs(
-    n_stripe, periods, reading, first, last
+    n_stripe, periods, options, first, last
 ):
-    reading = replace(reading, boundary="periodic")
+    options = replace(options, boundary="periodic")
     strains = list(np.linspace(0, 0.48, 9))
-    ratio = periodic_poisson_ratio(stretched(*checkered(n_stripe, periods, reading), strains))
+    ratio = periodic_poisson_ratio(stretched(*checkered(n_stripe, periods, options), strains))
     assert ratio[-1] == pytest.approx(last, abs=0.01)
     assert ratio[0] == pytest.approx(first, abs=0.015)
     assert (np.diff(ratio) > 0).all()
 
 
 @pytest.mark.slow
-def test_the_default_reading_is_auxetic_with_its_lowest_ratio_on_the_way():
+def test_the_default_is_auxetic_with_a_minimum_at_intermediate_strain():
     ratio = periodic_poisson_ratio(
         stretched(*checkered(4, 2, PERIODIC), list(np.linspace(0, 0.45, 16)))
     )
@@ -148,7 +148,7 @@ def test_the_default_reading_is_auxetic_with_its_lowest_ratio_on_the_way():
     assert ratio.min() == pytest.approx(-1.0, abs=0.1)
 
 
-def test_what_does_not_relax_says_so():
+def test_a_fabric_that_does_not_relax_is_reported():
     net, fabric = checkered(4, 1, PERIODIC)
     test = stretched(net, fabric, [0.0, 0.1], SolverSettings(max_iterations=2))
     assert test.loading is None
@@ -157,12 +157,12 @@ def test_what_does_not_relax_says_so():
 
 
 @pytest.mark.slow
-def test_a_step_that_fails_is_tried_in_halves(monkeypatch):
+def test_a_step_that_fails_is_halved(monkeypatch):
     monkeypatch.setattr(tensile_test, "ROUGH", np.inf)  # so that a step is one search
     net, fabric = checkered(4, 1, PERIODIC)
     whole = SolverSettings(path_step=1.0, ramp_steps=60, branch_limit=1e9)
     iterations = stretched(net, fabric, [0.0, 0.4], whole).states[1].iterations
-    # Too few for the whole step, enough for its halves or theirs.
+    # Too few iterations for the whole step, enough for a half or a quarter of it.
     tight = replace(whole, max_iterations=iterations - 1)
     halved = stretched(net, fabric, [0.0, 0.4], tight)
     assert halved.states[1].converged
@@ -172,15 +172,15 @@ def test_a_step_that_fails_is_tried_in_halves(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "reading",
+    "options",
     [
         pytest.param(PERIODIC, id="periodic"),
         pytest.param(CLAMPED, id="clamped", marks=pytest.mark.slow),
     ],
 )
-def test_a_rough_step_ends_where_a_smooth_one_does(reading, monkeypatch):
-    """Soft walls and a convexified stiffness are a way to a state; they are none of it."""
-    net, fabric = checkered(4, 1, reading)
+def test_a_rough_step_ends_where_a_smooth_one_does(options, monkeypatch):
+    """Soft walls and a convexified stiffness do not change the state that is found."""
+    net, fabric = checkered(4, 1, options)
     ways = []
     for iterations in (-1, np.inf):
         monkeypatch.setattr(tensile_test, "ROUGH", iterations)
@@ -197,7 +197,7 @@ def test_relaxation_does_not_shift_a_sample():
     flat, folded = flat_sheet(net, fabric), relaxed(net, fabric).configuration
     shift = np.abs(np.mean(folded.positions - flat.positions, axis=(0, 1)))
     assert shift[:2].max() < 1e-6
-    # Between walls that it does not touch nothing holds its height but the solver's own shift.
+    # If it touches no wall, only the shift of the solver keeps its height.
     assert shift[2] < 1e-2
 
 
@@ -212,7 +212,7 @@ def test_unloading_returns_through_the_states_of_loading():
         np.testing.assert_allclose(back.unknowns, up.unknowns, atol=1e-6)
 
 
-def test_only_a_test_that_reached_its_end_goes_back():
+def test_only_a_test_that_reached_its_end_is_unloaded():
     net, fabric = checkered(4, 1, PERIODIC)
     hasty = SolverSettings(max_iterations=3)
     test = run(net.shape, fabric, stretch(net, fabric, (0.0, 0.02), hasty, unload=True))
@@ -223,12 +223,12 @@ def test_only_a_test_that_reached_its_end_goes_back():
 @pytest.mark.parametrize(
     ("shake", "parts"), [(0.0, {1.0, 0.5}), pytest.param(2.0, {0.125, 0.0}, marks=pytest.mark.slow)]
 )
-def test_many_subdomains_start_from_where_on_the_line_ahead_the_energy_is_least(
+def test_large_samples_start_from_the_lowest_energy_on_the_line_of_extrapolation(
     small_subdomains, sample, monkeypatch, shake, parts
 ):
     net, fabric, loading = sample
     before, last = stretched(net, fabric, [0.0, 0.01]).states
-    # A state far off sends the line through it and the last one far off on the other side.
+    # With a distant previous state the linear extrapolation is distant too, on the other side.
     noise = np.random.default_rng(0).normal(size=net.shape.unknowns)
     off = loading.holding(before.unknowns + shake * noise, 0.0)
     starts = []

@@ -1,4 +1,4 @@
-"""The zigzag pulled by minimising its energy: against its closed form and virtual work."""
+"""The zigzag stretched by minimising its energy: against its closed form and virtual work."""
 
 import jax.numpy as jnp
 import numpy as np

@@ -11,10 +11,10 @@ from knitlab.model.fabric import flat_sheet
 from tests.fabrics import CLAMPED, PERIODIC, cell_of, checkered, shaken
 
 
-@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
+@pytest.mark.parametrize("options", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
 @pytest.mark.parametrize("states", [(), (3,), (2, 3)], ids=["one", "three", "two by three"])
-def test_flattening_and_back_is_the_identity(reading, states):
-    shape = checkered(4, 1, reading)[0].shape
+def test_flattening_and_back_is_the_identity(options, states):
+    shape = checkered(4, 1, options)[0].shape
     unknowns = np.random.default_rng(0).normal(size=(*states, shape.unknowns))
     configuration = Configuration.of(unknowns, shape)
     assert configuration.positions.shape == (*states, shape.nodes_y, shape.nodes_x, 3)
@@ -40,7 +40,7 @@ def test_states_are_stacked_and_picked_out_again():
     np.testing.assert_array_equal(together[1:].lengths[0], states[1].lengths)
 
 
-def test_a_function_of_the_shape_has_its_gradient_where_it_is_felt():
+def test_the_gradient_of_a_function_is_a_configuration():
     net, fabric = checkered(4, 1, CLAMPED)
     at = shaken(flat_sheet(net, fabric), 0.1)
 
@@ -57,7 +57,7 @@ def test_a_function_of_the_shape_has_its_gradient_where_it_is_felt():
 
 
 @pytest.mark.slow
-def test_it_is_mapped_over_as_any_pytree_is():
+def test_a_configuration_is_mapped_as_a_pytree():
     net, fabric = checkered(4, 1, PERIODIC)
     states = [shaken(flat_sheet(net, fabric), 0.1, seed) for seed in range(2)]
     together = jax.vmap(lambda at: energy(net, fabric, at).total)(Configuration.stacked(states))

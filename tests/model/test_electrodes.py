@@ -1,4 +1,4 @@
-"""Layouts of electrodes: where they lie on the chart, and what is refused with its place."""
+"""Layouts of electrodes: their position on the chart, and refused layouts."""
 
 from dataclasses import replace
 
@@ -24,9 +24,9 @@ def stitches(pattern):
 RIDGES = ElectrodeLayout()
 
 
-def laid(layout, periods=2, reading=PERIODIC, unit_cells=(1, 1)):
+def laid(layout, periods=2, options=PERIODIC, unit_cells=(1, 1)):
     pattern = checkerboard(periods, unit_cells)
-    return place_electrodes(layout, pattern, reading, stitches(pattern))
+    return place_electrodes(layout, pattern, options, stitches(pattern))
 
 
 def test_neighbouring_rib_ridges_of_the_first_patch_carry_a_stripe_each():
@@ -40,9 +40,9 @@ def test_neighbouring_rib_ridges_of_the_first_patch_carry_a_stripe_each():
     [("stripe_border", [2, 6], [4]), ("stripe_centre", [1, 5], [3, 7])],
 )
 def test_ridges_are_the_folds_of_the_middle_patch(phase, front, back):
-    reading = replace(PERIODIC, fold_phase=phase)
+    options = replace(PERIODIC, fold_phase=phase)
     for face, lines in {"front": front, "back": back, "both": sorted(front + back)}.items():
-        assert ridge_lines(replace(RIDGES, face=face), checkerboard(2), reading) == lines
+        assert ridge_lines(replace(RIDGES, face=face), checkerboard(2), options) == lines
 
 
 def test_garter_ridges_run_along_courses():
@@ -52,10 +52,10 @@ def test_garter_ridges_run_along_courses():
     assert ridge_lines(layout, checkerboard(2), valley) == [4]
 
 
-def test_a_sample_is_plated_in_its_middle_and_as_far_as_its_span():
+def test_a_sample_is_plated_in_its_middle_patch_over_its_span():
     layout = replace(RIDGES, span=(0.25, 0.75))
-    (strip,), _ = laid(layout, reading=CLAMPED, unit_cells=(2, 3)).strips
-    # Of six patches across the third lies left of the middle.
+    (strip,), _ = laid(layout, options=CLAMPED, unit_cells=(2, 3)).strips
+    # With six patches across, the middle one is the third.
     assert strip == Strip(17, 19, 8, 24)
 
 
@@ -68,7 +68,7 @@ def test_within_the_fabric_ridges_of_all_patches_count():
 def test_a_width_in_stitches_is_centred_on_its_ridge(width):
     for along, across in (("wale", 2.0), ("course", 4.0)):
         layout = replace(RIDGES, along=along, width=width)
-        strips = laid(layout, reading=PERIODIC).strips if width / across < 4 else None
+        strips = laid(layout, options=PERIODIC).strips if width / across < 4 else None
         for number, (strip,) in enumerate(strips or ()):
             low, high = strip.extents[0 if along == "wale" else 1]
             assert high - low == pytest.approx(width / across)
@@ -83,50 +83,54 @@ SQUARE = patch_map(["R"], 1)
 
 
 @pytest.mark.parametrize(
-    ("layout", "reading", "message"),
+    ("layout", "options", "message"),
     [
         (replace(RIDGES, width=8.0), PERIODIC, r"short circuit: columns 4 to 4, rows 0 to 16"),
         (replace(RIDGES, width=9.0), PERIODIC, r"short circuit: columns 3\.75 to 4\.25"),
-        (replace(RIDGES, width=40.0), PERIODIC, r"electrode A leaves the fabric: columns -8 to 12"),
+        (
+            replace(RIDGES, width=40.0),
+            PERIODIC,
+            r"electrode A extends beyond the fabric: columns -8 to 12",
+        ),
         (replace(RIDGES, width=5.0), CLAMPED, None),
         (
             replace(RIDGES, width=9.0),
             CLAMPED,
-            r"electrode A leaves the fabric: columns -0\.25 to 4\.25, rows 0 to 16",
+            r"electrode A extends beyond the fabric: columns -0\.25 to 4\.25, rows 0 to 16",
         ),
         (replace(RIDGES, ridges=(1, 3)), PERIODIC, "there is no ridge 3: its middle patch has 2"),
         (replace(RIDGES, ridges=(1, 1)), PERIODIC, "short circuit: columns 1 to 3"),
         (replace(RIDGES, span=(0.0, 0.5)), PERIODIC, "periodic fabric has no ends"),
     ],
 )
-def test_a_layout_that_cannot_be_is_refused_with_its_place(layout, reading, message):
+def test_an_impossible_layout_is_refused_with_its_place(layout, options, message):
     if message is None:
-        laid(layout, reading=reading)
+        laid(layout, options=options)
         return
     with pytest.raises(BadLayout, match=message):
-        laid(layout, reading=reading)
+        laid(layout, options=options)
 
 
 @pytest.mark.parametrize(
-    ("rows", "reading", "message"),
+    ("rows", "options", "message"),
     [
         (("A..B", "A..B", "A..B"), CLAMPED, "3 rows of 4 letters, the fabric 4 rows of 4"),
         (("A...",) * 4, CLAMPED, "no letter B"),
         (("A..B", "A..B", "...B", "A..B"), CLAMPED, "A is in 2 pieces, one of them at column 0"),
-        (("A..B", "A..B", "...B", "...B"), PERIODIC, "A does not run on over the seam"),
+        (("A..B", "A..B", "...B", "...B"), PERIODIC, "A does not continue across the boundary"),
         (("ABBB", "A..B", "A..B", "A..B"), CLAMPED, "short circuit: columns 1 to 1, rows 3 to 4"),
         ((".A.B", "..AB", "A..B", "A..B"), CLAMPED, "A is in 3 pieces"),
     ],
 )
-def test_a_drawing_that_cannot_be_is_refused_with_its_place(rows, reading, message):
+def test_an_impossible_mask_is_refused_with_its_place(rows, options, message):
     with pytest.raises(BadLayout, match=message):
-        place_electrodes(drawn(*rows), SQUARE, reading, stitches(SQUARE))
+        place_electrodes(drawn(*rows), SQUARE, options, stitches(SQUARE))
 
 
-@pytest.mark.parametrize("reading", [CLAMPED, PERIODIC])
-def test_a_drawn_electrode_may_wander(reading):
+@pytest.mark.parametrize("options", [CLAMPED, PERIODIC])
+def test_a_drawn_electrode_need_not_be_straight(options):
     electrodes = place_electrodes(
-        drawn("a..b", "aa.b", ".a.b", "aa.b"), SQUARE, reading, stitches(SQUARE)
+        drawn("a..b", "aa.b", ".a.b", "aa.b"), SQUARE, options, stitches(SQUARE)
     )
     assert sum(strip.area for strip in electrodes.strips[0]) == 6
     # The first row of the drawing is the top of the fabric.
@@ -143,7 +147,7 @@ def test_strips_that_overlap_are_named():
 
 
 @given(st.tuples(*[st.floats(0, 3)] * 4))
-def test_pieces_lie_in_one_cell_each_and_fill_their_strip(ends):
+def test_each_piece_lies_in_one_cell_and_pieces_fill_their_strip(ends):
     left, width, bottom, height = ends
     strip = Strip(left, left + width + 0.1, bottom, bottom + height + 0.1)
     parts = split_by_cells(strip)

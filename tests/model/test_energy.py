@@ -30,10 +30,10 @@ def zigzag(net, fabric, of):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("reading", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
+@pytest.mark.parametrize("options", [PERIODIC, CLAMPED], ids=["periodic", "clamped"])
 @pytest.mark.parametrize("of", ALL_STRIPES, ids=lambda of: f"{of.knit} {of.n}")
-def test_the_folded_zigzag_costs_no_energy(of, reading):
-    net, fabric = pure(of, reading, periods=2)
+def test_the_folded_zigzag_costs_no_energy(of, options):
+    net, fabric = pure(of, options, periods=2)
     parts = energy(net, fabric, zigzag(net, fabric, of))
     assert float(parts.total) == pytest.approx(0, abs=1e-25)
 
@@ -43,8 +43,8 @@ def test_the_folded_zigzag_costs_no_energy(of, reading):
 @pytest.mark.parametrize("stiffness", ["per_edge", "per_length"])
 @pytest.mark.parametrize("angle", ["whole_normals", "across_edge"])
 def test_gradient_is_the_slope_of_the_energy(boundary, stiffness, angle):
-    reading = ModelOptions(boundary=boundary, hinge_stiffness=stiffness, fold_angle=angle)
-    net, fabric = checkered(4, 1, reading)
+    options = ModelOptions(boundary=boundary, hinge_stiffness=stiffness, fold_angle=angle)
+    net, fabric = checkered(4, 1, options)
     at = shaken(flat_sheet(net, fabric), 0.1).flattened()
     toward = np.random.default_rng(1).normal(size=at.shape)
     total = jax.jit(lambda q: energy(net, fabric, Configuration.of(q, net.shape)).total)
@@ -69,7 +69,7 @@ def test_rigid_motion_changes_no_energy(turn, shift):
     assert float(after.fold) == pytest.approx(float(before.fold), rel=1e-10)
 
 
-def test_endless_fabric_may_slide_and_be_cut_anywhere():
+def test_the_energy_of_periodic_fabric_does_not_depend_on_translation_or_origin():
     net, fabric = checkered(4, 1, PERIODIC)
     at = shaken(flat_sheet(net, fabric), 0.1)
     slid = Configuration(at.positions + np.array([0.7, -1.3, 0]), at.lengths)

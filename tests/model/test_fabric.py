@@ -49,7 +49,7 @@ def test_fold_lines_alone_leave_no_hinge_against_the_folds_or_on_borders():
 
 
 @pytest.mark.parametrize(("start", "sense"), [("mountain", 1), ("valley", -1)])
-def test_the_first_garter_fold_points_where_the_reading_says(start, sense):
+def test_garter_start_is_the_sense_of_the_first_garter_fold(start, sense):
     net, fabric = patterned(4, checkerboard(2), ModelOptions(garter_start=start))
     first = (~net.wale) & (net.hinge_cells == [2, 8]).all(axis=1)
     assert np.sign(float(fabric.rest_fold[first][0])) == sense

@@ -46,14 +46,15 @@ def test_an_angle_is_taken_on_the_branch_nearest_its_rest():
 _turns = st.floats(-3, 3)
 
 
-@given(seed=st.integers(0, 2**32 - 1), lean=st.floats(-20, 20), turn=_turns, rest=_turns)
+@given(seed=st.integers(0, 2**32 - 1), twist=st.floats(-20, 20), turn=_turns, rest=_turns)
 def test_across_the_edge_a_cell_that_turns_turns_the_angle_however_twisted_it_is(
-    seed, lean, turn, rest
+    seed, twist, turn, rest
 ):
     edge, *diagonals = np.random.default_rng(seed).normal(size=(5, 3))
-    # Diagonals far along the edge on opposite sides twist a cell: its normal leans along the edge.
+    # Diagonals shifted along the edge in opposite directions twist a cell: its normal then has a
+    # component along the edge.
     sideways = np.cross(edge, diagonals[2])
-    diagonals[2], diagonals[3] = diagonals[2] - lean * sideways, diagonals[3] + lean * sideways
+    diagonals[2], diagonals[3] = diagonals[2] - twist * sideways, diagonals[3] + twist * sideways
     along = edge / np.linalg.norm(edge)
     normals = np.cross(diagonals[::2], diagonals[1::2])
     assume((np.linalg.norm(np.cross(along, normals), axis=1) > 1e-3).all())

@@ -24,29 +24,29 @@ def test_on_the_papers_grid_a_fold_is_one_hinge_whatever_the_ridge():
         ridge = Ridge(4, fraction)
         assert ridge.fold_parts.tolist() == [0, 1, 0]
         assert (ridge.stiffness_by_place("stripe_border") == 1).all()
-        assert float(ridge.turn(jnp.array(0.77))) == np.pi - 0.77
+        assert float(ridge.rest_fold(jnp.array(0.77))) == np.pi - 0.77
 
 
 @given(FINER, FRACTIONS, PHASES)
 def test_a_stripe_has_the_same_compliance_and_the_same_folds_on_any_grid(cells, fraction, phase):
     ridge = Ridge(cells, fraction)
     refinement = cells // 4
-    # Edges are shorter by the refinement, so that as many stand side by side.
+    # On a refined grid there are more, but shorter edges.
     compliance = (1 / (refinement * ridge.stiffness_by_place(phase))).sum()
     assert compliance == pytest.approx(4)
     assert ridge.fold_parts.sum() == pytest.approx(1)
     parts = fold_senses(np.ones((1, 2 * cells), bool), phase, periodic=True, ridge=ridge)[0]
     assert parts.sum() == pytest.approx(0, abs=1e-12)
-    # Ridges that touch cancel on the line between them.
+    # Adjacent ridges cancel on the line between them.
     assert np.abs(parts).sum() <= 4 + 1e-12
     if fraction < 1 - 1 / (2 * refinement):
         assert np.abs(parts).sum() == pytest.approx(4)
 
 
 @given(FINER, FRACTIONS, st.floats(0.3, 3.0))
-def test_the_turn_of_a_ridge_keeps_the_relaxed_length(cells, fraction, theta_0):
+def test_the_angle_of_a_ridge_keeps_the_relaxed_length(cells, fraction, theta_0):
     ridge = Ridge(cells, fraction)
-    turn = float(ridge.turn(jnp.array(theta_0)))
+    turn = float(ridge.rest_fold(jnp.array(theta_0)))
     senses = fold_senses(np.ones((1, cells), bool), "stripe_border", True, ridge)[0]
     # Walk along one period, turning at every line.
     heading = np.cumsum(senses * turn)
@@ -54,9 +54,9 @@ def test_the_turn_of_a_ridge_keeps_the_relaxed_length(cells, fraction, theta_0):
     assert length == pytest.approx(np.sin(theta_0 / 2), abs=1e-9)
 
 
-def test_the_turn_has_a_derivative_by_the_rest_angle():
+def test_the_angle_of_a_ridge_is_differentiable_by_the_rest_angle():
     ridge = Ridge(8, 0.5)
-    turn, step = lambda theta: ridge.turn(jnp.asarray(theta)), 1e-6
+    turn, step = lambda theta: ridge.rest_fold(jnp.asarray(theta)), 1e-6
     expected = (turn(0.77 + step) - turn(0.77 - step)) / (2 * step)
     assert float(jax.grad(turn)(0.77)) == pytest.approx(float(expected), rel=1e-6)
 
@@ -82,15 +82,15 @@ def test_rounded_ridges_tend_to_one_shape():
         options = ModelOptions(boundary="periodic", cells_per_period=cells)
         state = relaxed(*pure(of, options), FINE)
         heights.append(np.ptp(state.configuration.positions[..., 2]))
-    # The limit: flanks of a quarter of the period, arcs of as much, of the same projected length.
+    # The limit: flanks and arcs of a quarter of the period each, with the same projected length.
     arc = of.period / 8
 
-    def contraction(lean):
-        return 0.5 * np.cos(lean) + 0.5 * np.sin(lean) / lean
+    def contraction(tilt):
+        return 0.5 * np.cos(tilt) + 0.5 * np.sin(tilt) / tilt
 
-    leans = np.linspace(0.1, np.pi, 200_000)
-    lean = leans[np.abs(contraction(leans) - of.contraction).argmin()]
-    limit = 2 * (arc * np.sin(lean) + arc * (1 - np.cos(lean)) / lean)
+    tilts = np.linspace(0.1, np.pi, 200_000)
+    tilt = tilts[np.abs(contraction(tilts) - of.contraction).argmin()]
+    limit = 2 * (arc * np.sin(tilt) + arc * (1 - np.cos(tilt)) / tilt)
     errors = np.abs(np.array(heights) - limit)
     assert errors[1] < 0.3 * errors[0]
     assert errors[1] < 0.02 * limit
@@ -104,5 +104,5 @@ def test_hinges_of_other_knits_keep_their_stiffness():
     assert (garter[:, :8] == 1).all()
     assert (garter[:, 16:] == 1).all()
     assert (rib[:, 1:8] != 1).any()
-    # The patch is as high as the fabric, so that its folds run on over the seam.
+    # The patch is as high as the fabric, so that its folds continue across the periodic boundary.
     assert (garter[:, 8:16] != 1).any()

@@ -1,4 +1,4 @@
-"""Fabrics whose patches differ: graded, plain and singly folded ones."""
+"""Fabrics with graded or plain patches, or single folds."""
 
 from dataclasses import replace
 
@@ -62,9 +62,7 @@ def stored(layout, fabric, configuration):
 
 @pytest.mark.parametrize("boundary", ["periodic", "clamped"])
 @pytest.mark.parametrize("hinge_stiffness", ["per_edge", "per_length"])
-def test_a_graded_pattern_of_equal_patches_is_the_checkerboard_to_the_last_bit(
-    boundary, hinge_stiffness
-):
+def test_a_graded_pattern_of_equal_patches_is_bitwise_the_checkerboard(boundary, hinge_stiffness):
     options = ModelOptions(boundary=boundary, hinge_stiffness=hinge_stiffness)
     rows = ["GRGR", "RGRG"]
     grading = graded(rows, [4, 4], [4] * 4, [2, 2], [2] * 4)
@@ -110,7 +108,7 @@ def test_a_plain_sheet_rests_flat_and_stretches_as_its_springs_do():
     a, b = float(fabric.cell_x[0]), float(fabric.cell_y[0])
     weft, warp = PLAIN.plain_stretch_weft * b / a, PLAIN.plain_stretch_warp * a / b
     diagonal, square = min(weft, warp), a**2 + b**2
-    # A cell has a weft and a warp spring and two diagonals, all stretched evenly.
+    # A cell has a weft and a warp spring and two diagonals, in homogeneous strain.
     across = weft + 2 * diagonal * a**2 / square
     along = warp + 2 * diagonal * b**2 / square
     both = 2 * diagonal * a * b / square
@@ -155,10 +153,10 @@ def test_a_single_fold_rests_at_its_angle_without_energy(along, cells_per_period
     flat = flat_sheet(layout.net, fabric)
     axis = 0 if along == "wale" else 1
     reach = np.asarray(flat.positions[..., axis] - flat.positions[..., axis].max() / 2)
-    lean = (np.pi - 2.0) / 2
-    folded = flat.positions.at[..., axis].set(reach * np.cos(lean))
+    tilt = (np.pi - 2.0) / 2
+    folded = flat.positions.at[..., axis].set(reach * np.cos(tilt))
     # A valley opens upwards.
-    folded = folded.at[..., 2].set(np.abs(reach) * np.sin(lean))
+    folded = folded.at[..., 2].set(np.abs(reach) * np.sin(tilt))
     shape = Configuration(folded, flat.lengths)
     assert stored(layout, fabric, shape) == pytest.approx(0, abs=1e-20)
     assert stored(layout, fabric, flat) > 1e-3
@@ -168,7 +166,7 @@ def test_a_single_fold_rests_at_its_angle_without_energy(along, cells_per_period
     ("change", "problem"),
     [
         ({"at": 2.5}, "at = 2.5 lies outside the pattern, which has 2 patches there"),
-        ({"at": 1.1}, "at = 1.1 lies between grid lines; take 1 or 1.25"),
+        ({"at": 1.1}, "at = 1.1 lies between grid lines; use 1 or 1.25"),
         ({"at": 1, "start": 1.0, "end": 0.5}, "start = 1 is not below end = 0.5"),
     ],
 )
@@ -244,7 +242,7 @@ def gradings(draw):
 @pytest.mark.slow
 @given(gradings(), st.sampled_from(["periodic", "clamped"]), st.sampled_from(["all", "fold_lines"]))
 @settings(deadline=None, max_examples=8)
-def test_energy_of_any_graded_pattern_does_not_depend_on_how_it_lies(drawn, boundary, hinges):
+def test_energy_of_any_graded_pattern_does_not_change_with_a_rigid_motion(drawn, boundary, hinges):
     rows, grading = drawn
     layout, fabric = assembled(rows, grading, ModelOptions(boundary=boundary, hinges=hinges))
     flat = flat_sheet(layout.net, fabric)

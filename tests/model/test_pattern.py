@@ -15,13 +15,13 @@ PHASES = st.sampled_from(["stripe_border", "stripe_centre"])
 
 
 @pytest.mark.parametrize(("phase", "folds"), [("stripe_border", 2 * 3 - 1), ("stripe_centre", 6)])
-def test_a_lone_patch_has_as_many_folds_as_the_reading_says(phase, folds):
+def test_the_number_of_folds_of_a_single_patch_follows_from_fold_phase(phase, folds):
     senses = fold_senses(checkerboard(3).cells_of("rib"), phase, periodic=True)
     assert (np.count_nonzero(senses, axis=1) == folds).all()
 
 
 @pytest.mark.parametrize("phase", ["stripe_border", "stripe_centre"])
-def test_endless_stripes_fold_twice_a_period(phase):
+def test_periodic_stripes_fold_twice_a_period(phase):
     senses = fold_senses(np.ones((1, 12), bool), phase, periodic=True)[0]
     folds = senses[senses != 0]
     assert len(folds) == 6
@@ -45,14 +45,14 @@ def test_mountains_and_valleys_alternate_and_lie_inside_their_knit(like, phase, 
 
 
 @given(LINES, PHASES, st.integers(0, 5))
-def test_endless_folds_shift_with_their_pattern(like, phase, patches):
-    # Runs that fill the line have no start, so their first fold is free to choose.
+def test_periodic_folds_shift_with_their_pattern(like, phase, patches):
+    # Runs that fill the line have no start, so their first fold is a convention.
     like = like[~like.all(axis=1)]
     shifted = fold_senses(np.roll(like, 4 * patches, axis=1), phase, periodic=True)
     assert (shifted == np.roll(fold_senses(like, phase, True), 4 * patches, axis=1)).all()
 
 
-def test_neighbouring_patches_of_one_knit_fold_as_one():
+def test_neighbouring_patches_of_one_knit_fold_as_one_patch():
     one = fold_senses(patch_map(["RR"], 1).cells_of("rib"), "stripe_border", periodic=False)
     other = fold_senses(patch_map(["R"], 2).cells_of("rib"), "stripe_border", periodic=False)
     assert (one[0] == other[0]).all()

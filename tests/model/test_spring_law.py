@@ -82,7 +82,7 @@ def test_force_and_slope_have_no_jump(law):
         np.testing.assert_allclose(before, after, rtol=limit, atol=limit)
 
 
-def test_a_table_from_rest_up_is_odd_and_goes_on_straight():
+def test_a_table_from_rest_is_continued_as_an_odd_function_and_linearly():
     law = LAWS["tabulated"]
     strain = jnp.linspace(0.01, 2, 50)
     pulled, pushed = (law.pull(REST * (1 + sign * strain), REST) for sign in (1, -1))
@@ -131,16 +131,16 @@ def test_stiffening_springs_become_linear_as_their_strain_grows(strain):
     ("strain", "force", "problems"),
     [
         ((0.0, 0.1), (0.0,), ["2 strains and 1 forces"]),
-        ((0.0,), (0.0,), ["two at least"]),
+        ((0.0,), (0.0,), ["at least two"]),
         ((0.0, np.nan), (0.0, 1.0), ["not finite"]),
-        ((0.0, 0.2, 0.1), (0.0, 1.0, 1.0), ["strain does not grow from 0.2", "force does not"]),
-        ((0.1, 0.2), (0.0, 1.0), ["no strain and no force"]),
-        ((0.0, 0.2), (0.5, 1.0), ["no strain and no force"]),
+        ((0.0, 0.2, 0.1), (0.0, 1.0, 1.0), ["strain does not increase from 0.2", "force does not"]),
+        ((0.1, 0.2), (0.0, 1.0), ["zero strain and zero force"]),
+        ((0.0, 0.2), (0.5, 1.0), ["zero strain and zero force"]),
         ((-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0), ["above -1"]),
         ((-0.5, 0.0), (-1.0, 0.0), ["ends at rest"]),
     ],
 )
-def test_what_is_no_curve_is_refused(strain, force, problems):
+def test_an_invalid_spring_curve_is_refused(strain, force, problems):
     with pytest.raises(ValueError, match=problems[0]) as refused:
         SpringCurve(strain, force)
     assert all(problem in str(refused.value) for problem in problems)

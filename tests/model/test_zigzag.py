@@ -1,4 +1,4 @@
-"""The zigzag's closed form, against the balance it states and against its own slopes."""
+"""The zigzag's closed form, against the equations of balance and finite differences."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ def test_tension_meets_the_balance_of_moment_and_length(of):
     """k_t (θ − θ0) = F ℓ cos(θ/2), ℓ = cell + F sin(θ/2) / k_s, period = 4 ℓ sin(θ/2)."""
     force = np.asarray(compiled_tension(zigzag(of), STRAINS))
     cell = of.period / (4 * np.sin(of.theta_0 / 2))
-    # θ from the moment alone, by halving; the period is the check.
+    # θ from the moment only, by bisection; the period is compared.
     low, high = np.full_like(force, of.theta_0), np.full_like(force, np.pi)
     for _ in range(60):
         theta = (low + high) / 2

@@ -1,4 +1,4 @@
-"""Designs from a wish to a workflow: hidden fabrics met, wishes out of reach, kills, budgets."""
+"""Designs from targets to a workflow: hidden fabrics, unreachable targets, kills, budgets."""
 
 import json
 from pathlib import Path
@@ -64,7 +64,7 @@ def test_the_pattern_that_was_hidden_is_chosen_and_its_workflow_gives_its_number
 
 @pytest.mark.slow
 @pytest.mark.parametrize("design", [(4, 8), (2, 8), (6, 24)])
-def test_a_hidden_fabric_is_met_and_what_is_not_determined_is_said(tmp_path, design):
+def test_a_hidden_fabric_is_met_and_undetermined_parameters_are_reported(tmp_path, design):
     factors = dict(zip(FACTORS, (1.2, 0.9, 0.8, 1.1), strict=True))
     n_stripe, n_subunit = design
     found = designed(
@@ -82,7 +82,7 @@ def test_a_hidden_fabric_is_met_and_what_is_not_determined_is_said(tmp_path, des
 
 
 @pytest.mark.slow
-def test_the_workflow_of_a_candidate_gives_its_numbers_and_the_cube_is_one_like_any(tmp_path):
+def test_the_workflow_of_a_candidate_gives_its_numbers_and_the_cube_can_be_queried(tmp_path):
     found = designed(tmp_path, targets="poisson_ratio = -0.1 ± 0.02 @ 0.05:0.15", robustness=1)
     again = kl.run(found.workflows[0], results=tmp_path / "again")
     for name in ("poisson_ratio", "reaction_force", "poisson_ratio_low", "poisson_ratio_high"):
@@ -97,8 +97,8 @@ def test_the_workflow_of_a_candidate_gives_its_numbers_and_the_cube_is_one_like_
 
 
 @pytest.mark.slow
-def test_a_wish_out_of_reach_is_said_to_be_so_with_the_bound_that_holds_it_back(tmp_path):
-    path = tmp_path / "wish.toml"
+def test_a_target_that_cannot_be_met_is_reported_with_the_limiting_bound(tmp_path):
+    path = tmp_path / "sleeve.toml"
     path.write_text(
         'targets = ["poisson_ratio = -0.9 ± 0.02 @ 0.1"]\nrobustness = 0\n'
         "[vary]\nn_stripe = [4]\nn_subunit = [8]\nrib_theta_0_factor = [0.95, 1.05]\n"
@@ -108,7 +108,7 @@ def test_a_wish_out_of_reach_is_said_to_be_so_with_the_bound_that_holds_it_back(
     assert ran.exit_code == 1, ran.output
     assert "not met: poisson_ratio = -0.9" in ran.output
     assert "held back by rib_theta_0_factor" in ran.output
-    assert (tmp_path / "wish" / "figures" / "wanted.png").is_file()
+    assert (tmp_path / "sleeve" / "figures" / "wanted.png").is_file()
 
 
 @pytest.mark.slow
@@ -198,7 +198,7 @@ def test_the_search_continues_without_gradients_after_a_missing_derivative(tmp_p
 
 
 @pytest.mark.slow
-def test_own_functions_of_the_shape_can_be_wanted(tmp_path):
+def test_functions_of_the_shape_can_be_targets(tmp_path):
     def thickness(shape):
         return jnp.ptp(shape.positions[..., 2])
 
@@ -222,7 +222,7 @@ def test_own_functions_of_the_shape_can_be_wanted(tmp_path):
         )
 
 
-WISH = """
+REQUEST = """
 targets = ["poisson_ratio = -0.2 ± 0.01 @ 0.05:0.15"]
 robustness = 0
 [vary]
@@ -264,12 +264,12 @@ def test_a_search_whose_worker_dies_is_begun_again_and_repeats_nothing(tmp_path,
 
 @pytest.mark.slow
 def test_allowed_designs_that_no_cube_has_are_reported(tmp_path):
-    (tmp_path / "wish.toml").write_text(
+    (tmp_path / "sleeve.toml").write_text(
         'targets = ["poisson_ratio = -0.1 ± 0.02 @ 0.05:0.15"]\nrobustness = 0\n'
         f'cubes = ["{PREVIEW}"]\n[vary]\nn_stripe = [4]\nn_subunit = [16, 40]\n'
         "[settings]\nstrain_step = 0.05\nstrain_max = 0.15\n"
     )
-    words = ["design", str(tmp_path / "wish.toml"), "--budget", "1", "--results", str(tmp_path)]
+    words = ["design", str(tmp_path / "sleeve.toml"), "--budget", "1", "--results", str(tmp_path)]
     ran = CliRunner().invoke(main, words)
     reported = "not considered, as no cube has results of them: n_stripe 4  n_subunit 40"
     assert reported in ran.output, ran.output
@@ -277,22 +277,22 @@ def test_allowed_designs_that_no_cube_has_are_reported(tmp_path):
 
 @pytest.mark.slow
 def test_a_killed_design_resumes_to_the_same_result(tmp_path):
-    (tmp_path / "wish.toml").write_text(WISH)
-    words = ["design", "wish.toml", "--results", str(tmp_path / "results")]
+    (tmp_path / "sleeve.toml").write_text(REQUEST)
+    words = ["design", "sleeve.toml", "--results", str(tmp_path / "results")]
     kill_command(tmp_path, words, 3)
-    trials = tmp_path / "results" / "wish" / "trials" / "cases"
+    trials = tmp_path / "results" / "sleeve" / "trials" / "cases"
     before = {path.name: path.stat().st_mtime_ns for path in trials.glob("*.nc")}
     assert before
-    went_on = kl.design(tmp_path / "wish.toml", results=tmp_path / "results")
-    whole = kl.design(tmp_path / "wish.toml", results=tmp_path / "whole")
+    went_on = kl.design(tmp_path / "sleeve.toml", results=tmp_path / "results")
+    whole = kl.design(tmp_path / "sleeve.toml", results=tmp_path / "whole")
     assert all((trials / name).stat().st_mtime_ns == each for name, each in before.items())
     assert went_on.trials.equals(whole.trials)
     assert len(before) < len(whole.trials)
     xr.testing.assert_allclose(
         went_on.cube[["poisson_ratio", "distance"]], whole.cube[["poisson_ratio", "distance"]]
     )
-    kept = json.loads((tmp_path / "whole" / "wish" / "request.json").read_text())
+    kept = json.loads((tmp_path / "whole" / "sleeve" / "request.json").read_text())
     assert kept["vary"]["n_stripe"] == [4]
-    (tmp_path / "wish.toml").write_text(WISH.replace("-0.2", "-0.1"))
+    (tmp_path / "sleeve.toml").write_text(REQUEST.replace("-0.2", "-0.1"))
     with pytest.raises(kl.BadInput, match="holds the design of another request"):
-        kl.design(tmp_path / "wish.toml", results=tmp_path / "results")
+        kl.design(tmp_path / "sleeve.toml", results=tmp_path / "results")

@@ -56,7 +56,7 @@ def test_distances_are_those_of_a_fine_grid():
     )
 
 
-def test_residuals_sum_to_the_distance_of_what_is_aimed_at():
+def test_squared_residuals_sum_to_the_squared_distance():
     trial = made_up(lambda e: -0.5 + e, lambda e: 4 * e)
     asked = objective("poisson_ratio = -0.3 @ 0.1:0.3", "spread(reaction_force) > 2 @ 0.1:0.3")
     aims = objective(*(each for each in map(aimed, asked.targets)))
@@ -83,7 +83,7 @@ def test_met_means_within_a_tolerance_of_a_value_and_within_a_range():
         assert met_by(kept, trial) == met == (kept.violation(kept.off_by(trial)) <= 1 and met), text
 
 
-def test_constraints_are_negative_where_they_are_broken():
+def test_constraints_are_negative_where_they_are_violated():
     trial = made_up(lambda e: -0.3 + 0 * e, lambda e: 4 * e)
     held = objective(
         "reaction_force > 0 @ 0.1", subject_to=["0.5 < reaction_force < 0.7 @ 0.1:0.2"]
@@ -101,15 +101,15 @@ def test_constraints_are_negative_where_they_are_broken():
         ("capacitance > 1 @ 0.1", "capacitance"),
     ],
 )
-def test_targets_of_what_a_test_has_not_are_refused(text, message):
-    space = search_space(checked_request("wish", {"targets": ["poisson_ratio < 0 @ 0.1"]}))
+def test_targets_that_a_test_cannot_have_are_refused(text, message):
+    space = search_space(checked_request("sleeve", {"targets": ["poisson_ratio < 0 @ 0.1"]}))
     case, _ = space.case(space.designs[0], np.zeros(0))
     with pytest.raises(BadInput, match=message):
         check_targets([parse_target(text)], [], case)
 
 
 def thickness(shape):
-    # The same wherever the sheet lies, which no force decides.
+    # Independent of a translation of the sheet, which costs no energy.
     return jnp.std(shape.positions[..., 2])
 
 
@@ -147,7 +147,7 @@ def test_derivatives_of_every_kind_of_target_are_those_of_finite_differences(tmp
     if boundary == "periodic":
         table["targets"].remove("knit_length < 1 ± 1")
         table["settings"]["unit_cells"] = [1, 1]
-    space = search_space(checked_request("wish", table))
+    space = search_space(checked_request("sleeve", table))
     wanted = [*table["targets"], WANTED[-1]]
     asked = objective(
         *wanted, subject_to=["0 < reaction_force < 9 @ 0.03:0.06"], acts_on=space.acts_on()

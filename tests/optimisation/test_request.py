@@ -1,4 +1,4 @@
-"""Requests of designs: what may stand in one, and every mistake with its place."""
+"""Requests of designs: their contents, and every mistake with its place."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ TARGET = "poisson_ratio = -0.3 @ 0.05:0.25"
 
 
 def request(**changes):
-    return checked_request("wish", {"targets": [TARGET], **changes})
+    return checked_request("sleeve", {"targets": [TARGET], **changes})
 
 
 def test_a_target_without_a_tolerance_has_a_twentieth_of_its_value():
@@ -106,13 +106,13 @@ def test_targets_that_one_curve_meets_do_not_contradict_each_other(curve, asked)
         ),
     ],
 )
-def test_what_is_wrong_is_named(changes, message):
+def test_mistakes_of_a_request_are_named(changes, message):
     with pytest.raises(BadInput, match=message):
         request(**changes)
 
 
 def test_every_mistake_of_a_file_is_listed_and_its_paths_are_of_its_folder(tmp_path):
-    path = tmp_path / "wish.toml"
+    path = tmp_path / "sleeve.toml"
     path.write_text('targets = "poisson_ratio"\n[vary]\nrib_k_t = [2, 1]\nn_stripe = [0]\n')
     with pytest.raises(BadInput) as error:
         read_request(path)
@@ -130,8 +130,8 @@ def test_a_curve_is_read_from_a_table_or_a_file(tmp_path):
     assert of_file.curve == of_table.curve
     assert of_file.tolerance == 0.02
     assert of_file.bounds(0.15)[0] == pytest.approx(-0.3)
-    (tmp_path / "wish.toml").write_text('targets = "poisson_ratio = wanted.csv"\n')
-    assert read_request(tmp_path / "wish.toml").targets[0].curve == of_table.curve
+    (tmp_path / "sleeve.toml").write_text('targets = "poisson_ratio = wanted.csv"\n')
+    assert read_request(tmp_path / "sleeve.toml").targets[0].curve == of_table.curve
     path.write_text("strain [1],ratio [1]\n0.1,-0.4\n")
     with pytest.raises(BadInput, match="column poisson_ratio"):
         request(targets=[f"poisson_ratio = {path}"])

@@ -1,4 +1,4 @@
-"""The search space: its places, and how the stripes of a case follow them."""
+"""The search space: its points, and the stripe parameters that follow from them."""
 
 from dataclasses import asdict
 
@@ -24,17 +24,17 @@ VARY = {
 
 
 def space(targets="poisson_ratio = -0.3 @ 0.05:0.25", **changes):
-    return search_space(checked_request("wish", {"targets": [targets], "vary": VARY, **changes}))
+    return search_space(checked_request("sleeve", {"targets": [targets], "vary": VARY, **changes}))
 
 
 def logarithms(case, gauge):
-    """Of every number that what varies acts on."""
+    """Logarithm of every parameter that the variables change."""
     stripes = {"weft": asdict(case.weft), "warp": asdict(case.warp)}
     numbers = [stripes[side][name] for side, name in STRIPE_PARAMETERS.values()]
     return np.log([*numbers, *asdict(gauge).values()])
 
 
-def test_impossible_designs_are_left_out_and_the_test_goes_as_far_as_the_targets():
+def test_impossible_designs_are_left_out_and_the_test_ends_at_the_largest_strain_of_the_targets():
     found = space()
     assert found.designs == ((4, 16), (4, 32), (8, 16), (8, 32))
     case, _ = found.case((4, 16), np.full(5, 0.5))
@@ -49,7 +49,7 @@ def test_a_place_is_found_again_from_its_values(parts):
     np.testing.assert_allclose(found.place_of(found.values(place)), place, atol=1e-12)
 
 
-def test_numbers_of_stripes_follow_places_as_it_is_said():
+def test_stripe_parameters_follow_from_the_place_in_the_search_space():
     found, middle = space(), np.full(5, 0.5)
     before = logarithms(*found.case((4, 16), middle))
     for variable in range(5):
@@ -76,6 +76,6 @@ def test_a_search_starts_from_the_tables():
         ({"workflow": "prewiew"}, "did you mean 'preview'"),
     ],
 )
-def test_what_cannot_be_searched_is_refused(changes, message):
+def test_an_invalid_search_space_is_refused(changes, message):
     with pytest.raises(BadInput, match=message):
         space(**changes)

@@ -1,4 +1,4 @@
-"""Claims on made-up cubes: one on which every claim holds, and what makes each of them fail."""
+"""Claims on artificial cubes: one on which every claim holds, and one for each that fails."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ ROWS, COLUMNS = 6, 3
 
 
 def good_checkerboards() -> xr.Dataset:
-    """Twenty designs that do all that the paper says."""
+    """Twenty designs that meet all claims."""
     stripes, subunits = (sorted({design[k] for design in LOWEST}) for k in (0, 1))
     grid = (len(stripes), len(subunits))
     scalars = ("knit_wavelength_x", "knit_wavelength_y", "wave_amplitude_x", "wave_amplitude_y")
@@ -93,7 +93,7 @@ def good_checkerboards() -> xr.Dataset:
 
 
 def good_stripes() -> xr.Dataset:
-    """Nine stripes whose tension curves do all that the paper says."""
+    """Nine stripes whose tension curves meet all claims."""
     sizes = {"rib": (2, 4, 6, 8), "garter": (4, 6, 8, 12, 16)}
     numbers = sorted({n for line in sizes.values() for n in line})
     strains = np.arange(41) * 0.05
@@ -150,7 +150,7 @@ LABORATORY = [each.name for each in read_claims() if each.statement.test == "lab
 
 
 @pytest.mark.slow
-def test_every_claim_holds_on_a_cube_that_does_what_the_paper_says(verdicts):
+def test_every_claim_holds_on_a_cube_made_to_meet_it(verdicts):
     found = verdicts(good_checkerboards(), good_stripes())
     others = {name: verdict for name, verdict in found.items() if verdict != Verdict.holds}
     assert others == dict.fromkeys(LABORATORY, Verdict.not_measured)
@@ -227,13 +227,13 @@ SPOILT = {
 }
 
 
-def test_each_claim_that_can_be_measured_is_spoilt_below():
+def test_each_measurable_claim_has_a_cube_that_breaks_it():
     assert set(SPOILT) == {claim.name for claim in read_claims()} - set(LABORATORY)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SPOILT)
-def test_claim_fails_on_a_cube_that_does_otherwise(verdicts, name):
+def test_a_claim_fails_on_a_cube_made_to_break_it(verdicts, name):
     boards, stripes = good_checkerboards(), good_stripes()
     boards = boards.assign_coords(cell_y=np.arange(ROWS), cell_x=np.arange(COLUMNS))
     SPOILT[name](boards, stripes)
@@ -314,7 +314,7 @@ def test_a_selection_that_would_change_nothing_is_refused(tmp_path):
         judged(read_claims(), [tmp_path], ["n_stripe=4"])
 
 
-def test_a_page_of_no_known_format_is_refused_before_anything_is_said(tmp_path):
+def test_a_page_of_an_unknown_format_is_refused_before_any_output(tmp_path):
     write_cube(good_checkerboards(), tmp_path / "cube.nc")
     result = CliRunner().invoke(main, ["claims", str(tmp_path), "-o", str(tmp_path / "page.txt")])
     assert result.exit_code == 2

@@ -1,4 +1,4 @@
-"""How claims are judged: on what is there, by the paper's samples, and a quarter to each side."""
+"""How claims are judged: on available designs, by the nearest samples, with changed thresholds."""
 
 import itertools
 import json
@@ -27,7 +27,7 @@ OF_ALL = "wide_stripes_reach_minus_02_to_minus_07"
 
 
 def without(cube, designs):
-    """The cube with designs that never came to an end, and whose values are nonsense."""
+    """The cube with additional designs that did not converge, with arbitrary values."""
     cube = cube.copy(deep=True)
     for n, m in designs:
         at = {"n_stripe": n, "n_subunit": m}
@@ -42,7 +42,7 @@ def finding(name, cube):
 
 
 def bad_checkerboards():
-    """Designs that miss some of the claims by something."""
+    """Designs that fail some of the claims."""
     cube = good_checkerboards()
     random = np.random.default_rng(1)
     for name in ("poisson_ratio_min", "applied_strain_at_min", "rib_width_centre"):
@@ -128,7 +128,7 @@ def test_a_quarter_of_the_slack_moves_both_limits_by_a_quarter_of_it(ratio, expe
 
 
 @pytest.mark.slow
-def test_a_quarter_of_a_coefficient_of_determination_is_of_what_it_leaves():
+def test_a_quarter_of_a_coefficient_of_determination_is_relative_to_its_residual():
     """Of the middle one of five points off the line by d, 0.8 d² is left unexplained."""
     for unexplained, expected in {
         0.014: (Verdict.holds, Verdict.holds),
@@ -151,7 +151,7 @@ def test_a_quarter_on_a_plain_number_scales_it():
     assert quarters("narrowest_is_slightly_positive", cube)[:2] == (Verdict.fails, Verdict.holds)
 
 
-def test_thresholds_are_the_papers_unless_a_number_of_ours_is_named():
+def test_thresholds_are_the_papers_unless_knitlab_gives_one():
     cubes = [bad_checkerboards(), good_stripes()]
     for claim in CLAIMS.values():
         for cube in cubes:
@@ -208,20 +208,20 @@ def written(tmp_path_factory):
 @pytest.mark.slow
 @pytest.mark.parametrize("pair", list(itertools.combinations(NEARER_FIRST, 2)))
 @pytest.mark.parametrize("turned", [False, True])
-def test_the_papers_sample_decides_whatever_the_order(written, pair, turned):
+def test_the_sample_nearest_the_papers_decides_in_any_order(written, pair, turned):
     paths = [written / f"{name}.nc" for name in (pair[::-1] if turned else pair)]
     (each,) = judged([CLAIMS[OF_ALL]], paths)
     assert each.cubes == (written / f"{pair[0]}.nc",)
 
 
-def test_of_equals_the_first_decides(written, tmp_path):
+def test_of_equally_near_samples_the_first_decides(written, tmp_path):
     write_cube(NEARER_FIRST["smaller"], tmp_path / "same.nc")
     paths = [tmp_path / "same.nc", written / "smaller.nc"]
     for order in (paths, paths[::-1]):
         assert judged([CLAIMS[OF_ALL]], order)[0].cubes == (order[0],)
 
 
-def test_stated_sample_sizes_go_before_those_of_the_strains():
+def test_stated_sample_sizes_are_preferred_to_those_of_the_strains():
     cube = NEARER_FIRST["periodic"]
     sizes = {
         name: xr.full_like(cube["poisson_ratio_min"], cells)

@@ -44,7 +44,7 @@ def test_wider_limits_never_turn_what_holds_into_what_fails(value, one, other, l
 
 
 @given(ANY, ANY, STRICT)
-def test_neither_infinity_nor_nan_leaks(value, limit, strict):
+def test_a_margin_is_never_infinite_or_nan(value, limit, strict):
     for found in (above(value, limit, strict=strict), below(value, limit, strict=strict)):
         if math.isfinite(value) and math.isfinite(limit):
             assert math.isfinite(found)
@@ -60,7 +60,7 @@ def test_the_margin_of_many_is_that_of_the_worst(found):
 
 
 @given(st.none() | st.floats(-2, 2))
-def test_verdict_and_grade_say_the_same(margin):
+def test_verdict_and_grade_agree(margin):
     finding = Finding(margin, "")
     assert finding.verdict is verdict_of(margin)
     assert finding.grade is grade_of(margin)

@@ -1,4 +1,4 @@
-"""Model options ranked by claims, on made-up cubes of which it is known what they show."""
+"""Model options ranked by claims, on artificial cubes with known verdicts."""
 
 import re
 
@@ -69,7 +69,7 @@ def test_pure_stripes_serve_all_options_of_their_cells(ranked):
         stated(good_checkerboards(), cell_size=size, fold_phase="stripe_border")
         for size in ("flat", "relaxed")
     )
-    # The phase at which stripes are pulled is another, and does not matter to them.
+    # Pure stripes have another fold phase, which does not affect them.
     stripes = stated(good_stripes(), cell_size="flat", fold_phase="stripe_centre")
     best, other = ranked(relaxed, flat, stripes)
     assert best.options["cell_size"] == "flat"

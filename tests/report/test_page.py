@@ -1,4 +1,4 @@
-"""The page of claims: what one may rely on, near misses apart, and one file to hand on."""
+"""The page of claims: reliable claims, near misses, and one self-contained file."""
 
 import base64
 import re
@@ -18,7 +18,7 @@ from tests.paper.test_claims import good_checkerboards, good_stripes
 
 @pytest.fixture(scope="module")
 def cubes(tmp_path_factory):
-    """Checkerboards that miss one claim, and stripes that miss one by little and one by much."""
+    """Checkerboards that fail one claim, and stripes that miss one narrowly and fail another."""
     folder = tmp_path_factory.mktemp("cubes")
     boards, stripes = good_checkerboards(), good_stripes()
     boards["poisson_ratio_min"].loc[{"n_stripe": 4, "n_subunit": 48}] = -0.1
@@ -75,7 +75,7 @@ def test_a_markdown_page_has_its_figures_in_a_folder(cubes, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_page_begins_with_what_to_rely_on_and_sets_near_misses_apart(cubes, tmp_path):
+def test_the_page_begins_with_reliable_claims_and_separates_near_misses(cubes, tmp_path):
     page = tmp_path / "page.md"
     write_page(judged(read_claims(), cubes[1:]), page)
     text = page.read_text()
@@ -96,7 +96,7 @@ def test_the_page_begins_with_what_to_rely_on_and_sets_near_misses_apart(cubes, 
 
 
 @pytest.mark.slow
-def test_every_claim_is_spoken_of_once_under_its_topic(judgements):
+def test_every_claim_is_reported_once_under_its_topic(judgements):
     passages = introduction(judgements)
     assert [passage.topic for passage in passages] == list(TOPICS)
     said = {
@@ -108,7 +108,7 @@ def test_every_claim_is_spoken_of_once_under_its_topic(judgements):
     assert sum(text.count("“") for text in said.values()) == len(judgements)
 
 
-def test_what_to_rely_on_holds_by_a_good_margin(judgements):
+def test_reliable_claims_hold_by_a_large_margin(judgements):
     for each in judgements:
         margin, group = each.finding.margin, reliance(each)
         assert (group == "not measured") == (margin is None)
@@ -131,7 +131,7 @@ def test_claims_that_another_cube_contradicts_are_not_reliable(cubes, tmp_path):
     assert "but it fails at -1.80 on 20 of 20 designs of" in introduction([each])[0].sentences[0][1]
 
 
-def test_rows_along_weft_and_warp_say_so(judgements):
+def test_rows_along_weft_and_warp_are_labelled(judgements):
     twins = [each.claim for each in judgements if "_along_w" in each.claim.name]
     assert len(twins) == 8
     for claim in twins:

@@ -1,4 +1,4 @@
-"""Electrodes in a workflow: what is refused before anything runs, and what the cube then holds."""
+"""Electrodes in a workflow: refused layouts, and the variables of the cube."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def cube(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_a_cube_holds_all_that_is_said_of_a_capacitor(cube):
+def test_a_cube_holds_every_variable_of_a_capacitor(cube):
     assert set(cube.data_vars) >= NAMES
     rib = cube.sel(knit="rib", n=4, boundary="periodic")
     assert (rib["capacitor_status"] == CapacitorStatus.measured).all()
@@ -39,7 +39,7 @@ def test_a_cube_holds_all_that_is_said_of_a_capacitor(cube):
 
 
 @pytest.mark.slow
-def test_a_stripe_that_does_not_snap_comes_back_as_it_went(cube):
+def test_a_stripe_that_does_not_snap_has_no_hysteresis(cube):
     rib = cube.sel(knit="rib", n=4, boundary="periodic")
     np.testing.assert_allclose(rib["capacitance_unloading"], rib["capacitance"], rtol=1e-4)
     assert float(rib["hysteresis"]) < 1e-3
@@ -50,7 +50,7 @@ def test_capacitance_is_of_the_length_that_was_asked_for(cube, tmp_path):
     plan = make_plan("sensor_stripes", (*SMALL, "electrode_length=50", "permittivity=3"))
     other = run_plan(plan, tmp_path, RunOptions()).cube
     np.testing.assert_allclose(other["capacitance"], 1.5 * cube["capacitance"], rtol=1e-6)
-    # Relaxed and still folded, it is more than that of the same strips laid flat.
+    # In the relaxed, folded state it is larger than that of the same strips in flat fabric.
     modulus = 2 / 6
     flat = VACUUM_PERMITTIVITY * 100 * ellipk(1 - modulus**2) / ellipk(modulus**2)
     assert float(cube["capacitance"][0, 0, 0, 0]) > 1.2 * flat
@@ -83,13 +83,13 @@ def test_layouts_can_be_a_dimension():
             r"the electrodes touch, a short circuit: columns .* \(in n_stripe 2  n_subunit 16\)",
         ),
         (("mask=AB,A",), r"a mask is a rectangle of letters; give rows of equal length"),
-        (("mask=AX,AB",), r"a mask holds A, B and '.', not X"),
+        (("mask=AX,AB",), r"a mask consists of A, B and '.', not X"),
         (("mask=AB,AB", "n_stripe=4", "n_subunit=16"), r"the fabric 16 rows of 16 grid cells"),
         (("span=0.1,0.9",), r"periodic fabric has no ends"),
         (("permittivity=0.5",), r"permittivity"),
         (("unloading=true", "method=dynamics"), r"method = dynamics gives no unloading"),
     ],
 )
-def test_electrodes_that_cannot_be_are_refused_by_the_plan(overrides, message):
+def test_impossible_electrodes_are_refused_by_the_plan(overrides, message):
     with pytest.raises(BadInput, match=message):
         make_plan("sensor", overrides)

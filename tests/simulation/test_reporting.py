@@ -1,4 +1,4 @@
-"""What a run says of how far it has come."""
+"""Progress that a run reports."""
 
 import io
 import itertools
@@ -49,7 +49,7 @@ def test_progress_moves_while_the_fabric_relaxes(monkeypatch):
 
 
 @given(st.lists(st.floats(0, 1), min_size=2, max_size=9))
-def test_work_grows_from_nothing_to_that_of_all_tests(parts):
+def test_work_grows_from_zero_to_that_of_all_tests(parts):
     case = next(iter(CASES.values()))
     works = [work(case, case.states * part) for part in sorted(parts)]
     assert works == sorted(works)

@@ -1,4 +1,4 @@
-"""Spread over siblings: small where one branch is followed, large where fabric has several."""
+"""Spread over siblings: small if the fabric has one branch, large if it has several."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from knitlab.study.plan import make_plan
 
 SMALL = ("strain_max=0.09", "n_stripe=8", "n_subunit=32")
 MULTISTABLE = ("cell_size=relaxed", "z_max=6")
-"""The reading under which (8, 32) has several relaxed shapes."""
+"""Model options with which (8, 32) has several relaxed shapes."""
 
 
 def cube_of(tmp_path, *settings, workflow="preview"):
@@ -44,7 +44,7 @@ def test_a_multistable_fabric_has_several_branches_and_a_large_spread(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_clamped_sample_is_tried_from_its_other_start(tmp_path):
+def test_a_sibling_of_a_clamped_sample_begins_from_the_other_start(tmp_path):
     settings = ("boundary=clamped", "unit_cells=2,2", "n_stripe=4", "n_subunit=8")
     cube = cube_of(tmp_path, *settings, "strain_max=0.06", "robustness=1").squeeze()
     assert (cube["siblings"] == 1).all()
@@ -54,7 +54,7 @@ def test_a_clamped_sample_is_tried_from_its_other_start(tmp_path):
 
 
 @given(st.integers(1, 50))
-def test_a_sibling_has_every_stripe_number_changed_by_two_percent_at_most(number):
+def test_a_sibling_has_every_stripe_parameter_changed_by_two_percent_at_most(number):
     case = case_of("n_stripe=4", "n_subunit=16")
     one, same = sibling(case, number), sibling(case, number)
     assert one == same
@@ -91,7 +91,7 @@ def test_branches_are_the_distinct_energies(whole, data):
     assert branches([float("nan")]) == 0
 
 
-def test_a_sibling_counts_where_it_got_to():
+def test_a_sibling_counts_up_to_the_strain_that_it_reached():
     case = {"poisson_ratio": np.array([np.nan, -0.3, -0.2]), "reaction_force": np.arange(3.0)}
     short = {"poisson_ratio": np.array([np.nan, -0.4]), "reaction_force": np.array([0.0, 2.0])}
     found = spread(case, [short, {}], [1.0, 1.0, float("nan")])
@@ -102,7 +102,7 @@ def test_a_sibling_counts_where_it_got_to():
     assert found["relaxed_branches"] == 1
 
 
-def test_dynamics_has_no_siblings_and_says_so():
+def test_siblings_by_dynamics_are_refused():
     plan = make_plan("preview", ("method=dynamics", "robustness=2"))
     assert {case.robustness for case in plan.cases.values()} == {0}
-    assert any("robustness = 2 is left out by dynamics" in warning for warning in plan.warnings)
+    assert any("robustness = 2 is ignored by dynamics" in warning for warning in plan.warnings)

@@ -1,4 +1,4 @@
-"""Sensitivities as cube variables: there on request, and what the derivatives are."""
+"""Sensitivities as variables of the cube, on request, against finite differences."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ def cube(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_they_are_in_the_cube_at_every_strain_but_zero(cube):
+def test_sensitivities_are_in_the_cube_at_every_strain_but_zero(cube):
     assert {"poisson_ratio_sensitivity", "reaction_force_sensitivity"} == NAMES
     for name in NAMES:
         assert cube[name].dims[-2:] == ("applied_strain", "stripe_parameter")
@@ -43,7 +43,7 @@ def test_they_are_in_the_cube_at_every_strain_but_zero(cube):
 
 
 @pytest.mark.slow
-def test_they_are_by_what_the_results_of_other_parameters_differ(cube, tmp_path):
+def test_sensitivities_are_the_differences_of_results_with_other_parameters(cube, tmp_path):
     step = 1e-3
     factors = f"rib_theta_0_factor={1 - step},{1 + step}"
     other = run_plan(make_plan("preview", (*SMALL, factors)), tmp_path, RunOptions()).cube
@@ -54,13 +54,13 @@ def test_they_are_by_what_the_results_of_other_parameters_differ(cube, tmp_path)
         assert float(found) == pytest.approx((above - below) / (2 * step), rel=1e-4)
 
 
-def test_a_cube_has_none_unasked(tmp_path):
+def test_a_cube_has_no_sensitivities_by_default(tmp_path):
     plain = run_plan(make_plan("preview", SMALL), tmp_path, RunOptions(simulate=stand_in.simulate))
     assert not NAMES & set(plain.cube.data_vars)
     assert "stripe_parameter" not in plain.cube.coords
 
 
-def test_asking_makes_another_case_that_is_read_back():
+def test_requesting_sensitivities_changes_the_case_and_is_read_back():
     (plain,), (asked,) = (
         make_plan("preview", (*SMALL, *more)).cases.values() for more in ((), ASKED)
     )
@@ -87,7 +87,7 @@ def test_designs_with_and_without_share_a_cube(tmp_path):
 
 
 @pytest.mark.slow
-def test_where_there_is_no_derivative_it_is_missing(cube, monkeypatch, tmp_path):
+def test_undefined_sensitivities_are_missing(cube, monkeypatch, tmp_path):
     at = LinearResponses.at
     between = 1.045 * float(cube["relaxed_cell_y"].squeeze())
 
@@ -111,6 +111,6 @@ def test_where_there_is_no_derivative_it_is_missing(cube, monkeypatch, tmp_path)
         ("stripes", "pure stripes have no sensitivities"),
     ],
 )
-def test_where_there_are_none_asking_is_refused(workflow, message):
+def test_unavailable_sensitivities_are_refused(workflow, message):
     with pytest.raises(BadInput, match=message):
         make_plan(workflow, ASKED)

@@ -1,4 +1,4 @@
-"""Subdomains of a large sample: each is a true part of it, and the whole reaches equilibrium."""
+"""Subdomains of a large sample: each is a part of it, and the whole reaches equilibrium."""
 
 from collections import Counter
 from dataclasses import replace
@@ -41,7 +41,7 @@ from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered
 
 
 def slow(sample, step_length=0.3, settings=DEFAULT) -> SearchRules:
-    """Rules to pull the sample by, as tension does."""
+    """Search rules as in a tensile test."""
     net, _, loading = sample
     free = free_stiffness(net.shape, loading.free)
     return SearchRules(free, step_length, settings, convexified=False)
@@ -49,7 +49,7 @@ def slow(sample, step_length=0.3, settings=DEFAULT) -> SearchRules:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("places", [all_free, free_under_tension])
-def test_on_a_subdomain_act_the_forces_of_the_whole(small_subdomains, sample, places):
+def test_forces_on_a_subdomain_equal_those_in_the_whole_sample(small_subdomains, sample, places):
     net, fabric, loading = sample
     random = np.random.default_rng(0)
     at = loading.reference + 0.1 * random.normal(size=net.shape.unknowns)
@@ -86,14 +86,14 @@ def test_a_move_within_a_subdomain_changes_its_energy_as_that_of_the_sample(
     assert costs[0] > 0
 
 
-def test_subdomains_leave_no_free_unknown_out_and_move_no_held_one(small_subdomains, sample):
+def test_subdomains_move_every_free_unknown_and_no_held_one(small_subdomains, sample):
     net, _, loading = sample
     free = free_stiffness(net.shape, loading.free)
     moved = np.unique(np.concatenate([b.places[b.free.places] for b in subdomains_of(free)]))
     np.testing.assert_array_equal(moved, loading.free)
 
 
-def test_subdomains_are_coupled_where_one_moves_what_acts_on_the_other(small_subdomains, sample):
+def test_subdomains_are_coupled_if_one_moves_nodes_that_act_on_the_other(small_subdomains, sample):
     net, _, loading = sample
     found = list(subdomains_of(free_stiffness(net.shape, loading.free)))
     moves = [set(subdomain.places[subdomain.free.places].tolist()) for subdomain in found]
@@ -120,9 +120,9 @@ def test_groups_hold_every_subdomain_once_and_none_that_are_coupled(count, seed,
 
 
 @pytest.mark.slow
-def test_two_threads_solve_subdomains_as_one_does(small_subdomains, sample, monkeypatch):
+def test_two_threads_give_the_subdomain_solutions_of_one(small_subdomains, sample, monkeypatch):
     net, fabric, loading = sample
-    # Smaller subdomains yet, of which some are not coupled.
+    # Even smaller subdomains, of which some are not coupled.
     monkeypatch.setattr(subdomains, "CELLS", 4)
     monkeypatch.setattr(subdomains, "OVERLAP", 1)
     free = free_stiffness(net.shape, loading.free)
@@ -224,7 +224,7 @@ class Counting(Executor):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("patience", [None, 3])
-def test_what_all_rounds_cost_is_counted(small_subdomains, sample, patience):
+def test_the_cost_of_all_rounds_is_counted(small_subdomains, sample, patience):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
     executor = Counting(net.shape, fabric)
@@ -248,7 +248,7 @@ class Noting(Executor):
 
 
 @pytest.mark.slow
-def test_subdomains_are_solved_again_when_patience_is_at_its_end(small_subdomains, sample):
+def test_subdomains_are_solved_again_after_too_many_iterations(small_subdomains, sample):
     net, fabric, loading = sample
     start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
 
@@ -340,8 +340,8 @@ def extrapolated(sample, energy, passed, step_length=1e6, waiting=domain_decompo
     return search.at.unknowns[place], solved
 
 
-def test_down_a_long_slope_steps_grow_until_one_goes_too_far(sample):
-    # On by twice the step before: to 4, 8, 16, and to 32, which is up the other side.
+def test_extrapolation_steps_grow_while_the_energy_falls(sample):
+    # Each step is twice as long as the previous one: to 4, 8, 16, and to 32, where energy rises.
     assert extrapolated(sample, lambda x: abs(x - 20.0), (0.0, 1.0, 2.0)) == (16.0, 4)
 
 
@@ -351,7 +351,7 @@ def test_no_extrapolation_is_longer_than_a_few_steps(sample):
     assert solved == 19
 
 
-def test_extrapolation_begins_late(sample):
+def test_there_is_no_extrapolation_in_the_first_rounds(sample):
     def after(rounds):
         return extrapolated(sample, lambda x: abs(x - 20.0), np.arange(float(rounds)), waiting=0)
 

@@ -1,4 +1,4 @@
-"""Solvers alone and in step: the same states, and none disturbs another."""
+"""Solvers alone and in lockstep: the same states, and none affects another."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -20,16 +20,16 @@ def stretches(net, fabrics):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "reading",
+    "options",
     [
         pytest.param(PERIODIC, id="periodic"),
         pytest.param(CLAMPED, id="clamped", marks=pytest.mark.slow),
     ],
 )
-def test_a_batch_on_the_device_equals_single_fabrics(reading):
-    net, four = checkered(4, 1, reading)
-    _, eight = checkered(8, 1, reading)
-    # Close to a snap an energy to 1e-7 needs a finer tolerance.
+def test_a_batch_on_the_device_equals_single_fabrics(options):
+    net, four = checkered(4, 1, options)
+    _, eight = checkered(8, 1, options)
+    # Close to a snap, an energy accurate to 1e-7 needs a smaller tolerance.
     solvers = [stretch(net, fabric, STRAINS, FINE) for fabric in (four, eight)]
     batch = run_in_lockstep(net.shape, [four, eight], solvers)
     for fabric, together in zip((four, eight), batch, strict=True):
@@ -41,7 +41,7 @@ def test_a_batch_on_the_device_equals_single_fabrics(reading):
 
 
 @pytest.mark.slow
-def test_a_poisoned_fabric_disturbs_no_neighbour():
+def test_a_fabric_with_nan_does_not_affect_the_others_of_a_batch():
     net, sound = checkered(4, 1, PERIODIC)
     poisoned = eqx.tree_at(lambda f: f.rest_length, sound, sound.rest_length.at[3].set(jnp.nan))
     fabrics = [sound, poisoned, sound]

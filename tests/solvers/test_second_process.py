@@ -1,4 +1,4 @@
-"""The second process: it finds what this process would, and does not outlive its use."""
+"""The second process finds the solutions of this process, and ends with its use."""
 
 import gc
 import os
@@ -39,12 +39,12 @@ def is_there(pid: int) -> bool:
 
 
 @pytest.mark.slow
-def test_it_finds_what_this_process_finds(sample, subdomain_request):
+def test_a_second_process_finds_the_same_solution(sample, subdomain_request):
     _, fabric, _ = sample
     at, process = subdomain_request.at, SecondProcess()
     for number, subdomain in enumerate(subdomains_of(subdomain_request.free)):
         sent = SubdomainData(subdomain.free.shape, subdomain.free.places, subdomain.fabric(fabric))
-        # Sent twice, the second time by its name alone.
+        # Sent twice, the second time only by its name.
         for start in (at.unknowns, at.unknowns + 1e-3):
             task = SubdomainTask(
                 (0, number), Evaluate(start[subdomain.places]), 0.3, subdomain_request.settings
@@ -78,7 +78,7 @@ def test_subdomains_are_solved_though_a_second_process_dies(sample, subdomain_re
 
 
 @pytest.mark.slow
-def test_it_ends_when_nobody_holds_it():
+def test_a_second_process_ends_when_it_is_no_longer_referenced():
     process = SecondProcess()
     pid = process.pid
     assert is_there(pid)
@@ -87,7 +87,7 @@ def test_it_ends_when_nobody_holds_it():
     assert not is_there(pid)
 
 
-def test_it_ends_when_what_started_it_is_killed():
+def test_a_second_process_ends_when_its_parent_is_killed():
     script = (
         "from knitlab.solvers.second_process import SecondProcess\n"
         "process = SecondProcess()\nprint(process.pid, flush=True)\ninput()"

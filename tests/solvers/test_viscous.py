@@ -16,7 +16,7 @@ from tests.fabrics import FINE, checkered
 READING = ModelOptions(boundary="clamped")
 STRAINS = [0.0, 0.1, 0.2]
 DRAG = 2e-3
-"""Large enough for a sample of one unit cell to lag [N/mm]."""
+"""Large enough to change the states of a sample of one unit cell [N/mm]."""
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def pulled(sample, drag, path_step=0.1):
 
 
 def integrated(sample, test, drag):
-    """The same pull by a Runge–Kutta integrator, along the applied strain in place of the time."""
+    """The same test by a Runge–Kutta integrator, with the applied strain instead of time."""
     net, fabric = sample
     loading, free = test.loading, test.loading.free
     chunked = ChunkedFabric.of(net.shape, fabric)
@@ -53,7 +53,7 @@ def integrated(sample, test, drag):
 
 
 @pytest.mark.slow
-def test_viscous_steps_come_to_the_integrated_motion_as_they_get_finer(sample):
+def test_viscous_steps_converge_to_the_integrated_motion(sample):
     tests = [pulled(sample, DRAG, step) for step in (0.1, 0.025, 0.00625)]
     free = tests[0].loading.free
     expected = integrated(sample, tests[0], DRAG)
@@ -82,7 +82,7 @@ def test_forces_and_drag_balance_on_every_free_unknown(sample):
 
 
 @pytest.mark.slow
-def test_hardly_any_drag_gives_the_equilibria(sample):
+def test_small_drag_gives_the_equilibria(sample):
     still, slow = pulled(sample, 0.0), pulled(sample, 1e-9)
     for one, other in zip(still.states, slow.states, strict=True):
         np.testing.assert_allclose(other.unknowns, one.unknowns, atol=1e-5)

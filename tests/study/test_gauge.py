@@ -46,7 +46,7 @@ def test_sizes_in_cloth_follow_contraction_and_stitches(tmp_path):
         np.testing.assert_allclose(design["knit_length"], cells_y * cell_y)
     for name in SIZES:
         assert cube[name].attrs["units"] == "mm"
-        assert "indicative" in cube[name].attrs["description"]
+        assert "approximate" in cube[name].attrs["description"]
 
 
 @pytest.mark.slow
@@ -78,7 +78,7 @@ def test_a_cube_has_one_gauge_whenever_its_designs_were_run(tmp_path):
         assert made.attrs["gauge_stitch_width"] == pytest.approx(200 / 360)
 
 
-def test_a_plan_freezes_the_gauge_and_its_cases_do_not_know_it(tmp_path):
+def test_a_plan_records_the_gauge_and_its_cases_do_not(tmp_path):
     plan, other = (make_plan("paper", (*DESIGN, *more)) for more in ((), ("stitch_width=2",)))
     assert plan.cases == other.cases
     other.write(tmp_path / "plan.json")
@@ -94,7 +94,7 @@ def test_a_workflow_may_give_its_gauge(tmp_path):
     assert make_plan(str(path)).gauge.stitch_width == 0.7
 
 
-def test_endless_fabric_has_cells_in_cloth_but_no_width_or_length(tmp_path):
+def test_periodic_fabric_has_cells_in_cloth_but_no_width_or_length(tmp_path):
     cube = ran(tmp_path, "boundary=clamped,periodic", "scale=0.3").cube
     for name in SIZES:
         assert np.isfinite(cube[name].sel(boundary="clamped")).all()

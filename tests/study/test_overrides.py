@@ -46,7 +46,7 @@ def test_a_value_is_read_back_from_its_text(value):
     assert type(read_value(text)) is type(value)
 
 
-def test_a_path_is_given_as_text():
+def test_a_path_is_converted_to_text():
     assert as_text({"stripe_files": Path("a/b.toml")}) == ("stripe_files=a/b.toml",)
 
 
@@ -61,6 +61,6 @@ def test_a_path_is_given_as_text():
         ({"z_max": [1.0, {}]}, r"settings z_max: is \[1.0, {}\]; give a number, a text"),
     ],
 )
-def test_a_python_value_that_cannot_be_is_named_with_its_key(settings, message):
+def test_an_invalid_python_value_is_named_with_its_key(settings, message):
     with pytest.raises(BadInput, match=message):
         make_plan("preview", settings)

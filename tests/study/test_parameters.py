@@ -78,7 +78,7 @@ def test_a_fault_is_named_with_its_path(folder, file, pattern, text, message):
     assert all(str(folder / "") in fault.path for fault in caught.value.faults)
 
 
-def test_all_faults_of_all_files_come_at_once(folder):
+def test_all_faults_of_all_files_are_in_one_message(folder):
     edited(folder, "stripes.toml", "k_s = 1.825", "k_s = -1")
     edited(folder, "stripes.toml", "k_t = 0.144", "k_t = 0")
     edited(folder, "sheet.toml", "value = 1.9", 'value = "six"')

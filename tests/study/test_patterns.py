@@ -1,4 +1,4 @@
-"""Named patterns: what a file may hold, what it makes of a design, and what is refused."""
+"""Named patterns: contents of a file, the resulting designs, and refused patterns."""
 
 import warnings
 
@@ -39,7 +39,7 @@ def test_the_checkerboard_by_name_is_the_default_design():
     assert case("pattern=checkerboard").case_id == case().case_id
 
 
-def test_names_are_a_dimension_of_the_cube():
+def test_several_patterns_are_a_dimension_of_the_cube():
     plan = make_plan("preview", (*DESIGN, "pattern=checkerboard,basket,miura"))
     assert plan.dims == ("n_stripe", "n_subunit", "pattern")
     assert [each.design["pattern"] for each in plan.cases.values()] == [
@@ -50,7 +50,7 @@ def test_names_are_a_dimension_of_the_cube():
     assert len(set(plan.cases)) == 3
 
 
-def test_an_unknown_name_is_told_with_its_neighbour():
+def test_an_unknown_name_is_reported_with_the_nearest():
     with pytest.raises(BadInput, match="there is no pattern 'checkerbord'; did you mean 'checke"):
         case("pattern=checkerbord")
 
@@ -69,7 +69,7 @@ def test_graded_samples_have_cells_and_stripes_of_their_own():
     assert np.diff(rows.cell_grid.rows).tolist() == [16, 16, 24, 32, 40, 48]
     assert stripes.cell_grid.count == (4, 6)
     assert [stripe.n for stripe in stripes.grading.weft] == [2, 4, 6, 8]
-    # Neighbours meet stitch for stitch: every column has whole wales, every row whole courses.
+    # The stitches of neighbours match: every column has whole wales, every row whole courses.
     for graded in (rows, stripes):
         courses, wales = graded.stitches_per_cell
         assert courses.sum() == graded.stitches.courses
@@ -120,7 +120,7 @@ def test_a_patch_with_an_odd_number_of_stripes_is_refused_with_its_place(tmp_pat
         ('map = "missing.txt"', "missing.txt: cannot be read"),
     ],
 )
-def test_what_cannot_be_knitted_is_refused_with_its_place(tmp_path, text, problem):
+def test_patterns_that_cannot_be_knitted_are_refused_with_their_place(tmp_path, text, problem):
     import re
 
     assert re.search(problem, refused(tmp_path, f"[own]\n{text}\n"))

@@ -83,9 +83,9 @@ def test_impossible_combinations_of_a_grid_are_excluded_with_their_reason():
         (("cell_size=loose",), r"settings cell_size=loose: .*'flat' or 'relaxed'"),
         (("k_wall=-1",), r"settings k_wall=-1: .*greater than 0"),
         (("strain_step=0",), r"settings strain_step=0: .*greater than 0"),
-        (("strain_step=1e-9",), r"asks for 4.5e\+08 strains; ask for 1000 at most"),
-        (("strain_max=0.1",), "no whole number of strain_step = 0.03"),
-        (("strain_step=0.5",), "no whole number of strain_step = 0.5"),
+        (("strain_step=1e-9",), r"gives 4.5e\+08 strains; give at most 1000"),
+        (("strain_max=0.1",), "not a whole multiple of strain_step = 0.03"),
+        (("strain_step=0.5",), "not a whole multiple of strain_step = 0.5"),
         (("set=papers", "n_stripe=4", "n_subunit=16"), "no set 'papers'"),
         (("unit_cells=3",), "settings unit_cells=3: value 2: is missing"),
         (("n_strip=4",), "there is no setting 'n_strip'; did you mean 'n_stripe'"),
@@ -113,7 +113,7 @@ def test_further_strains_join_the_even_ones():
     assert plan.applied_strain == (0.0, 0.1, 0.2, 0.23, 0.3)
 
 
-def test_every_fault_of_a_workflow_comes_at_once(tmp_path):
+def test_every_fault_of_a_workflow_is_in_one_message(tmp_path):
     path = workflow(
         tmp_path,
         'figures = ["maps"]\n[design]\nn_stripe = [0]\n'
@@ -133,7 +133,7 @@ def test_every_fault_of_a_workflow_comes_at_once(tmp_path):
         assert part in text
 
 
-def test_faults_of_parameters_workflow_and_design_come_at_once(tmp_path):
+def test_faults_of_parameters_workflow_and_design_are_in_one_message(tmp_path):
     shutil.copytree(shipped("params"), tmp_path / "params")
     sheet = tmp_path / "params" / "sheet.toml"
     sheet.write_text(sheet.read_text().replace("value = 1.9", "value = -1.9"))
@@ -160,7 +160,7 @@ def test_a_workflow_may_be_a_file_of_the_same_form(tmp_path):
     assert designs(plan) == [(4, 16)]
 
 
-def test_a_missing_workflow_comes_with_the_nearest():
+def test_a_missing_workflow_is_reported_with_the_nearest():
     with pytest.raises(BadInput, match="no workflow 'previews'; did you mean 'preview'"):
         make_plan("previews")
 
@@ -194,7 +194,7 @@ def test_what_changes_no_number_leaves_the_identifier(tmp_path):
     assert set(alone.cases) < set(among.cases)
 
 
-def test_a_plan_freezes_everything_it_resolved(tmp_path):
+def test_a_plan_records_everything_it_resolved(tmp_path):
     plan = make_plan("preview", ("n_stripe=4",))
     plan.write(tmp_path / "plan.json")
     record = json.loads((tmp_path / "plan.json").read_text())
@@ -263,7 +263,7 @@ def test_a_bare_stripe_file_may_stand_for_a_list(tmp_path):
         make_plan(workflow)
 
 
-def test_a_list_in_a_list_gets_one_sentence(tmp_path):
+def test_a_nested_list_gives_one_sentence(tmp_path):
     with pytest.raises(BadInput) as caught:
         make_plan(written(tmp_path, "n_stripe = [[4, 6]]\nn_subunit = 24"))
     (fault,) = caught.value.faults
@@ -278,7 +278,7 @@ def test_a_list_in_a_list_gets_one_sentence(tmp_path):
         ("n_stripe = 4\n[modell]\nz_max = 1.0", "'model'"),
     ],
 )
-def test_a_misspelt_key_comes_with_what_may_be_meant(tmp_path, line, meant):
+def test_a_misspelt_key_is_reported_with_the_likely_one(tmp_path, line, meant):
     with pytest.raises(BadInput, match=f"did you mean .*{meant}"):
         make_plan(written(tmp_path, line))
 
@@ -292,7 +292,7 @@ def test_a_misspelt_key_comes_with_what_may_be_meant(tmp_path, line, meant):
         ("[design.model]", "design.model: belongs to the top level"),
     ],
 )
-def test_a_key_of_another_table_comes_with_its_table(tmp_path, lines, place):
+def test_a_key_of_another_table_is_reported_with_its_table(tmp_path, lines, place):
     path = tmp_path / "mine.toml"
     path.write_text(f'title = "mine"\n{lines}\n', encoding="utf-8")
     with pytest.raises(BadInput, match=place) as caught:
@@ -300,7 +300,7 @@ def test_a_key_of_another_table_comes_with_its_table(tmp_path, lines, place):
     assert len(caught.value.faults) == 1
 
 
-def test_a_misspelt_figure_comes_with_what_may_be_meant(tmp_path):
+def test_a_misspelt_figure_is_reported_with_the_likely_one(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text('title = "mine"\nfigures = ["auxetc"]\n[design]\n', encoding="utf-8")
     with pytest.raises(BadInput, match="did you mean 'auxetic'") as caught:
@@ -316,11 +316,11 @@ def test_a_misspelt_figure_comes_with_what_may_be_meant(tmp_path):
         ("rib_period=0.01", "period of rib 4 is 0.01 mm; usual are 1.09 to 2.44 mm"),
     ],
 )
-def test_what_may_be_a_slip_is_warned_of_with_the_usual_range(setting, said):
+def test_an_unusual_value_gives_a_warning_with_the_usual_range(setting, said):
     plan = make_plan("preview", ("n_stripe=4", "n_subunit=16", "strain_step=0.03", setting))
     assert any(said in warning for warning in plan.warnings)
 
 
 @pytest.mark.parametrize("workflow", ["preview", "paper", "sensor", "stripes", "readings"])
-def test_nothing_of_what_is_shipped_is_warned_of(workflow):
+def test_shipped_values_give_no_warning(workflow):
     assert make_plan(workflow).warnings == ()

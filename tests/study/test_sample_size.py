@@ -30,7 +30,7 @@ def ran(results, *overrides, **options):
 
 
 def stored(results):
-    """The cube of a folder, without what tells where and when it was made."""
+    """The cube of a folder, without attributes of its origin and time."""
     cube = open_cube(results)
     for name in provenance():
         del cube.attrs[name]
@@ -44,14 +44,14 @@ def unit_cells(cube, n_stripe, n_subunit):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("turns", list(itertools.permutations(CELLS)))
-def test_runs_in_turn_give_the_cube_of_one_run(tmp_path, turns):
+def test_successive_runs_give_the_cube_of_one_run(tmp_path, turns):
     for n_subunit in turns:
         ran(tmp_path / "turns", f"n_subunit={n_subunit}")
     ran(tmp_path / "once", "n_subunit=16,24,32")
     xr.testing.assert_identical(stored(tmp_path / "turns"), stored(tmp_path / "once"))
 
 
-def test_a_cube_says_of_every_design_how_large_its_sample_is(tmp_path, monkeypatch):
+def test_a_cube_states_the_sample_size_of_every_design(tmp_path, monkeypatch):
     ran(tmp_path, "n_subunit=16")
     monkeypatch.setattr(stand_in, "POISONED", 4)
     options = RunOptions(simulate=stand_in.simulate_poisoned)
@@ -104,7 +104,7 @@ def test_a_cube_is_no_larger_than_its_largest_sample(tmp_path):
 
 
 @pytest.mark.parametrize("change", ["cell_size=relaxed", "boundary=periodic"])
-def test_another_reading_does_not_join_whatever_its_sample(tmp_path, change):
+def test_designs_of_other_model_options_are_not_added_whatever_their_sample(tmp_path, change):
     ran(tmp_path, "n_subunit=32")
     with pytest.raises(BadInput, match=r"holds 1 designs computed otherwise \(reading\.\w+ was"):
         ran(tmp_path, "n_subunit=16", change)

@@ -78,7 +78,7 @@ def test_cases_of_different_laws_are_no_batch(tmp_path):
         (f"stiffening_strain = 1, {CURVE}", ["both stiffening_strain and spring_curve"]),
         (
             "spring_curve = { strain = [0, 0.2, 0.1], force = [1, 2, 2] }",
-            ["strain does not grow", "force does not grow", "point 0, 0"],
+            ["strain does not increase", "force does not increase", "point 0, 0"],
         ),
         ("spring_curve = { strain = [0, 0.2] }", ["force: is missing"]),
     ],

@@ -1,4 +1,4 @@
-"""A made-up cube with one design of every status, for tests that need no simulation."""
+"""An artificial cube with one design of every status, for tests without simulation."""
 
 import numpy as np
 import xarray as xr

@@ -32,7 +32,7 @@ def test_the_uncertainty_is_what_noise_makes_of_the_difference():
     assert np.std(rms) == pytest.approx(np.mean([each.uncertainty for each in found]), rel=0.05)
 
 
-def test_two_curves_that_are_one_differ_by_the_noise():
+def test_two_measurements_of_one_curve_differ_by_the_noise():
     random = np.random.default_rng(0)
     noise = random.normal(0, 0.1, (500, 40))
     found = [difference(np.zeros(40), row, np.full(40, 0.1)) for row in noise]

@@ -1,4 +1,4 @@
-"""Finding: ranks against brute force, spreads, and what cannot be found."""
+"""Finding: ranks against brute force, spreads, and refused targets."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ CURVE = "poisson_ratio = -0.3 @ 0.1:0.3"
 
 
 def cube(**changes):
-    """Designs of constant Poisson's ratio with a spread of 0.02 either way, of growing size."""
+    """Designs with constant Poisson's ratio, a spread of ±0.02 and increasing size."""
     dims = ("n_stripe", "n_subunit")
     stripes, subunits = [4, 8], [16, 24, 32, 48]
     ratio = np.full((2, 4, 4), np.nan)
@@ -62,7 +62,7 @@ def test_several_targets_are_weighed_by_their_tolerances():
     np.testing.assert_allclose(found.table["distance"], sorted(expected.values()), rtol=1e-12)
 
 
-def test_the_spread_covers_what_its_band_reaches():
+def test_the_spread_contains_targets_within_its_band():
     found = kl.find(cube(), targets="poisson_ratio = -0.31 @ 0.1:0.3")
     covered = dict(zip(designs(found), found.table["in_spread_1"], strict=True))
     assert covered == {(8, 32): "yes", (4, 24): "no", (4, 16): "no", (8, 48): "no"}
@@ -85,7 +85,7 @@ def test_constraints_leave_designs_out_and_report_it():
     assert none.table.empty
 
 
-def test_a_design_without_a_value_there_is_passed_over():
+def test_a_design_without_a_value_in_the_window_is_skipped():
     found = kl.find(cube(), targets="poisson_ratio < 0 @ 0:0.4")
     assert found.table.empty
     assert found.passed_over == {"have no value at the strains of a target": 4}
@@ -114,7 +114,7 @@ def test_cubes_on_other_strains_are_searched_together():
         (["a ~ 3", "b"], r"(?s)a ~ 3.*target b"),
     ],
 )
-def test_a_target_that_cannot_be_is_refused(targets, message):
+def test_an_invalid_target_is_refused(targets, message):
     with pytest.raises(kl.BadInput, match=message):
         kl.find(cube(), targets=targets)
 
@@ -147,7 +147,7 @@ def test_curves_can_be_reduced_in_queries():
         kl.query(cube(), where="mean(knit_cell_x, 0:0.1) > 0")
 
 
-def test_a_figure_shows_what_was_wanted_and_found():
+def test_a_figure_shows_targets_and_designs():
     from knitlab.figures.found import found_figure
 
     found = kl.find(cube(), targets=[CURVE, "knit_cell_x < 10"], most=3)

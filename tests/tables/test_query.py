@@ -47,7 +47,7 @@ def test_where_sort_and_columns():
         ),
     ],
 )
-def test_expressions_mean_what_they_say(expression, expected):
+def test_expressions_are_evaluated(expression, expected):
     assert pairs(queried(TABLE, expression)) == expected
 
 
@@ -90,7 +90,7 @@ def test_anything_else_is_refused(expression, message):
         ("(n_stripe - 4) / (n_stripe - 4) == 1 and n_stripe > 2", [(8, 32)]),
     ],
 )
-def test_flags_go_by_name_and_a_division_by_zero_is_missing(expression, expected):
+def test_flags_are_compared_by_name_and_a_division_by_zero_is_missing(expression, expected):
     assert pairs(queried(TABLE, expression)) == expected
 
 
@@ -141,7 +141,7 @@ def test_cubes_of_one_name_are_told_apart_by_their_folders(tmp_path):
 
 @pytest.mark.slow
 @given(st.text(max_size=30))
-def test_no_text_does_anything_but_filter_or_be_refused(expression):
+def test_any_text_filters_or_is_refused(expression):
     with contextlib.suppress(BadInput):
         assert holds(expression, TABLE).dtype == bool
 
@@ -161,13 +161,13 @@ def test_a_selected_dimension_that_no_column_has_changes_nothing():
     assert pairs(table) == pairs(TABLE)
 
 
-def test_what_is_named_twice_comes_once():
+def test_a_column_named_twice_appears_once():
     assert list(queried(TABLE, columns=["n_stripe", "n_stripe"]).columns) == ["n_stripe"]
     table = designs_table(PlainCube.of(made_up_cube()), ["n_stripe=4,4"])
     assert pairs(table) == [(4, 16), (4, 32)]
 
 
-def test_a_variable_along_the_strain_says_how_to_get_it():
+def test_the_error_for_a_variable_along_the_strain_states_the_remedy():
     with pytest.raises(BadInput, match="select applied_strain=VALUE"):
         queried(TABLE, "poisson_ratio < 0")
 
@@ -187,7 +187,7 @@ def test_a_bad_selection_is_named(selection, message):
         designs_table(PlainCube.of(made_up_cube()), [selection])
 
 
-def test_names_that_are_not_there_come_with_the_nearest():
+def test_unknown_names_are_reported_with_the_nearest():
     with pytest.raises(BadInput) as caught:
         queried(TABLE, sort="-poisson_min", columns=["perods"])
     text = str(caught.value)

@@ -19,7 +19,7 @@ windows = st.tuples(st.floats(0, 0.44), st.floats(0.005, 0.45)).map(
 
 
 @given(windows)
-def test_reductions_are_those_of_the_broken_line(window):
+def test_reductions_are_those_of_the_piecewise_linear_curve(window):
     at, curves = window.read(GRID, CURVES)
     assert at[0] == window.start
     assert at[-1] == window.stop
@@ -50,7 +50,7 @@ def test_reductions_are_those_of_the_broken_line(window):
         assert root_mean_square(at, curves)[k] == pytest.approx(np.sqrt(square / width), rel=1e-3)
 
 
-def test_what_is_not_known_is_missing():
+def test_values_outside_a_known_curve_are_missing():
     values = np.array([[np.nan, -0.4, -0.3, -0.2, np.nan, np.nan]])
     known = {
         (0.03, 0.1): True,
@@ -74,7 +74,7 @@ def test_a_single_strain_is_read_between_those_that_were_simulated():
 
 
 @pytest.mark.parametrize("text", ["", "a", "0.2:0.1", "-0.1:0.2", "0.1:0.2:0.3", "nan", "0:inf"])
-def test_what_is_no_window_is_refused(text):
+def test_an_invalid_window_is_refused(text):
     with pytest.raises(BadInput, match="window"):
         StrainWindow.of(text, "target")
 

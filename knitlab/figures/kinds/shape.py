@@ -13,6 +13,7 @@ from matplotlib.patheffects import withStroke
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.relief import draw_relief, faces_of
 from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS
+from knitlab.meshes.sheet import closed_nodes, is_periodic
 
 if TYPE_CHECKING:
     from knitlab.model.pattern import PatchGrid
@@ -82,15 +83,8 @@ def _segments(line: np.ndarray) -> np.ndarray:
 
 def whole_sheet(case: xr.Dataset) -> np.ndarray:
     """Nodes (y, x, component) at the first strain; periodic fabric is repeated and closed."""
-    nodes = case["position"].isel(applied_strain=0).values
-    if "length_x" not in case:
-        return nodes
-    across = np.array([float(case["length_x"][0]), 0, 0])
-    along = np.array([0, float(case["length_y"][0]), 0])
-    row = np.concatenate([nodes + k * across for k in range(PERIODIC_REPEATS)], axis=1)
-    row = np.concatenate([row, row[:, :1] + PERIODIC_REPEATS * across], axis=1)
-    sheet = np.concatenate([row + k * along for k in range(PERIODIC_REPEATS)], axis=0)
-    return np.concatenate([sheet, sheet[:1] + PERIODIC_REPEATS * along], axis=0)
+    repeats = PERIODIC_REPEATS if is_periodic(case) else 1
+    return closed_nodes(case.isel(applied_strain=[0]), (repeats, repeats))[0]
 
 
 def _name_patches(

@@ -1,0 +1,140 @@
+"""Export of shapes as meshes for other programs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import xarray as xr
+
+from knitlab.io.cube_file import is_case, open_cube
+from knitlab.io.errors import fault
+from knitlab.meshes.chosen_case import STRAIN, chosen_case, chosen_strains
+from knitlab.meshes.fabric import fabric_meshes
+from knitlab.meshes.formats import FORMATS, write_mesh
+from knitlab.meshes.series import SERIES, write_series
+from knitlab.meshes.solid import solid_of
+from knitlab.meshes.surface import SurfaceMesh
+from knitlab.tables.selection import refuse_others, selection_texts
+
+if TYPE_CHECKING:
+    from knitlab.api.comparison import Cube
+
+
+@dataclass(frozen=True, eq=False)
+class Exported:
+    """What was exported.
+
+    Attributes:
+        files: the files, the one that was asked for first.
+        applied_strain: the strains of the meshes [1].
+        meshes: the mesh at each, with ``nodes`` in mm, ``faces``, ``node_fields`` and
+            ``face_fields``.
+        self_intersections: at each, pairs of grid cells of a sample, or of one repeat, that pass
+            through each other [1].
+    """
+
+    files: tuple[Path, ...]
+    applied_strain: tuple[float, ...]
+    meshes: tuple[SurfaceMesh, ...]
+    self_intersections: tuple[int, ...]
+
+
+def export(
+    shapes: "Cube",
+    output: str | Path,
+    *,
+    repeats: tuple[int, int] = (1, 1),
+    triangles: bool = False,
+    thickness: float | None = None,
+    **selections: Any,
+) -> Exported:
+    """Write the shape of one design as a mesh that other programs read.
+
+    The mesh is the sheet of grid cells in mm, x along the courses and y along the wales, with the
+    technical face up. Faces that meet share their nodes, over the seams of repeats too; the only
+    rim is that of the sheet.
+
+    Args:
+        shapes: dataset of :func:`knitlab.simulate`, or a cube with its case files beside it.
+        output: file to write. Its suffix sets the format: ``.vtu``, ``.ply``, ``.obj``, ``.stl`` or
+            ``.glb``; ``.pvd`` is a series over the applied strain, with a ``.vtu`` for each in a
+            folder beside it.
+        repeats: how often periodic fabric is repeated along the warp (y) and the weft (x).
+        triangles: whether grid cells are divided into triangles also where the format has quads.
+        thickness: of a closed solid, half of it on either side of the sheet [mm]; without it the
+            mesh is the open sheet.
+        selections: a value for each coordinate, until one design is left. ``applied_strain`` is 0
+            if it is left out, of a series every strain that was reached.
+
+    Returns:
+        The files and their meshes.
+
+    Raises:
+        BadInput: if the suffix is unknown, if not exactly one design is left, if it has no shape at
+            a strain, or if repeats or thickness do not fit it.
+
+    Example:
+        >>> import knitlab as kl
+        >>> exported = kl.export(
+        ...     "results/reference/preview",
+        ...     folder / "shape.vtu",
+        ...     n_stripe=4,
+        ...     n_subunit=16,
+        ...     applied_strain=0.15,
+        ... )
+        >>> len(exported.meshes[0].faces)
+        256
+    """
+    texts = selection_texts(selections)
+    return export_selected(shapes, Path(output), texts, repeats, triangles, thickness)
+
+
+def export_selected(
+    shapes: "Cube",
+    output: Path,
+    selections: Sequence[str],
+    repeats: tuple[int, int],
+    triangles: bool,
+    thickness: float | None,
+) -> Exported:
+    """Write the shape of one design, with selections as text; see :func:`export`."""
+    series = output.suffix.lower() == SERIES
+    if not series and output.suffix.lower() not in FORMATS:
+        known = ", ".join((*FORMATS, SERIES))
+        raise fault(f"output {output}", f"has no suffix of a mesh; give one of {known}")
+    case_file = _case_file(shapes, selections)
+    places = chosen_strains(case_file, selections, several=series)
+    meshes = fabric_meshes(case_file, places, repeats)
+    if thickness is not None:
+        meshes = [solid_of(mesh, thickness) for mesh in meshes]
+    if triangles or not (series or FORMATS[output.suffix.lower()].quads):
+        meshes = [mesh.triangulated() for mesh in meshes]
+    strains = tuple(case_file[STRAIN].values[places].tolist())
+    if series:
+        files = write_series(meshes, strains, output)
+    else:
+        write_mesh(meshes[0], output)
+        files = [output]
+    crossing = case_file["self_intersections"].values[places].astype(int).tolist()
+    return Exported(tuple(files), strains, tuple(meshes), tuple(crossing))
+
+
+def _case_file(shapes: "Cube", selections: Sequence[str]) -> xr.Dataset:
+    """The contents of the case file of one design."""
+    if isinstance(shapes, xr.Dataset):
+        if "status" not in shapes:
+            raise fault("shapes", "is no cube or test; give one of knitlab.run or simulate")
+        if is_case(shapes):
+            refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
+            return shapes
+        source = shapes.encoding.get("source")
+        if source is None:
+            raise fault(
+                "shapes",
+                "is a cube that was not opened from a file, beside which shapes lie; give its path",
+            )
+        return chosen_case(shapes, Path(source).parent, selections)
+    path = Path(shapes)
+    folder = path if path.is_dir() else path.parent
+    return chosen_case(open_cube(path), folder, selections)

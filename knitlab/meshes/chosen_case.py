@@ -1,0 +1,112 @@
+"""The one case, and the strains of it, that selections choose."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from knitlab.io.case_file import StoredCase, check_case_file, read_case
+from knitlab.io.cube_file import design_dims, is_measured, source_of
+from knitlab.io.design_status import Status
+from knitlab.io.errors import fault
+from knitlab.io.plain_cube import PlainCube
+from knitlab.tables.selection import (
+    choices,
+    chosen_places,
+    refuse_others,
+    selected,
+    selections_along,
+)
+
+STRAIN = "applied_strain"
+NO_CASE_FILE = (
+    "has no case file in {folder}/cases, and shapes are not in the cube; run the design into"
+    " this folder"
+)
+NO_SHAPE = {
+    Status.failed: "failed and has no shape; knitlab status says why",
+    Status.pending: "is planned but has not run; run it first",
+}
+"""Why a design has no case file, by its status."""
+
+
+def chosen_case(cube: xr.Dataset, folder: Path, selections: Sequence[str] = ()) -> xr.Dataset:
+    """Contents of the case file of the one design that selections leave.
+
+    Args:
+        cube: the cube.
+        folder: the results folder that it lies in, with the case files.
+        selections: texts ``NAME=VALUE``; those along the strain are left to
+            :func:`chosen_strains`.
+
+    Raises:
+        BadInput: if they leave no design or several, or the design has no sound case file.
+    """
+    if is_measured(cube):
+        raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
+    dims = design_dims(cube)
+    known = (*dims, STRAIN)
+    problem = f"is no coordinate of a shape; select along {', '.join(known)}"
+    refuse_others(selections, known, problem)
+    left = selected(cube, selections_along(selections, dims))
+    designs = left[["status", "case_id"]].stack(design=dims)
+    designs = designs.isel(design=np.flatnonzero(designs["status"] != Status.excluded))
+    if not designs.sizes["design"]:
+        raise fault("selections", "leave no design of this cube; choose others")
+    if designs.sizes["design"] > 1:
+        varied = [dim for dim in dims if len(np.unique(designs[dim])) > 1]
+        present = xr.Dataset(coords={dim: np.unique(designs[dim]) for dim in varied})
+        number = designs.sizes["design"]
+        raise fault("selections", f"leave {number} designs; select {choices(present, varied)}")
+    (only,) = designs["design"].values
+    case_id = str(designs["case_id"].item())
+    name = ", ".join(f"{dim} = {value}" for dim, value in zip(dims, only, strict=True))
+    match check_case_file(folder, case_id) if case_id else StoredCase.nothing:
+        case StoredCase.damaged:
+            raise fault(name, f"has a damaged case file {case_id}.nc; run the design again")
+        case StoredCase.nothing:
+            status = Status(int(designs["status"].item()))
+            raise fault(name, NO_SHAPE.get(status, NO_CASE_FILE).format(folder=folder))
+    return read_case(folder, case_id)
+
+
+def chosen_strains(
+    case_file: xr.Dataset, selections: Sequence[str] = (), several: bool = False
+) -> list[int]:
+    """Places of the strains of a case that selections choose.
+
+    Args:
+        case_file: contents of its file.
+        selections: texts ``NAME=VALUE``; without one along the strain the relaxed state is chosen,
+            or every strain that was reached if several may be.
+        several: whether several may be chosen.
+
+    Raises:
+        BadInput: if a strain is not there or was not reached, or several are chosen for one mesh.
+    """
+    texts = selections_along(selections, [STRAIN])
+    strains = case_file[STRAIN].values
+    reached = np.zeros(len(strains), bool)
+    if "position" in case_file:
+        positions = case_file["position"].transpose(STRAIN, ...).values
+        reached = np.isfinite(positions).all(axis=(1, 2, 3))
+    reason = case_file.attrs.get("reason", "")
+    title = str(case_file.attrs.get("title", "test"))
+    if not reached.any():
+        raise fault(title, f"has no shape: {reason or 'it did not relax'}; choose another design")
+    everything = np.flatnonzero(reached).tolist() if several else [0]
+    coordinates = PlainCube.of(case_file).coordinates
+    places = chosen_places(coordinates, texts)[STRAIN] if texts else everything
+    if missing := [place for place in places if not reached[place]]:
+        highest = strains[reached].max()
+        raise fault(
+            f"{STRAIN} {strains[missing[0]]:g}",
+            f"has no shape: {reason}; select up to {highest:g}",
+        )
+    if not places or (len(places) > 1 and not several):
+        chosen = ", ".join(f"{strains[place]:g}" for place in places) or "none"
+        raise fault(
+            "selections", f"choose the strains {chosen} for one mesh; select one, or write a .pvd"
+        )
+    return places

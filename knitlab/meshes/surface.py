@@ -1,0 +1,80 @@
+"""Surfaces: nodes, faces, and the fields on them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+TRIANGLES_OF_QUAD = np.array([[0, 1, 2], [2, 3, 0]])
+"""Corners of the two triangles of a quad: those by which self-intersections are counted."""
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceMesh:
+    """A surface of quads or of triangles.
+
+    Attributes:
+        nodes: positions (x, y, z) [mm].
+        faces: node numbers around every face, anticlockwise seen from outside; of a sheet, from
+            the technical face.
+        node_fields: values at the nodes, by their name and unit: ``height [mm]``.
+        face_fields: values of the faces, likewise.
+    """
+
+    nodes: Float[np.ndarray, "node 3"]
+    faces: Int[np.ndarray, "face corner"]
+    node_fields: Mapping[str, np.ndarray] = field(default_factory=dict)
+    face_fields: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def size(self) -> Float[np.ndarray, "3"]:
+        """Its extents along x, y and z [mm]."""
+        return np.ptp(self.nodes, axis=0)
+
+    def triangulated(self) -> "SurfaceMesh":
+        """The surface with every quad divided into two triangles."""
+        if self.faces.shape[1] == 3:
+            return self
+        return SurfaceMesh(
+            self.nodes,
+            self.faces[:, TRIANGLES_OF_QUAD].reshape(-1, 3),
+            self.node_fields,
+            {name: np.repeat(values, 2, axis=0) for name, values in self.face_fields.items()},
+        )
+
+    def rim(self) -> tuple[Int[np.ndarray, "edge 2"], Int[np.ndarray, " edge"]]:
+        """Edges of one face alone, in the direction of that face, and its number."""
+        edges = np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+        _, first, count = np.unique(
+            np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True
+        )
+        alone = np.sort(first[count == 1])
+        return edges[alone], alone // self.faces.shape[1]
+
+
+def grid_surface(
+    nodes: Float[np.ndarray, "node_y node_x 3"],
+    node_fields: Mapping[str, np.ndarray] | None = None,
+    face_fields: Mapping[str, np.ndarray] | None = None,
+) -> SurfaceMesh:
+    """The surface of a grid of nodes: a quad for each grid cell, technical face outside.
+
+    Args:
+        nodes: positions, x along the courses and y along the wales [mm].
+        node_fields: values on the grid of nodes (node_y, node_x), by their name and unit.
+        face_fields: values on the grid of cells (cell_y, cell_x), likewise.
+    """
+    number = np.arange(nodes.shape[0] * nodes.shape[1]).reshape(nodes.shape[:2])
+    corners = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+
+    def listed(fields: Mapping[str, Any] | None) -> dict[str, np.ndarray]:
+        return {name: np.ravel(values) for name, values in (fields or {}).items()}
+
+    return SurfaceMesh(
+        nodes.reshape(-1, 3),
+        np.stack(corners, axis=-1).reshape(-1, 4),
+        listed(node_fields),
+        listed(face_fields),
+    )

@@ -1,0 +1,211 @@
+"""Export of shapes: from a cube, from a test, and what is refused with a sentence."""
+
+import shutil
+import subprocess
+import sys
+
+import meshio
+import numpy as np
+import pytest
+import trimesh
+import xarray as xr
+from click.testing import CliRunner
+
+import knitlab as kl
+from knitlab.cli import main
+from knitlab.io.case_file import case_path, checksum_path, read_case, write_case_file
+from knitlab.io.design_status import Status
+from knitlab.io.errors import BadInput
+from tests.meshes.made_up import CASE_ID, PREVIEW, kept_file
+
+ONE = {"n_stripe": 4, "n_subunit": 16}
+
+
+@pytest.fixture
+def results(tmp_path):
+    """A copy of the kept results of a workflow, to damage."""
+    shutil.copytree(PREVIEW, tmp_path / "preview", ignore=shutil.ignore_patterns("figures"))
+    return tmp_path / "preview"
+
+
+def test_a_cube_its_path_its_file_and_a_test_give_one_mesh(tmp_path):
+    sources = [PREVIEW, str(PREVIEW / "cube.nc"), kl.open_cube(PREVIEW)]
+    exported = [kl.export(each, tmp_path / "a.vtu", **ONE, applied_strain=0.15) for each in sources]
+    exported.append(kl.export(kept_file(), tmp_path / "a.vtu", applied_strain=0.15))
+    for each in exported:
+        assert each.files == (tmp_path / "a.vtu",)
+        assert each.applied_strain == (0.15,)
+        assert (each.meshes[0].nodes == exported[0].meshes[0].nodes).all()
+    assert (meshio.read(tmp_path / "a.vtu").points == exported[0].meshes[0].nodes).all()
+
+
+def test_without_a_strain_the_shape_is_relaxed(tmp_path):
+    exported = kl.export(PREVIEW, tmp_path / "a.obj", **ONE)
+    assert exported.applied_strain == (0.0,)
+    relaxed = kept_file()["position"].values[0].reshape(-1, 3)
+    assert set(map(tuple, relaxed)) <= set(map(tuple, exported.meshes[0].nodes))
+
+
+def test_a_series_has_the_selected_strains_or_all(tmp_path):
+    some = kl.export(PREVIEW, tmp_path / "a.pvd", **ONE, applied_strain=[0, 0.3], triangles=True)
+    assert [path.name for path in some.files] == ["a.pvd", "strain_0.vtu", "strain_0.3.vtu"]
+    assert meshio.read(some.files[2]).cells[0].type == "triangle"
+    every = kl.export(PREVIEW, tmp_path / "b.pvd", **ONE)
+    assert every.applied_strain == tuple(kept_file()["applied_strain"].values)
+
+
+def test_a_thickness_gives_a_solid_to_print(tmp_path):
+    path = tmp_path / "print.stl"
+    kl.export(PREVIEW, path, **ONE, applied_strain=0.3, thickness=0.1, repeats=(2, 2))
+    assert trimesh.load(path).is_watertight
+
+
+@pytest.mark.parametrize(
+    ("name", "selections", "options", "message"),
+    [
+        ("a.dae", ONE, {}, r"a.dae: has no suffix of a mesh; give one of .vtu, .obj, .*.pvd"),
+        ("a", ONE, {}, "has no suffix of a mesh"),
+        ("a.vtu", {}, {}, r"leave 10 designs; select n_stripe of 2, 4, 6, 8; n_subunit of 16"),
+        ("a.vtu", {"n_stripe": 4}, {}, r"leave 3 designs; select n_subunit of 16, 24, 32"),
+        ("a.vtu", {"n_stripe": 4, "n_subunit": 64}, {}, "leave no design of this cube"),
+        ("a.vtu", {"n_stripe": 5}, {}, "the cube has no n_stripe = 5; choose from 2, 4"),
+        ("a.vtu", {"yarn": 1}, {}, "is no coordinate of a shape; select along n_stripe"),
+        ("a.vtu", {"n_stripe": 4, "n_subunit": 24}, {}, r"n_subunit = 24: has no case file in"),
+        ("a.vtu", ONE | {"applied_strain": 0.17}, {}, "has no applied_strain = 0.17"),
+        ("a.vtu", ONE | {"applied_strain": [0, 0.3]}, {}, "strains 0, 0.3 for one mesh"),
+        ("a.stl", ONE, {"thickness": 0.0}, "thickness 0: is not above 0 mm"),
+        ("a.stl", ONE, {"thickness": float("nan")}, "thickness nan: is not above 0 mm"),
+        ("a.stl", ONE, {"thickness": 3.0}, r"thickness 3: is too large .* at most 0.17 mm"),
+        ("a.stl", ONE, {"repeats": (0, 1)}, "repeats 0 1: is not 1 or more"),
+    ],
+)
+def test_what_cannot_be_exported_is_one_sentence_and_writes_nothing(
+    tmp_path, name, selections, options, message
+):
+    with pytest.raises(BadInput, match=message) as refused:
+        kl.export(PREVIEW, tmp_path / name, **options, **selections)
+    assert len(refused.value.faults) == 1
+    assert not [*tmp_path.iterdir()]
+
+
+def change_cube(results, **values):
+    cube = xr.load_dataset(results / "cube.nc")
+    for name, value in values.items():
+        cube[name].loc[ONE] = value
+    cube.to_netcdf(results / "cube.nc")
+
+
+def test_a_design_that_failed_or_has_not_run_is_named(results, tmp_path):
+    case_path(results, CASE_ID).unlink()
+    for status, message in (
+        (Status.failed, "n_stripe = 4, n_subunit = 16: failed and has no shape"),
+        (Status.pending, "is planned but has not run; run it first"),
+    ):
+        change_cube(results, status=status)
+        with pytest.raises(BadInput, match=message):
+            kl.export(results, tmp_path / "a.vtu", **ONE)
+
+
+def test_a_damaged_case_file_is_not_read(results, tmp_path):
+    path = case_path(results, CASE_ID)
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(BadInput, match=f"has a damaged case file {CASE_ID}.nc; run the design"):
+        kl.export(results, tmp_path / "a.vtu", **ONE)
+    checksum_path(results, CASE_ID).unlink()
+    with pytest.raises(BadInput, match="damaged"):
+        kl.export(results, tmp_path / "a.vtu", **ONE)
+
+
+def test_a_design_that_did_not_reach_its_last_strains_is_exported_up_to_there(results, tmp_path):
+    case = read_case(results, CASE_ID)
+    case["position"][10:] = np.nan
+    write_case_file(results, CASE_ID, case.assign_attrs(reason="no equilibrium at 0.3"))
+    change_cube(results, status=Status.not_converged)
+    with pytest.raises(
+        BadInput,
+        match=r"applied_strain 0.36: has no shape: no equilibrium at 0.3; select up to 0.27",
+    ):
+        kl.export(results, tmp_path / "a.vtu", **ONE, applied_strain=0.36)
+    exported = kl.export(results, tmp_path / "a.pvd", **ONE)
+    assert exported.applied_strain[-1] == 0.27
+    case["position"][:] = np.nan
+    with pytest.raises(BadInput, match="has no shape: it did not relax"):
+        kl.export(case, tmp_path / "b.vtu")
+
+
+def test_a_measured_cube_has_no_shapes(tmp_path):
+    cube = kl.open_cube(PREVIEW).assign_coords(source="swatch")
+    with pytest.raises(BadInput, match="swatch: was measured and has no shapes"):
+        kl.export(cube, tmp_path / "a.vtu", **ONE)
+
+
+def test_a_cube_in_memory_and_a_test_say_what_they_take(tmp_path):
+    cube = kl.open_cube(PREVIEW).copy()
+    cube.encoding.clear()
+    with pytest.raises(BadInput, match="not opened from a file, beside which shapes lie"):
+        kl.export(cube, tmp_path / "a.vtu", **ONE)
+    with pytest.raises(BadInput, match="is no cube or test"):
+        kl.export(xr.Dataset(), tmp_path / "a.vtu", **ONE)
+    with pytest.raises(BadInput, match="of a test, select applied_strain alone"):
+        kl.export(kept_file(), tmp_path / "a.vtu", **ONE)
+
+
+def knitlab(*words):
+    return CliRunner().invoke(main, ["export", str(PREVIEW), *words])
+
+
+DESIGN = ("--select", "n_stripe=4", "--select", "n_subunit=16")
+
+
+def test_the_command_says_what_it_wrote(tmp_path):
+    output = str(tmp_path / "shape.glb")
+    said = knitlab(*DESIGN, "--repeats", "2", "3", "-o", output)
+    assert said.exit_code == 0, said.output
+    first, last = said.output.splitlines()
+    assert first.startswith("applied_strain 0: 1617 nodes, 3072 triangles, ")
+    assert first.endswith(" mm, 12 pairs of cells pass through each other")
+    assert last == f"mesh    {output}"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("-o", "a.vtu"), "knitlab: --select: leave 10 designs"),
+        ((*DESIGN, "-o", "a.step"), "knitlab: --output a.step: has no suffix of a mesh"),
+        ((*DESIGN, "-o", "a.stl", "--thickness", "-1"), "knitlab: --thickness -1: is not above 0"),
+        ((*DESIGN, "-o", "a.stl", "--repeats", "0", "1"), "'--repeats': 0 is not in the range"),
+        ((*DESIGN, "-o", "a.vtu", "--repeats", "999", "999"), "knitlab: --repeats 999 999: makes"),
+    ],
+)
+def test_bad_input_ends_the_command_with_exit_code_2(tmp_path, monkeypatch, words, message):
+    monkeypatch.chdir(tmp_path)
+    said = knitlab(*words)
+    assert said.exit_code == 2
+    assert message in said.output
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "design",
+    [
+        kl.Design(n_stripe=4, n_subunit=8, boundary="periodic"),
+        kl.Design(n_stripe=4, n_subunit=8, unit_cells=(2, 1)),
+        kl.Design(n_stripe=4, n_subunit=8, boundary="periodic", pattern=("PG", "RP")),
+    ],
+)
+def test_a_simulated_test_is_exported(tmp_path, design):
+    test = kl.simulate(design, [0, 0.05])
+    exported = kl.export(test, tmp_path / "a.pvd")
+    assert exported.applied_strain == (0.0, 0.05)
+    solid = kl.export(test, tmp_path / "a.stl", applied_strain=0.05, thickness=0.05)
+    assert trimesh.load(solid.files[0]).is_watertight
+
+
+@pytest.mark.slow
+def test_an_export_is_named_without_jax_or_a_mesh_library():
+    program = (
+        "import sys, knitlab.cli.exporting, knitlab.api.exporting;"
+        "assert not {'jax', 'meshio', 'trimesh', 'matplotlib'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
