@@ -14,9 +14,11 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from knitlab.contact.contact_mesh import ContactMesh, without_pairs_of_images
+from knitlab.contact.contact_mesh import ContactMesh, contact_mesh, without_pairs_of_images
 from knitlab.contact.distances import NEAR_RANGE, RANGE
 from knitlab.elasticity.evaluation import Evaluation
+from knitlab.model.network import MeshShape
+from knitlab.model.pattern import CELLS_PER_PERIOD
 
 KEPT_PART = 0.5
 """Part of the collision-free step that is taken, so that the barrier is finite after it."""
@@ -98,25 +100,45 @@ class Barrier:
     """Contact of one fabric with itself, without friction.
 
     Args:
-        mesh: the contact mesh.
+        shape: mesh shape of the fabric.
         thickness: distance of the middle surfaces of two touching plies [mm].
         pressure: pressure scale of the barrier [N/mm²].
         cell: mean sides (x, y) of a grid cell [mm].
+        cells_per_period: grid cells along one period of a stripe.
     """
 
     def __init__(
-        self, mesh: ContactMesh, thickness: float, pressure: float, cell: tuple[float, float]
+        self,
+        shape: MeshShape,
+        thickness: float,
+        pressure: float,
+        cell: tuple[float, float],
+        cells_per_period: int = CELLS_PER_PERIOD,
     ) -> None:
-        self._mesh, self._force = mesh, pressure * cell[0] * cell[1]
-        margin = MARGIN * min(cell)
+        self._shape, self._thickness, self._cells_per_period = shape, thickness, cells_per_period
+        self._force, self._margin = pressure * cell[0] * cell[1], MARGIN * min(cell)
+        self._use(cells_per_period)
+
+    def _use(self, band: int) -> None:
+        self._mesh = mesh = contact_mesh(self._shape, band, self._cells_per_period)
+        thickness, margin = self._thickness, self._margin
         self._layers = (
             _Layer(mesh, mesh.far, thickness, RANGE * thickness, margin),
             _Layer(mesh, mesh.near, 0.0, NEAR_RANGE * thickness, margin),
         )
 
+    def _vertices(
+        self, *configurations: Float[np.ndarray, " unknown"]
+    ) -> list[Float[np.ndarray, "vertex 3"]]:
+        """Vertices of the contact mesh, with a band of images that is wide enough for all."""
+        reach = (1 + RANGE) * self._thickness
+        while not all(self._mesh.suffices(unknowns, reach) for unknowns in configurations):
+            self._use(2 * self._mesh.band)
+        return [self._mesh.vertices(unknowns) for unknowns in configurations]
+
     def added(self, evaluation: Evaluation, unknowns: Float[np.ndarray, " unknown"]) -> Evaluation:
         """The evaluation of a configuration that holds, with energy and gradient of the barrier."""
-        vertices = self._mesh.vertices(unknowns)
+        (vertices,) = self._vertices(unknowns)
         energy, gradient = 0.0, np.zeros(vertices.size)
         for layer in self._layers:
             collisions = layer.collisions(vertices)
@@ -137,7 +159,7 @@ class Barrier:
         Returns:
             (free, free), both triangles [N/mm]; ``None`` where nothing is within reach.
         """
-        vertices = self._mesh.vertices(unknowns)
+        (vertices,) = self._vertices(unknowns)
         found = None
         for layer in self._layers:
             collisions = layer.collisions(vertices)
@@ -156,13 +178,13 @@ class Barrier:
         self, unknowns: Float[np.ndarray, " unknown"], step: Float[np.ndarray, " unknown"]
     ) -> float:
         """Part of a step, at most 1, after which all parts still keep their distance."""
-        before, after = self._mesh.vertices(unknowns), self._mesh.vertices(unknowns + step)
+        before, after = self._vertices(unknowns, unknowns + step)
         part = min(layer.free_part(before, after) for layer in self._layers)
         return part if part == 1 else KEPT_PART * part
 
     def holds(self, unknowns: Float[np.ndarray, " unknown"]) -> bool:
         """Whether all parts keep their distance, and nothing passes through anything."""
-        vertices = self._mesh.vertices(unknowns)
+        (vertices,) = self._vertices(unknowns)
         for layer in self._layers:
             collisions = layer.collisions(vertices)
             if len(collisions):

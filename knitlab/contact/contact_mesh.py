@@ -5,7 +5,8 @@ node lies whole sides L_x and L_y away from it. So gradients and Hessians by ver
 by unknowns through one constant sparse matrix.
 
 Each pair of parts counts once a period: parts of the fabric are compared with each other, and with
-the images to the right, above, and above to the left. Pairs of two images are left out.
+the images to the right, above, and above to the left. Pairs of two images are left out. Only a band
+of images beside the fabric is needed, as long as what lies beyond is out of reach.
 """
 
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
 from knitlab.contact.distances import NEAR_CELLS
+from knitlab.model.configuration import Configuration
 from knitlab.model.network import MeshShape
 from knitlab.model.pattern import CELLS_PER_PERIOD
 
@@ -30,6 +32,7 @@ class ContactMesh:
 
     Attributes:
         shape: the mesh shape.
+        band: rows and columns of cells of the images, on each side that has any.
         from_unknowns: matrix from unknowns to the coordinates of the vertices, vertex by vertex.
         own: which vertices are nodes of the fabric itself, rather than images.
         whole: collision mesh of all parts.
@@ -38,6 +41,7 @@ class ContactMesh:
     """
 
     shape: MeshShape
+    band: int
     from_unknowns: sp.csr_array
     own: Bool[np.ndarray, " vertex"]
     whole: ipctk.CollisionMesh
@@ -48,16 +52,35 @@ class ContactMesh:
         """Positions of the vertices in a configuration [mm]."""
         return np.asfortranarray((self.from_unknowns @ unknowns).reshape(-1, 3))
 
+    def suffices(self, unknowns: Float[np.ndarray, " unknown"], reach: float) -> bool:
+        """Whether images beyond the band are further away than a reach [mm].
+
+        Their bounding box is compared with that of the fabric.
+        """
+        shape, band = self.shape, self.band
+        if not shape.periodic or band >= min(shape.cells_y, shape.cells_x):
+            return True
+        configuration = Configuration.of(unknowns, shape)
+        x, y = np.asarray(configuration.positions)[..., :2].transpose(2, 0, 1)
+        length_x, length_y = (float(side) for side in configuration.lengths)
+        right = min(x[:, band:].min() + length_x, x.min() + 2 * length_x) - x.max()
+        left = x.min() - max(x[:, :-band].max() - length_x, x.max() - 2 * length_x)
+        above = min(y[band:].min() + length_y, y.min() + 2 * length_y) - y.max()
+        return min(right, left, above) > reach
+
 
 @lru_cache(maxsize=4)
-def contact_mesh(shape: MeshShape, cells_per_period: int = CELLS_PER_PERIOD) -> ContactMesh:
+def contact_mesh(
+    shape: MeshShape, band: int, cells_per_period: int = CELLS_PER_PERIOD
+) -> ContactMesh:
     """The contact mesh of a mesh shape.
 
     Args:
         shape: the mesh shape.
+        band: rows and columns of cells of the images; a whole period of them at most.
         cells_per_period: grid cells along one period of a stripe.
     """
-    cells = _cells(shape)
+    cells = _cells(shape, band)
     corners = cells[:, None, None] + TRIANGLES
     places, number = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
     inside = (places >= 0) & (places < [shape.nodes_y, shape.nodes_x])
@@ -70,7 +93,7 @@ def contact_mesh(shape: MeshShape, cells_per_period: int = CELLS_PER_PERIOD) -> 
     for mesh, are_near in zip(filtered, (False, True), strict=True):
         explicit = dict.fromkeys(map(tuple, near.tolist()), are_near)
         mesh.can_collide = ipctk.make_sparse_filter(explicit, not are_near)
-    return ContactMesh(shape, _from_unknowns(shape, places), own, whole, *filtered)
+    return ContactMesh(shape, band, _from_unknowns(shape, places), own, whole, *filtered)
 
 
 def without_pairs_of_images(candidates: ipctk.Candidates, mesh: ContactMesh) -> None:
@@ -80,6 +103,8 @@ def without_pairs_of_images(candidates: ipctk.Candidates, mesh: ContactMesh) -> 
     also lose pairs of which only the vertices that are not near each other are images.
     """
     own = mesh.own
+    if own.all():
+        return
     own_faces, own_edges = (
         own[np.asarray(parts)].any(axis=1) for parts in (mesh.whole.faces, mesh.whole.edges)
     )
@@ -93,12 +118,16 @@ def without_pairs_of_images(candidates: ipctk.Candidates, mesh: ContactMesh) -> 
     ]
 
 
-def _cells(shape: MeshShape) -> Int[np.ndarray, "cell 2"]:
+def _cells(shape: MeshShape, band: int) -> Int[np.ndarray, "cell 2"]:
     """Lower left corner (y, x) of each cell, and of the images that it is compared with."""
     rows, columns = shape.cells_y, shape.cells_x
     if not shape.periodic:
         return np.indices((rows, columns)).reshape(2, -1).T
-    up, across = np.meshgrid(np.arange(2 * rows), np.arange(-columns, 2 * columns), indexing="ij")
+    up, across = np.meshgrid(
+        np.arange(rows + min(band, rows)),
+        np.arange(-min(band, columns), columns + min(band, columns)),
+        indexing="ij",
+    )
     places = np.stack([up.ravel(), across.ravel()], axis=1)
     below_left = (places[:, 0] < rows) & (places[:, 1] < 0)
     return places[~below_left]

@@ -28,11 +28,11 @@ def contact_of(case: Case, fabric: Fabric) -> "Barrier | None":
     if find_spec("ipctk") is None:
         raise fault("contact = barrier", "needs the package ipctk; pip install 'knitlab[contact]'")
     from knitlab.contact.barrier import Barrier
-    from knitlab.contact.contact_mesh import contact_mesh
 
     return Barrier(
-        contact_mesh(case.mesh_shape, case.options.cells_per_period),
+        case.mesh_shape,
         case.sheet.thickness,
         case.sheet.contact_pressure,
         (float(np.mean(fabric.cell_x)), float(np.mean(fabric.cell_y))),
+        case.options.cells_per_period,
     )

@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.contact.barrier import Barrier
-from knitlab.contact.contact_mesh import contact_mesh
 from knitlab.contact.distances import NEAR_RANGE, RANGE
 from knitlab.elasticity.evaluation import Evaluation
 from knitlab.model.configuration import Configuration
@@ -19,7 +18,7 @@ GAPS = st.floats(THICKNESS * 1.02, THICKNESS * (1 + RANGE) * 0.99)
 
 
 def barrier_on(shape):
-    return Barrier(contact_mesh(shape), THICKNESS, PRESSURE, (CELL, CELL))
+    return Barrier(shape, THICKNESS, PRESSURE, (CELL, CELL))
 
 
 def evaluated(barrier, unknowns):
