@@ -28,18 +28,21 @@ __all__ = list(FIGURES)
 
 def _plot_function(name: str) -> Callable[..., Drawing]:
     """The public function of a figure."""
-
-    def plot(*cubes: Cube, **selections: Any) -> Drawing:
-        return draw(name, [opened(cube) for cube in cubes], selection_texts(selections))
-
     kind = FIGURES[name]
+
+    def plot(*cubes: Cube, **keywords: Any) -> Drawing:
+        options = {key: keywords.pop(key) for key in kind.options if key in keywords}
+        return draw(name, [opened(cube) for cube in cubes], selection_texts(keywords), options)
+
+    what = f"; and {', '.join(kind.options)}: names of dimensions and of a variable"
+    what = what if kind.options else ""
     summary, *_ = (inspect.getdoc(kind.draw) or "").split("\n\n")
     plot.__name__ = plot.__qualname__ = name
     plot.__doc__ = f"""{summary}
 
 Args:
     cubes: {kind.takes}; or paths of these.
-    selections: a value or a list of values for each coordinate.
+    keywords: a value or a list of values for each coordinate{what}.
 """
     return plot
 

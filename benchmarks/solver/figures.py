@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.solver.cube import NOT_MEASURED, NOT_REACHED
 from benchmarks.solver.methods import SWEPT
-from knitlab.figures.drawing import save
+from knitlab.figures.saving import save
 from knitlab.figures.style import ONE_COLUMN, print_style
 
 # Okabe and Ito's colours, told apart by the colour-blind, and a wine red for their yellow, which
@@ -155,7 +155,7 @@ def time_to_residual(cube: xr.Dataset) -> Figure | None:
             lw=0,
         )
     count = int(nodes.sel(size=size))
-    axes.set(xscale="log", yscale="log", xlabel="time on one thread [s]")
+    axes.set(xscale="log", yscale="log", xlabel="time on one thread [s], band: range of repeats")
     axes.set_ylabel("largest force on a free unknown [N]")
     axes.set_title(f"relaxation, {size.replace('x', ' × ')} unit cells, {count:,} nodes")
     axes.legend(frameon=False, handletextpad=0.4)

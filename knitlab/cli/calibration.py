@@ -77,7 +77,7 @@ def calibrate(
     measured = read_tension_curve(curve, width, thickness)
 
     from knitlab.figures.calibration import calibration_figure
-    from knitlab.figures.drawing import save
+    from knitlab.figures.saving import save
     from knitlab.figures.style import print_style
     from knitlab.io.shipped import shipped
     from knitlab.io.stripe_file import write_stripe_file

@@ -88,19 +88,29 @@ def compare(
     required=True,
     help="File to draw; its suffix (.pdf, .svg, .png; .gif for folding) sets the format.",
 )
+@click.option("--x", metavar="DIM", help="Dimension across a grid.")
+@click.option("--y", metavar="DIM", help="Dimension up a grid.")
+@click.option("--of", metavar="NAME", help="Variable whose values a grid shows.")
 @select_option
 @explains_bad_input
-def draw_map(kind: str, cubes: tuple[Path, ...], output: Path, selections: tuple[str, ...]) -> None:
+def draw_map(
+    kind: str,
+    cubes: tuple[Path, ...],
+    output: Path,
+    selections: tuple[str, ...],
+    **shown: str | None,
+) -> None:
     """Draw a figure of a cube, unless its file is up to date."""
     from knitlab.figures.drawn import fingerprint_of_figure, is_drawn
 
+    options = {name: value for name, value in shown.items() if value is not None}
     with suppress(OSError):  # draw_figure explains why a cube cannot be read
-        if is_drawn(output, fingerprint_of_figure(kind, cubes, selections)):
+        if is_drawn(output, fingerprint_of_figure(kind, cubes, selections, options)):
             click.echo(f"figure  {output}")
             return
     from knitlab.figures.drawing import draw_figure
 
-    click.echo(f"figure  {draw_figure(kind, cubes, output, selections)}")
+    click.echo(f"figure  {draw_figure(kind, cubes, output, selections, options)}")
 
 
 @click.command()

@@ -106,8 +106,8 @@ def fit(
     cube = selected(open_cube(experiment), selections)
 
     from knitlab.api.laboratory import fit_experiment
-    from knitlab.figures.drawing import save
     from knitlab.figures.fit import Fitted, fit_figure
+    from knitlab.figures.saving import save
     from knitlab.figures.style import print_style
     from knitlab.laboratory.fit_report import report, write_stripes
     from knitlab.study.plan import make_plan

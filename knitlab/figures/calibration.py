@@ -3,7 +3,9 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from knitlab.figures.style import ONE_COLUMN
+from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN
+
+FITTED, LINEAR = CATEGORY_COLOURS[:2]
 
 
 def calibration_figure(
@@ -13,7 +15,7 @@ def calibration_figure(
     title: str,
     linear_force: np.ndarray | None = None,
 ) -> Figure:
-    """Curve and fit above, residual below.
+    """Curve and fit above, residual of each fit below in its colour.
 
     Args:
         strain: applied strain [1].
@@ -26,14 +28,14 @@ def calibration_figure(
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     above.plot(strain, force, "o", ms=2.5, mfc="none", color="0.3", label="measured")
     if linear_force is not None:
-        above.plot(strain, linear_force, color="C1", ls="--", label="with linear springs")
-        below.plot(strain, 1000 * (force - linear_force), "x", ms=2.5, color="C1")
-    above.plot(strain, fitted_force, color="C0", label="zigzag, fitted")
+        above.plot(strain, linear_force, color=LINEAR, ls="--", label="with linear springs")
+        below.plot(strain, 1000 * (force - linear_force), "x", ms=2.5, color=LINEAR)
+    above.plot(strain, fitted_force, color=FITTED, label="zigzag, fitted")
     above.set(ylabel="force for one row [N]")
     above.set_title(title, fontsize=7)
     above.legend(frameon=False)
     below.axhline(0, color="0.7", lw=0.6)
-    below.plot(strain, 1000 * (force - fitted_force), ".", ms=3, color="0.3")
+    below.plot(strain, 1000 * (force - fitted_force), ".", ms=3, color=FITTED)
     below.set(xlabel="applied strain [1]", ylabel="residual [mN]")
     figure.align_ylabels([above, below])
     return figure

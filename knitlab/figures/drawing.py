@@ -1,26 +1,23 @@
-"""Drawing figures by name, and writing their files."""
+"""Drawing figures by name."""
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import xarray as xr
-from matplotlib.animation import FuncAnimation, PillowWriter
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from knitlab.figures.drawn import (
-    MARK,
     MOST_SLICES,
     fingerprint_of_figure,
     is_drawn,
     requested_figures,
 )
 from knitlab.figures.figure_kind import Drawing, FigureKind
-from knitlab.figures.kinds.folding import FRAMES_PER_SECOND
+from knitlab.figures.saving import save
 from knitlab.figures.style import print_style
-from knitlab.io.atomic_write import atomic_write
 from knitlab.io.case_file import case_path, read_case
 from knitlab.io.cube_file import (
     as_cube,
@@ -46,7 +43,11 @@ NO_CASE_FILES = "shapes are in case files, not in the cube: run the designs into
 
 
 def draw_figure(
-    kind: str, cube_paths: Sequence[Path], output: Path, selections: Sequence[str] = ()
+    kind: str,
+    cube_paths: Sequence[Path],
+    output: Path,
+    selections: Sequence[str] = (),
+    options: Mapping[str, str] | None = None,
 ) -> Path:
     """Draw one figure into a file.
 
@@ -57,6 +58,7 @@ def draw_figure(
             several.
         output: the file; its suffix sets the format.
         selections: texts ``NAME=VALUE`` that slice the cube first.
+        options: what a kind with options shows, such as ``{"of": "reaction_force"}``.
 
     Returns:
         The file.
@@ -70,11 +72,12 @@ def draw_figure(
         known = ", ".join(suffixes(kind))
         raise fault(f"output {output}", f"{kind} has no format of this suffix; give one of {known}")
     _check_count(kind, len(cube_paths))
+    _check_options(kind, options or {})
     cubes = [open_cube(path) for path in cube_paths]
-    fingerprint = fingerprint_of_figure(kind, cube_paths, selections)
+    fingerprint = fingerprint_of_figure(kind, cube_paths, selections, options)
     if not is_drawn(output, fingerprint):
         with print_style():
-            save(_drawn(kind, cube_paths, cubes, selections), output, fingerprint)
+            save(_drawn(kind, cube_paths, cubes, selections, options), output, fingerprint)
     return output
 
 
@@ -113,7 +116,12 @@ def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     return saved, faults
 
 
-def draw(kind: str, cubes: Sequence[xr.Dataset], selections: Sequence[str] = ()) -> Drawing:
+def draw(
+    kind: str,
+    cubes: Sequence[xr.Dataset],
+    selections: Sequence[str] = (),
+    options: Mapping[str, str] | None = None,
+) -> Drawing:
     """Draw one figure from cubes in memory.
 
     Args:
@@ -121,6 +129,7 @@ def draw(kind: str, cubes: Sequence[xr.Dataset], selections: Sequence[str] = ())
         cubes: cubes or single cases. A figure that needs node positions takes them from a case,
             or from the case files beside the file that the cube was opened from.
         selections: texts ``NAME=VALUE`` that slice the cubes first.
+        options: what a kind with options shows, such as ``{"of": "reaction_force"}``.
 
     Returns:
         The figure, or an animation if the kind is a film.
@@ -129,14 +138,15 @@ def draw(kind: str, cubes: Sequence[xr.Dataset], selections: Sequence[str] = ())
         BadInput: if a cube or a selection is at fault.
     """
     _check_count(kind, len(cubes))
+    _check_options(kind, options or {})
     with print_style():
         if all(is_case(cube) for cube in cubes):
-            return _drawn_of_cases(kind, cubes, selections)
+            return _drawn_of_cases(kind, cubes, selections, options)
         paths = [
             Path(cube.encoding.get("source", f"cube {number}"))
             for number, cube in enumerate(cubes, start=1)
         ]
-        return _drawn(kind, paths, cubes, selections)
+        return _drawn(kind, paths, cubes, selections, options)
 
 
 def _check_count(kind: str, cubes: int) -> None:
@@ -151,16 +161,56 @@ def _check_count(kind: str, cubes: int) -> None:
         raise fault(kind, f"shows one cube, not {cubes}; give one")
 
 
-def _drawn_of_cases(name: str, cases: Sequence[xr.Dataset], selections: Sequence[str]) -> Drawing:
+def _check_options(kind: str, options: Mapping[str, str]) -> None:
+    """Check the names of options.
+
+    Raises:
+        BadInput: for an option that a kind does not have.
+    """
+    able = ", ".join(name for name, each in FIGURES.items() if each.options)
+    faults = [
+        Fault(option, f"is no option of {kind}, only of {able}; leave it out")
+        for option in options
+        if option not in FIGURES[kind].options
+    ]
+    if faults:
+        raise BadInput(faults)
+
+
+def _drawn_of_cases(
+    name: str,
+    cases: Sequence[xr.Dataset],
+    selections: Sequence[str],
+    options: Mapping[str, str] | None,
+) -> Drawing:
     kind = FIGURES[name]
     if kind.needs is None:
         paths = [Path(case.attrs["title"]) for case in cases]
-        return _drawn(name, paths, [as_cube(case) for case in cases], selections)
+        return _drawn(name, paths, [as_cube(case) for case in cases], selections, options)
     known = kind.coordinates
     remedy = f"select of {', '.join(known)}" if known else "select nothing of a single case"
     refuse_others(selections, known, f"is no coordinate that {name} can be sliced along; {remedy}")
-    sliced = [selected(case, selections) for case in cases]
+    sliced = [_sliced_case(case, selections) for case in cases]
     return kind.draw(sliced if kind.designs else sliced[0])
+
+
+def _sliced_case(case: xr.Dataset, selections: Sequence[str]) -> xr.Dataset:
+    """The selected strains of a case.
+
+    Raises:
+        BadInput: if the file of the case does not hold the shape at one of them.
+    """
+    sliced = selected(case, selections)
+    if selections and "position" in case:
+        strains = case["applied_strain"].values
+        kept = np.isfinite(case["position"].values).all(axis=(1, 2, 3))
+        if not np.isin(sliced["applied_strain"].values, strains[kept]).all():
+            known = ", ".join(f"{strain:g}" for strain in strains[kept])
+            raise fault(
+                f"selections {', '.join(selections)}",
+                f"has no shape, which this case file keeps at {known}; choose one of these",
+            )
+    return sliced
 
 
 def _drawn(
@@ -168,6 +218,7 @@ def _drawn(
     cube_paths: Sequence[Path],
     cubes: Sequence[xr.Dataset],
     selections: Sequence[str] = (),
+    options: Mapping[str, str] | None = None,
 ) -> Drawing:
     kind = FIGURES[name]
     for cube in cubes:
@@ -183,7 +234,9 @@ def _drawn(
     refuse_others(selections, known, f"is no coordinate of {name}; select along {', '.join(known)}")
     cubes = [selected(cube, selections_along(selections, cube.coords)) for cube in cubes]
     if name in COMPARING:
-        return kind.draw(list(zip(cube_paths, cubes, strict=True)))
+        if kind.several:
+            return kind.draw(list(zip(cube_paths, cubes, strict=True)))
+        return kind.draw(cubes[0], **(options or {}))
     sliced = [_one_slice(name, cube) for cube in cubes]
     (cube, _), folder = sliced[0], _folder(cube_paths[0])
     slice_shown = ", ".join(dict.fromkeys(shown for _, shown in sliced if shown))
@@ -191,11 +244,15 @@ def _drawn(
         drawing = kind.draw([cube for cube, _ in sliced])
     elif kind.needs is None:
         drawing = kind.draw(cube)
-    elif kind.designs:
-        drawing = kind.draw(_cases(name, cube, folder))
     else:
-        case = _most_auxetic_case(cube, folder, kind.needs)
-        drawing = kind.draw(selected(case, selections_along(selections, kind.coordinates)))
+        along = selections_along(selections, kind.coordinates)
+        cases = (
+            _cases(name, cube, folder)
+            if kind.designs
+            else [_most_auxetic_case(cube, folder, kind.needs)]
+        )
+        shown = [_sliced_case(case, along) for case in cases]
+        drawing = kind.draw(shown if kind.designs else shown[0])
     if slice_shown and isinstance(drawing, Figure):
         title = drawing.get_suptitle()
         drawing.suptitle(f"{title}\n{slice_shown}" if title else slice_shown, fontsize="small")
@@ -240,46 +297,6 @@ def _one_slice(name: str, cube: xr.Dataset) -> tuple[xr.Dataset, str]:
 
 def _folder(cube_path: Path) -> Path:
     return cube_path if cube_path.is_dir() else cube_path.parent
-
-
-def save(drawing: Drawing, output: Path, fingerprint: str = "") -> None:
-    """Write a figure or a film into a file, atomically.
-
-    Args:
-        drawing: the figure or film.
-        output: the file; its suffix sets the format.
-        fingerprint: of everything it depends on, for :func:`~knitlab.figures.drawn.is_drawn`.
-    """
-    mark = f"{MARK}{fingerprint}"
-    with atomic_write(output) as temporary:
-        if isinstance(drawing, FuncAnimation):
-            drawing.save(temporary, writer=_MarkedFilm(mark))
-        else:
-            FigureCanvasAgg(drawing)
-            drawing.savefig(temporary, metadata={_NOTE[output.suffix.lower()]: mark})
-
-
-class _MarkedFilm(PillowWriter):
-    """Writes a film with a comment."""
-
-    def __init__(self, comment: str) -> None:
-        super().__init__(fps=FRAMES_PER_SECOND)
-        self._comment = comment
-
-    def finish(self) -> None:
-        first, *further = self._frames  # type: ignore[attr-defined]
-        first.save(
-            self.outfile,
-            save_all=True,
-            append_images=further,
-            duration=1000 // self.fps,
-            loop=0,
-            comment=self._comment.encode(),
-        )
-
-
-_NOTE = {".png": "Description", ".svg": "Description", ".pdf": "Keywords"}
-"""Metadata key of the fingerprint, by format."""
 
 
 def _cases(name: str, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]:

@@ -5,7 +5,7 @@ Imports neither matplotlib nor xarray, so that a run with nothing to do is fast.
 
 import hashlib
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -59,7 +59,10 @@ def requested_figures(kinds: Iterable[str], cube: PlainCube, folder: Path) -> li
 
 
 def fingerprint_of_figure(
-    kind: str, cube_paths: Sequence[Path], selections: Sequence[str] = ()
+    kind: str,
+    cube_paths: Sequence[Path],
+    selections: Sequence[str] = (),
+    options: Mapping[str, str] | None = None,
 ) -> str:
     """Fingerprint of everything a figure depends on: cubes, code and the version of matplotlib.
 
@@ -67,11 +70,13 @@ def fingerprint_of_figure(
         kind: a name of a figure.
         cube_paths: cubes, or the results folders that hold them.
         selections: texts ``NAME=VALUE``.
+        options: what a kind with options shows.
 
     Raises:
         OSError: if a cube cannot be read.
     """
-    parts = [kind, *selections, package_fingerprint(), version("matplotlib")]
+    chosen = [f"{name}:{value}" for name, value in (options or {}).items()]
+    parts = [kind, *selections, *chosen, package_fingerprint(), version("matplotlib")]
     parts += [file_digest(cube_path(path)) for path in cube_paths]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[: 2 * DIGITS]
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 from matplotlib.animation import FuncAnimation
 from matplotlib.figure import Figure
@@ -25,15 +25,17 @@ class FigureKind:
         coordinates: further coordinates that it can be sliced along.
         designs: designs (n_stripe, n_subunit) whose cases it shows side by side; those that are
             missing are left out, and if all are, other designs are shown instead.
+        options: names of keyword arguments by which ``draw`` is told what to show.
         several: whether it takes several cubes: any, or experiments beside one simulation, or the
             latter with only one experiment for each design.
     """
 
-    draw: Callable[[Any], Drawing]
+    draw: Callable[..., Drawing]
     dims: tuple[str, ...] | None = DESIGN_DIMS
     needs: str | None = None
     designs: tuple[tuple[int, int], ...] = ()
     coordinates: tuple[str, ...] = ()
+    options: tuple[str, ...] = ()
     several: Literal["any", "experiments", "designs"] | None = None
 
     @property

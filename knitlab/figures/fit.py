@@ -5,15 +5,16 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
-from knitlab.figures.style import TWO_COLUMNS
+from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS
 
 LABELS = (
     "transverse strain\nmean $\\varepsilon_{xx}$ [1]",
     "axial strain\nmean $\\varepsilon_{yy}$ [1]",
     "reaction force [N]",
 )
-BEFORE, AFTER = "0.55", "#0072B2"
+BEFORE, AFTER, SHADE = "0.55", CATEGORY_COLOURS[0], "0.9"
 
 
 class Fitted(NamedTuple):
@@ -56,15 +57,18 @@ def fit_figure(shown: Fitted, title: str) -> Figure:
         above.plot(strain, values, "--", color="black", label="measured")
         above.set(ylabel=label)
         above.tick_params(labelbottom=False)
-        below.axhspan(-1, 1, color="0.9", lw=0)
+        below.axhspan(-1, 1, color=SHADE, lw=0)
         for curves, colour in ((shown.before, BEFORE), (shown.after, AFTER)):
             below.plot(strain, (curves[column] - values) / errors, ".", ms=3, color=colour)
         below.set_yscale("symlog", linthresh=3)
         below.set_xlabel("applied strain [1]")
     grid[1, 0].set_ylabel("difference\nover error [1]")
     _draw_factors(figure, grid[:, 3], shown)
-    handles = grid[0, 0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside lower center", ncols=3, frameon=False)
+    handles = [
+        *grid[0, 0].get_legend_handles_labels()[0],
+        Patch(color=SHADE, label="difference within one error"),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     figure.suptitle(title, fontsize=8)
     return figure
 
@@ -81,5 +85,9 @@ def _draw_factors(figure: Figure, column: np.ndarray, shown: Fitted) -> None:
         axes.plot([factor / reach, factor * reach], [place, place], color=AFTER, lw=1.5)
         axes.plot(factor, place, "o", color=AFTER, ms=4)
     axes.axvline(1, color=BEFORE, lw=0.8)
-    axes.set(yticks=range(len(names)), yticklabels=names, xlabel="fitted / table [1]")
+    axes.set(
+        yticks=range(len(names)),
+        yticklabels=names,
+        xlabel="fitted / table [1]\n± 2 standard errors",
+    )
     axes.set_ylim(len(names) - 0.5, -0.5)

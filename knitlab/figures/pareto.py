@@ -34,7 +34,7 @@ def pareto_figure(
         axes.plot(*distances[of_search].T, "o", ms=4, alpha=0.7, label=f"search {number}")
     order = np.argsort(distances[front][:, 0])
     axes.plot(*distances[front][order].T, "-", color=FRONT, lw=1, label="Pareto front", zorder=0)
-    axes.axvspan(0, 1, color=WITHIN, alpha=0.1, lw=0)
+    axes.axvspan(0, 1, color=WITHIN, alpha=0.1, lw=0, label="within a tolerance")
     axes.axhspan(0, 1, color=WITHIN, alpha=0.1, lw=0)
     for axis, label, on_front in zip("xy", labels, distances[front].T, strict=True):
         getattr(axes, f"set_{axis}label")(f"off by, in tolerances:\n{label}", fontsize="small")

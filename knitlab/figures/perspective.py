@@ -1,16 +1,20 @@
-"""A sheet in perspective, coloured by height, and the snapshots of a relaxation."""
+"""A sheet in perspective, shaded by its slope, and the snapshots of a relaxation."""
 
-import matplotlib as mpl
+from collections.abc import Sequence
+
 import numpy as np
 import xarray as xr
+from matplotlib.colors import LightSource, to_rgba_array
 from mpl_toolkits.mplot3d import Axes3D
-
-from knitlab.figures.style import SEQUENCE_COLOURS
+from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 VIEW = {"elev": 38.0, "azim": -58.0}
 MARGIN = 0.02
-FLAT_SHEET_FITS, FOLDED_SHEET_FITS = 1.0, 1.1
-"""Zooms at which a sheet fills its frame."""
+FILLED = 0.97
+"""Part of its frame that a sheet fills."""
+LIGHT = LightSource(azdeg=225, altdeg=45)
+FABRIC = "0.85"
+"""Colour of a sheet."""
 
 
 def snapshot_nodes(case: xr.Dataset) -> np.ndarray:
@@ -25,34 +29,34 @@ def snapshot_nodes(case: xr.Dataset) -> np.ndarray:
     return np.concatenate([nodes, nodes[:, :1] + along], axis=1)
 
 
-def by_height(nodes: np.ndarray) -> mpl.colors.Normalize:
-    """Norm of the colours of sheets, by height."""
-    return mpl.colors.Normalize(nodes[..., 2].min(), nodes[..., 2].max())
-
-
-def draw_sheet(axes: Axes3D, nodes: np.ndarray, norm: mpl.colors.Normalize) -> None:
-    """Draw one sheet, coloured by height.
+def draw_sheet(axes: Axes3D, nodes: np.ndarray, colours: Sequence[str] | None = None) -> None:
+    """Draw one sheet, shaded by its slope, without seams between its faces.
 
     Args:
         axes: three-dimensional axes.
         nodes: positions (y, x, component).
-        norm: norm of the heights.
+        colours: a colour for every face, row after row; grey by default.
     """
-    faces = (nodes[:-1, :-1, 2] + nodes[1:, :-1, 2] + nodes[:-1, 1:, 2] + nodes[1:, 1:, 2]) / 4
+    rows, columns = nodes.shape[0] - 1, nodes.shape[1] - 1
+    faces = to_rgba_array([FABRIC] if colours is None else list(colours))
     axes.plot_surface(
         *np.moveaxis(nodes, -1, 0),
         rcount=nodes.shape[0],
         ccount=nodes.shape[1],
-        facecolors=mpl.colormaps[SEQUENCE_COLOURS](norm(faces)),
-        linewidth=0,
+        facecolors=np.broadcast_to(faces, (rows * columns, 4)).reshape(rows, columns, 4),
+        # Edges in the colour of their face cover the gaps between faces.
+        linewidth=0.3,
         antialiased=False,
         shade=True,
+        lightsource=LIGHT,
+        rasterized=True,
     )
 
 
-def frame_sheet(axes: Axes3D, around: np.ndarray, zoom: float = FLAT_SHEET_FITS) -> None:
-    """Set the limits of axes around positions (…, component), with equal scales of x, y and z."""
-    low, high = around.reshape(-1, 3).min(axis=0), around.reshape(-1, 3).max(axis=0)
+def frame_sheet(axes: Axes3D, around: np.ndarray) -> None:
+    """Frame positions (…, component), with equal scales of x, y and z, so that none is cut off."""
+    points = around.reshape(-1, 3)
+    low, high = points.min(axis=0), points.max(axis=0)
     middle, half = (low + high) / 2, (high - low) / 2 * (1 + MARGIN)
     half = np.maximum(half, 0.05 * half.max())
     axes.set(
@@ -61,9 +65,13 @@ def frame_sheet(axes: Axes3D, around: np.ndarray, zoom: float = FLAT_SHEET_FITS)
         zlim=(middle[2] - half[2], middle[2] + half[2]),
     )
     axes.set_proj_type("ortho")
-    axes.set_box_aspect(half, zoom=zoom)
     axes.view_init(**VIEW)
     axes.set_axis_off()
+    # In this projection the picture grows as the zoom does.
+    axes.set_box_aspect(half)
+    across, along, _ = proj_transform(*points.T, axes.get_proj())
+    reach = max(np.abs(across).max(), np.abs(along).max())
+    axes.set_box_aspect(half, zoom=FILLED * axes.viewLim.x1 / reach)
 
 
 def time_text(time: float) -> str:

@@ -20,10 +20,11 @@ def on_one_grid(cubes: Sequence[xr.Dataset]) -> list[xr.Dataset]:
     labels = {
         dim: np.unique(np.concatenate([cube[dim].values for cube in cubes])) for dim in DESIGN_DIMS
     }
+    return [cube.reindex(labels, fill_value=missing_values(cube)) for cube in cubes]
+
+
+def missing_values(cube: xr.Dataset) -> dict[str, object]:
+    """What stands for every variable of a cube where a design does not exist."""
     fill = {"status": Status.excluded, "case_id": "", "code": ""}
-    return [cube.reindex(labels, fill_value=_known(cube, fill)) for cube in cubes]
-
-
-def _known(cube: xr.Dataset, fill: dict[str, object]) -> dict[str, object]:
     rest = {str(name): np.nan for name in cube.data_vars if name not in fill}
     return rest | {name: value for name, value in fill.items() if name in cube}

@@ -14,6 +14,26 @@ STRAIN_COLOURS = "RdBu_r"
 """Diverging colour map for signed values, white at zero."""
 SEQUENCE_COLOURS = "viridis"
 """Sequential colour map for ordered values."""
+CATEGORY_COLOURS = (
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#E69F00",
+    "#56B4E9",
+    "black",
+    "0.5",
+)
+"""Colours of things without an order, by Okabe and Ito."""
+MINUS = "\u2212"
+
+DOTS_PER_INCH = 320
+"""Resolution of PNG files, and of what vector files hold as a picture."""
+
+
+def number(value: float, form: str = ".2f") -> str:
+    """A number as text, with a true minus sign."""
+    return format(value, form).replace("-", MINUS)
 
 
 @contextmanager
@@ -34,7 +54,7 @@ def print_style() -> Iterator[None]:
             "axes.linewidth": 0.6,
             "lines.linewidth": 1.2,
             "hatch.linewidth": 0.5,
-            "savefig.dpi": 200,
+            "savefig.dpi": DOTS_PER_INCH,
             "pdf.fonttype": 42,
             "svg.fonttype": "none",
         }

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     FigureName = str
 else:
     FigureName = Literal[FIGURE_NAMES]
-COMPARING = ("readings",)
-"""Figures that show all values of swept settings side by side."""
+COMPARING = ("grid", "readings")
+"""Figures that accept a cube with several values of its swept settings."""
 FILMS = ("folding",)
 STILL_SUFFIXES = (".pdf", ".svg", ".png")
 FILM_SUFFIXES = (".gif",)

@@ -7,15 +7,17 @@ import pytest
 import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from knitlab.figures.drawing import draw_figure
+from knitlab.figures.drawing import draw, draw_figure
 from knitlab.figures.kinds.auxetic import auxetic_map
 from knitlab.figures.kinds.curves import tension_curves
 from knitlab.figures.kinds.network import spring_network
 from knitlab.figures.kinds.samples import stretched_samples
 from knitlab.figures.kinds.sensitivity import sensitivity_map
 from knitlab.figures.kinds.shapes import relaxed_shapes
+from knitlab.figures.value_colours import ValueColours
+from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput
-from tests.tables.artificial_cubes import made_up_cube
+from tests.tables.artificial_cubes import STATUS, made_up_cube
 
 
 @pytest.fixture
@@ -25,7 +27,7 @@ def cube_file(tmp_path):
 
 
 def cell_pixels(figure, column, row):
-    """Pixels of one cell of the map, inside its border."""
+    """Pixels of one place of the map, inside its border."""
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     image = np.asarray(canvas.buffer_rgba())[..., :3].astype(int)
@@ -40,19 +42,60 @@ def cell_pixels(figure, column, row):
 @pytest.mark.slow
 def test_failed_and_missing_designs_are_not_drawn_as_values():
     figure = auxetic_map([made_up_cube()])
-    for column, row in ((1, 0), (1, 2), (2, 0), (0, 2)):
+    # P is 2, 4, 8 and 16 from the left: (8, 32), (2, 32), (2, 64), and (4, 64), which is excluded.
+    without = ((0, 2), (2, 0), (3, 0), (2, 1))
+    for column, row in without:
         pixels = cell_pixels(figure, column, row)
         assert np.ptp(pixels, axis=1).max() <= 2, "a cell without a value has a colour"
     for column, row in ((0, 1), (1, 1)):
         background = np.median(cell_pixels(figure, column, row), axis=0)
         assert np.ptp(background) > 20, "a value has no colour"
-    looks = [cell_pixels(figure, *cell).mean() for cell in ((1, 0), (1, 2), (2, 0), (0, 2))]
+    looks = [cell_pixels(figure, *cell).mean() for cell in without]
     assert len({round(look) for look in looks}) == 4
+    assert looks[-1] == 255, "an impossible cell is drawn"
+
+
+def values_written(axes):
+    """Texts of the cells of a map, without the names of the designs."""
+    return [text.get_text() for text in axes.texts if not text.get_text().startswith("(")]
 
 
 def test_the_map_writes_each_value_with_its_strain():
-    texts = [text.get_text() for text in auxetic_map([made_up_cube()]).axes[0].texts]
-    assert texts == ["0.05\nat 10%", "-0.80\nat 10%", "-0.40\nat 10%"]
+    axes = auxetic_map([made_up_cube()]).axes[0]
+    assert values_written(axes) == ["0.05\nat 10%", "−0.80\nat 10%", "−0.40\nat 10%"]
+
+
+def test_the_map_has_a_cell_for_every_design_and_none_for_what_cannot_be():
+    axes = auxetic_map([made_up_cube()]).axes[0]
+    named = [text.get_text() for text in axes.texts if text.get_text().startswith("(")]
+    planned = [design for design, status in STATUS.items() if status is not Status.excluded]
+    assert sorted(named) == sorted(map(str, planned))
+    cells = {(patch.get_x() + 0.5, patch.get_y() + 0.5) for patch in axes.patches}
+    periods, stripes = [m / (2 * n) for n, m in planned], [2, 4, 8]
+    places = sorted(set(periods))
+    assert [label.get_text() for label in axes.get_xticklabels()] == [f"{p:g}" for p in places]
+    assert cells == {
+        (places.index(p), stripes.index(n)) for (n, _), p in zip(planned, periods, strict=True)
+    }
+
+
+def test_the_colour_bar_spans_the_values_and_zero_is_white():
+    figure = auxetic_map([made_up_cube()])
+    assert figure.axes[1].get_ylim() == pytest.approx((-0.8, 0.05))
+    colours = ValueColours.of(np.array([-0.8, 0.05]))
+    assert colours(0.0)[:3] == pytest.approx(colours(-0.0)[:3], abs=0.02)
+    assert min(colours(0.0)[:3]) > 0.95
+
+
+def test_the_map_shows_the_ratio_at_a_selected_strain():
+    cube = made_up_cube()
+    axes = draw("auxetic", [cube], ["applied_strain=0.2"]).axes[0]
+    at = cube["poisson_ratio"].sel(applied_strain=0.2)
+    wanted = [
+        f"{float(at.sel(n_stripe=n, n_subunit=m)):.2f}".replace("-", "−")
+        for n, m in ((2, 16), (4, 16), (4, 32))
+    ]
+    assert values_written(axes) == wanted
 
 
 def with_spread(half):
@@ -68,8 +111,8 @@ def with_spread(half):
 @pytest.mark.parametrize(("half", "mark"), [(0.024, ""), (0.03, "\nspread 0.06")])
 def test_the_map_marks_designs_whose_siblings_differ_by_more_than_a_twentieth(half, mark):
     figure = auxetic_map([with_spread(half)])
-    texts = [text.get_text() for text in figure.axes[0].texts]
-    assert texts == ["0.05\nat 10%", f"-0.80\nat 10%{mark}", "-0.40\nat 10%"]
+    written = values_written(figure.axes[0])
+    assert written == ["0.05\nat 10%", f"−0.80\nat 10%{mark}", "−0.40\nat 10%"]
     notes = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     assert any("spread" in note for note in notes) == bool(mark)
 
@@ -126,7 +169,7 @@ def test_a_figure_is_written_in_the_format_of_its_suffix(cube_file, tmp_path, su
         ("auxetic", "map.pdf", ("n_stripe=3",), "no n_stripe = 3"),
         ("shape", "shape.png", (), "holds no node position"),
         ("curves", "curves.png", ("n_stripe=2", "n_subunit=64"), "no design of this selection"),
-        ("auxetic", "map.pdf", ("applied_strain=0.1",), "is no coordinate of auxetic"),
+        ("auxetic", "map.pdf", ("cell_x=1",), "is no coordinate of auxetic"),
         ("sensitivity", "map.pdf", (), "run with sensitivities = true"),
         ("shapes", "map.pdf", (), "holds none of these designs; shapes are in case files"),
     ],
@@ -160,6 +203,7 @@ def made_up_case(periodic: bool) -> xr.Dataset:
                 ("applied_strain", "cell_y", "cell_x"),
                 [np.zeros(cells), np.reshape([0.2, -0.1][: cells[0]], cells)],
             ),
+            "status": ((), np.int8(Status.ok)),
             **(lengths if periodic else {}),
         },
         {"applied_strain": [0.0, 0.2], "n_stripe": 4, "n_subunit": 16},
@@ -200,9 +244,31 @@ def test_stretched_samples_are_between_clamps():
 
 def test_relaxed_shapes_stand_side_by_side_with_their_sizes():
     figure = relaxed_shapes([made_up_case(periodic=True), made_up_case(periodic=False)])
-    assert [axes.name for axes in figure.axes] == ["3d", "3d", "rectilinear"]
+    assert [axes.name for axes in figure.axes] == ["3d", "3d"]
     texts = [text.get_text() for text in figure.texts]
-    assert texts == ["(4, 16)\n32 × 32 mm", "(4, 16)\n16 × 32 mm"]
+    assert texts[:2] == [
+        "(4, 16), relaxed\n32 × 32 × 0.1 mm",
+        "(4, 16), relaxed\n16 × 32 × 0.1 mm",
+    ]
+
+
+@pytest.mark.parametrize("strain", [0.0, 0.2])
+def test_a_shape_has_the_colour_of_its_height_at_the_selected_strain(strain):
+    case = made_up_case(periodic=False)
+    axes = draw("shape", [case], [f"applied_strain={strain}"]).axes[0]
+    faces = axes.collections[0]
+    nodes = case["position"].sel(applied_strain=strain).values
+    assert faces.get_datalim(axes.transData).x1 == pytest.approx(nodes[..., 0].max())
+    # All faces of this sheet have one mean height, which no shading may tell apart.
+    assert len(np.unique(faces.get_facecolors(), axis=0)) == 1
+    assert "pulled 20%" in axes.get_title() if strain else "relaxed" in axes.get_title()
+
+
+def test_a_strain_whose_shape_is_not_kept_is_refused():
+    case = made_up_case(periodic=False)
+    case["position"][1] = np.nan
+    with pytest.raises(BadInput, match="has no shape, which this case file keeps at 0;"):
+        draw("shape", [case], ["applied_strain=0.2"])
 
 
 @pytest.mark.parametrize("content", [None, b"not netCDF"])

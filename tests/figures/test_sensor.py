@@ -13,6 +13,7 @@ from knitlab.figures.kinds.sensor import sensor_map
 from knitlab.figures.kinds.wedge import wedge_figure
 from knitlab.figures.trade_off import pareto_front, values_of_designs
 from knitlab.io.errors import BadInput
+from tests.figures.test_drawing import values_written
 from tests.tables.artificial_cubes import made_up_cube
 
 FIGURE = st.floats(0, 10, width=16)
@@ -65,8 +66,8 @@ def test_the_front_is_the_set_of_designs_that_none_dominates(points):
 
 def test_the_map_writes_both_figures_and_lists_the_front():
     steep, wide, trade_off = sensor_map([with_electrodes()]).axes[:3]
-    assert [text.get_text() for text in steep.texts] == ["0.50", "2.00", "1.00"]
-    assert [text.get_text() for text in wide.texts] == ["30%", "10%", "5%"]
+    assert values_written(steep) == ["0.50", "2.00", "1.00"]
+    assert values_written(wide) == ["30%", "10%", "5%"]
     hatched = [patch for patch in steep.patches if patch.get_hatch()]
     assert len(hatched) == 3, "failed, pending and not converged are not marked"
     title = trade_off.get_title(loc="left")

@@ -5,27 +5,33 @@ It takes several cubes because pure stripes and checkerboards are in different o
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from knitlab.capacitance.capacitor_status import CapacitorStatus
 from knitlab.capacitance.sensor import CENTRAL_PART
 from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.snaps import break_note, broken, snapped_before
 from knitlab.figures.sources import lines_of
-from knitlab.figures.style import TWO_COLUMNS
+from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS
 from knitlab.io.cube_file import base_dims, is_measured, source_of
 from knitlab.io.design_status import RUN
 from knitlab.io.errors import fault
 from knitlab.io.schema import DESIGN_DIMS
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "black", "0.5")
+SLOPE: dict[str, Any] = {"lw": 4, "alpha": 0.45, "solid_capstyle": "butt"}
+END: dict[str, Any] = {"marker": "|", "ms": 9, "mew": 1.5, "ls": ""}
+BACK: dict[str, Any] = {"marker": ".", "ms": 3, "mfc": "none", "ls": ""}
+INK = "0.3"
 LINES = ("-", "--", "-.", (0, (1, 1)))
 PAPER_STRIPES = (("rib", 4), ("garter", 4))
 PAPER_CHECKERBOARDS = ((4, 16), (4, 32))
-HEIGHT = 2.9
+HEIGHT = 3.1
 """Height of the figure [in]."""
 
 
@@ -62,7 +68,7 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     figure = Figure(figsize=(TWO_COLUMNS, HEIGHT), layout="constrained")
     curves, absolute, slopes = figure.subplots(1, 3, width_ratios=(1.3, 1.3, 0.9))
     any_measured = any(is_measured(sample.cell) for sample in samples)
-    coloured = list(zip(samples, COLOURS, strict=False))
+    coloured = list(zip(samples, CATEGORY_COLOURS, strict=False))
     dashes = iter(LINES * 2)
     for sample, colour in coloured:
         # Dashes mark measured samples, if there are any.
@@ -83,16 +89,30 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     bars = slopes.bar(positions, np.nan_to_num(values), color=[colour for _, colour in coloured])
     slopes.bar_label(bars, [f"{value:.2f}" if np.isfinite(value) else "none" for value in values])
     slopes.set_xticks(positions, [sample.name for sample in samples], rotation=40, ha="right")
+    slopes.margins(y=0.1)
     slopes.set_ylabel("mean slope |d$C$/dε| [pF]")
-    handles = curves.get_legend_handles_labels()
-    figure.legend(*handles, loc="outside lower center", ncols=4, frameon=False)
+    handles = [*curves.get_legend_handles_labels()[0], *_notes(samples)]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     return figure
+
+
+def _notes(samples: Sequence[Sample]) -> list[Line2D]:
+    """Legend entries of the marks on the curves."""
+    within = f"central {CENTRAL_PART:.0%} of the range: mean slope"
+    notes = [
+        Line2D([], [], **SLOPE, color=INK, label=within),
+        Line2D([], [], **END, color=INK, label="end of the range"),
+    ]
+    if any(np.isfinite(_unloading(sample.cell, "capacitance")).any() for sample in samples):
+        notes.append(Line2D([], [], **BACK, color=INK, label="unloading, where it differs"))
+    return [*notes, *break_note(sample.cell for sample in samples)]
 
 
 def _curve(axes: Axes, sample: Sample, name: str, colour: str, line: object) -> None:
     cell = sample.cell
     strain, values = cell["applied_strain"].values, cell[name].values
-    axes.plot(strain, values, color=colour, ls=line, lw=1.0, label=sample.name)
+    curve = broken(snapped_before(cell), strain, values)
+    axes.plot(*curve, color=colour, ls=line, lw=1.0, label=sample.name)
     start, end = float(cell["applied_strain_opened"]), float(cell["sensing_end"])
     finite = np.isfinite(values)
     if np.isfinite(start) and finite.any():
@@ -102,22 +122,21 @@ def _curve(axes: Axes, sample: Sample, name: str, colour: str, line: object) -> 
             within,
             np.interp(within, strain[finite], values[finite]),
             color=colour,
-            lw=4,
-            alpha=0.45,
-            solid_capstyle="butt",
+            **SLOPE,
         )
-        axes.plot(
-            end, np.interp(end, strain[finite], values[finite]), "|", color=colour, ms=9, mew=1.5
-        )
-    if "capacitance_unloading" in cell:
-        first = (
-            values[finite][0] / cell["capacitance"].values[finite][0] if finite.any() else np.nan
-        )
-        back = cell["capacitance_unloading"].values * first
-        apart = np.abs(back - values) > 1e-3 * np.abs(back)
-        alone = np.isfinite(back) & ~finite
-        shown = np.where(apart | alone, back, np.nan)
-        axes.plot(strain, shown, ".", ms=3, mfc="none", color=colour)
+        axes.plot(end, np.interp(end, strain[finite], values[finite]), color=colour, **END)
+    axes.plot(strain, _unloading(cell, name), color=colour, **BACK)
+
+
+def _unloading(cell: xr.Dataset, name: str) -> np.ndarray:
+    """A capacitance, or its ratio, during unloading; missing where it is as during loading."""
+    values, loading = cell[name].values, cell["capacitance"].values
+    finite = np.isfinite(values)
+    if "capacitance_unloading" not in cell or not finite.any():
+        return np.full(len(values), np.nan)
+    back = cell["capacitance_unloading"].values * values[finite][0] / loading[finite][0]
+    apart = np.abs(back - values) > 1e-3 * np.abs(back)
+    return np.where(apart | (np.isfinite(back) & ~finite), back, np.nan)
 
 
 def _samples(cube: xr.Dataset) -> list[Sample]:

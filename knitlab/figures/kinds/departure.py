@@ -2,13 +2,16 @@
 
 import numpy as np
 import xarray as xr
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.kinds.stripes import SHEETS, coloured_stripes, stripe_panels
 from knitlab.io.schema import STRIPE_DIMS
 
+SHADE = "0.93"
 SHOWN = (-7, 30)
 """Range of departures that is drawn [%]."""
 AGREEMENT = 0.05
@@ -24,7 +27,7 @@ def stripe_departure(cube: xr.Dataset) -> Figure:
     figure, panels = stripe_panels(cube)
     boundaries = list(map(str, cube["boundary"].values))
     for axes, knit in zip(panels, cube["knit"].values, strict=True):
-        axes.axhspan(-100 * AGREEMENT, 100 * AGREEMENT, color="0.93", lw=0)
+        axes.axhspan(-100 * AGREEMENT, 100 * AGREEMENT, color=SHADE, lw=0)
         axes.axhline(0, color="0.7", lw=0.6)
         for colour, stripe in coloured_stripes(cube, str(knit)):
             departure = (stripe["row_force"] / stripe["zigzag_force"] - 1)[:, 1:]
@@ -32,13 +35,22 @@ def stripe_departure(cube: xr.Dataset) -> Figure:
                 line = 100 * departure.sel(boundary=boundary)
                 axes.plot(line["applied_strain"], line, ls=SHEETS[boundary]["ls"], color=colour)
             agreed = _agreed_strain(departure)
-            axes.plot([], [], color=colour, label=f"{int(stripe['n'])}, to {agreed:.0%}")
-        axes.set(ylabel="force of the sheet over the zigzag's, less 1 [%]", ylim=SHOWN)
-        axes.legend(title=f"stripe $n$, within {AGREEMENT:.0%}", loc="upper left", frameon=False)
-    handles = [
+            axes.plot([], [], color=colour, label=f"{int(stripe['n'])}: {agreed:.0%}")
+        axes.set(ylabel="force beyond the zigzag's [%]", ylim=SHOWN)
+        # The curves fill the panel.
+        axes.legend(
+            title=f"stripe $n$,\nwithin {AGREEMENT:.0%}\nto a strain of",
+            loc="center left",
+            bbox_to_anchor=(1.0, 0.5),
+            frameon=False,
+            handlelength=1.5,
+            title_fontsize="small",
+        )
+    handles: list[Artist] = [
         Line2D([], [], color="0.3", ls=SHEETS[boundary]["ls"], label=SHEETS[boundary]["label"])
         for boundary in boundaries
     ]
+    handles.append(Patch(color=SHADE, label=f"within {AGREEMENT:.0%}"))
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), frameon=False)
     return figure
 

@@ -11,12 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MultipleLocator
 from mpl_toolkits.mplot3d import Axes3D
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from scipy.interpolate import interp1d
 
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.perspective import frame_sheet
-from knitlab.figures.relief import faces_of
+from knitlab.figures.perspective import FABRIC, draw_sheet, frame_sheet
 from knitlab.figures.style import TWO_COLUMNS
 from knitlab.io.case_file import configurations
 from knitlab.io.errors import fault
@@ -25,11 +23,10 @@ if TYPE_CHECKING:
     from knitlab.simulation.case import Case
 
 COLOURS = ("#D55E00", "#0072B2")
-RIB, GARTER, PLAIN, FABRIC = "0.82", "0.94", "1.0", "0.85"
+RIB, GARTER, PLAIN = "0.82", "0.94", "1.0"
 SHADES = {"R": RIB, "G": GARTER, "P": PLAIN}
 HEIGHT = 3.6
 """Height of the figure [in]."""
-ZOOM = 1.25
 CELLS_PER_TICK = 4
 FINE_PARTS, COARSE_PARTS, FEW_CELLS = 4, 2, 24
 """Subdivisions of a grid cell along each direction: fine up to so many cells, else coarse."""
@@ -37,7 +34,7 @@ MOST_TICKS = 12
 
 
 def electrodes_figure(case_file: xr.Dataset) -> Figure:
-    """Where the electrodes run, on the chart and on the relaxed fabric.
+    """Where the electrodes run, on the chart and on the fabric, relaxed or at ``applied_strain``.
 
     Args:
         case_file: contents of a case file, with node positions.
@@ -59,7 +56,7 @@ def electrodes_figure(case_file: xr.Dataset) -> Figure:
     _draw_chart(chart, case)
     _draw_relaxed(scene, case, case_file)
     design = ", ".join(f"{name} = {value}" for name, value in case.design.items())
-    chart.set_title(design)
+    chart.set_title(f"as knitted, {design}")
     patches = [
         Patch(color=colour, label=f"electrode {k}") for k, colour in zip("AB", COLOURS, strict=True)
     ]
@@ -111,7 +108,6 @@ def _draw_relaxed(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
     shape = case.mesh_shape
     rows, columns = np.arange(shape.cells_y + 1), np.arange(shape.cells_x + 1)
     sheet = np.asarray(nodes_at(shape, configurations(case_file)[0], rows, columns))
-    # One collection, so that all faces are sorted by depth.
     parts = FINE_PARTS if max(shape.cells_y, shape.cells_x) <= FEW_CELLS else COARSE_PARTS
     x, y = ((np.arange(cells * parts) + 0.5) / parts for cells in (shape.cells_x, shape.cells_y))
     shades = np.full((len(y), len(x)), FABRIC, dtype=object)
@@ -122,12 +118,10 @@ def _draw_relaxed(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
             shades[np.ix_(_inside(y, *strip.extents[1]), _inside(beyond, *strip.extents[0]))] = (
                 colour
             )
-    faces = faces_of(_refined(_refined(sheet, parts, 0), parts, 1))
-    colours = shades.ravel().tolist()
-    scene.add_collection3d(
-        Poly3DCollection(faces, facecolors=colours, edgecolors=colours, lw=0.1, shade=True)
-    )
-    frame_sheet(scene, sheet, ZOOM)
+    draw_sheet(scene, _refined(_refined(sheet, parts, 0), parts, 1), shades.ravel().tolist())
+    frame_sheet(scene, sheet)
+    strain = float(case_file["applied_strain"][0])
+    scene.set_title(f"pulled {strain:.0%}" if strain else "relaxed", y=0.96)
 
 
 def _inside(x: np.ndarray, low: float, high: float) -> np.ndarray:
@@ -140,4 +134,4 @@ def _refined(nodes: np.ndarray, parts: int, axis: int) -> np.ndarray:
     return interp1d(np.arange(nodes.shape[axis]), nodes, axis=axis)(fine)
 
 
-FIGURE = FigureKind(electrodes_figure, dims=None, needs="position")
+FIGURE = FigureKind(electrodes_figure, dims=None, needs="position", coordinates=("applied_strain",))

@@ -7,7 +7,6 @@ from matplotlib.figure import Figure
 
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.perspective import (
-    by_height,
     design_text,
     draw_sheet,
     frame_sheet,
@@ -32,12 +31,12 @@ def folding_animation(case: xr.Dataset) -> FuncAnimation:
     nodes = snapshot_nodes(case)
     figure = Figure(figsize=(ONE_COLUMN * 1.3, ONE_COLUMN), dpi=120)
     scene = figure.add_axes((0, 0, 1, 0.92), projection="3d")
-    last, norm = len(nodes) - 1, by_height(nodes)
+    last = len(nodes) - 1
 
     def frame(number: int) -> list[Artist]:
         place = min(number, last)
         scene.clear()
-        draw_sheet(scene, nodes[place], norm)
+        draw_sheet(scene, nodes[place])
         frame_sheet(scene, nodes)
         when = time_text(float(case["snapshot"][place]))
         figure.suptitle(f"{design_text(case)}, {when}", fontsize=8)

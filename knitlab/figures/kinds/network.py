@@ -14,7 +14,7 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.perspective import FOLDED_SHEET_FITS, frame_sheet
+from knitlab.figures.perspective import frame_sheet
 from knitlab.figures.style import TWO_COLUMNS
 from knitlab.io.case_file import configurations
 
@@ -73,7 +73,9 @@ def spring_network(case: xr.Dataset) -> Figure:
     _draw_flat(flat, np.stack([columns, rows], axis=-1), lines)
     _draw_relaxed(scene, cell, lines)
     design = f"n_stripe = {int(case['n_stripe'])}, n_subunit = {int(case['n_subunit'])}"
-    flat.set_title(f"one unit cell, {design}")
+    strain = float(case["applied_strain"][0])
+    flat.set_title(f"one unit cell as knitted, {design}")
+    scene.set_title(f"the same, pulled {strain:.0%}" if strain else "the same, relaxed", y=0.96)
     handles = [Line2D([], [], label=role, **look) for role, look in ROLES.items()]
     figure.legend(handles=handles[1:] + handles[:1], loc="lower center", ncols=5, frameon=False)
     return figure
@@ -113,7 +115,7 @@ def _draw_relaxed(scene: Axes3D, cell: np.ndarray, lines: dict[str, np.ndarray])
         scene.add_collection3d(Line3DCollection(list(_at(cell, ends)), **ROLES[role]))
     # Drawn in the order of the roles, not by depth: springs must not hide a fold.
     scene.computed_zorder = False
-    frame_sheet(scene, cell, FOLDED_SHEET_FITS)
+    frame_sheet(scene, cell)
 
 
 def _at(nodes: np.ndarray, ends: np.ndarray) -> np.ndarray:

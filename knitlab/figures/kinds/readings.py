@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 
 from knitlab.figures.cells import cell
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.style import TWO_COLUMNS
+from knitlab.figures.style import MINUS, TWO_COLUMNS
 from knitlab.io.errors import fault
 from knitlab.paper.claims import TOPICS, Claim, read_claims
 from knitlab.paper.margin import Grade, signed
@@ -57,9 +57,9 @@ def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
     if not claims:
         raise fault("readings", "no claim can be judged by these cubes; run more of their designs")
     names = differing(ranked)
-    width = max(TWO_COLUMNS, 3.2 + 0.33 * len(shown))
+    width = max(TWO_COLUMNS, 3.0 + 0.38 * len(shown))
     figure = Figure(
-        figsize=(width, 1.6 + 0.17 * len(claims) + 0.13 * len(names)), layout="constrained"
+        figsize=(width, 1.6 + 0.18 * len(claims) + 0.13 * len(names)), layout="constrained"
     )
     axes = figure.add_subplot()
     for column, options in enumerate(shown):
@@ -72,9 +72,9 @@ def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
         yticks=range(len(claims)),
     )
     axes.set_xticklabels(
-        ["\n".join(_head(options, names)) for options in shown], fontsize=5, linespacing=1.1
+        ["\n".join(_head(options, names)) for options in shown], fontsize=5.5, linespacing=1.1
     )
-    axes.set_yticklabels([claim.name.replace("_", " ") for claim in claims], fontsize=6)
+    axes.set_yticklabels([claim.name.replace("_", " ") for claim in claims], fontsize=6.5)
     axes.xaxis.tick_top()
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
@@ -97,9 +97,8 @@ def _draw(axes: Axes, row: int, column: int, options: RankedOptions, claim: Clai
     colour, ink = LOOKS[finding.grade]
     edge = "0.85" if finding.grade is Grade.not_measured else "white"
     cell(axes, row, column, facecolor=colour, edgecolor=edge, linewidth=0.8)
-    axes.text(
-        column, row, signed(finding.margin), ha="center", va="center", color=ink, fontsize=4.5
-    )
+    margin = signed(finding.margin).replace("-", MINUS)
+    axes.text(column, row, margin, ha="center", va="center", color=ink, fontsize=5.5)
 
 
 UNSTATED = {"drag": 0}

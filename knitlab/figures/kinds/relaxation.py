@@ -1,6 +1,5 @@
 """The relaxation by dynamics: kinetic energy against time, and snapshots."""
 
-import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -8,14 +7,13 @@ from matplotlib.figure import Figure
 
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.perspective import (
-    by_height,
     design_text,
     draw_sheet,
     frame_sheet,
     snapshot_nodes,
     time_text,
 )
-from knitlab.figures.style import SEQUENCE_COLOURS, TWO_COLUMNS
+from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS
 
 CONTRACTED = (0.0, 0.15, 0.5)
 """Fractions of the in-plane contraction at which snapshots are shown, before the last one."""
@@ -47,17 +45,14 @@ def relaxation_figure(case: xr.Dataset) -> Figure:
             textcoords="offset points",
             va="top",
         )
-    width, norm = 0.9 / len(chosen), by_height(nodes)
+    width = 1 / len(chosen)
     for column, (place, letter) in enumerate(zip(chosen, LETTERS, strict=False)):
         scene = figure.add_axes((column * width, 0.0, width, 0.36), projection="3d")
-        draw_sheet(scene, nodes[place], norm)
+        draw_sheet(scene, nodes[place])
         frame_sheet(scene, nodes)
         middle = (column + 0.5) * width
-        figure.text(middle, 0.37, f"({letter}) {time_text(times[column])}", ha="center")
+        figure.text(middle, 0.37, f"{letter}: {time_text(times[column])}", ha="center")
     figure.text(0.5, 0.97, design_text(case), ha="center")
-    bar = figure.add_axes((0.92, 0.06, 0.012, 0.28))
-    figure.colorbar(mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS), cax=bar)
-    bar.set_title("z [mm]")
     return figure
 
 
@@ -65,7 +60,7 @@ def _draw_energies(axes: Axes, case: xr.Dataset) -> None:
     time, kinetic = case["time"].values, case["kinetic_energy"].values
     stored = case["potential_energy"].values
     excess = stored - stored[-1]
-    axes.loglog(time[1:], kinetic[1:], color="C0", label="kinetic energy $T$")
+    axes.loglog(time[1:], kinetic[1:], color=CATEGORY_COLOURS[0], label="kinetic energy $T$")
     axes.loglog(
         time[1:-1], excess[1:-1], "--", color="0.45", label="elastic energy above the relaxed state"
     )

@@ -3,17 +3,19 @@
 import json
 from collections.abc import Sequence
 
-import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.kinds.tension import PAPER_DESIGNS, shown_strain
-from knitlab.figures.relief import draw_relief, faces_of
-from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS
+from knitlab.figures.plan_view import draw_faces, faces_of, shaded
+from knitlab.figures.style import TWO_COLUMNS
+from knitlab.figures.value_colours import ValueColours
 from knitlab.io.errors import fault
 
+MOST_STRAINS = 2
+"""Largest number of states of a sample that are shown."""
 MARGIN = 1.1
 """Width and height of a panel over those of what it shows."""
 DRAWN, TEXT = 0.75, 1.3
@@ -23,7 +25,8 @@ DRAWN, TEXT = 0.75, 1.3
 def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     """Samples between clamps, relaxed and stretched (paper, Fig. "tension images").
 
-    Each is shown relaxed and at the recorded strain nearest 0.23, all at one scale. Shading is
+    Each is shown relaxed and at the recorded strain nearest 0.23, or at one or two selected values
+    of ``applied_strain``, all at one scale. Shading is
     slope; colour is the local transverse strain of the unit cell.
 
     Args:
@@ -35,16 +38,18 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     if any("length_x" in case for case in cases):
         problem = "shows samples between clamps, not periodic fabric; draw shape or shapes"
         raise fault("samples", problem)
-    stretched = shown_strain(cases[0])
-    shown = [case.sel(applied_strain=[0.0, stretched]) for case in cases]
-    largest = max(float(np.nanmax(np.abs(case["strain_xx"]))) for case in shown)
-    norm = mpl.colors.Normalize(-largest, largest)
+    selected = cases[0]["applied_strain"].values
+    if len(selected) > MOST_STRAINS:
+        selected = np.array([0.0, shown_strain(cases[0])])
+    shown = [case.sel(applied_strain=selected) for case in cases]
+    strains = np.concatenate([case["strain_xx"].values.ravel() for case in shown])
+    by_strain = ValueColours.of(strains, signed=True)
 
     panels = [
         (case, nodes, field, strain)
         for case in shown
         for nodes, field, strain in zip(
-            case["position"].values, case["strain_xx"].values, (0.0, stretched), strict=True
+            case["position"].values, case["strain_xx"].values, selected, strict=True
         )
     ]
     spans = [MARGIN * np.ptp(nodes[..., :2], axis=(0, 1)) for _, nodes, _, _ in panels]
@@ -56,15 +61,15 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     grid = figure.subplots(1, len(panels), squeeze=False, sharey=True, width_ratios=widths)[0]
     for axes, (case, nodes, field, strain) in zip(grid, panels, strict=True):
         faces = faces_of(nodes - [0, nodes[..., 1].min(), 0])
-        colours = mpl.colormaps[STRAIN_COLOURS](norm(_by_face(case, field)))
-        draw_relief(axes, faces, colours, np.empty((0, 2, 3)), rasterised=True)
+        colours = by_strain.colours(by_strain.norm(_by_face(case, field)))
+        draw_faces(axes, faces, shaded(faces, colours))
         axes.set_title(f"{_name(case)}\n{f'pulled {strain:.0%}' if strain else 'relaxed'}")
         axes.set(xlabel="x [mm]", ylabel="")
     grid[0].set_ylabel("y, warp [mm]")
-    figure.colorbar(
-        mpl.cm.ScalarMappable(norm, STRAIN_COLOURS),
-        ax=list(grid),
-        label="local transverse strain $\\varepsilon_{xx}$ [1]",
+    by_strain.bar(
+        figure,
+        list(grid),
+        label="local transverse strain $\\varepsilon_{xx}$ [1]\nof a unit cell; shading is slope",
         shrink=0.8,
         aspect=30,
     )
@@ -94,4 +99,6 @@ def _name(case: xr.Dataset) -> str:
     return f"{design}\n{cells_x} × {cells_y} cells"
 
 
-FIGURE = FigureKind(stretched_samples, needs="position", designs=PAPER_DESIGNS)
+FIGURE = FigureKind(
+    stretched_samples, needs="position", designs=PAPER_DESIGNS, coordinates=("applied_strain",)
+)

@@ -6,9 +6,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.figures.cells import MARKS, cell, frame, ink_on, marks_legend
+from knitlab.figures.cells import MARKS, cell, ink_on, marks_legend, remove_frame
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS
+from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS, number
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
 from knitlab.io.schema import DESIGN_DIMS
@@ -81,10 +81,11 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
             textcoords="offset points",
             ha="center",
         )
-    frame(
-        figure,
-        axes,
+    remove_frame(axes)
+    figure.colorbar(
         mpl.cm.ScalarMappable(norm, colours),
+        ax=axes,
+        pad=0.01,
         extend="both" if np.nanmax(np.abs(values), initial=0) > norm.vmax else "neither",
         label="$p\\,\\partial\\nu/\\partial p$ [1]",
     )
@@ -125,7 +126,7 @@ def _row(
         colour = colours(norm(value))
         cell(axes, row, column, facecolor=colour, edgecolor="white")
         weight = "bold" if place == leading else "normal"
-        text = (f"{value:+.2f}" if abs(value) < 9.995 else f"{value:+.0f}").replace("-", "−")
+        text = number(value, "+.2f" if abs(value) < 9.995 else "+.0f")
         axes.text(column, row, text, ha="center", va="center", color=ink_on(colour), weight=weight)
     cell(axes, row, columns[leading], facecolor="none", edgecolor="black", zorder=3)
 

@@ -1,4 +1,4 @@
-"""The shape of one design, as a shaded relief seen from the technical face."""
+"""The shape of one design, seen from the technical face and coloured by height."""
 
 import json
 from typing import TYPE_CHECKING
@@ -7,17 +7,20 @@ import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.relief import draw_relief, faces_of
+from knitlab.figures.plan_view import draw_faces, faces_of
 from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS
 from knitlab.meshes.sheet import closed_nodes, is_periodic
 
 if TYPE_CHECKING:
     from knitlab.model.pattern import PatchGrid
 
+BORDER = 0.6
+"""Width of the lines of patch borders [pt]."""
 NAME_SIZE, LETTER_SIZE = 8, 6
 MOST_NAMES = 4
 """Patches along a side that are named; where there are more they have a letter each."""
@@ -27,9 +30,9 @@ PERIODIC_REPEATS = 2
 
 
 def fabric_shape(case: xr.Dataset) -> Figure:
-    """Relief of a fabric seen from the technical face; relaxed, or at ``applied_strain``.
+    """Shape of a fabric seen from the technical face; relaxed, or at ``applied_strain``.
 
-    Colour is height, shading is slope, lines are patch borders.
+    Colour is height, white lines are patch borders.
 
     Args:
         case: contents of a case file, with node positions; its first strain is shown.
@@ -49,36 +52,26 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     heights = faces[:, :, 2].mean(axis=1)
     norm = mpl.colors.Normalize(heights.min(), heights.max())
     colours = mpl.colormaps[SEQUENCE_COLOURS](norm(heights))
-    borders = np.concatenate(
-        [
-            _segments(line)
-            for line in (
-                *nodes[sample.row_borders],
-                *nodes[:, sample.column_borders].swapaxes(0, 1),
-            )
-        ]
-    )
     extent = np.ptp(nodes[..., :2], axis=(0, 1))
     height = ONE_COLUMN * min(1.6, 0.8 * extent[1] / extent[0]) + 0.7
     figure = Figure(figsize=(ONE_COLUMN * 1.2, height), layout="constrained")
     axes = figure.add_subplot()
-    draw_relief(axes, faces, colours, borders)
+    draw_faces(axes, faces, colours)
+    borders = (*nodes[sample.row_borders], *nodes[:, sample.column_borders].swapaxes(0, 1))
+    axes.add_collection(
+        LineCollection([line[:, :2] for line in borders], colors="white", lw=BORDER)
+    )
     _name_patches(axes, nodes, sample, repeat)
     design = f"n_stripe = {int(case['n_stripe'])}, n_subunit = {int(case['n_subunit'])}"
     strain = float(case["applied_strain"][0])
-    notes = [design, *(["periodic"] if periodic else []), *([f"at {strain:.0%}"] if strain else [])]
-    if max(repeat) > MOST_NAMES:
-        notes.append(f"\n{LETTERS}")
-    axes.set_title(", ".join(notes))
+    state = f"pulled {strain:.0%}" if strain else "relaxed"
+    notes = ["white lines: patch borders", *([LETTERS] if max(repeat) > MOST_NAMES else [])]
+    title = [design, f"{'periodic, ' if periodic else ''}{state}", "; ".join(notes)]
+    axes.set_title("\n".join(title), fontsize=7)
     figure.colorbar(
         mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS), ax=axes, label="height z [mm]", shrink=0.8
     )
     return figure
-
-
-def _segments(line: np.ndarray) -> np.ndarray:
-    """Segments (segment, end, component) of a line of nodes."""
-    return np.stack([line[:-1], line[1:]], axis=1)
 
 
 def whole_sheet(case: xr.Dataset) -> np.ndarray:

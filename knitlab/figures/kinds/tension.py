@@ -1,16 +1,17 @@
 """Local strain over samples between clamps (paper, Fig. "tension images")."""
 
 from collections.abc import Sequence
+from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Patch, Rectangle
 
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS
+from knitlab.figures.style import TWO_COLUMNS
+from knitlab.figures.value_colours import ValueColours
 from knitlab.io.cube_file import is_measured, source_of
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
@@ -18,6 +19,7 @@ from knitlab.measure.central import central
 
 SHOWN_STRAIN = 0.23
 PAPER_DESIGNS = ((8, 48), (4, 16), (4, 32))
+CENTRAL: dict[str, Any] = {"fill": False, "ec": "0.2", "lw": 1.2}
 COMPONENTS = {
     "strain_xx": "transverse strain $\\varepsilon_{xx}$",
     "strain_yy": "axial strain $\\varepsilon_{yy}$",
@@ -28,8 +30,9 @@ def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
     """Local strain over samples between clamps (paper, Fig. "tension images").
 
     Shows every unit cell of the paper's three samples, and of measured samples of any design, at
-    the recorded strain nearest 0.23. Cells have the size of the relaxed unit cell, and are white
-    if they lost a marker; the central ones, over which strains are averaged, have a dark frame.
+    ``applied_strain`` or the recorded strain nearest 0.23. Cells have the size of the relaxed unit
+    cell, and are white if they lost a marker; the central ones, over which strains are averaged,
+    have a dark frame.
 
     Raises:
         BadInput: if none of the three has been simulated with more than one unit cell.
@@ -51,18 +54,23 @@ def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
     figure = Figure(figsize=(TWO_COLUMNS, 5.2), layout="constrained")
     grid = figure.subplots(len(COMPONENTS), len(shown), squeeze=False)
     for row, (name, label) in zip(grid, COMPONENTS.items(), strict=True):
-        largest = max(float(np.nanmax(np.abs(field))) for field in fields[name])
-        norm = mpl.colors.Normalize(-largest, largest)
+        colours = ValueColours.of(
+            np.concatenate([field.values.ravel() for field in fields[name]]), signed=True
+        )
         for axes, design, field in zip(row, shown, fields[name], strict=True):
-            _draw_cells(axes, design, field, norm)
+            _draw_cells(axes, design, field, colours)
             title = f"({int(design['n_stripe'])}, {int(design['n_subunit'])})"
             if is_measured(design):
                 title += f" {source_of(design)}"
             axes.set(xlabel="x, weft [mm]", ylabel="y, warp [mm]", aspect="equal", title=title)
-        scale = mpl.cm.ScalarMappable(norm, STRAIN_COLOURS)
-        figure.colorbar(scale, ax=list(row), label=f"{label} [1]", shrink=0.9)
+        colours.bar(figure, list(row), label=f"{label} [1]", shrink=0.9)
     percentages = " and ".join(f"{strain:.0%}" for strain in dict.fromkeys(strains))
     figure.suptitle(f"applied strain {percentages}", fontsize="medium")
+    figure.legend(
+        handles=[Patch(**CENTRAL, label="unit cells over which strains are averaged")],
+        loc="outside lower center",
+        frameon=False,
+    )
     return figure
 
 
@@ -94,9 +102,7 @@ def _has_field(cube: xr.Dataset, n_stripe: int, n_subunit: int) -> bool:
     return int(design["status"]) == Status.ok and int(field.notnull().sum()) > 1
 
 
-def _draw_cells(
-    axes: Axes, design: xr.Dataset, field: xr.DataArray, norm: mpl.colors.Normalize
-) -> None:
+def _draw_cells(axes: Axes, design: xr.Dataset, field: xr.DataArray, colours: ValueColours) -> None:
     observed = field.dropna("cell_y", how="all").dropna("cell_x", how="all")
     rows, columns = observed.shape
     width, height = float(design["relaxed_cell_x"]), float(design["relaxed_cell_y"])
@@ -104,8 +110,8 @@ def _draw_cells(
         width * np.arange(columns + 1),
         height * np.arange(rows + 1),
         observed.values,
-        cmap=STRAIN_COLOURS,
-        norm=norm,
+        cmap=colours.colours,
+        norm=colours.norm,
         edgecolors="0.8",
         lw=0.3,
     )
@@ -115,11 +121,9 @@ def _draw_cells(
             (width * inner_x.start, height * inner_y.start),
             width * (inner_x.stop - inner_x.start),
             height * (inner_y.stop - inner_y.start),
-            fill=False,
-            ec="0.2",
-            lw=1.2,
+            **CENTRAL,
         )
     )
 
 
-FIGURE = FigureKind(tension_maps, several="experiments")
+FIGURE = FigureKind(tension_maps, several="experiments", coordinates=("applied_strain",))

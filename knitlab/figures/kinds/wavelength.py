@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.style import TWO_COLUMNS
+from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
 from knitlab.io.schema import DESIGN_DIMS
@@ -15,8 +15,9 @@ from knitlab.measure.linear_fit import linear_fit
 from knitlab.measure.wavelength import spectrum
 
 DIRECTIONS = {"x": "weft x", "y": "warp y"}
-# Colours of Okabe and Ito, and a marker, by n_stripe.
-STYLES = (("#0072B2", "o"), ("#D55E00", "s"), ("#009E73", "^"), ("#CC79A7", "D"), ("#E69F00", "v"))
+# A colour and a marker for each n_stripe.
+STYLES = tuple(zip(CATEGORY_COLOURS, "os^Dv", strict=False))
+PEAK = CATEGORY_COLOURS[1]
 SHOWN_WAVES = 3
 HIGHEST_WAVENUMBER = 4
 """End of the axis of a spectrum, over the wavenumber of its peak."""
@@ -77,13 +78,13 @@ def _draw_spectrum(axes: Axes, shown: xr.Dataset, direction: str) -> None:
     within = wavenumbers <= HIGHEST_WAVENUMBER * peak
     axes.plot(wavenumbers[within], amplitudes[within], color="black", lw=0.9)
     height = float(shown[f"wave_amplitude_{direction}"])
-    axes.plot(peak, height, "o", ms=4, mfc="none", color="#D55E00")
+    axes.plot(peak, height, "o", ms=4, mfc="none", color=PEAK)
     axes.annotate(
         f"λ = {1 / peak:.1f} mm",
         (peak, height),
         xytext=(6, -2),
         textcoords="offset points",
-        color="#D55E00",
+        color=PEAK,
     )
     axes.set(xlabel="wavenumber [1/mm]", ylabel="amplitude [mm]", ylim=(0, 1.15 * height))
     axes.set_title(f"its spectrum, along {direction}")
@@ -107,7 +108,8 @@ def _draw_family_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
             axes.plot(ends, fit.intercept + fit.slope * ends, color=colour, lw=0.9)
             label += f": {fit.slope:.2f} ± {fit.slope_halfwidth:.2f}"
         axes.plot(x, y, marker, color=colour, ms=3.5, label=label)
-    axes.set(xlabel="n_subunit [stitches]", ylabel=f"wavelength along {direction} [{unit}]")
+    axes.set(xlabel="n_subunit [stitches]", ylabel=f"wavelength [{unit}]")
+    axes.set_title(f"wavelength along {direction}")
     with mpl.rc_context({"legend.title_fontsize": 6}):
         axes.legend(
             loc="upper left",

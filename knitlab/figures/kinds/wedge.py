@@ -37,12 +37,12 @@ def wedge_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     shades = mpl.colormaps[SEQUENCE_COLOURS](np.linspace(0, 0.85, len(families)))
     for (name, fold, excess), shade, marker in zip(families, shades, MARKERS, strict=False):
         axes.plot(np.degrees(fold), excess, marker, ms=2.5, mew=0, color=shade, label=name)
-    axes.axhspan(-GOOD, GOOD, color="0.92", zorder=0)
+    axes.axhspan(-GOOD, GOOD, color="0.92", zorder=0, label=f"within ±{GOOD:.0%}")
     axes.axhline(0, color="0.6", lw=0.6, zorder=0)
-    axes.yaxis.set_major_formatter(mpl.ticker.PercentFormatter(1.0))
+    axes.yaxis.set_major_formatter(mpl.ticker.PercentFormatter(1.0, decimals=0))
     axes.set(
         xlabel="mean fold angle at and between the electrodes [°]",
-        ylabel="wedge integral over\nboundary elements, less one",
+        ylabel="wedge integral beyond\nboundary elements",
     )
     figure.legend(loc="outside upper center", ncols=3, frameon=False, markerscale=2)
     return figure

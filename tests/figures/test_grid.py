@@ -1,0 +1,167 @@
+"""The grid: any variable over any two dimensions, on made-up cubes."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+from hypothesis import given
+from hypothesis import strategies as st
+
+import knitlab as kl
+from knitlab.cli import main
+from knitlab.figures.drawing import draw
+from knitlab.figures.grid_axis import GridAxis
+from knitlab.figures.periods import by_periods
+from knitlab.io.design_status import Status
+from knitlab.io.errors import BadInput
+from tests.tables.artificial_cubes import STATUS, STRAINS, made_up_cube
+
+FACTORS = [0.5, 1.0, 2.0]
+
+
+def swept_cube() -> xr.Dataset:
+    """A made-up cube along ``k_t_factor`` and ``pattern`` too, whose values differ along both."""
+    cubes = []
+    for pattern in ("checkerboard", "framed"):
+        for factor in FACTORS:
+            cube = made_up_cube()
+            scale = factor * (1 if pattern == "checkerboard" else 10)
+            cube["poisson_ratio"] = cube["poisson_ratio"] * scale
+            cubes.append(cube.expand_dims(k_t_factor=[factor], pattern=[pattern]))
+    cube = xr.combine_by_coords(cubes, data_vars="all")
+    return cube.transpose("n_stripe", "n_subunit", "k_t_factor", "pattern", ...)
+
+
+def written(figure):
+    """Numbers of the cells, by the place of the cell."""
+    return {
+        tuple(np.round(text.get_position(), 6)): float(text.get_text().replace("−", "-"))
+        for text in figure.axes[0].texts
+    }
+
+
+def test_every_number_is_that_of_the_cube():
+    cube = swept_cube()
+    chosen = {"n_stripe": 4, "pattern": "framed", "applied_strain": 0.1}
+    figure = kl.plot.grid(cube, x="k_t_factor", y="n_subunit", of="poisson_ratio", **chosen)
+    values = cube["poisson_ratio"].sel(chosen)
+    # n_stripe 4 has no design at n_subunit 64, so that its row is left out.
+    assert written(figure) == {
+        (factor, float(row)): pytest.approx(
+            float(values.sel(k_t_factor=factor, n_subunit=n_subunit)), rel=1e-3
+        )
+        for factor in FACTORS
+        for row, n_subunit in enumerate([16, 32])
+    }
+    assert figure.axes[0].get_xscale() == "log"
+    low, high = figure.axes[1].get_ylim()
+    assert (low, high) == pytest.approx((-16.0, -2.0))
+
+
+def test_text_and_uneven_numbers_are_categories():
+    chosen = {"n_stripe": 4, "n_subunit": 16, "k_t_factor": 1.0}
+    figure = kl.plot.grid(
+        swept_cube(), x="pattern", y="applied_strain", of="poisson_ratio", **chosen
+    )
+    axes = figure.axes[0]
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["checkerboard", "framed"]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["0", "0.1", "0.2"]
+    marks = [patch for patch in axes.patches if patch.get_facecolor()[:3] == (1, 1, 1)]
+    assert len(marks) == 2, "the ratio at zero strain, which is undefined, is not marked"
+    notes = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert notes == ["no value there"]
+
+
+def test_no_cell_is_drawn_for_an_impossible_design_and_others_are_marked_by_status():
+    figure = kl.plot.grid(made_up_cube(), x="n_subunit", y="n_stripe")
+    axes = figure.axes[0]
+    planned = [status for status in STATUS.values() if status is not Status.excluded]
+    assert len(axes.patches) == len(planned)
+    hatches = sorted(patch.get_hatch() for patch in axes.patches if patch.get_hatch())
+    assert hatches == ["....", "////", "xxxx"]
+    notes = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert notes == {
+        "no cell: no such design in this cube",
+        "not yet run",
+        "not converged",
+        "failed",
+    }
+
+
+def test_designs_lie_along_p_by_default():
+    figure = kl.plot.grid(made_up_cube())
+    axes = figure.axes[0]
+    assert axes.get_xlabel().endswith("periods of a stripe across a patch")
+    # (2, 16) and (4, 32) both have P = 4, (4, 16) has 2.
+    labels = [float(label.get_text()) for label in axes.get_xticklabels()]
+    places = dict(zip(labels, axes.get_xticks(), strict=True))
+    rows = dict(zip([2, 4, 8], axes.get_yticks(), strict=True))
+    at = {(places[2.0], rows[4]): -0.8, (places[4.0], rows[2]): 0.05, (places[4.0], rows[4]): -0.4}
+    assert written(figure) == pytest.approx(at)
+
+
+def test_a_cube_by_p_has_the_same_designs():
+    cube = made_up_cube()
+    moved = by_periods(cube)
+    for (n_stripe, n_subunit), status in STATUS.items():
+        if status is not Status.excluded:
+            design = moved.sel(n_stripe=n_stripe, periods=n_subunit / (2 * n_stripe))
+            assert int(design["n_subunit"]) == n_subunit
+            assert int(design["status"]) == status
+    kept = int((cube["status"] != Status.excluded).sum())
+    assert int((moved["status"] != Status.excluded).sum()) == kept
+
+
+@pytest.mark.parametrize(
+    ("options", "chosen", "message"),
+    [
+        ({"of": "poisson_ration"}, {}, "did you mean 'poisson_ratio'"),
+        ({"of": "status"}, {}, "status is no number"),
+        ({"x": "theta_0", "of": "poisson_ratio"}, {}, "no dimension of poisson_ratio 'theta_0'"),
+        ({"of": "poisson_ratio"}, {}, "give x and y"),
+        ({"x": "n_subunit", "y": "n_subunit"}, {}, "choose another dimension"),
+        (
+            {"x": "n_subunit", "y": "n_stripe", "of": "poisson_ratio"},
+            {"k_t_factor": 1.0, "pattern": "framed"},
+            "select applied_strain of 0.0, 0.1, 0.2",
+        ),
+        ({"x": "n_subunit", "y": "k_t_factor"}, {"n_stripe": 3}, "no n_stripe = 3"),
+    ],
+)
+def test_what_cannot_be_shown_is_explained(options, chosen, message):
+    with pytest.raises(BadInput, match=message):
+        kl.plot.grid(swept_cube(), **options, **chosen)
+
+
+def test_only_a_grid_takes_a_variable():
+    with pytest.raises(BadInput, match="of: is no option of auxetic, only of grid"):
+        draw("auxetic", [made_up_cube()], options={"of": "poisson_ratio"})
+
+
+def test_the_command_draws_the_variable_that_it_is_given(tmp_path):
+    made_up_cube().to_netcdf(tmp_path / "cube.nc")
+    words = ["map", "grid", str(tmp_path / "cube.nc"), "-o", str(tmp_path / "grid.svg")]
+    words += ["--x", "periods", "--of", "poisson_ratio", "--select", "applied_strain=0.2"]
+    for more in ([], ["--y", "n_stripe"]):
+        result = CliRunner().invoke(main, [*words, *more])
+        assert result.exit_code == 0, result.output
+        assert "−0.4" in (tmp_path / "grid.svg").read_text(encoding="utf-8")
+    refused = CliRunner().invoke(main, [*words, "--y", "nsubunit"])
+    assert refused.exit_code == 2
+    assert refused.output.startswith("knitlab: --y: there is no dimension of poisson_ratio")
+
+
+@given(st.lists(st.floats(1e-3, 1e3), min_size=3, max_size=40, unique=True))
+def test_every_value_lies_within_its_own_cell(values):
+    ascending = np.sort(np.array(values))
+    axis = GridAxis.of(ascending)
+    assert len(axis.edges) == len(values) + 1
+    assert (axis.edges[:-1] < axis.centres).all()
+    assert (axis.centres < axis.edges[1:]).all()
+
+
+def test_strains_are_linear_and_factors_logarithmic():
+    assert GridAxis.of(np.array(STRAINS)).scale == "linear"
+    assert np.allclose(GridAxis.of(np.array(STRAINS)).edges, [-0.05, 0.05, 0.15, 0.25])
+    assert GridAxis.of(np.array([0.1, 1.0, 10.0])).scale == "log"
+    assert np.allclose(GridAxis.of(np.array([0.1, 1.0, 10.0])).edges, 10.0 ** np.arange(-1.5, 2))

@@ -1,0 +1,167 @@
+"""Figures can be read: nothing cut off, no label over another, every mark in a legend."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.proj3d import proj_transform
+from PIL import Image
+
+from knitlab.figures.drawing import draw
+from knitlab.figures.labels import Label, place_labels
+from knitlab.figures.perspective import draw_sheet, frame_sheet
+from knitlab.figures.saving import save
+from knitlab.figures.style import print_style
+from knitlab.figures.value_colours import ValueColours
+from tests.figures.test_drawing import made_up_case
+from tests.figures.test_sensor import with_electrodes
+from tests.tables.artificial_cubes import made_up_cube
+
+CUBES = {
+    "auxetic": made_up_cube,
+    "curves": made_up_cube,
+    "sensitivity": lambda: made_up_cube(sensitivities=True),
+    "sensor": with_electrodes,
+    "capacitors": with_electrodes,
+    "wedge": with_electrodes,
+    "departure": lambda: stripes_cube(),
+    "stripes": lambda: stripes_cube(),
+    "network": lambda: made_up_case(periodic=True),
+    "samples": lambda: made_up_case(periodic=False),
+    "shape": lambda: made_up_case(periodic=True),
+    "shapes": lambda: made_up_case(periodic=True),
+}
+
+
+SLOW = ("capacitors", "curves", "departure", "samples", "sensitivity", "sensor", "stripes")
+
+
+def stripes_cube() -> xr.Dataset:
+    """Pure stripes whose sheets depart from the zigzag the more, the narrower they are."""
+    strain = np.linspace(0, 2, 9)
+    dims = ("knit", "n", "boundary")
+    zigzag = np.broadcast_to(strain, (2, 5, 2, 9))
+    steep = np.array([1.0, 0.5, 0.3, 0.2, 0.1])[None, :, None, None]
+    return xr.Dataset(
+        {
+            "status": (dims, np.ones((2, 5, 2), np.int8)),
+            "case_id": (dims, np.full((2, 5, 2), "a")),
+            "zigzag_force": ((*dims, "applied_strain"), zigzag),
+            "row_force": ((*dims, "applied_strain"), zigzag * (1 + steep * strain)),
+        },
+        {
+            "knit": ["rib", "garter"],
+            "n": [2, 4, 6, 8, 16],
+            "boundary": ["periodic", "clamped"],
+            "applied_strain": strain,
+        },
+    )
+
+
+def drawn(figure):
+    FigureCanvasAgg(figure).draw()
+    return figure
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(kind, marks=pytest.mark.slow if kind in SLOW else ()) for kind in CUBES],
+)
+def test_nothing_is_cut_off(kind):
+    with print_style():
+        figure = drawn(draw(kind, [CUBES[kind]()]))
+        box = figure.get_tightbbox()
+    width, height = figure.get_size_inches()
+    room = 0.02
+    assert box.x0 > -room
+    assert box.y0 > -room
+    assert box.x1 < width + room
+    assert box.y1 < height + room
+
+
+def test_no_curve_of_the_departure_runs_through_a_legend():
+    with print_style():
+        figure = drawn(draw("departure", [stripes_cube()]))
+    for axes in figure.axes:
+        frame = axes.get_window_extent()
+        legend = axes.get_legend().get_window_extent()
+        assert not frame.overlaps(legend)
+
+
+def test_labels_of_the_trade_off_cover_neither_each_other_nor_a_point():
+    with print_style():
+        figure = drawn(draw("sensor", [with_electrodes()]))
+    texts = [text for text in figure.axes[2].texts if text.get_text()]
+    assert sorted(text.get_text() for text in texts) == ["(2, 16)", "(4, 16)", "(4, 32)"]
+    assert_apart([text.get_window_extent() for text in texts])
+
+
+def assert_apart(boxes):
+    for k, box in enumerate(boxes):
+        assert not box.count_overlaps(boxes[k + 1 :])
+
+
+@settings(max_examples=5, deadline=None)
+@given(st.lists(st.tuples(st.floats(0, 0.3), st.floats(0, 0.3)), min_size=2, max_size=6))
+def test_labels_of_crowded_points_stay_apart(points):
+    figure = Figure()
+    axes = figure.add_subplot(xlim=(-1, 1), ylim=(-1, 1))
+    labels = [Label(x, y, f"({k}, {k})") for k, (x, y) in enumerate(points)]
+    texts = place_labels(figure, axes, labels)
+    assert len(texts) == len(labels), "a label found no place"
+    boxes = [text.get_window_extent() for text in texts]
+    assert_apart(boxes)
+    for x, y in axes.transData.transform(points):
+        assert not any(box.contains(x, y) for box in boxes)
+
+
+@pytest.mark.parametrize("size", [(1, 1, 0.1), (10, 1, 1), (1, 8, 3)])
+def test_a_sheet_fills_its_frame_and_does_not_leave_it(size):
+    y, x = np.mgrid[:5, :5] / 4
+    sheet = np.stack([x, y, x * y], axis=-1) * size
+    scene = Figure(figsize=(4, 3)).add_subplot(projection="3d")
+    draw_sheet(scene, sheet)
+    frame_sheet(scene, sheet)
+    scene.apply_aspect()
+    across, along, _ = proj_transform(*sheet.reshape(-1, 3).T, scene.get_proj())
+    reach = max(np.abs(across).max(), np.abs(along).max()) / scene.viewLim.x1
+    assert 0.9 < reach < 1
+
+
+def test_every_mark_of_the_capacitors_is_explained():
+    cube = with_electrodes()
+    cube["capacitance_unloading"] = 1.2 * cube["capacitance"]
+    figure = draw("capacitors", [cube])
+    notes = {text.get_text() for legend in figure.legends for text in legend.get_texts()}
+    assert {
+        "(4, 16)",
+        "(4, 32)",
+        "central 20% of the range: mean slope",
+        "end of the range",
+        "unloading, where it differs",
+    } <= notes
+
+
+def test_colours_follow_decades_where_values_span_several():
+    colours = ValueColours.of(np.array([1e-9, 1e-6, 1e-3, np.nan]))
+    assert colours.norm(1e-6) == pytest.approx(0.5)
+    assert (colours.low, colours.high) == (1e-9, 1e-3)
+
+
+def test_a_png_is_finer_than_300_dots_an_inch_and_true_to_its_colours(tmp_path):
+    with print_style():
+        figure = draw("auxetic", [made_up_cube()])
+        save(figure, tmp_path / "map.png")
+        drawn(figure)
+    image = Image.open(tmp_path / "map.png")
+    width, height = figure.get_size_inches()
+    assert min(image.info["dpi"]) > 300
+    assert min(image.width / width, image.height / height) > 300
+    value = next(patch for patch in figure.axes[0].patches if not patch.get_hatch())
+    x, y = figure.axes[0].transData.transform((value.get_x() + 0.9, value.get_y() + 0.1))
+    scale = image.width / (width * figure.dpi)
+    pixel = image.convert("RGB").getpixel((int(x * scale), image.height - int(y * scale)))
+    assert np.allclose(np.array(pixel) / 255, value.get_facecolor()[:3], atol=0.02)
