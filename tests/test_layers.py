@@ -12,6 +12,7 @@ LAYERS = (
     "model",
     "linalg",
     "elasticity",
+    "contact",
     "solvers",
     "mechanics",
     "measure",
