@@ -71,8 +71,8 @@ def plated_faces(case: Case, face: Face | None) -> tuple[Face, Face]:
         return layout.face, layout.face
     if layout.mask:
         return FRONT, BACK
-    lines = ridge_lines(layout, case.sample, case.reading)
-    mountains = ridge_lines(replace(layout, face=FRONT), case.sample, case.reading)
+    lines = ridge_lines(layout, case.sample, case.options)
+    mountains = ridge_lines(replace(layout, face=FRONT), case.sample, case.options)
     one, other = (FRONT if lines[number - 1] in mountains else BACK for number in layout.ridges)
     return one, other
 

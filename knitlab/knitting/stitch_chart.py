@@ -83,7 +83,7 @@ def stitch_chart(
         row_borders=rows.borders,
         column_borders=columns.borders,
         repeat=repeat,
-        periodic=case.reading.boundary == "periodic",
+        periodic=case.options.boundary == "periodic",
     )
     return _turned(chart) if turned else chart
 
@@ -108,7 +108,7 @@ def _front_stitches(
     case: Case, rows: PatchLines, columns: PatchLines
 ) -> Bool[np.ndarray, "course wale"]:
     knit = case.sample.knit[np.ix_(rows.patch, columns.patch)]
-    back_first = case.reading.garter_start == "mountain" and not case.pure
+    back_first = case.options.garter_start == "mountain" and not case.pure
     garter = rows.in_first_stripe != back_first
     return np.where(
         knit == "G", garter[:, None], np.where(knit == "R", columns.in_first_stripe, True)

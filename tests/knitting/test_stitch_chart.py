@@ -49,7 +49,7 @@ def test_folds_at_stripe_centres_are_mountains_in_front_ribs_and_valleys_in_fron
 ):
     case = case_of(**DESIGN, pattern=pattern, fold_phase="stripe_centre", garter_start=garter_start)
     chart, (rows, columns) = stitch_chart(case), lines_in_stitches(case)
-    rib, garter = patch_senses(case.sample, case.reading)
+    rib, garter = patch_senses(case.sample, case.options)
     assert rib.any()
     for row, column in np.argwhere(rib):
         assert chart.front[rows[row], columns[column]] == (rib[row, column] > 0)
@@ -62,7 +62,7 @@ def test_folds_at_stripe_borders_lie_just_where_the_bed_changes_within_like_patc
     case = case_of(**DESIGN, pattern=pattern, fold_phase="stripe_border")
     chart, (rows, columns) = stitch_chart(case), lines_in_stitches(case)
     for sense, cells, along in zip(
-        patch_senses(case.sample, case.reading),
+        patch_senses(case.sample, case.options),
         (case.sample.cells_of("rib"), case.sample.cells_of("garter")),
         (1, 0),
         strict=True,
