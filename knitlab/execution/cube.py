@@ -116,7 +116,13 @@ def build_cube(
 def _names(plan: Plan, old: xr.Dataset | None) -> list[str]:
     """Variables of the cube, in the order of the registry."""
     case = next(iter(plan.cases.values()))
-    wanted = {name for name, variable in variables_of(case).items() if variable.in_cube}
+    # A swept setting, such as contact, may give some cases variables that others lack.
+    wanted = {
+        name
+        for each in plan.cases.values()
+        for name, variable in variables_of(each).items()
+        if variable.in_cube
+    }
     wanted |= set() if old is None else set(map(str, old.data_vars))
     kinds = ("design", "stripes") if case.pure else ("design", "stripes", "cloth")
     named = [name for name, each in VARIABLES.items() if name in wanted or each.of in kinds]

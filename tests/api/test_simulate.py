@@ -108,7 +108,7 @@ def test_a_stripe_must_have_the_knit_of_its_argument():
 
 
 def test_figures_show_a_test_and_a_cube(small_test, cube):
-    assert "at 3%" in kl.plot.shape(small_test, applied_strain=0.03).axes[0].get_title()
+    assert "pulled 3%" in kl.plot.shape(small_test, applied_strain=0.03).axes[0].get_title()
     assert kl.plot.curves(small_test).axes
     assert kl.plot.shape(cube, k_t_factor=1.2).axes
     with pytest.raises(kl.BadInput, match="applied_strain"):

@@ -72,6 +72,22 @@ def test_thin_fabric_that_touches_nothing_is_that_without_contact():
     assert differences[1] <= differences[0]
 
 
+@pytest.mark.slow
+def test_contact_is_a_dimension_of_a_cube_and_its_energy_is_missing_without(tmp_path):
+    cube = kl.run(
+        "preview",
+        n_stripe=4,
+        n_subunit=8,
+        strain_max=0.03,
+        robustness=0,
+        contact=["none", "barrier"],
+        results=tmp_path,
+    )
+    energy = cube["energy_contact"].squeeze()
+    assert np.isnan(energy.sel(contact="none")).all()
+    assert np.isfinite(energy.sel(contact="barrier")).all()
+
+
 @pytest.mark.parametrize(
     ("settings", "problem"),
     [
