@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from knitlab.api.comparison import compare, query
     from knitlab.api.design import Design
     from knitlab.api.designing import design
+    from knitlab.api.explorer import explore
     from knitlab.api.exporting import export
     from knitlab.api.finding import find
+    from knitlab.api.knitting import knit
     from knitlab.api.laboratory import fit, import_records
     from knitlab.api.measures import evaluate
     from knitlab.api.simulation import NotConverged, simulate
@@ -46,10 +48,12 @@ __all__ = [
     "compare",
     "design",
     "evaluate",
+    "explore",
     "export",
     "find",
     "fit",
     "import_records",
+    "knit",
     "open_cube",
     "plan",
     "plot",
@@ -71,10 +75,12 @@ _MODULES = {
     "compare": "knitlab.api.comparison",
     "design": "knitlab.api.designing",
     "evaluate": "knitlab.api.measures",
+    "explore": "knitlab.api.explorer",
     "export": "knitlab.api.exporting",
     "find": "knitlab.api.finding",
     "fit": "knitlab.api.laboratory",
     "import_records": "knitlab.api.laboratory",
+    "knit": "knitlab.api.knitting",
     "open_cube": "knitlab.tables.accessor",
     "plan": "knitlab.api.sweeps",
     "query": "knitlab.api.comparison",

@@ -12,6 +12,7 @@ LAYERS = (
     "model",
     "linalg",
     "elasticity",
+    "contact",
     "solvers",
     "mechanics",
     "measure",
@@ -19,6 +20,7 @@ LAYERS = (
     "io",
     "simulation",
     "study",
+    "knitting",
     "execution",
     "laboratory",
     "tables",
@@ -27,6 +29,7 @@ LAYERS = (
     "paper",
     "figures",
     "report",
+    "explorer",
     "api",
     "cli",
 )

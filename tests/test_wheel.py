@@ -35,3 +35,9 @@ def test_the_wheel_holds_every_module_every_input_and_py_typed(installed):
         for file in (ROOT / folder).glob("*.toml")
     }
     assert modules | inputs | {"knitlab/py.typed"} <= set(installed)
+
+
+def test_the_wheel_holds_the_page_of_the_explorer(installed):
+    page = {file.relative_to(ROOT).as_posix() for file in (PACKAGE / "explorer" / "page").iterdir()}
+    assert {"knitlab/explorer/page/main.js", "knitlab/explorer/page/page.html"} <= page
+    assert page <= set(installed)

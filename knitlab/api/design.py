@@ -1,6 +1,8 @@
 """A design: one knit of rib and garter patches and its sample."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -9,6 +11,7 @@ from knitlab.model.options import Boundary
 from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, SPRING_LAWS, Stripe
 from knitlab.study.parameters import QUANTITIES, StripeRow
 from knitlab.study.patterns import Pattern
+from knitlab.study.single_case import OWN_PATTERN, SingleCase, single_case
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,3 +77,43 @@ class Design:
     def stripes(self) -> tuple[Stripe, ...]:
         """The stripes that are given."""
         return tuple(stripe for stripe in (self.rib, self.garter) if stripe is not None)
+
+
+def resolve(
+    design: Design, applied_strain: Sequence[float], settings: Mapping[str, Any]
+) -> SingleCase:
+    """The case of a design.
+
+    Args:
+        design: the design.
+        applied_strain: strains of its test, ascending from 0 [1].
+        settings: settings that replace those of ``params/*.toml``.
+
+    Raises:
+        BadInput: with every fault of the design, the strains and the settings.
+    """
+    return single_case(
+        {
+            "n_stripe": [design.n_stripe],
+            "n_subunit": [design.n_subunit],
+            "pattern": _pattern(design),
+            **_sample(design),
+        },
+        design.stripes,
+        applied_strain,
+        {"boundary": design.boundary, **settings},
+        design.pattern if isinstance(design.pattern, Pattern) else None,
+    )
+
+
+def _pattern(design: Design) -> list[str]:
+    """The key of a workflow's ``[design]`` that names the pattern, or holds its patches."""
+    if isinstance(design.pattern, Pattern):
+        return [OWN_PATTERN]
+    return [design.pattern] if isinstance(design.pattern, str) else list(design.pattern)
+
+
+def _sample(design: Design) -> dict[str, Any]:
+    """The keys of the ``[design]`` section of a workflow that set the size of the sample."""
+    given = {"needles": design.needles, "unit_cells": design.unit_cells}
+    return {name: value for name, value in given.items() if value is not None}

@@ -9,14 +9,12 @@ import xarray as xr
 from jaxtyping import Float
 from tqdm.auto import tqdm
 
-from knitlab.api.design import Design
+from knitlab.api.design import Design, resolve
 from knitlab.execution.cube import known_in_advance
 from knitlab.io.design_status import Status
 from knitlab.io.schema import described
 from knitlab.simulation.simulate import simulated
 from knitlab.study.gauge import sizes_of, stated
-from knitlab.study.patterns import Pattern
-from knitlab.study.single_case import OWN_PATTERN, single_case
 
 DEFAULT_STRAINS = tuple(round(0.03 * step, 2) for step in range(16))
 """Strains of the preview: 0 to 45 % in steps of 3 %."""
@@ -63,18 +61,8 @@ def simulate(
         >>> bool(test["poisson_ratio"].sel(applied_strain=0.06) < 0)
         True
     """
-    resolved = single_case(
-        {
-            "n_stripe": [design.n_stripe],
-            "n_subunit": [design.n_subunit],
-            "pattern": _pattern(design),
-            **_sample(design),
-        },
-        design.stripes,
-        np.asarray(applied_strain, dtype=float).tolist(),
-        {"boundary": design.boundary, **settings},
-        design.pattern if isinstance(design.pattern, Pattern) else None,
-    )
+    strains = np.asarray(applied_strain, dtype=float).tolist()
+    resolved = resolve(design, strains, settings)
     case = resolved.case
     with tqdm(total=case.states, unit="state", disable=not progress) as bar:
 
@@ -89,16 +77,3 @@ def simulate(
     if results["status"] != Status.ok:
         warnings.warn(f"{case.label}: {results.attrs['reason']}", NotConverged, stacklevel=2)
     return described(results)
-
-
-def _pattern(design: Design) -> list[str]:
-    """The key of a workflow's ``[design]`` that names the pattern, or holds its patches."""
-    if isinstance(design.pattern, Pattern):
-        return [OWN_PATTERN]
-    return [design.pattern] if isinstance(design.pattern, str) else list(design.pattern)
-
-
-def _sample(design: Design) -> dict[str, Any]:
-    """The keys of the ``[design]`` section of a workflow that set the size of the sample."""
-    given = {"needles": design.needles, "unit_cells": design.unit_cells}
-    return {name: value for name, value in given.items() if value is not None}

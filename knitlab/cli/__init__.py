@@ -5,8 +5,10 @@ import click
 from knitlab.cli.calibration import calibrate
 from knitlab.cli.cubes import claims, compare, draw_map, query
 from knitlab.cli.designing import design
+from knitlab.cli.exploring import explore
 from knitlab.cli.exporting import export
 from knitlab.cli.finding import find
+from knitlab.cli.knitting import knit
 from knitlab.cli.laboratory import fit, import_group
 from knitlab.cli.sweeps import plan, reproduce, run, status
 
@@ -18,7 +20,9 @@ COMMANDS = (
     query,
     find,
     design,
+    knit,
     draw_map,
+    explore,
     export,
     claims,
     compare,

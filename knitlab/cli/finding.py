@@ -47,8 +47,8 @@ def find(
 
     A target is NAME = VALUE, NAME < VALUE, NAME > VALUE or VALUE < NAME < VALUE. A variable along
     the applied strain needs @ STRAIN or @ FROM:TO, and may be reduced over a window: mean(NAME),
-    min, max, slope or spread. VALUE ± TOLERANCE gives the unit of distance; by default that is the
-    scatter among the designs.
+    min, max, slope, linearity or spread. VALUE ± TOLERANCE gives the unit of distance; by default
+    that is the scatter among the designs.
     """
     from knitlab.api.finding import find as find_in
     from knitlab.study.figure_names import check_still

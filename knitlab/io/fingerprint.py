@@ -11,6 +11,7 @@ COMPUTING = (
     "model",
     "linalg",
     "elasticity",
+    "contact",
     "solvers",
     "mechanics",
     "measure",

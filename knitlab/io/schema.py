@@ -172,6 +172,9 @@ VARIABLES = {
     "energy_stretch": Variable(_STATE, "N mm", "energy of the extensional springs"),
     "energy_fold": Variable(_STATE, "N mm", "energy of the torsional springs"),
     "energy_wall": Variable(_STATE, "N mm", "energy of the wall penalty"),
+    "energy_contact": Variable(
+        _STATE, "N mm", "energy of the contact", "of the barrier between plies", of="contact"
+    ),
     "residual_force": Variable(_STATE, "N", "largest residual force on a free unknown"),
     "iterations": Variable(
         _STATE,

@@ -16,10 +16,10 @@ class Variable:
         in_cube: whether cubes have it, rather than case files only.
         of: which cases have it: all, those computed by dynamics, those of a pure stripe, those of
             rib and garter patches, those with sensitivities, those with electrodes, those with
-            electrodes and unloading, those with siblings, experiments, or candidates of a design.
-            Variables of a ``design``, of its ``stripes`` or of ``cloth`` are in the cube only: case
-            files state the first two among their parameters, and the last follow from the gauge
-            of the cube, for cases with rib and garter patches.
+            electrodes and unloading, those with siblings, those with contact, experiments, or
+            candidates of a design. Variables of a ``design``, of its ``stripes`` or of ``cloth``
+            are in the cube only: case files state the first two among their parameters, and the
+            last follow from the gauge of the cube, for cases with rib and garter patches.
     """
 
     dims: tuple[str, ...]
@@ -36,6 +36,7 @@ class Variable:
         "capacitor",
         "unloading",
         "robustness",
+        "contact",
         "laboratory",
         "design",
         "stripes",

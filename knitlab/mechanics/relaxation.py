@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,12 +17,16 @@ from knitlab.solvers.equilibrium_search import SearchRules
 from knitlab.solvers.solver import Evaluate, Solver, SolverSettings
 from knitlab.solvers.state import State
 
+if TYPE_CHECKING:
+    from knitlab.contact.barrier import Barrier
+
 
 def relax(
     net: Network,
     fabric: Fabric,
     settings: SolverSettings,
     start: Configuration | None = None,
+    contact: "Barrier | None" = None,
 ) -> Solver[State]:
     """Solver for the relaxed shape (paper, Sec. "Relaxation of a pattern").
 
@@ -39,9 +44,10 @@ def relax(
         fabric: the fabric.
         settings: settings of the equilibrium solver.
         start: configuration to start from; the flat sheet by default.
+        contact: contact of the fabric with itself, if any.
     """
     shape = net.shape
-    whole = SearchRules.of(shape, all_free(shape), fabric, settings)
+    whole = SearchRules.of(shape, all_free(shape), fabric, settings, contact=contact)
     flat = flat_sheet(net, fabric)
     begin = np.asarray((flat if start is None else start).flattened())
     waypoint = intermediate_settings(settings, fabric)
@@ -72,6 +78,7 @@ def relax_near(
     fabric: Fabric,
     settings: SolverSettings,
     start: Configuration,
+    contact: "Barrier | None" = None,
 ) -> Solver[State]:
     """Solver for the relaxed shape next to a configuration that is nearly in equilibrium.
 
@@ -80,8 +87,9 @@ def relax_near(
         fabric: the fabric.
         settings: settings of the equilibrium solver.
         start: the configuration [mm].
+        contact: contact of the fabric with itself, if any.
     """
-    rules = SearchRules.of(net.shape, all_free(net.shape), fabric, settings)
+    rules = SearchRules.of(net.shape, all_free(net.shape), fabric, settings, contact=contact)
     rules = replace(rules, convexified=False)
     begin = Evaluate(np.asarray(start.flattened()))
     return (yield from find_equilibrium_by_subdomains(begin, rules))

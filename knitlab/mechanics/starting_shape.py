@@ -1,6 +1,7 @@
 """Starting shapes of a relaxation: imperfect sheets, and samples tiled with periodic fabric."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.network import Network
 from knitlab.solvers.executor import Runner, run_all
 from knitlab.solvers.solver import SolverSettings
+
+if TYPE_CHECKING:
+    from knitlab.contact.barrier import Barrier
 
 IMPERFECTION = 0.02
 """Standard deviation of the nodes of an imperfect sheet, over the shorter side of a grid cell."""
@@ -35,6 +39,7 @@ def starts_from_periodic(
     settings: Sequence[SolverSettings],
     runner: Runner = run_all,
     seed: int | None = None,
+    contacts: Sequence["Barrier | None"] = (),
 ) -> list[Configuration | None]:
     """Starting shapes of samples of one mesh shape, tiled with their relaxed periodic fabrics.
 
@@ -44,13 +49,16 @@ def starts_from_periodic(
         settings: settings of the equilibrium solver, for each sample.
         runner: runs the solvers.
         seed: seed of the imperfections of the periodic fabrics; without imperfections by default.
+        contacts: contact of each periodic fabric with itself; none by default.
 
     Returns:
         The starting shape of each sample; ``None`` if its periodic fabric did not relax.
     """
     solvers = [
-        relax(*cell, own_settings, None if seed is None else imperfect_sheet(*cell, seed))
-        for cell, own_settings in zip(cells, settings, strict=True)
+        relax(*cell, own_settings, None if seed is None else imperfect_sheet(*cell, seed), contact)
+        for cell, own_settings, contact in zip(
+            cells, settings, contacts or [None] * len(cells), strict=True
+        )
     ]
     relaxed = runner(cells[0][0].shape, [fabric for _, fabric in cells], solvers)
     return [

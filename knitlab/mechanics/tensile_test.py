@@ -3,8 +3,10 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float
 
 from knitlab.elasticity.evaluation import Stage
 from knitlab.mechanics.loading import Loading, tensile
@@ -20,6 +22,9 @@ from knitlab.solvers.solver import Evaluate, Solver, SolverSettings
 from knitlab.solvers.state import Outcome, State
 from knitlab.solvers.subdomains import worth_dividing
 from knitlab.solvers.viscous import Drag, against_drag
+
+if TYPE_CHECKING:
+    from knitlab.contact.barrier import Barrier
 
 ROUND_OFF = 1e-9
 ROUGH = 50
@@ -40,6 +45,7 @@ def stretch(
     progress: Callable[[int], None] = lambda done: None,
     start: Configuration | None = None,
     unload: bool = False,
+    contact: "Barrier | None" = None,
 ) -> Solver[TensileTest]:
     """Solver that relaxes a fabric and runs its tensile test.
 
@@ -65,13 +71,14 @@ def stretch(
         progress: called with the number of finished states.
         start: configuration to start the relaxation from; the flat sheet by default.
         unload: whether to unload a fabric that reached the last strain through all strains.
+        contact: contact of the fabric with itself, if any.
     """
-    relaxed = yield from relax(net, fabric, settings, start)
+    relaxed = yield from relax(net, fabric, settings, start, contact)
     progress(1)
     if not relaxed.converged:
         return TensileTest(None, [relaxed])
     loading = tensile(net.shape, relaxed.configuration)
-    path = _Path(loading, [(applied_strain[0], relaxed)], fabric, settings)
+    path = _Path(loading, [(applied_strain[0], relaxed)], fabric, settings, contact)
     states = [relaxed]
     for target in applied_strain[1:]:
         state = yield from path.to(target)
@@ -96,6 +103,7 @@ class _Path:
     last: list[tuple[float, State]]
     fabric: Fabric
     settings: SolverSettings
+    contact: "Barrier | None" = None
 
     def to(self, target: float) -> Solver[State]:
         """Follow the path to a larger or smaller strain."""
@@ -180,20 +188,35 @@ class _Path:
         """
         passed = [(before, state.unknowns) for before, state in self.last]
         far = self.loading.ahead(passed, strain)
+        near = self.loading.ahead(passed[-1:], strain)
+        if self.contact is not None:
+            return Evaluate(self._reachable(near, far))
         if len(passed) == 1 or not worth_dividing(self.loading.shape):
             return Evaluate(far)
-        near = self.loading.ahead(passed[-1:], strain)
         starts = [Evaluate(near + part * (far - near)) for part in PARTS_AHEAD]
         energies = list[float]()
         for start in starts:
             energies.append(float((yield start).energy.total))
         return starts[int(np.argmin(np.nan_to_num(energies, nan=np.inf)))]
 
+    def _reachable(
+        self, near: Float[np.ndarray, " unknown"], far: Float[np.ndarray, " unknown"]
+    ) -> Float[np.ndarray, " unknown"]:
+        """The furthest point on the way from ``near`` to ``far`` that contact lets be reached."""
+        before = self.last[-1][1].unknowns
+        for part in PARTS_AHEAD:
+            start = near + part * (far - near)
+            if self.contact is None or self.contact.free_part(before, start - before) == 1:
+                return start
+        return np.full_like(near, np.nan)
+
     def _found(
         self, start: Evaluate, settings: SolverSettings, floor: float, convexified: bool
     ) -> Solver[State]:
         free = self.loading.free
-        rules = SearchRules.of(self.loading.shape, free, self.fabric, settings, floor, convexified)
+        rules = SearchRules.of(
+            self.loading.shape, free, self.fabric, settings, floor, convexified, self.contact
+        )
         return find_equilibrium_by_subdomains(start, rules)
 
     def _least_energy(self, strain: float) -> float:

@@ -29,11 +29,12 @@ class Energy:
     fold: Float[Array, "*batch"]
     wall: Float[Array, "*batch"]
     drag: Float[Array, "*batch"] | float = 0.0
+    contact: Float[Array, "*batch"] | float = 0.0
 
     @property
     def total(self) -> Float[Array, "*batch"]:
         """Sum of the parts: V or, while a viscous step is solved, the incremental potential."""
-        return self.stretch + self.fold + self.wall + self.drag
+        return self.stretch + self.fold + self.wall + self.drag + self.contact
 
 
 def element_vectors(

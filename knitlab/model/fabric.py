@@ -20,15 +20,19 @@ from knitlab.model.stripe import Stripe
 
 @dataclass(frozen=True)
 class Sheet:
-    """The walls between which every fabric lies.
+    """The walls between which every fabric lies, and its thickness.
 
     Attributes:
         z_max: half the gap between the walls [mm].
         k_wall: penalty stiffness of the walls [N/mm].
+        thickness: distance that the middle surfaces of two plies keep; used with contact only [mm].
+        contact_pressure: pressure scale at which they do [N/mm²].
     """
 
     z_max: Annotated[PositiveFloat, Unit("mm")]
     k_wall: Annotated[PositiveFloat, Unit("N/mm")]
+    thickness: Annotated[PositiveFloat, Unit("mm")] = 0.1
+    contact_pressure: Annotated[PositiveFloat, Unit("N/mm^2")] = 1.0
 
 
 class Fabric(eqx.Module):

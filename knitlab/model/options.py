@@ -13,6 +13,7 @@ Hinges = Literal["fold_lines", "all"]
 HingeStiffness = Literal["per_edge", "per_length"]
 GarterStart = Literal["mountain", "valley"]
 FoldAngle = Literal["whole_normals", "across_edge"]
+Contact = Literal["none", "barrier"]
 Boundary = Literal["clamped", "periodic"]
 CellsPerPeriod = Literal[4, 8, 16]
 
@@ -45,6 +46,8 @@ class ModelOptions:
             rounded (:mod:`~knitlab.model.fold_lines`).
         ridge_fraction: part of a stripe that its rounded ridge covers; without effect on the
             paper's grid [1].
+        contact: ``"none"`` lets a fabric pass through itself; with ``"barrier"`` its parts keep a
+            distance of its thickness (:mod:`knitlab.contact`).
         boundary: ``"clamped"`` sample or ``"periodic"`` fabric without edges.
     """
 
@@ -57,4 +60,5 @@ class ModelOptions:
     length_scale: PositiveFloat = 1.0
     cells_per_period: CellsPerPeriod = 4
     ridge_fraction: Fraction = 0.5
+    contact: Contact = "none"
     boundary: Boundary = "clamped"

@@ -265,7 +265,14 @@ class Case:
     @property
     def layout(self) -> FabricLayout:
         """Its fabric but for the numbers of its stripes."""
-        return fabric_layout(self.sample, self.sheet, self.options, self.plain)
+        return fabric_layout(self.sample, self._sheet_between_walls, self.options, self.plain)
+
+    @property
+    def _sheet_between_walls(self) -> Sheet:
+        """The sheet, with the gap between the walls that is left to its middle surface."""
+        if self.options.contact == "none":
+            return self.sheet
+        return replace(self.sheet, z_max=self.sheet.z_max - self.sheet.thickness / 2)
 
     def assemble(self) -> tuple[Network, Fabric]:
         """Its network, and its fabric: the numbers on that."""

@@ -13,6 +13,8 @@ UNUSED_LEFT_OUT = ("robustness", "grading", "folds", "cell_patches", "plain")
 """Fields that a record leaves out where they are empty."""
 FINER_GRID = ("cells_per_period", "ridge_fraction")
 """Model options that a record leaves out on the paper's grid."""
+OF_CONTACT = ("thickness", "contact_pressure")
+"""Numbers of the sheet that a record leaves out without contact."""
 STORED_STARTS = {"periodic": "endless"}
 
 
@@ -38,6 +40,10 @@ def stored_record(fields: dict[str, Any]) -> dict[str, Any]:
     if record["reading"]["cells_per_period"] == CELLS_PER_PERIOD:
         for name in FINER_GRID:
             del record["reading"][name]
+    if record["reading"]["contact"] == "none":
+        del record["reading"]["contact"]
+        for name in OF_CONTACT:
+            del record["sheet"][name]
     _rename_start(record["solver"], STORED_STARTS)
     return record
 

@@ -55,6 +55,8 @@ def variables_of(case: Case) -> dict[str, Variable]:
         kinds += ["capacitor", "unloading"] if case.unloading else ["capacitor"]
     if case.robustness:
         kinds.append("robustness")
+    if case.options.contact != "none":
+        kinds.append("contact")
     return {name: variable for name, variable in VARIABLES.items() if variable.of in kinds}
 
 
@@ -134,7 +136,7 @@ def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
     configurations = Configuration.stacked([state.configuration for state in reached])
     values: dict[str, Any] = {
         f"energy_{part}": [float(getattr(state.energy, part)) for state in reached]
-        for part in ("stretch", "fold", "wall")
+        for part in ("stretch", "fold", "wall", "contact")
     }
     if shape.periodic:
         length_x, length_y = configurations.lengths.T

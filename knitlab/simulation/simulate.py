@@ -23,6 +23,7 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
 from knitlab.model.zigzag import zigzag
 from knitlab.simulation.case import Case
+from knitlab.simulation.contact_of_case import contact_of
 from knitlab.simulation.measurement import measured
 from knitlab.simulation.reporting import Progress, Reporter
 from knitlab.simulation.robustness import SiblingTest, sibling
@@ -92,7 +93,12 @@ def branch_energies(
         cases[0].mesh_shape,
         [fabric for _, fabric in assembled],
         [
-            relax_near(*its, case.equilibrium_solver, test.states[0].configuration)
+            relax_near(
+                *its,
+                case.equilibrium_solver,
+                test.states[0].configuration,
+                contact_of(case, its[1]),
+            )
             for case, its, test in zip(cases, assembled, tests, strict=True)
         ],
     )
@@ -128,6 +134,7 @@ def equilibrium_tests(
                 reporter.done,
                 start,
                 unload=case.unloading,
+                contact=contact_of(case, its[1]),
             )
         )
         for case, its, start, reporter in zip(cases, assembled, found, reporters, strict=True)
@@ -160,15 +167,21 @@ def starts(
     if not tiled_places:
         return found
     cells = [cases[place].periodic_cell for place in tiled_places]
+    assembled_cells = [cell.assemble() for cell in cells]
+    fabrics = [fabric for _, fabric in assembled_cells]
     tiled = starts_from_periodic(
         [assembled[place] for place in tiled_places],
-        [cell.assemble() for cell in cells],
+        assembled_cells,
         [cell.equilibrium_solver for cell in cells],
         runner,
         imperfection,
+        [contact_of(*its) for its in zip(cells, fabrics, strict=True)],
     )
     for place, start in zip(tiled_places, tiled, strict=True):
-        if start is not None:
+        if start is None:
+            continue
+        contact = contact_of(cases[place], assembled[place][1])
+        if contact is None or contact.holds(np.asarray(start.flattened())):
             found[place] = start
     return found
 

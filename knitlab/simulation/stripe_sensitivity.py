@@ -57,8 +57,11 @@ def adjoint_of(case: Case, relaxed: Configuration) -> Adjoint:
         relaxed: its relaxed shape.
 
     Raises:
-        NoDerivative: if the relaxed shape is not a stable equilibrium.
+        NoDerivative: if the relaxed shape is not a stable equilibrium, or if the case has contact,
+            which these derivatives leave out.
     """
+    if case.options.contact != "none":
+        raise NoDerivative("derivatives leave out contact")
     layout = case.layout
     return Adjoint(layout, case.stripe_pair, relaxed)
 

@@ -52,7 +52,8 @@ def find_equilibrium_by_subdomains(
 ) -> Solver[State]:
     """Like :func:`~knitlab.solvers.equilibrium.find_equilibrium`; large samples by subdomains.
 
-    An iteration of a subdomain counts by its share of the unknowns.
+    An iteration of a subdomain counts by its share of the unknowns. Contact may couple subdomains,
+    so that a sample with contact is solved as a whole.
 
     Args:
         start: configuration to start from, and the stage; its held unknowns stay fixed.
@@ -62,7 +63,7 @@ def find_equilibrium_by_subdomains(
             factorisation often ceases to be useful because of a few places. This is best if the
             sample folds as a whole.
     """
-    if not worth_dividing(rules.free.shape):
+    if rules.contact is not None or not worth_dividing(rules.free.shape):
         return (yield from find_equilibrium(start, rules))
     evaluation = yield start
     search = Search(start, evaluation, rules)

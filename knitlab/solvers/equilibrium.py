@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg.blas import daxpy
 
-from knitlab.elasticity.evaluation import Evaluation
 from knitlab.solvers.equilibrium_search import Search, SearchRules
 from knitlab.solvers.solver import Assemble, Evaluate, Factorise, Solve, Solver
 from knitlab.solvers.state import Outcome, State
@@ -67,7 +66,7 @@ def find_equilibrium(start: Evaluate, rules: SearchRules) -> Solver[State]:
         start: configuration to start from, and the stage; its held unknowns stay fixed.
         rules: rules of the search.
     """
-    search = Search(start, (yield start), rules)
+    search = Search(start, (yield from rules.evaluated(start)), rules)
     return search.state((yield from minimise(search)))
 
 
@@ -90,10 +89,12 @@ def minimise_with_one_factorisation(search: Search) -> Solver[Outcome | None]:
     rules, smallest = search.rules, search.rules.settings.smallest_shift
     while (outcome := search.end()) is None:
         yield Assemble(search.at.unknowns, rules.free, search.at.stage)
-        raised = False
+        raised, contact = False, None
+        if rules.contact is not None:
+            contact = rules.contact.hessian(search.at.unknowns, rules.free.places)
         while True:
             search.factorisations += 1
-            if (yield Factorise(search.shift, rules.convexified)):
+            if (yield Factorise(search.shift, rules.convexified, contact)):
                 break
             search.shift, raised = max(10 * search.shift, LEAST_RAISED_SHIFT), True
             if search.shift > LARGEST_SHIFT:
@@ -143,12 +144,15 @@ def _descend(search: Search) -> Solver[_Descent]:
             return _Descent(steps, blocked=True)
         shortening = min(1.0, rules.longest_part(direction))
         before = search.energy, search.gradient, search.force
+        free = rules.free_part(search.at.unknowns, direction * shortening)
+        shortening *= free
         length = yield from _line_search(search, direction * shortening, slope * shortening)
         if not length:
             noise = ENERGY_ROUND_OFF * abs(search.energy)
             return _Descent(steps, blocked=True, below_round_off=-slope * shortening < noise)
         steps += 1
-        if search.end() is not None:
+        # Contact that has come within reach is in the forces, but not in the factorisation.
+        if search.end() is not None or free < 1:
             break
         step, change = direction * (shortening * length), search.gradient - before[1]
         curvature = float(step @ change)
@@ -183,7 +187,7 @@ def _line_search(search: Search, step: Vector, slope: float) -> Solver[float]:
         unknowns = search.at.unknowns.copy()
         unknowns[search.places] += length * step
         trial = replace(search.at, unknowns=unknowns)
-        evaluation: Evaluation = yield trial
+        evaluation = yield from search.rules.evaluated(trial)
         search.iterations += 1
         trial_energy = float(evaluation.energy.total)
         trial_force = float(np.abs(np.asarray(evaluation.gradient)[search.places]).max())

@@ -1,6 +1,7 @@
 """A search for an equilibrium: its rules, its current configuration, and its cost."""
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -10,8 +11,11 @@ from knitlab.elasticity.stiffness import FreeStiffness, free_stiffness
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
-from knitlab.solvers.solver import Evaluate, SolverSettings
+from knitlab.solvers.solver import Evaluate, Solver, SolverSettings
 from knitlab.solvers.state import Outcome, State
+
+if TYPE_CHECKING:
+    from knitlab.contact.barrier import Barrier
 
 FIRST_SHIFT = 1e-4
 """Initial μ of a search [N/mm]."""
@@ -27,6 +31,7 @@ class SearchRules:
         settings: tolerance and limits.
         floor: energy below which the search stops, because the state sought has more [N mm].
         convexified: whether to convexify the stiffness rather than raise μ.
+        contact: contact of the fabric with itself, if any.
     """
 
     free: FreeStiffness
@@ -34,6 +39,7 @@ class SearchRules:
     settings: SolverSettings
     floor: float = -np.inf
     convexified: bool = True
+    contact: "Barrier | None" = None
 
     @classmethod
     def of(
@@ -44,14 +50,32 @@ class SearchRules:
         settings: SolverSettings,
         floor: float = -np.inf,
         convexified: bool = True,
+        contact: "Barrier | None" = None,
     ) -> "SearchRules":
         """Rules for a fabric; no step is longer than ``settings.step_limit`` of a grid cell."""
         longest = settings.step_limit * float(fabric.cell_sides.min())
-        return cls(free_stiffness(shape, free), longest, settings, floor, convexified)
+        return cls(free_stiffness(shape, free), longest, settings, floor, convexified, contact)
 
     def up_to(self, iterations: int) -> "SearchRules":
         """The same, with another limit of iterations."""
         return replace(self, settings=replace(self.settings, max_iterations=iterations))
+
+    def evaluated(self, at: Evaluate) -> Solver[Evaluation]:
+        """Request the evaluation of a configuration, contact included."""
+        evaluation: Evaluation = yield at
+        if self.contact is None or not np.isfinite(at.unknowns).all():
+            return evaluation
+        return self.contact.added(evaluation, at.unknowns)
+
+    def free_part(
+        self, unknowns: Float[np.ndarray, " unknown"], step: Float[np.ndarray, " free"]
+    ) -> float:
+        """Part of a step that contact allows, at most 1."""
+        if self.contact is None:
+            return 1.0
+        whole = np.zeros_like(unknowns)
+        whole[self.free.places] = step
+        return self.contact.free_part(unknowns, whole)
 
     def longest_part(self, step: Float[np.ndarray, " free"]) -> float:
         """The fraction of a step that has the largest allowed length; above 1 for shorter steps."""

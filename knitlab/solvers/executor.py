@@ -8,12 +8,14 @@ from typing import Any, Protocol, TypeVar
 
 import jax
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Bool
 
 from knitlab.elasticity.element_chunks import ChunkedFabric
 from knitlab.elasticity.evaluation import Evaluation
 from knitlab.elasticity.factorisation import Factoriser, Factors, factoriser, one_thread_of_blas
 from knitlab.elasticity.stiffness import FreeStiffness
+from knitlab.linalg.superlu import factorise
 from knitlab.linalg.threads import ALONE, Threads, allowed_threads
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
@@ -83,8 +85,8 @@ class Executor:
                 hessians = self._fabric.element_hessians(stage, unknowns)
                 self._free, self._entries = free, free.entries(hessians, self._threads)
                 return None
-            case Factorise(shift, convexified):
-                return self._factorise(shift, convexified)
+            case Factorise():
+                return self._factorise(request)
             case Solve(right):
                 if self._factors is None:
                     raise RuntimeError("nothing is factorised")
@@ -92,13 +94,19 @@ class Executor:
             case SolveSubdomains():
                 return self._solve_subdomains(request)
 
-    def _factorise(self, shift: float, convexified: bool) -> bool:
+    def _factorise(self, request: Factorise) -> bool:
         free = self._free
         if free is None:
             raise RuntimeError("nothing is assembled")
+        entries = free.shifted(self._entries, request.shift)
+        if request.contact is not None:
+            lower = free.lower(entries)
+            whole = lower + sp.tril(lower, -1).T + request.contact
+            self._factors = factorise(sp.csc_array(whole))
+            return self._factors is not None
         if free not in self._factorisers:
             self._factorisers[free] = factoriser(free, self._threads)
-        self._factors = self._factorisers[free](free.shifted(self._entries, shift), convexified)
+        self._factors = self._factorisers[free](entries, request.convexified)
         return self._factors is not None
 
     def _solve_subdomains(self, request: SolveSubdomains) -> tuple[Evaluate, float]:

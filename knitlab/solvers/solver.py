@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Float
 from pydantic import NonNegativeFloat, PositiveFloat, PositiveInt
 
@@ -44,10 +45,14 @@ class Factorise:
     Attributes:
         shift: added to the diagonal [N/mm].
         convexified: whether to factorise a nearby positive definite matrix instead of failing.
+        contact: Hessian of the contact, if any is active, to be added; it may couple any two
+            unknowns, so that the matrix is factorised without the order of the grid, and fails if
+            it is not positive definite [N/mm].
     """
 
     shift: float
     convexified: bool
+    contact: sp.csc_array | None = None
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.strict_model import StrictModel
 from knitlab.io.suggestions import unknown
 from knitlab.model.electrode_layout import BadLayout, ElectrodeLayout
-from knitlab.model.options import Boundary
 from knitlab.model.pattern import BadPattern
 from knitlab.model.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
@@ -21,6 +20,7 @@ from knitlab.model.stripe import (
 from knitlab.simulation.case import Case, Label
 from knitlab.simulation.stripe_changes import changed_stripe, changed_table
 from knitlab.study.axes import SweepAxis, combinations
+from knitlab.study.contradicting_settings import check_contact, check_drag, check_thickness
 from knitlab.study.declared_fields import declared
 from knitlab.study.design_space import DesignSpace, Source
 from knitlab.study.parameters import Parameters, read_stripe_file
@@ -117,7 +117,9 @@ def _cases(
         common["mass_and_drag"] = changed_table(parameters.mass_and_drag, changes)
         common["solver"] = overridden(parameters.dynamics, workflow.dynamics)
     elif solver.drag:
-        _check_drag(workflow, model_options.boundary, source)
+        check_drag(workflow, model_options.boundary, source)
+    if model_options.contact != "none":
+        check_contact(workflow, solver.drag, source)
 
     def stripe(knit: Knit, stitches: int) -> Stripe:
         return changed_stripe(parameters.stripes.stripe(knit, stitches), changes)
@@ -145,6 +147,7 @@ def _cases(
                 )
                 case.sample.grid_folds()
                 case.check_cells()
+                check_thickness(case, source)
             except BadPattern as error:
                 place = f"{source('design.pattern')} (n_stripe {n}, n_subunit {m})"
                 raise BadInput(Fault(place, problem) for problem in error.problems) from error
@@ -153,7 +156,7 @@ def _cases(
         for knit, stitches, boundary in space.designs:
             pure = stripe("rib" if knit == "rib" else "garter", int(stitches))
             options: dict[str, Any] = {"boundary": boundary}
-            yield Case(
+            case = Case(
                 design={"knit": knit, "n": stitches, "boundary": boundary, **labels},
                 weft=pure,
                 warp=pure,
@@ -163,6 +166,8 @@ def _cases(
                 unit_cells=(1, 1),
                 **common,
             )
+            check_thickness(case, source)
+            yield case
 
 
 def _pattern(
@@ -218,23 +223,6 @@ def electrode_problems(case: Case) -> tuple[str, ...]:
     except BadLayout as error:
         return tuple(error.problems)
     return ()
-
-
-def _check_drag(workflow: Workflow, boundary: Boundary, source: Source) -> None:
-    """Refuse drag where it has no meaning.
-
-    Raises:
-        BadInput: if periodic fabric would have drag, or sensitivities be taken, which leave it out.
-    """
-    boundaries = workflow.stripes.boundaries if workflow.stripes else (boundary,)
-    if "periodic" in boundaries:
-        problem = "holds back a sample that moves between clamps; periodic fabric has no place to"
-        raise fault(
-            source("solver.drag"), f"{problem} move from: take boundary = clamped, or drag = 0"
-        )
-    if workflow.protocol.sensitivities:
-        problem = "has no sensitivities, which are those of equilibria; take drag = 0"
-        raise fault(source("solver.drag"), problem)
 
 
 def _capacitor(

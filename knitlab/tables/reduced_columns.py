@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from knitlab.io.errors import fault
 from knitlab.io.plain_cube import PlainCube
 from knitlab.io.suggestions import unknown
 from knitlab.tables.strain_window import REDUCTIONS, STRAIN, StrainWindow
+
+if TYPE_CHECKING:
+    import xarray as xr  # slow to import
 
 _CALL = re.compile(
     rf"\b(?P<reduction>{'|'.join(REDUCTIONS)})\s*\(\s*(?P<name>\w+)\s*,\s*(?P<window>[^()]*?)\s*\)"
@@ -71,6 +75,26 @@ def with_columns(cubes: Sequence[PlainCube], texts: Iterable[str]) -> list[Plain
     for label, column in wanted.items():
         _check(cubes, label, column)
     return [_with(cube, wanted) for cube in cubes]
+
+
+def with_reduction(cube: "xr.Dataset", text: str) -> tuple["xr.Dataset", str]:
+    """A cube with the reduced column that a text names, and the column's canonical name.
+
+    Args:
+        cube: the cube.
+        text: ``mean(poisson_ratio, 0.05:0.25)`` and the like; any other text changes nothing.
+
+    Raises:
+        BadInput: if the cube lacks the curve that is reduced.
+    """
+    column = reduced_columns(text).get(text)
+    if column is None:
+        return cube, text
+    (plain,) = with_columns([PlainCube.of(cube)], [text])
+    unit = "1" if column.reduction == "linearity" else cube[column.name].attrs.get("units", "1")
+    attributes = {"units": unit, "long_name": column.label}
+    values = (plain.design_dims, plain.read(column.label), attributes)
+    return cube.assign({column.label: values}), column.label
 
 
 def _check(cubes: Sequence[PlainCube], label: str, column: ReducedColumn) -> None:

@@ -113,15 +113,36 @@ def _slope(at: np.ndarray, curves: Curves) -> Numbers:
     return np.trapezoid(curves * from_middle, at, axis=1) / np.trapezoid(from_middle**2, at)
 
 
+def _linearity(at: np.ndarray, curves: Curves) -> Numbers:
+    """R² of the least-squares line through a curve; NaN at a single strain or if it is constant."""
+    if len(at) == 1:
+        return np.full(len(curves), np.nan)
+    from_middle = at - (at[0] + at[-1]) / 2
+    explained = _slope(at, curves) ** 2 * np.trapezoid(from_middle**2, at)
+    varied = np.trapezoid((curves - _mean(at, curves)[:, None]) ** 2, at, axis=1)
+    return np.divide(explained, varied, out=np.full(len(curves), np.nan), where=varied > 0)
+
+
+def _linearity_gradient(at: np.ndarray, curve: Float[np.ndarray, " point"]) -> np.ndarray:
+    """Derivative of R² by the value of the curve at each strain."""
+    unit = np.eye(len(at))
+    from_mean = curve - _mean(at, curve[None])[0]
+    moment = np.trapezoid((at - (at[0] + at[-1]) / 2) ** 2, at)
+    slope, varied = _slope(at, curve[None])[0], np.trapezoid(from_mean**2, at)
+    by_slope = 2 * slope * moment / varied * _slope(at, unit)
+    return by_slope - 2 * slope**2 * moment / varied**2 * np.trapezoid(from_mean * unit, at, axis=1)
+
+
 REDUCTIONS: dict[str, Callable[[np.ndarray, Curves], Numbers]] = {
     "mean": _mean,
     "slope": _slope,
+    "linearity": _linearity,
     "spread": lambda at, curves: curves.max(axis=1) - curves.min(axis=1),
     "min": lambda at, curves: curves.min(axis=1),
     "max": lambda at, curves: curves.max(axis=1),
 }
-"""Reductions of a curve over a window: its mean, the slope of its least-squares line, its range,
-and its extremes. NaN if any value is missing."""
+"""Reductions of a curve over a window: its mean, the slope and R² of its least-squares line, its
+range, and its extremes. NaN if any value is missing."""
 
 
 def gradient(reduction: str, at: np.ndarray, curve: Float[np.ndarray, " point"]) -> np.ndarray:
@@ -132,6 +153,8 @@ def gradient(reduction: str, at: np.ndarray, curve: Float[np.ndarray, " point"])
         at: strains of the window.
         curve: the curve at these, which determines where its extremes are.
     """
+    if reduction == "linearity":
+        return _linearity_gradient(at, curve)
     unit = np.eye(len(at))
     by_extremes = {
         "min": unit[np.argmin(curve)],

@@ -200,8 +200,8 @@ def parse_target(text: str, source: str = "target", folder: Path = Path()) -> Ta
         known = ", ".join(REDUCTIONS)
         raise fault(where, f"there is no reduction {reduction!r}; choose from {known}")
     window = None if found["window"] is None else StrainWindow.of(found["window"], where)
-    if reduction == "slope" and (window is None or window.single):
-        raise fault(where, "a slope needs a window of two strains, such as @ 0.05:0.25")
+    if reduction in ("slope", "linearity") and (window is None or window.single):
+        raise fault(where, f"a {reduction} needs a window of two strains, such as @ 0.05:0.25")
     if "relation" in found:
         wanted = float(found["wanted"])
         low = -np.inf if found["relation"].startswith("<") else wanted

@@ -18,9 +18,11 @@ PAGES = [
     "CONTRIBUTING.md",
     *(str(path.relative_to(ROOT)) for path in sorted((ROOT / "docs").rglob("*.md"))),
 ]
-READING_COMMANDS = ("query", "find", "claims", "export")
+READING_COMMANDS = ("query", "find", "knit", "claims", "export")
 """Commands that only read a cube, whose output can be compared without a simulation."""
 LEFT_OUT = "…"
+FILES = ("page ", "figure ", "mesh ", "knitout ", "chart ", "sheet ")
+"""What begins a line that names a file."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,7 @@ EXAMPLES = [
 def test_a_printed_table_is_that_of_the_kept_cube(example, tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
     words = [
-        str(tmp_path / word) if before == "-o" else kept(word)
+        str(tmp_path / word) if before in ("-o", "--sheet") else kept(word)
         for before, word in zip(("", *example.words), example.words, strict=False)
     ]
     said = CliRunner().invoke(main, words)
@@ -99,7 +101,7 @@ def split(lines, separator):
         if line.strip() == separator:
             yield part
             part = []
-        elif not line.startswith(("page ", "figure ", "mesh ")):
+        elif not line.startswith(FILES):
             part.append(line.rstrip())
     yield part
 

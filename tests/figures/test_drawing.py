@@ -282,7 +282,8 @@ def test_a_file_that_is_no_cube_is_named(tmp_path, content):
 
 @pytest.mark.slow
 def test_maps_and_queries_never_import_jax():
-    modules = "knitlab.cli, knitlab.figures.drawing, knitlab.tables.query"
+    figures = "knitlab.figures.drawing, knitlab.figures.specification_sheet"
+    modules = f"knitlab.cli, {figures}, knitlab.tables.query"
     program = f"import sys, {modules}; print('jax' in sys.modules)"
     result = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True

@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from scipy.stats import linregress
 
 from knitlab.io.errors import BadInput
-from knitlab.tables.strain_window import REDUCTIONS, StrainWindow, root_mean_square
+from knitlab.tables.strain_window import REDUCTIONS, StrainWindow, gradient, root_mean_square
 
 GRID = np.array([0.0, 0.03, 0.06, 0.1, 0.2, 0.45])
 CURVES = np.array([np.sin(9 * GRID), GRID**2 - 0.3])
@@ -45,9 +45,23 @@ def test_reductions_are_those_of_the_piecewise_linear_curve(window):
         assert REDUCTIONS["max"](at, curves)[k] == pytest.approx(line(fine).max(), abs=1e-7)
         spread = np.ptp(line(fine))
         assert REDUCTIONS["spread"](at, curves)[k] == pytest.approx(spread, abs=1e-7)
-        slope = linregress(even, line(even)).slope
+        fitted = linregress(even, line(even))
+        slope, linearity = fitted.slope, fitted.rvalue**2
         assert REDUCTIONS["slope"](at, curves)[k] == pytest.approx(slope, rel=2e-3, abs=2e-3)
+        assert REDUCTIONS["linearity"](at, curves)[k] == pytest.approx(linearity, abs=5e-3)
         assert root_mean_square(at, curves)[k] == pytest.approx(np.sqrt(square / width), rel=1e-3)
+
+
+@given(windows, st.sampled_from(sorted(REDUCTIONS)))
+def test_gradients_of_reductions_are_their_differences(window, reduction):
+    at, curves = window.read(GRID, CURVES)
+    curve, step = curves[0], 1e-6
+    exact = gradient(reduction, at, curve)
+    for place in range(0, len(at), 7):
+        moved = np.zeros(len(at))
+        moved[place] = step
+        ahead, behind = (REDUCTIONS[reduction](at, (curve + s * moved)[None])[0] for s in (1, -1))
+        assert exact[place] == pytest.approx((ahead - behind) / (2 * step), abs=1e-4)
 
 
 def test_values_outside_a_known_curve_are_missing():

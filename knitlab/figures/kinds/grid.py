@@ -22,6 +22,7 @@ from knitlab.io.errors import fault
 from knitlab.io.schema import COORDINATES, FLAGS
 from knitlab.io.suggestions import unknown
 from knitlab.study.settings import SETTINGS
+from knitlab.tables.reduced_columns import with_reduction
 from knitlab.tables.selection import choices
 
 MOST_COLUMNS, MOST_ROWS = 16, 24
@@ -51,11 +52,13 @@ def value_grid(
         cube: the cube.
         x: dimension across, or ``periods`` for P = n_subunit / (2 n_stripe).
         y: dimension up, or ``periods``.
-        of: the variable.
+        of: the variable, or a reduction of one along the strain, as in queries:
+            ``slope(capacitance, 0.1:0.3)``.
 
     Raises:
         BadInput: if there is no such variable or dimension, or another one has several values.
     """
+    cube, of = with_reduction(cube, of)
     if of not in cube.data_vars:
         raise fault("of", unknown(of, map(str, cube.data_vars), "variable"))
     if of in FLAGS or cube[of].dtype.kind not in "iuf":

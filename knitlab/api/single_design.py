@@ -1,0 +1,176 @@
+"""One design of a workflow or of a cube: its case, its gauge, and what a cube says of it."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from knitlab.execution.reproduce import find_case
+from knitlab.io.cube_file import design_dims, is_case, open_cube
+from knitlab.io.errors import BadInput, fault
+from knitlab.io.plain_cube import CUBE, cube_path
+from knitlab.io.shipped import shipped
+from knitlab.knitting.patch_lines import is_turned
+from knitlab.knitting.specification import Prediction
+from knitlab.measure.knit_size import Gauge
+from knitlab.simulation.case import Case, case_of
+from knitlab.study.gauge import ATTRIBUTES
+from knitlab.study.overrides import Overrides
+from knitlab.study.parameters import read_parameters
+from knitlab.study.plan import Plan, make_plan
+from knitlab.study.single_case import SingleCase
+from knitlab.tables.selection import chosen_places, selected
+
+MOST_NAMED = 6
+"""Designs that a message lists."""
+
+
+@dataclass(frozen=True)
+class SingleDesign:
+    """One design.
+
+    Attributes:
+        case: its case.
+        gauge: size of a stitch in cloth.
+        prediction: what a cube says of it.
+    """
+
+    case: Case
+    gauge: Gauge
+    prediction: Prediction | None = None
+
+
+def is_cube(path: str | Path) -> bool:
+    """Whether a path is that of a cube, and not of a workflow."""
+    return Path(path).suffix == ".nc" or (Path(path) / CUBE).is_file()
+
+
+def of_workflow(
+    workflow: str, overrides: Overrides = (), selections: Sequence[str] = ()
+) -> SingleDesign:
+    """The design of a workflow.
+
+    Args:
+        workflow: its name, or the path of its file.
+        overrides: settings that replace its own.
+        selections: texts ``NAME=VALUE`` that keep some of its designs.
+
+    Raises:
+        BadInput: if the workflow or a selection is at fault, or if it is not one design.
+    """
+    plan = make_plan(workflow, overrides)
+    places = chosen_places(_labels(plan), selections)
+    labels = {dim: {_labels(plan)[dim][place] for place in at} for dim, at in places.items()}
+    cases = [
+        case
+        for case in plan.cases.values()
+        if all(case.design[dim] in kept for dim, kept in labels.items())
+    ]
+    _check_is_one(plan.workflow, [case.label for case in cases])
+    return SingleDesign(cases[0], plan.gauge)
+
+
+def of_single_case(single: SingleCase) -> SingleDesign:
+    """The design of a case that belongs to no sweep."""
+    return SingleDesign(single.case, single.gauge)
+
+
+def of_cube(cube: str | Path | xr.Dataset, selections: Sequence[str] = ()) -> SingleDesign:
+    """The design of a cube or of a test.
+
+    Its case is read from the plan or the case file beside the cube. Where there is neither, the
+    workflow of the cube is planned again, which finds the case by its identifier.
+
+    Args:
+        cube: the cube, its path, or a test of :func:`knitlab.simulate`.
+        selections: texts ``NAME=VALUE`` that keep some of its designs.
+
+    Raises:
+        BadInput: if the cube or a selection is at fault, if it is not one design, or if its case is
+            recorded nowhere.
+    """
+    dataset = cube if isinstance(cube, xr.Dataset) else open_cube(cube)
+    if is_case(dataset):
+        case = case_of(json.loads(dataset.attrs["parameters"]))
+        return SingleDesign(case, _gauge(dataset.attrs), _prediction(dataset, case, "test"))
+    dims = design_dims(dataset)
+    kept = selected(dataset, selections).stack(design=dims)
+    kept = kept.isel(design=np.flatnonzero(kept["case_id"].values != ""))
+    names = [
+        "  ".join(f"{dim} {label}" for dim, label in zip(dims, labels, strict=True))
+        for labels in kept["design"].values.tolist()
+    ]
+    _check_is_one("the cube", names)
+    design = kept.isel(design=0)
+    source = dataset.encoding.get("source")
+    folder = None if source is None else cube_path(source).parent
+    name = str(dataset.attrs.get("workflow", "cube"))
+    case = _recorded(str(design["case_id"].item()), folder, name)
+    return SingleDesign(case, _gauge(dataset.attrs), _prediction(design, case, name))
+
+
+def _labels(plan: Plan) -> dict[str, np.ndarray]:
+    """Labels of the designs of a plan along each of its dimensions."""
+    labels: Mapping[str, Iterable[Any]] = {
+        dim: dict.fromkeys(case.design[dim] for case in plan.cases.values()) for dim in plan.dims
+    }
+    return {dim: np.array(list(of_dim)) for dim, of_dim in labels.items()}
+
+
+def _check_is_one(whole: str, designs: Sequence[str]) -> None:
+    if not designs:
+        raise fault("selections", f"no design of {whole} is left; select fewer values")
+    if len(designs) > 1:
+        some = ", ".join(" ".join(name.split()) for name in designs[:MOST_NAMED])
+        more = ", …" if len(designs) > MOST_NAMED else ""
+        raise fault("selections", f"{whole} has {len(designs)} designs; select one of {some}{more}")
+
+
+def _recorded(case_id: str, folder: Path | None, workflow: str) -> Case:
+    if folder is not None:
+        try:
+            return find_case(folder, case_id).case
+        except BadInput:
+            pass
+    try:
+        cases = make_plan(workflow).cases
+    except BadInput:
+        cases = {}
+    if case_id not in cases:
+        raise fault(
+            case_id,
+            "is recorded in no plan and no case file beside the cube; run its workflow into that"
+            " folder, or name the workflow instead",
+        )
+    return cases[case_id]
+
+
+def _gauge(attributes: Mapping[Any, Any]) -> Gauge:
+    """The gauge that a cube states, by default that of the parameters."""
+    if not set(ATTRIBUTES.values()) <= set(attributes):
+        return read_parameters(shipped("params")).gauge
+    return Gauge(**{name: float(attributes[its]) for name, its in ATTRIBUTES.items()})
+
+
+def _prediction(design: xr.Dataset, case: Case, source: str) -> Prediction | None:
+    """What a cube says of a design; None if it has no Poisson's ratio."""
+    if "poisson_ratio" not in design or not np.isfinite(design["poisson_ratio"]).any():
+        return None
+    ratio = np.asarray(design["poisson_ratio"].values, float)
+    none = np.full_like(ratio, np.nan)
+    low, high = (
+        np.asarray(design[f"poisson_ratio_{end}"].values, float)
+        if f"poisson_ratio_{end}" in design
+        else none
+        for end in ("low", "high")
+    )
+    along_x, along_y = (
+        float(design[f"relaxed_cell_{axis}"] / design[f"flat_cell_{axis}"])
+        for axis in ("yx" if is_turned(case) else "xy")
+    )
+    strain = np.asarray(design["applied_strain"].values, float)
+    return Prediction(source, (along_x, along_y), strain, ratio, low, high)

@@ -1,0 +1,168 @@
+"""The contact mesh: the triangles of a fabric, with the images that periodic fabric may touch.
+
+Positions of its vertices are linear in the unknowns of the fabric, images included: the image of a
+node lies whole sides L_x and L_y away from it. So gradients and Hessians by vertices become those
+by unknowns through one constant sparse matrix.
+
+Each pair of parts counts once a period: parts of the fabric are compared with each other, and with
+the images to the right, above, and above to the left. Pairs of two images are left out. Only a band
+of images beside the fabric is needed, as long as what lies beyond is out of reach.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import ipctk
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Bool, Float, Int
+
+from knitlab.contact.distances import NEAR_CELLS
+from knitlab.model.configuration import Configuration
+from knitlab.model.network import MeshShape
+from knitlab.model.pattern import CELLS_PER_PERIOD
+
+TRIANGLES = np.array([[[0, 0], [0, 1], [1, 1]], [[1, 1], [1, 0], [0, 0]]])
+"""Triangles of a cell by corner (y, x), as in :mod:`knitlab.measure.intersections`."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactMesh:
+    """Vertices and triangles of a mesh shape, and which of them may touch.
+
+    Attributes:
+        shape: the mesh shape.
+        band: rows and columns of cells of the images, on each side that has any.
+        from_unknowns: matrix from unknowns to the coordinates of the vertices, vertex by vertex.
+        own: which vertices are nodes of the fabric itself, rather than images.
+        whole: collision mesh of all parts.
+        far: that of parts that are not near each other on the grid.
+        near: that of parts that are.
+    """
+
+    shape: MeshShape
+    band: int
+    from_unknowns: sp.csr_array
+    own: Bool[np.ndarray, " vertex"]
+    whole: ipctk.CollisionMesh
+    far: ipctk.CollisionMesh
+    near: ipctk.CollisionMesh
+
+    def vertices(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "vertex 3"]:
+        """Positions of the vertices in a configuration [mm]."""
+        return np.asfortranarray((self.from_unknowns @ unknowns).reshape(-1, 3))
+
+    def suffices(self, unknowns: Float[np.ndarray, " unknown"], reach: float) -> bool:
+        """Whether images beyond the band are further away than a reach [mm].
+
+        Their bounding box is compared with that of the fabric.
+        """
+        shape, band = self.shape, self.band
+        if not shape.periodic or band >= min(shape.cells_y, shape.cells_x):
+            return True
+        configuration = Configuration.of(unknowns, shape)
+        x, y = np.asarray(configuration.positions)[..., :2].transpose(2, 0, 1)
+        length_x, length_y = (float(side) for side in configuration.lengths)
+        right = min(x[:, band:].min() + length_x, x.min() + 2 * length_x) - x.max()
+        left = x.min() - max(x[:, :-band].max() - length_x, x.max() - 2 * length_x)
+        above = min(y[band:].min() + length_y, y.min() + 2 * length_y) - y.max()
+        return min(right, left, above) > reach
+
+
+@lru_cache(maxsize=4)
+def contact_mesh(
+    shape: MeshShape, band: int, cells_per_period: int = CELLS_PER_PERIOD
+) -> ContactMesh:
+    """The contact mesh of a mesh shape.
+
+    Args:
+        shape: the mesh shape.
+        band: rows and columns of cells of the images; a whole period of them at most.
+        cells_per_period: grid cells along one period of a stripe.
+    """
+    cells = _cells(shape, band)
+    corners = cells[:, None, None] + TRIANGLES
+    places, number = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
+    inside = (places >= 0) & (places < [shape.nodes_y, shape.nodes_x])
+    own = np.asarray(inside.all(axis=1))
+    faces = number.reshape(-1, 3).astype(np.int32)
+    rest = np.asfortranarray(np.pad(places[:, ::-1].astype(float), ((0, 0), (0, 1))))
+    near = _near_pairs(places, NEAR_CELLS * cells_per_period // CELLS_PER_PERIOD)
+    edges = ipctk.edges(faces)
+    whole, *filtered = (ipctk.CollisionMesh(rest, edges, faces) for _ in range(3))
+    for mesh, are_near in zip(filtered, (False, True), strict=True):
+        explicit = dict.fromkeys(map(tuple, near.tolist()), are_near)
+        mesh.can_collide = ipctk.make_sparse_filter(explicit, not are_near)
+    return ContactMesh(shape, band, _from_unknowns(shape, places), own, whole, *filtered)
+
+
+def without_pairs_of_images(candidates: ipctk.Candidates, mesh: ContactMesh) -> None:
+    """Remove the candidates of which both parts are images.
+
+    The filter of a collision mesh cannot: it asks for each pair of vertices by itself, and so would
+    also lose pairs of which only the vertices that are not near each other are images.
+    """
+    own = mesh.own
+    if own.all():
+        return
+    own_faces, own_edges = (
+        own[np.asarray(parts)].any(axis=1) for parts in (mesh.whole.faces, mesh.whole.edges)
+    )
+    candidates.fv_candidates = [
+        pair for pair in candidates.fv_candidates if own[pair.vertex_id] or own_faces[pair.face_id]
+    ]
+    candidates.ee_candidates = [
+        pair
+        for pair in candidates.ee_candidates
+        if own_edges[pair.edge0_id] or own_edges[pair.edge1_id]
+    ]
+
+
+def _cells(shape: MeshShape, band: int) -> Int[np.ndarray, "cell 2"]:
+    """Lower left corner (y, x) of each cell, and of the images that it is compared with."""
+    rows, columns = shape.cells_y, shape.cells_x
+    if not shape.periodic:
+        return np.indices((rows, columns)).reshape(2, -1).T
+    up, across = np.meshgrid(
+        np.arange(rows + min(band, rows)),
+        np.arange(-min(band, columns), columns + min(band, columns)),
+        indexing="ij",
+    )
+    places = np.stack([up.ravel(), across.ravel()], axis=1)
+    below_left = (places[:, 0] < rows) & (places[:, 1] < 0)
+    return places[~below_left]
+
+
+def _from_unknowns(shape: MeshShape, places: Int[np.ndarray, "vertex 2"]) -> sp.csr_array:
+    grid = np.array([shape.nodes_y, shape.nodes_x])
+    turns, nodes = np.divmod(places, grid)
+    node = nodes[:, 0] * shape.nodes_x + nodes[:, 1]
+    vertex = np.arange(len(places))
+    rows = [3 * vertex[:, None] + np.arange(3)]
+    columns = [3 * node[:, None] + np.arange(3)]
+    factors = [np.ones((len(places), 3))]
+    for component, turn in enumerate((turns[:, 1], turns[:, 0])):
+        moved = np.flatnonzero(turn)
+        rows.append(3 * moved[:, None] + component)
+        columns.append(np.full((len(moved), 1), 3 * shape.nodes + component))
+        factors.append(turn[moved, None].astype(float))
+    row, column, factor = (
+        np.concatenate([part.ravel() for part in parts]) for parts in (rows, columns, factors)
+    )
+    return sp.csr_array((factor, (row, column)), shape=(3 * len(places), shape.unknowns))
+
+
+def _near_pairs(places: Int[np.ndarray, "vertex 2"], reach: int) -> Int[np.ndarray, "pair 2"]:
+    """Pairs of vertices, the lower number first, within a reach along both axes."""
+    low = places.min(axis=0) - reach
+    extent = places.max(axis=0) - low + reach + 1
+    key = (places - low) @ np.array([extent[1], 1])
+    order = np.argsort(key)
+    steps = np.indices((2 * reach + 1, 2 * reach + 1)).reshape(2, -1).T - reach
+    pairs = []
+    for step in steps[steps @ np.array([extent[1], 1]) > 0]:
+        wanted = key + step @ np.array([extent[1], 1])
+        at = np.minimum(np.searchsorted(key[order], wanted), len(order) - 1)
+        found = np.flatnonzero(key[order[at]] == wanted)
+        pairs.append(np.stack([found, order[at[found]]], axis=1))
+    return np.sort(np.concatenate(pairs), axis=1)

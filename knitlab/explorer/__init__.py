@@ -1,0 +1,1 @@
+"""The explorer: cubes, their shapes and their run as one page that needs no network."""

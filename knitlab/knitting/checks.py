@@ -1,0 +1,318 @@
+"""Checks of knitout: a machine's state, followed operation by operation.
+
+Found are needles out of range, stitches on needles without a loop, wales on both beds, loops that
+are moved onto others, dropped while their yarn goes on, or left on a needle, carriers that are not
+in action or never taken out, what the inserting hook cannot do, and stitches that are not plated
+by the body's yarn and one conductor. What the machine does with its yarn is not: tension, floats,
+kickbacks, rollers and collisions of carriers are left to its back end.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from knitlab.knitting.knit_stitches import FormedStitch
+from knitlab.knitting.knitout import VERSION
+from knitlab.knitting.machine import Machine
+from knitlab.knitting.operations import Needle, Operation, headers, operations
+
+MOST_STITCHES_HELD = 2
+"""Stitches that a needle may hold: a loop and a tuck, or two loops that a bind-off joins."""
+MOST_CARRIERS = 2
+"""Carriers of a stitch that every back end takes."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A fault of a program.
+
+    Attributes:
+        line: where, from 1.
+        operation: the operation there.
+        problem: what is wrong, and what to do.
+    """
+
+    line: int
+    operation: str
+    problem: str
+
+    def __str__(self) -> str:
+        return f"line {self.line}: {self.operation}: {self.problem}"
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What a check found.
+
+    Attributes:
+        findings: faults, by their lines.
+        graph: the stitches that the program forms, in order.
+    """
+
+    findings: tuple[Finding, ...]
+    graph: tuple[FormedStitch, ...]
+
+
+def check(text: str, machine: Machine) -> Checked:
+    """Follow a program on a machine.
+
+    Args:
+        text: the program.
+        machine: the machine.
+    """
+    state = _State(machine)
+    state.findings += _header_findings(text, machine)
+    for operation in operations(text):
+        state.follow(operation)
+    state.finish()
+    return Checked(tuple(sorted(state.findings, key=lambda each: each.line)), tuple(state.graph))
+
+
+def _header_findings(text: str, machine: Machine) -> list[Finding]:
+    lines = text.split("\n")
+    found = []
+    if lines[0] != f";!knitout-{VERSION}":
+        problem = f"a file begins with ;!knitout-{VERSION}; make that its first line"
+        found.append(Finding(1, lines[0], problem))
+    stated = headers(text)
+    wanted = " ".join(map(str, range(1, machine.carriers.carriers + 1)))
+    if stated.get("Carriers") != wanted:
+        given = stated.get("Carriers", "missing")
+        problem = f"the header Carriers is {given}; back ends want all of them, {wanted}"
+        found.append(Finding(1, ";;Carriers", problem))
+    end = len(stated) + 1
+    if any(line.startswith(";;") for line in lines[end:]):
+        problem = "the header ends here, and more of it follows; take the line out"
+        found.append(Finding(end + 1, lines[end] or "blank line", problem))
+    return found
+
+
+@dataclass
+class _State:
+    """What the machine holds after an operation."""
+
+    machine: Machine
+    findings: list[Finding] = field(default_factory=list)
+    graph: list[FormedStitch] = field(default_factory=list)
+    held: dict[Needle, list[int]] = field(default_factory=dict)
+    active: set[int] = field(default_factory=set)
+    hooked: int | None = None
+    hook_from: int | None = None
+    racking: int = 0
+    now: Operation = field(default_factory=lambda: Operation(1, "", ()))
+
+    def follow(self, operation: Operation) -> None:
+        """Take the state on by an operation."""
+        self.now = operation
+        if operation.is_extension:
+            return
+        follow = FOLLOW.get(operation.opcode)
+        if follow is None:
+            self._report(f"is not followed by this check; use {', '.join(FOLLOW)}")
+        elif not _is_complete(operation):
+            self._report("lacks a direction, a needle, a carrier or a number; complete it")
+        else:
+            follow(self)
+
+    def finish(self) -> None:
+        """Find what is left over."""
+        if self.hooked is not None:
+            self._report(f"ends while the hook holds carrier {self.hooked}; release it")
+        for carrier in sorted(self.active):
+            self._report(f"ends while carrier {carrier} is in action; add outhook {carrier}")
+        left = sorted(str(needle) for needle, loops in self.held.items() if loops)
+        if left:
+            more = f" and {len(left) - 1} others" if len(left) > 1 else ""
+            self._report(f"ends while {left[0]}{more} hold loops; bind them off or drop them")
+
+    def _report(self, problem: str) -> None:
+        self.findings.append(Finding(self.now.line, str(self.now), problem))
+
+    def _in_range(self, needles: tuple[Needle, ...]) -> bool:
+        last = self.machine.bed.needles
+        outside = [needle for needle in needles if not 1 <= needle.number <= last]
+        for needle in outside:
+            self._report(f"{needle} is outside the needles 1 to {last}; move or narrow the fabric")
+        return not outside
+
+    def _opposite(self, needle: Needle) -> Needle:
+        """The needle of the other bed that a needle can transfer to."""
+        shift = -self.racking if needle.front else self.racking
+        return Needle(not needle.front, needle.number + shift)
+
+    def _yarns(self, needle: Needle) -> tuple[int, ...] | None:
+        """The carriers of a stitch, after their checks; None if there is no telling."""
+        words = self.now.carriers
+        last = self.machine.carriers.carriers
+        if not all(word.isdigit() and 1 <= int(word) <= last for word in words):
+            self._report(f"names a carrier that is none of 1 to {last}; correct it")
+            return None
+        carriers = tuple(map(int, words))
+        if len(carriers) > MOST_CARRIERS or len(set(carriers)) < len(carriers):
+            self._report(f"has {len(carriers)} carriers; take one or {MOST_CARRIERS}")
+        for carrier in carriers:
+            if carrier not in self.active:
+                self._report(f"carrier {carrier} is not in action; bring it in by inhook {carrier}")
+        if self.hook_from is not None and needle.number >= self.hook_from:
+            self._report(
+                f"the inserting hook with carrier {self.hooked} is in the way; put"
+                f" releasehook {self.hooked} before this line"
+            )
+            self.hooked = self.hook_from = None
+        if self.hooked in carriers and self.hook_from is None:
+            if self.now.direction == "+":
+                self._report(
+                    f"the first stitch of carrier {self.hooked} goes rightwards; the hook brings"
+                    " yarn in leftwards: begin with a stitch leftwards"
+                )
+            self.hook_from = needle.number + 1
+        return carriers
+
+    def _knit(self) -> None:
+        (needle,) = self.now.needles
+        if not self._in_range((needle,)):
+            return
+        carriers = self._yarns(needle)
+        through = self.held.pop(needle, [])
+        across = self._opposite(needle)
+        if self.held.get(across):
+            state = "too" if through else "and this needle holds none"
+            self._report(
+                f"{across} holds a loop of this wale, {state}; transfer it before knitting here"
+            )
+        elif not through:
+            self._report("knits on a needle without a loop; cast on there, or drop no loop before")
+        if carriers:
+            self._check_plating(carriers)
+            self._form(needle, carriers, tuple(through))
+
+    def _tuck(self) -> None:
+        (needle,) = self.now.needles
+        if not self._in_range((needle,)):
+            return
+        carriers = self._yarns(needle)
+        if len(self.held.get(needle, [])) >= MOST_STITCHES_HELD:
+            self._report(f"{needle} holds {MOST_STITCHES_HELD} loops already; knit them first")
+        if carriers:
+            self._form(needle, carriers, ())
+
+    def _form(self, needle: Needle, carriers: tuple[int, ...], through: tuple[int, ...]) -> None:
+        self.held.setdefault(needle, []).append(len(self.graph))
+        self.graph.append(FormedStitch(needle.number, needle.front, carriers, through))
+
+    def _check_plating(self, carriers: tuple[int, ...]) -> None:
+        body = self.machine.carriers.body_carrier
+        conductors = [each for each in carriers if each in self.machine.carriers.electrode_carriers]
+        if len(conductors) > 1:
+            self._report("joins the conductors of two electrodes; knit one of them")
+        elif conductors and body not in carriers:
+            self._report(f"knits a conductor alone; plate it with the body's carrier {body}")
+
+    def _transfer(self) -> None:
+        source, target = self.now.needles
+        if not self._in_range((source, target)):
+            return
+        if self._opposite(source) != target:
+            self._report(
+                f"{source} is opposite {self._opposite(source)} at racking {self.racking}; rack"
+                " before, or correct the needles"
+            )
+        moved, there = self.held.pop(source, []), self.held.get(target, [])
+        if not moved:
+            self._report(f"{source} holds no loop; transfer only where the bed changes")
+        elif there and (not self.racking or len(moved) + len(there) > MOST_STITCHES_HELD):
+            self._report(f"{target} holds a loop, and may hold one; knit or move that first")
+        self.held[target] = [*there, *moved]
+
+    def _drop(self) -> None:
+        (needle,) = self.now.needles
+        if not self._in_range((needle,)):
+            return
+        for number in self.held.pop(needle, []):
+            for carrier in self.graph[number].carriers:
+                if carrier in self.active:
+                    self._report(
+                        f"drops a loop of carrier {carrier}, which goes on, so that the wale runs;"
+                        f" drop after outhook {carrier}"
+                    )
+
+    def _carrier(self) -> int | None:
+        """The one carrier of an operation; None if there is no telling."""
+        word = self.now.carriers[0]
+        last = self.machine.carriers.carriers
+        if len(self.now.carriers) > 1 or not word.isdigit() or not 1 <= int(word) <= last:
+            self._report(f"takes one carrier of 1 to {last}; correct it")
+            return None
+        return int(word)
+
+    def _inhook(self) -> None:
+        carrier = self._carrier()
+        if carrier is None:
+            return
+        if carrier in self.active:
+            self._report(f"carrier {carrier} is in action already; take the line out")
+        if self.hooked is not None:
+            self._report(
+                f"the hook still holds carrier {self.hooked}; put releasehook {self.hooked} before"
+            )
+        self.active.add(carrier)
+        self.hooked, self.hook_from = carrier, None
+
+    def _releasehook(self) -> None:
+        carrier = self._carrier()
+        if carrier is None:
+            return
+        if carrier != self.hooked:
+            self._report(f"the hook does not hold carrier {carrier}; take the line out")
+        elif self.hook_from is None:
+            self._report(f"carrier {carrier} has no stitch yet; release it after one")
+        self.hooked = self.hook_from = None
+
+    def _outhook(self) -> None:
+        carrier = self._carrier()
+        if carrier is None:
+            return
+        if carrier not in self.active:
+            self._report(f"carrier {carrier} is not in action; take the line out")
+        if self.hooked is not None:
+            self._report(
+                f"the hook still holds carrier {self.hooked}; put releasehook {self.hooked} before"
+            )
+        self.active.discard(carrier)
+        self.hooked = self.hook_from = None
+
+    def _rack(self) -> None:
+        largest = self.machine.bed.largest_racking
+        try:
+            racking = int(self.now.parameters[0])
+        except ValueError:
+            self._report("racks by a part of a needle, which this check does not follow; use whole")
+            return
+        if abs(racking) > largest:
+            self._report(f"racks by more than {largest} needles; move the loops in steps")
+        self.racking = racking
+
+
+FOLLOW: dict[str, Callable[[_State], None]] = {
+    "knit": _State._knit,
+    "tuck": _State._tuck,
+    "xfer": _State._transfer,
+    "drop": _State._drop,
+    "inhook": _State._inhook,
+    "releasehook": _State._releasehook,
+    "outhook": _State._outhook,
+    "rack": _State._rack,
+}
+"""What follows each operation."""
+
+
+def _is_complete(operation: Operation) -> bool:
+    """Whether an operation has the parameters that it needs."""
+    needles = len(operation.needles)
+    words = len(operation.parameters)
+    if operation.opcode in ("knit", "tuck"):
+        return needles == 1 and words >= 3 and operation.direction in ("-", "+")
+    if operation.opcode == "xfer":
+        return needles == 2 and words == 2
+    if operation.opcode == "drop":
+        return needles == 1 and words == 1
+    return words >= 1

@@ -1,0 +1,90 @@
+"""Operations: knitout read line by line."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+
+class Needle(NamedTuple):
+    """A needle.
+
+    Attributes:
+        front: whether it is on the front bed.
+        number: its number.
+    """
+
+    front: bool
+    number: int
+
+    def __str__(self) -> str:
+        return f"{'f' if self.front else 'b'}{self.number}"
+
+
+DIRECTED = ("knit", "tuck")
+OF_CARRIERS = ("inhook", "releasehook", "outhook")
+NEEDLE = re.compile(r"([fb])(-?\d+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """One operation of a program.
+
+    Attributes:
+        line: its line in the file, from 1.
+        opcode: its first word.
+        parameters: the words after that.
+        direction: direction of the carriage, if it has one.
+        needles: the needles that it names.
+        carriers: the carriers that it names.
+    """
+
+    line: int
+    opcode: str
+    parameters: tuple[str, ...]
+    direction: str | None = None
+    needles: tuple[Needle, ...] = ()
+    carriers: tuple[str, ...] = ()
+
+    @property
+    def is_extension(self) -> bool:
+        """Whether it is an extension of the language."""
+        return self.opcode.startswith("x-")
+
+    def __str__(self) -> str:
+        return " ".join((self.opcode, *self.parameters))
+
+
+def operations(text: str) -> Iterator[Operation]:
+    """The operations of a program; comments are left out."""
+    for line, content in enumerate(text.split("\n"), start=1):
+        opcode, *words = content.partition(";")[0].split() or [""]
+        if opcode in DIRECTED:
+            direction, carriers = (*words, "")[0], tuple(words[2:])
+            yield Operation(line, opcode, tuple(words), direction, _needles(words[1:2]), carriers)
+        elif opcode in OF_CARRIERS:
+            yield Operation(line, opcode, tuple(words), carriers=tuple(words))
+        elif opcode:
+            yield Operation(line, opcode, tuple(words), needles=_needles(words))
+
+
+def _needles(words: Sequence[str]) -> tuple[Needle, ...]:
+    return tuple(found for word in words if (found := _needle(word)))
+
+
+@lru_cache(maxsize=4096)
+def _needle(word: str) -> Needle | None:
+    match = NEEDLE.fullmatch(word)
+    return Needle(match[1] == "f", int(match[2])) if match else None
+
+
+def headers(text: str) -> dict[str, str]:
+    """The headers of a program, by name."""
+    found: dict[str, str] = {}
+    for content in text.split("\n")[1:]:
+        if not content.startswith(";;"):
+            break
+        name, _, value = content[2:].partition(":")
+        found[name.strip()] = value.strip()
+    return found

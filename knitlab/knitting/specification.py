@@ -1,0 +1,181 @@
+"""The specification of a sample: what it takes to knit it, and what is to be expected of it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.knitting.chart import StitchChart
+from knitlab.knitting.knit_stitches import electrode_name
+from knitlab.knitting.knitout import knitout
+from knitlab.knitting.machine import Machine
+from knitlab.knitting.operations import operations
+from knitlab.knitting.passes import Duration, duration, longest_floats
+from knitlab.measure.knit_size import Gauge
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What a cube says of a design.
+
+    Attributes:
+        source: name of the cube.
+        contraction: relaxed over flat length of its unit cells along (x, y).
+        applied_strain: strains of its test.
+        poisson_ratio: Poisson's ratio at these.
+        low, high: its range over the siblings of the design, missing values if it has none.
+    """
+
+    source: str
+    contraction: tuple[float, float]
+    applied_strain: Float[np.ndarray, " strain"]
+    poisson_ratio: Float[np.ndarray, " strain"]
+    low: Float[np.ndarray, " strain"]
+    high: Float[np.ndarray, " strain"]
+
+
+@dataclass(frozen=True, eq=False)
+class Specification:
+    """What it takes to knit a sample.
+
+    Attributes:
+        chart: its chart.
+        machine: the machine.
+        gauge: size of a stitch before the fabric folds.
+        duration: passes and time of the whole program.
+        unplated: the same without its electrodes.
+        floats: the most needles that each carrier's yarn passes, by carrier.
+        prediction: what is to be expected of it, if a cube is given.
+    """
+
+    chart: StitchChart
+    machine: Machine
+    gauge: Gauge
+    duration: Duration
+    unplated: Duration
+    floats: dict[str, int]
+    prediction: Prediction | None = None
+
+    @property
+    def flat_size(self) -> tuple[float, float]:
+        """Width and length in cloth before it folds, by the gauge [mm]."""
+        chart = self.chart
+        return chart.wales * self.gauge.stitch_width, chart.courses * self.gauge.stitch_height
+
+    @property
+    def relaxed_size(self) -> tuple[float, float] | None:
+        """Width and length in cloth as it folds, if they are predicted [mm]."""
+        if self.prediction is None:
+            return None
+        width, length = (
+            size * part
+            for size, part in zip(self.flat_size, self.prediction.contraction, strict=True)
+        )
+        return width, length
+
+    @property
+    def carriers(self) -> list[tuple[int, str, str]]:
+        """The carriers in use: number, yarn and what it knits."""
+        carriers, yarns, sections = (
+            self.machine.carriers,
+            self.machine.yarns,
+            self.machine.sections,
+        )
+        used = [(carriers.body_carrier, yarns.body_yarn, "body")]
+        used += [
+            (
+                self.machine.carrier_of(number),
+                yarns.conductive_yarn,
+                f"electrode {electrode_name(number)}, on the {self.chart.plated_face[number - 1]}",
+            )
+            for number in self.chart.electrodes
+        ]
+        if sections.waste_courses:
+            used.append((carriers.waste_carrier, yarns.waste_yarn, "waste"))
+            used.append((carriers.draw_carrier, "draw-thread", "draw thread"))
+        return sorted(used)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What deserves a look before it is knitted."""
+        most = self.machine.carriers.longest_float
+        return [
+            f"the yarn of carrier {carrier} floats past {passed} needles"
+            for carrier, passed in self.floats.items()
+            if passed > most
+        ]
+
+    def rows(self) -> Iterator[tuple[str, str]]:
+        """Names and values of its lines."""
+        chart, bed, stitches = self.chart, self.machine.bed, self.machine.stitches
+        time, plated = self.duration, int((chart.plated > 0).sum())
+        along_y, along_x = chart.repeats
+        yield "design", " ".join(chart.title.split())
+        yield "repeats", f"{along_y} × {along_x} (warp × weft) of {_size(chart.repeat)}"
+        yield "machine", f"{bed.model}, {bed.needles} needles, {bed.needles_per_inch} an inch"
+        yield "needles", f"{chart.wales}, 1 to {chart.wales} on both beds"
+        yield "courses", str(chart.courses)
+        yield "stitches", f"{chart.front.size}, {int((~chart.front).sum())} on the back bed"
+        if plated:
+            yield "plated", f"{plated} stitches"
+        yield "transfers", f"{chart.transfers} between courses"
+        for number, yarn, use in self.carriers:
+            yield f"carrier {number}", f"{use}: {yarn}"
+        sizes = f"body {stitches.body_stitch_size}"
+        if plated:
+            sizes += f", plated {stitches.plated_stitch_size}"
+        yield "stitch size", f"{sizes} (machine units)"
+        yield "end", self.machine.sections.end.replace("_", "-")
+        yield (
+            "passes",
+            f"{time.passes}: {time.knit_passes} knit, {time.transfer_passes} transfer,"
+            f" {time.empty_passes} empty, {time.drop_passes} drop",
+        )
+        yield "machine time", f"about {_minutes(time.seconds)}"
+        if plated:
+            more, passes = time.seconds - self.unplated.seconds, time.passes - self.unplated.passes
+            part = more / self.unplated.seconds
+            yield "of plating", f"{_minutes(more)} and {passes} passes, {part:.0%} more"
+        yield "size flat", _millimetres(self.flat_size)
+        if self.relaxed_size is not None:
+            yield "size relaxed", _millimetres(self.relaxed_size)
+
+
+def specification(
+    chart: StitchChart,
+    machine: Machine,
+    gauge: Gauge,
+    program: str | None = None,
+    prediction: Prediction | None = None,
+) -> Specification:
+    """The specification of a chart.
+
+    Args:
+        chart: the chart.
+        machine: the machine.
+        gauge: size of a stitch.
+        program: its knitout, if it is written already.
+        prediction: what is to be expected of it.
+
+    Raises:
+        BadInput: if the chart is wider than the machine.
+    """
+    listed = list(operations(knitout(chart, machine) if program is None else program))
+    time = unplated = duration(listed, machine)
+    if chart.electrodes:
+        bare = replace(chart, plated=np.zeros_like(chart.plated))
+        unplated = duration(operations(knitout(bare, machine)), machine)
+    return Specification(chart, machine, gauge, time, unplated, longest_floats(listed), prediction)
+
+
+def _size(size: tuple[int, int]) -> str:
+    return f"{size[0]} courses and {size[1]} wales"
+
+
+def _minutes(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"
+
+
+def _millimetres(size: tuple[float, float]) -> str:
+    return f"{size[0]:.0f} × {size[1]:.0f} mm (width × length)"

@@ -1,0 +1,120 @@
+"""``knitlab knit``: files, exit codes and messages, and the same from Python."""
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import knitlab as kl
+from knitlab.api import knitting
+from knitlab.cli import main
+from knitlab.knitting.knitout import knitout
+
+PREVIEW = "results/reference/preview"
+DESIGN = ("--select", "n_stripe=4", "--select", "n_subunit=16")
+SMALL = ("preview", "--set", "n_stripe=2", "--set", "n_subunit=8")
+
+
+def run(*words):
+    return CliRunner().invoke(main, ["knit", *map(str, words)])
+
+
+def test_a_design_of_a_cube_gives_all_files(tmp_path):
+    names = ("sample.k", "chart.csv", "chart.svg", "chart.png")
+    outputs = [word for name in names for word in ("-o", tmp_path / name)]
+    result = run(PREVIEW, *DESIGN, *outputs, "--sheet", tmp_path / "sheet.pdf")
+    assert result.exit_code == 0, result.output
+    assert "size relaxed  13 × 13 mm (width × length)" in result.output
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*names, "sheet.pdf"])
+    assert (tmp_path / "sample.k").read_bytes().startswith(b";!knitout-2\n;;Machine: SWG061N2\n")
+    assert (tmp_path / "sheet.pdf").read_bytes().count(b"/Count 1") == 1
+
+
+def test_the_table_has_a_line_for_each_course_the_last_first(tmp_path):
+    path = tmp_path / "chart.csv"
+    assert run(*SMALL, "-o", path).exit_code == 0
+    header, *lines = [line.split(",") for line in path.read_text().splitlines()]
+    chart = kl.knit("preview", n_stripe=2, n_subunit=8).chart
+    assert header == ["course", *map(str, range(1, 17))]
+    assert [int(line[0]) for line in lines] == [*range(32, 0, -1)]
+    letters = np.array([line[1:] for line in lines[::-1]])
+    assert ((letters == "k") == chart.front).all()
+
+
+def test_plated_stitches_have_the_letter_of_their_electrode_in_the_table(tmp_path):
+    sample = kl.knit("sensor", n_stripe=4, n_subunit=16)
+    lowest = sample.save(tmp_path / "chart.csv").read_text().splitlines()[-1].split(",")
+    rib = "k k kA kA pA pA p p k k kB kB pB pB p p"
+    assert lowest[1:] == [*rib.split(), *["k"] * 16]
+
+
+@pytest.mark.parametrize("end", [pytest.param("bind_off", marks=pytest.mark.slow), "drop"])
+def test_a_checked_program_has_exit_code_0(end):
+    result = run(*SMALL, "--machine", f"end={end}", "--machine", "waste_courses=2", "--check")
+    assert result.exit_code == 0, result.output
+    assert "own checks:" in result.output
+    assert "interpreter:" in result.output
+
+
+def test_a_program_with_a_fault_has_exit_code_1(monkeypatch):
+    def forgetful(*arguments):
+        return knitout(*arguments).replace("outhook 3\n", "")
+
+    monkeypatch.setattr(knitting, "knitout", forgetful)
+    result = run(*SMALL, "--machine", "waste_courses=2", "--check")
+    assert result.exit_code == 1
+    assert "ends while carrier 3 is in action; add outhook 3" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("preview",), "--select: preview has 10 designs; select one of n_stripe 2 n_subunit 16,"),
+        ((PREVIEW, "--select", "n_stripe=4"), "--select: the cube has 3 designs; select one of"),
+        ((PREVIEW, *DESIGN, "--set", "n_stripe=4"), "--set: belong to workflows"),
+        ((*SMALL, "--repeats", "4"), "--repeats: is '4'; give two counts such as 4x2"),
+        ((*SMALL, "--repeats", "0x1"), "--repeats: are two counts from 1 up, (y, x), but are"),
+        ((*SMALL, "--repeats", "1x1", "--needles", "90"), "--repeats: and needles both set"),
+        ((*SMALL, "--needles", "9"), "--needles 9: one repeat takes 16 of them"),
+        ((*SMALL, "--machine", "end"), "machine end: is not KEY=VALUE"),
+        ((*SMALL, "--machine", "ends=drop"), "there is no setting of the machine 'ends'"),
+        ((*SMALL, "-o", "sample.dat"), "sample.dat: has no suffix of knitout or a chart; give .k,"),
+        ((*SMALL, "--sheet", "sheet.k"), "sheet.k: has no suffix of a figure"),
+        ((*SMALL, "--set", "pattern=miura"), "has 20 single folds, and no stitch is known"),
+        (("nothing",), "is no file, and there is no workflow 'nothing'"),
+        (("results/nothing.nc",), "does not exist; run a workflow"),
+    ],
+)
+def test_bad_input_is_explained_with_exit_code_2(words, message):
+    result = run(*words)
+    assert result.exit_code == 2, result.output
+    assert message in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.slow
+def test_a_design_a_test_and_a_cube_give_the_same_chart():
+    design = kl.Design(n_stripe=2, n_subunit=8, boundary="periodic")
+    test = kl.simulate(design, [0, 0.03])
+    samples = [kl.knit(design), kl.knit(test), kl.knit("preview", n_stripe=2, n_subunit=8)]
+    assert len({sample.program for sample in samples}) == 1
+    assert samples[0].specification.relaxed_size is None
+    assert samples[1].specification.relaxed_size is not None
+
+
+def test_a_cube_without_its_cases_is_planned_again(tmp_path):
+    cube = kl.open_cube(PREVIEW)
+    path = tmp_path / "cube.nc"
+    cube.to_netcdf(path)
+    sample = kl.knit(path, n_stripe=6, n_subunit=24)
+    assert sample.chart.front.shape == (96, 48)
+    cube.attrs["workflow"] = "own"
+    cube.to_netcdf(tmp_path / "other.nc")
+    with pytest.raises(kl.BadInput, match="is recorded in no plan and no case file"):
+        kl.knit(tmp_path / "other.nc", n_stripe=6, n_subunit=24)
+
+
+def test_the_relaxed_size_is_that_of_the_cube():
+    cube = kl.open_cube(PREVIEW).sel(n_stripe=[4], n_subunit=[16])
+    width, length = kl.knit(cube, repeats=(3, 2)).specification.relaxed_size
+    assert width == pytest.approx(2 * float(cube["knit_cell_x"].squeeze()))
+    assert length == pytest.approx(3 * float(cube["knit_cell_y"].squeeze()))

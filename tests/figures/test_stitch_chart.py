@@ -1,0 +1,88 @@
+"""The figure of a stitch chart: colours, counts, legend and the part that is drawn."""
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+
+from knitlab.figures.specification_sheet import A4, specification_sheet
+from knitlab.figures.stitch_chart import (
+    BACK,
+    ELECTRODES,
+    FRONT,
+    drawn_part,
+    stitch_chart_figure,
+    title_of,
+)
+from knitlab.knitting.machine import read_machine
+from knitlab.knitting.specification import specification
+from knitlab.knitting.stitch_chart import stitch_chart
+from knitlab.measure.knit_size import Gauge
+from tests.knitting.charts import case_of
+
+PLATED = stitch_chart(case_of("sensor", n_stripe=4, n_subunit=16))
+LARGE = stitch_chart(case_of("sensor", n_stripe=4, n_subunit=16), needles=360)
+
+
+def grey(colour):
+    return np.dot(to_rgb(colour), [0.299, 0.587, 0.114])
+
+
+def texts(figure):
+    return [text.get_text() for text in figure.findobj(lambda each: hasattr(each, "get_text"))]
+
+
+def test_every_stitch_has_the_colour_of_its_bed_and_electrode():
+    (image,) = stitch_chart_figure(PLATED).axes[0].images
+    drawn = image.get_array()
+    assert drawn.shape[:2] == PLATED.front.shape
+    bare = PLATED.plated == 0
+    assert (drawn[PLATED.front & bare] == to_rgb(FRONT)).all()
+    assert (drawn[~PLATED.front & bare] == to_rgb(BACK)).all()
+    assert np.allclose(drawn[PLATED.front & (PLATED.plated == 2)], to_rgb(ELECTRODES[2][0]))
+    assert np.allclose(drawn[~PLATED.front & (PLATED.plated == 1)], to_rgb(ELECTRODES[1][1]))
+
+
+def test_beds_differ_without_colour():
+    assert grey(FRONT) - grey(BACK) > 0.25
+    for on_front, on_back in ELECTRODES.values():
+        assert grey(on_front) - grey(on_back) > 0.15
+
+
+def test_a_stitch_is_drawn_twice_as_wide_as_high_and_both_axes_count():
+    axes = stitch_chart_figure(PLATED).axes[0]
+    assert axes.get_aspect() == 0.5
+    for axis, count in ((axes.xaxis, PLATED.wales), (axes.yaxis, PLATED.courses)):
+        labels = [label.get_text() for label in axis.get_ticklabels()]
+        assert (labels[0], labels[-1]) == ("1", str(count))
+
+
+def test_marks_are_explained_in_knitting_terms():
+    shown = texts(stitch_chart_figure(PLATED))
+    for text in (
+        "knit on the front bed: face stitch (knit)",
+        "knit on the back bed: reverse stitch (purl)",
+        "electrode A: plated, conductor on the front; darker: purl",
+        "border of a patch",
+        "repeat: 32 wales",
+        "repeat: 64 courses",
+        "garter",
+    ):
+        assert text in shown
+
+
+def test_of_a_large_chart_one_repeat_is_drawn_with_its_electrodes():
+    rows, columns = drawn_part(LARGE)
+    assert (rows.stop - rows.start, columns.stop - columns.start) == LARGE.repeat
+    assert (LARGE.plated[rows, columns] > 0).any()
+    assert title_of(LARGE).endswith("; one of 22 × 11 repeats is drawn")
+
+
+def test_the_sheet_states_every_line_of_the_specification():
+    sheet = specification(
+        PLATED, read_machine({"waste_courses": 2, "end": "drop"}), Gauge(0.5, 0.2)
+    )
+    figure = specification_sheet(sheet)
+    assert tuple(figure.get_size_inches()) == pytest.approx(A4)
+    shown = texts(figure)
+    assert {name for name, _ in sheet.rows()} <= set(shown)
+    assert "of plating" in shown

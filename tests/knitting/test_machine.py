@@ -1,0 +1,52 @@
+"""The machine: what its file holds, and what is refused."""
+
+import tomllib
+
+import pytest
+
+from knitlab.io.errors import BadInput
+from knitlab.io.shipped import shipped
+from knitlab.knitting.machine import TABLES, read_machine
+from knitlab.study.declared_fields import declared
+
+
+def test_every_value_of_the_file_has_its_unit_and_source():
+    file = tomllib.loads((shipped("params") / "machine.toml").read_text(encoding="utf-8"))
+    assert set(file) == set(TABLES)
+    for name, table in TABLES.items():
+        assert set(file[name]) == set(declared(table))
+        assert all(set(entry) == {"value", "unit", "source"} for entry in file[name].values())
+
+
+def test_the_paper_gives_machine_needles_and_stitch_sizes():
+    machine = read_machine()
+    assert (machine.bed.model, machine.bed.needles) == ("SWG061N2", 360)
+    assert machine.stitches.body_stitch_size == 34
+    assert machine.stitches.plated_stitch_size == 38
+    # 360 needles of 15 an inch are the two feet of the machine.
+    assert machine.pitch * machine.bed.needles == pytest.approx(24 * 25.4)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"ends": "drop"}, "machine ends: there is no setting of the machine 'ends'; did you mean"),
+        ({"end": "sew"}, "machine end: input should be 'bind_off' or 'drop', but is 'sew'"),
+        ({"waste_courses": 3}, "machine waste_courses: is an even number"),
+        ({"body_carrier": 12}, "machine body_carrier: is carrier 12, and there are 10"),
+        ({"body_carrier": 4}, "are one carrier; give each its own"),
+        ({"body_yarn": "two words"}, "machine body_yarn: is one word without"),
+        ({"needles": 0}, "machine needles: input should be greater than 0"),
+    ],
+)
+def test_bad_values_are_refused(changes, message):
+    with pytest.raises(BadInput) as caught:
+        read_machine(changes)
+    assert message in str(caught.value)
+
+
+def test_a_fault_of_a_file_is_told_with_its_path(tmp_path):
+    text = (shipped("params") / "machine.toml").read_text(encoding="utf-8")
+    (tmp_path / "machine.toml").write_text(text.replace('unit = "m/s"', 'unit = "km/h"'))
+    with pytest.raises(BadInput, match=r"machine.toml: time.knitting_speed.unit"):
+        read_machine(folder=tmp_path)

@@ -1,0 +1,80 @@
+"""Carriage passes: counted by hand, and their time by the speeds."""
+
+import numpy as np
+import pytest
+
+from knitlab.knitting.knitout import knitout
+from knitlab.knitting.machine import read_machine
+from knitlab.knitting.operations import operations
+from knitlab.knitting.passes import carriage_passes, duration, longest_floats
+from knitlab.knitting.specification import specification
+from knitlab.measure.knit_size import Gauge
+from tests.knitting.charts import chart_of_arrays
+
+TEXT = """inhook 3
+knit - f3 3
+knit - b2 3
+knit - f1 3
+xfer f1 b1
+xfer f3 b3
+xfer b2 f2
+knit + b1 3
+x-stitch-number 6
+knit + f2 3 4
+x-stitch-number 5
+knit + b3 3
+rack 1
+outhook 3
+"""
+
+
+def test_passes_of_a_program():
+    passes = list(carriage_passes(operations(TEXT)))
+    assert [(each.kind, each.first, each.last) for each in passes] == [
+        ("knit", 3, 1),
+        ("transfer", 1, 3),
+        ("transfer", 2, 2),
+        ("knit", 1, 1),
+        ("knit", 2, 2),
+        ("knit", 3, 3),
+    ]
+
+
+def test_the_time_of_a_program_is_that_of_its_parts():
+    machine = read_machine()
+    found, time, metres = duration(operations(TEXT), machine), machine.time, machine.pitch / 1000
+    assert (found.knit_passes, found.transfer_passes, found.empty_passes) == (4, 2, 2)
+    assert found.passes == 8
+    assert found.seconds == pytest.approx(
+        8 * time.turn_time
+        + metres * (3 + 1 + 1 + 1 + 2 * 1) / time.knitting_speed
+        + metres * (3 + 1) / time.transfer_speed
+        + time.racking_time
+        + 2 * time.carrier_time
+    )
+
+
+def test_floats_pass_the_needles_between_two_stitches_of_a_yarn():
+    text = "inhook 3\nknit - f9 3\nknit - f8 3\nknit - f2 3\nknit + f2 3\n"
+    assert longest_floats(operations(text)) == {"3": 5}
+
+
+def test_every_group_of_a_plated_course_takes_a_pass_of_its_own():
+    plated = np.zeros((10, 20), int)
+    plated[:, 5:8], plated[:, 12:14] = 1, 2
+    chart = chart_of_arrays(np.ones((10, 20)), plated)
+    sheet = specification(chart, read_machine(), Gauge(0.5, 0.25))
+    # Five passes in place of one, all in one direction, with four empty ones between.
+    assert sheet.duration.knit_passes - sheet.unplated.knit_passes == 10 * 4
+    assert sheet.duration.empty_passes - sheet.unplated.empty_passes == 10 * 4
+    assert sheet.flat_size == (10, 2.5)
+    assert sheet.relaxed_size is None
+
+
+def test_a_long_float_is_remarked_on():
+    plated = np.zeros((2, 30), int)
+    plated[:, [1, 28]] = 1
+    chart = chart_of_arrays(np.ones((2, 30)), plated)
+    sheet = specification(chart, read_machine(), Gauge(0.5, 0.25))
+    assert sheet.remarks == ["the yarn of carrier 4 floats past 26 needles"]
+    assert len(list(operations(knitout(chart, read_machine())))) > 60

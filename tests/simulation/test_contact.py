@@ -1,0 +1,105 @@
+"""Contact in simulations: nothing passes through itself, balance, limits, and what is refused."""
+
+import numpy as np
+import pytest
+
+import knitlab as kl
+from knitlab.measure.grid_nodes import nodes_at
+from knitlab.measure.intersections import self_intersections
+from knitlab.model.configuration import Configuration
+from knitlab.model.network import MeshShape
+from knitlab.simulation.case import case_of
+
+PERIODIC = kl.Design(n_stripe=4, n_subunit=16, boundary="periodic")
+THICKNESS = 0.1
+
+
+def only(**settings):
+    (case,) = kl.plan("preview", n_stripe=4, n_subunit=16, **settings).cases.values()
+    return case
+
+
+def distances(nodes):
+    """Shortest distance of two nodes more than two cells apart on the grid, by brute force."""
+    rows, columns = nodes.shape[:2]
+    place = np.indices((rows, columns)).reshape(2, -1).T
+    points = nodes.reshape(-1, 3)
+    apart = np.linalg.norm(points[:, None] - points, axis=-1)
+    return apart[np.abs(place[:, None] - place).max(axis=-1) > 2].min()
+
+
+@pytest.mark.slow
+def test_a_fabric_that_would_pass_through_itself_keeps_its_distance():
+    strains = [0.0, 0.03, 0.06]
+    free = kl.simulate(PERIODIC, strains)
+    held = kl.simulate(PERIODIC, strains, contact="barrier")
+    assert free["self_intersections"][0] > 0
+    assert not held["self_intersections"].any()
+    assert (held["residual_force"] < 1e-8).all()
+    assert held["energy_contact"][0] > 0
+    shape = MeshShape(16, 16, periodic=True)
+    sides = np.stack([held["length_x"], held["length_y"]], axis=-1)
+    shapes = Configuration(held["position"].values, sides)
+    assert not self_intersections(shape, shapes).any()
+    around = nodes_at(shape, shapes, np.arange(32), np.arange(32))
+    assert all(distances(np.asarray(state)) > THICKNESS for state in around)
+
+
+@pytest.mark.slow
+def test_clamped_samples_with_contact_balance_and_keep_from_passing_through_themselves():
+    design = kl.Design(n_stripe=4, n_subunit=16, boundary="clamped", unit_cells=(1, 1))
+    held = kl.simulate(design, [0.0, 0.05, 0.1], contact="barrier")
+    assert not held["self_intersections"].any()
+    parts = ("stretch", "fold", "wall", "contact")
+    energy = sum(held[f"energy_{part}"].values for part in parts)
+    work = np.trapezoid(held["reaction_force"], held["applied_strain"]) * np.ptp(
+        held["position"].values[0, :, :, 1].mean(axis=1)
+    )
+    assert energy[-1] - energy[0] == pytest.approx(work, rel=0.05)
+
+
+@pytest.mark.slow
+def test_thin_fabric_that_touches_nothing_is_that_without_contact():
+    design = kl.Design(n_stripe=4, n_subunit=24, boundary="periodic")
+    strains = [0.0, 0.1]
+    free = kl.simulate(design, strains)
+    assert not free["self_intersections"].any()
+    differences = []
+    for thickness in (0.02, 0.002):
+        held = kl.simulate(design, strains, contact="barrier", thickness=thickness)
+        differences.append(abs(held["poisson_ratio"][1].item() - free["poisson_ratio"][1].item()))
+    assert differences[1] < 1e-3
+    assert differences[1] <= differences[0]
+
+
+@pytest.mark.parametrize(
+    ("settings", "problem"),
+    [
+        ({"method": "dynamics"}, "needs equilibria"),
+        ({"sensitivities": True}, "has no sensitivities"),
+        ({"boundary": "clamped", "drag": 1e-6}, "drag = 0"),
+        ({"thickness": 0.2}, "too thick for the folds .* less than 0.177"),
+        ({"thickness": -1}, "thickness"),
+    ],
+)
+def test_what_contact_is_not_combined_with_is_refused(settings, problem):
+    with pytest.raises(kl.BadInput, match=problem):
+        only(contact="barrier", **settings)
+
+
+def test_only_with_contact_are_cases_told_apart_by_their_thickness():
+    without = {only(thickness=each).case_id for each in (0.05, 0.1)}
+    touching = {only(contact="barrier", thickness=each).case_id for each in (0.05, 0.1)}
+    assert without == {only().case_id}
+    assert len(touching | without) == 3
+
+
+def test_walls_leave_half_a_thickness_to_the_middle_surface():
+    gaps = [float(only(contact=contact).assemble()[1].z_max) for contact in ("none", "barrier")]
+    assert gaps[0] - gaps[1] == pytest.approx(THICKNESS / 2)
+
+
+def test_a_case_with_contact_is_read_back_from_its_record():
+    for settings in ({}, {"contact": "barrier", "thickness": 0.08}):
+        case = only(**settings)
+        assert case_of(case.record).case_id == case.case_id
