@@ -15,6 +15,7 @@ from knitlab.execution.status import FolderStatus, workflow_status
 from knitlab.io.errors import Fault
 from knitlab.io.plain_cube import CUBE
 from knitlab.study.plan import Plan, make_plan
+from knitlab.study.shard import Shard
 from knitlab.tables import accessor as _accessor  # noqa: F401  (registers cube.knitlab)
 
 RESULTS = Path("results")
@@ -69,7 +70,7 @@ def run_workflow(
         plan: the plan.
         results: folder that holds a folder of results for each workflow.
         options: how to run it.
-        figures: whether to draw the workflow's figures.
+        figures: whether to draw the workflow's figures; a shard draws none.
 
     Raises:
         BadInput: if another run holds the folder, or its cube has other dimensions.
@@ -77,7 +78,7 @@ def run_workflow(
     """
     folder = results / plan.workflow
     done = run_plan(plan, folder, options)
-    if not figures:
+    if not figures or options.shard:
         return WorkflowRun(plan, folder, done)
     # Matplotlib is imported only to draw.
     from knitlab.figures.drawing import draw_figures
@@ -96,6 +97,7 @@ def run(
     fail_fast: bool = False,
     case_timeout: float | None = None,
     refresh: bool = False,
+    shard: tuple[int, int] | None = None,
     figures: bool = False,
     progress: bool = False,
     **settings: Any,
@@ -112,13 +114,17 @@ def run(
         fail_fast: whether to stop at the first case that is not ok.
         case_timeout: longest time for a case [s].
         refresh: whether to recompute stale results.
+        shard: the part of the plan to run, as ``(3, 40)``, beside processes that run the others:
+            in the same results folder, or each in its own for :func:`merge`. Every case is in one
+            part, and parts take about the same time.
         figures: whether to draw the workflow's figures into the results folder.
         progress: whether to draw a progress bar.
         settings: settings of the workflow to replace; a list makes a dimension of the cube:
             ``k_t_factor=[0.8, 1.0, 1.2]``.
 
     Returns:
-        The cube, with every design of the results folder.
+        The cube, with every design of the results folder; of a shard, the designs of its part. The
+        last of several shards to end writes ``cube.nc`` with the designs of all.
 
     Raises:
         BadInput: with every fault of the workflow and its settings, or if the folder is in use
@@ -140,6 +146,7 @@ def run(
         fail_fast=fail_fast,
         case_timeout=case_timeout,
         refresh=refresh,
+        shard=None if shard is None else Shard(*shard),
         show_progress=progress,
     )
     made = plan(workflow, **settings)
@@ -149,7 +156,8 @@ def run(
     for remark in [*done.failures, *done.run.remarks(done.folder), *map(str, done.faults)]:
         warnings.warn(remark, NotAllOk, stacklevel=2)
     cube = done.run.cube
-    cube.encoding["source"] = str(done.folder / CUBE)
+    if shard is None:
+        cube.encoding["source"] = str(done.folder / CUBE)
     return cube
 
 

@@ -135,6 +135,11 @@ def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
     help="Longest time for one case.",
 )
 @click.option("--refresh", is_flag=True, help="Recompute stale results.")
+@click.option(
+    "--shard",
+    metavar="NUMBER/COUNT",
+    help="Run one part of the plan, as 3/40, beside processes that run the others.",
+)
 @click.option("--dashboard", is_flag=True, help="Open dask's dashboard on this machine.")
 @explains_bad_input
 def run(
@@ -147,16 +152,22 @@ def run(
     keep_going: bool,
     case_timeout: float | None,
     refresh: bool,
+    shard: str | None,
     dashboard: bool,
 ) -> None:
-    """Simulate the missing cases of WORKFLOW, build its cube and draw its figures."""
-    if _is_finished(workflow, settings, results):
+    """Simulate the missing cases of WORKFLOW, build its cube and draw its figures.
+
+    The last of several shards to end builds the cube; then run WORKFLOW without it for the figures.
+    """
+    if shard is None and _is_finished(workflow, settings, results):
         return
     from knitlab.api.sweeps import run_workflow
     from knitlab.execution.run import RunOptions
     from knitlab.io.plain_cube import CUBE
     from knitlab.study.plan import make_plan
+    from knitlab.study.shard import Shard
 
+    part = None if shard is None else Shard.of(shard)
     made = make_plan(workflow, settings)
     _echo_warnings(made)
     options = RunOptions(
@@ -166,13 +177,20 @@ def run(
         fail_fast=not keep_going,
         case_timeout=case_timeout,
         refresh=refresh,
+        shard=part,
         dashboard=dashboard,
         show_progress=True,
     )
     done = run_workflow(made, results, options)
     _echo_excluded(made)
-    click.echo(f"{len(done.run.simulated)} cases simulated, {len(done.run.reused)} already there")
-    click.echo(f"cube    {done.folder / CUBE}")
+    of_shard = f" in shard {part}" if part else ""
+    click.echo(
+        f"{len(done.run.simulated)} cases simulated, {len(done.run.reused)} already there{of_shard}"
+    )
+    if done.run.joined:
+        click.echo(f"cube    {done.folder / CUBE}")
+    else:
+        click.echo("other shards still run; the last one to end writes the cube")
     for path in done.figures:
         click.echo(f"figure  {path}")
     for fault in done.faults:

@@ -1,40 +1,41 @@
 """Running a plan: missing cases are simulated, then the cube is built."""
 
 import itertools
-import json
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import xarray as xr
 
-from knitlab.execution.cube import build_cube
 from knitlab.execution.interruption import interrupted_by_signals
+from knitlab.execution.join import (
+    Failed,
+    Failure,
+    failure_entries,
+    join,
+    joined_again,
+    part_cube,
+    previous_cube,
+)
 from knitlab.execution.progress import ProgressBar
-from knitlab.execution.status import FAILURES, PLAN, earlier_failures
-from knitlab.execution.survey import CaseState, cells, check_dims, survey
-from knitlab.execution.workers import BatchError, Pool, Simulate, Task, connected, pool_of
-from knitlab.io.atomic_write import atomic_write, clear_unfinished
+from knitlab.execution.shard_record import ShardRecord, record_path, write_record
+from knitlab.execution.status import FAILURES, PLAN, check_same_plan
+from knitlab.execution.survey import CaseState, survey
+from knitlab.execution.workers import Pool, Simulate, Task, connected, pool_of
+from knitlab.io.atomic_write import clear_unfinished
 from knitlab.io.case_file import case_path, read_case
-from knitlab.io.cube_file import open_cube, write_cube
 from knitlab.io.design_status import Status
-from knitlab.io.errors import BadInput, Fault, fault
-from knitlab.io.lock import held
+from knitlab.io.errors import BadInput, Fault
+from knitlab.io.lock import gate, held, held_by_shard, running_shards
 from knitlab.io.plain_cube import CUBE, PlainCube
 from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import simulate_batch
 from knitlab.study.common_settings import differences, parameters_of
 from knitlab.study.plan import Plan
+from knitlab.study.shard import Shard, part_of
 
-MAY_DIFFER = ("applied_strain", "unit_cells", "solver", "sensitivities", "unloading", "robustness")
-"""Parameters in which designs of one cube may differ: strains, sample size (which the cube has for
-each design, as ``unit_cells_y`` and ``unit_cells_x``), solver settings, and whether sensitivities,
-unloading or siblings are requested."""
 ONE_BY_ONE = 2
 """Number of attempts after which batches are run one by one."""
-Failed = dict[str, BatchError]
-"""Why cases could not be computed, by identifier."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,7 @@ class RunOptions:
         fail_fast: whether to stop at the first case that is not ok.
         case_timeout: longest time for a case, if any [s].
         refresh: whether to recompute stale results.
+        shard: the part of the plan that is simulated; None simulates all of it.
         dashboard: whether to open dask's dashboard.
         show_progress: whether to draw a progress bar.
         simulate: function that simulates a batch.
@@ -59,6 +61,7 @@ class RunOptions:
     fail_fast: bool = False
     case_timeout: float | None = None
     refresh: bool = False
+    shard: Shard | None = None
     dashboard: bool = False
     show_progress: bool = False
     simulate: Simulate = simulate_batch
@@ -85,20 +88,22 @@ class Run:
     """The result of a run.
 
     Attributes:
-        cube: the cube, as written.
+        cube: the cube, as written; of a shard, the designs of its part alone.
         simulated: identifiers of the cases that this run simulated.
         states_before: state of every planned case before the run, by identifier.
         failures: an entry with its reason for each case that is not ok.
         stopped: whether the run was interrupted.
         changed: differences to the parameters of stale results.
+        joined: whether ``cube.nc`` was written; it is left to other shards that still run.
     """
 
     cube: xr.Dataset
     simulated: tuple[str, ...]
     states_before: dict[str, CaseState]
-    failures: tuple[dict[str, Any], ...]
+    failures: tuple[Failure, ...]
     stopped: bool
     changed: tuple[str, ...] = ()
+    joined: bool = True
 
     def in_state(self, state: CaseState) -> tuple[str, ...]:
         """Identifiers of the cases that were in a state before the run."""
@@ -169,73 +174,74 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
     whose worker dies is tried again, then each of its cases on its own; a case that still has no
     result is ``failed``. Ctrl-C and SIGTERM keep finished cases.
 
+    A shard simulates its part beside other shards; the last one to end writes ``cube.nc`` with the
+    cases of all.
+
     Args:
         plan: the plan, which is written to ``plan.json``.
         results: results folder of the workflow.
         options: how to run it.
 
     Raises:
-        BadInput: if another run holds the folder, or its cube has other dimensions.
+        BadInput: if another run holds the folder, its cube has other dimensions, or shards of
+            another plan run there.
         CannotWrite: if the folder cannot be written, or is full; finished cases are kept.
     """
     if options.scheduler is not None:
         connected(options.scheduler).close()  # before anything is written
-    with held(results):
-        clear_unfinished(results)
-        old = _old_cube(plan, results / CUBE)
+    shard = options.shard
+    part = plan if shard is None else part_of(plan, shard)
+    with held(results) if shard is None else held_by_shard(results, shard.number, shard.count):
+        with gate(results):
+            old = _begin(plan, results, shard)
         known = None if old is None else PlainCube.of(old)
-        states = survey(plan.designs, results, known, check=True)
+        states = survey(part.designs, results, known, check=True)
         missing = {
-            case_id: plan.cases[case_id]
+            case_id: part.cases[case_id]
             for case_id, state in states.items()
             if state in (CaseState.pending, CaseState.damaged) or (state.stale and options.refresh)
         }
-        plan.write(results / PLAN)
         progress = RunProgress()
         with interrupted_by_signals():
-            stopped = _simulate_all(plan, results, missing, options, progress)
+            stopped = _simulate_all(part, results, missing, options, progress)
         simulated = tuple(case_id for case_id in missing if case_id in progress.ended)
-        stale = {
-            case_id
-            for case_id, state in states.items()
-            if state is CaseState.stale_parameters and case_id not in simulated
-        }
-        damaged = {
-            case_id
-            for case_id, state in states.items()
-            if state is CaseState.damaged and case_id not in simulated
-        }
-        cube = build_cube(plan, results, old, simulated, stale, progress.failed, damaged)
-        write_cube(cube, results / CUBE)
-        failures = tuple(_failures(plan, results, cube, simulated, progress.failed))
-        with atomic_write(results / FAILURES) as temporary:
-            temporary.write_text("".join(json.dumps(entry) + "\n" for entry in failures))
-    planned = tuple(entry for entry in failures if entry["case_id"] in plan.cases)
+        if shard is None:
+            joined = True
+            cube, failures = join(plan, results, old, states, simulated, progress.failed)
+        else:
+            cube = part_cube(plan, part, results, states, simulated, progress.failed)
+            failures = tuple(failure_entries(part, results, cube, simulated, progress.failed))
+            with gate(results):
+                path = record_path(results, shard.number, shard.count)
+                write_record(path, ShardRecord(simulated, failures))
+                if joined := not _others(results, shard):
+                    joined_again(plan, results, simulated, progress.failed)
+    kept = [case_id for case_id, state in states.items() if state is CaseState.stale_parameters]
+    stale = set(kept) - set(simulated)
+    planned = tuple(entry for entry in failures if entry["case_id"] in part.cases)
     changed = differences(parameters_of(old), plan.common) if old is not None and stale else ()
-    return Run(cube, simulated, states, planned, stopped, tuple(map(str, changed)))
+    return Run(cube, simulated, states, planned, stopped, tuple(map(str, changed)), joined)
 
 
-def _old_cube(plan: Plan, path: Path) -> xr.Dataset | None:
-    """The existing cube, if there is one; refused if the plan's designs cannot be added to it."""
-    if not path.exists():
-        return None
-    try:
-        cube = open_cube(path)
-    except BadInput as error:
-        problem = "cannot be read; remove it and run again: it is rebuilt from the case files"
-        raise fault(str(path), problem) from error
-    check_dims(PlainCube.of(cube), plan.dims, path)
-    others = set(cells(PlainCube.of(cube))) - set(plan.designs.values())
-    changed = differences(parameters_of(cube), plan.common)
-    changed = tuple(change for change in changed if change.key[0] not in MAY_DIFFER)
-    if others and changed:
-        listed = "; ".join(map(str, changed))
-        raise fault(
-            str(path),
-            f"holds {len(others)} designs computed otherwise ({listed}); name another"
-            " results folder, or list the values of a setting to make it a dimension",
-        )
-    return cube
+def _begin(plan: Plan, results: Path, shard: Shard | None) -> xr.Dataset | None:
+    """Write the plan into a results folder, unless other shards run there; the cube before it.
+
+    Raises:
+        BadInput: if the cube does not fit the plan, or the other shards have another plan.
+    """
+    old = previous_cube(plan, results / CUBE)
+    if shard is not None and _others(results, shard):
+        check_same_plan(plan, results)
+    else:
+        clear_unfinished(results)
+        plan.write(results / PLAN)
+    return old
+
+
+def _others(results: Path, shard: Shard) -> list[tuple[int, int]]:
+    """The other shards that run in a folder."""
+    own = shard.number, shard.count
+    return [running for running in running_shards(results) if running != own]
 
 
 def _simulate_all(
@@ -304,29 +310,3 @@ def _in_rounds(
 
 def _all_ok(results: Path, batch: Sequence[Case]) -> bool:
     return all(read_case(results, case.case_id)["status"] == Status.ok for case in batch)
-
-
-def _failures(
-    plan: Plan, results: Path, cube: xr.Dataset, simulated: Collection[str], failed: Failed
-) -> Iterator[dict[str, Any]]:
-    """For every design of the cube that is not ok the reason, and the record to run it alone."""
-    earlier = earlier_failures(results)
-    bad = cube["status"].isin([Status.not_converged, Status.failed])
-    # A case that failed when it was refreshed keeps its old results in the cube.
-    for case_id in dict.fromkeys([*cube["case_id"].values[bad.values], *failed]):
-        if case_id in earlier and case_id not in simulated and case_id not in failed:
-            yield earlier[case_id]
-        elif case := plan.cases.get(case_id):
-            error = failed.get(case_id)
-            yield {
-                "case_id": case_id,
-                **case.design,
-                "status": (Status.failed if error else Status.not_converged).name,
-                "reason": error.reason if error else _reason(results, case_id),
-                "trace": error.trace if error else "",
-                "case": case.record,
-            }
-
-
-def _reason(results: Path, case_id: str) -> str:
-    return str(read_case(results, case_id).attrs["reason"])

@@ -5,13 +5,17 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from knitlab.execution.shard_record import read_records
 from knitlab.execution.survey import CaseState, Design, cells, survey
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
-from knitlab.io.fingerprint import digests
+from knitlab.io.fingerprint import code_fingerprint, digests
 from knitlab.io.plain_cube import CUBE, open_plain_cube
+
+if TYPE_CHECKING:
+    from knitlab.study.plan import Plan  # imports JAX
 
 PLAN = "plan.json"
 FAILURES = "failures.jsonl"
@@ -157,11 +161,29 @@ def planned_designs(record: Mapping[str, Any]) -> dict[str, Design]:
     return {case_id: tuple(case["design"].values()) for case_id, case in record["cases"].items()}
 
 
+def check_same_plan(plan: "Plan", folder: Path) -> None:
+    """Check that a folder's plan has the cases of a plan that is to be added to it.
+
+    Raises:
+        BadInput: if it has others.
+    """
+    record = read_plan(folder)
+    if (set(record["cases"]), record.get("code")) != (set(plan.cases), code_fingerprint()):
+        raise fault(
+            str(folder / PLAN),
+            "is that of the shards that run in this folder, and has other cases or was made by"
+            " other code; wait for them, or name another results folder",
+        )
+
+
 def earlier_failures(folder: Path) -> dict[str, dict[str, Any]]:
-    """Entries of the last run for designs that are not ok, by case identifier."""
+    """Entries for designs that are not ok, by case identifier: of the last run, and of shards."""
     try:
         lines = (folder / FAILURES).read_text().splitlines()
-        entries = [json.loads(line) for line in lines]
-        return {entry["case_id"]: entry for entry in entries if entry["reason"] and entry["case"]}
+        last = [json.loads(line) for line in lines]
+        found = {entry["case_id"]: entry for entry in last if entry["reason"] and entry["case"]}
     except (OSError, ValueError, TypeError, KeyError):
-        return {}  # every run rewrites the file, and no result depends on it
+        found = {}  # every run rewrites the file, and no result depends on it
+    for record in read_records(folder):
+        found |= {entry["case_id"]: entry for entry in record.failures}
+    return found

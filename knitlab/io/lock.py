@@ -1,60 +1,142 @@
-"""The lock of a results folder, which allows one run at a time. Needs no JAX."""
+"""Locks of a results folder: one run at a time, or several shards side by side. Needs no JAX.
+
+A run holds ``.lock`` until it ends. A shard holds a lock of its own, so that others can run beside
+it. The gate is held only for moments: whoever starts does so behind it, and looks whether those
+that run already leave room; shards also write behind it what they share.
+"""
 
 import getpass
 import json
 import os
+import re
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 
-from filelock import FileLock, Timeout
+from filelock import AcquireReturnProxy, FileLock, Timeout
 
-from knitlab.io.errors import CannotWrite, Fault, fault
+from knitlab.io.errors import BadInput, CannotWrite, Fault, fault
 
 LOCK_NAME = ".lock"
-HOLDER_NAME = ".lock.json"
-"""Separate from the lock, because a locked file cannot be read on Windows."""
+GATE_NAME = ".lock-gate"
+SHARD_LOCK = re.compile(r"\.lock-shard-(\d+)-of-(\d+)")
+GATE_SECONDS = 900.0
+"""Longest time to wait at the gate; who holds it writes a cube at most."""
 
 
 @contextmanager
 def held(folder: Path) -> Iterator[None]:
-    """Lock a results folder; the lock is released when the process ends, however it ends.
+    """Lock a results folder for one run; the lock ends with the process, however it ends.
 
     Raises:
-        BadInput: if another process holds the lock; the message names it.
+        BadInput: if another process runs in the folder; the message names it.
         CannotWrite: if the folder cannot be written.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(folder / LOCK_NAME, blocking=False).acquire()
-    except Timeout:
-        problem = f"is held by {_holder(folder)}; wait for it, or name another results folder"
-        raise fault(str(folder), problem) from None
-    except OSError as error:
-        problem = f"cannot be written ({error.strerror}); choose another folder"
-        raise CannotWrite([Fault(str(folder), problem)]) from error
+    with gate(folder):
+        lock = _acquired(folder, LOCK_NAME)
+        if running := running_shards(folder):
+            with lock:  # which releases it
+                raise _in_use(folder, _shard_lock(*running[0]))
     with lock:
-        _name_holder(folder)
         yield
 
 
-def _name_holder(folder: Path) -> None:
+@contextmanager
+def held_by_shard(folder: Path, number: int, count: int) -> Iterator[None]:
+    """Lock a results folder for one shard of a plan; other shards may hold it at the same time.
+
+    Args:
+        folder: the folder.
+        number: number of the shard, from 1 on.
+        count: number of shards.
+
+    Raises:
+        BadInput: if a whole run, the same shard or a shard of another split runs in the folder.
+        CannotWrite: if the folder cannot be written.
+    """
+    with gate(folder):
+        with _acquired(folder, LOCK_NAME):
+            pass  # no run holds it
+        if others := [shard for shard in running_shards(folder) if shard[1] != count]:
+            raise _in_use(folder, _shard_lock(*others[0]))
+        lock = _acquired(folder, _shard_lock(number, count))
+    with lock:
+        yield
+
+
+@contextmanager
+def gate(folder: Path) -> Iterator[None]:
+    """Exclude the other processes of a results folder for a moment.
+
+    Raises:
+        BadInput: if another process does not leave the gate.
+        CannotWrite: if the folder cannot be written.
+    """
+    with _acquired(folder, GATE_NAME, GATE_SECONDS):
+        yield
+
+
+def running_shards(folder: Path) -> list[tuple[int, int]]:
+    """The shards that run in a folder, as pairs of their number and the number of shards."""
+    found = []
+    for path in sorted(folder.glob(".lock-shard-*")):
+        if not (name := SHARD_LOCK.fullmatch(path.name)):
+            continue
+        try:
+            with FileLock(path, blocking=False):
+                pass
+        except Timeout:
+            found.append((int(name[1]), int(name[2])))
+    return found
+
+
+def _shard_lock(number: int, count: int) -> str:
+    return f"{LOCK_NAME}-shard-{number}-of-{count}"
+
+
+def _acquired(folder: Path, name: str, seconds: float = 0.0) -> AcquireReturnProxy:
+    """A lock of a folder, acquired within some time [s]; used as a context, it is released."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(folder / name).acquire(timeout=seconds)
+    except Timeout:
+        raise _in_use(folder, name) from None
+    except OSError as error:
+        problem = f"cannot be written ({error.strerror}); choose another folder"
+        raise CannotWrite([Fault(str(folder), problem)]) from error
+    _name_holder(folder, name)
+    return lock
+
+
+def _in_use(folder: Path, name: str) -> BadInput:
+    problem = f"is held by {_holder(folder, name)}; wait for it, or name another results folder"
+    return fault(str(folder), problem)
+
+
+def _holder_path(folder: Path, name: str) -> Path:
+    """The file that names who holds a lock; a locked file itself cannot be read on Windows."""
+    return folder / f"{name}.json"
+
+
+def _name_holder(folder: Path, name: str) -> None:
+    shard = SHARD_LOCK.fullmatch(name)
     holder = {
         "process": os.getpid(),
         "user": getpass.getuser(),
         "host": socket.gethostname(),
         "since": datetime.now().isoformat(timespec="seconds"),
+        "as": f" (shard {shard[1]} of {shard[2]})" if shard else "",
     }
     # The lock works without the file that names its holder.
     with suppress(OSError):
-        (folder / HOLDER_NAME).write_text(json.dumps(holder))
+        _holder_path(folder, name).write_text(json.dumps(holder))
 
 
-def _holder(folder: Path) -> str:
+def _holder(folder: Path, name: str) -> str:
     try:
-        holder = json.loads((folder / HOLDER_NAME).read_text())
-        return "process {process} of {user} on {host} since {since}".format(**holder)
+        holder = json.loads(_holder_path(folder, name).read_text())
+        return "process {process} of {user} on {host} since {since}{as}".format(**holder)
     except (OSError, ValueError, KeyError):
         return "another process"

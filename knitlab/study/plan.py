@@ -2,7 +2,7 @@
 
 import json
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -260,8 +260,12 @@ def batched(cases: dict[str, Case]) -> tuple[Batch, ...]:
     for (shape, *_), members in alike.items():
         size = max(1, BATCH_UNKNOWNS // shape.unknowns)
         for first in range(0, len(members), size):
-            together = tuple(members[first : first + size])
-            unknowns = shape.unknowns * len(together)
-            time = seconds(cases[case_id] for case_id in together)
-            batches.append(Batch(together, unknowns, time, bytes_needed(unknowns)))
+            batches.append(batch_of(members[first : first + size], cases))
     return tuple(sorted(batches, key=lambda batch: batch.estimated_seconds, reverse=True))
+
+
+def batch_of(members: Sequence[str], cases: Mapping[str, Case]) -> Batch:
+    """The batch of some cases that share a mesh shape."""
+    unknowns = cases[members[0]].mesh_shape.unknowns * len(members)
+    time = seconds(cases[case_id] for case_id in members)
+    return Batch(tuple(members), unknowns, time, bytes_needed(unknowns))
