@@ -173,4 +173,8 @@ def _prediction(design: xr.Dataset, case: Case, source: str) -> Prediction | Non
         for axis in ("yx" if is_turned(case) else "xy")
     )
     strain = np.asarray(design["applied_strain"].values, float)
-    return Prediction(source, (along_x, along_y), strain, ratio, low, high)
+    cells_y, cells_x = case.cell_grid.count
+    periodic = case.options.boundary == "periodic"
+    sample = "periodic fabric" if periodic else f"{cells_y} × {cells_x} unit cells, clamped"
+    crossing = "self_intersections" in design and bool(design["self_intersections"][0] > 0)
+    return Prediction(source, sample, crossing, (along_x, along_y), strain, ratio, low, high)

@@ -4,7 +4,12 @@ from pathlib import Path
 
 import click
 
-from knitlab.cli.options import explains_bad_input, select_option
+from knitlab.cli.options import (
+    explains_bad_input,
+    repeats_option,
+    select_option,
+    two_counts,
+)
 
 
 @click.command()
@@ -17,15 +22,7 @@ from knitlab.cli.options import explains_bad_input, select_option
     required=True,
     help="File to write, .vtu, .ply, .obj, .stl or .glb; .pvd is a series over the strain.",
 )
-@click.option(
-    "--repeats",
-    type=click.IntRange(min=1),
-    nargs=2,
-    default=(1, 1),
-    metavar="Y X",
-    show_default=True,
-    help="Repeats of periodic fabric along the warp and the weft.",
-)
+@repeats_option
 @click.option("--triangles", is_flag=True, help="Divide every grid cell into two triangles.")
 @click.option(
     "--thickness",
@@ -38,7 +35,7 @@ def export(
     cube: Path,
     selections: tuple[str, ...],
     output: Path,
-    repeats: tuple[int, int],
+    repeats: str | None,
     triangles: bool,
     thickness: float | None,
 ) -> None:
@@ -49,7 +46,9 @@ def export(
     """
     from knitlab.api.exporting import export_selected
 
-    exported = export_selected(cube, output, selections, repeats, triangles, thickness)
+    exported = export_selected(
+        cube, output, selections, two_counts(repeats) or (1, 1), triangles, thickness
+    )
     for strain, mesh, crossing in zip(
         exported.applied_strain, exported.meshes, exported.self_intersections, strict=True
     ):
@@ -57,7 +56,7 @@ def export(
         size = " × ".join(f"{length:.3g}" for length in mesh.size)
         click.echo(
             f"applied_strain {strain:g}: {len(mesh.nodes)} nodes, {len(mesh.faces)} {corners},"
-            f" {size} mm"
+            f" {size} mm of the model"
             + (f", {crossing} pairs of cells pass through each other" if crossing else "")
         )
     click.echo(f"mesh    {exported.files[0]}")

@@ -1,6 +1,5 @@
 """The command ``knit``."""
 
-import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,8 +10,10 @@ from knitlab.cli.options import (
     MOST_LINES,
     SOME_CASE_NOT_OK,
     explains_bad_input,
+    repeats_option,
     select_option,
     set_option,
+    two_counts,
 )
 
 if TYPE_CHECKING:
@@ -23,11 +24,7 @@ if TYPE_CHECKING:
 @click.argument("design", metavar="DESIGN|CUBE")
 @select_option
 @set_option
-@click.option(
-    "--repeats",
-    metavar="NxM",
-    help="Repeats of the pattern along the warp and the weft, such as 4x2.",
-)
+@repeats_option
 @click.option(
     "--needles",
     type=click.IntRange(min=1),
@@ -89,7 +86,7 @@ def knit(
     for path in sheets:
         check_still(path)
     found = _single_design(design, settings, selections)
-    sample = knitted(found, _counts(repeats), needles, face, _values(changes))
+    sample = knitted(found, two_counts(repeats), needles, face, _values(changes))
     for name, value in sample.specification.rows():
         click.echo(f"{name:13} {value}")
     for remark in sample.specification.remarks:
@@ -122,17 +119,6 @@ def _single_design(
     if settings:
         raise fault("settings", "belong to workflows; select a design of a cube instead")
     return of_cube(design, selections)
-
-
-def _counts(text: str | None) -> tuple[int, int] | None:
-    from knitlab.io.errors import fault
-
-    if text is None:
-        return None
-    match = re.fullmatch(r"(\d+)\s*[x×,]\s*(\d+)", text.strip())
-    if match is None:
-        raise fault("repeats", f"is {text!r}; give two counts such as 4x2, along warp and weft")
-    return int(match[1]), int(match[2])
 
 
 def _values(changes: tuple[str, ...]) -> dict[str, Any]:

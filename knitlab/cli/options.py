@@ -1,5 +1,6 @@
 """Options, exit codes and messages that commands share."""
 
+import re
 import sys
 from collections.abc import Callable
 from functools import wraps
@@ -88,3 +89,26 @@ select_option = click.option(
     metavar="NAME=VALUE",
     help="Keep one value of a coordinate, or several with commas. Repeatable.",
 )
+
+
+repeats_option = click.option(
+    "--repeats",
+    metavar="NxM",
+    help="Repeats of the pattern along the warp and the weft, such as 4x2.",
+)
+
+
+def two_counts(text: str | None) -> tuple[int, int] | None:
+    """The counts of ``--repeats``; ``None`` if it is not given.
+
+    Raises:
+        BadInput: if the text is of another form.
+    """
+    from knitlab.io.errors import fault
+
+    if text is None:
+        return None
+    match = re.fullmatch(r"(\d+)\s*[x×,]\s*(\d+)", text.strip())
+    if match is None:
+        raise fault("repeats", f"is {text!r}; give two counts such as 4x2, along warp and weft")
+    return int(match[1]), int(match[2])

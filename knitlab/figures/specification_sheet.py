@@ -76,11 +76,11 @@ def _draw_prediction(axes: Axes, prediction: "Prediction") -> None:
             prediction.high,
             color="0.8",
             linewidth=0,
-            label="its siblings",
+            label="slightly different fabrics",
         )
     axes.plot(strain, prediction.poisson_ratio, color="black", label="design")
     axes.set(xlabel="applied strain [1]", ylabel="Poisson's ratio ν [1]")
-    axes.set_title(f"predicted, {prediction.source}")
+    axes.set_title(f"predicted for {prediction.sample}\n(cube {prediction.source})", fontsize=8)
     axes.legend(frameon=False)
 
 

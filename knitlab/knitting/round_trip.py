@@ -40,7 +40,7 @@ def round_trip(
     """
     checked = check(program, machine)
     faults = [str(finding) for finding in checked.findings]
-    count = f"{len(checked.graph)} stitches"
+    count = f"{len(checked.graph)} stitches with waste, cast-on and end"
     try:
         different = chart.stitches.difference(
             stitches_of(checked.graph, chart.front.shape, machine)

@@ -21,6 +21,8 @@ class Prediction:
 
     Attributes:
         source: name of the cube.
+        sample: what the cube simulated: periodic fabric, or a sample of some size between clamps.
+        passes_through_itself: whether the relaxed shape does, so that its size is uncertain.
         contraction: relaxed over flat length of its unit cells along (x, y).
         applied_strain: strains of its test.
         poisson_ratio: Poisson's ratio at these.
@@ -28,6 +30,8 @@ class Prediction:
     """
 
     source: str
+    sample: str
+    passes_through_itself: bool
     contraction: tuple[float, float]
     applied_strain: Float[np.ndarray, " strain"]
     poisson_ratio: Float[np.ndarray, " strain"]
@@ -100,11 +104,14 @@ class Specification:
     def remarks(self) -> list[str]:
         """What deserves a look before it is knitted."""
         most = self.machine.carriers.longest_float
-        return [
+        found = [
             f"the yarn of carrier {carrier} floats past {passed} needles"
             for carrier, passed in self.floats.items()
             if passed > most
         ]
+        if self.prediction is not None and self.prediction.passes_through_itself:
+            found.append("the relaxed shape passes through itself: its size is uncertain")
+        return found
 
     def rows(self) -> Iterator[tuple[str, str]]:
         """Names and values of its lines."""
@@ -136,7 +143,7 @@ class Specification:
         if plated:
             more, passes = time.seconds - self.unplated.seconds, time.passes - self.unplated.passes
             part = more / self.unplated.seconds
-            yield "of plating", f"{_minutes(more)} and {passes} passes, {part:.0%} more"
+            yield "plating adds", f"{_minutes(more)} ({part:.0%} more) and {passes} passes"
         yield "size flat", _millimetres(self.flat_size)
         if self.relaxed_size is not None:
             yield "size relaxed", _millimetres(self.relaxed_size)

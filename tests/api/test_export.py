@@ -159,11 +159,11 @@ DESIGN = ("--select", "n_stripe=4", "--select", "n_subunit=16")
 
 def test_the_command_says_what_it_wrote(tmp_path):
     output = str(tmp_path / "shape.glb")
-    said = knitlab(*DESIGN, "--repeats", "2", "3", "-o", output)
+    said = knitlab(*DESIGN, "--repeats", "2x3", "-o", output)
     assert said.exit_code == 0, said.output
     first, last = said.output.splitlines()
     assert first.startswith("applied_strain 0: 1617 nodes, 3072 triangles, ")
-    assert first.endswith(" mm, 12 pairs of cells pass through each other")
+    assert first.endswith(" mm of the model, 12 pairs of cells pass through each other")
     assert last == f"mesh    {output}"
 
 
@@ -173,8 +173,8 @@ def test_the_command_says_what_it_wrote(tmp_path):
         (("-o", "a.vtu"), "knitlab: --select: leave 10 designs"),
         ((*DESIGN, "-o", "a.step"), "knitlab: --output a.step: has no suffix of a mesh"),
         ((*DESIGN, "-o", "a.stl", "--thickness", "-1"), "knitlab: --thickness -1: is not above 0"),
-        ((*DESIGN, "-o", "a.stl", "--repeats", "0", "1"), "'--repeats': 0 is not in the range"),
-        ((*DESIGN, "-o", "a.vtu", "--repeats", "999", "999"), "knitlab: --repeats 999 999: makes"),
+        ((*DESIGN, "-o", "a.stl", "--repeats", "0x1"), "knitlab: --repeats 0 1: "),
+        ((*DESIGN, "-o", "a.vtu", "--repeats", "999x999"), "knitlab: --repeats 999 999: makes"),
     ],
 )
 def test_bad_input_ends_the_command_with_exit_code_2(tmp_path, monkeypatch, words, message):

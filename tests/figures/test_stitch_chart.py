@@ -85,4 +85,4 @@ def test_the_sheet_states_every_line_of_the_specification():
     assert tuple(figure.get_size_inches()) == pytest.approx(A4)
     shown = texts(figure)
     assert {name for name, _ in sheet.rows()} <= set(shown)
-    assert "of plating" in shown
+    assert "plating adds" in shown

@@ -66,6 +66,9 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     strain = float(case["applied_strain"][0])
     state = f"pulled {strain:.0%}" if strain else "relaxed"
     notes = ["white lines: patch borders", *([LETTERS] if max(repeat) > MOST_NAMES else [])]
+    crossing = int(case["self_intersections"][0]) if "self_intersections" in case else 0
+    if crossing:
+        notes.insert(0, f"passes through itself: {crossing} pairs of cells")
     title = [design, f"{'periodic, ' if periodic else ''}{state}", "; ".join(notes)]
     axes.set_title("\n".join(title), fontsize=7)
     figure.colorbar(
