@@ -115,7 +115,9 @@ def legend_handles(chart: StitchChart) -> list[Patch | Line2D]:
     ]
     for number in chart.electrodes:
         face = chart.plated_face[number - 1]
-        label = f"electrode {electrode_name(number)}: plated, conductor on the {face}, outlined; darker: purl"
+        label = (
+            f"electrode {electrode_name(number)}, outlined: conductor on the {face}; darker: purl"
+        )
         handles.append(Patch(facecolor=ELECTRODES[number][0], label=label, **edge))
     handles.append(Line2D([], [], color="black", linewidth=1.0, label="border of a patch"))
     handles.append(

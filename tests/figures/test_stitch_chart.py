@@ -61,7 +61,7 @@ def test_marks_are_explained_in_knitting_terms():
     for text in (
         "knit on the front bed: face stitch (knit)",
         "knit on the back bed: reverse stitch (purl)",
-        "electrode A: plated, conductor on the front; darker: purl",
+        "electrode A, outlined: conductor on the front; darker: purl",
         "border of a patch",
         "repeat: 32 wales",
         "repeat: 64 courses",
