@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from knitlab.api.laboratory import fit, import_records
     from knitlab.api.measures import evaluate
     from knitlab.api.simulation import NotConverged, simulate
-    from knitlab.api.sweeps import NotAllOk, plan, reproduce, run, status
+    from knitlab.api.sweeps import NotAllOk, merge, plan, reproduce, run, status
     from knitlab.io.errors import BadInput
     from knitlab.model.stripe import Stripe
     from knitlab.study.patterns import Pattern
@@ -54,6 +54,7 @@ __all__ = [
     "fit",
     "import_records",
     "knit",
+    "merge",
     "open_cube",
     "plan",
     "plot",
@@ -81,6 +82,7 @@ _MODULES = {
     "fit": "knitlab.api.laboratory",
     "import_records": "knitlab.api.laboratory",
     "knit": "knitlab.api.knitting",
+    "merge": "knitlab.api.sweeps",
     "open_cube": "knitlab.tables.accessor",
     "plan": "knitlab.api.sweeps",
     "query": "knitlab.api.comparison",

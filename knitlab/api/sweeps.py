@@ -1,4 +1,4 @@
-"""Sweeps: planning and running workflows, their status, and reproducing single cases."""
+"""Sweeps: planning, running and merging workflows, their status, and single cases again."""
 
 import warnings
 from collections.abc import Callable
@@ -8,6 +8,7 @@ from typing import Any
 
 import xarray as xr
 
+from knitlab.execution.merge import merge_folders
 from knitlab.execution.reproduce import find_case
 from knitlab.execution.reproduce import reproduce as run_alone
 from knitlab.execution.run import Run, RunOptions, run_plan
@@ -159,6 +160,42 @@ def run(
     if shard is None:
         cube.encoding["source"] = str(done.folder / CUBE)
     return cube
+
+
+def merge(
+    *folders: str | Path, results: str | Path = RESULTS, any_code: bool = False
+) -> xr.Dataset:
+    """Join results folders of one workflow, as of shards that ran on several machines.
+
+    Case files are copied, and cubes, plans and failures are joined. The folders are compared before
+    anything is written and are not changed; merging them again changes nothing.
+
+    Args:
+        folders: results folders of a workflow, or folders that hold them.
+        results: folder that holds a folder of results for each workflow; what is there is kept.
+        any_code: whether results of different code may be joined.
+
+    Returns:
+        The cube, with every design of all folders.
+
+    Raises:
+        BadInput: if the folders differ in dimensions, settings, gauge or code, if a design is
+            another case in two of them, or the same case with other numbers.
+
+    Warns:
+        NotAllOk: if a case file is damaged, and left out.
+
+    Example:
+        >>> import knitlab as kl
+        >>> cube = kl.merge("results/reference/preview", results=folder)
+        >>> cube.sizes["n_stripe"]
+        4
+    """
+    done = merge_folders([Path(each) for each in folders], Path(results), any_code=any_code)
+    for path in done.damaged:
+        warnings.warn(f"damaged, and left out: {path}", NotAllOk, stacklevel=2)
+    done.cube.encoding["source"] = str(done.folder / CUBE)
+    return done.cube
 
 
 def plan(workflow: str | Path, **settings: Any) -> Plan:

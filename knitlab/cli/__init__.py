@@ -10,11 +10,12 @@ from knitlab.cli.exporting import export
 from knitlab.cli.finding import find
 from knitlab.cli.knitting import knit
 from knitlab.cli.laboratory import fit, import_group
-from knitlab.cli.sweeps import plan, reproduce, run, status
+from knitlab.cli.sweeps import merge, plan, reproduce, run, status
 
 COMMANDS = (
     plan,
     run,
+    merge,
     status,
     reproduce,
     query,

@@ -1,4 +1,4 @@
-"""Commands on workflows: ``plan``, ``run``, ``status``, ``reproduce``."""
+"""Commands on workflows: ``plan``, ``run``, ``merge``, ``status``, ``reproduce``."""
 
 import json
 import os
@@ -223,6 +223,37 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
     for output in (output for figure in figures for output in figure.outputs):
         click.echo(f"figure  {output}")
     return True
+
+
+@click.command()
+@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--results",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("results"),
+    show_default=True,
+    help="Folder that holds a folder of results for each workflow; what is there is kept.",
+)
+@click.option("--any-code", is_flag=True, help="Join results of different code.")
+@explains_bad_input
+def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
+    """Join the results in FOLDERS, as of shards that ran on several machines.
+
+    Each folder holds the results of a workflow, or is one that a run had as its results. Folders
+    that contradict each other are refused.
+    """
+    from knitlab.execution.merge import merge_folders
+    from knitlab.io.plain_cube import CUBE
+
+    done = merge_folders(folders, results, any_code=any_code)
+    for path in done.damaged:
+        click.echo(f"damaged, and left out: {path}", err=True)
+    click.echo(f"{len(done.sources)} folders, {len(done.copied)} case files copied")
+    click.echo(f"{sum(done.counts.values())} designs: {_counted(done.counts)}")
+    click.echo(f"cube    {done.folder / CUBE}")
+    if done.damaged:
+        sys.exit(SOME_CASE_NOT_OK)
 
 
 @click.command()

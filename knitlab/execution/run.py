@@ -21,7 +21,7 @@ from knitlab.execution.progress import ProgressBar
 from knitlab.execution.shard_record import ShardRecord, record_path, write_record
 from knitlab.execution.status import FAILURES, PLAN, check_same_plan
 from knitlab.execution.survey import CaseState, survey
-from knitlab.execution.workers import Pool, Simulate, Task, connected, pool_of
+from knitlab.execution.workers import Pool, SchedulerLost, Simulate, Task, connected, pool_of
 from knitlab.io.atomic_write import clear_unfinished
 from knitlab.io.case_file import case_path, read_case
 from knitlab.io.design_status import Status
@@ -268,6 +268,9 @@ def _simulate_all(
                     bar.write("stopping: the workers end and the cube is written; wait a moment")
                     raise
         except KeyboardInterrupt:
+            return True
+        except SchedulerLost:
+            bar.write("stopping: the dask scheduler ended or cannot be reached")
             return True
 
 

@@ -28,9 +28,16 @@ TIMED_OUT = ".timed-out-"
 TIME_IS_UP = 75
 """Exit code of a worker that timed out."""
 
+ENDED = ("finished", "error")
+"""States of a dask task that has ended; it is in another one if its scheduler is gone."""
+
 Batch = Sequence[Case]
 Simulate = Callable[[Path, Batch, Progress], None]
 """Simulates a batch and writes its case files; an importable function."""
+
+
+class SchedulerLost(Exception):
+    """The dask scheduler ended, or cannot be reached."""
 
 
 @dataclass(frozen=True)
@@ -148,6 +155,8 @@ def dask_pool(client: Client, task: Task, progress: Progress) -> Iterator[Pool]:
         }
         try:
             for future in as_completed(list(futures)):
+                if future.status not in ENDED:
+                    raise SchedulerLost
                 batch, error = futures.pop(future), future.exception()
                 yield batch, _explained(task, batch, error) if error else None
         finally:

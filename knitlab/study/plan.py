@@ -131,6 +131,8 @@ class Plan:
             "code": code_fingerprint(),
             "package": package_fingerprint(),
             "gauge": asdict(self.gauge),
+            "stripes": self.stripes,
+            "parameters": self.common,
             "batches": [asdict(batch) for batch in self.batches],
             "excluded": [[*design, reason] for design, reason in self.excluded.items()],
             "cases": {case_id: case.record for case_id, case in self.cases.items()},
