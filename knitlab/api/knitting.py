@@ -175,6 +175,8 @@ def knitted(
     if repeats is not None and (len(repeats) != 2 or min(repeats) < 1):
         raise fault("repeats", f"are two counts from 1 up, (y, x), but are {repeats}")
     used = read_machine(machine)
+    if face is not None and design.case.capacitor is None:
+        raise fault("face", f"is of electrodes, and {design.case.label} has none; leave it out")
     chart = stitch_chart(design.case, repeats, needles, face)
     program = knitout(chart, used)
     return KnitSample(

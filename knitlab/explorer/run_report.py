@@ -102,7 +102,9 @@ def _computing_time(seconds: Sequence[float | None]) -> str:
     # Cases of one batch state the same time.
     batches = set(known)
     total = f"{sum(batches):.0f} s, summed over {len(batches)} batches"
-    return total if len(known) == len(seconds) else f"{total} of {len(known)} designs"
+    if len(known) == len(seconds):
+        return total
+    return f"{total}; known for {len(known)} of {len(seconds)} designs"
 
 
 def _planned(folder: Path | None) -> Iterator[list[str]]:

@@ -120,9 +120,8 @@ def legend_handles(chart: StitchChart) -> list[Patch | Line2D]:
         )
         handles.append(Patch(facecolor=ELECTRODES[number][0], label=label, **edge))
     handles.append(Line2D([], [], color="black", linewidth=1.0, label="border of a patch"))
-    handles.append(
-        Line2D([], [], color="black", linewidth=1.6, linestyle=(0, (4, 2)), label="repeat")
-    )
+    part = "edge of the sample" if chart.is_whole_sample else "repeat"
+    handles.append(Line2D([], [], color="black", linewidth=1.6, linestyle=(0, (4, 2)), label=part))
     return handles
 
 
@@ -195,6 +194,7 @@ def _draw_electrodes(axes: Axes, chart: StitchChart, rows: slice, columns: slice
 
 def _draw_repeat(axes: Axes, chart: StitchChart, rows: slice, columns: slice) -> None:
     height, width = chart.repeat
+    part = "whole sample" if chart.is_whole_sample else "repeat"
     axes.add_patch(
         Rectangle(
             (columns.start, rows.start),
@@ -208,7 +208,7 @@ def _draw_repeat(axes: Axes, chart: StitchChart, rows: slice, columns: slice) ->
         )
     )
     axes.annotate(
-        f"repeat: {width} wales",
+        f"{part}: {width} wales",
         (columns.start + width / 2, rows.stop),
         xytext=(0, 4),
         textcoords="offset points",
@@ -217,7 +217,7 @@ def _draw_repeat(axes: Axes, chart: StitchChart, rows: slice, columns: slice) ->
         annotation_clip=False,
     )
     axes.annotate(
-        f"repeat: {height} courses",
+        f"{part}: {height} courses",
         (columns.stop, rows.start + height / 2),
         xytext=(4, 0),
         textcoords="offset points",

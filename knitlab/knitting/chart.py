@@ -25,7 +25,7 @@ class StitchChart:
         knit: knit of every patch, lowest row first: rib, garter or plain.
         row_borders, column_borders: courses and wales at which patches begin and end.
         repeat: courses and wales of the pattern that repeats.
-        periodic: whether the model has no edges, so that the chart is a part of endless fabric.
+        periodic: whether the model has no edges, so that the chart is a part of periodic fabric.
     """
 
     title: str
@@ -52,6 +52,11 @@ class StitchChart:
     def repeats(self) -> tuple[int, int]:
         """How often the pattern repeats along (y, x)."""
         return self.courses // self.repeat[0], self.wales // self.repeat[1]
+
+    @property
+    def is_whole_sample(self) -> bool:
+        """Whether it is a whole sample with edges, of which nothing repeats."""
+        return self.repeats == (1, 1) and not self.periodic
 
     @property
     def electrodes(self) -> tuple[int, ...]:

@@ -119,7 +119,10 @@ class Specification:
         time, plated = self.duration, int((chart.plated > 0).sum())
         along_y, along_x = chart.repeats
         yield "design", " ".join(chart.title.split())
-        yield "repeats", f"{along_y} × {along_x} (warp × weft) of {_size(chart.repeat)}"
+        if chart.is_whole_sample:
+            yield "repeats", "none: it is a whole sample"
+        else:
+            yield "repeats", f"{along_y} × {along_x} (warp × weft) of {_size(chart.repeat)}"
         yield "machine", f"{bed.model}, {bed.needles} needles, {bed.needles_per_inch} an inch"
         yield "needles", f"{chart.wales}, 1 to {chart.wales} on both beds"
         yield "courses", str(chart.courses)

@@ -74,6 +74,7 @@ def test_a_program_with_a_fault_has_exit_code_1(monkeypatch):
         ((*SMALL, "--repeats", "4"), "--repeats: is '4'; give two counts such as 4x2"),
         ((*SMALL, "--repeats", "0x1"), "--repeats: are two counts from 1 up, (y, x), but are"),
         ((*SMALL, "--repeats", "1x1", "--needles", "90"), "--repeats: and needles both set"),
+        ((*SMALL, "--face", "back"), "--face: is of electrodes, and n_stripe 2"),
         ((*SMALL, "--needles", "9"), "--needles 9: one repeat takes 16 of them"),
         ((*SMALL, "--machine", "end"), "machine end: is not KEY=VALUE"),
         ((*SMALL, "--machine", "ends=drop"), "there is no setting of the machine 'ends'"),

@@ -140,7 +140,7 @@ def test_the_report_says_what_ran_and_what_failed(troubled):
     assert facts["workflow"] == "preview"
     assert facts["designs"] == "10: 7 ok, 1 not converged, 1 failed, 1 pending"
     assert facts["applied strains"] == "16, from 0 to 0.45"
-    assert facts["computing time"].endswith("batches of 2 designs")
+    assert facts["computing time"].endswith("batches; known for 2 of 10 designs")
     (failed,) = (each for each in content["designs"] if each["status"] == Status.failed)
     assert failed["reason"] == HOSTILE
     assert dict(content["run"]["provenance"])["commit"]
