@@ -39,6 +39,20 @@ IMAGES_AN_EXTENT = 3
 """Distance from which images are summed as multipoles, over the width of the conductors."""
 
 
+class Surroundings(eqx.Module):
+    """What the field of the conductors meets besides them.
+
+    Attributes:
+        apart: distance d that a dielectric keeps between different conductors: their distance r
+            counts as √(r² + d²) [mm].
+        ground: height of a grounded plane below all panels in every state; ``None`` without one
+            [mm].
+    """
+
+    apart: Float[Array, ""] = eqx.field(default_factory=lambda: jnp.zeros(()))
+    ground: Float[Array, " state"] | None = None
+
+
 class Images(eqx.Module):
     """Periodic repetition of all conductors along one axis.
 
@@ -121,12 +135,14 @@ def maxwell_matrices(
     near: Int[Array, "pair 2"],
     images: Images | None = None,
     period: Float[Array, " state"] | None = None,
+    surroundings: Surroundings | None = None,
 ) -> Float[Array, "state conductor conductor"]:
     """Maxwell's capacitance matrices in vacuum [pF].
 
     They are NaN if the matrix of potentials is not positive definite, as for panels inside each
-    other. For periodic conductors they give the charge of one period at potentials relative to an
-    arbitrary reference; only :func:`two_terminal` is then meaningful.
+    other. For periodic conductors they give the charge of one period; without a grounded plane
+    their potentials are relative to an arbitrary reference, and only :func:`two_terminal` is
+    meaningful.
 
     Args:
         panels: corners of the panels in order around each; a corner may repeat [mm].
@@ -134,12 +150,18 @@ def maxwell_matrices(
         near: near pairs of panels, see :func:`near_pairs`.
         images: periodic repetition, if any.
         period: period of the repetition [mm].
+        surroundings: dielectric between the conductors, and a grounded plane.
     """
+    around = Surroundings() if surroundings is None else surroundings
+    apart = around.apart**2 * (1 - membership @ membership.T)
 
     def of_state(
-        state: tuple[Float[Array, "panel 4 3"], Float[Array, ""]],
+        state: tuple[Float[Array, "panel 4 3"], Float[Array, ""], Float[Array, ""] | None],
     ) -> Float[Array, "conductor conductor"]:
-        lower = jnp.linalg.cholesky(potential_coefficients(state[0], near, images, state[1]))
+        panels, period, ground = state
+        lower = jnp.linalg.cholesky(
+            potential_coefficients(panels, near, images, period, apart, ground)
+        )
         half = jax.scipy.linalg.solve_triangular(lower, membership, lower=True)
         return half.T @ half
 
@@ -150,7 +172,7 @@ def maxwell_matrices(
         lambda x: jnp.take(x, jnp.arange(filled), axis=0, mode="clip").reshape(
             -1, STATES_AT_ONCE, *x.shape[1:]
         ),
-        (panels, lengths),
+        (panels, lengths, around.ground),
     )
     matrices = jax.lax.map(jax.vmap(of_state), batches)
     matrices = matrices.reshape(filled, *matrices.shape[2:])[: len(panels)]
@@ -173,16 +195,50 @@ def potential_coefficients(
     near: Int[Array, "pair 2"],
     images: Images | None,
     period: Float[Array, ""],
+    apart: Float[Array, "panel panel"] | float = 0.0,
+    ground: Float[Array, ""] | None = None,
 ) -> Float[Array, "panel panel"]:
     """4πε0 times the mean potential on each panel due to a unit charge on each [1/mm].
 
-    With images it is that of a charge and all its images, up to a constant.
+    With images it is that of a charge and all its images, up to a constant. With a grounded plane
+    it is also that of the opposite charges that are mirrored in it, and there is no constant left.
+
+    Args:
+        panels: corners of the panels [mm].
+        near: near pairs of panels.
+        images: periodic repetition, if any.
+        period: period of the repetition [mm].
+        apart: square of what separates each pair of panels besides their distance [mm²].
+        ground: height of a grounded plane [mm].
     """
-    centre = panels.mean(axis=1)
+    direct = _due_to(panels, panels, near, images, period, apart)
+    if ground is not None:
+        mirrored = panels.at[..., 2].set(2 * ground - panels[..., 2])
+        # Near pairs include all that are near in the mirror, where no distance is shorter.
+        return direct - _due_to(mirrored, panels, near, images, period, apart)
+    if images is not None:
+        across = jnp.delete(panels.mean(axis=1), images.axis, axis=-1) / period
+        widest = jnp.linalg.norm(across[:, None] - across[None], axis=-1).max()
+        # The constant raises the potentials enough for the matrix to be positive definite.
+        direct += 4 * (1 + jnp.log1p(widest)) / period
+    return direct
+
+
+def _due_to(
+    sources: Float[Array, "panel 4 3"],
+    panels: Float[Array, "panel 4 3"],
+    near: Int[Array, "pair 2"],
+    images: Images | None,
+    period: Float[Array, ""],
+    apart: Float[Array, "panel panel"] | float,
+) -> Float[Array, "panel panel"]:
+    """Mean potential on each panel due to a unit charge on each source, images included."""
+    centre, middle = panels.mean(axis=1), sources.mean(axis=1)
     turns = jnp.zeros((len(panels),) * 2)
+    apart = jnp.broadcast_to(apart, turns.shape)
     axis = None if images is None else images.axis
     if axis is not None:
-        turns = jnp.round((centre[:, None, axis] - centre[None, :, axis]) / period)
+        turns = jnp.round((centre[:, None, axis] - middle[None, :, axis]) / period)
 
     def inverse_distance(
         one: Float[Array, "panel 3"],
@@ -192,24 +248,25 @@ def potential_coefficients(
         steps = [one[:, None, k] - other[None, :, k] for k in range(3)]
         if axis is not None:
             steps[axis] -= (turns + image) * period
-        return 1 / jnp.sqrt(steps[0] ** 2 + steps[1] ** 2 + steps[2] ** 2)
+        return 1 / jnp.sqrt(steps[0] ** 2 + steps[1] ** 2 + steps[2] ** 2 + apart)
 
     points, share = _quadrature(panels, POINTS_A_SIDE)
+    charges, part = _quadrature(sources, POINTS_A_SIDE)
     combinations = jnp.array(list(product(range(len(points)), repeat=2)))
 
     def add_points(total: Array, pair: Array) -> tuple[Array, None]:
         one, other = pair
-        weight = share[one][:, None] * share[other][None, :]
-        return total + weight * inverse_distance(points[one], points[other]), None
+        weight = share[one][:, None] * part[other][None, :]
+        return total + weight * inverse_distance(points[one], charges[other]), None
 
     total, _ = jax.lax.scan(add_points, jnp.zeros_like(turns), combinations)
 
     def closed(pairs: Int[Array, "some 2"]) -> Float[Array, " some"]:
         seen_from, charged = pairs.T
-        source = panels[charged]
+        source = sources[charged]
         if axis is not None:
             source = source.at[..., axis].add((turns[seen_from, charged] * period)[:, None])
-        return _closed_form(panels[seen_from], source)
+        return _closed_form(panels[seen_from], source, apart[seen_from, charged])
 
     coefficients = jax.lax.map(closed, near.reshape(-1, PAIRS_AT_ONCE, 2)).ravel()
     total = total.at[near[:, 0], near[:, 1]].set(coefficients)
@@ -218,35 +275,36 @@ def potential_coefficients(
 
         def add_image(number: Array, sum_so_far: Array) -> Array:
             image = jnp.where(number % 2, 1, -1) * (1 + number // 2)
-            term = inverse_distance(centre, centre, image) - 1 / (jnp.abs(image) * period)
+            term = inverse_distance(centre, middle, image) - 1 / (jnp.abs(image) * period)
             return sum_so_far + term
 
         total = jax.lax.fori_loop(0, 2 * images.count, add_image, total)
-        total += _far_images(centre, turns, images, period)
+        total += _far_images(centre[:, None] - middle[None], turns, apart, images, period)
     return total
 
 
 def _far_images(
-    centre: Float[Array, "panel 3"],
+    between: Float[Array, "panel panel 3"],
     turns: Float[Array, "panel panel"],
+    apart: Float[Array, "panel panel"],
     images: Images,
     period: Float[Array, ""],
 ) -> Float[Array, "panel panel"]:
     """Potential of the images further away, by their second and fourth multipoles."""
-    distance = (centre[:, None] - centre[None]) / period
+    distance = between / period
     along = distance[..., images.axis] - turns
     squared = (distance**2).sum(axis=-1) - distance[..., images.axis] ** 2 + along**2
+    squared += apart / period**2
     second = (3 * along**2 - squared) / 2
     fourth = (35 * along**4 - 30 * along**2 * squared + 3 * squared**2) / 8
     by_second, by_fourth = images.beyond
-    potential = 2 * (by_second * second + by_fourth * fourth) / period
-    # The constant raises the potentials enough for the matrix to be positive definite.
-    across = jnp.sqrt(jnp.maximum(squared - along**2, 0)).max()
-    return potential + 4 * (1 + jnp.log1p(across)) / period
+    return 2 * (by_second * second + by_fourth * fourth) / period
 
 
 def _closed_form(
-    seen_from: Float[Array, "pair 4 3"], charged: Float[Array, "pair 4 3"]
+    seen_from: Float[Array, "pair 4 3"],
+    charged: Float[Array, "pair 4 3"],
+    apart: Float[Array, " pair"],
 ) -> Float[Array, " pair"]:
     """Mean potential of uniformly charged panels, each of two triangles, over other panels."""
     points, share = _quadrature(seen_from, POINTS_A_SIDE)
@@ -255,7 +313,7 @@ def _closed_form(
     area = jnp.linalg.norm(
         jnp.cross(halves[1] - halves[0], halves[2] - halves[0], axis=0), axis=0
     ).sum(axis=0)
-    seen = triangle_potential(jnp.moveaxis(points, -1, 0)[:, :, None], halves[:, :, None])
+    seen = triangle_potential(jnp.moveaxis(points, -1, 0)[:, :, None], halves[:, :, None], apart)
     return (share * seen.sum(axis=1)).sum(axis=0) * 2 / area
 
 

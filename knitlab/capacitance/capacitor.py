@@ -1,15 +1,16 @@
 """A knitted capacitor during a test: its capacitance in every state, or why it is missing."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from pydantic import Field, PositiveFloat
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from knitlab.capacitance.boundary_elements import (
     STATES_AT_ONCE,
+    Surroundings,
     images_along,
     maxwell_matrices,
     near_pairs,
@@ -36,6 +37,9 @@ MOST_PANELS = 2400
 """Largest number of panels of a finer level."""
 
 
+Ground = Literal["none", "plane"]
+
+
 @dataclass(frozen=True)
 class Capacitor:
     """Parameters of electrodes on a fabric.
@@ -48,6 +52,11 @@ class Capacitor:
         accuracy: largest estimated relative error of a capacitance [1].
         linearity: R² that the working range must have [1].
         unfolded: fold angle over the relaxed one at which unfolding is complete [1].
+        dielectric_thickness: of what insulates the electrodes from each other: a distance r between
+            them counts as √(r² + dielectric_thickness²) [mm]. Insulated electrodes may touch.
+        lead_capacitance: of the leads to the meter, parallel to the fabric [pF].
+        ground: what lies below the fabric: nothing, or a grounded plane such as skin.
+        ground_distance: distance of that plane from the lowest point of the fabric [mm].
     """
 
     layout: ElectrodeLayout
@@ -57,6 +66,10 @@ class Capacitor:
     accuracy: Fraction
     linearity: Fraction
     unfolded: Fraction
+    dielectric_thickness: Annotated[NonNegativeFloat, Unit("mm")] = 0.0
+    lead_capacitance: Annotated[NonNegativeFloat, Unit("pF")] = 0.0
+    ground: Ground = "none"
+    ground_distance: Annotated[PositiveFloat, Unit("mm")] = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +78,10 @@ class Capacitances:
 
     Attributes:
         status: status in each state, see :class:`CapacitorStatus`.
-        capacitance: two-terminal capacitance, NaN if not measured; of one period if periodic [pF].
-        mutual: mutual capacitance −C₁₂ of Maxwell's matrix, for open samples only [pF].
+        capacitance: two-terminal capacitance without leads, NaN if not measured; of one period if
+            periodic [pF].
+        mutual: mutual capacitance −C₁₂ of Maxwell's matrix, NaN for periodic fabric without a
+            grounded plane [pF].
         error: estimated relative error of the capacitance, also where it is too large [1].
         gap: shortest distance between the electrodes, searched up to the size of a grid cell [mm].
     """
@@ -90,8 +105,8 @@ def capacitances(
 
     A value is extrapolated from the last two sizes; the estimated error is :data:`CAUTION` times
     the change. Panels are refined while the error exceeds ``capacitor.accuracy``. There is no
-    value if the electrodes touch or a fold at them has passed through itself: the model has no
-    contact, so that such states are not physical.
+    value if bare electrodes touch, or if electrodes or a fold at them have passed through each
+    other or themselves, which a model without contact does not prevent.
 
     Args:
         electrodes: the plated cells.
@@ -106,7 +121,8 @@ def capacitances(
     status = np.full(states, CapacitorStatus.measured)
     gap, through = _obstacles(electrodes, net, fabric, configurations, refinement)
     status[through] = CapacitorStatus.folded_through
-    status[~through & (gap < capacitor.clearance)] = CapacitorStatus.touching
+    closed = gap == 0 if capacitor.dielectric_thickness else gap < capacitor.clearance
+    status[~through & closed] = CapacitorStatus.touching
     value, mutual, error = (np.full(states, np.nan) for _ in range(3))
     coarse, coarse_level = np.full((states, 2), np.nan), 0
     pending = np.flatnonzero(status == CapacitorStatus.measured)
@@ -115,7 +131,7 @@ def capacitances(
         if not pending.size or (level > LEVELS[1] and len(chart.cell) > MOST_PANELS):
             break
         fine = np.full((states, 2), np.nan)
-        fine[pending] = _pair(electrodes, chart, shape, configurations[pending])
+        fine[pending] = _pair(electrodes, chart, shape, configurations[pending], capacitor)
         if coarse_level:
             gain = 1 / ((level / coarse_level) ** ORDER - 1)
             limit = fine + gain * (fine - coarse)
@@ -126,7 +142,7 @@ def capacitances(
     status[pending] = CapacitorStatus.unresolved
     unmeasured = status != CapacitorStatus.measured
     value[unmeasured] = mutual[unmeasured] = np.nan
-    if shape.periodic:
+    if shape.periodic and capacitor.ground == "none":
         mutual[:] = np.nan
     scale = capacitor.permittivity
     return Capacitances(status, scale * value, scale * mutual, error, gap)
@@ -137,11 +153,20 @@ def _pair(
     chart: PanelChart,
     shape: MeshShape,
     configurations: Configuration,
+    capacitor: Capacitor,
 ) -> Float[np.ndarray, "state 2"]:
     """Two-terminal and mutual capacitance in vacuum [pF]."""
     panels = np.asarray(panels_on(chart, shape, configurations))
     period = np.asarray(configurations.lengths)[:, electrodes.axis]
-    images = images_along(electrodes.axis, panels, period) if shape.periodic else None
+    ground, conductors = None, panels
+    if capacitor.ground == "plane":
+        lowest = np.asarray(configurations.positions)[..., 2].min(axis=(1, 2))
+        ground = lowest - capacitor.ground_distance
+        mirrored = panels.copy()
+        mirrored[..., 2] = 2 * ground[:, None, None] - panels[..., 2]
+        conductors = np.concatenate([panels, mirrored], axis=1)
+    images = images_along(electrodes.axis, conductors, period) if shape.periodic else None
+    apart = jnp.asarray(capacitor.dielectric_thickness)
     near = near_pairs(panels, images, period)
     found = []
     for first in range(0, len(panels), STATES_AT_ONCE):
@@ -153,6 +178,7 @@ def _pair(
             jnp.asarray(near),
             images,
             jnp.asarray(period[batch]),
+            Surroundings(apart, None if ground is None else jnp.asarray(ground[batch])),
         )
         found.append(np.stack([two_terminal(matrices), -matrices[:, 0, 1]], axis=-1))
     return np.concatenate(found)[: len(panels)]

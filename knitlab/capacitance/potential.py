@@ -16,7 +16,9 @@ Vector = list[Array]
 
 
 def triangle_potential(
-    at: Float[Array, "3 *#point"], corners: Float[Array, "3 3 *#point"]
+    at: Float[Array, "3 *#point"],
+    corners: Float[Array, "3 3 *#point"],
+    apart: Float[Array, "*#point"] | float = 0.0,
 ) -> Float[Array, "..."]:
     """Integral of 1/r over a triangle, as seen from a point.
 
@@ -31,6 +33,8 @@ def triangle_potential(
     Args:
         at: the points [mm].
         corners: the triangle for each point, by corner and component [mm].
+        apart: square c² of a distance that r includes besides, as √(r² + c²). It is then also part
+            of d, as the height above a plane is [mm²].
 
     Returns:
         The integrals [mm].
@@ -38,8 +42,8 @@ def triangle_potential(
     ends = [[corner[axis] - at[axis] for axis in range(3)] for corner in corners]
     edges = [_minus(ends[1], ends[0]), _minus(ends[2], ends[1]), _minus(ends[0], ends[2])]
     normal = _unit(_cross(edges[0], edges[1]))
-    distance = [_length(end) for end in ends]
-    height = jnp.abs(_dot(ends[0], normal))
+    distance = [jnp.sqrt(_dot(end, end) + apart) for end in ends]
+    height = jnp.sqrt(_dot(ends[0], normal) ** 2 + apart)
     total = jnp.zeros_like(height)
     for first, second in ((0, 1), (1, 2), (2, 0)):
         along = _unit(edges[first])

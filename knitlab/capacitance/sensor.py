@@ -14,6 +14,8 @@ CENTRAL_PART = 0.2
 RESOLUTION = 200
 """Number of intervals of a strain range in the search for a window."""
 FEWEST_POINTS = 3
+HUMIDITY = 0.05
+"""Relative change of the permittivity by humidity that ``humidity_strain`` refers to."""
 
 Curve = Float[np.ndarray, " point"]
 Kept = Bool[np.ndarray, " point"]
@@ -26,6 +28,8 @@ class Sensor:
     Attributes:
         sensitivity: mean |dC/dε| over the central 20 % of the strain range [pF].
         gauge_factor: (C_end − C_0)/C_0 over the strain between [1].
+        humidity_strain: strain that changes the capacitance as much, at the mean slope, as a change
+            of the permittivity by 5 % does [1].
         linearity: R² of a straight line over the whole range [1].
         working_range: width of the widest strain window in which a straight line has the required
             R² [1].
@@ -35,13 +39,16 @@ class Sensor:
 
     sensitivity: float
     gauge_factor: float
+    humidity_strain: float
     linearity: float
     working_range: float
     working_start: float
     working_slope: float
 
 
-def sensor_of(strain: Curve, capacitance: Curve, least_linearity: float) -> Sensor | None:
+def sensor_of(
+    strain: Curve, capacitance: Curve, least_linearity: float, leads: float = 0.0
+) -> Sensor | None:
     """The figures of merit of a sensor from its curve; ``None`` if it has too few points.
 
     Between points the curve is interpolated by monotone cubics.
@@ -50,6 +57,7 @@ def sensor_of(strain: Curve, capacitance: Curve, least_linearity: float) -> Sens
         strain: strains, ascending [1].
         capacitance: capacitance at these strains [pF].
         least_linearity: R² that the working range must have.
+        leads: the part of the capacitance that humidity does not change [pF].
     """
     if len(strain) < FEWEST_POINTS:
         return None
@@ -58,9 +66,11 @@ def sensor_of(strain: Curve, capacitance: Curve, least_linearity: float) -> Sens
     fine = np.linspace(start, end, RESOLUTION + 1)
     low, high, slope = widest_linear(fine, curve(fine), least_linearity)
     change = float(capacitance[-1] / capacitance[0]) - 1
+    humidity = HUMIDITY * (1 - leads / float(capacitance[0]))
     return Sensor(
         sensitivity=mean_slope(strain, capacitance),
         gauge_factor=change / (end - start),
+        humidity_strain=humidity * (end - start) / abs(change) if change else float("inf"),
         linearity=float(linearity(fine, curve(fine))),
         working_range=high - low,
         working_start=low,

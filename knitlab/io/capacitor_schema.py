@@ -31,7 +31,8 @@ CAPACITOR_VARIABLES = {
     "mutual_capacitance": _of_capacitor(
         "pF",
         "mutual capacitance",
-        "minus C12 of Maxwell's matrix; on periodic fabric it is the capacitance, and missing here",
+        "minus C12 of Maxwell's matrix, as a guarded meter measures it, without leads; missing on"
+        " periodic fabric without a grounded plane, where it is the capacitance",
     ),
     "capacitance_error": _of_capacitor(
         "1",
@@ -71,6 +72,12 @@ CAPACITOR_VARIABLES = {
     ),
     "gauge_factor": _of_capacitor(
         "1", "gauge factor", f"change of capacitance over itself and over strain, {_RANGE}", _ONCE
+    ),
+    "humidity_strain": _of_capacitor(
+        "1",
+        "strain that reads like a change of the permittivity by 5 %",
+        f"at the mean slope of the capacitance, {_RANGE}",
+        _ONCE,
     ),
     "linearity": _of_capacitor("1", "R² of a straight line", _RANGE, _ONCE),
     "working_range": _of_capacitor(

@@ -42,12 +42,12 @@ def capacitor_values(
     # For periodic fabric only one period of the electrodes is modelled, not their stated length.
     factor = capacitor.electrode_length / length if case.mesh_shape.periodic else 1.0
     found = _measured(case, configurations)
-    capacitance = factor * found.capacitance
+    capacitance = factor * found.capacitance + capacitor.lead_capacitance
     fold = mean_fold(case.electrodes, *case.assemble(), configurations)
     unfolded = strain_unfolded(strain, fold, capacitor.unfolded)
     values: dict[str, Any] = {
         "capacitance": capacitance,
-        "mutual_capacitance": found.mutual,
+        "mutual_capacitance": factor * found.mutual,
         "capacitance_error": found.error,
         "capacitor_status": found.status.astype(float),
         "electrode_gap": found.gap,
@@ -57,16 +57,18 @@ def capacitor_values(
     }
     if side_by_side(case.electrodes):
         wedge = wedge_capacitance(case.electrodes, case.mesh_shape, configurations)
-        values["capacitance_wedge"] = factor * capacitor.permittivity * np.asarray(wedge)
+        strips = factor * capacitor.permittivity * np.asarray(wedge)
+        values["capacitance_wedge"] = strips + capacitor.lead_capacitance
     if case.unloading:
         back = np.full(len(reached), np.nan)
         back[-1:] = capacitance[-1:]
         if unloaded:
             unloading = Configuration.stacked([state.configuration for state in unloaded])
             same = slice(-2, -2 - len(unloaded), -1)
-            back[same] = factor * _capacitance_unloading(
+            of_fabric = _capacitance_unloading(
                 case, unloading, configurations[same], found.capacitance[same]
             )
+            back[same] = factor * of_fabric + capacitor.lead_capacitance
         values["capacitance_unloading"] = back
         values["hysteresis"] = hysteresis(capacitance, back)
     kept = sensing_range(strain, capacitance, unfolded)
@@ -75,7 +77,8 @@ def capacitor_values(
         values["capacitance_ratio"] = capacitance / first
         values["applied_strain_opened"] = strain[kept][0]
         values["sensing_end"] = strain[kept][-1]
-    sensor = sensor_of(strain[kept], capacitance[kept], capacitor.linearity)
+    leads = capacitor.lead_capacitance
+    sensor = sensor_of(strain[kept], capacitance[kept], capacitor.linearity, leads)
     if sensor is not None:
         values |= asdict(sensor)
     return values

@@ -15,6 +15,8 @@ FINER_GRID = ("cells_per_period", "ridge_fraction")
 """Model options that a record leaves out on the paper's grid."""
 OF_CONTACT = ("thickness", "contact_pressure")
 """Numbers of the sheet that a record leaves out without contact."""
+OF_CAPACITOR = ("dielectric_thickness", "lead_capacitance")
+"""Numbers of a capacitor that a record leaves out where they are 0."""
 STORED_STARTS = {"periodic": "endless"}
 
 
@@ -44,6 +46,12 @@ def stored_record(fields: dict[str, Any]) -> dict[str, Any]:
         del record["reading"]["contact"]
         for name in OF_CONTACT:
             del record["sheet"][name]
+    if capacitor := record["capacitor"]:
+        for name in OF_CAPACITOR:
+            if not capacitor[name]:
+                del capacitor[name]
+        if capacitor["ground"] == "none":
+            del capacitor["ground"], capacitor["ground_distance"]
     _rename_start(record["solver"], STORED_STARTS)
     return record
 

@@ -1,10 +1,12 @@
 """Conductors divided into panels without knitlab, and their capacitance."""
 
+import jax.numpy as jnp
 import numpy as np
 
 from knitlab.capacitance.boundary_elements import (
     PAIRS_AT_ONCE,
     VACUUM_PERMITTIVITY,
+    Surroundings,
     images_along,
     maxwell_matrices,
     near_pairs,
@@ -83,19 +85,27 @@ def wire(centre, radius, sides, length, count):
     return prism(outline, length, count)
 
 
-def maxwell(*conductors, period=None, axis=1, images=None):
+def maxwell(*conductors, period=None, axis=1, images=None, apart=0.0, ground=None):
     """Maxwell's matrix of conductors, of one period if there is one.
 
-    Of several states if each has panels of its own, (state, panel, 4, 3).
+    Of several states if each has panels of its own, (state, panel, 4, 3). A grounded plane may lie
+    at a height.
     """
     panels = np.concatenate(conductors, axis=-3)
     states = panels.reshape(-1, *panels.shape[-3:])
     membership = np.repeat(np.eye(len(conductors)), [np.shape(c)[-3] for c in conductors], axis=0)
     periods = None if period is None else np.broadcast_to(np.asarray(period, float), len(states))
     if periods is not None and images is None:
-        images = images_along(axis, states, periods)
+        all_panels = states
+        if ground is not None:
+            mirrored = states * [1, 1, -1] + [0, 0, 2 * ground]
+            all_panels = np.concatenate([states, mirrored], axis=1)
+        images = images_along(axis, all_panels, periods)
+    surroundings = Surroundings(
+        jnp.asarray(apart), None if ground is None else jnp.full(len(states), float(ground))
+    )
     near = filled(near_pairs(states, images, periods), PAIRS_A_PANEL * states.shape[1])
-    matrices = np.asarray(maxwell_matrices(states, membership, near, images, periods))
+    matrices = np.asarray(maxwell_matrices(states, membership, near, images, periods, surroundings))
     return matrices.reshape(*panels.shape[:-3], *matrices.shape[1:])
 
 
@@ -105,9 +115,9 @@ def filled(pairs, count):
     return np.concatenate([pairs, np.repeat(pairs[-1:], count - len(pairs), axis=0)])
 
 
-def between(*conductors, period=None):
+def between(*conductors, **around):
     """Capacitance between two of them."""
-    return two_terminal(maxwell(*conductors, period=period))
+    return two_terminal(maxwell(*conductors, **around))
 
 
 def extrapolated(coarse, fine):

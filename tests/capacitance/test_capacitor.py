@@ -95,6 +95,30 @@ def test_a_tightly_closed_ridge_has_a_status_and_no_number():
     assert (found.gap[:2] < CAPACITOR.clearance).all()
 
 
+@pytest.mark.slow
+def test_insulated_electrodes_may_touch():
+    """Strips at 1.1° are nearly plates at the distance of the dielectric, far from their ends."""
+    found = measured([0.01, 0.03, 1.0], dielectric_thickness=0.1)
+    assert (found.status == CapacitorStatus.measured).all()
+    assert (np.diff(found.capacitance) < 0).all()
+    bare = measured([1.0])
+    assert found.capacitance[2] < bare.capacitance[0]
+    net, fabric = pure(STRIPE, PERIODIC, PERIODS, ridges="G")
+    across, along = (float(side) for side in cell_of(fabric))
+    plates = VACUUM_PERMITTIVITY * across * net.shape.cells_x * along / 0.1
+    assert found.capacitance[0] == pytest.approx(plates, rel=0.4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("options", [PERIODIC, CLAMPED])
+def test_a_grounded_plane_adds_capacitance_and_shields(options):
+    alone = measured([1.0], options)
+    near, far = (measured([1.0], options, ground="plane", ground_distance=d) for d in (0.3, 300.0))
+    assert near.capacitance[0] > alone.capacitance[0]
+    assert near.mutual[0] < far.mutual[0] <= far.capacitance[0] * (1 + 1e-9)
+    assert far.capacitance[0] == pytest.approx(alone.capacitance[0], rel=2e-3)
+
+
 def test_a_fold_past_half_a_turn_has_a_status_and_no_number():
     found = measured([-0.2, 1.0])
     assert found.status[0] == CapacitorStatus.folded_through

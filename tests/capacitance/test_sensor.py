@@ -29,6 +29,14 @@ def test_a_straight_line_is_linear_all_along(slope):
     assert sensor.working_slope == pytest.approx(slope)
 
 
+@given(st.floats(0.1, 9), st.floats(0.0, 15.0))
+def test_humidity_reads_like_the_strain_that_changes_the_fabrics_part_as_much(slope, leads):
+    curve = 20 + slope * STRAIN
+    sensor = sensor_of(STRAIN, curve, 0.99, leads)
+    moister = leads + 1.05 * (curve[0] - leads)
+    assert curve[0] + slope * sensor.humidity_strain == pytest.approx(moister)
+
+
 def test_a_constant_capacitance_has_no_sensitivity():
     sensor = sensor_of(STRAIN, np.full(STRAIN.size, 3.0), 0.99)
     assert (sensor.sensitivity, sensor.linearity, sensor.working_range) == (0, 0, 0)
