@@ -12,6 +12,7 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
     atexit.register(shutil.rmtree, os.environ["JAX_COMPILATION_CACHE_DIR"], ignore_errors=True)
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 
+import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
 
@@ -24,3 +25,13 @@ install_import_hook("knitlab", f"{checked.__module__}.{checked.__name__}")
 settings.register_profile("quick", deadline=None, max_examples=20)
 settings.register_profile("thorough", deadline=None, max_examples=100)
 settings.load_profile("quick")
+
+
+@pytest.fixture
+def small_subdomains(monkeypatch):
+    """Divides samples of some cells into subdomains, as only large ones are otherwise."""
+    from knitlab.solvers import subdomains
+
+    monkeypatch.setattr(subdomains, "CELLS", 8)
+    monkeypatch.setattr(subdomains, "OVERLAP", 2)
+    monkeypatch.setattr(subdomains, "FEWEST", 2)

@@ -56,6 +56,7 @@ class _Layer:
         self.mesh, self.least, self.reach, self._margin = mesh, least, reach, margin
         self._searched_at = np.full((mesh.num_vertices, 3), np.inf)
         self._candidates = ipctk.Candidates()
+        self._once = False
 
     def _within_margin(self, vertices: np.ndarray) -> bool:
         moved = vertices - self._searched_at
@@ -65,14 +66,18 @@ class _Layer:
         if not self._within_margin(vertices):
             radius = (self.least + self.reach) / 2 + self._margin
             self._candidates.build(self.mesh, vertices, radius)
-            without_pairs_of_images(self._candidates, self._whole)
-            self._searched_at = vertices
+            self._searched_at, self._once = vertices, False
 
     def collisions(self, vertices: np.ndarray) -> ipctk.NormalCollisions:
-        """Pairs within reach of the barrier."""
+        """Pairs within reach of the barrier, each once."""
         self._search(vertices)
         found = ipctk.NormalCollisions()
         found.build(self._candidates, self.mesh, vertices, self.reach, self.least)
+        if len(found) and not self._once:
+            # Only now, as this takes longer than the search, and most searches find no pair.
+            without_pairs_of_images(self._candidates, self._whole)
+            self._once = True
+            found.build(self._candidates, self.mesh, vertices, self.reach, self.least)
         return found
 
     def potential(self, force: float) -> ipctk.BarrierPotential:
@@ -88,7 +93,6 @@ class _Layer:
         if not self._within_margin(after):
             candidates = ipctk.Candidates()
             candidates.build(self.mesh, before, after, (self.least + self.reach) / 2)
-            without_pairs_of_images(candidates, self._whole)
         if not len(candidates):
             return 1.0
         return candidates.compute_collision_free_stepsize(

@@ -3,15 +3,7 @@
 import pytest
 
 from knitlab.mechanics.loading import tensile
-from knitlab.solvers import subdomains
 from tests.fabrics import CLAMPED, checkered, relaxed
-
-
-@pytest.fixture
-def small_subdomains(monkeypatch):
-    monkeypatch.setattr(subdomains, "CELLS", 8)
-    monkeypatch.setattr(subdomains, "OVERLAP", 2)
-    monkeypatch.setattr(subdomains, "FEWEST", 2)
 
 
 @pytest.fixture(scope="package")
