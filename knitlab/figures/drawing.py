@@ -241,7 +241,7 @@ def _drawn(
     (cube, _), folder = sliced[0], _folder(cube_paths[0])
     slice_shown = ", ".join(dict.fromkeys(shown for _, shown in sliced if shown))
     if kind.several:
-        drawing = kind.draw([cube for cube, _ in sliced])
+        drawing = kind.draw([cube for cube, _ in sliced], **(options or {}))
     elif kind.needs is None:
         drawing = kind.draw(cube)
     else:

@@ -131,8 +131,13 @@ WANTED = [
 @pytest.mark.slow
 @pytest.mark.parametrize("boundary", ["periodic", "clamped"])
 def test_derivatives_of_every_kind_of_target_are_those_of_finite_differences(tmp_path, boundary):
+    wanted = list(WANTED)
+    # A search refuses targets that contradict the first; their derivatives exist all the same.
+    contradicting = [one for one in wanted if one is WANTED[1] or "max" in str(one)]
     table = {
-        "targets": [one for one in WANTED if "thickness" not in str(one)],
+        "targets": [
+            one for one in wanted if one not in contradicting and "thickness" not in str(one)
+        ],
         "vary": {
             "n_stripe": [4],
             "n_subunit": [8],
@@ -145,10 +150,10 @@ def test_derivatives_of_every_kind_of_target_are_those_of_finite_differences(tmp
         "settings": {"boundary": boundary, "unit_cells": [2, 2], "tolerance": 1e-11},
     }
     if boundary == "periodic":
-        table["targets"].remove("knit_length < 1 ± 1")
+        for targets in (wanted, table["targets"]):
+            targets.remove("knit_length < 1 ± 1")
         table["settings"]["unit_cells"] = [1, 1]
     space = search_space(checked_request("sleeve", table))
-    wanted = [*table["targets"], WANTED[-1]]
     asked = objective(
         *wanted, subject_to=["0 < reaction_force < 9 @ 0.03:0.06"], acts_on=space.acts_on()
     )
