@@ -21,7 +21,6 @@ from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
 from knitlab.io.schema import COORDINATES, FLAGS
 from knitlab.io.suggestions import unknown
-from knitlab.study.settings import SETTINGS
 from knitlab.tables.reduced_columns import with_reduction
 from knitlab.tables.selection import choices
 
@@ -205,7 +204,7 @@ def _axis_label(cube: xr.Dataset, dim: str) -> str:
         unit = "" if known.units == "1" else f" [{known.units}]"
         name = "" if dim == "applied_strain" else f"{dim}: "
         return f"{name}{known.long_name}{unit}"
-    unit = SETTINGS[dim].unit if dim in SETTINGS else "1"
+    unit = cube[dim].attrs.get("units", "1")
     return f"{dim} [{unit}]" if cube[dim].dtype.kind in "iuf" else dim
 
 
