@@ -112,6 +112,36 @@ def test_a_map_of_one_cube_refuses_two(tmp_path):
     assert drawn.exit_code == 0, drawn.output
 
 
+def test_a_window_shows_slope_and_linearity_within_it():
+    """From 4 through 3 to 2.5: the mean slope of 0 to 0.2 is −7.5, that of 0 to 0.1 is −10."""
+    figure = sensor_map([with_electrodes()], window="0:0.1")
+    assert values_written(figure.axes[0]) == ["10.00"] * 3
+    assert values_written(figure.axes[1]) == ["1.00"] * 3
+    assert "0:0.1" in figure.axes[2].get_ylabel()
+    wider = sensor_map([with_electrodes()], window="0:0.2")
+    assert values_written(wider.axes[0]) == ["7.50"] * 3
+    # R² of a line through two straight parts, one of half the slope of the other.
+    parts = np.concatenate([np.linspace(4, 3, 1001), np.linspace(3, 2.5, 1001)[1:]])
+    straight = np.corrcoef(np.linspace(0, 1, 2001), parts)[0, 1] ** 2
+    assert values_written(wider.axes[1]) == [f"{straight:.2f}"] * 3
+
+
+@pytest.mark.parametrize(
+    ("kind", "window", "message"),
+    [
+        ("sensor", "0.3:0.1", "does not ascend"),
+        ("sensor", "wide", "is not a window of strain"),
+        ("auxetic", "0:0.1", "is no option of auxetic"),
+    ],
+)
+def test_a_bad_window_is_refused(tmp_path, kind, window, message):
+    with_electrodes().to_netcdf(tmp_path / "cube.nc")
+    command = ["map", kind, str(tmp_path / "cube.nc"), "--window", window]
+    result = CliRunner().invoke(main, [*command, "-o", str(tmp_path / "map.png")])
+    assert result.exit_code == 2
+    assert message in result.output
+
+
 def test_the_steepest_of_a_range_is_found_by_a_query(tmp_path):
     with_electrodes().to_netcdf(tmp_path / "cube.nc")
     asked = ("--where", "working_range >= 0.1 and status == 'ok'", "--sort", "-sensitivity")

@@ -2,12 +2,14 @@
 
 import numpy as np
 import xarray as xr
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import PercentFormatter
 
 from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.labels import Label, place_labels
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS
 from knitlab.figures.trade_off import Design
 from knitlab.io.design_status import Status
@@ -15,6 +17,8 @@ from knitlab.io.errors import fault
 from knitlab.io.schema import DESIGN_DIMS
 
 CONTACT = "contact"
+LABELLED = 0.2
+"""Change over the largest one from which a curve has the name of its design."""
 ROW, SMALLEST = 0.155, 3.6
 """Height of the row of a design, and of the smallest figure [in]."""
 THROUGH = "#FBE3D0"
@@ -41,7 +45,7 @@ def contact_effect(cube: xr.Dataset) -> Figure:
             "compares designs without contact and with it; run a workflow with --set"
             " contact=none,barrier",
         )
-    stacked = cube.stack(design=DESIGN_DIMS)
+    stacked = cube.stack(design=DESIGN_DIMS).transpose("design", ...)
     without, touching = (stacked.sel({CONTACT: label}) for label in ("none", "barrier"))
     planned = (without["status"] != Status.excluded) & (touching["status"] != Status.excluded)
     usable = (without["status"] == Status.ok) & (touching["status"] == Status.ok)
@@ -59,14 +63,16 @@ def contact_effect(cube: xr.Dataset) -> Figure:
     ratio = figure.add_subplot(grid[0, 0])
     force = figure.add_subplot(grid[1, 0], sharex=ratio)
     size = figure.add_subplot(grid[:, 1])
-    strain = cube["applied_strain"].values
-    for k, design in enumerate(designs):
-        one, other = without.isel(design=k), touching.isel(design=k)
-        colour = colours[design[0]]
-        ratio.plot(strain, other["poisson_ratio"] - one["poisson_ratio"], color=colour, lw=0.9)
-        pulled = np.where(strain > 0, one["reaction_force"], np.nan)
-        force.plot(strain, other["reaction_force"] / pulled - 1, color=colour, lw=0.9)
-    for axes in (ratio, force):
+    # Relaxed fabric has neither a Poisson's ratio nor a reaction.
+    pulled = cube["applied_strain"].values > 0
+    strain = cube["applied_strain"].values[pulled]
+    changes = {
+        ratio: (touching["poisson_ratio"] - without["poisson_ratio"]).values[..., pulled],
+        force: (touching["reaction_force"] / without["reaction_force"]).values[..., pulled] - 1,
+    }
+    for axes, curves in changes.items():
+        for (n_stripe, _), curve in zip(designs, curves, strict=True):
+            axes.plot(strain, curve, color=colours[n_stripe], lw=0.9)
         axes.axhline(0, color="0.7", lw=0.6, zorder=0)
     ratio.set_ylabel("change of\nPoisson's ratio [1]")
     ratio.tick_params(labelbottom=False)
@@ -81,7 +87,26 @@ def contact_effect(cube: xr.Dataset) -> Figure:
     if left_out:
         names = ", ".join(map(str, left_out))
         figure.supxlabel(f"not ok without contact or with it: {names}", fontsize=7)
+    for axes, curves in changes.items():
+        place_labels(figure, axes, _labels(designs, strain, curves))
     return figure
+
+
+def _labels(
+    designs: list[Design],
+    strain: Float[np.ndarray, " strain"],
+    curves: Float[np.ndarray, "design strain"],
+) -> list[Label]:
+    """The largest changes, by the names of their designs at the strain of the change."""
+    found = [
+        (abs(curve[place]), Label(float(strain[place]), float(curve[place]), f"{design}"))
+        for design, curve in zip(designs, curves, strict=True)
+        if np.isfinite(curve).any()
+        for place in [int(np.nanargmax(abs(curve)))]
+    ]
+    largest = max((change for change, _ in found), default=0.0)
+    kept = [each for each in found if each[0] > LABELLED * largest]
+    return [label for _, label in sorted(kept, key=lambda each: -each[0])]
 
 
 def _named(stacked: xr.Dataset, kept: xr.DataArray) -> list[Design]:
