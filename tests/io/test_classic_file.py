@@ -1,9 +1,15 @@
 """Case files in the classic format: what xarray reads from them, and files of other formats."""
 
+from io import BytesIO
+
+import hypothesis.extra.numpy as npst
 import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.io import netcdf_file
 
 from knitlab.io.case_file import case_path, read_case, read_code, write_case_file
 from knitlab.io.classic_file import classic_bytes, read_classic
@@ -55,6 +61,37 @@ def test_the_library_of_netcdf_reads_the_same_values(dataset, tmp_path):
             np.testing.assert_array_equal(values, stored[name][...], err_msg=name)
     assert ours["iterations"].tolist() == [3, -1, 5]
     assert ours["poisson_ratio"].dtype.isnative
+
+
+def test_scipy_reads_the_same_values(dataset):
+    contents = classic_bytes(dataset)
+    with netcdf_file(BytesIO(contents), "r", mmap=False) as stored:
+        assert stored.version_byte == 2
+        np.testing.assert_array_equal(stored.variables["position"][...], dataset["position"])
+        assert stored.variables["status"].flag_values.tolist() == [0, 1]
+        assert b"".join(stored.variables["case_id"][...]).decode() == "4-16-é"
+        assert stored.title.decode() == "größer"
+
+
+@given(
+    st.dictionaries(
+        st.sampled_from(["a", "bb", "ccc", "x" * 31]),
+        npst.arrays(
+            st.sampled_from([np.float64, np.float32, np.int32, np.int8]),
+            npst.array_shapes(max_dims=3, max_side=4),
+        ),
+    )
+)
+def test_any_numbers_are_read_as_they_were_written(arrays):
+    variables = {
+        name: ([f"{name}_{k}" for k in range(values.ndim)], values)
+        for name, values in arrays.items()
+    }
+    contents = classic_bytes(xr.Dataset(variables))
+    with netcdf_file(BytesIO(contents), "r", mmap=False) as stored:
+        assert stored.variables.keys() == arrays.keys()
+        for name, values in arrays.items():
+            np.testing.assert_array_equal(stored.variables[name][...], values)
 
 
 def test_the_same_dataset_gives_the_same_bytes(dataset):
