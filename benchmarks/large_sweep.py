@@ -21,18 +21,35 @@ import click
 from knitlab.execution.merge import merge_folders
 from knitlab.execution.run import RunOptions, run_plan
 from knitlab.execution.status import PLAN
+from knitlab.execution.workers import Batch
+from knitlab.io.case_file import write_case_file
 from knitlab.io.plain_cube import CUBE
-from knitlab.study.plan import Plan, make_plan
+from knitlab.simulation.reporting import Progress
+from knitlab.study.plan import make_plan
 from knitlab.study.shard import Shard, split
-from tests.execution.stand_in import contents, simulate
+from tests.execution.stand_in import contents
 
 DESIGNS_OF_PREVIEW = 10
-SAMPLE = 500
-"""Cases whose contents are made up once more, to subtract the time of the stand-in itself."""
 COLD_STARTS = 3
 SHARDS = 40
 OWN_FOLDERS = 4
 """Shards that are run into folders of their own and merged."""
+
+
+class StandIn:
+    """Simulates by making up the contents of case files, and adds up how long that takes [s]."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+
+    def __call__(self, results: Path, cases: Batch, progress: Progress) -> None:
+        """Write the case files of a batch."""
+        for case in cases:
+            began = time.process_time()
+            dataset = contents(case)
+            self.seconds += time.process_time() - began
+            write_case_file(results, case.case_id, dataset)
+            progress(case.case_id, case.states)
 
 
 @click.command()
@@ -50,13 +67,13 @@ def main(cases: int, merge: bool, folder: Path | None) -> None:
         timed("  plan.json", lambda: plan.write(results / PLAN))
         timed(f"  split into {SHARDS} shards", lambda: split(plan.batches, plan.cases, SHARDS))
 
-        made_up = artificial(plan)
+        stand_in = StandIn()
+        options = RunOptions(simulate=stand_in)
         began = time.process_time()
-        options = RunOptions(simulate=simulate)
         timed("run", lambda: run_plan(plan, results / "preview", options))
-        overhead = (time.process_time() - began) / len(plan.cases) - made_up
-        say("  of it the stand-in, a case", 1e3 * made_up, "ms")
-        say("  overhead, a case", 1e3 * overhead, "ms")
+        whole = time.process_time() - began
+        say("  of it the stand-in, a case", 1e3 * stand_in.seconds / len(plan.cases), "ms")
+        say("  overhead, a case", 1e3 * (whole - stand_in.seconds) / len(plan.cases), "ms")
         say("  cube", (results / "preview" / CUBE).stat().st_size / 1e6, "MB")
         timed("run again, nothing to do", lambda: run_plan(plan, results / "preview", options))
         for words in (
@@ -67,7 +84,7 @@ def main(cases: int, merge: bool, folder: Path | None) -> None:
             cold(*words)
         if merge:
             for number in range(1, OWN_FOLDERS + 1):
-                part = RunOptions(simulate=simulate, shard=Shard(number, OWN_FOLDERS))
+                part = RunOptions(simulate=stand_in, shard=Shard(number, OWN_FOLDERS))
                 run_plan(plan, results / f"shard-{number}" / "preview", part)
             shards = sorted(results.glob("shard-*"))
             timed(f"merge of {OWN_FOLDERS} folders", lambda: merge_folders(shards, results / "all"))
@@ -80,15 +97,6 @@ def timed(what: str, call: Callable[[], Any]) -> Any:
     result = call()
     say(what, time.process_time() - processor, "s", wall=time.perf_counter() - began)
     return result
-
-
-def artificial(plan: Plan) -> float:
-    """Processor time in which the stand-in makes up the contents of a case file [s]."""
-    chosen = list(plan.cases.values())[:: max(1, len(plan.cases) // SAMPLE)]
-    began = time.process_time()
-    for case in chosen:
-        contents(case)
-    return (time.process_time() - began) / len(chosen)
 
 
 def cold(*words: str) -> None:
