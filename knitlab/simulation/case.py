@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -85,7 +85,7 @@ class Case:
     def record(self) -> dict[str, Any]:
         """The case as JSON holds it; :func:`case_of` reads it."""
         # Much faster than dataclasses.asdict, which also copies what cannot change.
-        return stored_record(_cases().dump_python(self))
+        return stored_record(_schema(type(self)).dump_python(self))
 
     @cached_property
     def case_id(self) -> str:
@@ -304,10 +304,10 @@ def case_of(record: dict[str, Any]) -> Case:
     settings = DynamicsSettings if fields["method"] == "dynamics" else SolverSettings
     # Left to itself, the union would take the first kind that all keys fit.
     solver = settings(**fields["solver"])
-    return replace(_cases().validate_python(fields), solver=solver)
+    return replace(_schema(Case).validate_python(fields), solver=solver)
 
 
-@lru_cache(maxsize=1)
-def _cases() -> TypeAdapter[Case]:
-    """Pydantic's schema of a case, which is slow to make."""
-    return TypeAdapter(Case)
+@cache
+def _schema(kind: type[Any]) -> TypeAdapter[Any]:
+    """Pydantic's schema of a class of cases, which is slow to make."""
+    return TypeAdapter(kind)
