@@ -85,7 +85,8 @@ class Case:
     def record(self) -> dict[str, Any]:
         """The case as JSON holds it; :func:`case_of` reads it."""
         # Much faster than dataclasses.asdict, which also copies what cannot change.
-        return stored_record(_schema(type(self)).dump_python(self))
+        # mypy takes the hash of an instance for that of its class.
+        return stored_record(_schema(type(self)).dump_python(self))  # type: ignore[arg-type]
 
     @cached_property
     def case_id(self) -> str:
