@@ -12,6 +12,7 @@ import xarray as xr
 
 from knitlab.execution.survey import Cell, cells
 from knitlab.io.case_file import case_path
+from knitlab.io.classic_file import read_classic
 from knitlab.io.design_status import Status
 from knitlab.io.plain_cube import READING, PlainCube, unmasked
 from knitlab.io.provenance import provenance
@@ -174,15 +175,19 @@ def _empty_entry(case: Case, status: Status) -> Entry:
 
 
 def _read_entry(path: Path, case: Case, gauge: Gauge) -> Entry:
-    # With netCDF4 and unmasked, which is several times as fast as through xarray.
+    wanted = {name for name, variable in variables_of(case).items() if variable.in_cube}
+    # A file of an earlier version may lack some.
+    stored = read_classic(path, wanted) or _read_other(path, wanted)
     values = known_in_advance(case)
+    values |= {name: unmasked(name, its) for name, its in stored.items()}
+    return Entry(values | sizes_of(case, values, gauge), case.applied_strain)
+
+
+def _read_other(path: Path, names: Collection[str]) -> dict[str, np.ndarray]:
+    """Stored values of a case file of an earlier version, which is in the format of HDF5."""
     with netCDF4.Dataset(path) as dataset:
         dataset.set_auto_maskandscale(False)
-        for name, variable in variables_of(case).items():
-            # A file of an earlier version may lack some.
-            if variable.in_cube and name in dataset.variables:
-                values[name] = unmasked(name, dataset[name][...])
-    return Entry(values | sizes_of(case, values, gauge), case.applied_strain)
+        return {name: dataset[name][...] for name in names if name in dataset.variables}
 
 
 def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) -> xr.Dataset:

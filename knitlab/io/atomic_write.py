@@ -2,14 +2,15 @@
 
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from secrets import token_hex
 from tempfile import mkdtemp
 
 from knitlab.io.errors import CannotWrite, Fault
 
 UNFINISHED = ".writing-"
-"""Prefix of the folders of unfinished files."""
+"""Prefix of unfinished files, or of their folders."""
 PROBE_BYTES = 1 << 20
 
 
@@ -41,10 +42,30 @@ def atomic_write(path: Path) -> Iterator[Path]:
             shutil.rmtree(folder, ignore_errors=True)
 
 
+def write_atomically(path: Path, contents: bytes) -> None:
+    """Replace a small file by contents that are known, which is faster than a folder for it.
+
+    Raises:
+        CannotWrite: if the folder cannot be written, or is full.
+    """
+    temporary = path.parent / f"{UNFINISHED}{token_hex(8)}"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_bytes(contents)
+        temporary.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise _cannot_write(path, error) from error
+
+
 def clear_unfinished(folder: Path) -> None:
     """Remove unfinished files of killed processes from a folder and its subfolders."""
     for unfinished in (*folder.glob(f"{UNFINISHED}*"), *folder.glob(f"*/{UNFINISHED}*")):
-        shutil.rmtree(unfinished, ignore_errors=True)
+        if unfinished.is_dir():
+            shutil.rmtree(unfinished, ignore_errors=True)
+        else:
+            unfinished.unlink(missing_ok=True)
 
 
 def _refusal(folder: Path) -> OSError | None:

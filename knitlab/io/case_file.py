@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import netCDF4
 import numpy as np
 
-from knitlab.io.atomic_write import atomic_write
-from knitlab.io.fingerprint import file_digest
-from knitlab.io.schema import encoding
+from knitlab.io.atomic_write import write_atomically
+from knitlab.io.classic_file import classic_bytes
+from knitlab.io.fingerprint import bytes_digest, file_digest
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,11 +43,10 @@ def write_case_file(results: Path, case_id: str, dataset: "xr.Dataset") -> None:
     Raises:
         CannotWrite: if they cannot be written.
     """
-    path = case_path(results, case_id)
-    with atomic_write(path) as temporary:
-        dataset.to_netcdf(temporary, encoding=encoding(dataset))
-        with atomic_write(checksum_path(results, case_id)) as checksum:
-            checksum.write_text(f"{file_digest(temporary)}  {path.name}\n")
+    path, contents = case_path(results, case_id), classic_bytes(dataset)
+    checksum = f"{bytes_digest(contents)}  {path.name}\n"
+    write_atomically(checksum_path(results, case_id), checksum.encode())
+    write_atomically(path, contents)
 
 
 def check_case_file(results: Path, case_id: str) -> StoredCase:

@@ -18,6 +18,7 @@ COMPUTING = (
     "capacitance",
     "simulation",
     "io/case_file.py",
+    "io/classic_file.py",
 )
 """Parts of the package whose text can change the numbers of a case."""
 OF_CUBES = ("measure/knit_size.py",)
@@ -77,6 +78,11 @@ def file_digest(path: Path) -> str:
     """
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def bytes_digest(contents: bytes) -> str:
+    """SHA-256 of the contents of a file, in hexadecimal digits."""
+    return hashlib.sha256(contents).hexdigest()
 
 
 def digests(paths: Iterable[Path]) -> dict[str, str]:

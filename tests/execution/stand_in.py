@@ -41,8 +41,8 @@ def plan_of(factors=FACTORS):
     return make_plan("preview", ("strain_max=0.06", f"k_t_factor={values}"))
 
 
-def write(results, case, status=Status.ok):
-    """A case file with artificial numbers that depend only on the case."""
+def contents(case, status=Status.ok):
+    """The contents of a case file, with artificial numbers that depend only on the case."""
     seed = int(hashlib.sha256(case.case_id.encode()).hexdigest()[:8], 16)
     numbers = np.random.default_rng(seed)
     sizes = {"applied_strain": len(case.applied_strain)}
@@ -61,7 +61,11 @@ def write(results, case, status=Status.ok):
     coordinates = {**case.design, "applied_strain": list(case.applied_strain)}
     dataset = described(xr.Dataset(values, coordinates))
     dataset.attrs["reason"] = "" if status is Status.ok else "made up to be so"
-    write_case_file(results, case.case_id, dataset)
+    return dataset
+
+
+def write(results, case, status=Status.ok):
+    write_case_file(results, case.case_id, contents(case, status))
 
 
 def simulate(results, cases, progress):
