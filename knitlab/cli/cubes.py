@@ -90,7 +90,7 @@ def compare(
 )
 @click.option("--x", metavar="DIM", help="Dimension across a grid.")
 @click.option("--y", metavar="DIM", help="Dimension up a grid.")
-@click.option("--of", metavar="NAME", help="Variable whose values a grid shows.")
+@click.option("--of", metavar="NAME", help="Variable whose values grid and swept show.")
 @click.option(
     "--window", metavar="STRAIN:STRAIN", help="Strains over which sensor shows slope and linearity."
 )

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     FigureName = str
 else:
     FigureName = Literal[FIGURE_NAMES]
-COMPARING = ("contact", "grid", "readings")
+COMPARING = ("contact", "grid", "readings", "swept")
 """Figures that accept a cube with several values of its swept settings."""
 FILMS = ("folding",)
 STILL_SUFFIXES = (".pdf", ".svg", ".png")

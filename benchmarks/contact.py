@@ -1,0 +1,48 @@
+"""What contact costs: ``python -m benchmarks.contact`` in the repository.
+
+The paper's designs are relaxed and stretched as periodic fabric, without contact and with it, in
+one process. It prints the processor time of each, compilation left out, which other programs on
+the machine hardly change. Nothing of it is a test: figures depend on the machine.
+"""
+
+import time
+
+import click
+import numpy as np
+
+import knitlab as kl
+from knitlab.io.shipped import shipped
+from knitlab.study.parameters import read_parameters
+
+CONTACT = ("none", "barrier")
+
+
+@click.command()
+@click.option("--designs", default="paper", show_default=True, help="Set of params/designs.toml.")
+@click.option("--strain-max", default=0.2, show_default=True, help="Last applied strain.")
+@click.option("--steps", default=5, show_default=True, help="Strain steps.")
+def main(designs: str, strain_max: float, steps: int) -> None:
+    """Time every design without contact and with it."""
+    strain = np.linspace(0.0, strain_max, steps + 1)
+    click.echo("design    nodes     none  barrier  ratio  iterations  self-intersections")
+    for n_stripe, n_subunit in read_parameters(shipped("params")).designs.root[designs].pairs:
+        design = kl.Design(n_stripe=n_stripe, n_subunit=n_subunit, boundary="periodic")
+        kl.simulate(design, strain[:2])  # compiles
+        seconds, tests = [], []
+        for contact in CONTACT:
+            began = time.process_time()
+            tests.append(kl.simulate(design, strain, contact=contact))
+            seconds.append(time.process_time() - began)
+        nodes = tests[0].sizes["node_y"] * tests[0].sizes["node_x"]
+        counts = [
+            "/".join(f"{int(test[name].sum())}" for test in tests)
+            for name in ("iterations", "self_intersections")
+        ]
+        click.echo(
+            f"{n_stripe},{n_subunit:<5} {nodes:7} {seconds[0]:7.1f}s {seconds[1]:7.1f}s"
+            f" {seconds[1] / seconds[0]:6.1f}  {counts[0]:>10}  {counts[1]:>18}"
+        )
+
+
+if __name__ == "__main__":
+    main()

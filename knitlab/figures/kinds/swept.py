@@ -1,0 +1,85 @@
+"""A swept setting: any variable of every design, at each value of the setting."""
+
+import numpy as np
+import xarray as xr
+from matplotlib.figure import Figure
+
+from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, number
+from knitlab.io.cube_file import base_dims, swept_dims
+from knitlab.io.design_status import Status
+from knitlab.io.errors import fault
+from knitlab.io.schema import FLAGS
+from knitlab.io.suggestions import unknown
+from knitlab.tables.reduced_columns import with_reduction
+
+MARKERS = "os^Dv*PX"
+MOST = len(MARKERS)
+"""Largest number of values of the setting that can be told apart."""
+ROW, MARGIN = 0.16, 1.1
+"""Height of the row of a design, and of what is around the rows [in]."""
+
+
+def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
+    """Any variable of every design, at each value of a swept setting.
+
+    A row is a design, and a mark is a value of the setting, such as a layout of electrodes. The
+    legend counts the designs that have no value there.
+
+    Args:
+        cube: a cube with one swept setting; select one value of every other.
+        of: the variable, or a reduction of one along the strain, as in queries:
+            ``slope(capacitance, 0.1:0.3)``.
+
+    Raises:
+        BadInput: if no setting is swept or several are, or ``of`` is no number of a design.
+    """
+    cube, of = with_reduction(cube, of)
+    if of not in cube.data_vars:
+        raise fault("of", unknown(of, map(str, cube.data_vars), "variable"))
+    swept = [dim for dim in swept_dims(cube) if cube.sizes[dim] > 1]
+    designs = base_dims(cube)
+    if of in FLAGS or cube[of].dtype.kind not in "iuf" or {*cube[of].dims} - {*swept, *designs}:
+        raise fault("of", f"{of} is no single number of a design; choose another, or reduce it")
+    if len(swept) != 1:
+        found = f"sweeps {', '.join(swept)}; select one value of all but one" if swept else "has no"
+        remedy = "" if swept else " swept setting; run a workflow with --set NAME=VALUE,VALUE"
+        raise fault("swept", f"the cube {found}{remedy}")
+    (setting,) = swept
+    if cube.sizes[setting] > MOST:
+        raise fault("swept", f"shows at most {MOST} values of {setting}; select fewer")
+    rows = cube[["status", of]].stack(design=designs).transpose("design", setting)
+    rows = rows.isel(design=(rows["status"] != Status.excluded).any(setting).values)
+    names = [f"({', '.join(map(str, design))})" for design in rows["design"].values]
+    figure = Figure(figsize=(TWO_COLUMNS, MARGIN + ROW * len(names)), layout="constrained")
+    axes = figure.add_subplot()
+    for k, value in enumerate(rows[setting].values):
+        one = rows.isel({setting: k})
+        values = np.where(one["status"] == Status.ok, one[of], np.nan)
+        missing = int((~np.isfinite(values) & (one["status"] != Status.excluded).values).sum())
+        label = value if isinstance(value, str) else number(float(value), ".4g")
+        axes.plot(
+            values,
+            range(len(names)),
+            MARKERS[k],
+            ms=4.5,
+            mfc="none",
+            color=CATEGORY_COLOURS[k],
+            label=f"{label} ({missing} without value)" if missing else label,
+        )
+    unit, name = (cube[of].attrs.get(key) for key in ("units", "long_name"))
+    axes.set(
+        yticks=range(len(names)),
+        yticklabels=names,
+        ylim=(len(names) - 0.5, -0.5),
+        xlabel=f"{name or of} [{unit or '1'}]",
+        ylabel=f"design ({', '.join(designs)})",
+    )
+    axes.grid(axis="y", color="0.9", lw=0.5)
+    axes.set_axisbelow(True)
+    axes.tick_params(axis="y", length=0, labelsize=6.5)
+    figure.legend(title=setting, loc="outside right upper", frameon=False)
+    return figure
+
+
+FIGURE = FigureKind(swept_values, dims=None, options=("of",))
