@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.io import netcdf_file
 
 from knitlab.io.schema import INTEGERS, MISSING
 
@@ -32,6 +31,8 @@ def classic_bytes(dataset: "xr.Dataset") -> bytes:
     Args:
         dataset: floats, integers, flags and texts; missing values of integers are NaN.
     """
+    from scipy.io import netcdf_file  # slow to import
+
     written = BytesIO()
     file = netcdf_file(written, "w", version=LARGE_FILES)
     for name, size in dataset.sizes.items():
@@ -90,6 +91,8 @@ def read_classic(path: Path, names: Container[str]) -> dict[str, Any] | None:
     contents = path.read_bytes()
     if not contents.startswith(MAGIC):
         return None
+    from scipy.io import netcdf_file  # slow to import
+
     file = netcdf_file(BytesIO(contents), "r", mmap=False)
     return {name: _read(its.data) for name, its in file.variables.items() if name in names}
 
