@@ -107,8 +107,9 @@ def test_every_design_of_the_paper_is_knitted_as_charted(design):
 @interpreter
 @pytest.mark.slow
 @pytest.mark.timeout(3600)  # 80,000 operations, each a millisecond or two
-@pytest.mark.parametrize("design", PAPER, ids=str)
-def test_the_interpreter_knits_every_design_of_the_paper(design, fast_protocols):  # noqa: F811
+# The larger ones take a quarter of an hour in all, and differ in size alone.
+@pytest.mark.parametrize("design", [(2, 16), (4, 16), (4, 32), (6, 24), (8, 32)], ids=str)
+def test_the_interpreter_knits_designs_of_every_stripe(design, fast_protocols):  # noqa: F811
     chart = stitch_chart(case_of(n_stripe=design[0], n_subunit=design[1]))
     machine = read_machine({"waste_courses": 2, "end": "drop"})
     assert round_trip(knitout(chart, machine), chart, machine, interpret=True).faults == ()
