@@ -20,6 +20,9 @@ from knitlab.elasticity.evaluation import Evaluation
 from knitlab.model.network import MeshShape
 from knitlab.model.pattern import CELLS_PER_PERIOD
 
+# Workers have one thread each; the library would take all cores in every one of them.
+ipctk.set_num_threads(1)
+
 KEPT_PART = 0.5
 """Part of the collision-free step that is taken, so that the barrier is finite after it."""
 LEAST_FREE = 1e-12
