@@ -33,6 +33,10 @@ Method = Literal["equilibrium", "dynamics"]
 Label = int | float | str
 
 
+OF_NO_TEST = ("design", "capacitor")
+"""Fields of a case that do not change its tests, only what is measured in them."""
+
+
 @dataclass(frozen=True)
 class Case:
     """One design under one protocol: all that can change its numbers, and nothing else.
@@ -97,6 +101,12 @@ class Case:
         canonical = json.dumps(self.record, sort_keys=True, separators=(",", ":"))
         digest = hashlib.sha256(canonical.encode()).hexdigest()
         return "-".join([*map(str, self.design.values()), digest[:12]])
+
+    @cached_property
+    def test_id(self) -> str:
+        """What cases have in common whose tests are the same: all but design and electrodes."""
+        rest = {name: value for name, value in self.record.items() if name not in OF_NO_TEST}
+        return json.dumps(rest, sort_keys=True, separators=(",", ":"))
 
     @property
     def states(self) -> int:

@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections import defaultdict
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -34,19 +35,36 @@ from knitlab.solvers.state import Outcome
 def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> None:
     """Relax and stretch the fabrics of one mesh shape together, and write their case files.
 
+    Cases that differ in their electrodes alone share a test.
+
     Args:
         results: results folder of the workflow.
         cases: cases of one mesh shape.
         progress: called with a case's identifier and how many of its states are done.
     """
     began = time.perf_counter()
-    tests = tensile_tests(cases, progress)
-    siblings = sibling_tests(cases, progress)
-    chains = [_zigzag_test(case) if case.pure else [] for case in cases]
+    sharing: dict[str, list[Case]] = defaultdict(list)
+    for case in cases:
+        sharing[case.test_id].append(case)
+    first = [those[0] for those in sharing.values()]
+    of_all = partial(
+        _progress_of_all, progress, {those[0].case_id: those for those in sharing.values()}
+    )
+    tests = tensile_tests(first, of_all)
+    siblings = sibling_tests(first, of_all)
+    chains = [_zigzag_test(case) if case.pure else [] for case in first]
     wall_seconds = time.perf_counter() - began
-    for case, test, chain, its in zip(cases, tests, chains, siblings, strict=True):
-        dataset = case_dataset(case, test, chain, its, wall_seconds)
-        write_case_file(results, case.case_id, dataset)
+    for those, test, chain, its in zip(sharing.values(), tests, chains, siblings, strict=True):
+        for case in those:
+            dataset = case_dataset(case, test, chain, its, wall_seconds)
+            write_case_file(results, case.case_id, dataset)
+
+
+def _progress_of_all(
+    progress: Progress, sharing: dict[str, list[Case]], case_id: str, states: float
+) -> None:
+    for case in sharing[case_id]:
+        progress(case.case_id, states)
 
 
 def tensile_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:

@@ -1,5 +1,6 @@
 """The plan: everything that a run needs, resolved once and stored in ``plan.json``."""
 
+import itertools
 import json
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -261,13 +262,20 @@ def batched(cases: dict[str, Case]) -> tuple[Batch, ...]:
     batches = []
     for (shape, *_), members in alike.items():
         size = max(1, BATCH_UNKNOWNS // shape.unknowns)
-        for first in range(0, len(members), size):
-            batches.append(batch_of(members[first : first + size], cases))
+        tests: dict[str, list[str]] = defaultdict(list)
+        for case_id in members:
+            tests[cases[case_id].test_id].append(case_id)
+        sharing = list(tests.values())
+        for first in range(0, len(sharing), size):
+            together = itertools.chain.from_iterable(sharing[first : first + size])
+            batches.append(batch_of(tuple(together), cases))
     return tuple(sorted(batches, key=lambda batch: batch.estimated_seconds, reverse=True))
 
 
 def batch_of(members: Sequence[str], cases: Mapping[str, Case]) -> Batch:
     """The batch of some cases that share a mesh shape."""
-    unknowns = cases[members[0]].mesh_shape.unknowns * len(members)
-    time = seconds(cases[case_id] for case_id in members)
+    # Cases that share a test take the time and the memory of one.
+    tests = {cases[case_id].test_id: cases[case_id] for case_id in members}
+    unknowns = cases[members[0]].mesh_shape.unknowns * len(tests)
+    time = seconds(tests.values())
     return Batch(tuple(members), unknowns, time, bytes_needed(unknowns))

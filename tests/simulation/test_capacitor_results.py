@@ -93,3 +93,36 @@ def test_layouts_can_be_a_dimension():
 def test_impossible_electrodes_are_refused_by_the_plan(overrides, message):
     with pytest.raises(BadInput, match=message):
         make_plan("sensor", overrides)
+
+
+LAYOUTS = ("n_stripe=2", "n_subunit=16", "strain_max=0.04", "unloading=false")
+
+
+def test_cases_that_share_a_test_are_planned_as_one():
+    one = make_plan("sensor", (*LAYOUTS, "layout=checkerboard"))
+    both = make_plan("sensor", (*LAYOUTS, "layout=checkerboard,checkerboard_faces"))
+    assert len(both.cases) == 2
+    ((only,), (batch,)) = one.batches, both.batches
+    assert set(batch.cases) == set(both.cases)
+    assert batch.estimated_seconds == only.estimated_seconds
+    assert batch.unknowns == only.unknowns
+    softer = make_plan("sensor", (*LAYOUTS, "k_t_factor=1,0.9"))
+    assert sum(its.unknowns for its in softer.batches) == 2 * only.unknowns
+
+
+@pytest.mark.slow
+def test_layouts_measured_in_one_test_are_those_of_a_test_each(tmp_path):
+    layouts = ("checkerboard", "checkerboard_faces")
+    plan = make_plan("sensor", (*LAYOUTS, f"layout={','.join(layouts)}"))
+    both = run_plan(plan, tmp_path / "both", RunOptions()).cube
+    for layout in layouts:
+        alone = make_plan("sensor", (*LAYOUTS, f"layout={layout}"))
+        one = run_plan(alone, tmp_path / layout, RunOptions()).cube.isel(n_stripe=0, n_subunit=0)
+        found = both.sel(layout=layout).isel(n_stripe=0, n_subunit=0)
+        assert (one["status"], found["status"]) == (1, 1)
+        for name in ("reaction_force", "iterations", "capacitance", "electrode_gap"):
+            np.testing.assert_array_equal(found[name], one[name], err_msg=name)
+    differing = both["capacitance"].sel(layout=layouts[0]) != both["capacitance"].sel(
+        layout=layouts[1]
+    )
+    assert differing.all()
