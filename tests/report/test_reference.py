@@ -20,6 +20,7 @@ DRAWN = {
     "readings_stripes": ("readings",),
     "stripes": ("stripes", "departure"),
     "sensor": ("sensor", "capacitors", "wedge", "electrodes"),
+    "sensor_contact": ("contact",),
     "sensor_stripes": ("capacitors", "wedge"),
 }
 SMALLEST = ("preview", "sensor_stripes")
