@@ -63,8 +63,8 @@ def test_designs_that_fail_in_one_of_both_are_named():
 @pytest.mark.parametrize(
     ("cube", "message"),
     [
-        (lambda: made_up_cube(), "run a workflow with --set contact=none,barrier"),
-        (lambda: side_by_side().isel(contact=[0]), "run a workflow with --set"),
+        (lambda: made_up_cube(), "run a workflow with both, contact = none,barrier"),
+        (lambda: side_by_side().isel(contact=[0]), "run a workflow with both"),
         (lambda: side_by_side().isel(n_stripe=[2]), "no design of the selection is ok both"),
     ],
 )

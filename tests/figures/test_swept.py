@@ -51,7 +51,7 @@ def test_curves_are_reduced():
 @pytest.mark.parametrize(
     ("cube", "of", "message"),
     [
-        (made_up_cube, "periods", "has no swept setting; run a workflow with --set"),
+        (made_up_cube, "periods", "has no swept setting; give several values"),
         (lambda: two_layouts().expand_dims(width=[1, 2], axis=2), "periods", "sweeps"),
         (two_layouts, "poisson_ratio", "is no single number of a design"),
         (two_layouts, "status", "is no single number of a design"),

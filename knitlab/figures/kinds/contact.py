@@ -34,7 +34,7 @@ def contact_effect(cube: xr.Dataset) -> Figure:
     are left out, and named below.
 
     Args:
-        cube: with designs without contact and with it, as of ``--set contact=none,barrier``.
+        cube: with designs without contact and with it, as a sweep of ``contact`` gives.
 
     Raises:
         BadInput: if it does not hold both, or no design is ok in both.
@@ -42,8 +42,8 @@ def contact_effect(cube: xr.Dataset) -> Figure:
     if CONTACT not in cube.dims or {"none", "barrier"} - {*map(str, cube[CONTACT].values)}:
         raise fault(
             "contact",
-            "compares designs without contact and with it; run a workflow with --set"
-            " contact=none,barrier",
+            "compares designs without contact and with it; run a workflow with both, contact ="
+            " none,barrier",
         )
     stacked = cube.stack(design=DESIGN_DIMS).transpose("design", ...)
     without, touching = (stacked.sel({CONTACT: label}) for label in ("none", "barrier"))

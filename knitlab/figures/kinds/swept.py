@@ -43,7 +43,7 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
         raise fault("of", f"{of} is no single number of a design; choose another, or reduce it")
     if len(swept) != 1:
         found = f"sweeps {', '.join(swept)}; select one value of all but one" if swept else "has no"
-        remedy = "" if swept else " swept setting; run a workflow with --set NAME=VALUE,VALUE"
+        remedy = "" if swept else " swept setting; give several values of one to a workflow"
         raise fault("swept", f"the cube {found}{remedy}")
     (setting,) = swept
     if cube.sizes[setting] > MOST:
