@@ -17,8 +17,8 @@ from knitlab.io.errors import fault
 from knitlab.io.schema import DESIGN_DIMS
 
 CONTACT = "contact"
-LABELLED = 0.2
-"""Change over the largest one from which a curve has the name of its design."""
+LABELLED = 3
+"""Number of curves, those of the largest changes, that have the names of their designs."""
 ROW, SMALLEST = 0.155, 3.6
 """Height of the row of a design, and of the smallest figure [in]."""
 THROUGH = "#FBE3D0"
@@ -104,9 +104,7 @@ def _labels(
         if np.isfinite(curve).any()
         for place in [int(np.nanargmax(abs(curve)))]
     ]
-    largest = max((change for change, _ in found), default=0.0)
-    kept = [each for each in found if each[0] > LABELLED * largest]
-    return [label for _, label in sorted(kept, key=lambda each: -each[0])]
+    return [label for _, label in sorted(found, key=lambda each: -each[0])[:LABELLED]]
 
 
 def _named(stacked: xr.Dataset, kept: xr.DataArray) -> list[Design]:
