@@ -68,16 +68,14 @@ def open_plain_cube(path: str | Path) -> PlainCube:
         BadInput: if there is no such file, or it is not a cube.
     """
     path = cube_path(path)
-    with read_as_cube(path):
-        # It stays open as long as the cube is used: to open it takes longer than to read from it.
-        dataset = netCDF4.Dataset(path)
+    with read_as_cube(path), netCDF4.Dataset(path) as dataset:
         dims = {name: array.dimensions for name, array in dataset.variables.items()}
         coordinates = {name: dataset[name][...] for name in dims if dims[name] == (name,)}
         options = stated_options({name: dataset.getncattr(name) for name in dataset.ncattrs()})
     cube = PlainCube(
         {name: along for name, along in dims.items() if name not in coordinates},
         {name: np.ma.getdata(values) for name, values in coordinates.items()},
-        lambda name: _read_values(dataset, name),
+        lambda name: read_values(path, name),
         named_path(path).name,
         named_path(path),
         options,
@@ -123,11 +121,11 @@ def read_as_cube(path: Path) -> Iterator[None]:
         raise fault(str(path), f"is not a netCDF file ({error}); give a cube.nc") from error
 
 
-def _read_values(dataset: netCDF4.Dataset, name: str) -> np.ndarray:
+def read_values(path: Path, name: str) -> np.ndarray:
     """Values of one variable; missing ones are NaN."""
-    stored = dataset[name]
-    stored.set_auto_maskandscale(False)
-    return unmasked(name, stored[...])
+    with netCDF4.Dataset(path) as dataset:
+        dataset.set_auto_maskandscale(False)
+        return unmasked(name, dataset[name][...])
 
 
 def unmasked(name: str, values: np.ndarray) -> np.ndarray:
