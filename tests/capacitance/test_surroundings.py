@@ -38,11 +38,13 @@ def test_touching_plates_are_those_that_the_dielectric_keeps_apart(thickness):
     np.testing.assert_allclose(found, maxwell(square(), square(height=thickness)), rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_thin_dielectric_gives_the_closed_form_of_plates():
     found = between(square(10), square(10), apart=0.01)
     assert found == pytest.approx(VACUUM_PERMITTIVITY / 0.01, rel=0.05)
 
 
+@pytest.mark.slow
 def test_far_images_are_kept_apart_too():
     """Wide strips at a dielectric of their width: by images, as by a long finite pair."""
     ends = [(-0.5, 0.0), (0.5, 0.0)]
@@ -73,7 +75,7 @@ def test_a_wire_above_a_plane_has_its_closed_form(height):
     assert extrapolated(*found) == pytest.approx(exact, rel=2e-3)
 
 
-@pytest.mark.parametrize("period", [None, LENGTH])
+@pytest.mark.parametrize("period", [None, pytest.param(LENGTH, marks=pytest.mark.slow)])
 def test_a_plane_acts_as_mirrored_conductors_of_opposite_potential(period):
     """Up to which pairs of panels are near enough for the closed form, which is not the same."""
     pair, height = two_strips(), -0.4
@@ -84,6 +86,7 @@ def test_a_plane_acts_as_mirrored_conductors_of_opposite_potential(period):
     np.testing.assert_allclose(found, expected, rtol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("period", [None, LENGTH])
 def test_a_plane_far_below_changes_nothing_between_the_terminals(period):
     pair = two_strips()
@@ -91,6 +94,7 @@ def test_a_plane_far_below_changes_nothing_between_the_terminals(period):
     assert between(*pair, period=period, ground=-400.0) == pytest.approx(alone, rel=1e-4)
 
 
+@pytest.mark.slow
 @settings(max_examples=8)
 @given(st.floats(0.05, 5.0), st.floats(1.1, 3.0))
 def test_a_nearer_plane_gives_more_capacitance_and_less_of_it_mutual(distance, factor):

@@ -58,6 +58,7 @@ def test_two_nodes_on_a_spring_vibrate_at_their_frequency(damping):
     np.testing.assert_allclose(stretch, PULL * np.exp(-decay * time) * swing, atol=1e-5 * PULL)
 
 
+@pytest.mark.slow
 def test_an_undamped_spring_never_comes_to_rest():
     batch, path = two_nodes(0.0, replace(SETTINGS, duration=1.0))
     (result,) = move(batch, [path])
