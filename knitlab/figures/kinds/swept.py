@@ -16,8 +16,8 @@ from knitlab.tables.reduced_columns import with_reduction
 MARKERS = "os^Dv*PX"
 MOST = len(MARKERS)
 """Largest number of values of the setting that can be told apart."""
-ROW, MARGIN = 0.16, 1.1
-"""Height of the row of a design, and of what is around the rows [in]."""
+ROW, MARGIN, SMALLEST = 0.16, 1.1, 2.4
+"""Height of the row of a design, of what is around the rows, and of the smallest figure [in]."""
 
 
 def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
@@ -51,7 +51,8 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     rows = cube[["status", of]].stack(design=designs).transpose("design", setting)
     rows = rows.isel(design=(rows["status"] != Status.excluded).any(setting).values)
     names = [f"({', '.join(map(str, design))})" for design in rows["design"].values]
-    figure = Figure(figsize=(TWO_COLUMNS, MARGIN + ROW * len(names)), layout="constrained")
+    height = max(SMALLEST, MARGIN + ROW * len(names))
+    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
     axes = figure.add_subplot()
     for k, value in enumerate(rows[setting].values):
         one = rows.isel({setting: k})
@@ -73,7 +74,7 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
         yticklabels=names,
         ylim=(len(names) - 0.5, -0.5),
         xlabel=f"{name or of} [{unit or '1'}]",
-        ylabel=f"design ({', '.join(designs)})",
+        ylabel=f"({', '.join(designs)})",
     )
     axes.grid(axis="y", color="0.9", lw=0.5)
     axes.set_axisbelow(True)
