@@ -341,7 +341,7 @@ for path, contents in before.items():
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, pytest.param(WORKERS, marks=pytest.mark.slow)])
 def test_a_full_disk_gives_one_sentence_and_loses_nothing(tmp_path, workers):
-    mounting = f"mount -t tmpfs -o size=3m tmpfs {tmp_path}"
+    mounting = f"mount -t tmpfs -o size=1200k tmpfs {tmp_path}"
     namespace = ["unshare", "--user", "--map-root-user", "--mount", "bash", "-c"]
     if not shutil.which("unshare") or subprocess.run([*namespace, mounting]).returncode:
         pytest.skip("this machine lets nobody mount a small disk of his own")
