@@ -8,6 +8,7 @@ conductor, is Maxwell's capacitance matrix. Potentials of near panels are in clo
 
 import math
 from itertools import product
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -44,12 +45,12 @@ class Surroundings(eqx.Module):
 
     Attributes:
         apart: distance d that a dielectric keeps between different conductors: their distance r
-            counts as √(r² + d²) [mm].
+            counts as √(r² + d²); ``None`` without one [mm].
         ground: height of a grounded plane below all panels in every state; ``None`` without one
             [mm].
     """
 
-    apart: Float[Array, ""] = eqx.field(default_factory=lambda: jnp.zeros(()))
+    apart: Float[Array, ""] | None = None
     ground: Float[Array, " state"] | None = None
 
 
@@ -72,6 +73,7 @@ def images_along(
     axis: int,
     panels: Float[np.ndarray, "state panel 4 3"],
     period: Float[np.ndarray, " state"],
+    ground: Float[np.ndarray, " state"] | None = None,
 ) -> Images:
     """Enough images for the multipoles of the others to converge.
 
@@ -79,7 +81,11 @@ def images_along(
         axis: axis of the repetition.
         panels: corners of the panels [mm].
         period: period of the repetition [mm].
+        ground: height of a grounded plane, if any [mm].
     """
+    if ground is not None:
+        mirror = _mirrored(panels, ground[:, None, None, None])
+        panels = np.concatenate([panels, mirror], axis=1)
     across = np.delete(panels, axis, axis=-1)
     extent = np.linalg.norm(np.ptp(across, axis=(1, 2)), axis=-1)
     count = max(FEWEST_IMAGES, math.ceil(IMAGES_AN_EXTENT * float((extent / period).max())))
@@ -153,7 +159,7 @@ def maxwell_matrices(
         surroundings: dielectric between the conductors, and a grounded plane.
     """
     around = Surroundings() if surroundings is None else surroundings
-    apart = around.apart**2 * (1 - membership @ membership.T)
+    apart = 0.0 if around.apart is None else around.apart**2 * (1 - membership @ membership.T)
 
     def of_state(
         state: tuple[Float[Array, "panel 4 3"], Float[Array, ""], Float[Array, ""] | None],
@@ -213,15 +219,19 @@ def potential_coefficients(
     """
     direct = _due_to(panels, panels, near, images, period, apart)
     if ground is not None:
-        mirrored = panels.at[..., 2].set(2 * ground - panels[..., 2])
         # Near pairs include all that are near in the mirror, where no distance is shorter.
-        return direct - _due_to(mirrored, panels, near, images, period, apart)
+        return direct - _due_to(_mirrored(panels, ground), panels, near, images, period, apart)
     if images is not None:
         across = jnp.delete(panels.mean(axis=1), images.axis, axis=-1) / period
         widest = jnp.linalg.norm(across[:, None] - across[None], axis=-1).max()
         # The constant raises the potentials enough for the matrix to be positive definite.
         direct += 4 * (1 + jnp.log1p(widest)) / period
     return direct
+
+
+def _mirrored(panels: Any, ground: Any) -> Any:
+    """Panels mirrored in a plane at a height."""
+    return panels * np.array([1.0, 1.0, -1.0]) + 2 * ground * np.array([0.0, 0.0, 1.0])
 
 
 def _due_to(

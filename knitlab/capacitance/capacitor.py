@@ -158,15 +158,12 @@ def _pair(
     """Two-terminal and mutual capacitance in vacuum [pF]."""
     panels = np.asarray(panels_on(chart, shape, configurations))
     period = np.asarray(configurations.lengths)[:, electrodes.axis]
-    ground, conductors = None, panels
+    ground, thickness = None, capacitor.dielectric_thickness
     if capacitor.ground == "plane":
         lowest = np.asarray(configurations.positions)[..., 2].min(axis=(1, 2))
         ground = lowest - capacitor.ground_distance
-        mirrored = panels.copy()
-        mirrored[..., 2] = 2 * ground[:, None, None] - panels[..., 2]
-        conductors = np.concatenate([panels, mirrored], axis=1)
-    images = images_along(electrodes.axis, conductors, period) if shape.periodic else None
-    apart = jnp.asarray(capacitor.dielectric_thickness)
+    images = images_along(electrodes.axis, panels, period, ground) if shape.periodic else None
+    apart = jnp.asarray(thickness) if thickness else None
     near = near_pairs(panels, images, period)
     found = []
     for first in range(0, len(panels), STATES_AT_ONCE):

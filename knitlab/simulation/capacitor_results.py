@@ -42,7 +42,8 @@ def capacitor_values(
     # For periodic fabric only one period of the electrodes is modelled, not their stated length.
     factor = capacitor.electrode_length / length if case.mesh_shape.periodic else 1.0
     found = _measured(case, configurations)
-    capacitance = factor * found.capacitance + capacitor.lead_capacitance
+    leads = capacitor.lead_capacitance
+    capacitance = factor * found.capacitance + leads
     fold = mean_fold(case.electrodes, *case.assemble(), configurations)
     unfolded = strain_unfolded(strain, fold, capacitor.unfolded)
     values: dict[str, Any] = {
@@ -58,7 +59,7 @@ def capacitor_values(
     if side_by_side(case.electrodes):
         wedge = wedge_capacitance(case.electrodes, case.mesh_shape, configurations)
         strips = factor * capacitor.permittivity * np.asarray(wedge)
-        values["capacitance_wedge"] = strips + capacitor.lead_capacitance
+        values["capacitance_wedge"] = strips + leads
     if case.unloading:
         back = np.full(len(reached), np.nan)
         back[-1:] = capacitance[-1:]
@@ -68,7 +69,7 @@ def capacitor_values(
             of_fabric = _capacitance_unloading(
                 case, unloading, configurations[same], found.capacitance[same]
             )
-            back[same] = factor * of_fabric + capacitor.lead_capacitance
+            back[same] = factor * of_fabric + leads
         values["capacitance_unloading"] = back
         values["hysteresis"] = hysteresis(capacitance, back)
     kept = sensing_range(strain, capacitance, unfolded)
@@ -77,7 +78,6 @@ def capacitor_values(
         values["capacitance_ratio"] = capacitance / first
         values["applied_strain_opened"] = strain[kept][0]
         values["sensing_end"] = strain[kept][-1]
-    leads = capacitor.lead_capacitance
     sensor = sensor_of(strain[kept], capacitance[kept], capacitor.linearity, leads)
     if sensor is not None:
         values |= asdict(sensor)

@@ -2,7 +2,8 @@
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any, Literal
@@ -98,15 +99,12 @@ class Case:
 
         Every field enters, so that one added later makes every case another.
         """
-        canonical = json.dumps(self.record, sort_keys=True, separators=(",", ":"))
-        digest = hashlib.sha256(canonical.encode()).hexdigest()
-        return "-".join([*map(str, self.design.values()), digest[:12]])
+        return "-".join([*map(str, self.design.values()), _digest(self.record)[:12]])
 
     @cached_property
     def test_id(self) -> str:
-        """What cases have in common whose tests are the same: all but design and electrodes."""
-        rest = {name: value for name, value in self.record.items() if name not in OF_NO_TEST}
-        return json.dumps(rest, sort_keys=True, separators=(",", ":"))
+        """Identifier of its tests, on which neither the design's labels nor electrodes act."""
+        return _digest({key: its for key, its in self.record.items() if key not in OF_NO_TEST})
 
     @property
     def states(self) -> int:
@@ -303,6 +301,20 @@ class Case:
             return inertia(self.weft, self.warp, self.options, self.mass_and_drag)
         stripes = self.grading.weft, self.grading.warp
         return graded_inertia(self.sample, *stripes, self.options, self.mass_and_drag)
+
+
+def cases_by_test(cases: Iterable[Case]) -> list[list[Case]]:
+    """Cases grouped by the tests that they share, because they differ in their electrodes alone."""
+    sharing: dict[str, list[Case]] = defaultdict(list)
+    for case in cases:
+        sharing[case.test_id].append(case)
+    return list(sharing.values())
+
+
+def _digest(record: dict[str, Any]) -> str:
+    """A hash of the canonical JSON of a record."""
+    canonical = json.dumps(record, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(canonical.encode()).hexdigest()
 
 
 def case_of(record: dict[str, Any]) -> Case:

@@ -2,7 +2,6 @@
 
 import json
 import time
-from collections import defaultdict
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -23,7 +22,7 @@ from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
 from knitlab.model.zigzag import zigzag
-from knitlab.simulation.case import Case
+from knitlab.simulation.case import Case, cases_by_test
 from knitlab.simulation.contact_of_case import contact_of
 from knitlab.simulation.measurement import measured
 from knitlab.simulation.reporting import Progress, Reporter
@@ -43,18 +42,14 @@ def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> 
         progress: called with a case's identifier and how many of its states are done.
     """
     began = time.perf_counter()
-    sharing: dict[str, list[Case]] = defaultdict(list)
-    for case in cases:
-        sharing[case.test_id].append(case)
-    first = [those[0] for those in sharing.values()]
-    of_all = partial(
-        _progress_of_all, progress, {those[0].case_id: those for those in sharing.values()}
-    )
+    sharing = cases_by_test(cases)
+    first = [those[0] for those in sharing]
+    of_all = partial(_progress_of_all, progress, {those[0].case_id: those for those in sharing})
     tests = tensile_tests(first, of_all)
     siblings = sibling_tests(first, of_all)
     chains = [_zigzag_test(case) if case.pure else [] for case in first]
     wall_seconds = time.perf_counter() - began
-    for those, test, chain, its in zip(sharing.values(), tests, chains, siblings, strict=True):
+    for those, test, chain, its in zip(sharing, tests, chains, siblings, strict=True):
         for case in those:
             dataset = case_dataset(case, test, chain, its, wall_seconds)
             write_case_file(results, case.case_id, dataset)

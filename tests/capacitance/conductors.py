@@ -95,14 +95,11 @@ def maxwell(*conductors, period=None, axis=1, images=None, apart=0.0, ground=Non
     states = panels.reshape(-1, *panels.shape[-3:])
     membership = np.repeat(np.eye(len(conductors)), [np.shape(c)[-3] for c in conductors], axis=0)
     periods = None if period is None else np.broadcast_to(np.asarray(period, float), len(states))
+    heights = None if ground is None else np.full(len(states), float(ground))
     if periods is not None and images is None:
-        all_panels = states
-        if ground is not None:
-            mirrored = states * [1, 1, -1] + [0, 0, 2 * ground]
-            all_panels = np.concatenate([states, mirrored], axis=1)
-        images = images_along(axis, all_panels, periods)
+        images = images_along(axis, states, periods, heights)
     surroundings = Surroundings(
-        jnp.asarray(apart), None if ground is None else jnp.full(len(states), float(ground))
+        jnp.asarray(apart) if apart else None, None if heights is None else jnp.asarray(heights)
     )
     near = filled(near_pairs(states, images, periods), PAIRS_A_PANEL * states.shape[1])
     matrices = np.asarray(maxwell_matrices(states, membership, near, images, periods, surroundings))

@@ -79,11 +79,11 @@ def test_any_numbers_are_read_as_they_were_written(arrays):
     with NamedTemporaryFile(suffix=".nc") as file:
         file.write(classic_bytes(xr.Dataset(variables)))
         file.flush()
-        stored = netCDF4.Dataset(file.name)
-        stored.set_auto_mask(False)
-        assert stored.variables.keys() == arrays.keys()
-        for name, values in arrays.items():
-            np.testing.assert_array_equal(stored.variables[name][...], values)
+        with netCDF4.Dataset(file.name) as stored:
+            stored.set_auto_mask(False)
+            assert stored.variables.keys() == arrays.keys()
+            for name, values in arrays.items():
+                np.testing.assert_array_equal(stored.variables[name][...], values)
 
 
 def test_the_same_dataset_gives_the_same_bytes(dataset):

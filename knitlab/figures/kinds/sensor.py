@@ -104,12 +104,8 @@ def _within(
     """Slope and linearity within a window, and the cubes with both."""
     found = []
     for cube in cubes:
-        reduced = cube
-        names = []
-        for reduction in ("slope", "linearity"):
-            reduced, name = with_reduction(reduced, f"{reduction}({CAPACITANCE}, {window})")
-            names.append(name)
-        slope, straight = names
+        reduced, slope = with_reduction(cube, f"slope({CAPACITANCE}, {window})")
+        reduced, straight = with_reduction(reduced, f"linearity({CAPACITANCE}, {window})")
         found.append(reduced.assign({slope: abs(reduced[slope])}))
     merits = (
         Merit(slope, f"|slope| of C over {window} [pF]", "{:.2f}"),
