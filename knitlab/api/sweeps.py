@@ -116,8 +116,8 @@ def run(
         case_timeout: longest time for a case [s].
         refresh: whether to recompute stale results.
         shard: the part of the plan to run, as ``(3, 40)``, beside processes that run the others:
-            in the same results folder. Every case is in one part, and parts take about the same
-            time.
+            in the same results folder, or each in its own for :func:`merge`. Every case is in one
+            part, and parts take about the same time.
         figures: whether to draw the workflow's figures into the results folder.
         progress: whether to draw a progress bar.
         settings: settings of the workflow to replace; a list makes a dimension of the cube:

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -32,6 +32,7 @@ from knitlab.solvers.solver import SolverSettings
 
 Method = Literal["equilibrium", "dynamics"]
 Label = int | float | str
+Name = TypeVar("Name")
 
 
 OF_NO_TEST = ("design", "capacitor")
@@ -303,11 +304,11 @@ class Case:
         return graded_inertia(self.sample, *stripes, self.options, self.mass_and_drag)
 
 
-def cases_by_test(cases: Iterable[Case]) -> list[list[Case]]:
-    """Cases grouped by the tests that they share, because they differ in their electrodes alone."""
-    sharing: dict[str, list[Case]] = defaultdict(list)
-    for case in cases:
-        sharing[case.test_id].append(case)
+def by_test(named: Iterable[tuple[Name, Case]]) -> list[list[Name]]:
+    """Names of cases, grouped by the tests that cases share which differ in electrodes alone."""
+    sharing: dict[str, list[Name]] = defaultdict(list)
+    for name, case in named:
+        sharing[case.test_id].append(name)
     return list(sharing.values())
 
 

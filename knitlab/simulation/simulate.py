@@ -22,7 +22,7 @@ from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
 from knitlab.model.zigzag import zigzag
-from knitlab.simulation.case import Case, cases_by_test
+from knitlab.simulation.case import Case, by_test
 from knitlab.simulation.contact_of_case import contact_of
 from knitlab.simulation.measurement import measured
 from knitlab.simulation.reporting import Progress, Reporter
@@ -42,7 +42,7 @@ def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> 
         progress: called with a case's identifier and how many of its states are done.
     """
     began = time.perf_counter()
-    sharing = cases_by_test(cases)
+    sharing = by_test((case, case) for case in cases)
     first = [those[0] for those in sharing]
     of_all = partial(_progress_of_all, progress, {those[0].case_id: those for those in sharing})
     tests = tensile_tests(first, of_all)

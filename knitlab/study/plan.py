@@ -23,7 +23,7 @@ from knitlab.measure.knit_size import Gauge
 from knitlab.model.network import MeshShape
 from knitlab.model.options import FoldAngle
 from knitlab.model.stripe import SpringKind
-from knitlab.simulation.case import Case, cases_by_test
+from knitlab.simulation.case import Case, by_test
 from knitlab.study.axes import SweepAxis
 from knitlab.study.cases import (
     cases,
@@ -262,17 +262,17 @@ def batched(cases: dict[str, Case]) -> tuple[Batch, ...]:
     batches = []
     for (shape, *_), members in alike.items():
         size = max(1, BATCH_UNKNOWNS // shape.unknowns)
-        sharing = cases_by_test(cases[case_id] for case_id in members)
+        sharing = by_test((case_id, cases[case_id]) for case_id in members)
         for first in range(0, len(sharing), size):
             together = itertools.chain.from_iterable(sharing[first : first + size])
-            batches.append(batch_of([case.case_id for case in together], cases))
+            batches.append(batch_of(tuple(together), cases))
     return tuple(sorted(batches, key=lambda batch: batch.estimated_seconds, reverse=True))
 
 
 def batch_of(members: Sequence[str], cases: Mapping[str, Case]) -> Batch:
     """The batch of some cases that share a mesh shape."""
     # Cases that share a test take the time and the memory of one.
-    tests = [those[0] for those in cases_by_test(cases[case_id] for case_id in members)]
-    unknowns = tests[0].mesh_shape.unknowns * len(tests)
-    time = seconds(tests)
+    sharing = by_test((case_id, cases[case_id]) for case_id in members)
+    unknowns = cases[members[0]].mesh_shape.unknowns * len(sharing)
+    time = seconds(cases[those[0]] for those in sharing)
     return Batch(tuple(members), unknowns, time, bytes_needed(unknowns))
