@@ -51,10 +51,17 @@ class Page:
         """The cell of the map whose description begins with a text."""
         return self.one(f'#map [aria-label^="{text}:"]')
 
+    def press(self, selector):
+        """Click what a selector finds, and wait for what it changes."""
+        self.one(selector).click()
+        self.settle()
+
     def choose(self, text):
+        # In one step: between finding a cell and clicking it, the map may be drawn anew.
         self.driver.execute_script(
-            "arguments[0].dispatchEvent(new MouseEvent('click', { bubbles: true }))",
-            self.cell(text),
+            "document.querySelector(`#map [aria-label^='${arguments[0]}:']`)"
+            ".dispatchEvent(new MouseEvent('click', { bubbles: true }))",
+            text,
         )
         self.until(lambda: self.selected == text)
         self.settle()
@@ -178,7 +185,7 @@ def test_the_slider_changes_map_curves_and_shape(preview):
 @pytest.mark.slow
 def test_play_runs_through_the_test(preview):
     preview.slide(10)
-    preview.one("#play").click()
+    preview.press("#play")
     preview.until(lambda: preview.strain == "45 %")
     preview.until(lambda: preview.one("#play").text == "▶")
     assert preview.is_quiet()
@@ -209,7 +216,7 @@ def test_the_shape_turns_by_mouse_keys_and_touch(preview):
 
 @pytest.mark.slow
 def test_pins_stay_beside_the_selected_design(preview):
-    preview.one("#readings button").click()
+    preview.press("#readings button")
     preview.choose("n_stripe 4, n_subunit 16")
     preview.cell("n_stripe 4, n_subunit 16").send_keys("p")
     preview.choose("n_stripe 2, n_subunit 16")
@@ -221,7 +228,7 @@ def test_pins_stay_beside_the_selected_design(preview):
         for line in preview.all("#curves svg:first-of-type .line")
     }
     assert len(looks) == 3
-    preview.one("#pins .card button:last-of-type").click()
+    preview.press("#pins .card button:last-of-type")
     preview.until(lambda: len(preview.all("#pins .card")) == 1)
     assert preview.is_quiet()
 
@@ -274,11 +281,11 @@ def test_arrow_keys_move_on_the_map(preview):
 def test_a_link_restores_the_view(preview, page):
     preview.choose("n_stripe 4, n_subunit 16")
     preview.slide(7)
-    preview.one("#readings button").click()
+    preview.press("#readings button")
     Select(preview.one("#shape-choices select")).select_by_value("height")
     preview.one("#shape").send_keys(Keys.ARROW_RIGHT)
     preview.one('[data-variable="reaction_force"] input').send_keys("0.2", Keys.TAB)
-    preview.one("#theme").click()
+    preview.press("#theme")
     view, picture = preview.hash(), preview.until_shape("4~16")
     shown = [preview.one(name).text for name in ("#strain-value", "#readings", "#filter-count")]
     again = Page(preview.driver, page, view)
@@ -329,7 +336,7 @@ def test_what_failed_ended_early_or_folds_through_looks_it(trouble):
 
 @pytest.mark.slow
 def test_hostile_text_is_only_text(trouble):
-    trouble.one("#tab-report").click()
+    trouble.press("#tab-report")
     trouble.until(lambda: HOSTILE in trouble.one("#report").text)
     assert trouble.driver.title == "knitlab explorer: troubled"
     assert not trouble.all("img[onerror]")
@@ -338,7 +345,7 @@ def test_hostile_text_is_only_text(trouble):
 
 @pytest.mark.slow
 def test_the_report_is_the_other_tab(preview):
-    preview.one("#tab-report").click()
+    preview.press("#tab-report")
     preview.until(lambda: preview.one("#report").is_displayed())
     assert not preview.one("#explore").is_displayed()
     text = preview.one("#report").text
@@ -367,7 +374,7 @@ def test_it_is_dark_where_the_system_is_and_at_a_press(browser, page):
     try:
         opened = Page(browser, page)
         assert luminance(opened) < 60
-        opened.one("#theme").click()
+        opened.press("#theme")
         opened.until(lambda: luminance(opened) > 200)
         assert opened.is_quiet()
     finally:
