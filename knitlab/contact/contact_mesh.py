@@ -9,8 +9,8 @@ the images to the right, above, and above to the left. Pairs of two images are l
 of images beside the fabric is needed, as long as what lies beyond is out of reach.
 """
 
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import ipctk
 import numpy as np
@@ -33,20 +33,65 @@ class ContactMesh:
     Attributes:
         shape: the mesh shape.
         band: rows and columns of cells of the images, on each side that has any.
-        from_unknowns: matrix from unknowns to the coordinates of the vertices, vertex by vertex.
+        places: row and column (y, x) of every vertex.
+        faces: vertices of every triangle.
+        near_reach: rows and columns within which vertices are near each other.
         own: which vertices are nodes of the fabric itself, rather than images.
-        whole: collision mesh of all parts.
-        far: that of parts that are not near each other on the grid.
-        near: that of parts that are.
+        from_unknowns: matrix from unknowns to the coordinates of the vertices, vertex by vertex.
     """
 
     shape: MeshShape
     band: int
-    from_unknowns: sp.csr_array
+    places: Int[np.ndarray, "vertex 2"]
+    faces: Int[np.ndarray, "face 3"]
+    near_reach: int
     own: Bool[np.ndarray, " vertex"]
-    whole: ipctk.CollisionMesh
-    far: ipctk.CollisionMesh
-    near: ipctk.CollisionMesh
+    from_unknowns: sp.csr_array
+
+    @cached_property
+    def whole(self) -> ipctk.CollisionMesh:
+        """Collision mesh of all parts."""
+        return self._collision_mesh()
+
+    @cached_property
+    def far(self) -> ipctk.CollisionMesh:
+        """That of parts that are not near each other on the grid."""
+        return self._filtered(are_near=False)
+
+    @cached_property
+    def near(self) -> ipctk.CollisionMesh:
+        """That of parts that are near each other on the grid."""
+        return self._filtered(are_near=True)
+
+    def _collision_mesh(self) -> ipctk.CollisionMesh:
+        rest = np.pad(self.places[:, ::-1].astype(float), ((0, 0), (0, 1)))
+        return ipctk.CollisionMesh(np.asfortranarray(rest), ipctk.edges(self.faces), self.faces)
+
+    def _filtered(self, are_near: bool) -> ipctk.CollisionMesh:
+        mesh = self._collision_mesh()
+        pairs = dict.fromkeys(zip(*self._near_pairs.T.tolist(), strict=True), are_near)
+        mesh.can_collide = ipctk.make_sparse_filter(pairs, not are_near)
+        return mesh
+
+    @cached_property
+    def _near_pairs(self) -> Int[np.ndarray, "pair 2"]:
+        return _near_pairs(self.places, self.near_reach)
+
+    def around(
+        self, chosen: Bool[np.ndarray, " vertex"]
+    ) -> tuple["ContactMesh", Int[np.ndarray, " part"]]:
+        """The mesh of all triangles with a chosen vertex, and the numbers of its vertices."""
+        faces = self.faces[chosen[self.faces].any(axis=1)]
+        kept, number = np.unique(faces, return_inverse=True)
+        coordinates = (3 * kept[:, None] + np.arange(3)).ravel()
+        part = replace(
+            self,
+            places=self.places[kept],
+            faces=number.reshape(-1, 3).astype(np.int32),
+            own=self.own[kept],
+            from_unknowns=self.from_unknowns[coordinates],
+        )
+        return part, kept
 
     def vertices(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "vertex 3"]:
         """Positions of the vertices in a configuration [mm]."""
@@ -80,20 +125,18 @@ def contact_mesh(
         band: rows and columns of cells of the images; a whole period of them at most.
         cells_per_period: grid cells along one period of a stripe.
     """
-    cells = _cells(shape, band)
-    corners = cells[:, None, None] + TRIANGLES
+    corners = _cells(shape, band)[:, None, None] + TRIANGLES
     places, number = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
     inside = (places >= 0) & (places < [shape.nodes_y, shape.nodes_x])
-    own = np.asarray(inside.all(axis=1))
-    faces = number.reshape(-1, 3).astype(np.int32)
-    rest = np.asfortranarray(np.pad(places[:, ::-1].astype(float), ((0, 0), (0, 1))))
-    near = _near_pairs(places, NEAR_CELLS * cells_per_period // CELLS_PER_PERIOD)
-    edges = ipctk.edges(faces)
-    whole, *filtered = (ipctk.CollisionMesh(rest, edges, faces) for _ in range(3))
-    for mesh, are_near in zip(filtered, (False, True), strict=True):
-        explicit = dict.fromkeys(map(tuple, near.tolist()), are_near)
-        mesh.can_collide = ipctk.make_sparse_filter(explicit, not are_near)
-    return ContactMesh(shape, band, _from_unknowns(shape, places), own, whole, *filtered)
+    return ContactMesh(
+        shape=shape,
+        band=band,
+        places=places,
+        faces=number.reshape(-1, 3).astype(np.int32),
+        near_reach=NEAR_CELLS * cells_per_period // CELLS_PER_PERIOD,
+        own=np.asarray(inside.all(axis=1)),
+        from_unknowns=_from_unknowns(shape, places),
+    )
 
 
 def without_pairs_of_images(candidates: ipctk.Candidates, mesh: ContactMesh) -> None:
@@ -102,11 +145,12 @@ def without_pairs_of_images(candidates: ipctk.Candidates, mesh: ContactMesh) -> 
     The filter of a collision mesh cannot: it asks for each pair of vertices by itself, and so would
     also lose pairs of which only the vertices that are not near each other are images.
     """
-    own = mesh.own
-    if own.all():
+    if mesh.own.all():
         return
+    own = mesh.own.tolist()
     own_faces, own_edges = (
-        own[np.asarray(parts)].any(axis=1) for parts in (mesh.whole.faces, mesh.whole.edges)
+        mesh.own[np.asarray(parts)].any(axis=1).tolist()
+        for parts in (mesh.whole.faces, mesh.whole.edges)
     )
     candidates.fv_candidates = [
         pair for pair in candidates.fv_candidates if own[pair.vertex_id] or own_faces[pair.face_id]

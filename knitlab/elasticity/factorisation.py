@@ -10,12 +10,19 @@ from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Float
 from threadpoolctl import ThreadpoolController
 
 from knitlab.elasticity.stiffness import FreeStiffness
 from knitlab.linalg.multifrontal import Multifrontal
-from knitlab.linalg.symbolic_factorisation import NestedDissection, nested_dissection
+from knitlab.linalg.symbolic_factorisation import (
+    GridOrder,
+    NestedDissection,
+    grid_order,
+    nested_dissection,
+    planned,
+)
 from knitlab.linalg.threads import ALONE, Threads
 
 
@@ -64,9 +71,39 @@ def factoriser(free: FreeStiffness, threads: Threads = ALONE) -> Factoriser:
     return factorise
 
 
+def factorise_with_contact(
+    free: FreeStiffness,
+    entries: Entries,
+    contact: sp.csc_array,
+    threads: Threads = ALONE,
+) -> Factors | None:
+    """Factorise the stiffness and the Hessian of contact, which may couple any unknowns.
+
+    Returns ``None`` if their sum is not positive definite.
+
+    The order is that of the grid; the symbolic factorisation is done anew for every matrix, as the
+    plies that touch change. It takes less time than the numeric one.
+
+    Args:
+        free: sparsity of the stiffness.
+        entries: its non-zeros.
+        contact: Hessian of the contact, both triangles.
+        threads: threads that may share the factorisation.
+    """
+    whole = sp.csc_array(free.lower(entries) + sp.tril(contact))
+    whole.sort_indices()
+    factors = Multifrontal(planned(_order(free), whole.indptr, whole.indices), threads)
+    return factors if factors.factorise(whole.data) else None
+
+
 def one_thread_of_blas() -> AbstractContextManager[object]:
     """Limit BLAS to one thread, as more threads slow down small fronts."""
     return ThreadpoolController().limit(limits=1, user_api="blas")
+
+
+@lru_cache(maxsize=8)
+def _order(free: FreeStiffness) -> GridOrder:
+    return grid_order(free.indptr, free.indices, *free.grid)
 
 
 @lru_cache(maxsize=8)

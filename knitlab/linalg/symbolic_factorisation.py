@@ -2,8 +2,8 @@
 
 The unknowns of one separator, or of one leaf, are eliminated together in a dense front. The grid
 only determines the order (:mod:`knitlab.linalg.elimination_order`); the couplings of a front follow
-from the sparsity, so that any symmetric matrix is factorised correctly, though slowly if it is not
-that of a grid.
+from the sparsity, so that any symmetric matrix is factorised correctly. Few couplings beyond those
+of the grid, such as contact of folded plies, hardly add to the work; many would.
 """
 
 from collections.abc import Sequence
@@ -89,6 +89,19 @@ class NestedDissection:
     stack: int
 
 
+@dataclass(frozen=True, eq=False)
+class GridOrder:
+    """Elimination order of the unknowns of a grid.
+
+    Attributes:
+        order: the unknowns in elimination order.
+        starts: where each front starts in that order, and the end.
+    """
+
+    order: Int[np.ndarray, " unknown"]
+    starts: Int[np.ndarray, " front"]
+
+
 def nested_dissection(
     indptr: Int[np.ndarray, " column"],
     indices: Int[np.ndarray, " nonzero"],
@@ -104,8 +117,17 @@ def nested_dissection(
             last.
         columns: grid column of every unknown, likewise.
     """
-    lower = np.asarray(indices, dtype=np.int64)
-    upper = np.repeat(np.arange(len(rows)), np.diff(indptr))
+    return planned(grid_order(indptr, indices, rows, columns), indptr, indices)
+
+
+def grid_order(
+    indptr: Int[np.ndarray, " column"],
+    indices: Int[np.ndarray, " nonzero"],
+    rows: Int[np.ndarray, " unknown"],
+    columns: Int[np.ndarray, " unknown"],
+) -> GridOrder:
+    """The elimination order for couplings of a grid; arguments as in :func:`nested_dissection`."""
+    lower, upper = _pairs(indptr, indices)
     nodal = rows >= 0
     between = (nodal[lower] & nodal[upper]).nonzero()
     vertical, horizontal = (
@@ -114,10 +136,34 @@ def nested_dissection(
     )
     label, key = elimination_order(vertical, horizontal)
     order = np.lexsort((key, label))
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
     starts = np.append(np.flatnonzero(np.diff(label[order], prepend=-1)), len(order))
-    return _plan(order, starts, rank[lower], rank[upper])
+    return GridOrder(order, starts)
+
+
+def planned(
+    grid: GridOrder,
+    indptr: Int[np.ndarray, " column"],
+    indices: Int[np.ndarray, " nonzero"],
+) -> NestedDissection:
+    """Plan the factorisation of matrices of any sparsity in the elimination order of a grid.
+
+    Args:
+        grid: the order.
+        indptr: start of every column of the lower triangle in ``indices``.
+        indices: rows of its non-zeros, including the diagonal, column by column.
+    """
+    rank = np.empty_like(grid.order)
+    rank[grid.order] = np.arange(len(grid.order))
+    lower, upper = _pairs(indptr, indices)
+    return _plan(grid.order, grid.starts, rank[lower], rank[upper])
+
+
+def _pairs(
+    indptr: Int[np.ndarray, " column"], indices: Int[np.ndarray, " nonzero"]
+) -> tuple[Int[np.ndarray, " nonzero"], Int[np.ndarray, " nonzero"]]:
+    """Row and column of every non-zero."""
+    columns = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
+    return np.asarray(indices, dtype=np.int64), columns
 
 
 def _plan(

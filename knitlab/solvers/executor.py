@@ -8,14 +8,18 @@ from typing import Any, Protocol, TypeVar
 
 import jax
 import numpy as np
-import scipy.sparse as sp
 from jaxtyping import Bool
 
 from knitlab.elasticity.element_chunks import ChunkedFabric
 from knitlab.elasticity.evaluation import Evaluation
-from knitlab.elasticity.factorisation import Factoriser, Factors, factoriser, one_thread_of_blas
+from knitlab.elasticity.factorisation import (
+    Factoriser,
+    Factors,
+    factorise_with_contact,
+    factoriser,
+    one_thread_of_blas,
+)
 from knitlab.elasticity.stiffness import FreeStiffness
-from knitlab.linalg.superlu import factorise
 from knitlab.linalg.threads import ALONE, Threads, allowed_threads
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
@@ -100,9 +104,7 @@ class Executor:
             raise RuntimeError("nothing is assembled")
         entries = free.shifted(self._entries, request.shift)
         if request.contact is not None:
-            lower = free.lower(entries)
-            whole = lower + sp.tril(lower, -1).T + request.contact
-            self._factors = factorise(sp.csc_array(whole))
+            self._factors = factorise_with_contact(free, entries, request.contact, self._threads)
             return self._factors is not None
         if free not in self._factorisers:
             self._factorisers[free] = factoriser(free, self._threads)

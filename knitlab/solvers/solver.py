@@ -46,8 +46,8 @@ class Factorise:
         shift: added to the diagonal [N/mm].
         convexified: whether to factorise a nearby positive definite matrix instead of failing.
         contact: Hessian of the contact, if any is active, to be added; it may couple any two
-            unknowns, so that the matrix is factorised without the order of the grid, and fails if
-            it is not positive definite [N/mm].
+            unknowns. The matrix is not convexified then: the long steps that this allows would end
+            at the next collision [N/mm].
     """
 
     shift: float

@@ -8,7 +8,13 @@ from scipy.sparse.linalg import spsolve
 
 from knitlab.linalg import elimination_order, multifrontal
 from knitlab.linalg.multifrontal import Multifrontal
-from knitlab.linalg.symbolic_factorisation import Front, NestedDissection, nested_dissection
+from knitlab.linalg.symbolic_factorisation import (
+    Front,
+    NestedDissection,
+    grid_order,
+    nested_dissection,
+    planned,
+)
 from knitlab.linalg.threads import Threads
 
 OFFSETS = [
@@ -126,6 +132,21 @@ def test_a_factorisation_solves(case: Case) -> None:
     solution = case.factors().solve(rhs)
     np.testing.assert_allclose(solution, spsolve(case.matrix, rhs), rtol=0, atol=1e-12)
     np.testing.assert_array_equal(rhs, before)
+
+
+def test_couplings_beyond_those_of_the_grid_are_factorised_in_its_order(case: Case) -> None:
+    """As those of plies that touch: of a few unknowns anywhere."""
+    numbers, lower = np.random.default_rng(5), case.lower
+    order = grid_order(lower.indptr, lower.indices, case.rows, case.columns)
+    touching = numbers.choice(len(case.rows), min(12, len(case.rows)), replace=False)
+    block = np.zeros((len(case.rows), 1))
+    block[touching] = 3.0
+    matrix = sp.csc_array(case.matrix + sp.csc_array(block) @ sp.csc_array(block.T))
+    whole = sp.csc_array(sp.tril(matrix))
+    whole.sort_indices()
+    rhs = numbers.normal(size=len(case.rows))
+    solution = factored(planned(order, whole.indptr, whole.indices), whole.data).solve(rhs)
+    np.testing.assert_allclose(solution, spsolve(matrix, rhs), rtol=0, atol=1e-12)
 
 
 @pytest.mark.slow
