@@ -63,7 +63,7 @@ results_option = click.option(
 )
 
 
-def workers_option(default: int, shown: str | bool = True) -> Callable[[Command], Command]:
+def workers_option(default: int | None, shown: str | bool = True) -> Callable[[Command], Command]:
     """The option ``--workers``, with the default of a command and how to show it."""
     return click.option(
         "--workers",

@@ -1,7 +1,6 @@
 """Commands on workflows: ``plan``, ``run``, ``merge``, ``status``, ``reproduce``."""
 
 import json
-import os
 import sys
 from collections.abc import Sequence
 from functools import wraps
@@ -113,7 +112,7 @@ def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
 
 @click.command()
 @workflow_options
-@workers_option(os.cpu_count() or 1, shown="all cores")
+@workers_option(None, shown="all cores, for several batches")
 @click.option("--scheduler", metavar="ADDRESS", help="Use this dask scheduler instead.")
 @click.option(
     "--retries",
@@ -146,7 +145,7 @@ def run(
     workflow: str,
     results: Path,
     settings: tuple[str, ...],
-    workers: int,
+    workers: int | None,
     scheduler: str | None,
     retries: int,
     keep_going: bool,

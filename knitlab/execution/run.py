@@ -1,6 +1,7 @@
 """Running a plan: missing cases are simulated, then the cube is built."""
 
 import itertools
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -43,7 +44,9 @@ class RunOptions:
     """How a plan is run; none of these options changes a result.
 
     Attributes:
-        workers: processes on this machine; 0 simulates in this process.
+        workers: processes on this machine; 0 simulates in this process. With None a single batch is
+            simulated in this process, which is ready sooner, and several by one process for each
+            processor.
         scheduler: address of an existing dask scheduler, whose workers see the results folder.
         retries: how often a batch that raised is tried again unchanged.
         fail_fast: whether to stop at the first case that is not ok.
@@ -55,7 +58,7 @@ class RunOptions:
         simulate: function that simulates a batch.
     """
 
-    workers: int = 0
+    workers: int | None = 0
     scheduler: str | None = None
     retries: int = 0
     fail_fast: bool = False
@@ -74,13 +77,20 @@ class RunOptions:
         """
         faults = [
             Fault(f"{name} {number}", "is no whole number from 0 on; give one")
-            for name, number in (("workers", self.workers), ("retries", self.retries))
+            for name, number in (("workers", self.workers or 0), ("retries", self.retries))
             if not isinstance(number, int) or number < 0
         ]
         if self.case_timeout is not None and not self.case_timeout > 0:
             faults.append(Fault(f"case_timeout {self.case_timeout}", "is not above 0; raise it"))
         if faults:
             raise BadInput(faults)
+
+    def processors(self, batches: int) -> int:
+        """Processes on this machine for a number of batches, or 0 for this one."""
+        if self.workers is not None:
+            return self.workers
+        # A process of its own can be ended, and may die alone.
+        return 0 if batches == 1 and self.case_timeout is None else os.cpu_count() or 1
 
 
 @dataclass(frozen=True)
@@ -255,9 +265,10 @@ def _simulate_all(
     ]
     if not batches:
         return False
-    workers = min(options.workers, len(batches))
+    processors = options.processors(len(batches))
+    workers = min(processors, len(batches))
     # Processors without a batch go to the others as threads; those of a scheduler are not known.
-    threads = 1 if options.scheduler else options.workers // max(workers, 1)
+    threads = 1 if options.scheduler else processors // max(workers, 1)
     task = Task(options.simulate, results.resolve(), options.case_timeout, threads)
     with ProgressBar(missing, shown=options.show_progress) as bar:
         try:

@@ -1,4 +1,4 @@
-"""Workers: batches are simulated in this process, or by dask."""
+"""Workers: batches are simulated in this process, or by dask, which is imported only then."""
 
 import logging
 import os
@@ -10,14 +10,17 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
+from typing import TYPE_CHECKING
 
 import dask
-from distributed import Client, KilledWorker, LocalCluster, as_completed, get_worker
 
 from knitlab.io.errors import CannotWrite, fault
 from knitlab.linalg.threads import ONE_THREAD
 from knitlab.simulation.case import Case
 from knitlab.simulation.reporting import Progress
+
+if TYPE_CHECKING:
+    from distributed import Client
 
 # One thread per worker, except for Task.threads; and a compiled program cached on disk must not
 # contain host callbacks.
@@ -59,8 +62,6 @@ class BatchError:
     @classmethod
     def of(cls, error: BaseException) -> "BatchError":
         """Describe an exception by its type, message and innermost frame."""
-        if isinstance(error, KilledWorker):
-            return cls("its worker died: it was killed, or it ran out of memory", lost=True)
         frames = traceback.extract_tb(error.__traceback__)
         place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
         return cls(
@@ -68,6 +69,11 @@ class BatchError:
             "".join(traceback.format_exception(error)),
             cannot_write=error if isinstance(error, CannotWrite) else None,
         )
+
+    @classmethod
+    def died(cls) -> "BatchError":
+        """A batch whose worker died."""
+        return cls("its worker died: it was killed, or it ran out of memory", lost=True)
 
     @classmethod
     def late(cls, seconds: float) -> "BatchError":
@@ -143,8 +149,9 @@ def _alarm(seconds: float | None) -> Iterator[None]:
 
 
 @contextmanager
-def dask_pool(client: Client, task: Task, progress: Progress) -> Iterator[Pool]:
+def dask_pool(client: "Client", task: Task, progress: Progress) -> Iterator[Pool]:
     """A pool on a dask cluster; progress is reported as events of the scheduler."""
+    from distributed import as_completed
 
     def receive(event: tuple[float, tuple[str, float]]) -> None:
         progress(*event[1])
@@ -171,11 +178,15 @@ def dask_pool(client: Client, task: Task, progress: Progress) -> Iterator[Pool]:
 
 
 def _explained(task: Task, batch: Batch, error: BaseException) -> BatchError:
+    from distributed import KilledWorker
+
     marker = task.marker(batch)
-    if isinstance(error, KilledWorker) and marker.exists():
-        marker.unlink()
-        return BatchError.late(task.limit(batch) or 0.0)
-    return BatchError.of(error)
+    if not isinstance(error, KilledWorker):
+        return BatchError.of(error)
+    if not marker.exists():
+        return BatchError.died()
+    marker.unlink()
+    return BatchError.late(task.limit(batch) or 0.0)
 
 
 def simulate_on_worker(task: Task, batch: Batch) -> None:
@@ -183,6 +194,8 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
 
     On a timeout the process exits, because a compiled program cannot be interrupted otherwise.
     """
+    from distributed import get_worker
+
     worker = get_worker()
     if task.threads > 1:
         # Not through the cluster's settings, which this process's own variables would override.
@@ -239,12 +252,14 @@ def pool_of(
         yield pool
 
 
-def connected(scheduler: str) -> Client:
+def connected(scheduler: str) -> "Client":
     """A client of an existing scheduler.
 
     Raises:
         BadInput: if there is none at the address.
     """
+    from distributed import Client
+
     try:
         return Client(scheduler, timeout=10)
     except (OSError, ValueError) as error:
@@ -253,7 +268,9 @@ def connected(scheduler: str) -> Client:
 
 
 @contextmanager
-def _client(workers: int, scheduler: str | None, dashboard: bool) -> Iterator[Client]:
+def _client(workers: int, scheduler: str | None, dashboard: bool) -> Iterator["Client"]:
+    from distributed import Client, LocalCluster
+
     if scheduler is not None:
         with connected(scheduler) as client:
             yield client

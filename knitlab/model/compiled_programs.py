@@ -1,0 +1,44 @@
+"""Programs that JAX has compiled are kept in the user's cache folder, for all runs and workers."""
+
+import hashlib
+import os
+import platform
+from pathlib import Path
+
+import jax
+from platformdirs import user_cache_path
+
+LARGEST = 512 * 2**20
+"""Size of all programs that are kept; those not used for longest are removed [bytes]. With a limit,
+JAX holds a lock while it reads or writes, which several workers need."""
+
+
+def keep_compiled_programs() -> None:
+    """Keep compiled programs, unless the user has set JAX's cache or the folder cannot be written.
+
+    ``JAX_COMPILATION_CACHE_DIR`` names another folder, and ``JAX_ENABLE_COMPILATION_CACHE=0`` keeps
+    none.
+    """
+    if getattr(jax.config, "jax_compilation_cache_dir", None) is not None:
+        return
+    folder = user_cache_path("knitlab") / "compiled" / _kind_of_program()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return
+    if not os.access(folder, os.W_OK):
+        return
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_compilation_cache_max_size", LARGEST)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+
+
+def _kind_of_program() -> str:
+    """Version of JAX and processor: programs of one may crash on another."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    features = next((line for line in lines if line.startswith(("flags", "Features"))), "")
+    processor = " ".join((platform.machine(), platform.processor(), features))
+    return f"jax-{jax.__version__}-{hashlib.sha256(processor.encode()).hexdigest()[:12]}"
