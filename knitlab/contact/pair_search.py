@@ -7,7 +7,6 @@ While nothing can have come within reach, nothing is computed.
 """
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import ipctk
 import numpy as np
@@ -21,7 +20,8 @@ WIDE, NARROW = 0.3, 0.06
 Vertices = Float[np.ndarray, "vertex 3"]
 
 
-class Kind(NamedTuple):
+@dataclass(frozen=True)
+class Kind:
     """Which parts keep what distance.
 
     Attributes:

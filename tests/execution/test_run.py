@@ -1,6 +1,7 @@
 """Real small sweeps: files that are written or reused, and reports of failures."""
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -28,6 +29,14 @@ def test_invalid_numbers_are_refused_with_the_name_of_their_argument():
         RunOptions(workers=-1, retries=-2, case_timeout=0)
     named = [entry.path for entry in caught.value.faults]
     assert named == ["workers -1", "retries -2", "case_timeout 0"]
+
+
+def test_a_single_batch_needs_no_worker_unless_one_is_asked_for():
+    automatic = RunOptions(workers=None)
+    assert automatic.processors(1) == 0
+    assert automatic.processors(2) == (os.cpu_count() or 1)
+    assert RunOptions(workers=None, case_timeout=60).processors(1) > 0  # to be ended
+    assert [RunOptions(workers=number).processors(1) for number in (0, 1, 3)] == [0, 1, 3]
 
 
 @pytest.mark.slow
