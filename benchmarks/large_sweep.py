@@ -61,6 +61,8 @@ def main(cases: int, merge: bool, folder: Path | None) -> None:
     factors = max(1, cases // DESIGNS_OF_PREVIEW)
     values = ",".join(f"{1 + k / 100_000:g}" for k in range(factors))
     overrides = (f"k_t_factor={values}", "strain_max=0.06", "robustness=0")
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=folder) as temporary:
         results = Path(temporary)
         plan = timed("plan", lambda: make_plan("preview", overrides))

@@ -53,7 +53,9 @@ def classic_bytes(dataset: "xr.Dataset") -> bytes:
         _describe(stored, attributes, values.dtype)
     _describe(file, dataset.attrs, np.dtype(float))
     file.flush()
-    return written.getvalue()
+    contents = written.getvalue()
+    written.close()  # or the file would be written once more when it is collected
+    return contents
 
 
 def _describe(target: Any, attributes: dict[Any, Any], kind: np.dtype) -> None:

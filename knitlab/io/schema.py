@@ -335,10 +335,10 @@ def described(dataset: "xr.Dataset") -> "xr.Dataset":
     """The dataset with the CF attributes of every variable and coordinate of the schema."""
     for name, variable in (COORDINATES | VARIABLES).items():
         if name in dataset.variables:
-            dataset[name].attrs |= variable.attributes
+            dataset.variables[name].attrs |= variable.attributes
     for name, meanings in FLAGS.items():
-        if name in dataset:
-            dataset[name].attrs |= {
+        if name in dataset.variables:
+            dataset.variables[name].attrs |= {
                 "flag_values": [flag.value for flag in meanings],
                 "flag_meanings": " ".join(flag.name for flag in meanings),
             }
