@@ -57,9 +57,10 @@ class Cell:
 def cells(cube: PlainCube) -> dict[Design, Cell]:
     """The designs of a cube by their labels, without excluded combinations."""
     labels = [cube.coordinates[dim].tolist() for dim in cube.design_dims]
-    status, case_id = cube.read("status"), cube.read("case_id")
-    # Cubes of earlier versions lack it.
-    code = cube.read("code") if "code" in cube.dims else np.full(status.shape, "")
+    # Cubes of earlier versions have no code.
+    read = cube.read_several(["status", "case_id", *(["code"] if "code" in cube.dims else [])])
+    status, case_id = read["status"], read["case_id"]
+    code = read.get("code", np.full(status.shape, ""))
     found = {}
     for place in zip(*map(np.ndarray.tolist, np.nonzero(status != Status.excluded)), strict=True):
         design = tuple(along[k] for along, k in zip(labels, place, strict=True))

@@ -1,6 +1,6 @@
 """A cube as plain arrays, without xarray, whose import takes longer than most queries."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +27,7 @@ class PlainCube:
     Attributes:
         dims: dimensions of every variable that is not a coordinate.
         coordinates: values along every labelled dimension.
-        read: returns the values of a variable.
+        read_several: returns the values of some variables by name; a file is opened once for all.
         name: name of its folder, or of its file.
         path: that folder or file, if there is one.
         options: the model options that all of its designs share.
@@ -35,7 +35,7 @@ class PlainCube:
 
     dims: dict[str, tuple[str, ...]]
     coordinates: dict[str, np.ndarray]
-    read: Callable[[str], np.ndarray]
+    read_several: Callable[[Sequence[str]], dict[str, np.ndarray]]
     name: str
     path: Path | None
     options: dict[str, Any]
@@ -45,13 +45,17 @@ class PlainCube:
         """The dimensions of its designs, including those of swept settings."""
         return self.dims["status"]
 
+    def read(self, name: str) -> np.ndarray:
+        """The values of one variable."""
+        return self.read_several([name])[name]
+
     @classmethod
     def of(cls, cube: "xr.Dataset") -> "PlainCube":
         """The plain form of an xarray cube."""
         return cls(
             {str(name): tuple(map(str, cube[name].dims)) for name in cube.data_vars},
             {str(name): cube[name].values for name in cube.coords if name in cube.dims},
-            lambda name: cube[name].values,
+            lambda names: {name: cube[name].values for name in names},
             str(cube.attrs.get("workflow", "")),
             named_path(Path(source)) if (source := cube.encoding.get("source")) else None,
             stated_options(cube.attrs),
@@ -75,7 +79,7 @@ def open_plain_cube(path: str | Path) -> PlainCube:
     cube = PlainCube(
         {name: along for name, along in dims.items() if name not in coordinates},
         {name: np.ma.getdata(values) for name, values in coordinates.items()},
-        lambda name: read_values(path, name),
+        lambda names: read_values(path, names),
         named_path(path).name,
         named_path(path),
         options,
@@ -121,11 +125,11 @@ def read_as_cube(path: Path) -> Iterator[None]:
         raise fault(str(path), f"is not a netCDF file ({error}); give a cube.nc") from error
 
 
-def read_values(path: Path, name: str) -> np.ndarray:
-    """Values of one variable; missing ones are NaN."""
+def read_values(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Values of some variables by name; missing ones are NaN."""
     with netCDF4.Dataset(path) as dataset:
         dataset.set_auto_maskandscale(False)
-        return unmasked(name, dataset[name][...])
+        return {name: unmasked(name, dataset[name][...]) for name in names}
 
 
 def unmasked(name: str, values: np.ndarray) -> np.ndarray:

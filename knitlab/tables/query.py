@@ -37,8 +37,10 @@ def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFra
     along = [name for name in rows if any(name in cube.dims[variable] for variable in shown)]
     places = {name: chosen.get(name, range(len(cube.coordinates[name]))) for name in along}
 
+    read = cube.read_several([*dict.fromkeys(["status", *shown])])
+
     def sliced(name: str) -> np.ndarray:
-        values = np.asarray(cube.read(name))
+        values = np.asarray(read[name])
         return values[np.ix_(*(places[dim] for dim in cube.dims[name]))] if values.ndim else values
 
     # A row for each existing design, at each value of the other dimensions.

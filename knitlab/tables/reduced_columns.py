@@ -111,14 +111,19 @@ def _check(cubes: Sequence[PlainCube], label: str, column: ReducedColumn) -> Non
 def _with(cube: PlainCube, wanted: dict[str, ReducedColumn]) -> PlainCube:
     own = {label: column for label, column in wanted.items() if column.name in cube.dims}
 
-    def read(name: str) -> np.ndarray:
-        if name not in own:
-            return cube.read(name)
+    def read_several(names: Sequence[str]) -> dict[str, np.ndarray]:
+        curves = {own[name].name if name in own else name for name in names}
+        found = cube.read_several(sorted(curves))
+        return {name: reduced(found, name) if name in own else found[name] for name in names}
+
+    def reduced(read: dict[str, np.ndarray], name: str) -> np.ndarray:
         column = own[name]
-        values = np.asarray(cube.read(column.name), float)
+        values = np.asarray(read[column.name], float)
         curves = values.reshape(-1, values.shape[-1])
         strains = np.asarray(cube.coordinates[STRAIN], float)
         found = REDUCTIONS[column.reduction](*column.window.read(strains, curves))
         return found.reshape(values.shape[:-1])
 
-    return replace(cube, dims=cube.dims | dict.fromkeys(own, cube.design_dims), read=read)
+    return replace(
+        cube, dims=cube.dims | dict.fromkeys(own, cube.design_dims), read_several=read_several
+    )
