@@ -18,6 +18,7 @@ from knitlab.execution.join import (
     part_cube,
     previous_cube,
 )
+from knitlab.execution.memory import workers_that_fit
 from knitlab.execution.progress import ProgressBar
 from knitlab.execution.shard_record import ShardRecord, record_path, write_record
 from knitlab.execution.status import FAILURES, PLAN, check_same_plan
@@ -193,8 +194,8 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
         options: how to run it.
 
     Raises:
-        BadInput: if another run holds the folder, its cube has other dimensions, or shards of
-            another plan run there.
+        BadInput: if another run holds the folder, its cube has other dimensions, shards of another
+            plan run there, or a batch needs more memory than the machine has.
         CannotWrite: if the folder cannot be written, or is full; finished cases are kept.
     """
     if options.scheduler is not None:
@@ -258,15 +259,16 @@ def _simulate_all(
     plan: Plan, results: Path, missing: dict[str, Case], options: RunOptions, progress: RunProgress
 ) -> bool:
     """Simulate the missing cases; returns whether the run was interrupted."""
+    planned = [batch for batch in plan.batches if any(case in missing for case in batch.cases)]
     batches = [
-        batch
-        for planned in plan.batches
-        if (batch := [missing[case_id] for case_id in planned.cases if case_id in missing])
+        [missing[case_id] for case_id in batch.cases if case_id in missing] for batch in planned
     ]
     if not batches:
         return False
     processors = options.processors(len(batches))
     workers = min(processors, len(batches))
+    if options.scheduler is None:
+        workers = workers_that_fit(planned, workers)
     # Processors without a batch go to the others as threads; those of a scheduler are not known.
     threads = 1 if options.scheduler else processors // max(workers, 1)
     task = Task(options.simulate, results.resolve(), options.case_timeout, threads)

@@ -11,10 +11,10 @@ COST_POWER = 1.3
 SECONDS_OF_WORK: dict[Method, float] = {"equilibrium": 0.035, "dynamics": 4.0}
 """Seconds for a unit of work on one core, by method."""
 CONTACT = 4.0
-"""How much longer a fabric with contact takes; much longer still where plies are pressed together."""
-PROCESS_BYTES = 600e6
+"""How much longer a fabric with contact takes; more where its plies are pressed together."""
+PROCESS_BYTES = 500e6
 """Memory of a worker with its compiled programs."""
-BYTES_OF_UNKNOWN = 25e3
+BYTES_OF_UNKNOWN = 30e3
 """Memory for each unknown of a batch, mostly for element Hessians, indices and factors."""
 
 
@@ -39,5 +39,5 @@ def seconds(cases: Iterable[Case]) -> float:
 
 
 def bytes_needed(unknowns: int) -> float:
-    """Memory of a worker for a batch with a number of unknowns [bytes]."""
+    """Memory of a worker for a batch with a number of unknowns, to some 30 % [bytes]."""
     return PROCESS_BYTES + BYTES_OF_UNKNOWN * unknowns
