@@ -3,9 +3,11 @@
 import hashlib
 import os
 import platform
+from contextlib import suppress
 from pathlib import Path
 
 import jax
+from filelock import FileLock, Timeout
 from platformdirs import user_cache_path
 
 LARGEST = 512 * 2**20
@@ -28,9 +30,24 @@ def keep_compiled_programs() -> None:
         return
     if not os.access(folder, os.W_OK):
         return
+    _remove_incomplete(folder)
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_compilation_cache_max_size", LARGEST)
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+
+
+def _remove_incomplete(folder: Path) -> None:
+    """Remove programs whose process was killed while it wrote them.
+
+    JAX writes the time of use after the program, and would warn of its lack for ever.
+    """
+    if not any(folder.glob("*-atime")):
+        return
+    with suppress(OSError, Timeout), FileLock(folder / ".lockfile", timeout=1):
+        for path in folder.glob("*-cache"):
+            date = path.with_name(f"{path.name.removesuffix('-cache')}-atime")
+            if not date.exists():
+                path.unlink(missing_ok=True)
 
 
 def _kind_of_program() -> str:
