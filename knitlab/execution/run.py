@@ -76,9 +76,10 @@ class RunOptions:
         Raises:
             BadInput: with every one of them.
         """
+        workers = 0 if self.workers is None else self.workers
         faults = [
             Fault(f"{name} {number}", "is no whole number from 0 on; give one")
-            for name, number in (("workers", self.workers or 0), ("retries", self.retries))
+            for name, number in (("workers", workers), ("retries", self.retries))
             if not isinstance(number, int) or number < 0
         ]
         if self.case_timeout is not None and not self.case_timeout > 0:
