@@ -57,8 +57,8 @@ class Barrier:
     def _use(self, band: int) -> None:
         self._mesh = contact_mesh(self._shape, band, self._cells_per_period)
         kinds = (
-            Kind(False, self._thickness, RANGE * self._thickness),
-            Kind(True, 0.0, NEAR_RANGE * self._thickness),
+            Kind(near=False, least=self._thickness, reach=RANGE * self._thickness),
+            Kind(near=True, least=0.0, reach=NEAR_RANGE * self._thickness),
         )
         self._searches = [PairSearch(self._mesh, kind, self._cell) for kind in kinds]
 

@@ -139,21 +139,29 @@ def contact_mesh(
     )
 
 
-def without_pairs_of_images(candidates: ipctk.Candidates, mesh: ContactMesh) -> None:
+def without_pairs_of_images(
+    candidates: ipctk.Candidates, parts: ipctk.CollisionMesh, own: Bool[np.ndarray, " vertex"]
+) -> None:
     """Remove the candidates of which both parts are images.
 
     The filter of a collision mesh cannot: it asks for each pair of vertices by itself, and so would
     also lose pairs of which only the vertices that are not near each other are images.
+
+    Args:
+        candidates: pairs of a vertex and a triangle, and of two edges; changed in place.
+        parts: the collision mesh whose parts they are.
+        own: which of its vertices are no images.
     """
-    if mesh.own.all():
+    if own.all():
         return
-    own = mesh.own.tolist()
+    own_vertices = own.tolist()
     own_faces, own_edges = (
-        mesh.own[np.asarray(parts)].any(axis=1).tolist()
-        for parts in (mesh.whole.faces, mesh.whole.edges)
+        own[np.asarray(each)].any(axis=1).tolist() for each in (parts.faces, parts.edges)
     )
     candidates.fv_candidates = [
-        pair for pair in candidates.fv_candidates if own[pair.vertex_id] or own_faces[pair.face_id]
+        pair
+        for pair in candidates.fv_candidates
+        if own_vertices[pair.vertex_id] or own_faces[pair.face_id]
     ]
     candidates.ee_candidates = [
         pair

@@ -149,7 +149,7 @@ class PairSearch:
         part, kept = self._mesh.around(distances <= within)
         found = Pairs(self.kind, part, kept, vertices, within)
         found.candidates.build(found.parts, found.positions(vertices), within / 2)
-        without_pairs_of_images(found.candidates, part)
+        without_pairs_of_images(found.candidates, found.parts, part.own)
         return found
 
 

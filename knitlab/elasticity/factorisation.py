@@ -20,7 +20,6 @@ from knitlab.linalg.symbolic_factorisation import (
     GridOrder,
     NestedDissection,
     grid_order,
-    nested_dissection,
     planned,
 )
 from knitlab.linalg.threads import ALONE, Threads
@@ -108,4 +107,4 @@ def _order(free: FreeStiffness) -> GridOrder:
 
 @lru_cache(maxsize=8)
 def _plan(free: FreeStiffness) -> NestedDissection:
-    return nested_dissection(free.indptr, free.indices, *free.grid)
+    return planned(_order(free), free.indptr, free.indices)

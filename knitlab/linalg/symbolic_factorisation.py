@@ -102,13 +102,13 @@ class GridOrder:
     starts: Int[np.ndarray, " front"]
 
 
-def nested_dissection(
+def grid_order(
     indptr: Int[np.ndarray, " column"],
     indices: Int[np.ndarray, " nonzero"],
     rows: Int[np.ndarray, " unknown"],
     columns: Int[np.ndarray, " unknown"],
-) -> NestedDissection:
-    """Plan the factorisation of symmetric matrices on a grid of nodes.
+) -> GridOrder:
+    """The elimination order for couplings of a grid of nodes.
 
     Args:
         indptr: start of every column of the lower triangle in ``indices``.
@@ -117,16 +117,6 @@ def nested_dissection(
             last.
         columns: grid column of every unknown, likewise.
     """
-    return planned(grid_order(indptr, indices, rows, columns), indptr, indices)
-
-
-def grid_order(
-    indptr: Int[np.ndarray, " column"],
-    indices: Int[np.ndarray, " nonzero"],
-    rows: Int[np.ndarray, " unknown"],
-    columns: Int[np.ndarray, " unknown"],
-) -> GridOrder:
-    """The elimination order for couplings of a grid; arguments as in :func:`nested_dissection`."""
     lower, upper = _pairs(indptr, indices)
     nodal = rows >= 0
     between = (nodal[lower] & nodal[upper]).nonzero()
@@ -149,8 +139,8 @@ def planned(
 
     Args:
         grid: the order.
-        indptr: start of every column of the lower triangle in ``indices``.
-        indices: rows of its non-zeros, including the diagonal, column by column.
+        indptr: start of every column of the lower triangle, as in :func:`grid_order`.
+        indices: rows of its non-zeros.
     """
     rank = np.empty_like(grid.order)
     rank[grid.order] = np.arange(len(grid.order))

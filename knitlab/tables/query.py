@@ -37,7 +37,7 @@ def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFra
     along = [name for name in rows if any(name in cube.dims[variable] for variable in shown)]
     places = {name: chosen.get(name, range(len(cube.coordinates[name]))) for name in along}
 
-    read = cube.read_several([*dict.fromkeys(["status", *shown])])
+    read = cube.read_several(shown)
 
     def sliced(name: str) -> np.ndarray:
         values = np.asarray(read[name])
