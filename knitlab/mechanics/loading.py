@@ -1,5 +1,6 @@
 """Loadings: the free unknowns, and the motion of the held ones with the applied strain."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -59,16 +60,20 @@ class Loading:
         """Extrapolation of a path to an applied strain, with held unknowns as prescribed [mm].
 
         Args:
-            passed: strains and unknowns along the path so far. The path is extrapolated linearly
-                from the last two, or, if there is only one, by an affine stretch.
+            passed: strains and unknowns along the path so far. The path is extrapolated by the
+                polynomial through all of them, or, if there is only one, by an affine stretch.
             applied_strain: the strain.
         """
         strain, last = passed[-1]
         if len(passed) == 1:
             return self.holding(last + (applied_strain - strain) * self.drive, applied_strain)
-        before_strain, before = passed[-2]
-        part = (applied_strain - strain) / (strain - before_strain)
-        return self.holding(last + part * (last - before), applied_strain)
+        extrapolated = np.zeros_like(last)
+        for own, unknowns in passed:
+            others = [other for other, _ in passed if other != own]
+            extrapolated += unknowns * math.prod(
+                (applied_strain - other) / (own - other) for other in others
+            )
+        return self.holding(extrapolated, applied_strain)
 
     def reaction_force(self, gradient: Float[np.ndarray, " unknown"]) -> float:
         """Force that drives the test, conjugate to the displacement of its driven end [N].

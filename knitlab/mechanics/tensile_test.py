@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from knitlab.elasticity.evaluation import Stage
 from knitlab.mechanics.loading import Loading, tensile
+from knitlab.mechanics.path_step import PathStep
 from knitlab.mechanics.relaxation import intermediate_settings, relax
 from knitlab.mechanics.tensile_result import TensileTest
 from knitlab.model.configuration import Configuration
@@ -26,13 +27,14 @@ from knitlab.solvers.viscous import Drag, against_drag
 if TYPE_CHECKING:
     from knitlab.contact.barrier import Barrier
 
-ROUND_OFF = 1e-9
+KEPT = 3
+"""States from which the path is extrapolated."""
 ROUGH = 50
 """Iterations of a strain step above which the path counts as rough."""
 ROUGH_WALL = 1e-2
 """Fraction of the wall stiffness at which the step after a rough one begins."""
 PARTS_AHEAD = (1.0, 0.5, 0.25, 0.125, 0.0)
-"""Fractions of the way from an affine stretch of the last state to the linear extrapolation."""
+"""Fractions of the way from an affine stretch of the last state to the extrapolation."""
 LEAST_WORK = 1e-6
 """Ratio of work to stored energy of a strain step below which the stored energy is the scale."""
 
@@ -49,14 +51,17 @@ def stretch(
 ) -> Solver[TensileTest]:
     """Solver that relaxes a fabric and runs its tensile test.
 
-    The path to a strain is followed in steps of at most ``settings.path_step``. Each step starts
-    from the linear extrapolation of the two previous states; for a sample of many subdomains, from
-    the point of lowest energy on that line. If the previous step took many iterations, the path is
-    rough: the extrapolation is poor, and hard walls would obstruct the search for the equilibrium.
-    The search then begins with soft walls and a convexified stiffness.
+    The path to a strain is followed in steps of ``settings.path_step``, or up to four times as long
+    where that takes few iterations (:mod:`knitlab.mechanics.path_step`). Each step starts from the
+    linear extrapolation of the two previous states, or, after few iterations, the quadratic one of
+    three; for a sample of many subdomains, from the point of lowest energy on the way there. If the
+    previous step took many iterations, the path is rough: the extrapolation is poor, and hard walls
+    would obstruct the search for the equilibrium. The search then begins with soft walls and a
+    convexified stiffness.
 
     Along a branch of equilibria the energy grows by the work of the reaction force. If the
-    difference exceeds ``settings.branch_limit`` times that work, the fabric has left its branch. A
+    difference exceeds ``settings.branch_limit`` times that work, or times the work of a step of
+    ``settings.path_step`` if that is less, the fabric has left its branch. A
     step that does so, or fails, is repeated over half the strain, down to
     ``settings.smallest_step`` of a full one. If it leaves the branch even then, the branch ends
     there: the fabric has snapped, and the state it snapped to is accepted and marked. The
@@ -105,17 +110,16 @@ class _Path:
     settings: SolverSettings
     contact: "Barrier | None" = None
 
+    def __post_init__(self) -> None:
+        self.step = PathStep.first(self.settings)
+
     def to(self, target: float) -> Solver[State]:
         """Follow the path to a larger or smaller strain."""
-        distance = abs(target - self.last[-1][0])
-        towards = math.copysign(1.0, target - self.last[-1][0])
-        full = distance / math.ceil(distance / self.settings.path_step - ROUND_OFF)
-        smallest = self.settings.smallest_step * full * (1 + ROUND_OFF)
-        step, spent, snapped = full, list[State](), False
+        spent, snapped = list[State](), False
         while True:
-            strain = self.last[-1][0] + towards * step
-            strain = target if towards * (target - strain) <= ROUND_OFF else strain
-            last = step <= smallest
+            strain = self.step.towards(self.last[-1][0], target)
+            taken = strain - self.last[-1][0]
+            last = self.step.is_smallest(taken)
             # If subdomains are solved first, walls rarely obstruct the search for the whole sample.
             many = worth_dividing(self.loading.shape)
             rough = self.last[-1][1].iterations > ROUGH and not many and not self.settings.drag
@@ -126,16 +130,18 @@ class _Path:
                 spent.append(state)
                 state = yield from self._find_slowly(strain, to_the_end=True)
                 followed = self._on_branch(strain, state)
-            if state.converged and (followed or step <= smallest):
-                snapped |= not followed
-                self.last = [self.last[-1], (strain, state)] if followed else [(strain, state)]
-                if strain == target:
-                    return replace(state, snapped=snapped).after(*spent)
-                step = min(2 * step if followed else full, full, abs(target - strain))
-            elif step <= smallest:
+            if not state.converged and last:
                 return replace(state, snapped=snapped).after(*spent)
+            if followed:
+                self.last = [*self.last[1 - KEPT :], (strain, state)]
+                self.step = self.step.after(taken, state.iterations)
+            elif state.converged and last:
+                snapped, self.last = True, [(strain, state)]
+                self.step = self.step.after_snap()
             else:
-                step /= 2
+                self.step = self.step.after_failure(taken)
+            if self.last[-1][0] == target:
+                return replace(state, snapped=snapped).after(*spent)
             spent.append(state)
 
     def _find_slowly(self, strain: float, to_the_end: bool) -> Solver[State]:
@@ -182,11 +188,12 @@ class _Path:
     def _ahead(self, strain: float) -> Solver[Evaluate]:
         """Extrapolation of the path to a strain.
 
-        If wrinkles across many subdomains have moved, the linear extrapolation penetrates the
-        walls, and the search from there would crush cells. Then the point of lowest energy on the
-        line from the last state to the extrapolation is used.
+        If wrinkles across many subdomains have moved, the extrapolation penetrates the walls, and
+        the search from there would crush cells. Then the point of lowest energy on the line from
+        the last state to the extrapolation is used.
         """
-        passed = [(before, state.unknowns) for before, state in self.last]
+        used = self.last if self.step.smooth else self.last[-2:]
+        passed = [(before, state.unknowns) for before, state in used]
         far = self.loading.ahead(passed, strain)
         near = self.loading.ahead(passed[-1:], strain)
         if self.contact is not None:
@@ -226,14 +233,18 @@ class _Path:
             return -math.inf
         distance = (strain - before_strain) * self.loading.length
         force = self.loading.reaction_force(before.gradient)
-        earlier = self.loading.reaction_force(self.last[0][1].gradient)
-        slope = (force - earlier) / (before_strain - self.last[0][0])
+        earlier_strain, earlier = self.last[-2]
+        earlier_force = self.loading.reaction_force(earlier.gradient)
+        slope = (force - earlier_force) / (before_strain - earlier_strain)
         work = (force + slope * (strain - before_strain) / 2) * distance
-        return float(before.energy.total) + work - self._allowed(work, before)
+        return float(before.energy.total) + work - self._allowed(work, strain)
 
-    def _allowed(self, work: float, before: State) -> float:
-        """Largest difference between the energy and the work of a strain step on one branch."""
-        return self.settings.branch_limit * max(abs(work), LEAST_WORK * float(before.energy.total))
+    def _allowed(self, work: float, strain: float) -> float:
+        """Largest difference between the energy and the work of a step on one branch [N mm]."""
+        before_strain, before = self.last[-1]
+        part = min(1.0, self.settings.path_step / abs(strain - before_strain))
+        least = LEAST_WORK * float(before.energy.total)
+        return self.settings.branch_limit * max(part * abs(work), least)
 
     def _on_branch(self, strain: float, state: State) -> bool:
         """Whether a state converged, and its energy grew by the work done."""
@@ -244,4 +255,4 @@ class _Path:
         forces = [self.loading.reaction_force(each.gradient) for each in (before, state)]
         work = sum(forces) / 2 * distance
         gained = float(state.energy.total) - float(before.energy.total)
-        return abs(gained - work) <= self._allowed(work, before)
+        return abs(gained - work) <= self._allowed(work, strain)

@@ -105,11 +105,13 @@ class SolverSettings:
             stage to stage; 1 for hard walls from the start.
         waypoint_force: residual force accepted between these steps, as a fraction of the largest
             force of a fold, k_t × fold angle / cell.
-        path_step: largest step of applied strain from one equilibrium to the next.
+        path_step: step of applied strain from one equilibrium to the next; up to four times as long
+            where few iterations suffice.
         smallest_step: fraction of a strain step down to which it is halved if the search fails or
             the fabric leaves its branch.
         branch_limit: difference between the change of energy in a strain step and the work done in
-            it, as a fraction of that work, above which the fabric has left its branch.
+            it, as a fraction of that work, or of the work done in ``path_step`` if that is less,
+            above which the fabric has left its branch.
         drag: c ε̇, damping of a node times the rate of the applied strain [N/mm]; with 0 the test is
             quasi-static and every state an equilibrium.
     """

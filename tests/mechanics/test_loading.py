@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
-from knitlab.mechanics.loading import between_walls
+from knitlab.mechanics.loading import between_walls, tensile
 from knitlab.model.configuration import Configuration
+from knitlab.model.network import MeshShape
 
 GAP = 0.5
 """Half the gap [mm]."""
@@ -49,3 +50,20 @@ def test_a_sample_too_thick_is_pushed_equally_by_both_walls():
     upper, lower = np.maximum(heights - GAP, 0), np.maximum(-heights - GAP, 0)
     assert upper.sum() == pytest.approx(lower.sum(), rel=1e-6)
     assert upper.sum() > 0
+
+
+def test_a_path_is_extrapolated_by_the_polynomial_through_its_states():
+    """Three states give the polynomial of second order at any spacing, two the straight line."""
+    shape = MeshShape(4, 4, periodic=True)
+    relaxed = Configuration(np.random.default_rng(0).normal(size=(4, 4, 3)), np.array([4.0, 4.0]))
+    loading = tensile(shape, relaxed)
+    coefficients = np.random.default_rng(1).normal(size=(3, shape.unknowns))
+
+    def state(strain: float, order: int) -> np.ndarray:
+        powers = strain ** np.arange(order + 1)
+        return loading.holding(powers @ coefficients[: order + 1], strain)
+
+    for strains in ([0.0, 0.01], [0.0, 0.01, 0.03], [0.3, 0.2, 0.19]):
+        order = len(strains) - 1
+        passed = [(strain, state(strain, order)) for strain in strains]
+        np.testing.assert_allclose(loading.ahead(passed, 0.07), state(0.07, order), atol=1e-10)
