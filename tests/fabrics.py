@@ -8,7 +8,7 @@ import pytest
 
 from knitlab.io.shipped import shipped
 from knitlab.mechanics.dynamic_tensile_test import MovingBatch
-from knitlab.mechanics.dynamics import DynamicsSettings
+from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.mechanics.relaxation import relax
 from knitlab.mechanics.tensile_result import TensileTest
 from knitlab.mechanics.tensile_test import stretch

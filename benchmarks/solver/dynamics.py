@@ -15,7 +15,8 @@ from jaxtyping import Bool
 
 from benchmarks.solver.problem import Free, Problem, Search, Unknowns
 from benchmarks.solver.watch import GivenUp, Watch
-from knitlab.mechanics.dynamics import DynamicsSettings, Motion, PrescribedMotion, batch_integrator
+from knitlab.mechanics.dynamics import Motion, PrescribedMotion, batch_integrator
+from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.mechanics.loading import all_free
 from knitlab.solvers.batch import stacked
 

@@ -11,7 +11,7 @@ from benchmarks.solver.cholmod import CholmodExecutor
 from benchmarks.solver.measurement import ACROSS_EDGE, TOLERANCE, Measurement, Record
 from benchmarks.solver.problem import Method, Problem, by
 from benchmarks.solver.watch import GivenUp, OutOfTime, Watch
-from knitlab.mechanics.dynamics import DynamicsSettings
+from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.solvers.solver import SolverSettings
 
 TRIALS = {

@@ -10,12 +10,12 @@ from jaxtyping import Float
 
 from knitlab.mechanics.dynamics import (
     PEAK_OF_SMOOTH_RAMP,
-    DynamicsSettings,
     Motion,
     PrescribedMotion,
     Trajectory,
     batch_integrator,
 )
+from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.mechanics.loading import Loading, all_free, rigidly_aligned, tensile
 from knitlab.mechanics.tensile_result import History, TensileTest
 from knitlab.model.configuration import Configuration

@@ -15,7 +15,7 @@ from knitlab.capacitance.capacitor import Capacitor
 from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.central import central
 from knitlab.measure.knit_size import Stitches
-from knitlab.mechanics.dynamics import DynamicsSettings
+from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.model.electrode_layout import StitchCounts, place_electrodes
 from knitlab.model.electrodes import Electrodes
 from knitlab.model.fabric import Fabric, Sheet, StripePair

@@ -11,8 +11,7 @@ import xarray as xr
 
 from knitlab.io.case_file import write_case_file
 from knitlab.io.provenance import provenance
-from knitlab.mechanics.dynamic_tensile_test import MovingBatch, stretch_by_dynamics
-from knitlab.mechanics.dynamics import DynamicsSettings
+from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.mechanics.relaxation import relax_near
 from knitlab.mechanics.starting_shape import imperfect_sheet, starts_from_periodic
 from knitlab.mechanics.tensile_result import TensileTest
@@ -201,6 +200,9 @@ def starts(
 
 def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
     """Tensile tests by damped dynamics, all cases in one vmapped call a strain."""
+    # diffrax takes half as long to import as JAX, and most sweeps need only equilibria.
+    from knitlab.mechanics.dynamic_tensile_test import MovingBatch, stretch_by_dynamics
+
     settings = cases[0].solver
     if not isinstance(settings, DynamicsSettings):
         raise TypeError(f"case {cases[0].case_id} has no settings of the dynamics")

@@ -42,6 +42,9 @@ class RefactorisationPolicy:
 CONVEXIFIED = RefactorisationPolicy(cost=8, most_steps=30, patience=2)
 RAISED = RefactorisationPolicy(cost=16, most_steps=60, patience=3)
 """If μ is raised, a factorisation costs twice as much, as several attempts may fail first."""
+SMALL_PART = 0.1
+"""Part of a step below which μ is too small: the softest modes move as far as the step limit
+allows, and all others hardly."""
 BACKTRACKS = 5
 SUFFICIENT_DECREASE = 1e-4
 LEAST_CURVATURE = 1e-8
@@ -58,9 +61,10 @@ def find_equilibrium(start: Evaluate, rules: SearchRules) -> Solver[State]:
     Every step lowers the energy, so that the fabric is followed through snaps to a nearby minimum.
     If K + μ I is not positive definite, it is either convexified, which is fast and takes large
     steps, or μ is raised until it is, which stays in the valley of the initial configuration, as a
-    slow motion would. μ decreases while steps succeed; once it is negligible and the forces are
-    small, convergence is that of Newton's method. Only the forces of the result are tested: a path
-    that leads exactly into a saddle point would end there.
+    slow motion would. A convexified search begins with a μ that keeps its steps near the step
+    limit, as a trust region would. μ decreases while steps succeed; once it is negligible and the
+    forces are small, convergence is that of Newton's method. Only the forces of the result are
+    tested: a path that leads exactly into a saddle point would end there.
 
     Args:
         start: configuration to start from, and the stage; its held unknowns stay fixed.
@@ -102,7 +106,10 @@ def minimise_with_one_factorisation(search: Search) -> Solver[Outcome | None]:
         descent = yield from _descend(search)
         if descent.below_round_off and not descent.steps and search.shift <= smallest:
             return Outcome.stalled
-        if descent.below_round_off or not (descent.blocked or raised):
+        if descent.shortened:
+            longest = max(search.steepest_shift, search.shift)
+            search.shift = min(max(10 * search.shift, LEAST_RAISED_SHIFT), longest)
+        elif descent.below_round_off or not (descent.blocked or raised):
             search.shift = max(0.1 * search.shift, smallest)
         elif not descent.steps:
             search.shift = max(10 * search.shift, LEAST_RAISED_SHIFT)
@@ -124,11 +131,14 @@ class _Descent:
         blocked: whether no fraction of the next step lowered the energy.
         below_round_off: whether the expected decrease was below round-off: then the step is not
             too long, but the shift is too large for the force to fall.
+        shortened: whether the step limit shortened most steps of a convexified stiffness to a
+            small part, so that only its softest modes moved.
     """
 
     steps: int
     blocked: bool = False
     below_round_off: bool = False
+    shortened: bool = False
 
 
 def _descend(search: Search) -> Solver[_Descent]:
@@ -136,13 +146,14 @@ def _descend(search: Search) -> Solver[_Descent]:
     rules = search.rules
     policy = CONVEXIFIED if rules.convexified else RAISED
     memory: deque[tuple[Vector, Vector, float]] = deque(maxlen=policy.most_steps)
-    highest, steps, poor = search.energy, 0, 0
+    highest, steps, poor, shortened = search.energy, 0, 0, 0
     while steps < policy.most_steps and search.iterations < rules.settings.max_iterations:
         direction = yield from _direction(search.gradient, memory)
         slope = float(search.gradient @ direction)
         if not slope < 0:
             return _Descent(steps, blocked=True)
         shortening = min(1.0, rules.longest_part(direction))
+        shortened += shortening < SMALL_PART
         before = search.energy, search.gradient, search.force
         free = rules.free_part(search.at.unknowns, direction * shortening)
         shortening *= free
@@ -164,7 +175,7 @@ def _descend(search: Search) -> Solver[_Descent]:
         poor = poor + 1 if is_poor else 0
         if poor == policy.patience:
             break
-    return _Descent(steps)
+    return _Descent(steps, shortened=rules.convexified and shortened > steps / 2)
 
 
 def _direction(gradient: Vector, memory: deque[tuple[Vector, Vector, float]]) -> Solver[Vector]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from knitlab.contact.barrier import Barrier
 
 FIRST_SHIFT = 1e-4
-"""Initial μ of a search [N/mm]."""
+"""Initial μ of a search that raises μ [N/mm]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +98,16 @@ class Search:
 
     def begin(self, at: Evaluate, evaluation: Evaluation) -> None:
         """Start, or restart, from a configuration; the cost so far is kept."""
-        self.shift = FIRST_SHIFT
         self.move(at, evaluation)
+        self.shift = self.steepest_shift if self.rules.convexified else FIRST_SHIFT
+
+    @property
+    def steepest_shift(self) -> float:
+        """μ with which the largest force moves a node by the step limit [N/mm].
+
+        A step with a larger μ is shorter than the limit even along the softest modes.
+        """
+        return self.force / self.rules.step_length
 
     def move(self, at: Evaluate, evaluation: Evaluation) -> None:
         """Continue from another configuration, given its energy and gradient."""

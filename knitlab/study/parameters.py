@@ -21,7 +21,7 @@ from knitlab.io.errors import BadInput, ErrorCollector, Fault, faults_of
 from knitlab.io.strict_model import StrictModel
 from knitlab.io.toml import read_checked, read_toml
 from knitlab.measure.knit_size import Gauge
-from knitlab.mechanics.dynamics import DynamicsSettings
+from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.model.electrode_layout import ElectrodeLayout
 from knitlab.model.fabric import Sheet
 from knitlab.model.inertia import MassAndDrag

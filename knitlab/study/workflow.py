@@ -15,7 +15,7 @@ from knitlab.capacitance.capacitor import Capacitor
 from knitlab.io.strict_model import StrictModel
 from knitlab.io.suggestions import unknown
 from knitlab.measure.knit_size import Gauge
-from knitlab.mechanics.dynamics import DynamicsSettings
+from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.model.electrode_layout import ElectrodeLayout
 from knitlab.model.fabric import Sheet
 from knitlab.model.inertia import MassAndDrag

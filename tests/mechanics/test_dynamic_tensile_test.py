@@ -13,7 +13,7 @@ from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.corners import unit_cell_corners
 from knitlab.measure.strain import central_mean, local_strain, poisson_ratio
 from knitlab.mechanics.dynamic_tensile_test import MotionPath, move, stretch_by_dynamics
-from knitlab.mechanics.dynamics import DynamicsSettings
+from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.mechanics.loading import rigidly_aligned, tensile
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from knitlab.mechanics.dynamic_tensile_test import MotionPath, MovingBatch, move
-from knitlab.mechanics.dynamics import DynamicsSettings
+from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric, flat_sheet

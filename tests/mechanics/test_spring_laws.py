@@ -15,7 +15,7 @@ from knitlab.elasticity.element_chunks import ChunkedFabric
 from knitlab.elasticity.evaluation import COMPLETE, element_hessians, evaluate
 from knitlab.elasticity.stiffness import free_stiffness
 from knitlab.mechanics.dynamic_tensile_test import MotionPath, move
-from knitlab.mechanics.dynamics import DynamicsSettings
+from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.mechanics.loading import all_free
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.mechanics.zigzag_tension import pull_chain

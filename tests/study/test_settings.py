@@ -6,7 +6,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
-from knitlab.mechanics.dynamics import DynamicsSettings
+from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.model.stripe import SPRING_LAWS, Stripe
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.solvers.solver import SolverSettings
