@@ -24,14 +24,14 @@ class PathStep:
         length: the step.
         base: step of a path of which nothing is known.
         longest: largest step.
-        smallest: step that is not halved again.
+        smallest_part: part of the first step down to which steps are halved.
         smooth: whether to extrapolate the path quadratically.
     """
 
     length: float
     base: float
     longest: float
-    smallest: float
+    smallest_part: float
     smooth: bool = False
 
     @classmethod
@@ -39,16 +39,17 @@ class PathStep:
         """First step of a path. With drag its length is the time step and remains constant."""
         base = settings.path_step
         longest = base if settings.drag else LONGEST * base
-        return cls(base, base, longest, settings.smallest_step * base)
+        return cls(base, base, longest, settings.smallest_step)
 
     def towards(self, strain: float, target: float) -> float:
         """The next strain on the way to a target, which is reached in equal steps."""
         steps = math.ceil(abs(target - strain) / self.length - ROUND_OFF)
         return target if steps <= 1 else strain + (target - strain) / steps
 
-    def is_smallest(self, step: float) -> bool:
-        """Whether a step that failed is not to be halved again."""
-        return abs(step) <= self.smallest * (1 + ROUND_OFF)
+    def smallest(self, distance: float) -> float:
+        """Step on the way over a distance that is not halved again."""
+        steps = math.ceil(distance / self.base - ROUND_OFF)
+        return self.smallest_part * distance / steps * (1 + ROUND_OFF)
 
     def after(self, step: float, iterations: int) -> "PathStep":
         """The step after one that stayed on the branch."""

@@ -116,10 +116,11 @@ class _Path:
     def to(self, target: float) -> Solver[State]:
         """Follow the path to a larger or smaller strain."""
         spent, snapped = list[State](), False
+        smallest = self.step.smallest(abs(target - self.last[-1][0]))
         while True:
             strain = self.step.towards(self.last[-1][0], target)
             taken = strain - self.last[-1][0]
-            last = self.step.is_smallest(taken)
+            last = abs(taken) <= smallest
             # If subdomains are solved first, walls rarely obstruct the search for the whole sample.
             many = worth_dividing(self.loading.shape)
             rough = self.last[-1][1].iterations > ROUGH and not many and not self.settings.drag

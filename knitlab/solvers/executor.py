@@ -41,6 +41,8 @@ from knitlab.solvers.subdomains import Subdomain, couplings, independent_groups,
 
 MOST_SECOND_PROCESSES = 7
 """Largest number of second processes for one sample; each takes 0.4 to 0.9 GB."""
+LARGEST_CONCURRENT = 4096
+"""Number of nodes up to which fabrics run concurrently on a CPU."""
 
 Result = TypeVar("Result")
 
@@ -229,17 +231,39 @@ def run_to_end(executor: Executor, solver: Solver[Result]) -> Result:
 def run_sequentially(
     shape: MeshShape, fabrics: Sequence[Fabric], solvers: Sequence[Solver[Result]]
 ) -> list[Result]:
-    """The :class:`Runner` that runs one solver after another."""
+    """The :class:`Runner` that runs one solver after another, each on all threads."""
     return [run(shape, *each) for each in zip(fabrics, solvers, strict=True)]
+
+
+def run_concurrently(
+    shape: MeshShape, fabrics: Sequence[Fabric], solvers: Sequence[Solver[Result]]
+) -> list[Result]:
+    """The :class:`Runner` that runs as many solvers at the same time as there are threads.
+
+    A thread whose solver has ended takes the next one. The results are those of one after another.
+    """
+
+    def run_one(case: tuple[Fabric, Solver[Result]]) -> Result:
+        fabric, solver = case
+        return run_to_end(Executor(shape, fabric), solver)
+
+    threads = Threads(min(allowed_threads(), len(fabrics)))
+    with one_thread_of_blas():
+        return threads.each(run_one, zip(fabrics, solvers, strict=True))
 
 
 def run_all(
     shape: MeshShape, fabrics: Sequence[Fabric], solvers: Sequence[Solver[Result]]
 ) -> list[Result]:
-    """The :class:`Runner` that suits the machine.
+    """The :class:`Runner` that suits the machine and the mesh shape.
 
-    On a CPU, solving one fabric after another is faster than a batch; on an accelerator they run in
-    lockstep, vmapped, including the factorisation.
+    On an accelerator the fabrics run in lockstep, vmapped, including the factorisation. On a CPU
+    small fabrics run concurrently; large ones one after another, as their elements and fronts keep
+    all threads busy.
     """
-    runner: Runner = run_sequentially if jax.default_backend() == "cpu" else run_in_lockstep
+    if jax.default_backend() != "cpu":
+        runner: Runner = run_in_lockstep
+    else:
+        small = shape.nodes <= LARGEST_CONCURRENT and len(fabrics) > 1
+        runner = run_concurrently if small else run_sequentially
     return runner(shape, fabrics, solvers)

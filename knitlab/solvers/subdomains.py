@@ -5,9 +5,11 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from knitlab.elasticity.stiffness import FreeStiffness, sparsity
 from knitlab.model.fabric import Fabric
@@ -41,13 +43,18 @@ class Subdomain:
 
     def fabric(self, whole: Fabric) -> Fabric:
         """The part of the sample's fabric in the subdomain."""
+
+        # NumPy indexes without compiling, which JAX does for every size.
+        def part(values: Array, places: Int[np.ndarray, " element"]) -> Array:
+            return jnp.asarray(np.asarray(values)[places])
+
         return replace(
             whole,
-            rest_length=whole.rest_length[self.springs],
-            stretch_stiffness=whole.stretch_stiffness[self.springs],
-            spring_law=whole.spring_law.of(self.springs),
-            rest_fold=whole.rest_fold[self.hinges],
-            fold_stiffness=whole.fold_stiffness[self.hinges],
+            rest_length=part(whole.rest_length, self.springs),
+            stretch_stiffness=part(whole.stretch_stiffness, self.springs),
+            spring_law=jax.tree.map(lambda values: part(values, self.springs), whole.spring_law),
+            rest_fold=part(whole.rest_fold, self.hinges),
+            fold_stiffness=part(whole.fold_stiffness, self.hinges),
         )
 
     def force(self, gradient: Float[np.ndarray, " whole"]) -> float:

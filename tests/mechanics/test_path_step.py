@@ -45,7 +45,7 @@ def test_steps_grow_while_few_iterations_suffice_and_shrink_after_many():
 
 def test_a_step_that_fails_is_halved_down_to_the_smallest_and_then_grows_again():
     step, taken = PathStep.first(SETTINGS), 0.01
-    while not step.is_smallest(taken):
+    while taken > step.smallest(1.0):
         step = step.after_failure(taken)
         taken = step.towards(0.0, 1.0)
     assert taken == pytest.approx(SETTINGS.smallest_step * SETTINGS.path_step, rel=0.01)
