@@ -10,17 +10,21 @@ from dataclasses import replace
 import jax
 import numpy as np
 
-from benchmarks.solver.measurement import IN_STEP, IN_TURN, Measurement, Record
+from benchmarks.solver.measurement import CONCURRENT, IN_STEP, IN_TURN, Measurement, Record
 from knitlab.simulation.simulate import equilibrium_tests
 from knitlab.solvers.batch import run_in_lockstep
-from knitlab.solvers.executor import Runner, run_sequentially
+from knitlab.solvers.executor import Runner, run_concurrently, run_sequentially
 
 FABRICS, SOFTEST, STIFFEST = 16, 0.7, 1.4
 """How many there are, and from what to what their bending stiffness is multiplied."""
 STRAINS_TO_COMPILE = 2
 """With the relaxed shape and one strain, all is compiled that a test of many needs."""
 
-RUNNERS: dict[str, Runner] = {IN_TURN: run_sequentially, IN_STEP: run_in_lockstep}
+RUNNERS: dict[str, Runner] = {
+    IN_TURN: run_sequentially,
+    CONCURRENT: run_concurrently,
+    IN_STEP: run_in_lockstep,
+}
 
 
 def measure(measurement: Measurement, fabrics: int = FABRICS) -> Record:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from queue import SimpleQueue
+from threading import Event
 from typing import Any, Protocol, TypeVar
 
 import jax
@@ -218,14 +219,25 @@ def run(shape: MeshShape, fabric: Fabric, solver: Solver[Result]) -> Result:
         return run_to_end(Executor(shape, fabric, threads=Threads(allowed_threads())), solver)
 
 
-def run_to_end(executor: Executor, solver: Solver[Result]) -> Result:
-    """Run a solver to its end with an executor and return its result."""
+def run_to_end(executor: Executor, solver: Solver[Result], stopped: Event | None = None) -> Result:
+    """Run a solver to its end with an executor and return its result.
+
+    Args:
+        executor: answers its requests.
+        solver: the solver.
+        stopped: if this is set meanwhile, the solver is abandoned.
+
+    Raises:
+        InterruptedError: if the solver was abandoned.
+    """
     answer: Evaluation | Any = None
-    while True:
+    while stopped is None or not stopped.is_set():
         try:
             answer = executor.answer(solver.send(answer))
         except StopIteration as end:
             return end.value
+    solver.close()
+    raise InterruptedError("the solver was abandoned")
 
 
 def run_sequentially(
@@ -242,14 +254,20 @@ def run_concurrently(
 
     A thread whose solver has ended takes the next one. The results are those of one after another.
     """
+    stopped = Event()
 
     def run_one(case: tuple[Fabric, Solver[Result]]) -> Result:
         fabric, solver = case
-        return run_to_end(Executor(shape, fabric), solver)
+        return run_to_end(Executor(shape, fabric), solver, stopped)
 
     threads = Threads(min(allowed_threads(), len(fabrics)))
-    with one_thread_of_blas():
-        return threads.each(run_one, zip(fabrics, solvers, strict=True))
+    try:
+        with one_thread_of_blas():
+            return threads.each(run_one, zip(fabrics, solvers, strict=True))
+    except BaseException:
+        # Python would wait for the other threads before it exits.
+        stopped.set()
+        raise
 
 
 def run_all(

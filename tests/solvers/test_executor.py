@@ -1,4 +1,6 @@
-"""Solvers alone and in lockstep: the same states, and none affects another."""
+"""Solvers alone, concurrent and in lockstep: the same states, and none affects another."""
+
+from threading import Event
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -6,9 +8,10 @@ import numpy as np
 import pytest
 
 from knitlab.mechanics.tensile_test import stretch
+from knitlab.model.fabric import flat_sheet
 from knitlab.solvers.batch import run_in_lockstep
-from knitlab.solvers.executor import run_sequentially
-from knitlab.solvers.solver import SolverSettings
+from knitlab.solvers.executor import run_concurrently, run_sequentially
+from knitlab.solvers.solver import Evaluate, SolverSettings
 from tests.fabrics import CLAMPED, FINE, PERIODIC, checkered, stretched
 
 STRAINS = [0.0, 0.05, 0.1]
@@ -45,9 +48,45 @@ def test_a_fabric_with_nan_does_not_affect_the_others_of_a_batch():
     net, sound = checkered(4, 1, PERIODIC)
     poisoned = eqx.tree_at(lambda f: f.rest_length, sound, sound.rest_length.at[3].set(jnp.nan))
     fabrics = [sound, poisoned, sound]
-    for runner in (run_sequentially, run_in_lockstep):
+    for runner in (run_sequentially, run_concurrently, run_in_lockstep):
         first, broken, last = runner(net.shape, fabrics, stretches(net, fabrics))
         assert all(state.converged for state in first.states)
         assert first.states[-1].residual == last.states[-1].residual
         assert not broken.states[0].converged
         assert broken.loading is None
+
+
+def test_fabrics_that_run_concurrently_end_as_one_after_another(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    net, four = checkered(4, 1, PERIODIC)
+    _, eight = checkered(8, 1, PERIODIC)
+    fabrics = [four, eight, four, eight]
+    expected = run_sequentially(net.shape, fabrics, stretches(net, fabrics))
+    for one, other in zip(
+        expected, run_concurrently(net.shape, fabrics, stretches(net, fabrics)), strict=True
+    ):
+        for state, same in zip(one.states, other.states, strict=True):
+            np.testing.assert_array_equal(state.unknowns, same.unknowns)
+
+
+def test_an_exception_of_one_fabric_abandons_the_others_that_run_concurrently(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    net, fabric = checkered(4, 1, PERIODIC)
+    asked, abandoned = Event(), Event()
+
+    def endless():
+        try:
+            while True:
+                yield Evaluate(np.asarray(flat_sheet(net, fabric).flattened()))
+                asked.set()
+        finally:
+            abandoned.set()
+
+    def failing():
+        yield Evaluate(np.asarray(flat_sheet(net, fabric).flattened()))
+        asked.wait(60)
+        raise RuntimeError("broken")
+
+    with pytest.raises(RuntimeError, match="broken"):
+        run_concurrently(net.shape, [fabric, fabric], [failing(), endless()])
+    assert abandoned.wait(60)
