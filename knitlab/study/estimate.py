@@ -6,7 +6,7 @@ from knitlab.simulation.case import Case, Method
 
 # Relaxation costs about this number of steps of a tensile test, and the cost of a step grows with
 # about this power of the number of unknowns.
-RELAXATION_STEPS = 20
+RELAXATION_STEPS = 10
 COST_POWER = 1.3
 SECONDS_OF_WORK: dict[Method, float] = {"equilibrium": 0.035, "dynamics": 4.0}
 """Seconds for a unit of work on one core, by method."""
