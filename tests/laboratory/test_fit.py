@@ -114,7 +114,8 @@ def test_derivatives_are_those_of_finite_differences(case, name):
 @pytest.mark.slow
 def test_a_test_continued_from_another_reaches_the_states_of_a_full_test(case):
     short = replace(case, applied_strain=STRAINS[:3])
-    near = simulated_test(short, simulated_test(with_factors(short, {"rib_k_t": 1.03})))
+    # This fabric has two branches; with a slightly softer rib it relaxes to the same one.
+    near = simulated_test(short, simulated_test(with_factors(short, {"rib_k_t": 0.99})))
     np.testing.assert_allclose(near.values, simulated_test(short).values, rtol=1e-5, atol=1e-8)
 
 
