@@ -242,7 +242,8 @@ def _begin(plan: Plan, results: Path, shard: Shard | None) -> xr.Dataset | None:
         BadInput: if the cube does not fit the plan, or the other shards have another plan.
     """
     old = previous_cube(plan, results / CUBE)
-    if shard is not None and _others(results, shard):
+    # Another shard that has its lock may still wait at the gate, without a plan written.
+    if shard is not None and (results / PLAN).exists() and _others(results, shard):
         check_same_plan(plan, results)
     else:
         clear_unfinished(results)

@@ -55,6 +55,12 @@ def whole(plan, tmp_path_factory):
     return ran(plan, tmp_path_factory.mktemp("whole"))
 
 
+def test_the_first_shard_writes_the_plan_though_another_waits_to_begin(tmp_path, plan):
+    with held_by_shard(tmp_path, 3, COUNT):
+        assert not ran(plan, tmp_path, 1).joined
+        assert set(read_plan(tmp_path)["cases"]) == set(plan.cases)
+
+
 def test_shards_one_after_another_give_the_cube_of_one_run(tmp_path, plan, whole):
     for number in range(1, COUNT + 1):
         part = ran(plan, tmp_path, number)
