@@ -120,23 +120,23 @@ class _Path:
         while True:
             strain = self.step.towards(self.last[-1][0], target)
             taken = strain - self.last[-1][0]
-            last = abs(taken) <= smallest
+            final = abs(taken) <= smallest
             # If subdomains are solved first, walls rarely obstruct the search for the whole sample.
             many = worth_dividing(self.loading.shape)
             rough = self.last[-1][1].iterations > ROUGH and not many and not self.settings.drag
-            find = self._find_fast(strain) if rough else self._find_slowly(strain, last)
+            find = self._find_fast(strain) if rough else self._find_slowly(strain, final)
             state = yield from find
             followed = self._on_branch(strain, state)
-            if rough and last and not followed:
+            if rough and final and not followed:
                 spent.append(state)
                 state = yield from self._find_slowly(strain, to_the_end=True)
                 followed = self._on_branch(strain, state)
-            if not state.converged and last:
+            if not state.converged and final:
                 return replace(state, snapped=snapped).after(*spent)
             if followed:
                 self.last = [*self.last[1 - KEPT :], (strain, state)]
                 self.step = self.step.after(taken, state.iterations)
-            elif state.converged and last:
+            elif state.converged and final:
                 snapped, self.last = True, [(strain, state)]
                 self.step = self.step.after_snap()
             else:
