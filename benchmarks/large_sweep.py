@@ -9,7 +9,6 @@ change, and wall time beside it. Nothing of it is a test: figures depend on the 
 import json
 import resource
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +17,7 @@ from typing import Any
 
 import click
 
+from benchmarks.command_line import COMMAND, processor_seconds
 from knitlab.execution.merge import merge_folders
 from knitlab.execution.run import RunOptions, run_plan
 from knitlab.execution.status import PLAN
@@ -103,15 +103,12 @@ def timed(what: str, call: Callable[[], Any]) -> Any:
 
 def cold(*words: str) -> None:
     """Print the least processor time of some runs of a command in a process of its own [s]."""
-    command = [sys.executable, "-c", "from knitlab.cli import main; main()", *words]
     found = []
     for _ in range(COLD_STARTS):
-        before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-        subprocess.run(command, check=True, capture_output=True)
+        before, began = processor_seconds(), time.perf_counter()
+        subprocess.run([*COMMAND, *words], check=True, capture_output=True)
         wall = time.perf_counter() - began
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-        found.append((used, wall))
+        found.append((processor_seconds() - before, wall))
     used, wall = min(found)
     shown = " ".join(word for word in words if not word.startswith("/"))
     say(f"knitlab {shown.replace(' --results', '')}", used, "s", wall=wall)

@@ -7,10 +7,8 @@ it is a test: figures depend on the machine.
 """
 
 import os
-import resource
 import shutil
 import subprocess
-import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,12 +18,13 @@ import click
 import numpy as np
 import xarray as xr
 
+from benchmarks.command_line import COMMAND, processor_seconds
 from benchmarks.solver.cube import machine, write_cube
 from knitlab.io.plain_cube import CUBE
 from knitlab.io.provenance import provenance
+from knitlab.linalg.threads import ONE_THREAD
 
 FILE = "runs.nc"
-COMMAND = (sys.executable, "-c", "from knitlab.cli import main; main()", "run", "preview")
 ONE_DESIGN = ("--set", "n_stripe=4", "--set", "n_subunit=16")
 PAPER = ("--set", "set=paper")
 ALONE = ("--set", "robustness=0")
@@ -80,11 +79,11 @@ def main(repeats: int, only: tuple[str, ...], results: Path) -> None:
     path = results / FILE
     cube = _kept(path, repeats)
     with TemporaryDirectory() as temporary:
-        folder = Path(temporary)
+        folder, compiled = Path(temporary), set[TimedRun]()
         for repeat in range(repeats):
             for name in only or RUNS:
                 if cube["seconds"].sel(run=name, repeat=repeat).isnull():
-                    for variable, value in _measured(RUNS[name], folder).items():
+                    for variable, value in _measured(RUNS[name], folder, compiled).items():
                         cube[variable].loc[{"run": name, "repeat": repeat}] = value
                     write_cube(cube, path)
     for name in only or RUNS:
@@ -112,44 +111,43 @@ def _kept(path: Path, repeats: int) -> xr.Dataset:
         return kept.load().reindex(run=list(RUNS), repeat=range(repeats)).assign_attrs(kept.attrs)
 
 
-def _measured(run: TimedRun, folder: Path) -> dict[str, float]:
-    """Time a run, after one that compiles its programs or has computed its cases already."""
-    results, compiled = folder / "results", folder / "programs"
+def _measured(run: TimedRun, folder: Path, compiled: set[TimedRun]) -> dict[str, float]:
+    """Time a run, after one that compiles its programs or has computed its cases already.
+
+    Args:
+        run: the run.
+        folder: where to write.
+        compiled: the runs whose programs are compiled, to which it is added.
+    """
+    results, programs = folder / "results", folder / ("no-programs" if run.cold else "programs")
     shutil.rmtree(results, ignore_errors=True)
-    programs = folder / "no-programs" if run.cold else compiled
     if run.cold:
         shutil.rmtree(programs, ignore_errors=True)
-    elif run.again:
+    elif run.again or run not in compiled:
         _call(run, results, programs)
-    elif not (marker := folder / "-".join(("compiled", *run.words)).replace("--set", "")).exists():
-        _call(run, results, programs)
-        shutil.rmtree(results)
-        marker.touch()
-    began, before = time.time(), _processor_seconds()
+        compiled.add(run)
+    if not run.again:
+        shutil.rmtree(results, ignore_errors=True)
+    began, before = time.time(), processor_seconds()
     _call(run, results, programs)
     ended = time.time()
     written = (results / "preview" / CUBE).stat().st_mtime
     return {
         "seconds": ended - began,
         "seconds_until_cube": written - began if written > began else np.nan,
-        "processor_seconds": _processor_seconds() - before,
+        "processor_seconds": processor_seconds() - before,
     }
 
 
 def _call(run: TimedRun, results: Path, programs: Path) -> None:
-    limits = ("OMP_NUM_THREADS", "PJRT_NPROC", "JAX_COMPILATION_CACHE_DIR")
-    environment = {name: value for name, value in os.environ.items() if name not in limits}
+    own = {*ONE_THREAD, "JAX_COMPILATION_CACHE_DIR"}
+    environment = {name: value for name, value in os.environ.items() if name not in own}
     subprocess.run(
-        [*COMMAND, *run.words, "--results", str(results)],
+        [*COMMAND, "run", "preview", *run.words, "--results", str(results)],
         check=True,
         capture_output=True,
         env=environment | {"XDG_CACHE_HOME": str(programs)},
     )
-
-
-def _processor_seconds() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
 
 
 def _spread(values: xr.DataArray) -> str:

@@ -6,7 +6,6 @@ how long each took. Nothing of it is a test: figures depend on the machine.
 
 import json
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any
 
 import click
 
+from benchmarks.command_line import COMMAND
 from knitlab.execution.run import RunOptions, run_plan
 from knitlab.io.plain_cube import CUBE
 from knitlab.study.plan import Plan, make_plan
@@ -84,10 +84,9 @@ def scheduled(plan: Plan, results: Path, workers: int) -> tuple[float, float, fl
 
 def cold_start(*words: str) -> float:
     """Best of some runs of a command in a process of its own [s]."""
-    command = [sys.executable, "-c", "from knitlab.cli import main; main()", *words]
 
     def once() -> None:
-        subprocess.run(command, check=True, capture_output=True)
+        subprocess.run([*COMMAND, *words], check=True, capture_output=True)
 
     return min(timed(once)[1] for _ in range(COLD_STARTS))
 

@@ -2,16 +2,14 @@
 
 import os
 import subprocess
-import sys
 import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from benchmarks.command_line import COMMAND
 from benchmarks.solver.measurement import Measurement, Record
 from knitlab.io.cube_file import open_cube
 from knitlab.io.design_status import Status
-
-COMMAND = (sys.executable, "-c", "from knitlab.cli import main; main()")
 
 
 def measure(measurement: Measurement) -> Record:
