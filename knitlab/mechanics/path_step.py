@@ -21,51 +21,48 @@ class PathStep:
     """Step of applied strain along a path.
 
     Attributes:
+        settings: settings of the equilibrium solver.
         length: the step.
-        base: step of a path of which nothing is known.
-        longest: largest step.
-        smallest_part: part of the first step down to which steps are halved.
         smooth: whether to extrapolate the path quadratically.
     """
 
+    settings: SolverSettings
     length: float
-    base: float
-    longest: float
-    smallest_part: float
     smooth: bool = False
 
     @classmethod
     def first(cls, settings: SolverSettings) -> "PathStep":
-        """First step of a path. With drag its length is the time step and remains constant."""
-        base = settings.path_step
-        longest = base if settings.drag else LONGEST * base
-        return cls(base, base, longest, settings.smallest_step)
+        """First step of a path, and the first on another branch."""
+        return cls(settings, settings.path_step)
+
+    @property
+    def longest(self) -> float:
+        """Largest step. With drag a step is a time step, and remains constant."""
+        return self.settings.path_step * (1 if self.settings.drag else LONGEST)
 
     def towards(self, strain: float, target: float) -> float:
         """The next strain on the way to a target, which is reached in equal steps."""
-        steps = math.ceil(abs(target - strain) / self.length - ROUND_OFF)
-        return target if steps <= 1 else strain + (target - strain) / steps
+        steps = _steps(abs(target - strain), self.length)
+        return target if steps == 1 else strain + (target - strain) / steps
 
     def smallest(self, distance: float) -> float:
         """Step on the way over a distance that is not halved again."""
-        steps = math.ceil(distance / self.base - ROUND_OFF)
-        return self.smallest_part * distance / steps * (1 + ROUND_OFF)
+        whole = distance / _steps(distance, self.settings.path_step)
+        return self.settings.smallest_step * whole * (1 + ROUND_OFF)
 
     def after(self, step: float, iterations: int) -> "PathStep":
         """The step after one that stayed on the branch."""
-        length = abs(step)
-        if iterations <= EASY:
-            longer = max(self.length, 2 * length)
-        elif iterations <= HARD:
-            longer = max(self.length, min(2 * length, self.base))
-        else:
-            longer = max(length / 2, min(2 * length, self.base))
+        length, doubled = abs(step), 2 * abs(step)
+        if iterations > EASY:
+            doubled = min(doubled, self.settings.path_step)
+        longer = max(length / 2 if iterations > HARD else self.length, doubled)
         return replace(self, length=min(longer, self.longest), smooth=iterations <= SMOOTH)
-
-    def after_snap(self) -> "PathStep":
-        """The step after one that left the branch for another."""
-        return replace(self, length=self.base, smooth=False)
 
     def after_failure(self, step: float) -> "PathStep":
         """The step after one that is to be repeated."""
         return replace(self, length=abs(step) / 2, smooth=False)
+
+
+def _steps(distance: float, longest: float) -> int:
+    """Number of equal steps over a distance."""
+    return max(math.ceil(distance / longest - ROUND_OFF), 1)

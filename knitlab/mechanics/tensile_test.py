@@ -138,7 +138,7 @@ class _Path:
                 self.step = self.step.after(taken, state.iterations)
             elif state.converged and final:
                 snapped, self.last = True, [(strain, state)]
-                self.step = self.step.after_snap()
+                self.step = PathStep.first(self.settings)
             else:
                 self.step = self.step.after_failure(taken)
             if self.last[-1][0] == target:
