@@ -5,11 +5,7 @@ front that is not positive definite are replaced by the matrix with the same eig
 absolute eigenvalues. This changes the matrix only in directions of negative curvature.
 
 The halves of the sheet, on either side of the last separator, are independent: two threads
-factorise them at the same time, as SciPy's BLAS and LAPACK release the global interpreter lock. The
-result does not depend on the threads.
-
-Matrices are in Fortran order, and those that BLAS overwrites are contiguous, because SciPy would
-otherwise overwrite a copy. Only the lower triangle of a symmetric or triangular matrix is read.
+factorise them at the same time. The result does not depend on the threads.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,9 +15,9 @@ from threading import Event
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.linalg.blas import dgemm, dgemv, dsyrk, dtrmm, dtrsv
-from scipy.linalg.lapack import dpotrf, dtrtri
 
+from knitlab.linalg import blas
+from knitlab.linalg.blas import Call, Matrix, Status, Vector
 from knitlab.linalg.symbolic_factorisation import Columns, Front, NestedDissection
 from knitlab.linalg.threads import ALONE, Threads
 
@@ -32,12 +28,6 @@ LEAST_CURVATURE = 1e-6
 """Lower bound of the eigenvalues of a convexified front."""
 WORTH_SHARING = 10**6
 """Entries of a factor above which a second thread pays off."""
-
-
-Matrix = Float[np.ndarray, "_ _"]
-Pivots = Float[np.ndarray, "pivot pivot"]
-Coupling = Float[np.ndarray, "boundary pivot"]
-Vector = Float[np.ndarray, " _"]
 
 
 class Multifrontal:
@@ -124,38 +114,38 @@ class _Memory:
 
 @dataclass(frozen=True, eq=False)
 class _Elimination:
-    """Memory in which a front is eliminated.
+    """Elimination of a front.
 
     Attributes:
         pivots: its pivots, overwritten by their factor.
-        coupling: coupling of boundary and pivots, overwritten by the rows of the factor.
         update: its update for its parent.
-        taken: target and source of the extend-add of each block of its children's updates.
+        added: target and source of the extend-add of each block of its children's updates.
+        factorise: the factorisation of the pivots.
+        eliminate: the rows of the factor for its boundary, and its update.
     """
 
-    pivots: Pivots
-    coupling: Coupling
-    update: Float[np.ndarray, "boundary boundary"]
-    taken: Sequence[tuple[Matrix, Matrix]]
+    pivots: Matrix
+    update: Matrix
+    added: Sequence[tuple[Matrix, Matrix]]
+    factorise: Call
+    eliminate: Sequence[Call]
 
 
 @dataclass(frozen=True, eq=False)
 class _Substitution:
-    """Memory in which the triangular solves of a front work.
+    """Triangular solves of a front.
 
     Attributes:
-        pivots: factor of its pivots.
-        coupling: rows of the factor of its boundary.
-        own: its pivots in the solution.
         boundary: unknowns that its pivots are coupled to.
         work: work array for these.
+        forward: solves for the pivots; computes what this subtracts from the boundary, in ``work``.
+        back: solves for the pivots, given the boundary in ``work``.
     """
 
-    pivots: Pivots
-    coupling: Coupling
-    own: Float[np.ndarray, " pivot"]
     boundary: Int[np.ndarray, " boundary"]
     work: Float[np.ndarray, " boundary"]
+    forward: Sequence[Call]
+    back: Sequence[Call]
 
 
 class _Part:
@@ -169,17 +159,14 @@ class _Part:
     def __init__(self, fronts: Sequence[Front], memory: _Memory, vector: Vector) -> None:
         self.own = slice(fronts[0].pivots.start, fronts[-1].pivots.stop) if fronts else slice(0)
         self.vector, self._failed = vector, memory.failed
+        self._status = np.zeros(1, dtype=np.int32)
         widest = max((len(front.boundary) for front in fronts), default=0)
-        self._inverted, work = np.empty(INVERTED_SIZE**2), np.empty(widest)
-        self._eliminations = [_elimination(front, memory) for front in fronts]
+        inverted, work = np.empty(INVERTED_SIZE**2), np.empty(widest)
+        self._eliminations = [
+            _elimination(front, memory, inverted, self._status) for front in fronts
+        ]
         self._substitutions = [
-            _Substitution(
-                *front.columns(memory.stored),
-                vector[front.pivots],
-                front.boundary,
-                work[: len(front.boundary)],
-            )
-            for front in fronts
+            _substitution(front, front.columns(memory.stored), vector, work) for front in fronts
         ]
 
     def factorise(self, convexified: bool) -> bool:
@@ -188,25 +175,36 @@ class _Part:
             if self._failed.is_set():
                 return False
             front.update[:] = 0
-            for target, source in front.taken:
+            for target, source in front.added:
                 np.add(target, source, out=target)
             before = front.pivots.copy(order="F") if convexified else None
-            if not _factored(front.pivots) and (
-                before is None or not _convexified(front.pivots, before)
+            if not self._factored(front) and (
+                before is None or not self._convexified(front, before)
             ):
                 self._failed.set()
                 return False
-            if len(front.coupling):
-                _multiply_by_inverse(front.coupling, front.pivots, self._inverted)
-                dsyrk(-1.0, front.coupling, 1.0, front.update, lower=1, overwrite_c=1)
+            blas.run(front.eliminate)
         return True
+
+    def _factored(self, front: _Elimination) -> bool:
+        """Replace pivots by their Cholesky factor; returns whether they were positive definite."""
+        blas.run([front.factorise])
+        # LAPACK may not report NaNs, which spread to all later pivots.
+        return not self._status[0] and isfinite(front.pivots[-1, -1])
+
+    def _convexified(self, front: _Elimination, before: Matrix) -> bool:
+        """Replace pivots by the factor of their convexified values before the factorisation."""
+        if not np.isfinite(before).all():
+            return False
+        values, vectors = np.linalg.eigh(before)
+        front.pivots[:] = (vectors * np.maximum(np.abs(values), LEAST_CURVATURE)) @ vectors.T
+        return self._factored(front)
 
     def reduce(self) -> None:
         """Forward substitution, front by front."""
         for front in self._substitutions:
-            dtrsv(front.pivots, front.own, lower=1, overwrite_x=1)
+            blas.run(front.forward)
             if len(front.work):
-                dgemv(1.0, front.coupling, front.own, 0.0, front.work, overwrite_y=1)
                 self.vector[front.boundary] -= front.work
 
     def substitute_back(self) -> None:
@@ -214,48 +212,48 @@ class _Part:
         for front in reversed(self._substitutions):
             if len(front.work):
                 np.take(self.vector, front.boundary, out=front.work)
-                dgemv(-1.0, front.coupling, front.work, 1.0, front.own, trans=1, overwrite_y=1)
-            dtrsv(front.pivots, front.own, lower=1, trans=1, overwrite_x=1)
+            blas.run(front.back)
 
 
-def _elimination(front: Front, memory: _Memory) -> _Elimination:
-    targets = (*front.columns(memory.stored), front.updated(memory.stack))
-    taken = [
+def _elimination(front: Front, memory: _Memory, inverted: Vector, status: Status) -> _Elimination:
+    pivots, coupling = front.columns(memory.stored)
+    update = front.updated(memory.stack)
+    targets = pivots, coupling, update
+    added = [
         (targets[transfer.target][transfer.into], child.updated(memory.stack)[transfer.block])
         for child, transfers in front.children
         for transfer in transfers
     ]
-    return _Elimination(*targets, taken)
+    eliminate: list[Call] = []
+    if len(front.boundary):
+        eliminate += _multiply_by_inverse(coupling, pivots, inverted, status)
+        eliminate.append(blas.subtract_square(update, coupling))
+    return _Elimination(pivots, update, added, blas.cholesky(pivots, status), eliminate)
 
 
-def _factored(pivots: Pivots) -> bool:
-    """Replace pivots by their Cholesky factor; returns whether they were positive definite."""
-    _, failed = dpotrf(pivots, lower=1, clean=0, overwrite_a=1)
-    # LAPACK may not report NaNs, which spread to all later pivots.
-    return not failed and isfinite(pivots[-1, -1])
-
-
-def _convexified(pivots: Pivots, before: Pivots) -> bool:
-    """Replace pivots by the factor of their convexified values ``before`` the factorisation."""
-    if not np.isfinite(before).all():
-        return False
-    # NumPy's function releases the global interpreter lock.
-    values, vectors = np.linalg.eigh(before)
-    pivots[:] = (vectors * np.maximum(np.abs(values), LEAST_CURVATURE)) @ vectors.T
-    return _factored(pivots)
-
-
-def _multiply_by_inverse(coupling: Coupling, triangle: Pivots, inverted: Vector) -> None:
+def _multiply_by_inverse(
+    coupling: Matrix, triangle: Matrix, inverted: Vector, status: Status
+) -> Iterator[Call]:
     """``coupling`` ← coupling × triangle⁻ᵀ."""
     size = len(triangle)
     if size <= INVERTED_SIZE:
         inverse = inverted[: size * size].reshape(size, size).T
-        inverse[:] = triangle
-        dtrtri(inverse, lower=1, overwrite_c=1)
-        dtrmm(1.0, inverse, coupling, side=1, lower=1, trans_a=1, overwrite_b=1)
+        yield blas.copy(inverse, triangle)
+        yield blas.invert(inverse, status)
+        yield blas.multiply_by_transposed(coupling, inverse)
         return
     half = size // 2
     first, second = coupling[:, :half], coupling[:, half:]
-    _multiply_by_inverse(first, triangle[:half, :half], inverted)
-    dgemm(-1.0, first, triangle[half:, :half], 1.0, second, trans_b=1, overwrite_c=1)
-    _multiply_by_inverse(second, triangle[half:, half:], inverted)
+    yield from _multiply_by_inverse(first, triangle[:half, :half], inverted, status)
+    yield blas.subtract_product(second, first, triangle[half:, :half])
+    yield from _multiply_by_inverse(second, triangle[half:, half:], inverted, status)
+
+
+def _substitution(front: Front, columns: Columns, vector: Vector, work: Vector) -> _Substitution:
+    pivots, coupling = columns
+    own, work = vector[front.pivots], work[: len(front.boundary)]
+    forward, back = [blas.solve(pivots, own)], [blas.solve(pivots, own, transposed=True)]
+    if len(work):
+        forward.append(blas.multiply(work, coupling, own))
+        back.insert(0, blas.subtract_transposed_product(own, coupling, work))
+    return _Substitution(front.boundary, work, forward, back)

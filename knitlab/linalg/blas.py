@@ -1,0 +1,139 @@
+"""Prepared calls of BLAS and LAPACK that release the global interpreter lock.
+
+The functions of ``scipy.linalg.blas`` hold the lock while they work, so that two threads would
+factorise no faster than one. The same routines, which SciPy exports to Cython and ctypes by their
+addresses, do not need it, and ctypes releases it. The addresses of all arguments are prepared once
+for matrices that stay in place.
+
+Matrices are in Fortran order; only the lower triangle of a symmetric or triangular one is read.
+"""
+
+import ctypes
+from collections.abc import Callable, Iterable
+from types import ModuleType
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy import LowLevelCallable
+from scipy.linalg import cython_blas, cython_lapack
+
+Call = tuple[Callable[..., None], tuple[int, ...], tuple[np.ndarray, ...]]
+"""A routine, the addresses of its arguments, and the arrays there, to keep them alive."""
+
+Matrix = Float[np.ndarray, "_ _"]
+Vector = Float[np.ndarray, " _"]
+Status = Int[np.ndarray, "1"]
+"""Status of a LAPACK call, a 32-bit integer; 0 if it succeeded."""
+
+
+def run(calls: Iterable[Call]) -> None:
+    """Run calls one after another."""
+    for routine, addresses, _ in calls:
+        routine(*addresses)
+
+
+def _routine(module: ModuleType, name: str) -> Callable[..., None]:
+    """A routine by name; as in Fortran, it takes the addresses of all arguments."""
+    exported = LowLevelCallable.from_cython(module, name)
+    address_of = ctypes.pythonapi.PyCapsule_GetPointer
+    address_of.restype, address_of.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+    arguments = [ctypes.c_void_p] * (exported.signature.count(",") + 1)
+    address = address_of(exported.function, exported.signature.encode())
+    return ctypes.CFUNCTYPE(None, *arguments)(address)
+
+
+_LACPY, _POTRF, _TRTRI = (_routine(cython_lapack, name) for name in ("dlacpy", "dpotrf", "dtrtri"))
+_GEMM, _GEMV, _SYRK, _TRMM, _TRSV = (
+    _routine(cython_blas, name) for name in ("dgemm", "dgemv", "dsyrk", "dtrmm", "dtrsv")
+)
+
+_INTEGERS = np.arange(2**16, dtype=np.int32)
+_SCALARS = np.array([1.0, -1.0, 0.0])
+_LETTERS = np.frombuffer(b"LNTR", dtype=np.uint8)
+_FIRST_INTEGER = _INTEGERS.ctypes.data
+_ONE, _MINUS_ONE, _ZERO = (_SCALARS.ctypes.data + 8 * place for place in range(3))
+_LOWER, _NOT, _TRANSPOSED, _RIGHT = (_LETTERS.ctypes.data + place for place in range(4))
+
+
+def copy(target: Matrix, triangle: Matrix) -> Call:
+    """``target`` ← triangle."""
+    return _LACPY, (_LOWER, *_sizes(triangle), *_at(triangle), *_at(target)), (target, triangle)
+
+
+def cholesky(matrix: Matrix, status: Status) -> Call:
+    """``matrix`` ← its Cholesky factor."""
+    arguments = _LOWER, _integer(len(matrix)), *_at(matrix), status.ctypes.data
+    return _POTRF, arguments, (matrix, status)
+
+
+def invert(triangle: Matrix, status: Status) -> Call:
+    """``triangle`` ← triangle⁻¹."""
+    arguments = _LOWER, _NOT, _integer(len(triangle)), *_at(triangle), status.ctypes.data
+    return _TRTRI, arguments, (triangle, status)
+
+
+def multiply_by_transposed(matrix: Matrix, triangle: Matrix) -> Call:
+    """``matrix`` ← matrix × triangleᵀ."""
+    options = _RIGHT, _LOWER, _TRANSPOSED, _NOT
+    arguments = *options, *_sizes(matrix), _ONE, *_at(triangle), *_at(matrix)
+    return _TRMM, arguments, (matrix, triangle)
+
+
+def subtract_product(matrix: Matrix, left: Matrix, right: Matrix) -> Call:
+    """``matrix`` ← matrix − left × rightᵀ."""
+    sizes = *_sizes(matrix), _integer(left.shape[1])
+    operands = _MINUS_ONE, *_at(left), *_at(right), _ONE, *_at(matrix)
+    return _GEMM, (_NOT, _TRANSPOSED, *sizes, *operands), (matrix, left, right)
+
+
+def subtract_square(matrix: Matrix, factor: Matrix) -> Call:
+    """``matrix`` ← matrix − factor × factorᵀ."""
+    operands = *_sizes(factor), _MINUS_ONE, *_at(factor), _ONE, *_at(matrix)
+    return _SYRK, (_LOWER, _NOT, *operands), (matrix, factor)
+
+
+def solve(triangle: Matrix, vector: Vector, transposed: bool = False) -> Call:
+    """``vector`` ← triangle⁻¹ × vector, or triangle⁻ᵀ × vector."""
+    options = _LOWER, _TRANSPOSED if transposed else _NOT, _NOT
+    operands = _integer(len(triangle)), *_at(triangle), vector.ctypes.data, _integer(1)
+    return _TRSV, (*options, *operands), (triangle, vector)
+
+
+def multiply(target: Vector, matrix: Matrix, vector: Vector) -> Call:
+    """``target`` ← matrix × vector."""
+    ends = vector.ctypes.data, _integer(1), _ZERO, target.ctypes.data, _integer(1)
+    arguments = _NOT, *_sizes(matrix), _ONE, *_at(matrix), *ends
+    return _GEMV, arguments, (target, matrix, vector)
+
+
+def subtract_transposed_product(target: Vector, matrix: Matrix, vector: Vector) -> Call:
+    """``target`` ← target − matrixᵀ × vector."""
+    ends = vector.ctypes.data, _integer(1), _ONE, target.ctypes.data, _integer(1)
+    arguments = _TRANSPOSED, *_sizes(matrix), _MINUS_ONE, *_at(matrix), *ends
+    return _GEMV, arguments, (target, matrix, vector)
+
+
+def _integer(number: int) -> int:
+    """Address of an integer.
+
+    Raises:
+        ValueError: if it is larger than any front of a sheet.
+    """
+    if number >= len(_INTEGERS):
+        raise ValueError(
+            f"a front has {number} unknowns; at most {len(_INTEGERS) - 1} are supported"
+        )
+    return _FIRST_INTEGER + _INTEGERS.itemsize * number
+
+
+def _sizes(matrix: Matrix) -> tuple[int, int]:
+    """Addresses of the numbers of rows and columns."""
+    rows, columns = matrix.shape
+    return _integer(rows), _integer(columns)
+
+
+def _at(matrix: Matrix) -> tuple[int, int]:
+    """Addresses of a matrix and of the distance between its columns."""
+    # NumPy may give a single column any stride.
+    distance = max(matrix.strides[1] // matrix.itemsize, len(matrix), 1)
+    return matrix.ctypes.data, _integer(distance)
