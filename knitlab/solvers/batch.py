@@ -50,7 +50,9 @@ class _BatchStiffness:
     def __init__(self, free: FreeStiffness, cases: int) -> None:
         net = network(free.shape)
         plan = block_tridiagonal(free.indptr, free.indices, narrower(*free.grid))
-        maps = [_SparseSum.of(m) for m in (free.from_springs, free.from_hinges, free.from_walls)]
+        mesh = free.mesh
+        maps = [_SparseSum.of(m) for m in (mesh.from_springs, mesh.from_hinges, mesh.from_walls)]
+        selected = jnp.asarray(free.selected)
         diagonal = jnp.asarray(free.diagonal)
 
         def entries(
@@ -59,7 +61,7 @@ class _BatchStiffness:
             hessians = element_hessians(net, fabric, stage, unknowns)
             parts = hessians.springs, hessians.hinges, hessians.walls
             sums = (apply(part) for apply, part in zip(maps, parts, strict=True))
-            return sum(sums, jnp.zeros(()))
+            return sum(sums, jnp.zeros(()))[selected]
 
         def factors(
             plan: BlockTridiagonal, entries: Float[Array, " nonzero"], shift: Float[Array, ""]

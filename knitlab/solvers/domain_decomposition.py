@@ -28,10 +28,13 @@ from knitlab.solvers.solver import Evaluate, Solver, SolverSettings, SolveSubdom
 from knitlab.solvers.state import Outcome, State
 from knitlab.solvers.subdomains import worth_dividing
 
-PATIENCE = 10
+PATIENCE = 20
 """Iterations for the whole sample after which subdomains are solved again."""
 FORCE_LEFT = 1e-6
 """Residual force accepted in a subdomain [N]; a larger one costs more iterations of the whole."""
+FORCE_PART = 0.01
+"""The same, as a fraction of the largest force in the sample: most subdomains need no work while
+a few are far from equilibrium."""
 MOST_ITERATIONS = 300
 """Largest number of iterations for one subdomain."""
 SUBDOMAIN_SHIFT = 1e-7
@@ -113,7 +116,9 @@ class SubdomainSolution:
         """Solve the subdomains from a state of the whole; returns the new state and its energy."""
         rules = self._rules
         local_settings = subdomain_settings(rules.settings)
-        after, cost = yield SolveSubdomains(at, rules.free, rules.step_length, local_settings)
+        after, cost = yield SolveSubdomains(
+            at, rules.free, rules.step_length, local_settings, FORCE_PART
+        )
         self.cost += cost
         return after, (yield after)
 

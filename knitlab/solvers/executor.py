@@ -1,7 +1,7 @@
 """Executors: they run solvers and answer their requests."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from queue import SimpleQueue
 from threading import Event
@@ -119,13 +119,15 @@ class Executor:
         unknowns, cost = request.at.unknowns.copy(), 0.0
         gradient = np.asarray(self._fabric.evaluate(request.at.stage, unknowns).gradient)
         forces = np.array([problem.subdomain.force(gradient) for problem in decomposition.problems])
+        accepted = max(request.settings.tolerance, request.force_part * float(forces.max()))
+        settings = replace(request.settings, tolerance=accepted)
         processes = self._processes
 
         def solved(place: int) -> State:
             problem = decomposition.problems[place]
             start = Evaluate(unknowns[problem.subdomain.places], request.at.stage)
             name = decomposition.number, place
-            subdomain_task = SubdomainTask(name, start, request.step_length, request.settings)
+            subdomain_task = SubdomainTask(name, start, request.step_length, settings)
             process = processes.get()
             try:
                 state = process.solve(subdomain_task, problem.sent) if process else None

@@ -74,12 +74,15 @@ class SolveSubdomains:
         free: the free unknowns of the sample.
         step_length: longest change of the vector between neighbouring nodes in a step [mm].
         settings: settings for each subdomain.
+        force_part: fraction of the largest force in the sample that is accepted in a subdomain, if
+            it exceeds the tolerance.
     """
 
     at: Evaluate
     free: FreeStiffness
     step_length: float
     settings: "SolverSettings"
+    force_part: float = 0.0
 
 
 Start = Literal["periodic", "flat"]

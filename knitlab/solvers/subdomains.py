@@ -11,17 +11,18 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Bool, Float, Int
 
-from knitlab.elasticity.stiffness import FreeStiffness, sparsity
+from knitlab.elasticity.stiffness import FreeStiffness, restricted
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
 
-CELLS = 16
-"""Grid cells along each side of a subdomain, as in a unit cell with two periods per patch."""
+CELLS = 24
+"""Grid cells along each side of a subdomain, without its overlap: with fewer, most of the work is
+in the overlap; with more, a snap in one place takes longer."""
 OVERLAP = 4
 """Grid cells by which neighbouring subdomains overlap."""
 REACH = 2
 """Extent of an element in grid cells, and so the width of the held boundary."""
-FEWEST = 12
+FEWEST = 6
 """Number of subdomains from which domain decomposition pays off."""
 
 
@@ -146,7 +147,7 @@ def subdomain_stiffness(shape: MeshShape, unknowns: bytes) -> FreeStiffness:
 
     It has its own cache, because many subdomains would evict whole samples from theirs.
     """
-    return sparsity(shape, np.frombuffer(unknowns, dtype=np.int64))
+    return restricted(shape, np.frombuffer(unknowns, dtype=np.int64))
 
 
 def _spans(cells: int) -> list[tuple[int, int]]:
