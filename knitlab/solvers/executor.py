@@ -38,7 +38,13 @@ from knitlab.solvers.solver import (
     SolveSubdomains,
 )
 from knitlab.solvers.state import Outcome, State
-from knitlab.solvers.subdomains import Subdomain, couplings, independent_groups, subdomains_of
+from knitlab.solvers.subdomains import (
+    Subdomain,
+    couplings,
+    independent_groups,
+    subdomains_of,
+    worth_dividing,
+)
 
 MOST_SECOND_PROCESSES = 7
 """Largest number of second processes for one sample; each takes 0.4 to 0.9 GB."""
@@ -75,7 +81,7 @@ class Executor:
         factorisers: dict[FreeStiffness, Factoriser] | None = None,
         threads: Threads = ALONE,
     ) -> None:
-        self._whole, self._threads = fabric, threads
+        self._shape, self._whole, self._threads = shape, fabric, threads
         self._fabric = ChunkedFabric.of(shape, fabric, threads)
         self._factorisers = {} if factorisers is None else factorisers
         self._decompositions: dict[FreeStiffness, _Decomposition] = {}
@@ -110,9 +116,21 @@ class Executor:
             self._factors = factorise_with_contact(free, entries, request.contact, self._threads)
             return self._factors is not None
         if free not in self._factorisers:
+            self._release_large_factors()
             self._factorisers[free] = factoriser(free, self._threads)
         self._factors = self._factorisers[free](entries, request.convexified)
         return self._factors is not None
+
+    def _release_large_factors(self) -> None:
+        """Release the memory of factors for other free unknowns, if this is a large sample.
+
+        It is most of the memory of a large sample, whose free unknowns change only once, between
+        relaxation and tensile test.
+        """
+        if worth_dividing(self._shape):
+            self._factors = None
+            for free in [free for free in self._factorisers if free.shape == self._shape]:
+                del self._factorisers[free]
 
     def _solve_subdomains(self, request: SolveSubdomains) -> tuple[Evaluate, float]:
         decomposition = self._decomposition(request.free)

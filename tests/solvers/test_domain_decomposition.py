@@ -1,5 +1,7 @@
 """Subdomains of a large sample: each is a part of it, and the whole reaches equilibrium."""
 
+import gc
+import weakref
 from collections import Counter
 from dataclasses import replace
 
@@ -29,7 +31,7 @@ from knitlab.solvers.equilibrium import (
 )
 from knitlab.solvers.equilibrium_search import Search, SearchRules
 from knitlab.solvers.executor import Executor, run, run_to_end
-from knitlab.solvers.solver import Evaluate, Factorise, SolveSubdomains
+from knitlab.solvers.solver import Assemble, Evaluate, Factorise, SolveSubdomains
 from knitlab.solvers.state import Outcome, State
 from knitlab.solvers.subdomains import (
     couplings,
@@ -151,6 +153,52 @@ def test_subdomain_solutions_lower_the_energy_and_their_cost_is_counted(small_su
     assert share > 0
     held = loading.held
     np.testing.assert_array_equal(solved.unknowns[held], start.unknowns[held])
+
+
+def test_only_subdomains_with_large_forces_are_solved(small_subdomains, sample):
+    net, fabric, loading = sample
+    free = free_stiffness(net.shape, loading.free)
+    found = list(subdomains_of(free))
+    executor = Executor(net.shape, fabric)
+    settings = subdomain_settings(DEFAULT)
+    # Only the first subdomain moves this node.
+    moved = sorted(
+        set(found[0].places[found[0].free.places].tolist()).difference(
+            *(other.places.tolist() for other in found[1:])
+        )
+    )
+    unknowns = loading.reference.copy()
+    unknowns[moved[-1]] += 0.02
+    request = SolveSubdomains(Evaluate(unknowns), free, 0.3, settings, force_part=0.5)
+    gradient = np.asarray(executor.answer(request.at).gradient)
+    accepted = 0.5 * np.abs(gradient[free.places]).max()
+    assert [subdomain.force(gradient) > accepted for subdomain in found] == [True, *[False] * 3]
+    solved, cost = executor.answer(request)
+    changed = np.flatnonzero(solved.unknowns != unknowns)
+    assert cost > 0
+    assert set(changed) <= set(found[0].places[found[0].free.places])
+    after = np.asarray(executor.answer(solved).gradient)
+    assert found[0].force(after) <= accepted
+    _, cost_of_all = executor.answer(replace(request, force_part=0.0))
+    assert cost_of_all > cost
+
+
+def test_a_large_sample_keeps_factors_for_one_choice_of_free_unknowns(small_subdomains, sample):
+    net, fabric, loading = sample
+    executor = Executor(net.shape, fabric)
+
+    def factors(free) -> weakref.ref:
+        executor.answer(Assemble(loading.reference, free_stiffness(net.shape, free)))
+        assert executor.answer(Factorise(1.0, convexified=True))
+        return weakref.ref(executor._factors)
+
+    former = factors(all_free(net.shape))
+    latest = factors(loading.free)
+    gc.collect()
+    assert former() is None
+    assert latest() is not None
+    executor.answer(Factorise(2.0, convexified=True))
+    assert executor._factors is latest()
 
 
 def test_a_sample_reaches_the_same_state_by_subdomains_and_as_a_whole(
