@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.solver.measurement import CONCURRENT, IN_STEP, IN_TURN, Measurement, Record
 from knitlab.simulation.simulate import equilibrium_tests
 from knitlab.solvers.batch import run_in_lockstep
-from knitlab.solvers.executor import Runner, run_concurrently, run_sequentially
+from knitlab.solvers.runners import Runner, run_concurrently, run_sequentially
 
 FABRICS, SOFTEST, STIFFEST = 16, 0.7, 1.4
 """How many there are, and from what to what their bending stiffness is multiplied."""

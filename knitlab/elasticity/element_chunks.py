@@ -109,8 +109,8 @@ def chunks_of(shape: MeshShape) -> ElementChunks:
     nodes = np.arange(shape.nodes)
     of_nodes = _first_row(nodes, HEIGHTS, VECTORS - HEIGHTS), 3 * nodes + 2, np.ones(shape.nodes)
     terms = [
-        *_terms(net.springs, count * SPRINGS, SPRINGS, 0),
-        *_terms(net.hinges, count * HINGES, HINGES, 3 * SPRINGS),
+        *vector_terms(net.springs, count * SPRINGS, SPRINGS, 0),
+        *vector_terms(net.hinges, count * HINGES, HINGES, 3 * SPRINGS),
         of_nodes,
     ]
     rows, columns, values = (np.concatenate(parts) for parts in zip(*terms, strict=True))
@@ -133,7 +133,7 @@ def _first_row(place: Places, per_chunk: int, offset: int) -> Places:
     return chunk * VECTORS + offset + lane
 
 
-def _terms(
+def vector_terms(
     elements: Elements, places: int, per_chunk: int, offset: int
 ) -> Iterator[tuple[Places, Places, Float[np.ndarray, " place"]]]:
     """Rows, columns and values of the incidence of one kind of elements."""

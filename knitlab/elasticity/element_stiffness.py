@@ -27,6 +27,9 @@ SPRING_ENTRIES = np.tril_indices(3)
 HINGE_ENTRIES = np.tril_indices(18)
 """Rows and columns (3 × node + component) of the entries of a hinge's stiffness that are kept."""
 
+UNFOLDED = np.array([[0, 1, 0], [1, 1, 0], [-1, 1, 0], [1, 1, 0], [-1, 1, 0]])[:, :, None] * 1.0
+"""Vectors of a flat hinge, for padding: any that is not degenerate."""
+
 
 def spring_stiffness(
     vectors: Float[Array, "3 spring"],
@@ -67,8 +70,7 @@ def hinge_stiffness(
     """
     blocks = -(-len(rest) // LANES)
     spare = (0, blocks * LANES - len(rest))
-    # The padding may be any hinge that is not degenerate.
-    filled = jnp.concatenate([vectors, jnp.broadcast_to(_UNFOLDED, (5, 3, spare[1]))], axis=-1)
+    filled = jnp.concatenate([vectors, jnp.broadcast_to(UNFOLDED, (5, 3, spare[1]))], axis=-1)
     hinges = (
         jnp.moveaxis(filled.reshape(5, 3, blocks, LANES), 2, 0),
         jnp.pad(rest, spare).reshape(blocks, LANES),
@@ -78,13 +80,13 @@ def hinge_stiffness(
 
 
 def wall_stiffness(
-    heights: Float[Array, " node"], z_max: Float[Array, ""], k_wall: Float[Array, ""]
+    heights: Float[Array, " node"],
+    z_max: Float[Array, "*#node"],
+    k_wall: Float[Array, "*#node"],
 ) -> Float[Array, " node"]:
     """Second derivative of the wall penalty with respect to the height of every node [N/mm]."""
-    return jax.vmap(jax.grad(jax.grad(wall_energy)), (0, None, None))(heights, z_max, k_wall)
-
-
-_UNFOLDED = np.array([[0, 1, 0], [1, 1, 0], [-1, 1, 0], [1, 1, 0], [-1, 1, 0]])[:, :, None] * 1.0
+    walls = (jnp.broadcast_to(number, heights.shape) for number in (z_max, k_wall))
+    return jax.vmap(jax.grad(jax.grad(wall_energy)))(heights, *walls)
 
 
 def _hinge_entries(

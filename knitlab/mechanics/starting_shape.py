@@ -9,7 +9,7 @@ from knitlab.mechanics.relaxation import relax
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.network import Network
-from knitlab.solvers.executor import Runner, run_all
+from knitlab.solvers.runners import Runner, run_all
 from knitlab.solvers.solver import SolverSettings
 
 if TYPE_CHECKING:

@@ -69,7 +69,7 @@ def hinge_energy(
 
 
 def wall_energy(
-    z: Float[Array, "*node"], z_max: Float[Array, ""], k_wall: Float[Array, ""]
+    z: Float[Array, "*node"], z_max: Float[Array, "*#node"], k_wall: Float[Array, "*#node"]
 ) -> Float[Array, "*node"]:
     """½ k_wall (δ⁺² + δ⁻²) of nodes at heights z [N mm] (paper, wall penalty)."""
     return 0.5 * k_wall * jnp.maximum(jnp.abs(z) - z_max, 0.0) ** 2

@@ -26,7 +26,7 @@ from knitlab.simulation.contact_of_case import contact_of
 from knitlab.simulation.measurement import measured
 from knitlab.simulation.reporting import Progress, Reporter
 from knitlab.simulation.robustness import SiblingTest, sibling
-from knitlab.solvers.executor import Runner, run_all
+from knitlab.solvers.runners import Runner, run_all
 from knitlab.solvers.state import Outcome
 
 

@@ -1,18 +1,16 @@
-"""Executors: they run solvers and answer their requests."""
+"""The executor: it answers the requests of one fabric's solver on a CPU."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from queue import SimpleQueue
 from threading import Event
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
-import jax
 import numpy as np
 from jaxtyping import Bool
 
 from knitlab.elasticity.element_chunks import ChunkedFabric
-from knitlab.elasticity.evaluation import Evaluation
+from knitlab.elasticity.evaluation import ElementHessians, Evaluation
 from knitlab.elasticity.factorisation import (
     Factoriser,
     Factors,
@@ -24,7 +22,6 @@ from knitlab.elasticity.stiffness import FreeStiffness
 from knitlab.linalg.threads import ALONE, Threads, allowed_threads
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
-from knitlab.solvers.batch import run_in_lockstep
 from knitlab.solvers.equilibrium import find_equilibrium
 from knitlab.solvers.equilibrium_search import SearchRules
 from knitlab.solvers.second_process import SecondProcess, SubdomainData, SubdomainTask
@@ -48,19 +45,8 @@ from knitlab.solvers.subdomains import (
 
 MOST_SECOND_PROCESSES = 7
 """Largest number of second processes for one sample; each takes 0.4 to 0.9 GB."""
-LARGEST_CONCURRENT = 4096
-"""Number of nodes up to which fabrics run concurrently on a CPU."""
 
 Result = TypeVar("Result")
-
-
-class Runner(Protocol):
-    """Runs solvers of fabrics of one mesh shape."""
-
-    def __call__(
-        self, shape: MeshShape, fabrics: Sequence[Fabric], solvers: Sequence[Solver[Result]], /
-    ) -> list[Result]:
-        """Run one solver for each fabric and return their results in order."""
 
 
 class Executor:
@@ -95,9 +81,7 @@ class Executor:
             case Evaluate(unknowns, stage):
                 return self._fabric.evaluate(stage, unknowns)
             case Assemble(unknowns, free, stage):
-                hessians = self._fabric.element_hessians(stage, unknowns)
-                self._free, self._entries = free, free.entries(hessians, self._threads)
-                return None
+                return self.assemble(free, self._fabric.element_hessians(stage, unknowns))
             case Factorise():
                 return self._factorise(request)
             case Solve(right):
@@ -106,6 +90,10 @@ class Executor:
                 return self._factors.solve(right)
             case SolveSubdomains():
                 return self._solve_subdomains(request)
+
+    def assemble(self, free: FreeStiffness, hessians: ElementHessians) -> None:
+        """Assemble the stiffness of the free unknowns from element Hessians."""
+        self._free, self._entries = free, free.entries(hessians, self._threads)
 
     def _factorise(self, request: Factorise) -> bool:
         free = self._free
@@ -258,50 +246,3 @@ def run_to_end(executor: Executor, solver: Solver[Result], stopped: Event | None
             return end.value
     solver.close()
     raise InterruptedError("the solver was abandoned")
-
-
-def run_sequentially(
-    shape: MeshShape, fabrics: Sequence[Fabric], solvers: Sequence[Solver[Result]]
-) -> list[Result]:
-    """The :class:`Runner` that runs one solver after another, each on all threads."""
-    return [run(shape, *each) for each in zip(fabrics, solvers, strict=True)]
-
-
-def run_concurrently(
-    shape: MeshShape, fabrics: Sequence[Fabric], solvers: Sequence[Solver[Result]]
-) -> list[Result]:
-    """The :class:`Runner` that runs as many solvers at the same time as there are threads.
-
-    A thread whose solver has ended takes the next one. The results are those of one after another.
-    """
-    stopped = Event()
-
-    def run_one(case: tuple[Fabric, Solver[Result]]) -> Result:
-        fabric, solver = case
-        return run_to_end(Executor(shape, fabric), solver, stopped)
-
-    threads = Threads(min(allowed_threads(), len(fabrics)))
-    try:
-        with one_thread_of_blas():
-            return threads.each(run_one, zip(fabrics, solvers, strict=True))
-    except BaseException:
-        # Python would wait for the other threads before it exits.
-        stopped.set()
-        raise
-
-
-def run_all(
-    shape: MeshShape, fabrics: Sequence[Fabric], solvers: Sequence[Solver[Result]]
-) -> list[Result]:
-    """The :class:`Runner` that suits the machine and the mesh shape.
-
-    On an accelerator the fabrics run in lockstep, vmapped, including the factorisation. On a CPU
-    small fabrics run concurrently; large ones one after another, as their elements and fronts keep
-    all threads busy.
-    """
-    if jax.default_backend() != "cpu":
-        runner: Runner = run_in_lockstep
-    else:
-        small = shape.nodes <= LARGEST_CONCURRENT and len(fabrics) > 1
-        runner = run_concurrently if small else run_sequentially
-    return runner(shape, fabrics, solvers)

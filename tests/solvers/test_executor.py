@@ -9,12 +9,14 @@ import pytest
 
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.fabric import flat_sheet
+from knitlab.solvers import runners
 from knitlab.solvers.batch import run_in_lockstep
-from knitlab.solvers.executor import run_concurrently, run_sequentially
+from knitlab.solvers.runners import run_concurrently, run_sequentially
 from knitlab.solvers.solver import Evaluate, SolverSettings
 from tests.fabrics import CLAMPED, FINE, PERIODIC, checkered, stretched
 
 STRAINS = [0.0, 0.05, 0.1]
+RUNNERS = run_sequentially, run_concurrently
 
 
 def stretches(net, fabrics):
@@ -56,15 +58,37 @@ def test_a_fabric_with_nan_does_not_affect_the_others_of_a_batch():
         assert broken.loading is None
 
 
-def test_fabrics_that_run_concurrently_end_as_one_after_another(monkeypatch):
-    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+@pytest.mark.parametrize("threads", [1, 3])
+def test_fabrics_in_packs_end_as_one_after_another(monkeypatch, threads):
+    monkeypatch.setenv("OMP_NUM_THREADS", str(threads))
     net, four = checkered(4, 1, PERIODIC)
     _, eight = checkered(8, 1, PERIODIC)
     fabrics = [four, eight, four, eight]
-    expected = run_sequentially(net.shape, fabrics, stretches(net, fabrics))
-    for one, other in zip(
-        expected, run_concurrently(net.shape, fabrics, stretches(net, fabrics)), strict=True
-    ):
+
+    def tests():
+        # One ends early, and leaves its pack.
+        lengths = 3, 2, 3, 3
+        return [
+            stretch(net, fabric, STRAINS[:length], FINE)
+            for fabric, length in zip(fabrics, lengths, strict=True)
+        ]
+
+    expected = run_sequentially(net.shape, fabrics, tests())
+    found = run_concurrently(net.shape, fabrics, tests())
+    for one, other in zip(expected, found, strict=True):
+        for state, same in zip(one.states, other.states, strict=True):
+            assert same.converged
+            np.testing.assert_allclose(state.unknowns, same.unknowns, atol=1e-6)
+
+
+def test_fabrics_too_large_for_packs_end_exactly_as_one_after_another(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    monkeypatch.setattr(runners, "pack_size", lambda nodes: 1)
+    net, four = checkered(4, 1, PERIODIC)
+    _, eight = checkered(8, 1, PERIODIC)
+    fabrics = [four, eight]
+    results = (run(net.shape, fabrics, stretches(net, fabrics)) for run in RUNNERS)
+    for one, other in zip(*results, strict=True):
         for state, same in zip(one.states, other.states, strict=True):
             np.testing.assert_array_equal(state.unknowns, same.unknowns)
 
