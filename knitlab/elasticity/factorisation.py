@@ -4,7 +4,6 @@
 which ``benchmarks.solver`` compares it.
 """
 
-import threading
 from contextlib import AbstractContextManager
 from functools import lru_cache
 from typing import Protocol
@@ -43,7 +42,7 @@ class Factoriser(Protocol):
         """Factorise a matrix, or return ``None`` if it is not positive definite.
 
         Args:
-            entries: its non-zeros. The factors are valid until the next call in the same thread.
+            entries: its non-zeros. The factors are valid until the next call.
             convexified: whether to factorise a nearby positive definite matrix instead of failing.
         """
         ...
@@ -52,19 +51,16 @@ class Factoriser(Protocol):
 def factoriser(free: FreeStiffness, threads: Threads = ALONE) -> Factoriser:
     """Factoriser of the stiffness of the free unknowns of a mesh shape.
 
-    The symbolic factorisation is done here, once for a mesh shape.
+    The symbolic factorisation is done here, once for a mesh shape. All calls use the same memory, so
+    that only one thread may factorise or solve at a time.
 
     Args:
         free: the sparsity.
         threads: threads that may share a factorisation.
     """
-    plan, of_thread = _plan(free), threading.local()
+    factors = Multifrontal(_plan(free), threads)
 
     def factorise(entries: Entries, convexified: bool = False) -> Factors | None:
-        # Threads that factorise at the same time each need their own memory.
-        if not hasattr(of_thread, "factors"):
-            of_thread.factors = Multifrontal(plan, threads)
-        factors: Multifrontal = of_thread.factors
         return factors if factors.factorise(entries, convexified) else None
 
     return factorise
