@@ -51,8 +51,8 @@ class Factoriser(Protocol):
 def factoriser(free: FreeStiffness, threads: Threads = ALONE) -> Factoriser:
     """Factoriser of the stiffness of the free unknowns of a mesh shape.
 
-    The symbolic factorisation is done here, once for a mesh shape. All calls use the same memory, so
-    that only one thread may factorise or solve at a time.
+    The symbolic factorisation is done here, once for a mesh shape. All calls use the same memory:
+    only one thread may factorise or solve at a time.
 
     Args:
         free: the sparsity.
