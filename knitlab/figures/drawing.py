@@ -108,6 +108,9 @@ def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[F
                     drawing = _drawn(figure.kind, [folder], [cube], figure.selections)
                     for output in missing:
                         save(drawing, output, fingerprint)
+                        if isinstance(drawing, Figure):
+                            # The other formats take the layout of the first.
+                            drawing.set_layout_engine("none")
         except BadInput as error:
             stem = figure.outputs[0].stem
             faults += [Fault(f"figure {stem}", entry.problem) for entry in error.faults]

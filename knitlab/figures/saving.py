@@ -1,9 +1,9 @@
 """Files of figures: each with the fingerprint of what it depends on, written atomically."""
 
-from io import BytesIO
 from pathlib import Path
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -35,19 +35,20 @@ def save(drawing: Drawing, output: Path, fingerprint: str = "") -> None:
         if isinstance(drawing, FuncAnimation):
             drawing.save(temporary, writer=_MarkedFilm(mark))
             return
-        FigureCanvasAgg(drawing)
         if suffix == ".png":
             _write_png(drawing, temporary, mark)
         else:
+            FigureCanvasAgg(drawing)
             drawing.savefig(temporary, metadata={_NOTE[suffix]: mark})
 
 
 def _write_png(figure: Figure, output: Path, mark: str) -> None:
     """Write a figure as a PNG of at most :data:`PALETTE` colours."""
-    rendered = BytesIO()
-    figure.savefig(rendered, format="png")
-    image = Image.open(rendered).convert("RGB")
-    dpi = mpl.rcParams["savefig.dpi"]
+    canvas, dpi = FigureCanvasAgg(figure), mpl.rcParams["savefig.dpi"]
+    # Not by savefig, which would compress the image only to be read again.
+    figure.set_dpi(dpi)
+    canvas.draw()
+    image = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
     note = PngInfo()
     note.add_text(_NOTE[".png"], mark)
     reduced = image.quantize(PALETTE, dither=Image.Dither.NONE)

@@ -14,7 +14,7 @@ CONTACT = 4.0
 """How much longer a fabric with contact takes; more where its plies are pressed together."""
 PROCESS_BYTES = 500e6
 """Memory of a worker with its compiled programs."""
-BYTES_OF_UNKNOWN = 30e3
+BYTES_OF_UNKNOWN = 23e3
 """Memory for each unknown of a batch, mostly for element Hessians, indices and factors."""
 
 
