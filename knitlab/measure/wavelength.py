@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.signal import savgol_filter
-from scipy.signal.windows import hann
 
 POINTS = 512
 """Number of points of a resampled line; more than any line of nodes or pixels resolves."""
@@ -87,7 +85,7 @@ def spectrum(
         across: an evenly sampled line, including first and last point [mm].
         extent: its length [mm].
     """
-    taper = hann(len(across))
+    taper = np.hanning(len(across))
     transform = np.fft.rfft((across - across.mean()) * taper, PADDING * len(across))
     spacing = extent / (len(across) - 1)
     return np.fft.rfftfreq(PADDING * len(across), spacing), 2 * abs(transform) / taper.sum()
@@ -95,6 +93,8 @@ def spectrum(
 
 def _trend(raw: Float[np.ndarray, " point"], wavelength: float) -> Float[np.ndarray, " point"]:
     """The trend: variation slower than the wave, whose length is relative to that of the line."""
+    from scipy.signal import savgol_filter  # slow to import, and only simulations need it
+
     window = min(round(TREND_WINDOW * wavelength * len(raw)), len(raw))
     return savgol_filter(raw, window - (window % 2 == 0), TREND_ORDER)
 
