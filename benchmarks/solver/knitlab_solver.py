@@ -29,10 +29,27 @@ from knitlab.simulation.case import Case
 from knitlab.solvers.equilibrium import find_equilibrium
 from knitlab.solvers.equilibrium_search import SearchRules
 from knitlab.solvers.executor import Executor
-from knitlab.solvers.solver import Assemble, Evaluate, Factorise, Solver, SolverSettings
+from knitlab.solvers.solver import (
+    Assemble,
+    Evaluate,
+    Factorise,
+    Request,
+    Solve,
+    Solver,
+    SolverSettings,
+    SolveSubdomains,
+)
 from knitlab.solvers.state import State
 
 Result = TypeVar("Result")
+PARTS: dict[type[Request], str] = {
+    Evaluate: "evaluating_seconds",
+    Assemble: "assembling_seconds",
+    Factorise: "factorising_seconds",
+    Solve: "solving_seconds",
+    SolveSubdomains: "subdomains_seconds",
+}
+"""Name of the time that each kind of request takes in all."""
 Executors = type[Executor] | type[CholmodExecutor]
 
 
@@ -135,7 +152,8 @@ def _driven(problem: Problem, solver: Solver[Result], executors: Executors, watc
             request = solver.send(answer)
         except StopIteration as end:
             return end.value
-        answer = executor.answer(request)
+        with watch.part(PARTS[type(request)]):
+            answer = executor.answer(request)
         match request:
             case Assemble():
                 free = request.free.places

@@ -126,4 +126,5 @@ def _cost(watch: Watch, reason: str) -> Record:
         "states": watch.states,
         "evaluations": watch.evaluations,
         "factorisations": watch.factorisations,
+        **watch.parts,
     }

@@ -1,6 +1,7 @@
 """The watch: what a search has cost so far, and when it is given up."""
 
 import time
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -32,6 +33,7 @@ class Watch:
         states: reached so far.
         residual: largest force on a free unknown when last seen [N].
         trace: times and residuals seen [s, N].
+        parts: wall time of each kind of work, where the search is asked for it [s].
     """
 
     limit: float
@@ -41,6 +43,7 @@ class Watch:
     states: int = 0
     residual: float = np.inf
     trace: list[tuple[float, float]] = field(default_factory=list)
+    parts: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
 
     def __post_init__(self) -> None:
         self._began = self._now()
@@ -59,6 +62,13 @@ class Watch:
         stopped = self._now()
         yield
         self._began += self._now() - stopped
+
+    @contextmanager
+    def part(self, name: str) -> Iterator[None]:
+        """Add the time of some work to that of its kind."""
+        began = time.perf_counter()
+        yield
+        self.parts[name] += time.perf_counter() - began
 
     def sees(self, residual: float, evaluations: int = 1) -> None:
         """Note a residual, and the evaluations since the last.
