@@ -104,18 +104,8 @@ class ElementChunks:
 @lru_cache(maxsize=16)
 def chunks_of(shape: MeshShape) -> ElementChunks:
     """The elements of the network of a mesh shape, in chunks."""
-    net = network(shape)
     count = -(-shape.nodes // HEIGHTS)
-    nodes = np.arange(shape.nodes)
-    of_nodes = _first_row(nodes, HEIGHTS, VECTORS - HEIGHTS), 3 * nodes + 2, np.ones(shape.nodes)
-    terms = [
-        *vector_terms(net.springs, count * SPRINGS, SPRINGS, 0),
-        *vector_terms(net.hinges, count * HINGES, HINGES, 3 * SPRINGS),
-        of_nodes,
-    ]
-    rows, columns, values = (np.concatenate(parts) for parts in zip(*terms, strict=True))
-    incidence = sp.csr_array((values, (rows, columns)), shape=(count * VECTORS, shape.unknowns))
-    incidence.eliminate_zeros()
+    incidence = chunk_incidence(shape, (SPRINGS, HINGES, HEIGHTS), count)
     ends = [0, count] if count < WORTH_SHARING else [0, count // 2, count]
     return ElementChunks(
         shape, count, tuple(_thread_chunks(incidence, *ends) for ends in pairwise(ends))
@@ -127,28 +117,47 @@ def _thread_chunks(incidence: sp.csr_array, first: int, end: int) -> ThreadChunk
     return ThreadChunks(first, end - first, rows, rows.T.tocsr())
 
 
-def _first_row(place: Places, per_chunk: int, offset: int) -> Places:
-    """Row of the first component of every element, by its index among those of its kind."""
-    chunk, lane = np.divmod(place, per_chunk)
-    return chunk * VECTORS + offset + lane
+def chunk_incidence(shape: MeshShape, sizes: tuple[int, int, int], chunks: int) -> sp.csr_array:
+    """Matrix from configurations to the vectors and heights of all chunks of a mesh shape.
+
+    Args:
+        shape: the mesh shape.
+        sizes: numbers of springs, hinges and nodes in a chunk.
+        chunks: number of chunks.
+    """
+    net, (springs, hinges, heights) = network(shape), sizes
+    first_height = 3 * springs + 15 * hinges
+    length, nodes = first_height + heights, np.arange(shape.nodes)
+    chunk, lane = np.divmod(nodes, heights)
+    terms = [
+        *_terms(net.springs, chunks, springs, 0, length),
+        *_terms(net.hinges, chunks, hinges, 3 * springs, length),
+        (chunk * length + first_height + lane, 3 * nodes + 2, np.ones(shape.nodes)),
+    ]
+    rows, columns, values = (np.concatenate(parts) for parts in zip(*terms, strict=True))
+    incidence = sp.csr_array((values, (rows, columns)), shape=(chunks * length, shape.unknowns))
+    incidence.eliminate_zeros()
+    return incidence
 
 
-def vector_terms(
-    elements: Elements, places: int, per_chunk: int, offset: int
+def _terms(
+    elements: Elements, chunks: int, per_chunk: int, offset: int, length: int
 ) -> Iterator[tuple[Places, Places, Float[np.ndarray, " place"]]]:
     """Rows, columns and values of the incidence of one kind of elements."""
+    places = chunks * per_chunk
     place = np.arange(places)
     # Padding may repeat any element, as it has no stiffness.
     element = np.minimum(place, len(elements.nodes) - 1)
-    first, ones = _first_row(place, per_chunk, offset), np.ones(places)
+    chunk, lane = np.divmod(place, per_chunk)
+    first, ones = chunk * length + offset + lane, np.ones(places)
     for vector, (start, end) in enumerate(elements.ends):
         for component in range(3):
             row = first + (3 * vector + component) * per_chunk
             yield row, 3 * elements.nodes[element, end] + component, ones
             yield row, 3 * elements.nodes[element, start] + component, -ones
             if component < 2:
-                length = np.full(places, elements.shape.unknowns - 2 + component)
-                yield row, length, elements.periods[vector, component, element]
+                period = np.full(places, elements.shape.unknowns - 2 + component)
+                yield row, period, elements.periods[vector, component, element]
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float
 
-from knitlab.elasticity.element_chunks import HEIGHTS, HINGES, SPRINGS, vector_terms
+from knitlab.elasticity.element_chunks import HEIGHTS, HINGES, SPRINGS, chunk_incidence
 from knitlab.elasticity.element_stiffness import (
     LANES,
     UNFOLDED,
@@ -109,16 +109,7 @@ class _Mesh:
 def _mesh(shape: MeshShape) -> _Mesh:
     net = network(shape)
     counts = springs, hinges, nodes = len(net.springs.nodes), len(net.hinges.nodes), shape.nodes
-    first_height, node = 3 * springs + 15 * hinges, np.arange(nodes)
-    terms = [
-        *vector_terms(net.springs, springs, springs, 0),
-        *vector_terms(net.hinges, hinges, hinges, 3 * springs),
-        (first_height + node, 3 * node + 2, np.ones(nodes)),
-    ]
-    rows, columns, values = (np.concatenate(parts) for parts in zip(*terms, strict=True))
-    incidence = sp.csr_array(
-        (values, (rows, columns)), shape=(first_height + nodes, shape.unknowns)
-    )
+    incidence = chunk_incidence(shape, counts, 1)
     slots = springs, -(-hinges // LANES) * LANES, nodes
     return _Mesh(counts, slots, incidence, incidence.T.tocsr())
 
