@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import pairwise
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -256,7 +257,7 @@ class ChunkedFabric:
             thread_chunks.chunks, thread_chunks.vectors(unknowns), strict=True
         ):
             stiffnesses = self.stiffnesses[chunk]
-            part = _element_hessians(self.fold_angle, acting, stiffnesses, _split(values))
+            part = chunk_hessians(self.fold_angle, acting, stiffnesses, _split(values))
             springs, hinges, heights = (
                 slice(chunk * per_chunk, (chunk + 1) * per_chunk)
                 for per_chunk in (SPRINGS, HINGES // LANES, HEIGHTS)
@@ -290,7 +291,7 @@ def _split(
 
 
 def _elements(
-    acting: Acting, stiffnesses: Stiffnesses, vectors: Vectors
+    acting: Any, stiffnesses: Stiffnesses, vectors: Vectors
 ) -> tuple[
     tuple[Array, Array, Array, SpringLaw], tuple[Array, Array, Array], tuple[Array, Array, Array]
 ]:
@@ -301,6 +302,17 @@ def _elements(
     return (springs, length, k_s, law), (hinges, fold * rest, k_t), (heights, z_max, k_wall)
 
 
+def element_energies(
+    of: FoldAngle, acting: Any, stiffnesses: Stiffnesses, vectors: Vectors
+) -> tuple[Array, Array, Array]:
+    """Energies of each spring, hinge and node of a chunk.
+
+    ``acting`` has z_max and the stiffness of the walls for all nodes, or for each.
+    """
+    springs, hinges, heights = _elements(acting, stiffnesses, vectors)
+    return spring_energy(*springs), hinge_energy(*hinges, of), wall_energy(*heights)
+
+
 @partial(jax.jit, static_argnums=0)
 def _evaluate(
     of: FoldAngle, acting: Acting, stiffnesses: Stiffnesses, vectors: Vectors
@@ -308,8 +320,7 @@ def _evaluate(
     """Energies of a chunk, and the gradient of their sum with respect to the vectors."""
 
     def total(at: Vectors) -> tuple[Array, Array]:
-        springs, hinges, heights = _elements(acting, stiffnesses, at)
-        parts = spring_energy(*springs), hinge_energy(*hinges, of), wall_energy(*heights)
+        parts = element_energies(of, acting, stiffnesses, at)
         energies = jnp.stack([part.sum() for part in parts])
         return energies.sum(), energies
 
@@ -318,10 +329,10 @@ def _evaluate(
 
 
 @partial(jax.jit, static_argnums=0)
-def _element_hessians(
-    of: FoldAngle, acting: Acting, stiffnesses: Stiffnesses, vectors: Vectors
+def chunk_hessians(
+    of: FoldAngle, acting: Any, stiffnesses: Stiffnesses, vectors: Vectors
 ) -> ElementHessians:
-    """Element Hessians of a chunk."""
+    """Element Hessians of a chunk; arguments as for :func:`element_energies`."""
     (springs, length, k_s, law), hinges, heights = _elements(acting, stiffnesses, vectors)
     return ElementHessians(
         spring_stiffness(springs[0], length, k_s, law),

@@ -16,20 +16,25 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float
 
-from knitlab.elasticity.element_chunks import HEIGHTS, HINGES, SPRINGS, chunk_incidence
+from knitlab.elasticity.element_chunks import (
+    HEIGHTS,
+    HINGES,
+    SPRINGS,
+    Stiffnesses,
+    Vectors,
+    chunk_hessians,
+    chunk_incidence,
+    element_energies,
+)
 from knitlab.elasticity.element_stiffness import (
     LANES,
     UNFOLDED,
-    hinge_stiffness,
-    spring_stiffness,
-    wall_stiffness,
 )
 from knitlab.elasticity.evaluation import ElementHessians, Evaluation, Stage
-from knitlab.model.energy import Energy, hinge_energy, spring_energy, wall_energy
+from knitlab.model.energy import Energy
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
 from knitlab.model.options import FoldAngle
-from knitlab.model.spring_law import SpringLaw
 
 LARGEST_PACK = 8
 """Largest number of fabrics in a pack."""
@@ -41,15 +46,9 @@ NEAR_LEAST = 1.05
 
 Point = tuple[Stage, Float[np.ndarray, " unknown"]]
 """Stage and configuration of a fabric."""
-Vectors = tuple[Float[Array, "1 3 spring"], Float[Array, "5 3 hinge"], Float[Array, " node"]]
-"""Vectors of springs and hinges, and heights of nodes [mm]."""
-Parameters = tuple[
-    tuple[Float[Array, " spring"], Float[Array, " spring"], SpringLaw],
-    tuple[Float[Array, " hinge"], Float[Array, " hinge"]],
-    tuple[Float[Array, " node"], Float[Array, " node"]],
-]
-"""Rest length, stiffness and law of springs; rest angle and stiffness of hinges; z_max and wall
-stiffness of nodes."""
+Parameters = tuple[tuple[float, Float[Array, " node"], Float[Array, " node"]], Stiffnesses]
+"""Fraction of the rest angles, which is 1 because these are multiplied by it already, z_max and
+wall stiffness of every node; rest values and stiffnesses of a chunk."""
 
 
 def pack_size(nodes: int) -> int:
@@ -141,7 +140,7 @@ class FabricPack:
             points: stage and configuration of each, by its index in the pack.
         """
         computed = [
-            _evaluate(self._fold_angle, parameters, vectors)
+            _evaluate(self._fold_angle, *parameters, vectors)
             for parameters, vectors in self._chunks(points)
         ]
         energies = [_joined(parts) for parts in zip(*(parts for parts, _ in computed), strict=True)]
@@ -162,7 +161,7 @@ class FabricPack:
     def element_hessians(self, points: Mapping[int, Point]) -> dict[int, ElementHessians]:
         """Element Hessians of some of the fabrics, in NumPy arrays; arguments as before."""
         computed = [
-            _element_hessians(self._fold_angle, parameters, vectors)
+            chunk_hessians(self._fold_angle, *parameters, vectors)
             for parameters, vectors in self._chunks(points)
         ]
         springs, walls = (
@@ -213,10 +212,15 @@ class FabricPack:
         parameters = tuple(
             jax.tree.map(partial(filled, kind), of_kind) for kind, of_kind in enumerate(whole)
         )
-        return [
-            jax.tree.map(lambda values, chunk=chunk: jnp.asarray(values[chunk]), parameters)
-            for chunk in range(chunks)
-        ]
+        (length, k_s, law), (rest, k_t), (z_max, k_wall) = parameters
+        numbers = (z_max, k_wall), (length, k_s, rest, k_t, law)
+        found = list[Parameters]()
+        for chunk in range(chunks):
+            walls, stiffnesses = jax.tree.map(
+                lambda values, chunk=chunk: jnp.asarray(values[chunk]), numbers
+            )
+            found.append(((1.0, *walls), stiffnesses))
+        return found
 
     def _of_fabric(self, fabric: int, stage: Stage) -> Any:
         """Parameters of the slots of a fabric at a stage, as NumPy arrays."""
@@ -243,31 +247,13 @@ def _joined(parts: Sequence[Array]) -> np.ndarray:
 
 @partial(jax.jit, static_argnums=0)
 def _evaluate(
-    of: FoldAngle, parameters: Parameters, vectors: Vectors
+    of: FoldAngle, acting: Any, stiffnesses: Stiffnesses, vectors: Vectors
 ) -> tuple[tuple[Array, Array, Array], Vectors]:
     """Energy of every element of a chunk, and their gradients with respect to the vectors."""
-    (length, k_s, law), (rest, k_t), walls = parameters
 
     def total(at: Vectors) -> tuple[Array, tuple[Array, Array, Array]]:
-        springs, hinges, heights = at
-        parts = (
-            spring_energy(springs, length, k_s, law),
-            hinge_energy(hinges, rest, k_t, of),
-            wall_energy(heights, *walls),
-        )
+        parts = element_energies(of, acting, stiffnesses, at)
         return sum((part.sum() for part in parts), jnp.zeros(())), parts
 
     gradient, parts = jax.grad(total, has_aux=True)(vectors)
     return parts, gradient
-
-
-@partial(jax.jit, static_argnums=0)
-def _element_hessians(of: FoldAngle, parameters: Parameters, vectors: Vectors) -> ElementHessians:
-    """Element Hessians of a chunk."""
-    (length, k_s, law), (rest, k_t), walls = parameters
-    springs, hinges, heights = vectors
-    return ElementHessians(
-        spring_stiffness(springs[0], length, k_s, law),
-        hinge_stiffness(hinges, rest, k_t, of),
-        wall_stiffness(heights, *walls),
-    )
