@@ -21,14 +21,12 @@ import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
 from knitlab.elasticity.element_stiffness import (
-    HINGE_ENTRIES,
-    LANES,
     SPRING_ENTRIES,
-    hinge_stiffness,
     spring_stiffness,
     wall_stiffness,
 )
 from knitlab.elasticity.evaluation import ElementHessians, Evaluation, Stage
+from knitlab.elasticity.hinge_stiffness import HINGE_ENTRIES, LANES, hinge_stiffness
 from knitlab.linalg.threads import ALONE, Threads
 from knitlab.model.energy import Energy, hinge_energy, spring_energy, wall_energy
 from knitlab.model.fabric import Fabric
@@ -272,12 +270,15 @@ class ChunkedFabric:
 
 
 def _in_chunks(
-    number: Float[Array, " element ..."], count: int, per_chunk: int, spare: float = 0.0
+    number: Float[Array | np.ndarray, " element ..."],
+    count: int,
+    per_chunk: int,
+    spare: float = 0.0,
 ) -> list[Float[Array, " place ..."]]:
     """A parameter of all elements by chunks; the last chunk is padded."""
     none = [(0, count * per_chunk - len(number)), *[(0, 0)] * (number.ndim - 1)]
     padded = np.pad(np.asarray(number), none, constant_values=spare)
-    return [jnp.asarray(row) for row in padded.reshape(count, per_chunk, *number.shape[1:])]
+    return [jax.device_put(row) for row in padded.reshape(count, per_chunk, *number.shape[1:])]
 
 
 def _split(

@@ -12,7 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from knitlab.elasticity.element_stiffness import hinge_stiffness, spring_stiffness, wall_stiffness
+from knitlab.elasticity.element_stiffness import spring_stiffness, wall_stiffness
+from knitlab.elasticity.hinge_stiffness import hinge_stiffness
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import Energy, element_vectors, energy
 from knitlab.model.fabric import Fabric
@@ -63,7 +64,7 @@ class ElementHessians(eqx.Module):
     Attributes:
         springs: Hessian of the energy of every spring by its vector, lower triangle [N/mm].
         hinges: Hessian of the energy of every hinge by its nodes, lower triangle, in the blocks of
-            :func:`~knitlab.elasticity.element_stiffness.hinge_stiffness` [N/mm].
+            :func:`~knitlab.elasticity.hinge_stiffness.hinge_stiffness` [N/mm].
         walls: second derivative of the wall penalty by the height of every node [N/mm].
     """
 

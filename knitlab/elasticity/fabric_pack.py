@@ -26,11 +26,8 @@ from knitlab.elasticity.element_chunks import (
     chunk_incidence,
     element_energies,
 )
-from knitlab.elasticity.element_stiffness import (
-    LANES,
-    UNFOLDED,
-)
 from knitlab.elasticity.evaluation import ElementHessians, Evaluation, Stage
+from knitlab.elasticity.hinge_stiffness import LANES, UNFOLDED
 from knitlab.model.energy import Energy
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
@@ -217,7 +214,7 @@ class FabricPack:
         found = list[Parameters]()
         for chunk in range(chunks):
             walls, stiffnesses = jax.tree.map(
-                lambda values, chunk=chunk: jnp.asarray(values[chunk]), numbers
+                lambda values, chunk=chunk: jax.device_put(values[chunk]), numbers
             )
             found.append(((1.0, *walls), stiffnesses))
         return found

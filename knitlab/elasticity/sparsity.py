@@ -16,8 +16,9 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from knitlab.elasticity.element_stiffness import HINGE_ENTRIES, LANES, SPRING_ENTRIES
+from knitlab.elasticity.element_stiffness import SPRING_ENTRIES
 from knitlab.elasticity.evaluation import ElementHessians
+from knitlab.elasticity.hinge_stiffness import HINGE_ENTRIES, LANES
 from knitlab.linalg.threads import ALONE, Threads
 from knitlab.model.network import Elements, MeshShape, network
 

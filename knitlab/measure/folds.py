@@ -1,39 +1,30 @@
 """Folds: the angles of the hinges of a configuration, and the number beyond ±π."""
 
-from functools import partial
-
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import element_vectors
 from knitlab.model.fabric import Fabric
-from knitlab.model.fold_angle import fold_from_rest
+from knitlab.model.fold_angle import fold_and_slope
 from knitlab.model.network import Network
 
 
-@partial(jax.jit, static_argnums=0)
 def fold_angles(
     net: Network, fabric: Fabric, configuration: Configuration
-) -> Float[Array, "*state hinge"]:
+) -> Float[np.ndarray, "*state hinge"]:
     """Signed fold angle of every hinge, on the branch nearest its rest angle [rad].
 
     Flat is 0 and a mountain fold is positive. Beyond ±π the two cells have passed through each
     other; the angle, like the energy, continues smoothly.
     """
-
-    def angles(
-        positions: Float[Array, "node_y node_x 3"], lengths: Float[Array, "2"]
-    ) -> Float[Array, " hinge"]:
-        vectors = element_vectors(net.hinges, Configuration(positions, lengths))
-        from_rest = fold_from_rest(vectors, fabric.rest_fold, fabric.fold_angle)
-        return fabric.rest_fold + from_rest
-
-    return jnp.vectorize(angles, signature="(y,x,c),(l)->(h)")(
-        configuration.positions, configuration.lengths
-    )
+    positions, lengths = np.asarray(configuration.positions), np.asarray(configuration.lengths)
+    states, rest = lengths.shape[:-1], np.asarray(fabric.rest_fold)
+    angles = np.empty((*states, len(rest)))
+    for state in np.ndindex(*states):
+        vectors = element_vectors(net.hinges, Configuration(positions[state], lengths[state]))
+        angles[state] = rest + fold_and_slope(vectors, rest, fabric.fold_angle)[0]
+    return angles
 
 
 def hinges_past_pi(

@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from knitlab.mechanics.alignment import aligning_rotation
+from knitlab.model.array_library import array_library
 from knitlab.model.configuration import Configuration
 from knitlab.model.network import MeshShape
 
@@ -105,7 +106,7 @@ def held_under_tension(shape: MeshShape) -> Int[np.ndarray, " held"]:
 def reaction_force(
     shape: MeshShape,
     drive: Float[Array | np.ndarray, " unknown"],
-    length: Float[Array, ""] | float,
+    length: Float[Array | np.ndarray, ""] | float,
     gradient: Float[Array | np.ndarray, " unknown"],
 ) -> Float[Array, ""]:
     """See :meth:`Loading.reaction_force`; for JAX and NumPy arrays [N]."""
@@ -165,23 +166,24 @@ def between_walls(configuration: Configuration, z_max: float) -> Configuration:
     return Configuration(positions, np.asarray(configuration.lengths))
 
 
-@partial(jax.jit, static_argnums=0)
 def drive_along(
     shape: MeshShape, relaxed: Configuration
-) -> tuple[Float[Array, " unknown"], Float[Array, ""]]:
+) -> tuple[Float[Array | np.ndarray, " unknown"], Float[Array | np.ndarray, ""]]:
     """The drive of a :class:`Loading` and the length that the applied strain refers to [mm].
 
     Both follow from the relaxed shape and are differentiable by JAX.
     """
-    rows, moved = jnp.asarray(relaxed.positions[..., 1]), jnp.zeros(relaxed.positions.shape)
+    xp, rows = array_library(relaxed), relaxed.positions[..., 1]
     if shape.periodic:
-        length = jnp.asarray(relaxed.lengths[1])
-        grown = jnp.zeros(2).at[1].set(length)
-        return jnp.asarray(Configuration(moved.at[..., 1].set(rows), grown).flattened()), length
-    length = rows[-1].mean() - rows[0].mean()
-    affine = jnp.clip(rows - rows[0].mean(), 0, length).at[0].set(0).at[-1].set(length)
-    driven = Configuration(moved.at[..., 1].set(affine), jnp.zeros(2))
-    return jnp.asarray(driven.flattened()), length
+        length = relaxed.lengths[1]
+        moved, grown = rows, xp.stack([np.zeros(()), length])
+    else:
+        length = rows[-1].mean() - rows[0].mean()
+        inner = xp.clip(rows[1:-1] - rows[0].mean(), 0, length)
+        ends = np.zeros((1, shape.nodes_x))
+        moved, grown = xp.concatenate([ends, inner, ends + length]), np.zeros(2)
+    still = np.zeros(rows.shape)
+    return Configuration(xp.stack([still, moved, still], axis=-1), grown).flattened(), length
 
 
 def tensile(shape: MeshShape, relaxed: Configuration) -> Loading:

@@ -97,7 +97,7 @@ def relax_near(
 
 def intermediate_settings(settings: SolverSettings, fabric: Fabric) -> SolverSettings:
     """Settings for an intermediate state, which need not be in exact equilibrium."""
-    moments = np.asarray(fabric.fold_stiffness * abs(fabric.rest_fold))
+    moments = np.asarray(fabric.fold_stiffness) * np.abs(fabric.rest_fold)
     near = settings.waypoint_force * float(moments.max() / fabric.cell_sides.min())
     return replace(settings, tolerance=max(settings.tolerance, near))
 

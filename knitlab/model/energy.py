@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from knitlab.model.array_library import array_library
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric
 from knitlab.model.fold_angle import fold_from_rest
@@ -45,34 +47,37 @@ def element_vectors(
     corners = [columns[:, nodes] for nodes in elements.nodes.T]
     vectors = [corners[end] - corners[start] for start, end in elements.ends]
     across_seam = elements.periods * configuration.lengths[:, None]
-    return jnp.stack(vectors) + jnp.pad(across_seam, ((0, 0), (0, 1), (0, 0)))
+    xp = array_library(configuration)
+    return xp.stack(vectors) + xp.pad(across_seam, ((0, 0), (0, 1), (0, 0)))
 
 
 def spring_energy(
-    vectors: Float[Array, "1 3 *element"],
-    rest_length: Float[Array, " *element"],
-    stiffness: Float[Array, " *element"],
+    vectors: Float[Array | np.ndarray, "1 3 *element"],
+    rest_length: Float[Array | np.ndarray, " *element"],
+    stiffness: Float[Array | np.ndarray, " *element"],
     law: SpringLaw = LINEAR,
 ) -> Float[Array, " *element"]:
     """Energy of springs [N mm]; ½ k_s (ℓ − ℓ0)² if they are linear (paper, Eq. 1)."""
-    return stiffness * law.stored(jnp.linalg.norm(vectors[0], axis=0), rest_length)
+    return jnp.asarray(stiffness) * law.stored(jnp.linalg.norm(vectors[0], axis=0), rest_length)
 
 
 def hinge_energy(
-    vectors: Float[Array, "5 3 *element"],
-    rest: Float[Array, " *element"],
-    stiffness: Float[Array, " *element"],
+    vectors: Float[Array | np.ndarray, "5 3 *element"],
+    rest: Float[Array | np.ndarray, " *element"],
+    stiffness: Float[Array | np.ndarray, " *element"],
     of: FoldAngle,
 ) -> Float[Array, " *element"]:
     """½ k_t (φ − φ0)² of hinges [N mm] (paper, Eq. 1)."""
-    return 0.5 * stiffness * fold_from_rest(vectors, rest, of) ** 2
+    return 0.5 * jnp.asarray(stiffness) * fold_from_rest(vectors, rest, of) ** 2
 
 
 def wall_energy(
-    z: Float[Array, "*node"], z_max: Float[Array, "*#node"], k_wall: Float[Array, "*#node"]
+    z: Float[Array | np.ndarray, "*node"],
+    z_max: Float[Array | np.ndarray, "*#node"],
+    k_wall: Float[Array | np.ndarray, "*#node"],
 ) -> Float[Array, "*node"]:
     """½ k_wall (δ⁺² + δ⁻²) of nodes at heights z [N mm] (paper, wall penalty)."""
-    return 0.5 * k_wall * jnp.maximum(jnp.abs(z) - z_max, 0.0) ** 2
+    return 0.5 * jnp.asarray(k_wall) * jnp.maximum(jnp.abs(z) - z_max, 0.0) ** 2
 
 
 def energy(net: Network, fabric: Fabric, configuration: Configuration) -> Energy:

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import equinox as eqx
-import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 from pydantic import PositiveFloat
 
+from knitlab.model.array_library import array_library
 from knitlab.model.configuration import Configuration
 from knitlab.model.network import Network
 from knitlab.model.options import FoldAngle, ModelOptions
@@ -55,21 +56,21 @@ class Fabric(eqx.Module):
         spring_law: force of the springs as a function of their length.
     """
 
-    rest_length: Float[Array, " spring"]
-    stretch_stiffness: Float[Array, " spring"]
-    rest_fold: Float[Array, " hinge"]
-    fold_stiffness: Float[Array, " hinge"]
-    z_max: Float[Array, ""]
-    k_wall: Float[Array, ""]
-    cell_x: Float[Array, " grid_x"]
-    cell_y: Float[Array, " grid_y"]
+    rest_length: Float[Array | np.ndarray, " spring"]
+    stretch_stiffness: Float[Array | np.ndarray, " spring"]
+    rest_fold: Float[Array | np.ndarray, " hinge"]
+    fold_stiffness: Float[Array | np.ndarray, " hinge"]
+    z_max: Float[Array | np.ndarray, ""]
+    k_wall: Float[Array | np.ndarray, ""]
+    cell_x: Float[Array | np.ndarray, " grid_x"]
+    cell_y: Float[Array | np.ndarray, " grid_y"]
     fold_angle: FoldAngle = eqx.field(static=True)
     spring_law: SpringLaw = LINEAR
 
     @property
-    def cell_sides(self) -> Float[Array, " side"]:
+    def cell_sides(self) -> Float[Array | np.ndarray, " side"]:
         """Sides of all grid cells, those along x first [mm]."""
-        return jnp.concatenate([self.cell_x, self.cell_y])
+        return array_library(self.cell_x).concatenate([self.cell_x, self.cell_y])
 
 
 class StripeNumbers(eqx.Module):
@@ -86,11 +87,11 @@ class StripeNumbers(eqx.Module):
             law.
     """
 
-    k_s: Float[Array, "*quantity"]
-    k_t: Float[Array, "*quantity"]
-    theta_0: Float[Array, "*quantity"]
-    period: Float[Array, "*quantity"]
-    stiffening_strain: Float[Array, "*quantity"] | None = None
+    k_s: Float[Array | np.ndarray, "*quantity"]
+    k_t: Float[Array | np.ndarray, "*quantity"]
+    theta_0: Float[Array | np.ndarray, "*quantity"]
+    period: Float[Array | np.ndarray, "*quantity"]
+    stiffening_strain: Float[Array | np.ndarray, "*quantity"] | None = None
     spring_curves: tuple[SpringCurve | None, ...] = eqx.field(static=True, default=(None,))
 
     @classmethod
@@ -98,11 +99,11 @@ class StripeNumbers(eqx.Module):
         """The parameters of a stripe."""
         stiffening = stripe.stiffening_strain
         return cls(
-            k_s=jnp.asarray(stripe.k_s, float),
-            k_t=jnp.asarray(stripe.k_t, float),
-            theta_0=jnp.asarray(stripe.theta_0, float),
-            period=jnp.asarray(stripe.period, float),
-            stiffening_strain=None if stiffening is None else jnp.asarray(stiffening, float),
+            k_s=np.asarray(stripe.k_s, float),
+            k_t=np.asarray(stripe.k_t, float),
+            theta_0=np.asarray(stripe.theta_0, float),
+            period=np.asarray(stripe.period, float),
+            stiffening_strain=None if stiffening is None else np.asarray(stiffening, float),
             spring_curves=(stripe.spring_curve,),
         )
 
@@ -110,23 +111,23 @@ class StripeNumbers(eqx.Module):
     def of_several(cls, stripes: Sequence[Stripe]) -> "StripeNumbers":
         """The parameters of several stripes, along one axis."""
         strains = [stripe.stiffening_strain for stripe in stripes]
-        stiffening = [jnp.inf if strain is None else strain for strain in strains]
+        stiffening = [np.inf if strain is None else strain for strain in strains]
         return cls(
-            k_s=jnp.array([stripe.k_s for stripe in stripes]),
-            k_t=jnp.array([stripe.k_t for stripe in stripes]),
-            theta_0=jnp.array([stripe.theta_0 for stripe in stripes]),
-            period=jnp.array([stripe.period for stripe in stripes]),
-            stiffening_strain=jnp.array(stiffening) if any(strains) else None,
+            k_s=np.array([stripe.k_s for stripe in stripes], float),
+            k_t=np.array([stripe.k_t for stripe in stripes], float),
+            theta_0=np.array([stripe.theta_0 for stripe in stripes], float),
+            period=np.array([stripe.period for stripe in stripes], float),
+            stiffening_strain=np.array(stiffening, float) if any(strains) else None,
             spring_curves=tuple(stripe.spring_curve for stripe in stripes),
         )
 
     @property
-    def laws(self) -> tuple[list[Float[Array, ""] | None], list[SpringCurve | None]]:
+    def laws(self) -> tuple[list[Float[Array | np.ndarray, ""] | None], list[SpringCurve | None]]:
         """Stiffening strain and measured curve of the springs of each stripe."""
         count = len(self.spring_curves)
         if self.stiffening_strain is None:
             return [None] * count, list(self.spring_curves)
-        strains = jnp.reshape(self.stiffening_strain, -1)
+        strains = self.stiffening_strain.reshape(-1)
         return [strains[number] for number in range(count)], list(self.spring_curves)
 
 
@@ -154,18 +155,22 @@ class StripePair(eqx.Module):
         return cls(StripeNumbers.of_several(weft), StripeNumbers.of_several(warp))
 
 
-def cell_length(stripe: Stripe | StripeNumbers, options: ModelOptions) -> Float[Array, "*stripe"]:
+def cell_length(
+    stripe: Stripe | StripeNumbers, options: ModelOptions
+) -> Float[Array | np.ndarray, "*stripe"]:
     """Flat length of a grid cell across a stripe's ridges, by the option ``cell_size`` [mm]."""
-    part = jnp.asarray(options.length_scale * stripe.period / options.cells_per_period)
-    return part if options.cell_size == "flat" else part / jnp.sin(stripe.theta_0 / 2)
+    xp = array_library(stripe)
+    part = xp.asarray(options.length_scale * stripe.period / options.cells_per_period)
+    return part if options.cell_size == "flat" else part / xp.sin(stripe.theta_0 / 2)
 
 
 def flat_sheet(net: Network, fabric: Fabric) -> Configuration:
     """Flat configuration: nodes on the grid in the plane z = 0 [mm]."""
+    xp = array_library(fabric.cell_x, fabric.cell_y)
     x, y = (
-        jnp.concatenate([jnp.zeros(1), jnp.cumsum(side)]) for side in (fabric.cell_x, fabric.cell_y)
+        xp.concatenate([np.zeros(1), xp.cumsum(side)]) for side in (fabric.cell_x, fabric.cell_y)
     )
     shape = net.shape
-    grid = jnp.stack(jnp.meshgrid(x[: shape.nodes_x], y[: shape.nodes_y]), axis=-1)
-    heights = jnp.zeros((*grid.shape[:-1], 1))
-    return Configuration(jnp.concatenate([grid, heights], axis=-1), jnp.stack([x[-1], y[-1]]))
+    grid = xp.stack(xp.meshgrid(x[: shape.nodes_x], y[: shape.nodes_y]), axis=-1)
+    heights = np.zeros((*grid.shape[:-1], 1))
+    return Configuration(xp.concatenate([grid, heights], axis=-1), xp.stack([x[-1], y[-1]]))

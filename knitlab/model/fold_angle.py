@@ -8,20 +8,23 @@ along the edge. The paper does not state how this component is treated; the mode
 from functools import partial
 
 import jax
-import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from knitlab.model.array_library import array_library
 from knitlab.model.options import FoldAngle
 
-Vector = Float[Array, "3 *element"]
-AngleAndSlope = tuple[Float[Array, " *element"], tuple[Vector, Vector, Vector]]
+Vector = Float[Array | np.ndarray, "3 *element"]
+AngleAndSlope = tuple[Float[Array | np.ndarray, " *element"], tuple[Vector, Vector, Vector]]
 """A fold angle, and its derivatives with respect to the edge and to the normals beside it."""
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(2,))
 def fold_from_rest(
-    vectors: Float[Array, "5 3 *element"], rest: Float[Array, " *element"], of: FoldAngle
-) -> Float[Array, " *element"]:
+    vectors: Float[Array | np.ndarray, "5 3 *element"],
+    rest: Float[Array | np.ndarray, " *element"],
+    of: FoldAngle,
+) -> Float[Array | np.ndarray, " *element"]:
     """Signed fold angle of hinges minus its rest value, on the branch nearest zero [rad].
 
     The fold angle is that between the normals of the two cells about their shared edge, positive
@@ -34,30 +37,33 @@ def fold_from_rest(
         rest: signed fold angle at rest.
         of: the definition of the fold angle, a model option.
     """
-    return _fold_and_slope(vectors, rest, of)[0]
+    return fold_and_slope(vectors, rest, of)[0]
 
 
-_cross = partial(jnp.cross, axis=0)
+def fold_and_slope(
+    vectors: Float[Array | np.ndarray, "5 3 *element"],
+    rest: Float[Array | np.ndarray, " *element"],
+    of: FoldAngle,
+) -> tuple[Float[Array | np.ndarray, " *element"], Float[Array | np.ndarray, "5 3 *element"]]:
+    """The fold angle minus its rest value, and its derivative with respect to the vectors.
 
-
-def _fold_and_slope(
-    vectors: Float[Array, "5 3 *element"], rest: Float[Array, " *element"], of: FoldAngle
-) -> tuple[Float[Array, " *element"], Float[Array, "5 3 *element"]]:
-    """The fold angle minus its rest value, and its derivative with respect to the vectors."""
+    Arguments as for :func:`fold_from_rest`; NumPy arrays need no compilation.
+    """
+    xp = array_library(vectors)
     edge, *diagonals = vectors
-    before = _cross(diagonals[0], diagonals[1])
-    after = _cross(diagonals[2], diagonals[3])
+    before = xp.cross(diagonals[0], diagonals[1], axis=0)
+    after = xp.cross(diagonals[2], diagonals[3], axis=0)
     angle, (by_edge, by_before, by_after) = _ANGLE[of](edge, before, after)
-    angle -= rest
-    angle -= 2 * jnp.pi * jnp.round(angle / (2 * jnp.pi))
+    angle = angle - rest
+    angle = angle - 2 * np.pi * xp.round(angle / (2 * np.pi))
     slope = [
         by_edge,
-        _cross(diagonals[1], by_before),
-        _cross(by_before, diagonals[0]),
-        _cross(diagonals[3], by_after),
-        _cross(by_after, diagonals[2]),
+        xp.cross(diagonals[1], by_before, axis=0),
+        xp.cross(by_before, diagonals[0], axis=0),
+        xp.cross(diagonals[3], by_after, axis=0),
+        xp.cross(by_after, diagonals[2], axis=0),
     ]
-    return angle, jnp.stack(slope)
+    return angle, xp.stack(slope)
 
 
 def _between_whole_normals(edge: Vector, before: Vector, after: Vector) -> AngleAndSlope:
@@ -65,15 +71,16 @@ def _between_whole_normals(edge: Vector, before: Vector, after: Vector) -> Angle
 
     With r² = S² + C² its slopes are φ_S = C/r² and φ_C = −S/r².
     """
-    length = jnp.linalg.norm(edge, axis=0)
+    xp = array_library(edge)
+    cross, length = partial(xp.cross, axis=0), xp.linalg.norm(edge, axis=0)
     along = edge / length
-    turned = _cross(before, after)
+    turned = cross(before, after)
     sine, cosine = (turned * along).sum(0), (before * after).sum(0)
-    by_sine, by_cosine = jnp.array([cosine, -sine]) / (sine**2 + cosine**2)
-    return jnp.arctan2(sine, cosine), (
+    by_sine, by_cosine = xp.stack([cosine, -sine]) / (sine**2 + cosine**2)
+    return xp.arctan2(sine, cosine), (
         by_sine * (turned - sine * along) / length,
-        by_sine * _cross(after, along) + by_cosine * after,
-        by_sine * _cross(along, before) + by_cosine * before,
+        by_sine * cross(after, along) + by_cosine * after,
+        by_sine * cross(along, before) + by_cosine * before,
     )
 
 
@@ -83,15 +90,16 @@ def _across_edge(edge: Vector, before: Vector, after: Vector) -> AngleAndSlope:
     A normal turns about the edge, and φ with it, by t = ê × m/|m|² for each unit of n, and by
     −(p/ℓ) t for each unit that the edge ℓ ê itself turns.
     """
-    length = jnp.linalg.norm(edge, axis=0)
+    xp = array_library(edge)
+    cross, length = partial(xp.cross, axis=0), xp.linalg.norm(edge, axis=0)
     along = edge / length
     component_before, component_after = (before * along).sum(0), (after * along).sum(0)
     before, after = before - component_before * along, after - component_after * along
-    sine, cosine = (_cross(before, after) * along).sum(0), (before * after).sum(0)
-    by_before = _cross(before, along) / (before**2).sum(0)
-    by_after = _cross(along, after) / (after**2).sum(0)
+    sine, cosine = (cross(before, after) * along).sum(0), (before * after).sum(0)
+    by_before = cross(before, along) / (before**2).sum(0)
+    by_after = cross(along, after) / (after**2).sum(0)
     by_edge = -(component_before * by_before + component_after * by_after) / length
-    return jnp.arctan2(sine, cosine), (by_edge, by_before, by_after)
+    return xp.arctan2(sine, cosine), (by_edge, by_before, by_after)
 
 
 _ANGLE = {"whole_normals": _between_whole_normals, "across_edge": _across_edge}
@@ -100,7 +108,7 @@ _ANGLE = {"whole_normals": _between_whole_normals, "across_edge": _across_edge}
 @fold_from_rest.defjvp
 def _fold_from_rest_slope(
     of: FoldAngle, primals: tuple[Array, Array], tangents: tuple[Array, Array]
-) -> tuple[Array, Array]:
+) -> tuple[Array | np.ndarray, Array | np.ndarray]:
     # With the derivative in closed form the gradient of the energy takes half the time.
-    angle, slope = _fold_and_slope(*primals, of)
+    angle, slope = fold_and_slope(*primals, of)
     return angle, (slope * tangents[0]).sum((0, 1)) - tangents[1]

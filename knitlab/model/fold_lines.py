@@ -14,6 +14,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
+from knitlab.model.array_library import array_library
 from knitlab.model.options import FoldPhase, ModelOptions
 from knitlab.model.pattern import CELLS_PER_PERIOD, PatchGrid
 
@@ -118,7 +119,9 @@ class Ridge:
                 shares[(line * self.refinement + offset) % len(shares)] += part
         return 1 / (self.refinement * shares)
 
-    def rest_fold(self, theta_0: Float[Array, "*stripe"]) -> Float[Array, "*stripe"]:
+    def rest_fold(
+        self, theta_0: Float[Array | np.ndarray, "*stripe"]
+    ) -> Float[Array | np.ndarray, "*stripe"]:
         """Total fold angle of a ridge at rest [rad].
 
         On the paper's grid π − θ0. On a finer grid it is chosen so that a pure stripe relaxes to
@@ -128,7 +131,7 @@ class Ridge:
         Args:
             theta_0: interior rest angle of the sharp fold [rad].
         """
-        sharp = jnp.pi - theta_0
+        sharp = np.pi - theta_0
         if self.refinement == 1:
             return sharp
         middle = self.refinement
@@ -143,12 +146,12 @@ class Ridge:
         found: optx.Solution = optx.root_find(
             excess,
             optx.Newton(rtol=1e-14, atol=1e-14),
-            sharp,
+            jnp.asarray(sharp),
             args=jnp.cos(sharp / 2),
             max_steps=50,
             throw=False,
         )
-        return jnp.asarray(found.value)
+        return array_library(theta_0).asarray(found.value)
 
 
 def _parts(refinement: int, fraction: float) -> Float[np.ndarray, " offset"]:

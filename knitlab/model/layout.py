@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from knitlab.model.array_library import array_library
 from knitlab.model.fabric import Fabric, Sheet, StripeNumbers, StripePair, cell_length
 from knitlab.model.fold_lines import (
     fold_stiffness_factors,
@@ -81,7 +80,7 @@ class FabricLayout:
             stripes: rib stripes in the order of ``column_stripe``, garter stripes in the order of
                 ``row_stripe``; without this axis if there is one of each.
         """
-        xp = _library(stripes)
+        xp = array_library(stripes)
         width, height = (
             xp.reshape(xp.asarray(cell_length(side, self.options)), -1)[number]
             for side, number in (
@@ -113,20 +112,18 @@ class FabricLayout:
             ]
         rows, columns = self.spring_cells[:, 0, 0], self.spring_cells[:, 0, 1]
         return Fabric(
-            rest_length=jnp.asarray(
-                xp.select(
-                    [self.spring_kind == 0, self.spring_kind == 1],
-                    [width[columns], height[rows]],
-                    xp.asarray(jnp.hypot(width[columns], height[rows])),
-                )
+            rest_length=xp.select(
+                [self.spring_kind == 0, self.spring_kind == 1],
+                [width[columns], height[rows]],
+                xp.hypot(width[columns], height[rows]),
             ),
-            stretch_stiffness=jnp.asarray(self._spring_stiffness(k_s, xp)),
-            rest_fold=jnp.asarray(self._rest_fold(stripes, xp)),
-            fold_stiffness=jnp.asarray(self._hinge_stiffness(k_t, xp)),
-            z_max=jnp.asarray(self.sheet.z_max, float),
-            k_wall=jnp.asarray(self._k_wall, float),
-            cell_x=jnp.asarray(width),
-            cell_y=jnp.asarray(height),
+            stretch_stiffness=self._spring_stiffness(k_s, xp),
+            rest_fold=self._rest_fold(stripes, xp),
+            fold_stiffness=self._hinge_stiffness(k_t, xp),
+            z_max=np.asarray(self.sheet.z_max, float),
+            k_wall=np.asarray(self._k_wall, float),
+            cell_x=width,
+            cell_y=height,
             fold_angle=self.options.fold_angle,
             spring_law=self._spring_law(stripes, k_s, xp),
         )
@@ -178,8 +175,7 @@ class FabricLayout:
         ridge = ridge_of(self.options)
         before, after = self.hinge_cells[:, 0], self.hinge_cells[:, 1]
         folds = [
-            xp.asarray(ridge.rest_fold(jnp.asarray(_by_number(side, "theta_0"))))
-            for side in (stripes.weft, stripes.warp)
+            ridge.rest_fold(_by_number(side, "theta_0")) for side in (stripes.weft, stripes.warp)
         ]
         numbers = [
             (self.column_stripe[before[:, 1]], self.column_stripe[after[:, 1]]),
@@ -193,16 +189,9 @@ class FabricLayout:
         return xp.where(np.isnan(self.single_fold), fold, np.nan_to_num(self.single_fold))
 
 
-def _library(stripes: StripePair) -> Any:
-    """JAX's NumPy while JAX traces a derivative, else NumPy, which needs no compilation."""
-    traced = any(isinstance(number, jax.core.Tracer) for number in jax.tree.leaves(stripes))
-    return jnp if traced else np
-
-
 def _by_number(stripe: StripeNumbers, name: str) -> Any:
     """A parameter of one or of several stripes, along one axis."""
-    number = getattr(stripe, name)
-    return jnp.reshape(number, -1) if isinstance(number, jax.core.Tracer) else np.ravel(number)
+    return getattr(stripe, name).reshape(-1)
 
 
 def fabric_layout(

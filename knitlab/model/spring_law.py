@@ -14,9 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from knitlab.model.array_library import array_library
 from knitlab.model.spring_curve import SpringCurve
 
-Each = Float[Array, "*#spring"]
+Each = Float[Array | np.ndarray, "*#spring"]
 """A value of every spring, or one of all springs."""
 
 
@@ -82,7 +83,7 @@ class Stiffening(SpringLaw):
         rate: 1/e_s², 0 for a linear spring [1].
     """
 
-    rate: Float[Array, "*spring"]
+    rate: Float[Array | np.ndarray, "*spring"]
 
     def stored(self, length: Each, rest_length: Each) -> Each:
         """½ (ℓ − ℓ0)² (1 + ½ e²/e_s²) [mm²]."""
@@ -108,8 +109,8 @@ class Tabulated(SpringLaw):
         curves: the curves.
     """
 
-    rate: Float[Array, "*spring"]
-    shares: Float[Array, "*spring curve"]
+    rate: Float[Array | np.ndarray, "*spring"]
+    shares: Float[Array | np.ndarray, "*spring curve"]
     curves: tuple[SpringCurve, ...] = eqx.field(static=True)
 
     def stored(self, length: Each, rest_length: Each) -> Each:
@@ -151,7 +152,8 @@ def _on_curve(curve: SpringCurve, order: int, strain: Each) -> Each:
 
 
 def spring_law(
-    stiffening_strains: Sequence[Float[Array, ""] | None], curves: Sequence[SpringCurve | None]
+    stiffening_strains: Sequence[Float[Array | np.ndarray, ""] | None],
+    curves: Sequence[SpringCurve | None],
 ) -> SpringLaw:
     """One law object for several springs, each with a law of its own.
 
@@ -161,9 +163,10 @@ def spring_law(
     """
     if all(given is None for given in (*stiffening_strains, *curves)):
         return LINEAR
-    rates = [jnp.zeros(()) if strain is None else 1 / strain**2 for strain in stiffening_strains]
+    xp = array_library(stiffening_strains)
+    rates = [np.zeros(()) if strain is None else 1 / strain**2 for strain in stiffening_strains]
     known = tuple(dict.fromkeys(curve for curve in curves if curve is not None))
     if not known:
-        return Stiffening(jnp.stack(rates))
+        return Stiffening(xp.stack(rates))
     shares = [[float(curve == each) for each in known] for curve in curves]
-    return Tabulated(jnp.stack(rates), jnp.array(shares), known)
+    return Tabulated(xp.stack(rates), np.array(shares), known)

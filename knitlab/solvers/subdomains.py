@@ -6,7 +6,6 @@ from functools import lru_cache
 from itertools import pairwise
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Bool, Float, Int
@@ -46,8 +45,10 @@ class Subdomain:
         """The part of the sample's fabric in the subdomain."""
 
         # NumPy indexes without compiling, which JAX does for every size.
-        def part(values: Array, places: Int[np.ndarray, " element"]) -> Array:
-            return jnp.asarray(np.asarray(values)[places])
+        def part(
+            values: Array | np.ndarray, places: Int[np.ndarray, " element"]
+        ) -> Float[np.ndarray, "..."]:
+            return np.asarray(values)[places]
 
         return replace(
             whole,

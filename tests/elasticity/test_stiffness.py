@@ -5,18 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from knitlab.elasticity.element_stiffness import (
-    HINGE_ENTRIES,
-    SPRING_ENTRIES,
-    hinge_stiffness,
-    spring_stiffness,
-)
+from knitlab.elasticity.element_stiffness import SPRING_ENTRIES, spring_stiffness
 from knitlab.elasticity.evaluation import (
     COMPLETE,
     Stage,
     element_hessians,
     staged,
 )
+from knitlab.elasticity.hinge_stiffness import HINGE_ENTRIES, hinge_stiffness
 from knitlab.elasticity.stiffness import FreeStiffness, free_stiffness
 from knitlab.mechanics.loading import all_free, tensile
 from knitlab.model.configuration import Configuration

@@ -18,9 +18,10 @@ def creased(net, fabric, axis=0, half=0.3):
     """A sheet folded along its middle to a mountain of twice an angle; its cells are planes."""
     flat = flat_sheet(net, fabric).positions
     ridge = 4.0 * cell_of(fabric)[axis]
-    folded = flat.at[..., axis].set(ridge + (flat[..., axis] - ridge) * jnp.cos(half))
-    folded = folded.at[..., 2].set(-jnp.abs(flat[..., axis] - ridge) * jnp.sin(half))
-    return Configuration(folded, jnp.zeros(2))
+    folded = np.array(flat)
+    folded[..., axis] = ridge + (flat[..., axis] - ridge) * np.cos(half)
+    folded[..., 2] = -np.abs(flat[..., axis] - ridge) * np.sin(half)
+    return Configuration(folded, np.zeros(2))
 
 
 @pytest.mark.parametrize("axis", [0, 1])

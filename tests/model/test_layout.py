@@ -155,9 +155,10 @@ def test_a_single_fold_rests_at_its_angle_without_energy(along, cells_per_period
     axis = 0 if along == "wale" else 1
     reach = np.asarray(flat.positions[..., axis] - flat.positions[..., axis].max() / 2)
     tilt = (np.pi - 2.0) / 2
-    folded = flat.positions.at[..., axis].set(reach * np.cos(tilt))
+    folded = flat.positions.copy()
+    folded[..., axis] = reach * np.cos(tilt)
     # A valley opens upwards.
-    folded = folded.at[..., 2].set(np.abs(reach) * np.sin(tilt))
+    folded[..., 2] = np.abs(reach) * np.sin(tilt)
     shape = Configuration(folded, flat.lengths)
     assert stored(layout, fabric, shape) == pytest.approx(0, abs=1e-20)
     assert stored(layout, fabric, flat) > 1e-3

@@ -1,0 +1,15 @@
+"""NumPy or JAX's NumPy: one formula for results that are differentiated and for all others."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+
+def array_library(*values: Any) -> Any:
+    """JAX's NumPy if any value is or holds an array of JAX, as while it traces a derivative.
+
+    Else NumPy, which needs no compilation; JAX compiles every operation on arrays of a new shape.
+    """
+    return jnp if any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(values)) else np
