@@ -14,7 +14,7 @@ from jaxtyping import Float
 from threadpoolctl import ThreadpoolController
 
 from knitlab.elasticity.stiffness import FreeStiffness
-from knitlab.linalg.multifrontal import Multifrontal
+from knitlab.linalg.multifrontal import Multifrontal, Precision
 from knitlab.linalg.symbolic_factorisation import (
     GridOrder,
     NestedDissection,
@@ -48,7 +48,13 @@ class Factoriser(Protocol):
         ...
 
 
-def factoriser(free: FreeStiffness, threads: Threads = ALONE) -> Factoriser:
+Factorisers = dict[tuple[FreeStiffness, bool], Factoriser]
+"""Factorisers by free unknowns, and by whether they use double precision."""
+
+
+def factoriser(
+    free: FreeStiffness, threads: Threads = ALONE, precision: Precision = np.float64
+) -> Factoriser:
     """Factoriser of the stiffness of the free unknowns of a mesh shape.
 
     The symbolic factorisation is done here, once for a mesh shape. All calls use the same memory:
@@ -57,8 +63,9 @@ def factoriser(free: FreeStiffness, threads: Threads = ALONE) -> Factoriser:
     Args:
         free: the sparsity.
         threads: threads that may share a factorisation.
+        precision: single or double; see :class:`~knitlab.linalg.multifrontal.Multifrontal`.
     """
-    factors = Multifrontal(_plan(free), threads)
+    factors = Multifrontal(_plan(free), threads, precision)
 
     def factorise(entries: Entries, convexified: bool = False) -> Factors | None:
         return factors if factors.factorise(entries, convexified) else None

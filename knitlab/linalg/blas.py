@@ -5,12 +5,14 @@ factorise no faster than one. The same routines, which SciPy exports to Cython a
 addresses, do not need it, and ctypes releases it. The addresses of all arguments are prepared once
 for matrices that stay in place.
 
-Matrices are in Fortran order; only the lower triangle of a symmetric or triangular one is read.
+All arrays of a call are of one precision, single or double. Matrices are in Fortran order; only the
+lower triangle of a symmetric or triangular one is read.
 """
 
 import ctypes
 from collections.abc import Callable, Iterable
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -42,75 +44,109 @@ def _routine(module: ModuleType, name: str) -> Callable[..., None]:
     return ctypes.CFUNCTYPE(None, *arguments)(address)
 
 
-_LACPY, _POTRF, _TRTRI = (_routine(cython_lapack, name) for name in ("dlacpy", "dpotrf", "dtrtri"))
-_GEMM, _GEMV, _SYRK, _TRMM, _TRSV = (
-    _routine(cython_blas, name) for name in ("dgemm", "dgemv", "dsyrk", "dtrmm", "dtrsv")
-)
-
 _INTEGERS = np.arange(2**16, dtype=np.int32)
-_SCALARS = np.array([1.0, -1.0, 0.0])
 _LETTERS = np.frombuffer(b"LNTR", dtype=np.uint8)
 _FIRST_INTEGER = _INTEGERS.ctypes.data
-_ONE, _MINUS_ONE, _ZERO = (_SCALARS.ctypes.data + 8 * place for place in range(3))
 _LOWER, _NOT, _TRANSPOSED, _RIGHT = (_LETTERS.ctypes.data + place for place in range(4))
+
+
+class _Precision:
+    """Routines and scalars of single or double precision.
+
+    Args:
+        letter: first letter of the names of its routines.
+        kind: its numbers.
+    """
+
+    def __init__(self, letter: str, kind: type[np.floating[Any]]) -> None:
+        self.lacpy, self.potrf, self.trtri = (
+            _routine(cython_lapack, letter + name) for name in ("lacpy", "potrf", "trtri")
+        )
+        self.gemm, self.gemv, self.syrk, self.trmm, self.trsv = (
+            _routine(cython_blas, letter + name)
+            for name in ("gemm", "gemv", "syrk", "trmm", "trsv")
+        )
+        self._scalars = np.array([1.0, -1.0, 0.0], dtype=kind)
+        self.one, self.minus_one, self.zero = (
+            self._scalars.ctypes.data + place * self._scalars.itemsize for place in range(3)
+        )
+
+
+_PRECISIONS = {
+    np.dtype(np.float32): _Precision("s", np.float32),
+    np.dtype(np.float64): _Precision("d", np.float64),
+}
 
 
 def copy(target: Matrix, triangle: Matrix) -> Call:
     """``target`` ← triangle."""
-    return _LACPY, (_LOWER, *_sizes(triangle), *_at(triangle), *_at(target)), (target, triangle)
+    precision = _PRECISIONS[target.dtype]
+    return (
+        precision.lacpy,
+        (_LOWER, *_sizes(triangle), *_at(triangle), *_at(target)),
+        (target, triangle),
+    )
 
 
 def cholesky(matrix: Matrix, status: Status) -> Call:
     """``matrix`` ← its Cholesky factor."""
+    precision = _PRECISIONS[matrix.dtype]
     arguments = _LOWER, _integer(len(matrix)), *_at(matrix), status.ctypes.data
-    return _POTRF, arguments, (matrix, status)
+    return precision.potrf, arguments, (matrix, status)
 
 
 def invert(triangle: Matrix, status: Status) -> Call:
     """``triangle`` ← triangle⁻¹."""
+    precision = _PRECISIONS[triangle.dtype]
     arguments = _LOWER, _NOT, _integer(len(triangle)), *_at(triangle), status.ctypes.data
-    return _TRTRI, arguments, (triangle, status)
+    return precision.trtri, arguments, (triangle, status)
 
 
 def multiply_by_transposed(matrix: Matrix, triangle: Matrix) -> Call:
     """``matrix`` ← matrix × triangleᵀ."""
+    precision = _PRECISIONS[matrix.dtype]
     options = _RIGHT, _LOWER, _TRANSPOSED, _NOT
-    arguments = *options, *_sizes(matrix), _ONE, *_at(triangle), *_at(matrix)
-    return _TRMM, arguments, (matrix, triangle)
+    arguments = *options, *_sizes(matrix), precision.one, *_at(triangle), *_at(matrix)
+    return precision.trmm, arguments, (matrix, triangle)
 
 
 def subtract_product(matrix: Matrix, left: Matrix, right: Matrix) -> Call:
     """``matrix`` ← matrix − left × rightᵀ."""
+    precision = _PRECISIONS[matrix.dtype]
     sizes = *_sizes(matrix), _integer(left.shape[1])
-    operands = _MINUS_ONE, *_at(left), *_at(right), _ONE, *_at(matrix)
-    return _GEMM, (_NOT, _TRANSPOSED, *sizes, *operands), (matrix, left, right)
+    operands = precision.minus_one, *_at(left), *_at(right), precision.one, *_at(matrix)
+    return precision.gemm, (_NOT, _TRANSPOSED, *sizes, *operands), (matrix, left, right)
 
 
 def subtract_square(matrix: Matrix, factor: Matrix) -> Call:
     """``matrix`` ← matrix − factor × factorᵀ."""
-    operands = *_sizes(factor), _MINUS_ONE, *_at(factor), _ONE, *_at(matrix)
-    return _SYRK, (_LOWER, _NOT, *operands), (matrix, factor)
+    precision = _PRECISIONS[matrix.dtype]
+    operands = *_sizes(factor), precision.minus_one, *_at(factor), precision.one, *_at(matrix)
+    return precision.syrk, (_LOWER, _NOT, *operands), (matrix, factor)
 
 
 def solve(triangle: Matrix, vector: Vector, transposed: bool = False) -> Call:
     """``vector`` ← triangle⁻¹ × vector, or triangle⁻ᵀ × vector."""
+    precision = _PRECISIONS[triangle.dtype]
     options = _LOWER, _TRANSPOSED if transposed else _NOT, _NOT
     operands = _integer(len(triangle)), *_at(triangle), vector.ctypes.data, _integer(1)
-    return _TRSV, (*options, *operands), (triangle, vector)
+    return precision.trsv, (*options, *operands), (triangle, vector)
 
 
 def multiply(target: Vector, matrix: Matrix, vector: Vector) -> Call:
     """``target`` ← matrix × vector."""
-    ends = vector.ctypes.data, _integer(1), _ZERO, target.ctypes.data, _integer(1)
-    arguments = _NOT, *_sizes(matrix), _ONE, *_at(matrix), *ends
-    return _GEMV, arguments, (target, matrix, vector)
+    precision = _PRECISIONS[target.dtype]
+    ends = vector.ctypes.data, _integer(1), precision.zero, target.ctypes.data, _integer(1)
+    arguments = _NOT, *_sizes(matrix), precision.one, *_at(matrix), *ends
+    return precision.gemv, arguments, (target, matrix, vector)
 
 
 def subtract_transposed_product(target: Vector, matrix: Matrix, vector: Vector) -> Call:
     """``target`` ← target − matrixᵀ × vector."""
-    ends = vector.ctypes.data, _integer(1), _ONE, target.ctypes.data, _integer(1)
-    arguments = _TRANSPOSED, *_sizes(matrix), _MINUS_ONE, *_at(matrix), *ends
-    return _GEMV, arguments, (target, matrix, vector)
+    precision = _PRECISIONS[target.dtype]
+    ends = vector.ctypes.data, _integer(1), precision.one, target.ctypes.data, _integer(1)
+    arguments = _TRANSPOSED, *_sizes(matrix), precision.minus_one, *_at(matrix), *ends
+    return precision.gemv, arguments, (target, matrix, vector)
 
 
 def _integer(number: int) -> int:

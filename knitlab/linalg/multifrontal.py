@@ -21,6 +21,8 @@ from knitlab.linalg.blas import Call, Matrix, Status, Vector
 from knitlab.linalg.symbolic_factorisation import Columns, Front, NestedDissection
 from knitlab.linalg.threads import ALONE, Threads
 
+Precision = type[np.float32] | type[np.float64]
+
 INVERTED_SIZE = 48
 """Size up to which a triangular matrix is inverted rather than solved with: OpenBLAS multiplies
 small matrices several times faster than it solves with them."""
@@ -39,15 +41,22 @@ class Multifrontal:
     Args:
         plan: symbolic factorisation of the matrices.
         threads: threads to use, at most two.
+        precision: of the factor, single or double. A matrix whose condition number exceeds that
+            precision may be found not to be positive definite.
     """
 
-    def __init__(self, plan: NestedDissection, threads: Threads = ALONE) -> None:
+    def __init__(
+        self,
+        plan: NestedDissection,
+        threads: Threads = ALONE,
+        precision: Precision = np.float64,
+    ) -> None:
         self.plan = plan
         self._threads = threads if plan.stored > WORTH_SHARING else ALONE
-        self._stored = np.empty(plan.stored)
-        self._solution, beside = np.zeros(len(plan.order)), np.zeros(len(plan.order))
+        self._stored = np.empty(plan.stored, precision)
+        self._solution, beside = (np.zeros(len(plan.order), precision) for _ in range(2))
         self._failed = Event()
-        memory = _Memory(self._stored, np.empty(plan.stack), self._failed)
+        memory = _Memory(self._stored, np.empty(plan.stack, precision), self._failed)
         vectors = self._solution, beside, self._solution
         self._parts = [
             _Part(fronts, memory, vector)
@@ -92,7 +101,7 @@ class Multifrontal:
         beside[top.own] = solution[top.own]
         self._threads.each(_Part.substitute_back, (first, second))
         solution[second.own] = beside[second.own]
-        solved = np.empty_like(solution)
+        solved = np.empty(rhs.shape)
         solved[self.plan.order] = solution
         return solved
 
@@ -161,7 +170,9 @@ class _Part:
         self.vector, self._failed = vector, memory.failed
         self._status = np.zeros(1, dtype=np.int32)
         widest = max((len(front.boundary) for front in fronts), default=0)
-        inverted, work = np.empty(INVERTED_SIZE**2), np.empty(widest)
+        inverted, work = (
+            np.empty(size, memory.stored.dtype) for size in (INVERTED_SIZE**2, widest)
+        )
         self._eliminations = [
             _elimination(front, memory, inverted, self._status) for front in fronts
         ]
@@ -196,7 +207,7 @@ class _Part:
         """Replace pivots by the factor of their convexified values before the factorisation."""
         if not np.isfinite(before).all():
             return False
-        values, vectors = np.linalg.eigh(before)
+        values, vectors = np.linalg.eigh(before.astype(float))
         front.pivots[:] = (vectors * np.maximum(np.abs(values), LEAST_CURVATURE)) @ vectors.T
         return self._factored(front)
 

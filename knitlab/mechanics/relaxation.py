@@ -16,6 +16,7 @@ from knitlab.solvers.domain_decomposition import find_equilibrium_by_subdomains
 from knitlab.solvers.equilibrium_search import SearchRules
 from knitlab.solvers.solver import Evaluate, Solver, SolverSettings
 from knitlab.solvers.state import State
+from knitlab.solvers.subdomains import worth_dividing
 
 if TYPE_CHECKING:
     from knitlab.contact.barrier import Barrier
@@ -48,6 +49,8 @@ def relax(
     """
     shape = net.shape
     whole = SearchRules.of(shape, all_free(shape), fabric, settings, contact=contact)
+    # From a flat sheet, round-off of single precision may decide which shape is reached.
+    whole = replace(whole, exact=not worth_dividing(shape))
     flat = flat_sheet(net, fabric)
     begin = np.asarray((flat if start is None else start).flattened())
     waypoint = intermediate_settings(settings, fabric)

@@ -85,7 +85,8 @@ def minimise(search: Search) -> Solver[Outcome]:
 def minimise_with_one_factorisation(search: Search) -> Solver[Outcome | None]:
     """Continue a search for as long as one factorisation is useful.
 
-    Factorisations that fail, or allow no step that lowers the energy, are repeated with another μ.
+    Factorisations that fail, or allow no step that lowers the energy, are repeated with another μ;
+    if the search has nearly ended, first in double precision, which it then keeps.
 
     Returns:
         The outcome of the search; ``None`` if it has not ended.
@@ -98,12 +99,18 @@ def minimise_with_one_factorisation(search: Search) -> Solver[Outcome | None]:
             contact = rules.contact.hessian(search.at.unknowns, rules.free.places)
         while True:
             search.factorisations += 1
-            if (yield Factorise(search.shift, rules.convexified, contact)):
+            if (yield Factorise(search.shift, rules.convexified, contact, search.exact)):
                 break
+            if search.nearly_ended and not search.exact:
+                search.exact = True
+                continue
             search.shift, raised = max(10 * search.shift, LEAST_RAISED_SHIFT), True
             if search.shift > LARGEST_SHIFT:
                 return Outcome.stalled
         descent = yield from _descend(search)
+        if not (descent.steps or search.exact) and (search.nearly_ended or descent.below_round_off):
+            search.exact = True
+            continue
         if descent.below_round_off and not descent.steps and search.shift <= smallest:
             return Outcome.stalled
         if descent.shortened:

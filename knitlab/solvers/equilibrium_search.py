@@ -8,7 +8,6 @@ from jaxtyping import Float, Int
 
 from knitlab.elasticity.evaluation import Evaluation
 from knitlab.elasticity.stiffness import FreeStiffness, free_stiffness
-from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
 from knitlab.solvers.solver import Evaluate, Solver, SolverSettings
@@ -19,6 +18,8 @@ if TYPE_CHECKING:
 
 FIRST_SHIFT = 1e-4
 """Initial μ of a search that raises μ [N/mm]."""
+NEARLY = 1e3
+"""Force of a search that has nearly ended, over the tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,7 @@ class SearchRules:
         floor: energy below which the search stops, because the state sought has more [N mm].
         convexified: whether to convexify the stiffness rather than raise μ.
         contact: contact of the fabric with itself, if any.
+        exact: whether to factorise in double precision from the start.
     """
 
     free: FreeStiffness
@@ -40,6 +42,7 @@ class SearchRules:
     floor: float = -np.inf
     convexified: bool = True
     contact: "Barrier | None" = None
+    exact: bool = False
 
     @classmethod
     def of(
@@ -89,11 +92,14 @@ class Search:
         at: configuration to start from, and the stage; its held unknowns stay fixed.
         evaluation: energy and gradient there.
         rules: rules of the search.
+
+    Attributes:
+        exact: whether the stiffness is factorised in double precision.
     """
 
     def __init__(self, at: Evaluate, evaluation: Evaluation, rules: SearchRules) -> None:
         self.rules, self.places = rules, rules.free.places
-        self.iterations, self.factorisations = 0, 0
+        self.iterations, self.factorisations, self.exact = 0, 0, rules.exact
         self.begin(at, evaluation)
 
     def begin(self, at: Evaluate, evaluation: Evaluation) -> None:
@@ -126,6 +132,11 @@ class Search:
             return Outcome.iteration_limit
         return None if np.isfinite(self.force) else Outcome.stalled
 
+    @property
+    def nearly_ended(self) -> bool:
+        """Whether so little force is left that the stiffness must be positive definite."""
+        return self.force <= NEARLY * self.rules.settings.tolerance
+
     def state(self, outcome: Outcome) -> State:
         """The current state."""
         return State(
@@ -150,14 +161,12 @@ def _longest_change(
     """
     unknowns = np.zeros(shape.unknowns)
     unknowns[free] = step
-    move, longest = Configuration.of(unknowns, shape), 0.0
-    nodes = np.asarray(move.positions)
-    for axis, length in ((1, move.lengths[0]), (0, move.lengths[1])):
-        if shape.periodic:
-            change = np.roll(nodes, -1, axis) - nodes
-            seam = (-1, slice(None), 1) if axis == 0 else (slice(None), -1, 0)
-            change[seam] += length
-        else:
-            change = np.diff(nodes, axis=axis)
-        longest = max(longest, float((change**2).sum(-1).max()))
-    return max(longest, np.finfo(float).tiny) ** 0.5
+    # Not as a Configuration, which would take longer to make than the rest.
+    nodes = unknowns[:-2].reshape(shape.nodes_y, shape.nodes_x, 3)
+    along_x, along_y = unknowns[-2:]
+    changes = [np.diff(nodes, axis=0), np.diff(nodes, axis=1)]
+    if shape.periodic:
+        changes.append(nodes[0] - nodes[-1] + np.array([0.0, along_y, 0.0]))
+        changes.append(nodes[:, 0] - nodes[:, -1] + np.array([along_x, 0.0, 0.0]))
+    longest = max(np.einsum("...c,...c->...", change, change).max() for change in changes)
+    return max(float(longest), np.finfo(float).tiny) ** 0.5

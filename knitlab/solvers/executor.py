@@ -12,7 +12,7 @@ from jaxtyping import Bool
 from knitlab.elasticity.element_chunks import ChunkedFabric
 from knitlab.elasticity.evaluation import ElementHessians, Evaluation
 from knitlab.elasticity.factorisation import (
-    Factoriser,
+    Factorisers,
     Factors,
     factorise_with_contact,
     factoriser,
@@ -64,7 +64,7 @@ class Executor:
         self,
         shape: MeshShape,
         fabric: Fabric,
-        factorisers: dict[FreeStiffness, Factoriser] | None = None,
+        factorisers: Factorisers | None = None,
         threads: Threads = ALONE,
     ) -> None:
         self._shape, self._whole, self._threads = shape, fabric, threads
@@ -103,22 +103,24 @@ class Executor:
         if request.contact is not None:
             self._factors = factorise_with_contact(free, entries, request.contact, self._threads)
             return self._factors is not None
-        if free not in self._factorisers:
+        wanted = free, request.exact
+        if wanted not in self._factorisers:
             self._release_large_factors()
-            self._factorisers[free] = factoriser(free, self._threads)
-        self._factors = self._factorisers[free](entries, request.convexified)
+            precision = np.float64 if request.exact else np.float32
+            self._factorisers[wanted] = factoriser(free, self._threads, precision)
+        self._factors = self._factorisers[wanted](entries, request.convexified)
         return self._factors is not None
 
     def _release_large_factors(self) -> None:
-        """Release the memory of factors for other free unknowns, if this is a large sample.
+        """Release the memory of other factors, if this is a large sample.
 
         It is most of the memory of a large sample, whose free unknowns change only once, between
         relaxation and tensile test.
         """
         if worth_dividing(self._shape):
             self._factors = None
-            for free in [free for free in self._factorisers if free.shape == self._shape]:
-                del self._factorisers[free]
+            for key in [key for key in self._factorisers if key[0].shape == self._shape]:
+                del self._factorisers[key]
 
     def _solve_subdomains(self, request: SolveSubdomains) -> tuple[Evaluate, float]:
         decomposition = self._decomposition(request.free)

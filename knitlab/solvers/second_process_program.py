@@ -6,7 +6,7 @@ import signal
 import sys
 from typing import IO
 
-from knitlab.elasticity.factorisation import Factoriser, one_thread_of_blas
+from knitlab.elasticity.factorisation import Factorisers, one_thread_of_blas
 from knitlab.elasticity.stiffness import FreeStiffness
 from knitlab.solvers.executor import Executor, solve_subdomain
 from knitlab.solvers.second_process import SubdomainData, SubdomainTask
@@ -15,7 +15,7 @@ from knitlab.solvers.subdomains import subdomain_stiffness
 
 def serve(requests: IO[bytes], replies: IO[bytes]) -> None:
     """Solve the requested subdomains until the other end closes the requests."""
-    factorisers: dict[FreeStiffness, Factoriser] = {}
+    factorisers: Factorisers = {}
     executors: dict[tuple[int, int], tuple[Executor, FreeStiffness]] = {}
     while True:
         task: SubdomainTask

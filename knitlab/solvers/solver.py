@@ -46,13 +46,16 @@ class Factorise:
         shift: added to the diagonal [N/mm].
         convexified: whether to factorise a nearby positive definite matrix instead of failing.
         contact: Hessian of the contact, if any is active, to be added; it may couple any two
-            unknowns. The matrix is not convexified then: the long steps that this allows would end
-            at the next collision [N/mm].
+            unknowns. The matrix is not convexified then, and factorised in double precision: the
+            long steps that convexity allows would end at the next collision [N/mm].
+        exact: whether in double precision. Single precision takes half the time and memory, and is
+            enough for a search, whose forces are those of the exact energy.
     """
 
     shift: float
     convexified: bool
     contact: sp.csc_array | None = None
+    exact: bool = False
 
 
 @dataclass(frozen=True)

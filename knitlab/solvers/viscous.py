@@ -59,8 +59,8 @@ def against_drag(search: Solver[State], drag: Drag) -> Solver[State]:
         match request:
             case Evaluate(unknowns):
                 answer = drag.added((yield request), unknowns)
-            case Factorise(shift, convexified):
-                answer = yield Factorise(shift + drag.stiffness, convexified)
+            case Factorise(shift):
+                answer = yield replace(request, shift=shift + drag.stiffness)
             case _:
                 answer = yield request
     elastic = yield Evaluate(state.unknowns)
