@@ -58,7 +58,7 @@ def run(
     groups = only.split(",")
     if unknown := sorted(set(groups) - set(GROUPS)):
         raise click.BadParameter(f"{', '.join(unknown)}: choose of {', '.join(GROUPS)}")
-    # Who is terminated ends the measurement that is under way, lest it disturb the next run's.
+    # Without this a measurement would go on after its parent was terminated, beside the next run.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     failed = 0
     for measurement in planned(groups, Budget(repeats, time_limit, once_above), results):

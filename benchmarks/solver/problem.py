@@ -98,7 +98,7 @@ def by(search: Search, prepare: Callable[[Problem], None]) -> Method:
 
 
 def relax_by(search: Search, problem: Problem, watch: Watch) -> Unknowns:
-    """Relax a flat sheet; a sample for clamping is squared up and relaxed again, as by knitlab."""
+    """Relax a flat sheet; a sample for clamping is aligned and relaxed again, as by knitlab."""
     free = all_free(problem.shape)
     relaxed = search(problem, problem.flat, free, watch)
     if problem.shape.periodic:
