@@ -168,6 +168,17 @@ def test_the_factor_is_that_of_the_reordered_matrix(case: Case) -> None:
     np.testing.assert_allclose(triangle(factors), np.linalg.cholesky(dense), rtol=0, atol=1e-12)
 
 
+def test_single_precision_solves_to_its_round_off(case: Case) -> None:
+    factors = Multifrontal(case.plan, precision=np.float32)
+    assert factors.factorise(case.lower.data)
+    right = np.random.default_rng(1).normal(size=len(case.rows))
+    solution = factors.solve(right)
+    assert solution.dtype == np.float64
+    exact = spsolve(case.matrix, right) if len(right) > 1 else right / case.matrix.toarray()[0]
+    error = np.linalg.norm(solution - exact) / np.linalg.norm(exact)
+    assert 1e-9 < error < 1e-4
+
+
 @pytest.mark.slow
 def test_indefinite_matrices_are_reported(case: Case) -> None:
     plan, lower = case.plan, case.lower
