@@ -205,7 +205,8 @@ def _through_alignment(shape: MeshShape) -> Callable[..., tuple[Fabric, Rows]]:
 
     def aligned(fabric: Fabric, relaxed: Unknowns) -> Unknowns:
         configuration = Configuration.of(relaxed, shape)
-        return rigidly_aligned(shape, flat_sheet(net, fabric), configuration).flattened()
+        aligned = rigidly_aligned(shape, flat_sheet(net, fabric), configuration)
+        return jnp.asarray(aligned.flattened())
 
     def pulled_back(
         fabric: Fabric, relaxed: Unknowns, rigid: Rows, by_fabric: Fabric

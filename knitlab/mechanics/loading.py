@@ -3,10 +3,8 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 from scipy.optimize import least_squares
@@ -114,7 +112,6 @@ def reaction_force(
     return drive[held] @ gradient[held] / length
 
 
-@partial(jax.jit, static_argnums=0)
 def rigidly_aligned(
     shape: MeshShape,
     flat: Configuration,
@@ -141,7 +138,7 @@ def rigidly_aligned(
     nodes = middle + (relaxed.positions.reshape(-1, 3) - middle) @ turn.T
     drift = (flat.positions.reshape(-1, 3) - nodes).mean(axis=0)
     level = nodes + drift * np.array([1, 1, 0])
-    return Configuration(level.reshape(relaxed.positions.shape), jnp.asarray(relaxed.lengths))
+    return Configuration(level.reshape(relaxed.positions.shape), relaxed.lengths)
 
 
 def between_walls(configuration: Configuration, z_max: float) -> Configuration:
