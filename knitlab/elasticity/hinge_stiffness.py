@@ -61,6 +61,8 @@ class Signed:
 
 
 LEVI_CIVITA = np.cross(np.eye(3)[:, None], np.eye(3))
+"""Sign of every permutation of three axes."""
+
 DIAGONALS = HINGE_VECTORS[1:].reshape(2, 2, 6)
 """Where the two diagonals of each normal start (-1) and end (1)."""
 
@@ -95,15 +97,21 @@ def _second_by_nodes() -> list[Signed]:
 
 
 ENDS, OTHERS = _columns_by_nodes()
-SECOND = _second_by_nodes()
+"""J for the two nodes of the edge, which belong to both normals, and for the four others."""
+
+NORMALS_TWICE = _second_by_nodes()
+"""Second derivative of each normal by the nodes."""
+
 PRODUCT_PLACES = np.where(
     HINGE_ENTRIES[0] < 6,
     6 * HINGE_ENTRIES[0] + HINGE_ENTRIES[1],
     36 + 18 * (HINGE_ENTRIES[0] - 6) + HINGE_ENTRIES[1],
 )
 """Where the kept entries are among the 6 × 6 of the edge's nodes and the 12 × 18 of the others."""
+
 TRIPLE = Signed.of(np.einsum("ijk,abc->iajbkc", LEVI_CIVITA, LEVI_CIVITA).reshape(9, 9, 9))
 """Second derivative of the triple product of three vectors; values are their components."""
+
 SCALAR = np.kron([[0, 0, 0], [0, 0, 1], [0, 1, 0]], np.eye(3))[:, :, None]
 """Second derivative of the scalar product of the second and third of three vectors."""
 
@@ -158,7 +166,8 @@ def _entries(
             _sum([half[row] * value[:, None] for row, value in others]).reshape(216, -1),
         ]
     )
-    return products[PRODUCT_PLACES] + SECOND[0](slope[3:6]) + SECOND[1](slope[6:])
+    before_twice, after_twice = NORMALS_TWICE
+    return products[PRODUCT_PLACES] + before_twice(slope[3:6]) + after_twice(slope[6:])
 
 
 def _of_whole_normals(
