@@ -3,12 +3,13 @@
 Results from JAX arrays are differentiable; NumPy arrays need no compilation.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Array, Float
 
 from knitlab.measure.central import central
+from knitlab.model.array_library import array_library
 
 CornerGrid = Float[Array | np.ndarray, "*state corner_y corner_x 2"]
 ReferenceGrid = Float[Array | np.ndarray, "... corner_y corner_x 2"]
@@ -17,11 +18,6 @@ ReferenceTensor = Float[Array | np.ndarray, "... cell_y cell_x 2 2"]
 CellTensor = Float[Array | np.ndarray, "*state cell_y cell_x 2 2"]
 CellField = Float[Array | np.ndarray, "*state cell_y cell_x"]
 Series = Float[Array | np.ndarray, "*state"]
-
-
-def _library(array: Array | np.ndarray) -> Any:
-    """NumPy or JAX's NumPy, depending on the array."""
-    return array.__array_namespace__()
 
 
 def lattice_vectors(corners: CornerGrid) -> CellTensor:
@@ -33,7 +29,7 @@ def lattice_vectors(corners: CornerGrid) -> CellTensor:
     Args:
         corners: positions (x, y) of the corners of the unit cells.
     """
-    xp = _library(corners)
+    xp = array_library(corners)
     along_x = xp.diff(corners, axis=-2)
     along_y = xp.diff(corners, axis=-3)
     v1 = (along_x[..., :-1, :, :] + along_x[..., 1:, :, :]) / 2
@@ -48,7 +44,7 @@ def deformation_gradient(reference: ReferenceTensor, current: CellTensor) -> Cel
         reference: lattice vectors of the relaxed shape, v.
         current: lattice vectors of the deformed shape, w.
     """
-    xp = _library(current)
+    xp = array_library(current)
     transposed = xp.linalg.solve(xp.matrix_transpose(reference), xp.matrix_transpose(current))
     return xp.matrix_transpose(transposed)
 
@@ -71,7 +67,7 @@ def central_mean(strain: CellField) -> Series:
     """
     rows, columns = central(strain.shape[-2]), central(strain.shape[-1])
     middle = strain[..., rows, columns]
-    xp = _library(strain)
+    xp = array_library(strain)
     known = xp.isfinite(middle)
     count = known.sum(axis=(-2, -1))
     total = xp.where(known, middle, 0.0).sum(axis=(-2, -1))
@@ -84,7 +80,7 @@ def mean_cell_size(corners: CornerGrid) -> tuple[Series, Series]:
     Args:
         corners: positions (x, y) of the corners of the unit cells [mm].
     """
-    sides = _library(corners).linalg.norm(lattice_vectors(corners), axis=-2)
+    sides = array_library(corners).linalg.norm(lattice_vectors(corners), axis=-2)
     return central_mean(sides[..., 0]), central_mean(sides[..., 1])
 
 
@@ -96,7 +92,7 @@ def poisson_ratio(mean_strain_xx: Series, mean_strain_yy: Series) -> Series:
         mean_strain_yy: mean strain along the wales, the direction of the applied strain [1].
     """
     stretched = mean_strain_yy != 0
-    xp = _library(mean_strain_yy)
+    xp = array_library(mean_strain_yy)
     return xp.where(stretched, -mean_strain_xx / xp.where(stretched, mean_strain_yy, 1), xp.nan)
 
 

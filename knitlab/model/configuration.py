@@ -11,6 +11,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
+from knitlab.model.array_library import array_library
 from knitlab.model.network import MeshShape
 
 SIDES = 2
@@ -69,7 +70,7 @@ class Configuration(eqx.Module):
 
     def flattened(self) -> Float[Array | np.ndarray, "*state unknown"]:
         """The vector of unknowns: coordinates node by node, then L_x and L_y [mm]."""
-        library: Any = self.positions.__array_namespace__()
+        library = array_library(self.positions)
         coordinates = self.positions.reshape(*self.lengths.shape[:-1], -1)
         return library.concatenate([coordinates, self.lengths], axis=-1)
 

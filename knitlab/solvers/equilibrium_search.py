@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 
 from knitlab.elasticity.evaluation import Evaluation
 from knitlab.elasticity.stiffness import FreeStiffness, free_stiffness
+from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
 from knitlab.solvers.solver import Evaluate, Solver, SolverSettings
@@ -161,9 +162,8 @@ def _longest_change(
     """
     unknowns = np.zeros(shape.unknowns)
     unknowns[free] = step
-    # Not as a Configuration, which would take longer to make than the rest.
-    nodes = unknowns[:-2].reshape(shape.nodes_y, shape.nodes_x, 3)
-    along_x, along_y = unknowns[-2:]
+    move = Configuration.of(unknowns, shape)
+    nodes, (along_x, along_y) = np.asarray(move.positions), np.asarray(move.lengths)
     changes = [np.diff(nodes, axis=0), np.diff(nodes, axis=1)]
     if shape.periodic:
         changes.append(nodes[0] - nodes[-1] + np.array([0.0, along_y, 0.0]))
