@@ -164,15 +164,17 @@ def _descend(search: Search) -> Solver[_Descent]:
         before = search.energy, search.gradient, search.force
         free = rules.free_part(search.at.unknowns, direction * shortening)
         shortening *= free
-        length = yield from _line_search(search, direction * shortening, slope * shortening)
+        step, slope = direction * shortening, slope * shortening
+        length = rules.lowest_part(search.at, step, slope, -slope * shortening)
+        length = yield from _line_search(search, step, slope, length)
         if not length:
             noise = ENERGY_ROUND_OFF * abs(search.energy)
-            return _Descent(steps, blocked=True, below_round_off=-slope * shortening < noise)
+            return _Descent(steps, blocked=True, below_round_off=-slope < noise)
         steps += 1
         # Contact that has come within reach is in the forces, but not in the factorisation.
         if search.end() is not None or free < 1:
             break
-        step, change = direction * (shortening * length), search.gradient - before[1]
+        step, change = step * length, search.gradient - before[1]
         curvature = float(step @ change)
         if curvature > LEAST_CURVATURE * np.sqrt((step @ step) * (change @ change)):
             memory.append((step, change, curvature))
@@ -197,9 +199,12 @@ def _direction(gradient: Vector, memory: deque[tuple[Vector, Vector, float]]) ->
     return direction
 
 
-def _line_search(search: Search, step: Vector, slope: float) -> Solver[float]:
-    """Move by the fraction of a step that lowers the energy sufficiently; 0 if none does."""
-    length, energy, force = 1.0, search.energy, search.force
+def _line_search(search: Search, step: Vector, slope: float, length: float) -> Solver[float]:
+    """Move by the fraction of a step that lowers the energy sufficiently; 0 if none does.
+
+    ``length`` is the largest fraction that is tried.
+    """
+    energy, force = search.energy, search.force
     noise = ENERGY_ROUND_OFF * abs(energy)
     for _ in range(BACKTRACKS):
         unknowns = search.at.unknowns.copy()

@@ -13,6 +13,7 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
 from knitlab.solvers.solver import Evaluate, Solver, SolverSettings
 from knitlab.solvers.state import Outcome, State
+from knitlab.solvers.walls import Walls
 
 if TYPE_CHECKING:
     from knitlab.contact.barrier import Barrier
@@ -30,6 +31,7 @@ class SearchRules:
     Attributes:
         free: the free unknowns and the sparsity of their stiffness.
         step_length: longest change of the vector between neighbouring nodes in a step [mm].
+        walls: the walls that the fabric lies between.
         settings: tolerance and limits.
         floor: energy below which the search stops, because the state sought has more [N mm].
         convexified: whether to convexify the stiffness rather than raise μ.
@@ -39,6 +41,7 @@ class SearchRules:
 
     free: FreeStiffness
     step_length: float
+    walls: Walls
     settings: SolverSettings
     floor: float = -np.inf
     convexified: bool = True
@@ -58,7 +61,8 @@ class SearchRules:
     ) -> "SearchRules":
         """Rules for a fabric; no step is longer than ``settings.step_limit`` of a grid cell."""
         longest = settings.step_limit * float(fabric.cell_sides.min())
-        return cls(free_stiffness(shape, free), longest, settings, floor, convexified, contact)
+        of_free, walls = free_stiffness(shape, free), Walls.of(fabric)
+        return cls(of_free, longest, walls, settings, floor, convexified, contact)
 
     def up_to(self, iterations: int) -> "SearchRules":
         """The same, with another limit of iterations."""
@@ -80,6 +84,26 @@ class SearchRules:
         whole = np.zeros_like(unknowns)
         whole[self.free.places] = step
         return self.contact.free_part(unknowns, whole)
+
+    def lowest_part(
+        self, at: Evaluate, step: Float[np.ndarray, " free"], slope: float, curvature: float
+    ) -> float:
+        """The fraction of a step, at most 1, with the least energy between the walls.
+
+        Args:
+            at: configuration before the step, and the stage.
+            step: the step [mm].
+            slope: first derivative of the energy along the step [N mm].
+            curvature: second derivative of the energy along the step [N mm].
+        """
+        whole = np.zeros_like(at.unknowns)
+        whole[self.free.places] = step
+        now, rise = (
+            Configuration.of(unknowns, self.free.shape).positions[..., 2]
+            for unknowns in (at.unknowns, whole)
+        )
+        part = float(at.stage.wall)
+        return self.walls.lowest(np.ravel(now), np.ravel(rise), slope, curvature, part)
 
     def longest_part(self, step: Float[np.ndarray, " free"]) -> float:
         """The fraction of a step that has the largest allowed length; above 1 for shorter steps."""

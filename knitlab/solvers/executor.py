@@ -42,6 +42,7 @@ from knitlab.solvers.subdomains import (
     subdomains_of,
     worth_dividing,
 )
+from knitlab.solvers.walls import Walls
 
 MOST_SECOND_PROCESSES = 7
 """Largest number of second processes for one sample; each takes 0.4 to 0.9 GB."""
@@ -67,8 +68,8 @@ class Executor:
         factorisers: Factorisers | None = None,
         threads: Threads = ALONE,
     ) -> None:
-        self._shape, self._whole, self._threads = shape, fabric, threads
-        self._fabric = ChunkedFabric.of(shape, fabric, threads)
+        self.fabric, self._shape, self._threads = fabric, shape, threads
+        self._elements = ChunkedFabric.of(shape, fabric, threads)
         self._factorisers = {} if factorisers is None else factorisers
         self._decompositions: dict[FreeStiffness, _Decomposition] = {}
         self._free: FreeStiffness | None = None
@@ -79,9 +80,9 @@ class Executor:
         """The answer to a request."""
         match request:
             case Evaluate(unknowns, stage):
-                return self._fabric.evaluate(stage, unknowns)
+                return self._elements.evaluate(stage, unknowns)
             case Assemble(unknowns, free, stage):
-                return self.assemble(free, self._fabric.element_hessians(stage, unknowns))
+                return self.assemble(free, self._elements.element_hessians(stage, unknowns))
             case Factorise():
                 return self._factorise(request)
             case Solve(right):
@@ -125,7 +126,7 @@ class Executor:
     def _solve_subdomains(self, request: SolveSubdomains) -> tuple[Evaluate, float]:
         decomposition = self._decomposition(request.free)
         unknowns, cost = request.at.unknowns.copy(), 0.0
-        gradient = np.asarray(self._fabric.evaluate(request.at.stage, unknowns).gradient)
+        gradient = np.asarray(self._elements.evaluate(request.at.stage, unknowns).gradient)
         forces = np.array([problem.subdomain.force(gradient) for problem in decomposition.problems])
         accepted = max(request.settings.tolerance, request.force_part * float(forces.max()))
         settings = replace(request.settings, tolerance=accepted)
@@ -166,7 +167,7 @@ class Executor:
         return self._decompositions[free]
 
     def _local_problem(self, subdomain: Subdomain) -> "_LocalProblem":
-        shape, fabric = subdomain.free.shape, subdomain.fabric(self._whole)
+        shape, fabric = subdomain.free.shape, subdomain.fabric(self.fabric)
         sent = SubdomainData(shape, subdomain.free.places, fabric)
         return _LocalProblem(subdomain, sent, Executor(shape, fabric, self._factorisers))
 
@@ -214,9 +215,8 @@ def solve_subdomain(
     executor: Executor, free: FreeStiffness, subdomain_task: SubdomainTask
 ) -> State:
     """The equilibrium of a subdomain with its boundary held."""
-    rules = SearchRules(
-        free, subdomain_task.step_length, subdomain_task.settings, convexified=False
-    )
+    walls, settings = Walls.of(executor.fabric), subdomain_task.settings
+    rules = SearchRules(free, subdomain_task.step_length, walls, settings, convexified=False)
     return run_to_end(executor, find_equilibrium(subdomain_task.start, rules))
 
 

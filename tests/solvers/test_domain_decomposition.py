@@ -39,14 +39,15 @@ from knitlab.solvers.subdomains import (
     subdomains_of,
     worth_dividing,
 )
+from knitlab.solvers.walls import Walls
 from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered
 
 
 def slow(sample, step_length=0.3, settings=DEFAULT) -> SearchRules:
     """Search rules as in a tensile test."""
-    net, _, loading = sample
+    net, fabric, loading = sample
     free = free_stiffness(net.shape, loading.free)
-    return SearchRules(free, step_length, settings, convexified=False)
+    return SearchRules(free, step_length, Walls.of(fabric), settings, convexified=False)
 
 
 @pytest.mark.slow
