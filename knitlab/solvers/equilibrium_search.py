@@ -22,6 +22,9 @@ FIRST_SHIFT = 1e-4
 """Initial μ of a search that raises μ [N/mm]."""
 NEARLY = 1e3
 """Force of a search that has nearly ended, over the tolerance."""
+NEARLY_AT_MOST = 1e-3
+"""Largest force of a search that has nearly ended [N]; subdomains and intermediate states, whose
+tolerance is larger, may be far from any minimum."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +163,7 @@ class Search:
     @property
     def nearly_ended(self) -> bool:
         """Whether so little force is left that the stiffness must be positive definite."""
-        return self.force <= NEARLY * self.rules.settings.tolerance
+        return self.force <= min(NEARLY * self.rules.settings.tolerance, NEARLY_AT_MOST)
 
     def state(self, outcome: Outcome) -> State:
         """The current state."""

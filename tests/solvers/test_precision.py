@@ -1,6 +1,7 @@
 """Searches with factors in single precision reach the states of those in double precision."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -49,7 +50,7 @@ class Recorded(Executor):
         return bool(self.asked) and self.asked[-1][0].exact
 
 
-def pulled(strain, useless=""):
+def pulled(strain, useless="", settings=DEFAULT):
     """A strain step from a relaxed fabric, and the factorisations that it asked for."""
     net, fabric = checkered(4, 1, PERIODIC)
     with one_thread_of_blas():
@@ -57,7 +58,7 @@ def pulled(strain, useless=""):
         loading = tensile(net.shape, relaxed.configuration)
         executor = Recorded(net, fabric, useless)
         executor.free = loading.free
-        rules = SearchRules.of(net.shape, loading.free, fabric, DEFAULT, convexified=False)
+        rules = SearchRules.of(net.shape, loading.free, fabric, settings, convexified=False)
         start = Evaluate(relaxed.unknowns + strain * loading.drive)
         return run_to_end(executor, find_equilibrium(start, rules)), executor.asked
 
@@ -76,6 +77,14 @@ def test_a_search_that_single_precision_cannot_end_is_ended_in_double(useless, s
     # Not with a larger μ, which would slow the search instead.
     assert asked[first][0].shift == asked[first - 1][0].shift
     assert asked[first][1] < NEARLY * DEFAULT.tolerance
+
+
+def test_an_intermediate_state_far_from_a_minimum_is_found_in_single_precision():
+    state, asked = pulled(-0.05, settings=replace(DEFAULT, tolerance=1e-3))
+    assert state.converged
+    failed = [again.shift > before.shift for (before, _), (again, _) in pairwise(asked)]
+    assert any(failed), "the stiffness never failed to be positive definite"
+    assert not any(request.exact for request, _ in asked)
 
 
 def test_strain_steps_follow_the_path_of_double_precision(monkeypatch):
