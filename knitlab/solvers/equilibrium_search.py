@@ -84,9 +84,7 @@ class SearchRules:
         """Part of a step that contact allows, at most 1."""
         if self.contact is None:
             return 1.0
-        whole = np.zeros_like(unknowns)
-        whole[self.free.places] = step
-        return self.contact.free_part(unknowns, whole)
+        return self.contact.free_part(unknowns, self._of_all(step))
 
     def lowest_part(
         self, at: Evaluate, step: Float[np.ndarray, " free"], slope: float, curvature: float
@@ -99,18 +97,22 @@ class SearchRules:
             slope: first derivative of the energy along the step [N mm].
             curvature: second derivative of the energy along the step [N mm].
         """
-        whole = np.zeros_like(at.unknowns)
-        whole[self.free.places] = step
         now, rise = (
             Configuration.of(unknowns, self.free.shape).positions[..., 2]
-            for unknowns in (at.unknowns, whole)
+            for unknowns in (at.unknowns, self._of_all(step))
         )
         part = float(at.stage.wall)
         return self.walls.lowest(np.ravel(now), np.ravel(rise), slope, curvature, part)
 
     def longest_part(self, step: Float[np.ndarray, " free"]) -> float:
         """The fraction of a step that has the largest allowed length; above 1 for shorter steps."""
-        return self.step_length / _longest_change(self.free.shape, self.free.places, step)
+        return self.step_length / _longest_change(self.free.shape, self._of_all(step))
+
+    def _of_all(self, step: Float[np.ndarray, " free"]) -> Float[np.ndarray, " unknown"]:
+        """A step of all unknowns, which the held ones do not take."""
+        whole = np.zeros(self.free.shape.unknowns)
+        whole[self.free.places] = step
+        return whole
 
 
 class Search:
@@ -179,17 +181,13 @@ class Search:
         )
 
 
-def _longest_change(
-    shape: MeshShape, free: Int[np.ndarray, " free"], step: Float[np.ndarray, " free"]
-) -> float:
+def _longest_change(shape: MeshShape, step: Float[np.ndarray, " unknown"]) -> float:
     """Longest change, in a step, of the vector from a node to its neighbour [mm].
 
     A part of the sheet may move or rotate far as a rigid body; only relative motion of neighbouring
     nodes must be limited.
     """
-    unknowns = np.zeros(shape.unknowns)
-    unknowns[free] = step
-    move = Configuration.of(unknowns, shape)
+    move = Configuration.of(step, shape)
     nodes, (along_x, along_y) = np.asarray(move.positions), np.asarray(move.lengths)
     changes = [np.diff(nodes, axis=0), np.diff(nodes, axis=1)]
     if shape.periodic:
