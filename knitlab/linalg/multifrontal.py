@@ -5,7 +5,8 @@ front that is not positive definite are replaced by the matrix with the same eig
 absolute eigenvalues. This changes the matrix only in directions of negative curvature.
 
 The halves of the sheet, on either side of the last separator, are independent: two threads
-factorise them at the same time. The result does not depend on the threads.
+factorise them at the same time. The result does not depend on the threads. Solves use one thread:
+their many short calls would wait for the interpreter lock longer than a second thread saves.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,6 +16,7 @@ from threading import Event
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.linalg import eigh
 
 from knitlab.linalg import blas
 from knitlab.linalg.blas import Call, Matrix, Status, Vector
@@ -54,14 +56,9 @@ class Multifrontal:
         self.plan = plan
         self._threads = threads if plan.stored > WORTH_SHARING else ALONE
         self._stored = np.empty(plan.stored, precision)
-        self._solution, beside = (np.zeros(len(plan.order), precision) for _ in range(2))
-        self._failed = Event()
+        self._solution, self._failed = np.zeros(len(plan.order), precision), Event()
         memory = _Memory(self._stored, np.empty(plan.stack, precision), self._failed)
-        vectors = self._solution, beside, self._solution
-        self._parts = [
-            _Part(fronts, memory, vector)
-            for fronts, vector in zip(plan.parts, vectors, strict=True)
-        ]
+        self._parts = [_Part(fronts, memory, self._solution) for fronts in plan.parts]
 
     def columns(self) -> Iterator[Columns]:
         """The columns of L of every front: its pivots and their coupling to its boundary.
@@ -90,19 +87,13 @@ class Multifrontal:
         if rhs.ndim > 1:
             columns = [self.solve(column) for column in rhs.T]
             return np.stack(columns, axis=1) if columns else np.zeros(rhs.shape)
-        first, second, top = self._parts
-        beside, solution = second.vector, self._solution
-        solution[:] = rhs[self.plan.order]
-        beside[second.own], beside[top.own] = solution[second.own], 0.0
-        self._threads.each(_Part.reduce, (first, second))
-        solution[top.own] += beside[top.own]
-        top.reduce()
-        top.substitute_back()
-        beside[top.own] = solution[top.own]
-        self._threads.each(_Part.substitute_back, (first, second))
-        solution[second.own] = beside[second.own]
+        self._solution[:] = rhs[self.plan.order]
+        for part in self._parts:
+            part.reduce()
+        for part in reversed(self._parts):
+            part.substitute_back()
         solved = np.empty(rhs.shape)
-        solved[self.plan.order] = solution
+        solved[self.plan.order] = self._solution
         return solved
 
 
@@ -160,14 +151,14 @@ class _Substitution:
 class _Part:
     """Fronts that are eliminated one after another.
 
-    Attributes:
-        own: their pivots.
+    Args:
+        fronts: the fronts.
+        memory: memory of their factors and updates.
         vector: memory of the solution.
     """
 
     def __init__(self, fronts: Sequence[Front], memory: _Memory, vector: Vector) -> None:
-        self.own = slice(fronts[0].pivots.start, fronts[-1].pivots.stop) if fronts else slice(0)
-        self.vector, self._failed = vector, memory.failed
+        self._vector, self._failed = vector, memory.failed
         self._status = np.zeros(1, dtype=np.int32)
         widest = max((len(front.boundary) for front in fronts), default=0)
         inverted, work = (
@@ -207,8 +198,13 @@ class _Part:
         """Replace pivots by the factor of their convexified values before the factorisation."""
         if not np.isfinite(before).all():
             return False
-        values, vectors = np.linalg.eigh(before.astype(float))
-        front.pivots[:] = (vectors * np.maximum(np.abs(values), LEAST_CURVATURE)) @ vectors.T
+        # Few eigenvalues are negative, and all others remain.
+        values, vectors = eigh(
+            before, subset_by_value=(-np.inf, LEAST_CURVATURE), check_finite=False
+        )
+        raised = np.maximum(np.abs(values), LEAST_CURVATURE) - values
+        front.pivots[:] = before
+        front.pivots[:] += (vectors * raised) @ vectors.T
         return self._factored(front)
 
     def reduce(self) -> None:
@@ -216,13 +212,13 @@ class _Part:
         for front in self._substitutions:
             blas.run(front.forward)
             if len(front.work):
-                self.vector[front.boundary] -= front.work
+                self._vector[front.boundary] -= front.work
 
     def substitute_back(self) -> None:
         """Back substitution, the last front first."""
         for front in reversed(self._substitutions):
             if len(front.work):
-                np.take(self.vector, front.boundary, out=front.work)
+                np.take(self._vector, front.boundary, out=front.work)
             blas.run(front.back)
 
 
