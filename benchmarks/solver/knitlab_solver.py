@@ -31,6 +31,7 @@ from knitlab.solvers.equilibrium_search import SearchRules
 from knitlab.solvers.executor import Executor
 from knitlab.solvers.solver import (
     Assemble,
+    ChangeDiagonal,
     Evaluate,
     Factorise,
     Request,
@@ -46,6 +47,7 @@ PARTS: dict[type[Request], str] = {
     Evaluate: "evaluating_seconds",
     Assemble: "assembling_seconds",
     Factorise: "factorising_seconds",
+    ChangeDiagonal: "factorising_seconds",
     Solve: "solving_seconds",
     SolveSubdomains: "subdomains_seconds",
 }

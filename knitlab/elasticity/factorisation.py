@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from threadpoolctl import ThreadpoolController
 
 from knitlab.elasticity.stiffness import FreeStiffness
@@ -29,6 +29,15 @@ class Factors(Protocol):
 
     def solve(self, right: Float[np.ndarray, " free"], /) -> Float[np.ndarray, " free"]:
         """The x of matrix × x = ``right``."""
+        ...
+
+    def change_diagonal(
+        self, unknowns: Int[np.ndarray, " changed"], changes: Float[np.ndarray, " changed"], /
+    ) -> bool:
+        """Change entries of the diagonal for the next solves.
+
+        Returns whether the matrix is positive definite then; if not, it is not changed.
+        """
         ...
 
 

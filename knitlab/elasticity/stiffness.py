@@ -39,6 +39,11 @@ class FreeStiffness:
         return self.indptr[:-1]
 
     @cached_property
+    def heights(self) -> Int[np.ndarray, " height"]:
+        """Which of the free unknowns are heights of nodes."""
+        return np.flatnonzero((self.places % 3 == 2) & (self.places < 3 * self.shape.nodes))
+
+    @cached_property
     def grid(self) -> tuple[Int[np.ndarray, " free"], Int[np.ndarray, " free"]]:
         """Row and column of the node that every free unknown belongs to; −1 for L_x and L_y."""
         rows, columns = np.divmod(self.places // 3, self.shape.nodes_x)

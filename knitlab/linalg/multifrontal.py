@@ -5,8 +5,7 @@ front that is not positive definite are replaced by the matrix with the same eig
 absolute eigenvalues. This changes the matrix only in directions of negative curvature.
 
 The halves of the sheet, on either side of the last separator, are independent: two threads
-factorise them at the same time. The result does not depend on the threads. Solves use one thread:
-their many short calls would wait for the interpreter lock longer than a second thread saves.
+factorise them at the same time. The result does not depend on the threads.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,6 +21,7 @@ from knitlab.linalg import blas
 from knitlab.linalg.blas import Call, Matrix, Status, Vector
 from knitlab.linalg.symbolic_factorisation import Columns, Front, NestedDissection
 from knitlab.linalg.threads import ALONE, Threads
+from knitlab.linalg.triangular_solves import TriangularSolves
 
 Precision = type[np.float32] | type[np.float64]
 
@@ -56,9 +56,10 @@ class Multifrontal:
         self.plan = plan
         self._threads = threads if plan.stored > WORTH_SHARING else ALONE
         self._stored = np.empty(plan.stored, precision)
-        self._solution, self._failed = np.zeros(len(plan.order), precision), Event()
+        self._failed = Event()
         memory = _Memory(self._stored, np.empty(plan.stack, precision), self._failed)
-        self._parts = [_Part(fronts, memory, self._solution) for fronts in plan.parts]
+        self._parts = [_Part(fronts, memory) for fronts in plan.parts]
+        self._solves = TriangularSolves(plan, self._stored)
 
     def columns(self) -> Iterator[Columns]:
         """The columns of L of every front: its pivots and their coupling to its boundary.
@@ -75,6 +76,7 @@ class Multifrontal:
             convexified: whether to factorise a nearby positive definite matrix instead of failing;
                 this fails only if the matrix is not finite.
         """
+        self._solves.restart()
         self._stored[:] = 0
         self._stored[self.plan.places] = entries
         self._failed.clear()
@@ -87,14 +89,13 @@ class Multifrontal:
         if rhs.ndim > 1:
             columns = [self.solve(column) for column in rhs.T]
             return np.stack(columns, axis=1) if columns else np.zeros(rhs.shape)
-        self._solution[:] = rhs[self.plan.order]
-        for part in self._parts:
-            part.reduce()
-        for part in reversed(self._parts):
-            part.substitute_back()
-        solved = np.empty(rhs.shape)
-        solved[self.plan.order] = self._solution
-        return solved
+        return self._solves.solve(rhs)
+
+    def change_diagonal(
+        self, unknowns: Int[np.ndarray, " changed"], changes: Float[np.ndarray, " changed"]
+    ) -> bool:
+        """Like :meth:`~knitlab.linalg.triangular_solves.TriangularSolves.change_diagonal`."""
+        return self._solves.change_diagonal(unknowns, changes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,44 +132,19 @@ class _Elimination:
     eliminate: Sequence[Call]
 
 
-@dataclass(frozen=True, eq=False)
-class _Substitution:
-    """Triangular solves of a front.
-
-    Attributes:
-        boundary: unknowns that its pivots are coupled to.
-        work: work array for these.
-        forward: solves for the pivots; computes what this subtracts from the boundary, in ``work``.
-        back: solves for the pivots, given the boundary in ``work``.
-    """
-
-    boundary: Int[np.ndarray, " boundary"]
-    work: Float[np.ndarray, " boundary"]
-    forward: Sequence[Call]
-    back: Sequence[Call]
-
-
 class _Part:
     """Fronts that are eliminated one after another.
 
     Args:
         fronts: the fronts.
         memory: memory of their factors and updates.
-        vector: memory of the solution.
     """
 
-    def __init__(self, fronts: Sequence[Front], memory: _Memory, vector: Vector) -> None:
-        self._vector, self._failed = vector, memory.failed
-        self._status = np.zeros(1, dtype=np.int32)
-        widest = max((len(front.boundary) for front in fronts), default=0)
-        inverted, work = (
-            np.empty(size, memory.stored.dtype) for size in (INVERTED_SIZE**2, widest)
-        )
+    def __init__(self, fronts: Sequence[Front], memory: _Memory) -> None:
+        self._status, self._failed = np.zeros(1, dtype=np.int32), memory.failed
+        inverted = np.empty(INVERTED_SIZE**2, memory.stored.dtype)
         self._eliminations = [
             _elimination(front, memory, inverted, self._status) for front in fronts
-        ]
-        self._substitutions = [
-            _substitution(front, front.columns(memory.stored), vector, work) for front in fronts
         ]
 
     def factorise(self, convexified: bool) -> bool:
@@ -207,20 +183,6 @@ class _Part:
         front.pivots[:] += (vectors * raised) @ vectors.T
         return self._factored(front)
 
-    def reduce(self) -> None:
-        """Forward substitution, front by front."""
-        for front in self._substitutions:
-            blas.run(front.forward)
-            if len(front.work):
-                self._vector[front.boundary] -= front.work
-
-    def substitute_back(self) -> None:
-        """Back substitution, the last front first."""
-        for front in reversed(self._substitutions):
-            if len(front.work):
-                np.take(self._vector, front.boundary, out=front.work)
-            blas.run(front.back)
-
 
 def _elimination(front: Front, memory: _Memory, inverted: Vector, status: Status) -> _Elimination:
     pivots, coupling = front.columns(memory.stored)
@@ -254,13 +216,3 @@ def _multiply_by_inverse(
     yield from _multiply_by_inverse(first, triangle[:half, :half], inverted, status)
     yield blas.subtract_product(second, first, triangle[half:, :half])
     yield from _multiply_by_inverse(second, triangle[half:, half:], inverted, status)
-
-
-def _substitution(front: Front, columns: Columns, vector: Vector, work: Vector) -> _Substitution:
-    pivots, coupling = columns
-    own, work = vector[front.pivots], work[: len(front.boundary)]
-    forward, back = [blas.solve(pivots, own)], [blas.solve(pivots, own, transposed=True)]
-    if len(work):
-        forward.append(blas.multiply(work, coupling, own))
-        back.insert(0, blas.subtract_transposed_product(own, coupling, work))
-    return _Substitution(front.boundary, work, forward, back)

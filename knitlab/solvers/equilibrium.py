@@ -18,6 +18,7 @@ from scipy.linalg.blas import daxpy
 from knitlab.solvers.equilibrium_search import Search, SearchRules
 from knitlab.solvers.solver import Assemble, Evaluate, Factorise, Solve, Solver
 from knitlab.solvers.state import Outcome, State
+from knitlab.solvers.wall_contact import between_walls
 
 LEAST_RAISED_SHIFT = 1e-6
 LARGEST_SHIFT = 1e6
@@ -155,8 +156,14 @@ def _descend(search: Search) -> Solver[_Descent]:
     memory: deque[tuple[Vector, Vector, float]] = deque(maxlen=policy.most_steps)
     highest, steps, poor, shortened = search.energy, 0, 0, 0
     while steps < policy.most_steps and search.iterations < rules.settings.max_iterations:
-        direction = yield from _direction(search.gradient, memory)
-        slope = float(search.gradient @ direction)
+        if steps:
+            direction = yield from _direction(search.gradient, memory)
+            slope = float(search.gradient @ direction)
+            curvature = -slope
+        else:
+            first = yield from between_walls(search)
+            direction, curvature = first.direction, first.curvature
+            slope = float(search.gradient @ direction)
         if not slope < 0:
             return _Descent(steps, blocked=True)
         shortening = min(1.0, rules.longest_part(direction))
@@ -165,7 +172,7 @@ def _descend(search: Search) -> Solver[_Descent]:
         free = rules.free_part(search.at.unknowns, direction * shortening)
         shortening *= free
         step, slope = direction * shortening, slope * shortening
-        length = rules.lowest_part(search.at, step, slope, -slope * shortening)
+        length = rules.lowest_part(search.at, step, slope, curvature * shortening**2)
         length = yield from _line_search(search, step, slope, length)
         if not length:
             noise = ENERGY_ROUND_OFF * abs(search.energy)

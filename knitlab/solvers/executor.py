@@ -27,6 +27,7 @@ from knitlab.solvers.equilibrium_search import SearchRules
 from knitlab.solvers.second_process import SecondProcess, SubdomainData, SubdomainTask
 from knitlab.solvers.solver import (
     Assemble,
+    ChangeDiagonal,
     Evaluate,
     Factorise,
     Request,
@@ -85,6 +86,10 @@ class Executor:
                 return self.assemble(free, self._elements.element_hessians(stage, unknowns))
             case Factorise():
                 return self._factorise(request)
+            case ChangeDiagonal(places, changes):
+                if self._factors is None:
+                    raise RuntimeError("nothing is factorised")
+                return self._factors.change_diagonal(places, changes)
             case Solve(right):
                 if self._factors is None:
                     raise RuntimeError("nothing is factorised")

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from pydantic import NonNegativeFloat, PositiveFloat, PositiveInt
 
 from knitlab.elasticity.evaluation import COMPLETE, Stage
@@ -66,6 +66,22 @@ class Solve:
 
 
 @dataclass(frozen=True)
+class ChangeDiagonal:
+    """Request to change the diagonal of the factorised stiffness for the next solves.
+
+    It replaces earlier changes, and is answered by whether the stiffness is positive definite
+    then; if not, or if the executor cannot change it, the stiffness is as it was factorised.
+
+    Attributes:
+        places: indices among the free unknowns.
+        changes: what is added at each, not 0 [N/mm].
+    """
+
+    places: Int[np.ndarray, " changed"]
+    changes: Float[np.ndarray, " changed"]
+
+
+@dataclass(frozen=True)
 class SolveSubdomains:
     """Request to solve the subdomains of a sample to low accuracy, one after another.
 
@@ -89,7 +105,7 @@ class SolveSubdomains:
 
 
 Start = Literal["periodic", "flat"]
-Request = Evaluate | Assemble | Factorise | Solve | SolveSubdomains
+Request = Evaluate | Assemble | Factorise | ChangeDiagonal | Solve | SolveSubdomains
 Solver = Generator[Request, Any, Result]
 
 
