@@ -12,7 +12,7 @@ from knitlab.linalg.threads import Threads
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
 from knitlab.solvers.executor import Executor
-from knitlab.solvers.solver import Assemble, Factorise, Request, Solve
+from knitlab.solvers.solver import Assemble, ChangeDiagonal, Factorise, Request, Solve
 
 SUPERNODAL = 2
 
@@ -80,6 +80,8 @@ class CholmodExecutor:
                 return None
             case Factorise(shift):
                 return self._factorise(shift)
+            case ChangeDiagonal():
+                return False
             case Solve(right):
                 if self._solve is None:
                     raise RuntimeError("nothing is factorised")

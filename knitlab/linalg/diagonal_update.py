@@ -9,6 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+LEAST = 1e-6
+"""Least eigenvalue of an update that counts as positive definite."""
+
 
 @dataclass(frozen=True, eq=False)
 class DiagonalUpdate:
@@ -35,8 +38,9 @@ class DiagonalUpdate:
         square = columns.T.astype(float) @ columns
         values, vectors = np.linalg.eigh(square)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
-        inner = np.eye(len(changes)) + root.T @ (changes[:, None] * root)
-        if not np.linalg.eigvalsh(inner)[0] > LEAST:
+        # Its eigenvalues are those of I + W K Wᵀ that are not 1.
+        small = np.eye(len(changes)) + root.T @ (changes[:, None] * root)
+        if not np.linalg.eigvalsh(small)[0] > LEAST:
             return None
         weights = np.linalg.inv(np.diag(1 / changes) + square)
         return cls(rows, columns, weights.astype(columns.dtype))
@@ -45,7 +49,3 @@ class DiagonalUpdate:
         """Replace a vector by (I + W K Wᵀ)⁻¹ times it."""
         part = vector[self.rows]
         vector[self.rows] = part - self.columns @ (self.weights @ (self.columns.T @ part))
-
-
-LEAST = 1e-6
-"""Least eigenvalue of an update that counts as positive definite."""

@@ -30,13 +30,14 @@ class TriangularSolves:
         self._order = plan.order
         self._solution = np.zeros(len(plan.order), stored.dtype)
         fronts = [front for part in plan.parts for front in part]
+        self._starts = np.array([front.pivots.start for front in fronts])
         work = np.empty(max((len(front.boundary) for front in fronts), default=0), stored.dtype)
         self._fronts = [_front_solves(front, stored, self._solution, work) for front in fronts]
         self._update: DiagonalUpdate | None = None
         self._columns: dict[int, tuple[Rows, Vector]] = {}
 
     def restart(self) -> None:
-        """Forget what was derived from a factor that has been overwritten."""
+        """Forget the changes of the diagonal; the factor has been overwritten."""
         self._update, self._columns = None, {}
 
     def solve(self, rhs: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " unknown"]:
@@ -83,15 +84,15 @@ class TriangularSolves:
         These are the pivots of the unknown's front and of its ancestors.
         """
         if unknown not in self._columns:
-            place = int(np.flatnonzero(self._order == unknown)[0])
-            starts = [front.pivots.start for front in self._fronts]
-            self._solution[:], passed = 0, list[Rows]()
-            self._solution[place] = 1
-            while place is not None:
-                front = self._fronts[int(np.searchsorted(starts, place, side="right")) - 1]
+            places, passed = np.flatnonzero(self._order == unknown), list[Rows]()
+            self._solution[:] = 0
+            self._solution[places] = 1
+            while len(places):
+                front = self._fronts[np.searchsorted(self._starts, places[0], side="right") - 1]
                 front.reduce(self._solution)
                 passed.append(np.arange(front.pivots.start, front.pivots.stop))
-                place = int(front.boundary[0]) if len(front.boundary) else None
+                # The front that its update is added to.
+                places = front.boundary
             rows = np.concatenate(passed)
             self._columns[unknown] = rows, self._solution[rows]
         return self._columns[unknown]

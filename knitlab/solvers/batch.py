@@ -28,7 +28,15 @@ from knitlab.linalg.block_tridiagonal import (
 )
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
-from knitlab.solvers.solver import Assemble, Evaluate, Factorise, Request, Solver, SolveSubdomains
+from knitlab.solvers.solver import (
+    Assemble,
+    ChangeDiagonal,
+    Evaluate,
+    Factorise,
+    Request,
+    Solver,
+    SolveSubdomains,
+)
 
 Result = TypeVar("Result")
 Numbers = TypeVar("Numbers")
@@ -138,6 +146,10 @@ class _Batch:
             if isinstance(request, SolveSubdomains):
                 # Subdomains, solved one after another, would leave an accelerator idle.
                 self._at[case], results[case] = request.at, (request.at, 0.0)
+                continue
+            if isinstance(request, ChangeDiagonal):
+                # Low-rank updates of a few cases would leave an accelerator idle too.
+                results[case] = False
                 continue
             if isinstance(request, Evaluate | Assemble):
                 self._at[case] = request

@@ -5,7 +5,8 @@ long straight Newton step would raise it. A factorisation costs about ten gradie
 one factorisation of K + μ I is the initial inverse Hessian of many L-BFGS steps (Nocedal and
 Wright, Numerical Optimization, Alg. 7.4), which learn the curvature of the valley. The stiffness is
 refactorised when a step gains less than the average since the last factorisation, including its
-cost, and does not halve the force either, as steps near the minimum may.
+cost, and does not halve the force either, as steps near the minimum may. The first step foresees
+which nodes will touch the walls (:mod:`knitlab.solvers.wall_steps`); later ones keep these.
 """
 
 from collections import deque
@@ -18,7 +19,7 @@ from scipy.linalg.blas import daxpy
 from knitlab.solvers.equilibrium_search import Search, SearchRules
 from knitlab.solvers.solver import Assemble, Evaluate, Factorise, Solve, Solver
 from knitlab.solvers.state import Outcome, State
-from knitlab.solvers.wall_contact import between_walls
+from knitlab.solvers.wall_steps import step_between_walls
 
 LEAST_RAISED_SHIFT = 1e-6
 LARGEST_SHIFT = 1e6
@@ -158,12 +159,11 @@ def _descend(search: Search) -> Solver[_Descent]:
     while steps < policy.most_steps and search.iterations < rules.settings.max_iterations:
         if steps:
             direction = yield from _direction(search.gradient, memory)
-            slope = float(search.gradient @ direction)
-            curvature = -slope
+            curvature = -float(search.gradient @ direction)
         else:
-            first = yield from between_walls(search)
-            direction, curvature = first.direction, first.curvature
-            slope = float(search.gradient @ direction)
+            first = yield from step_between_walls(search)
+            direction, curvature = first.step, first.curvature
+        slope = float(search.gradient @ direction)
         if not slope < 0:
             return _Descent(steps, blocked=True)
         shortening = min(1.0, rules.longest_part(direction))
