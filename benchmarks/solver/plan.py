@@ -13,8 +13,8 @@ from knitlab.study.parameters import read_parameters
 
 COMPARED = ("1x1", "3x2", "5x3", "7x5")
 """Samples of (4, 16) that every method relaxes and pulls, unit cells along (y, x)."""
-GROWING = ("2x2", "4x2", "6x3", "8x4", "12x6", "16x8", "22x11")
-"""Samples from 1,000 to 62,000 nodes."""
+GROWING = ("2x2", "4x2", "6x3", "8x4", "12x6", "16x8", "22x11", "44x22")
+"""Samples from 1,000 to 249,000 nodes."""
 FACTORED = ("6x4", "24x11")
 """Samples of about 20,000 and 200,000 free unknowns between the clamps."""
 TUNED = ("1x1", "3x2")
