@@ -7,12 +7,21 @@ import numpy as np
 import pytest
 
 from knitlab.mechanics.tensile_test import stretch
-from knitlab.model.fabric import flat_sheet
+from knitlab.model.fabric import Sheet, flat_sheet
 from knitlab.solvers import runners
 from knitlab.solvers.batch import run_in_lockstep
 from knitlab.solvers.runners import run_concurrently, run_sequentially
 from knitlab.solvers.solver import Evaluate, SolverSettings
-from tests.fabrics import CLAMPED, FINE, PERIODIC, checkered, stretched
+from tests.fabrics import (
+    CLAMPED,
+    FINE,
+    PERIODIC,
+    SHEET,
+    checkerboard,
+    checkered,
+    patterned,
+    stretched,
+)
 
 STRAINS = [0.0, 0.05, 0.1]
 RUNNERS = run_sequentially, run_concurrently
@@ -24,15 +33,16 @@ def stretches(net, fabrics):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "options",
+    ("options", "sheet"),
     [
-        pytest.param(PERIODIC, id="periodic"),
-        pytest.param(CLAMPED, id="clamped", marks=pytest.mark.slow),
+        pytest.param(PERIODIC, SHEET, id="periodic"),
+        pytest.param(PERIODIC, Sheet(z_max=0.4, k_wall=100.0), id="between narrow walls"),
+        pytest.param(CLAMPED, SHEET, id="clamped"),
     ],
 )
-def test_a_batch_on_the_device_equals_single_fabrics(options):
-    net, four = checkered(4, 1, options)
-    _, eight = checkered(8, 1, options)
+def test_a_batch_on_the_device_equals_single_fabrics(options, sheet):
+    net, four = patterned(4, checkerboard(1), options, sheet)
+    _, eight = patterned(8, checkerboard(1), options, sheet)
     # Close to a snap, an energy accurate to 1e-7 needs a smaller tolerance.
     solvers = [stretch(net, fabric, STRAINS, FINE) for fabric in (four, eight)]
     batch = run_in_lockstep(net.shape, [four, eight], solvers)

@@ -1,0 +1,109 @@
+"""Steps between the walls end in the minimum of the quadratic energy with walls."""
+
+import numpy as np
+import pytest
+
+from knitlab.elasticity.element_chunks import ChunkedFabric
+from knitlab.elasticity.evaluation import COMPLETE
+from knitlab.mechanics.loading import all_free, tensile
+from knitlab.mechanics.relaxation import relax
+from knitlab.model.fabric import Sheet
+from knitlab.solvers import wall_steps
+from knitlab.solvers.equilibrium import find_equilibrium
+from knitlab.solvers.equilibrium_search import Search, SearchRules
+from knitlab.solvers.executor import Executor, run, run_to_end
+from knitlab.solvers.solver import Assemble, Evaluate, Factorise, Solve, SolverSettings
+from knitlab.solvers.wall_steps import step_between_walls
+from tests.fabrics import CLAMPED, DEFAULT, checkerboard, patterned
+
+Z_MAX = 1.5
+"""Narrow walls, which a relaxed sample touches in several places."""
+LONG = SolverSettings(step_limit=1e3)
+
+
+@pytest.fixture(scope="module")
+def squeezed():
+    net, fabric = patterned(4, checkerboard(2), CLAMPED, Sheet(z_max=Z_MAX, k_wall=100.0))
+    return net, fabric, run(net.shape, fabric, relax(net, fabric, DEFAULT))
+
+
+def displaced(state, distance, seed):
+    return state.unknowns + distance * np.random.default_rng(seed).normal(size=len(state.unknowns))
+
+
+def stepped(squeezed, unknowns, shift):
+    """The search, its step between the walls, and a solve after it, of a stiffness plus a shift."""
+    net, fabric, _ = squeezed
+    rules = SearchRules.of(net.shape, all_free(net.shape), fabric, LONG)
+
+    def solver():
+        search = Search(Evaluate(unknowns), (yield Evaluate(unknowns)), rules)
+        yield Assemble(unknowns, rules.free)
+        assert (yield Factorise(shift, convexified=False, exact=True))
+        step = yield from step_between_walls(search)
+        return search, step, (yield Solve(search.gradient))
+
+    return run_to_end(Executor(net.shape, fabric), solver())
+
+
+def stiffness(squeezed, unknowns, shift):
+    """The stiffness of the free unknowns plus a shift, as a dense matrix."""
+    net, fabric, _ = squeezed
+    free = SearchRules.of(net.shape, all_free(net.shape), fabric, LONG).free
+    hessians = ChunkedFabric.of(net.shape, fabric).element_hessians(COMPLETE, unknowns)
+    lower = free.lower(free.shifted(free.entries(hessians), shift)).toarray()
+    return lower + np.tril(lower, -1).T
+
+
+def depth(z):
+    return z - np.clip(z, -Z_MAX, Z_MAX)
+
+
+@pytest.mark.parametrize(
+    ("distance", "shift", "seed", "arrive", "leave"),
+    [(0.003, 0.1, 0, 10, 0), (0.003, 0.1, 2, 8, 0), (0.03, 1.0, 2, 1, 1), (0.1, 10.0, 0, 0, 3)],
+)
+def test_no_force_is_left_in_the_model_after_the_step(
+    squeezed, distance, shift, seed, arrive, leave
+):
+    fabric, unknowns = squeezed[1], displaced(squeezed[2], distance, seed)
+    search, found, _ = stepped(squeezed, unknowns, shift)
+    heights = search.rules.free.heights
+    z, rise = unknowns[search.places[heights]], found.step[heights]
+    before, after = np.abs(z) > Z_MAX, np.abs(z + rise) > Z_MAX
+    assert ((after & ~before).sum(), (before & ~after).sum()) == (arrive, leave)
+    # The quadratic model without walls, and these as they are after the step.
+    model, k_wall = stiffness(squeezed, unknowns, shift), float(fabric.k_wall)
+    force = search.gradient + model @ found.step
+    force[heights] += k_wall * (depth(z + rise) - depth(z) - before * rise)
+    assert np.abs(force).max() < 1e-9 * np.abs(search.gradient).max()
+    assert found.curvature == pytest.approx(found.step @ model @ found.step, rel=1e-9)
+
+
+def test_if_many_nodes_come_to_a_wall_the_step_ignores_them(squeezed, monkeypatch):
+    monkeypatch.setattr(wall_steps, "MOST_CHANGES", 3)
+    unknowns = displaced(squeezed[2], 0.003, 0)
+    search, found, solved = stepped(squeezed, unknowns, 0.1)
+    newton = np.linalg.solve(stiffness(squeezed, unknowns, 0.1), -search.gradient)
+    np.testing.assert_allclose(found.step, newton, rtol=0, atol=1e-9 * np.abs(newton).max())
+    assert found.curvature == pytest.approx(-search.gradient @ newton, rel=1e-9)
+    # Nothing of the attempt is left in the factorised stiffness.
+    np.testing.assert_allclose(solved, -newton, rtol=0, atol=1e-9 * np.abs(newton).max())
+
+
+def test_a_search_reaches_the_same_state_in_fewer_evaluations(squeezed, monkeypatch):
+    net, fabric, relaxed = squeezed
+    loading = tensile(net.shape, relaxed.configuration)
+    start = Evaluate(loading.ahead([(0.0, relaxed.unknowns)], 0.01))
+    rules = SearchRules.of(net.shape, loading.free, fabric, DEFAULT)
+
+    def state():
+        return run(net.shape, fabric, find_equilibrium(start, rules))
+
+    foreseen = state()
+    monkeypatch.setattr(wall_steps, "MOST_CHANGES", 0)
+    unforeseen = state()
+    assert foreseen.converged
+    assert unforeseen.converged
+    assert float(foreseen.energy.total) == pytest.approx(float(unforeseen.energy.total), rel=1e-7)
+    assert foreseen.iterations < unforeseen.iterations
