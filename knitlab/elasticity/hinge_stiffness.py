@@ -31,7 +31,12 @@ Derivatives = tuple[Float[Array, "9 lane"], Float[Array, "9 9 lane"]]
 LANES = 64
 """Number of hinges in a block, so that their intermediate values stay in the fastest cache."""
 
-HINGE_ENTRIES = np.tril_indices(18)
+NODES = HINGE_VECTORS.shape[1]
+UNKNOWNS = 3 * NODES
+OF_EDGE = 3 * 2
+"""Unknowns of the two nodes of the edge, which come first; they belong to both normals."""
+
+HINGE_ENTRIES = np.tril_indices(UNKNOWNS)
 """Rows and columns (3 × node + component) of the entries of a hinge's stiffness that are kept."""
 
 UNFOLDED = np.array([[0, 1, 0], [1, 1, 0], [-1, 1, 0], [1, 1, 0], [-1, 1, 0]])[:, :, None] * 1.0
@@ -63,8 +68,10 @@ class Signed:
 LEVI_CIVITA = np.cross(np.eye(3)[:, None], np.eye(3))
 """Sign of every permutation of three axes."""
 
-DIAGONALS = HINGE_VECTORS[1:].reshape(2, 2, 6)
+DIAGONALS = HINGE_VECTORS[1:].reshape(2, 2, NODES)
 """Where the two diagonals of each normal start (-1) and end (1)."""
+OF_DIAGONALS = 3 * 4
+"""Components of all diagonals."""
 
 
 def _columns_by_nodes() -> list[list[tuple[Int[np.ndarray, " column"], Signed]]]:
@@ -72,16 +79,16 @@ def _columns_by_nodes() -> list[list[tuple[Int[np.ndarray, " column"], Signed]]]
 
     Values are the components of the diagonals, and 1.
     """
-    jacobian = np.zeros((3, 3, 6, 3, 13))
-    jacobian[0, ..., 12] = np.einsum("n,ab->anb", HINGE_VECTORS[0], np.eye(3))
-    of_diagonals = np.zeros((2, 3, 6, 3, 2, 2, 3))
+    jacobian = np.zeros((3, 3, NODES, 3, OF_DIAGONALS + 1))
+    jacobian[0, ..., OF_DIAGONALS] = np.einsum("n,ab->anb", HINGE_VECTORS[0], np.eye(3))
+    of_diagonals = np.zeros((2, 3, NODES, 3, 2, 2, 3))
     for normal, (first, second) in enumerate(DIAGONALS):
         of_diagonals[normal, ..., normal, 1, :] = np.einsum("n,bca->anbc", first, LEVI_CIVITA)
         of_diagonals[normal, ..., normal, 0, :] = np.einsum("n,cba->anbc", second, LEVI_CIVITA)
-    jacobian[1:, ..., :12] = of_diagonals.reshape(2, 3, 6, 3, 12)
-    by_column = jacobian.reshape(9, 18, 13).transpose(1, 0, 2)
+    jacobian[1:, ..., :-1] = of_diagonals.reshape(2, 3, NODES, 3, OF_DIAGONALS)
+    by_column = jacobian.reshape(9, UNKNOWNS, -1).transpose(1, 0, 2)
     groups = []
-    for columns in by_column[:6], by_column[6:]:
+    for columns in by_column[:OF_EDGE], by_column[OF_EDGE:]:
         # Every column of a group has as many non-zeros.
         rows = np.array([np.flatnonzero(column.any(axis=1)) for column in columns])
         groups.append([(row, Signed.of(columns[np.arange(len(columns)), row])) for row in rows.T])
@@ -93,21 +100,22 @@ def _second_by_nodes() -> list[Signed]:
     first, second = DIAGONALS.swapaxes(0, 1)
     mixed = np.einsum("kn,km,bca->knbmca", first, second, LEVI_CIVITA)
     whole = mixed + mixed.transpose(0, 3, 4, 1, 2, 5)
-    return [Signed.of(of_normal[HINGE_ENTRIES]) for of_normal in whole.reshape(2, 18, 18, 3)]
+    by_unknowns = whole.reshape(2, UNKNOWNS, UNKNOWNS, 3)
+    return [Signed.of(of_normal[HINGE_ENTRIES]) for of_normal in by_unknowns]
 
 
 ENDS, OTHERS = _columns_by_nodes()
-"""J for the two nodes of the edge, which belong to both normals, and for the four others."""
+"""J for the two nodes of the edge, and for the four others."""
 
 NORMALS_TWICE = _second_by_nodes()
 """Second derivative of each normal by the nodes."""
 
 PRODUCT_PLACES = np.where(
-    HINGE_ENTRIES[0] < 6,
-    6 * HINGE_ENTRIES[0] + HINGE_ENTRIES[1],
-    36 + 18 * (HINGE_ENTRIES[0] - 6) + HINGE_ENTRIES[1],
+    HINGE_ENTRIES[0] < OF_EDGE,
+    OF_EDGE * HINGE_ENTRIES[0] + HINGE_ENTRIES[1],
+    OF_EDGE**2 + UNKNOWNS * (HINGE_ENTRIES[0] - OF_EDGE) + HINGE_ENTRIES[1],
 )
-"""Where the kept entries are among the 6 × 6 of the edge's nodes and the 12 × 18 of the others."""
+"""Where the kept entries are among those of the edge's nodes by these, and of others by all."""
 
 TRIPLE = Signed.of(np.einsum("ijk,abc->iajbkc", LEVI_CIVITA, LEVI_CIVITA).reshape(9, 9, 9))
 """Second derivative of the triple product of three vectors; values are their components."""
@@ -154,7 +162,7 @@ def _entries(
     edge, diagonals = vectors[0], vectors[1:]
     before, after = jnp.cross(diagonals[::2], diagonals[1::2], axis=1)
     slope, hessian = _BY_EDGE_AND_NORMALS[of](edge, before, after, rest, stiffness)
-    values = jnp.concatenate([diagonals.reshape(12, -1), jnp.ones_like(edge[:1])])
+    values = jnp.concatenate([diagonals.reshape(OF_DIAGONALS, -1), jnp.ones_like(edge[:1])])
     ends, others = ([(row, value(values)) for row, value in group] for group in (ENDS, OTHERS))
     half = jnp.concatenate(
         [_sum([hessian[:, row] * value for row, value in group]) for group in (ends, others)],
@@ -162,8 +170,8 @@ def _entries(
     )
     products = jnp.concatenate(
         [
-            _sum([half[row, :6] * value[:, None] for row, value in ends]).reshape(36, -1),
-            _sum([half[row] * value[:, None] for row, value in others]).reshape(216, -1),
+            _sum([half[row, :OF_EDGE] * value[:, None] for row, value in ends]).reshape(-1, LANES),
+            _sum([half[row] * value[:, None] for row, value in others]).reshape(-1, LANES),
         ]
     )
     before_twice, after_twice = NORMALS_TWICE
@@ -233,7 +241,7 @@ def _of_parts_across_edge(
     slopes = jnp.concatenate([slopes_2[0] - slopes_1[0], -slopes_1[1], slopes_2[1]])
     none = jnp.zeros_like(bends_1[0])
     bends = [
-        [bends_2[0] - bends_1[0], -_turned(bends_1[1]), _turned(bends_2[1])],
+        [bends_2[0] - bends_1[0], -_transposed(bends_1[1]), _transposed(bends_2[1])],
         [-bends_1[1], -bends_1[2], none],
         [bends_2[1], none, bends_2[2]],
     ]
@@ -254,10 +262,11 @@ def _turn(
     square = (across**2).sum(0)
     turn = jnp.cross(along, across, axis=0) / square
     twist = _outer(across, turn)
-    by_normal = -(twist + _turned(twist)) / square
+    by_normal = -(twist + _transposed(twist)) / square
     lever = component / length
     aside = _outer(along, turn) / length
-    by_edge = (lever**2 + square / (2 * length**2)) * by_normal + lever * (aside + _turned(aside))
+    by_edge = (lever**2 + square / (2 * length**2)) * by_normal
+    by_edge += lever * (aside + _transposed(aside))
     return (-lever * turn, turn), (by_edge, -(lever * by_normal + aside), by_normal)
 
 
@@ -291,5 +300,5 @@ def _product(left: Float[Array, "row 3 lane"], right: Float[Array, "3 column lan
     return (left[:, :, None] * right[None, :, :]).sum(1)
 
 
-def _turned(matrix: Matrix) -> Matrix:
+def _transposed(matrix: Matrix) -> Matrix:
     return jnp.swapaxes(matrix, 0, 1)
