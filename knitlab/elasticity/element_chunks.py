@@ -134,7 +134,9 @@ def chunk_incidence(shape: MeshShape, sizes: tuple[int, int, int], chunks: int) 
         (chunk * length + first_height + lane, 3 * nodes + 2, np.ones(shape.nodes)),
     ]
     rows, columns, values = (np.concatenate(parts) for parts in zip(*terms, strict=True))
-    incidence = sp.csr_array((values, (rows, columns)), shape=(chunks * length, shape.unknowns))
+    # SciPy would keep 64-bit indices, which take as much memory as the values.
+    places = rows.astype(np.int32), columns.astype(np.int32)
+    incidence = sp.csr_array((values, places), shape=(chunks * length, shape.unknowns))
     incidence.eliminate_zeros()
     return incidence
 

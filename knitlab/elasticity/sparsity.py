@@ -79,7 +79,7 @@ def mesh_stiffness(shape: MeshShape) -> MeshStiffness:
     springs, hinges = len(net.springs.nodes), len(net.hinges.nodes)
     couplings = _couplings(net.springs, net.hinges)
     indptr = couplings.indptr
-    nodes = np.arange(shape.nodes)
+    nodes = np.arange(shape.nodes, dtype=np.int32)
     return MeshStiffness(
         indptr=indptr,
         indices=couplings.rows(),
