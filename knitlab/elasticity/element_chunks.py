@@ -10,7 +10,7 @@ which is padded with elements without stiffness.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -32,6 +32,7 @@ from knitlab.model.energy import Energy, hinge_energy, spring_energy, wall_energ
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import Elements, MeshShape, network
 from knitlab.model.options import FoldAngle
+from knitlab.model.shape_cache import cached_by_shape
 from knitlab.model.spring_law import SpringLaw
 
 HEIGHTS = 512
@@ -100,7 +101,7 @@ class ElementChunks:
     by_thread: tuple[ThreadChunks, ...]
 
 
-@lru_cache(maxsize=16)
+@cached_by_shape
 def chunks_of(shape: MeshShape) -> ElementChunks:
     """The elements of the network of a mesh shape, in chunks."""
     count = -(-shape.nodes // HEIGHTS)

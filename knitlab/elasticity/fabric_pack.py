@@ -7,7 +7,7 @@ one fabric after another. The fabrics may be at different stages of a continuati
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import jax
@@ -32,6 +32,7 @@ from knitlab.model.energy import Energy
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
 from knitlab.model.options import FoldAngle
+from knitlab.model.shape_cache import cached_by_shape
 
 LARGEST_PACK = 8
 """Largest number of fabrics in a pack."""
@@ -101,7 +102,7 @@ class _Mesh:
         )
 
 
-@lru_cache(maxsize=16)
+@cached_by_shape
 def _mesh(shape: MeshShape) -> _Mesh:
     net = network(shape)
     counts = springs, hinges, nodes = len(net.springs.nodes), len(net.hinges.nodes), shape.nodes

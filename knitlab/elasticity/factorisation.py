@@ -5,7 +5,6 @@ which ``benchmarks.solver`` compares it.
 """
 
 from contextlib import AbstractContextManager
-from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -22,6 +21,8 @@ from knitlab.linalg.symbolic_factorisation import (
     planned,
 )
 from knitlab.linalg.threads import ALONE, Threads
+from knitlab.model.network import MeshShape
+from knitlab.model.shape_cache import cached_by_shape
 
 
 class Factors(Protocol):
@@ -74,7 +75,7 @@ def factoriser(
         threads: threads that may share a factorisation.
         precision: single or double; see :class:`~knitlab.linalg.multifrontal.Multifrontal`.
     """
-    factors = Multifrontal(_plan(free), threads, precision)
+    factors = Multifrontal(_plan(free.shape, free), threads, precision)
 
     def factorise(entries: Entries, convexified: bool = False) -> Factors | None:
         return factors if factors.factorise(entries, convexified) else None
@@ -103,7 +104,7 @@ def factorise_with_contact(
     """
     whole = sp.csc_array(free.lower(entries) + sp.tril(contact))
     whole.sort_indices()
-    factors = Multifrontal(planned(_order(free), whole.indptr, whole.indices), threads)
+    factors = Multifrontal(planned(_order(free.shape, free), whole.indptr, whole.indices), threads)
     return factors if factors.factorise(whole.data) else None
 
 
@@ -112,11 +113,11 @@ def one_thread_of_blas() -> AbstractContextManager[object]:
     return ThreadpoolController().limit(limits=1, user_api="blas")
 
 
-@lru_cache(maxsize=8)
-def _order(free: FreeStiffness) -> GridOrder:
+@cached_by_shape
+def _order(shape: MeshShape, free: FreeStiffness) -> GridOrder:
     return grid_order(free.indptr, free.indices, *free.grid)
 
 
-@lru_cache(maxsize=8)
-def _plan(free: FreeStiffness) -> NestedDissection:
-    return planned(_order(free), free.indptr, free.indices)
+@cached_by_shape
+def _plan(shape: MeshShape, free: FreeStiffness) -> NestedDissection:
+    return planned(_order(shape, free), free.indptr, free.indices)

@@ -9,7 +9,7 @@ from that of its pair of groups; a search for every non-zero would take minutes 
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import pairwise, product
 
 import numpy as np
@@ -21,6 +21,7 @@ from knitlab.elasticity.evaluation import ElementHessians
 from knitlab.elasticity.hinge_stiffness import HINGE_ENTRIES, LANES
 from knitlab.linalg.threads import ALONE, Threads
 from knitlab.model.network import Elements, MeshShape, network
+from knitlab.model.shape_cache import cached_by_shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,7 @@ def _rows(matrix: sp.csr_array, first: int, end: int) -> sp.csr_array:
     )
 
 
-@lru_cache(maxsize=8)
+@cached_by_shape
 def mesh_stiffness(shape: MeshShape) -> MeshStiffness:
     """Sparsity of the stiffness of all unknowns of a mesh shape's network."""
     net = network(shape)

@@ -1,7 +1,7 @@
 """Stiffness of the free unknowns: the non-zeros of the whole stiffness between them."""
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,6 +11,7 @@ from knitlab.elasticity.evaluation import ElementHessians
 from knitlab.elasticity.sparsity import MeshStiffness, mesh_stiffness
 from knitlab.linalg.threads import ALONE, Threads
 from knitlab.model.network import MeshShape
+from knitlab.model.shape_cache import cached_by_shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,23 +72,20 @@ class FreeStiffness:
 
 
 def free_stiffness(shape: MeshShape, free: Int[np.ndarray, " free"]) -> FreeStiffness:
-    """Like :func:`restricted`, with the most recent results cached."""
-    return _free_stiffness(shape, free.astype(np.int64).tobytes())
-
-
-@lru_cache(maxsize=8)
-def _free_stiffness(shape: MeshShape, free_bytes: bytes) -> FreeStiffness:
-    return restricted(shape, np.frombuffer(free_bytes, dtype=np.int64))
-
-
-def restricted(shape: MeshShape, free: Int[np.ndarray, " free"]) -> FreeStiffness:
     """Sparsity of the stiffness of a mesh shape's network, restricted to free unknowns.
+
+    The most recent results are kept.
 
     Args:
         shape: the mesh shape.
         free: indices of the free unknowns, ascending.
     """
-    mesh = mesh_stiffness(shape)
+    return _free_stiffness(shape, free.astype(np.int64).tobytes())
+
+
+@cached_by_shape
+def _free_stiffness(shape: MeshShape, free_bytes: bytes) -> FreeStiffness:
+    mesh, free = mesh_stiffness(shape), np.frombuffer(free_bytes, dtype=np.int64)
     number = np.full(shape.unknowns, -1, dtype=np.int32)
     number[free] = np.arange(len(free))
     rows, columns = number[mesh.indices], np.repeat(number, np.diff(mesh.indptr))

@@ -5,13 +5,14 @@ depends only on the mesh shape, so that designs of one shape share a compiled pr
 """
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from knitlab.model.options import Boundary
 from knitlab.model.pattern import PatchGrid
+from knitlab.model.shape_cache import cached_by_shape
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,7 @@ class Network:
     hinge_cells: Int[np.ndarray, "hinge 2"]
 
 
-@lru_cache(maxsize=16)
+@cached_by_shape
 def network(shape: MeshShape) -> Network:
     """Build the network of a mesh shape."""
     cells = np.arange(shape.cells_y), np.arange(shape.cells_x)

@@ -7,10 +7,9 @@ import sys
 from typing import IO
 
 from knitlab.elasticity.factorisation import Factorisers, one_thread_of_blas
-from knitlab.elasticity.stiffness import FreeStiffness
+from knitlab.elasticity.stiffness import FreeStiffness, free_stiffness
 from knitlab.solvers.executor import Executor, solve_subdomain
 from knitlab.solvers.second_process import SubdomainData, SubdomainTask
-from knitlab.solvers.subdomains import subdomain_stiffness
 
 
 def serve(requests: IO[bytes], replies: IO[bytes]) -> None:
@@ -26,7 +25,7 @@ def serve(requests: IO[bytes], replies: IO[bytes]) -> None:
             return
         if subdomain is not None:
             executor = Executor(subdomain.shape, subdomain.fabric, factorisers)
-            free = subdomain_stiffness(subdomain.shape, subdomain.unknowns.tobytes())
+            free = free_stiffness(subdomain.shape, subdomain.unknowns)
             executors[task.name] = executor, free
         pickle.dump(solve_subdomain(*executors[task.name], task), replies)
         replies.flush()

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import pairwise
 
 import jax
@@ -10,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Bool, Float, Int
 
-from knitlab.elasticity.stiffness import FreeStiffness, restricted
+from knitlab.elasticity.stiffness import FreeStiffness, free_stiffness
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, network
 
@@ -93,7 +92,7 @@ def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
             within[nodes] = True
             yield Subdomain(
                 places,
-                subdomain_stiffness(part, np.flatnonzero(movable_here).tobytes()),
+                free_stiffness(part, np.flatnonzero(movable_here)),
                 *(
                     np.flatnonzero(within[elements.nodes].all(axis=1))
                     for elements in (net.springs, net.hinges)
@@ -140,15 +139,6 @@ def independent_groups(
                 group.append(subdomain)
         waiting = [subdomain for subdomain in waiting if subdomain not in group]
         yield group
-
-
-@lru_cache(maxsize=64)
-def subdomain_stiffness(shape: MeshShape, unknowns: bytes) -> FreeStiffness:
-    """Sparsity of a subdomain.
-
-    It has its own cache, because many subdomains would evict whole samples from theirs.
-    """
-    return restricted(shape, np.frombuffer(unknowns, dtype=np.int64))
 
 
 def _spans(cells: int) -> list[tuple[int, int]]:

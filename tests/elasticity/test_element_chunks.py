@@ -21,9 +21,7 @@ SHEETS = [("clamped", 1), ("clamped", 4), ("periodic", 1), ("periodic", 4)]
 def shared(monkeypatch):
     """Makes small samples use several threads."""
     monkeypatch.setattr(element_chunks, "WORTH_SHARING", 2)
-    chunks_of.cache_clear()
-    yield
-    chunks_of.cache_clear()
+    monkeypatch.setattr(element_chunks, "chunks_of", chunks_of.__wrapped__)
 
 
 @pytest.mark.slow
