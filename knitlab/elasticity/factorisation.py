@@ -37,7 +37,7 @@ class Factors(Protocol):
     ) -> bool:
         """Change entries of the diagonal for the next solves.
 
-        Returns whether the matrix is positive definite then; if not, it is not changed.
+        Returns whether the matrix is positive definite then; if not, it is as it was factorised.
         """
         ...
 
@@ -68,7 +68,7 @@ def factoriser(
     """Factoriser of the stiffness of the free unknowns of a mesh shape.
 
     The symbolic factorisation is done here, once for a mesh shape. All calls use the same memory:
-    only one thread may factorise or solve at a time.
+    only one thread may factorise, solve or change the diagonal at a time.
 
     Args:
         free: the sparsity.

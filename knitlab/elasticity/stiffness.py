@@ -41,7 +41,7 @@ class FreeStiffness:
 
     @cached_property
     def heights(self) -> Int[np.ndarray, " height"]:
-        """Which of the free unknowns are heights of nodes."""
+        """Indices, among the free unknowns, of those that are heights of nodes."""
         return np.flatnonzero((self.places % 3 == 2) & (self.places < 3 * self.shape.nodes))
 
     @cached_property

@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 # contain host callbacks.
 WORKER_ENVIRONMENT = ONE_THREAD | {
     "EQX_ON_ERROR": "nan",
-    # Memory of large arrays is kept for the next ones: glibc would return it to the system and get
-    # it back page by page, which took a sixth of the processor time of 249,000 nodes.
+    # Memory of large arrays is kept for the next ones, in threads too: glibc would return it to the
+    # system and get it back page by page, a sixth of the processor time of 249,000 nodes.
+    "MALLOC_ARENA_MAX": "1",
     "MALLOC_MMAP_THRESHOLD_": str(2**32),
     "MALLOC_TRIM_THRESHOLD_": str(2**34),
 }
@@ -288,6 +289,8 @@ def _client(workers: int, scheduler: str | None, dashboard: bool) -> Iterator["C
         # A case that kills its worker would kill others; run_plan itself tries again, and alone.
         "distributed.scheduler.allowed-failures": 0,
         "distributed.scheduler.worker-saturation": 1.0,
+        # The plan makes sure that all workers fit; one that keeps its memory would pause for ever.
+        "distributed.worker.memory.pause": False,
         # A worker that died is restarted, however long that takes: by default dask gives up after
         # 15 s, and the run would wait for ever once the last worker is gone.
         "distributed.deploy.lost-worker-timeout": "1 day",

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-LEAST = 1e-6
+LEAST_EIGENVALUE = 1e-6
 """Least eigenvalue of an update that counts as positive definite."""
 
 
@@ -18,9 +18,9 @@ class DiagonalUpdate:
     """A positive definite I + W K Wᵀ, ready to be applied.
 
     Attributes:
-        rows: unknowns with non-zeros in W, in elimination order.
+        rows: places, in elimination order, of the unknowns with non-zeros in W.
         columns: these rows of W.
-        weights: (K⁻¹ + WᵀW)⁻¹.
+        weights: (K⁻¹ + WᵀW)⁻¹, the inverse of the capacitance matrix.
     """
 
     rows: Int[np.ndarray, " row"]
@@ -36,11 +36,13 @@ class DiagonalUpdate:
     ) -> "DiagonalUpdate | None":
         """The update for changes of the diagonal; ``None`` if it is not positive definite."""
         square = columns.T.astype(float) @ columns
+        if not np.isfinite(square).all():
+            return None
         values, vectors = np.linalg.eigh(square)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         # Its eigenvalues are those of I + W K Wᵀ that are not 1.
         small = np.eye(len(changes)) + root.T @ (changes[:, None] * root)
-        if not np.linalg.eigvalsh(small)[0] > LEAST:
+        if not np.linalg.eigvalsh(small)[0] > LEAST_EIGENVALUE:
             return None
         weights = np.linalg.inv(np.diag(1 / changes) + square)
         return cls(rows, columns, weights.astype(columns.dtype))

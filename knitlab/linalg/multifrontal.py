@@ -15,7 +15,7 @@ from threading import Event
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.linalg import eigh
+from scipy.linalg import LinAlgError, eigh
 
 from knitlab.linalg import blas
 from knitlab.linalg.blas import Call, Matrix, Status, Vector
@@ -73,8 +73,9 @@ class Multifrontal:
 
         Args:
             entries: non-zeros of its lower triangle, in the order of the sparsity.
-            convexified: whether to factorise a nearby positive definite matrix instead of failing;
-                this fails only if the matrix is not finite.
+            convexified: whether to factorise a nearby positive definite matrix instead of failing.
+                This fails if the matrix is not finite; in single precision also if eigenvalues of
+                a front are too small for it.
         """
         self._solves.restart()
         self._stored[:] = 0
@@ -174,13 +175,15 @@ class _Part:
         """Replace pivots by the factor of their convexified values before the factorisation."""
         if not np.isfinite(before).all():
             return False
-        # Few eigenvalues are negative, and all others remain.
-        values, vectors = eigh(
-            before, subset_by_value=(-np.inf, LEAST_CURVATURE), check_finite=False
-        )
+        # Few eigenvalues are negative, and all others remain. In single precision small ones would
+        # not be found.
+        below = -np.inf, LEAST_CURVATURE
+        try:
+            values, vectors = eigh(before.astype(float), subset_by_value=below, check_finite=False)
+        except LinAlgError:
+            return False
         raised = np.maximum(np.abs(values), LEAST_CURVATURE) - values
-        front.pivots[:] = before
-        front.pivots[:] += (vectors * raised) @ vectors.T
+        front.pivots[:] = before + (vectors * raised) @ vectors.T
         return self._factored(front)
 
 

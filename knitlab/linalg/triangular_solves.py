@@ -65,7 +65,7 @@ class TriangularSolves:
             changes: what is added to the entry of each; not 0.
 
         Returns:
-            Whether the changed matrix is positive definite; if not, it is not changed.
+            Whether the changed matrix is positive definite; if not, it is as it was factorised.
         """
         self._update = None
         if not len(unknowns):

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from functools import lru_cache, wraps
 from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
-LARGE = 4096
-"""Number of nodes above which a mesh shape is large."""
-LARGE_KEPT, SMALL_KEPT = 2, 64
+LARGE = 2048
+"""Number of nodes above which a mesh shape is large; no subdomain is."""
+LARGE_KEPT, SMALL_KEPT = 2, 32
 """Results that are kept. A large sample needs two: of its relaxation and of its tensile test."""
 
 

@@ -147,10 +147,6 @@ class _Batch:
                 # Subdomains, solved one after another, would leave an accelerator idle.
                 self._at[case], results[case] = request.at, (request.at, 0.0)
                 continue
-            if isinstance(request, ChangeDiagonal):
-                # Low-rank updates of a few cases would leave an accelerator idle too.
-                results[case] = False
-                continue
             if isinstance(request, Evaluate | Assemble):
                 self._at[case] = request
             if isinstance(request, Assemble):
@@ -207,7 +203,11 @@ def run_in_lockstep(
         requests: dict[int, Request] = {}
         for case, answer in answers.items():
             try:
-                requests[case] = solvers[case].send(answer)
+                request = solvers[case].send(answer)
+                while isinstance(request, ChangeDiagonal):
+                    # Low-rank updates of a few cases would leave an accelerator idle.
+                    request = solvers[case].send(False)
+                requests[case] = request
             except StopIteration as end:
                 results[case] = end.value
         answers = batch.answers(requests)

@@ -5,7 +5,7 @@ long straight Newton step would raise it. A factorisation costs about ten gradie
 one factorisation of K + μ I is the initial inverse Hessian of many L-BFGS steps (Nocedal and
 Wright, Numerical Optimization, Alg. 7.4), which learn the curvature of the valley. The stiffness is
 refactorised when a step gains less than the average since the last factorisation, including its
-cost, and does not halve the force either, as steps near the minimum may. The first step foresees
+cost, and does not halve the force either, as steps near the minimum may. The first step predicts
 which nodes will touch the walls (:mod:`knitlab.solvers.wall_steps`); later ones keep these.
 """
 

@@ -1,4 +1,4 @@
-"""Newton steps that foresee which nodes will touch the walls.
+"""Newton steps that predict which nodes will touch the walls.
 
 In a Newton step the energy with walls is piecewise quadratic: the factorised stiffness has a wall
 only for nodes that touch it now. The minimum is found by active sets. Nodes that the step would
@@ -16,8 +16,8 @@ from knitlab.solvers.solver import ChangeDiagonal, Solve, Solver
 
 MOST_CHANGES = 50
 """Nodes that come to a wall, or leave it, above which their update would cost too much."""
-MOST_ROUNDS = 10
-"""Largest number of active sets for one step."""
+MOST_ACTIVE_SETS = 10
+"""Largest number of active sets that are tried for one step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +36,11 @@ class WallStep:
 def step_between_walls(search: Search) -> Solver[WallStep]:
     """The step from the configuration of the last factorisation to the minimum between the walls.
 
-    If the step is longer than the step limit, the nodes that touch after the allowed part count.
-    If many nodes come to a wall or leave one, they are ignored; then a factorisation of the next
-    configuration is cheaper. Otherwise the factorised stiffness keeps the changes.
+    If the step is longer than the step limit, the nodes that touch after the allowed part count;
+    contact of the fabric with itself, which may shorten it further, is ignored. If many nodes come
+    to a wall or leave one, or the active sets do not settle, it is the Newton step with the walls
+    that are touched now: then a factorisation of the next configuration is cheaper. Otherwise the
+    factorised stiffness keeps the changes.
 
     Args:
         search: the search, in the configuration whose stiffness is factorised.
@@ -46,25 +48,25 @@ def step_between_walls(search: Search) -> Solver[WallStep]:
     rules, heights, z_max = search.rules, search.rules.free.heights, search.rules.walls.z_max
     stiffness = rules.walls.stiffness * float(search.at.stage.wall)
     z, gradient = search.at.unknowns[search.places[heights]], search.gradient
-    touching = assumed = np.abs(z) > z_max
-    step = without_changes = yield Solve(-gradient)
-    curvature = -float(gradient @ step)
-    for _ in range(MOST_ROUNDS):
+    touching = active = np.abs(z) > z_max
+    step = newton = yield Solve(-gradient)
+    curvature = of_newton = -float(gradient @ newton)
+    for _ in range(MOST_ACTIVE_SETS):
         end = z + min(1.0, rules.longest_part(step)) * step[heights]
-        found = np.abs(end) > z_max
-        if (found == assumed).all():
-            break
-        assumed = found
-        changed = np.flatnonzero(found != touching)
-        places, change = heights[changed], np.where(found[changed], stiffness, -stiffness)
+        active_after = np.abs(end) > z_max
+        if (active_after == active).all():
+            return WallStep(step, curvature)
+        active = active_after
+        changed = np.flatnonzero(active != touching)
+        places, change = heights[changed], np.where(active[changed], stiffness, -stiffness)
         few = len(changed) <= MOST_CHANGES
         if not (few and (yield ChangeDiagonal(places, change))):
-            yield ChangeDiagonal(places[:0], change[:0])
-            return WallStep(without_changes, -float(gradient @ without_changes))
-        # A wall also pushes nodes by their distance to it before the step.
-        wall = np.copysign(z_max, np.where(found, end, z)[changed])
-        pushed = gradient.copy()
-        pushed[places] += change * (z[changed] - wall)
-        step = yield Solve(-pushed)
-        curvature = -float(pushed @ step) - float(change @ step[places] ** 2)
-    return WallStep(step, curvature)
+            break
+        # An added wall pushes from z_max on rather than from z, and a removed one no longer.
+        wall = np.copysign(z_max, np.where(active, end, z)[changed])
+        modified = gradient.copy()
+        modified[places] += change * (z[changed] - wall)
+        step = yield Solve(-modified)
+        curvature = -float(modified @ step) - float(change @ step[places] ** 2)
+    yield ChangeDiagonal(heights[:0], np.zeros(0))
+    return WallStep(newton, of_newton)

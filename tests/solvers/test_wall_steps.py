@@ -31,10 +31,10 @@ def displaced(state, distance, seed):
     return state.unknowns + distance * np.random.default_rng(seed).normal(size=len(state.unknowns))
 
 
-def stepped(squeezed, unknowns, shift):
+def stepped(squeezed, unknowns, shift, settings=LONG):
     """The search, its step between the walls, and a solve after it, of a stiffness plus a shift."""
     net, fabric, _ = squeezed
-    rules = SearchRules.of(net.shape, all_free(net.shape), fabric, LONG)
+    rules = SearchRules.of(net.shape, all_free(net.shape), fabric, settings)
 
     def solver():
         search = Search(Evaluate(unknowns), (yield Evaluate(unknowns)), rules)
@@ -80,8 +80,11 @@ def test_no_force_is_left_in_the_model_after_the_step(
     assert found.curvature == pytest.approx(found.step @ model @ found.step, rel=1e-9)
 
 
-def test_if_many_nodes_come_to_a_wall_the_step_ignores_them(squeezed, monkeypatch):
-    monkeypatch.setattr(wall_steps, "MOST_CHANGES", 3)
+@pytest.mark.parametrize(("limit", "value"), [("MOST_CHANGES", 3), ("MOST_ACTIVE_SETS", 1)])
+def test_a_step_that_does_not_settle_ignores_nodes_that_come_to_a_wall(
+    squeezed, monkeypatch, limit, value
+):
+    monkeypatch.setattr(wall_steps, limit, value)
     unknowns = displaced(squeezed[2], 0.003, 0)
     search, found, solved = stepped(squeezed, unknowns, 0.1)
     newton = np.linalg.solve(stiffness(squeezed, unknowns, 0.1), -search.gradient)
@@ -89,6 +92,18 @@ def test_if_many_nodes_come_to_a_wall_the_step_ignores_them(squeezed, monkeypatc
     assert found.curvature == pytest.approx(-search.gradient @ newton, rel=1e-9)
     # Nothing of the attempt is left in the factorised stiffness.
     np.testing.assert_allclose(solved, -newton, rtol=0, atol=1e-9 * np.abs(newton).max())
+
+
+def test_only_the_part_of_a_step_within_the_step_limit_meets_walls(squeezed):
+    """A step of a thousandth of its length brings no further node to a wall."""
+    unknowns = displaced(squeezed[2], 0.003, 0)
+    search, whole, _ = stepped(squeezed, unknowns, 0.1)
+    cell = float(squeezed[1].cell_sides.min())
+    limit = 1e-3 / search.rules.longest_part(whole.step) * LONG.step_limit
+    search, found, _ = stepped(squeezed, unknowns, 0.1, SolverSettings(step_limit=limit))
+    assert search.rules.step_length == pytest.approx(limit * cell)
+    newton = np.linalg.solve(stiffness(squeezed, unknowns, 0.1), -search.gradient)
+    np.testing.assert_allclose(found.step, newton, rtol=0, atol=1e-9 * np.abs(newton).max())
 
 
 def test_a_search_reaches_the_same_state_in_fewer_evaluations(squeezed, monkeypatch):
@@ -100,10 +115,10 @@ def test_a_search_reaches_the_same_state_in_fewer_evaluations(squeezed, monkeypa
     def state():
         return run(net.shape, fabric, find_equilibrium(start, rules))
 
-    foreseen = state()
+    predicted = state()
     monkeypatch.setattr(wall_steps, "MOST_CHANGES", 0)
-    unforeseen = state()
-    assert foreseen.converged
-    assert unforeseen.converged
-    assert float(foreseen.energy.total) == pytest.approx(float(unforeseen.energy.total), rel=1e-7)
-    assert foreseen.iterations < unforeseen.iterations
+    unpredicted = state()
+    assert predicted.converged
+    assert unpredicted.converged
+    assert float(predicted.energy.total) == pytest.approx(float(unpredicted.energy.total), rel=1e-7)
+    assert predicted.iterations < unpredicted.iterations
