@@ -53,8 +53,8 @@ def cholmod_factoriser(free: FreeStiffness) -> Callable[[Entries], Solution | No
 class CholmodExecutor:
     """Answers a solver's requests as knitlab's executor does, but factors by CHOLMOD.
 
-    Subdomains of a large sample are solved by knitlab's own factorisation; no matrix is convexified,
-    nor any diagonal changed.
+    Subdomains of a large sample are solved by knitlab's own factorisation. No matrix is
+    convexified, nor any diagonal changed.
 
     Args:
         shape: mesh shape of the fabric.
