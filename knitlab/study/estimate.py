@@ -8,13 +8,13 @@ from knitlab.simulation.case import Case, Method
 # about this power of the number of unknowns.
 RELAXATION_STEPS = 10
 COST_POWER = 1.3
-SECONDS_OF_WORK: dict[Method, float] = {"equilibrium": 0.035, "dynamics": 4.0}
+SECONDS_OF_WORK: dict[Method, float] = {"equilibrium": 0.025, "dynamics": 4.0}
 """Seconds for a unit of work on one core, by method."""
 CONTACT = 4.0
 """How much longer a fabric with contact takes; more where its plies are pressed together."""
 PROCESS_BYTES = 500e6
 """Memory of a worker with its compiled programs."""
-BYTES_OF_UNKNOWN = 23e3
+BYTES_OF_UNKNOWN = 19e3
 """Memory for each unknown of a batch, mostly for element Hessians, indices and factors."""
 
 

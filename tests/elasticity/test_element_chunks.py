@@ -66,15 +66,15 @@ def test_the_incidence_of_a_translation_is_zero():
 @pytest.mark.slow
 def test_threads_share_all_chunks_and_give_identical_results(shared):
     net, fabric = checkered(4, 4, ModelOptions(boundary="clamped", hinges="all"))
-    mesh_chunks = chunks_of(net.shape)
+    alone, threads = (
+        ChunkedFabric.of(net.shape, fabric, threads) for threads in (ALONE, Threads(2))
+    )
+    mesh_chunks = threads.chunks
     assert [chunk for part in mesh_chunks.by_thread for chunk in part.chunks] == [
         *range(mesh_chunks.count)
     ]
     assert len(mesh_chunks.by_thread) == 2
     at = np.array(shaken(flat_sheet(net, fabric), 0.1).flattened())
-    alone, threads = (
-        ChunkedFabric.of(net.shape, fabric, threads) for threads in (ALONE, Threads(2))
-    )
     for method in (ChunkedFabric.evaluate, ChunkedFabric.element_hessians):
         pairs = (jax.tree.leaves(method(of, PART, at)) for of in (alone, threads))
         for one, other in zip(*pairs, strict=True):
