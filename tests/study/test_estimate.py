@@ -7,7 +7,7 @@ from knitlab.study.estimate import seconds, work
 from knitlab.study.plan import make_plan
 
 MEASURED = {(2, 32): 3.9, (4, 32): 0.74, (4, 48): 2.1, (6, 72): 3.7, (8, 48): 0.32, (8, 96): 3.6}
-"""Processor time of relaxation and five strain steps of periodic fabric without contact, on one core
+"""Processor time of relaxation and five strain steps of periodic fabric without contact, on a core
 of an Intel Xeon with AVX-512 [s]."""
 
 
