@@ -44,11 +44,11 @@ class TriangularSolves:
         """The x of matrix × x = ``rhs``, with the changes of the diagonal, if any."""
         self._solution[:] = rhs[self._order]
         for front in self._fronts:
-            front.reduce(self._solution)
+            front.reduce()
         if self._update is not None:
             self._update.apply(self._solution)
         for front in reversed(self._fronts):
-            front.substitute_back(self._solution)
+            front.substitute_back()
         solved = np.empty(rhs.shape)
         solved[self._order] = self._solution
         return solved
@@ -89,7 +89,7 @@ class TriangularSolves:
             self._solution[places] = 1
             while len(places):
                 front = self._fronts[np.searchsorted(self._starts, places[0], side="right") - 1]
-                front.reduce(self._solution)
+                front.reduce()
                 passed.append(np.arange(front.pivots.start, front.pivots.stop))
                 # The front that its update is added to.
                 places = front.boundary
@@ -100,9 +100,10 @@ class TriangularSolves:
 
 @dataclass(frozen=True, eq=False)
 class _FrontSolves:
-    """Triangular solves of a front.
+    """Triangular solves of a front, in place.
 
     Attributes:
+        vector: the right-hand side of all fronts, then their solution.
         pivots: its pivots.
         boundary: unknowns that its pivots are coupled to.
         work: work array for these.
@@ -110,22 +111,23 @@ class _FrontSolves:
         back: solves for the pivots, given the boundary in ``work``.
     """
 
+    vector: Float[np.ndarray, " unknown"]
     pivots: slice
     boundary: Int[np.ndarray, " boundary"]
     work: Float[np.ndarray, " boundary"]
     forward: Sequence[Call]
     back: Sequence[Call]
 
-    def reduce(self, vector: Vector) -> None:
+    def reduce(self) -> None:
         """Forward substitution."""
         blas.run(self.forward)
         if len(self.work):
-            vector[self.boundary] -= self.work
+            self.vector[self.boundary] -= self.work
 
-    def substitute_back(self, vector: Vector) -> None:
+    def substitute_back(self) -> None:
         """Back substitution."""
         if len(self.work):
-            np.take(vector, self.boundary, out=self.work)
+            np.take(self.vector, self.boundary, out=self.work)
         blas.run(self.back)
 
 
@@ -136,4 +138,4 @@ def _front_solves(front: Front, stored: Vector, vector: Vector, work: Vector) ->
     if len(work):
         forward.append(blas.multiply(work, coupling, own))
         back.insert(0, blas.subtract_transposed_product(own, coupling, work))
-    return _FrontSolves(front.pivots, front.boundary, work, forward, back)
+    return _FrontSolves(vector, front.pivots, front.boundary, work, forward, back)
