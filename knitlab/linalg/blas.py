@@ -62,9 +62,9 @@ class _Precision:
         self.lacpy, self.potrf, self.trtri = (
             _routine(cython_lapack, letter + name) for name in ("lacpy", "potrf", "trtri")
         )
-        self.gemm, self.gemv, self.syrk, self.trmm, self.trsv = (
+        self.gemm, self.gemv, self.syrk, self.trmm, self.trmv, self.trsv = (
             _routine(cython_blas, letter + name)
-            for name in ("gemm", "gemv", "syrk", "trmm", "trsv")
+            for name in ("gemm", "gemv", "syrk", "trmm", "trmv", "trsv")
         )
         self._scalars = np.array([1.0, -1.0, 0.0], dtype=kind)
         self.one, self.minus_one, self.zero = (
@@ -127,10 +127,21 @@ def subtract_square(matrix: Matrix, factor: Matrix) -> Call:
 
 def solve(triangle: Matrix, vector: Vector, transposed: bool = False) -> Call:
     """``vector`` ← triangle⁻¹ × vector, or triangle⁻ᵀ × vector."""
-    precision = _PRECISIONS[triangle.dtype]
+    return _PRECISIONS[triangle.dtype].trsv, *_with_vector(triangle, vector, transposed)
+
+
+def multiply_by_triangle(triangle: Matrix, vector: Vector, transposed: bool = False) -> Call:
+    """``vector`` ← triangle × vector, or triangleᵀ × vector."""
+    return _PRECISIONS[triangle.dtype].trmv, *_with_vector(triangle, vector, transposed)
+
+
+def _with_vector(
+    triangle: Matrix, vector: Vector, transposed: bool
+) -> tuple[tuple[int, ...], tuple[np.ndarray, ...]]:
+    """Addresses of a triangle and a vector that it is applied to, and these arrays."""
     options = _LOWER, _TRANSPOSED if transposed else _NOT, _NOT
     operands = _integer(len(triangle)), *_at(triangle), vector.ctypes.data, _integer(1)
-    return precision.trsv, (*options, *operands), (triangle, vector)
+    return (*options, *operands), (triangle, vector)
 
 
 def multiply(target: Vector, matrix: Matrix, vector: Vector) -> Call:

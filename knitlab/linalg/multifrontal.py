@@ -19,19 +19,17 @@ from scipy.linalg import LinAlgError, eigh
 
 from knitlab.linalg import blas
 from knitlab.linalg.blas import Call, Matrix, Status, Vector
+from knitlab.linalg.front_solves import INVERTED_SIZE
 from knitlab.linalg.symbolic_factorisation import Columns, Front, NestedDissection
 from knitlab.linalg.threads import ALONE, Threads
 from knitlab.linalg.triangular_solves import TriangularSolves
 
 Precision = type[np.float32] | type[np.float64]
 
-INVERTED_SIZE = 48
-"""Size up to which a triangular matrix is inverted rather than solved with: OpenBLAS multiplies
-small matrices several times faster than it solves with them."""
 LEAST_CURVATURE = 1e-6
 """Lower bound of the eigenvalues of a convexified front."""
 WORTH_SHARING = 10**6
-"""Entries of a factor above which a second thread pays off."""
+"""Entries of a factor above which a second thread pays off in a factorisation."""
 
 
 class Multifrontal:
@@ -59,14 +57,15 @@ class Multifrontal:
         self._failed = Event()
         memory = _Memory(self._stored, np.empty(plan.stack, precision), self._failed)
         self._parts = [_Part(fronts, memory) for fronts in plan.parts]
-        self._solves = TriangularSolves(plan, self._stored)
+        self._solves = TriangularSolves(plan, self._stored, threads)
 
     def columns(self) -> Iterator[Columns]:
-        """The columns of L of every front: its pivots and their coupling to its boundary.
-
-        Entries above the diagonal of the pivots are undefined.
-        """
-        return (front.columns(self._stored) for part in self.plan.parts for front in part)
+        """The columns of L of every front: its pivots and their coupling to its boundary."""
+        for part in self.plan.parts:
+            for front in part:
+                pivots, coupling = front.columns(self._stored)
+                triangle = np.tril(pivots)
+                yield np.linalg.inv(triangle) if front.size <= INVERTED_SIZE else triangle, coupling
 
     def factorise(self, entries: Float[np.ndarray, " nonzero"], convexified: bool = False) -> bool:
         """Factorise a matrix and return whether it succeeded; this overwrites the previous factor.
@@ -119,7 +118,7 @@ class _Elimination:
     """Elimination of a front.
 
     Attributes:
-        pivots: its pivots, overwritten by their factor.
+        pivots: its pivots, overwritten by their factor, and that by its inverse if it is small.
         update: its update for its parent.
         added: target and source of the extend-add of each block of its children's updates.
         factorise: the factorisation of the pivots.
@@ -183,7 +182,8 @@ class _Part:
         except LinAlgError:
             return False
         raised = np.maximum(np.abs(values), LEAST_CURVATURE) - values
-        front.pivots[:] = before + (vectors * raised) @ vectors.T
+        # Above the diagonal, pivots that are inverted stay 0.
+        front.pivots[:] = np.tril(before + (vectors * raised) @ vectors.T)
         return self._factored(front)
 
 
@@ -197,8 +197,11 @@ def _elimination(front: Front, memory: _Memory, inverted: Vector, status: Status
         for transfer in transfers
     ]
     eliminate: list[Call] = []
-    if len(front.boundary):
+    if front.size <= INVERTED_SIZE:
+        eliminate += [blas.invert(pivots, status), blas.multiply_by_transposed(coupling, pivots)]
+    elif len(front.boundary):
         eliminate += _multiply_by_inverse(coupling, pivots, inverted, status)
+    if len(front.boundary):
         eliminate.append(blas.subtract_square(update, coupling))
     return _Elimination(pivots, update, added, blas.cholesky(pivots, status), eliminate)
 

@@ -40,6 +40,7 @@ class Front:
     Attributes:
         pivots: the unknowns.
         boundary: later unknowns that their elimination couples to each other, ascending.
+        level: its height in the elimination tree: 0 for leaves, more than that of any child.
         stored: offset of its columns in the stored factor.
         update: offset of its update on the stack.
         children: fronts whose updates are added to it, and their extend-add operations.
@@ -47,6 +48,7 @@ class Front:
 
     pivots: slice
     boundary: Int[np.ndarray, " boundary"]
+    level: int
     stored: int
     update: int
     children: tuple[tuple["Front", tuple[ExtendAdd, ...]], ...]
@@ -75,8 +77,9 @@ class NestedDissection:
 
     Attributes:
         order: the unknowns in elimination order.
-        parts: the fronts, children before parents: those of two independent halves, then those
-            that both halves update.
+        parts: the fronts, children before parents: those of two independent halves, then the last
+            one, which both halves update. Fronts of one half, one level and one size are stored one
+            after another.
         places: position of every non-zero of the lower triangle in the stored factor.
         stored: number of entries of the factor.
         stack: largest number of entries of pending updates.
@@ -172,9 +175,11 @@ def _plan(
     boundaries, parents = _boundaries(np.unique(keys), starts, owner)
     lengths = np.array([len(boundary) for boundary in boundaries])
     middle = _middle(np.array(parents), sizes * lengths**2)
-    fronts, stack = _fronts(starts, boundaries, parents, middle)
+    levels = _levels(parents)
+    half = np.searchsorted([middle, len(sizes) - 1], np.arange(len(sizes)), side="right")
+    stored = _offsets(sizes * (sizes + lengths), np.lexsort((lengths, sizes, levels, half)))
+    fronts, stack = _fronts(starts, boundaries, parents, levels, stored, middle)
 
-    stored = np.array([front.stored for front in fronts])
     within = column - starts[front]
     places = stored[front] + within * sizes[front] + row - starts[front]
     boundary_keys = np.repeat(np.arange(len(sizes)), lengths) * len(order)
@@ -196,6 +201,24 @@ def _middle(parents: Int[np.ndarray, " front"], work: Int[np.ndarray, " front"])
     return int(places[np.abs(done[places] - done[-1] / 2).argmin()])
 
 
+def _levels(parents: Sequence[int]) -> Int[np.ndarray, " front"]:
+    """Height of every front in the elimination tree."""
+    levels = np.zeros(len(parents), dtype=np.int64)
+    for number, parent in enumerate(parents):
+        if parent >= 0:
+            levels[parent] = max(levels[parent], levels[number] + 1)
+    return levels
+
+
+def _offsets(
+    lengths: Int[np.ndarray, " front"], order: Int[np.ndarray, " front"]
+) -> Int[np.ndarray, " front"]:
+    """Offset of every front, if they are stored in an order."""
+    offsets = np.empty_like(lengths)
+    offsets[order] = np.cumsum(lengths[order]) - lengths[order]
+    return offsets
+
+
 def _boundaries(
     keys: Int[np.ndarray, " coupling"],
     starts: Int[np.ndarray, " front"],
@@ -215,18 +238,20 @@ def _boundaries(
 
 
 def _fronts(
-    starts: Int[np.ndarray, " front"],
+    starts: Int[np.ndarray, " _"],
     boundaries: Sequence[Int[np.ndarray, " _"]],
     parents: Sequence[int],
+    levels: Int[np.ndarray, " front"],
+    stored: Int[np.ndarray, " front"],
     middle: int,
 ) -> tuple[tuple[Front, ...], int]:
-    """The fronts with their offsets in the factor and on the stack, and the size of the stack.
+    """The fronts with their offsets on the stack, and the size of the stack.
 
     The second half does not reuse the part of the stack of the first, which runs concurrently.
     """
     fronts: list[Front] = []
     waiting: list[Front] = []
-    stored = stack = bottom = 0
+    stack = bottom = 0
     children: list[list[Front]] = [[] for _ in boundaries]
     for number, (boundary, parent) in enumerate(zip(boundaries, parents, strict=True)):
         pivots = slice(int(starts[number]), int(starts[number + 1]))
@@ -235,9 +260,9 @@ def _fronts(
         extend_adds = tuple(
             (child, _extend_adds(child, pivots, boundary)) for child in children[number]
         )
-        front = Front(pivots, boundary, stored, update, extend_adds)
+        level, offset = int(levels[number]), int(stored[number])
+        front = Front(pivots, boundary, level, offset, update, extend_adds)
         fronts.append(front)
-        stored += front.size * (front.size + len(boundary))
         stack = max(stack, update + len(boundary) ** 2)
         waiting = [other for other in waiting if other not in children[number]]
         if parent >= 0:

@@ -1,19 +1,25 @@
 """Solves with a multifrontal factor, also after a few entries of the diagonal have changed.
 
-They use one thread: many short calls would wait for the interpreter lock longer than a second
-thread saves.
+The two independent halves may be solved at the same time, each by a thread of its own. The result
+does not depend on the threads.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from itertools import groupby
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.linalg import blas
-from knitlab.linalg.blas import Call, Vector
+from knitlab.linalg.blas import Vector
 from knitlab.linalg.diagonal_update import DiagonalUpdate
-from knitlab.linalg.symbolic_factorisation import Front, NestedDissection
+from knitlab.linalg.front_solves import FrontSolves, Solves, StackSolves, stackable
+from knitlab.linalg.symbolic_factorisation import NestedDissection
+from knitlab.linalg.threads import ALONE, Threads
+
+LEAST_STACK = 4
+"""Number of fronts from which a stack pays off."""
+WORTH_SHARING = 3 * 10**7
+"""Entries of a factor above which a second thread pays off in a solve."""
 
 Rows = Int[np.ndarray, " row"]
 
@@ -24,15 +30,28 @@ class TriangularSolves:
     Args:
         plan: symbolic factorisation of the matrix.
         stored: memory of the factor, whose columns may be overwritten between solves.
+        threads: threads to use, at most two.
     """
 
-    def __init__(self, plan: NestedDissection, stored: Vector) -> None:
-        self._order = plan.order
-        self._solution = np.zeros(len(plan.order), stored.dtype)
-        fronts = [front for part in plan.parts for front in part]
-        self._starts = np.array([front.pivots.start for front in fronts])
-        work = np.empty(max((len(front.boundary) for front in fronts), default=0), stored.dtype)
-        self._fronts = [_front_solves(front, stored, self._solution, work) for front in fronts]
+    def __init__(self, plan: NestedDissection, stored: Vector, threads: Threads = ALONE) -> None:
+        self._order, self._stored = plan.order, stored
+        self._threads = threads if plan.stored > WORTH_SHARING else ALONE
+        first, second, (last,) = plan.parts
+        self._fronts = [*first, *second, last]
+        self._starts = np.array([front.pivots.start for front in self._fronts])
+        # Both halves subtract from the pivots of the last front, the second half from a copy.
+        size = len(plan.order)
+        self._vector = np.zeros(size + last.size, stored.dtype)
+        self._solution, self._copy = np.split(self._vector, [size])
+        self._shared = self._solution[last.pivots]
+        self._boundaries = [front.boundary for front in self._fronts]
+        middle, end = len(first), len(first) + len(second)
+        for number in range(middle, end):
+            boundary = self._boundaries[number]
+            self._boundaries[number] = boundary + last.size * (boundary >= last.pivots.start)
+        halves = range(middle), range(middle, end)
+        self._halves = [list(self._of_half(numbers)) for numbers in halves]
+        self._single: dict[int, FrontSolves] = {}
         self._update: DiagonalUpdate | None = None
         self._columns: dict[int, tuple[Rows, Vector]] = {}
 
@@ -42,13 +61,15 @@ class TriangularSolves:
 
     def solve(self, rhs: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, " unknown"]:
         """The x of matrix × x = ``rhs``, with the changes of the diagonal, if any."""
-        self._solution[:] = rhs[self._order]
-        for front in self._fronts:
-            front.reduce()
+        self._solution[:], self._copy[:] = rhs[self._order], 0
+        self._threads.each(_reduce, self._halves)
+        last = len(self._fronts) - 1
+        self._reduce_one(last)
         if self._update is not None:
             self._update.apply(self._solution)
-        for front in reversed(self._fronts):
-            front.substitute_back()
+        self._solves_of_one(last).substitute_back()
+        self._copy[:] = self._shared
+        self._threads.each(_substitute_back, self._halves)
         solved = np.empty(rhs.shape)
         solved[self._order] = self._solution
         return solved
@@ -85,57 +106,57 @@ class TriangularSolves:
         """
         if unknown not in self._columns:
             places, passed = np.flatnonzero(self._order == unknown), list[Rows]()
-            self._solution[:] = 0
-            self._solution[places] = 1
+            self._vector[:] = 0
+            self._vector[places] = 1
             while len(places):
-                front = self._fronts[np.searchsorted(self._starts, places[0], side="right") - 1]
-                front.reduce()
-                passed.append(np.arange(front.pivots.start, front.pivots.stop))
+                number = int(np.searchsorted(self._starts, places[0], side="right")) - 1
+                self._reduce_one(number)
+                pivots = self._fronts[number].pivots
+                passed.append(np.arange(pivots.start, pivots.stop))
                 # The front that its update is added to.
-                places = front.boundary
+                places = self._boundaries[number]
             rows = np.concatenate(passed)
             self._columns[unknown] = rows, self._solution[rows]
         return self._columns[unknown]
 
+    def _reduce_one(self, number: int) -> None:
+        """Forward substitution of one front."""
+        if number == len(self._fronts) - 1:
+            self._shared += self._copy
+        self._solves_of_one(number).reduce()
 
-@dataclass(frozen=True, eq=False)
-class _FrontSolves:
-    """Triangular solves of a front, in place.
+    def _of_half(self, numbers: range) -> Iterator[Solves]:
+        """Solves of the fronts of a half, stacked if possible, lower levels first."""
 
-    Attributes:
-        vector: the right-hand side of all fronts, then their solution.
-        pivots: its pivots.
-        boundary: unknowns that its pivots are coupled to.
-        work: work array for these.
-        forward: solves for the pivots; computes what this subtracts from the boundary, in ``work``.
-        back: solves for the pivots, given the boundary in ``work``.
-    """
+        def kind(number: int) -> tuple[int, int, int]:
+            front = self._fronts[number]
+            return front.level, front.size, len(front.boundary)
 
-    vector: Float[np.ndarray, " unknown"]
-    pivots: slice
-    boundary: Int[np.ndarray, " boundary"]
-    work: Float[np.ndarray, " boundary"]
-    forward: Sequence[Call]
-    back: Sequence[Call]
+        in_memory = sorted(numbers, key=lambda number: self._fronts[number].stored)
+        for _, group in groupby(in_memory, key=kind):
+            members = list(group)
+            fronts = [self._fronts[number] for number in members]
+            if len(members) >= LEAST_STACK and stackable(fronts[0]):
+                boundaries = [self._boundaries[number] for number in members]
+                yield StackSolves.of(fronts, boundaries, self._stored, self._vector)
+            else:
+                yield from map(self._new_solves, members)
 
-    def reduce(self) -> None:
-        """Forward substitution."""
-        blas.run(self.forward)
-        if len(self.work):
-            self.vector[self.boundary] -= self.work
+    def _solves_of_one(self, number: int) -> FrontSolves:
+        if number not in self._single:
+            self._single[number] = self._new_solves(number)
+        return self._single[number]
 
-    def substitute_back(self) -> None:
-        """Back substitution."""
-        if len(self.work):
-            np.take(self.vector, self.boundary, out=self.work)
-        blas.run(self.back)
+    def _new_solves(self, number: int) -> FrontSolves:
+        front, boundary = self._fronts[number], self._boundaries[number]
+        return FrontSolves.of(front, boundary, self._stored, self._vector)
 
 
-def _front_solves(front: Front, stored: Vector, vector: Vector, work: Vector) -> _FrontSolves:
-    pivots, coupling = front.columns(stored)
-    own, work = vector[front.pivots], work[: len(front.boundary)]
-    forward, back = [blas.solve(pivots, own)], [blas.solve(pivots, own, transposed=True)]
-    if len(work):
-        forward.append(blas.multiply(work, coupling, own))
-        back.insert(0, blas.subtract_transposed_product(own, coupling, work))
-    return _FrontSolves(vector, front.pivots, front.boundary, work, forward, back)
+def _reduce(solves: Iterable[Solves]) -> None:
+    for each in solves:
+        each.reduce()
+
+
+def _substitute_back(solves: list[Solves]) -> None:
+    for each in reversed(solves):
+        each.substitute_back()

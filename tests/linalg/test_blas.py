@@ -97,6 +97,8 @@ def test_factors_and_triangles(size, seed):
         solution = vector.copy()
         blas.run([blas.solve(triangle, solution, transposed)])
         np.testing.assert_allclose((lower.T if transposed else lower) @ solution, vector, atol=1e-9)
+        blas.run([blas.multiply_by_triangle(triangle, solution, transposed)])
+        np.testing.assert_allclose(solution, vector, atol=1e-9)
     inverse, status = np.asfortranarray(np.zeros((size, size))), unset_status()
     blas.run([blas.copy(inverse, triangle), blas.invert(inverse, status)])
     assert status[0] == 0

@@ -1,0 +1,143 @@
+"""Triangular solves of fronts: of one front, and of a stack of fronts of one level and size.
+
+Most fronts are so small that a call of BLAS for each would take longer than its arithmetic. Fronts
+of one level do not depend on each other, and in a sheet many of them have one size, so that batched
+matrix products solve them together.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from knitlab.linalg import blas
+from knitlab.linalg.blas import Call, Vector
+from knitlab.linalg.symbolic_factorisation import Front
+
+INVERTED_SIZE = 192
+"""Size up to which the pivots of a front are stored as the inverse of their factor: OpenBLAS
+multiplies by small matrices several times faster than it solves with them, and a stack is solved by
+products alone."""
+
+Boundary = Int[np.ndarray, " boundary"]
+
+
+class Solves(Protocol):
+    """Triangular solves in place, in a vector in elimination order."""
+
+    def reduce(self) -> None:
+        """Forward substitution."""
+
+    def substitute_back(self) -> None:
+        """Back substitution."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrontSolves:
+    """Triangular solves of one front.
+
+    Attributes:
+        vector: the right-hand side of all fronts, then their solution.
+        boundary: places, in it, that its pivots are coupled to.
+        work: work array for these.
+        forward: solves for the pivots; computes what this subtracts from the boundary, in ``work``.
+        back: solves for the pivots, given the boundary in ``work``.
+    """
+
+    vector: Vector
+    boundary: Boundary
+    work: Float[np.ndarray, " boundary"]
+    forward: Sequence[Call]
+    back: Sequence[Call]
+
+    @classmethod
+    def of(cls, front: Front, boundary: Boundary, stored: Vector, vector: Vector) -> "FrontSolves":
+        """The solves of a front.
+
+        Args:
+            front: the front.
+            boundary: places of its boundary in the vector.
+            stored: memory of the factor.
+            vector: the vector.
+        """
+        pivots, coupling = front.columns(stored)
+        own, work = vector[front.pivots], np.empty(len(boundary), vector.dtype)
+        apply = blas.multiply_by_triangle if front.size <= INVERTED_SIZE else blas.solve
+        forward, back = [apply(pivots, own)], [apply(pivots, own, transposed=True)]
+        if len(work):
+            forward.append(blas.multiply(work, coupling, own))
+            back.insert(0, blas.subtract_transposed_product(own, coupling, work))
+        return cls(vector, boundary, work, forward, back)
+
+    def reduce(self) -> None:
+        """Forward substitution."""
+        blas.run(self.forward)
+        if len(self.work):
+            self.vector[self.boundary] -= self.work
+
+    def substitute_back(self) -> None:
+        """Back substitution."""
+        if len(self.work):
+            np.take(self.vector, self.boundary, out=self.work, mode="clip")
+        blas.run(self.back)
+
+
+@dataclass(frozen=True, eq=False)
+class StackSolves:
+    """Triangular solves of fronts of one level and size, which are stored one after another.
+
+    Attributes:
+        vector: the right-hand side of all fronts, then their solution.
+        pivots: places of the pivots in it.
+        boundary: places of the boundaries.
+        inverses: inverses of the factors of the pivots, upper triangles 0.
+        couplings: rows of the factor for the boundaries.
+    """
+
+    vector: Vector
+    pivots: Int[np.ndarray, "front pivot"]
+    boundary: Int[np.ndarray, "front boundary"]
+    inverses: Float[np.ndarray, "front pivot pivot"]
+    couplings: Float[np.ndarray, "front boundary pivot"]
+
+    @classmethod
+    def of(
+        cls,
+        fronts: Sequence[Front],
+        boundaries: Sequence[Boundary],
+        stored: Vector,
+        vector: Vector,
+    ) -> "StackSolves":
+        """The solves of fronts that fit :func:`stackable`; arguments as for one front."""
+        count, size, boundary = len(fronts), fronts[0].size, len(boundaries[0])
+        start, length = fronts[0].stored, size * (size + boundary)
+        columns = stored[start : start + count * length].reshape(count, length)
+        starts = np.array([front.pivots.start for front in fronts])
+        return cls(
+            vector,
+            starts[:, None] + np.arange(size),
+            np.stack(boundaries),
+            # Every front is in Fortran order.
+            columns[:, : size * size].reshape(count, size, size).transpose(0, 2, 1),
+            columns[:, size * size :].reshape(count, size, boundary).transpose(0, 2, 1),
+        )
+
+    def reduce(self) -> None:
+        """Forward substitution."""
+        own = self.inverses @ self.vector[self.pivots][..., None]
+        self.vector[self.pivots] = own[..., 0]
+        # Several fronts may share an unknown of their boundaries.
+        np.subtract.at(self.vector, self.boundary.ravel(), (self.couplings @ own).ravel())
+
+    def substitute_back(self) -> None:
+        """Back substitution."""
+        known = self.vector[self.boundary][..., None]
+        own = self.vector[self.pivots][..., None] - self.couplings.transpose(0, 2, 1) @ known
+        self.vector[self.pivots] = (self.inverses.transpose(0, 2, 1) @ own)[..., 0]
+
+
+def stackable(front: Front) -> bool:
+    """Whether a front may be part of a stack."""
+    return front.size <= INVERTED_SIZE and len(front.boundary) > 0
