@@ -1,4 +1,4 @@
-"""Triangular solves of fronts: of one front, and of a stack of fronts of one level and size.
+"""Triangular solves of fronts: of one front, and of a group of fronts of one level and size.
 
 Most fronts are so small that a call of BLAS for each would take longer than its arithmetic. Fronts
 of one level do not depend on each other, and in a sheet many of them have one size, so that batched
@@ -18,7 +18,7 @@ from knitlab.linalg.symbolic_factorisation import Front
 
 INVERTED_SIZE = 192
 """Size up to which the pivots of a front are stored as the inverse of their factor: OpenBLAS
-multiplies by small matrices several times faster than it solves with them, and a stack is solved by
+multiplies by small matrices several times faster than it solves with them, and a group is solved by
 products alone."""
 
 Boundary = Int[np.ndarray, " boundary"]
@@ -85,7 +85,7 @@ class FrontSolves:
 
 
 @dataclass(frozen=True, eq=False)
-class StackSolves:
+class GroupSolves:
     """Triangular solves of fronts of one level and size, which are stored one after another.
 
     Attributes:
@@ -109,8 +109,8 @@ class StackSolves:
         boundaries: Sequence[Boundary],
         stored: Vector,
         vector: Vector,
-    ) -> "StackSolves":
-        """The solves of fronts that fit :func:`stackable`; arguments as for one front."""
+    ) -> "GroupSolves":
+        """The solves of fronts that fit :func:`groupable`; arguments as for one front."""
         count, size, boundary = len(fronts), fronts[0].size, len(boundaries[0])
         start, length = fronts[0].stored, size * (size + boundary)
         columns = stored[start : start + count * length].reshape(count, length)
@@ -138,6 +138,6 @@ class StackSolves:
         self.vector[self.pivots] = (self.inverses.transpose(0, 2, 1) @ own)[..., 0]
 
 
-def stackable(front: Front) -> bool:
-    """Whether a front may be part of a stack."""
+def groupable(front: Front) -> bool:
+    """Whether a front may be part of a group."""
     return front.size <= INVERTED_SIZE and len(front.boundary) > 0

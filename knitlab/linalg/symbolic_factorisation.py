@@ -58,6 +58,11 @@ class Front:
         """Number of pivots."""
         return self.pivots.stop - self.pivots.start
 
+    @property
+    def kind(self) -> tuple[int, int, int]:
+        """Its level, and its numbers of pivots and of boundary unknowns."""
+        return self.level, self.size, len(self.boundary)
+
     def columns(self, stored: Float[np.ndarray, " entry"]) -> Columns:
         """Views of its pivots and of their coupling to the boundary."""
         size, boundary = self.size, len(self.boundary)
@@ -78,8 +83,8 @@ class NestedDissection:
     Attributes:
         order: the unknowns in elimination order.
         parts: the fronts, children before parents: those of two independent halves, then the last
-            one, which both halves update. Fronts of one half, one level and one size are stored one
-            after another.
+            one, which both halves update. Fronts of one half and one kind are stored one after
+            another.
         places: position of every non-zero of the lower triangle in the stored factor.
         stored: number of entries of the factor.
         stack: largest number of entries of pending updates.

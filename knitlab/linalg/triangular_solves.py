@@ -12,12 +12,12 @@ from jaxtyping import Float, Int
 
 from knitlab.linalg.blas import Vector
 from knitlab.linalg.diagonal_update import DiagonalUpdate
-from knitlab.linalg.front_solves import FrontSolves, Solves, StackSolves, stackable
+from knitlab.linalg.front_solves import FrontSolves, GroupSolves, Solves, groupable
 from knitlab.linalg.symbolic_factorisation import NestedDissection
 from knitlab.linalg.threads import ALONE, Threads
 
-LEAST_STACK = 4
-"""Number of fronts from which a stack pays off."""
+LEAST_GROUP = 4
+"""Number of fronts from which a group pays off."""
 WORTH_SHARING = 3 * 10**7
 """Entries of a factor above which a second thread pays off in a solve."""
 
@@ -126,19 +126,14 @@ class TriangularSolves:
         self._solves_of_one(number).reduce()
 
     def _of_half(self, numbers: range) -> Iterator[Solves]:
-        """Solves of the fronts of a half, stacked if possible, lower levels first."""
-
-        def kind(number: int) -> tuple[int, int, int]:
-            front = self._fronts[number]
-            return front.level, front.size, len(front.boundary)
-
+        """Solves of the fronts of a half, in groups if possible, lower levels first."""
         in_memory = sorted(numbers, key=lambda number: self._fronts[number].stored)
-        for _, group in groupby(in_memory, key=kind):
+        for _, group in groupby(in_memory, key=lambda number: self._fronts[number].kind):
             members = list(group)
             fronts = [self._fronts[number] for number in members]
-            if len(members) >= LEAST_STACK and stackable(fronts[0]):
+            if len(members) >= LEAST_GROUP and groupable(fronts[0]):
                 boundaries = [self._boundaries[number] for number in members]
-                yield StackSolves.of(fronts, boundaries, self._stored, self._vector)
+                yield GroupSolves.of(fronts, boundaries, self._stored, self._vector)
             else:
                 yield from map(self._new_solves, members)
 
