@@ -14,12 +14,7 @@ from jaxtyping import Float, Int
 
 from knitlab.linalg import blas
 from knitlab.linalg.blas import Call, Vector
-from knitlab.linalg.symbolic_factorisation import Front
-
-INVERTED_SIZE = 192
-"""Size up to which the pivots of a front are stored as the inverse of their factor: OpenBLAS
-multiplies by small matrices several times faster than it solves with them, and a group is solved by
-products alone."""
+from knitlab.linalg.symbolic_factorisation import Front, columns_of_group
 
 Boundary = Int[np.ndarray, " boundary"]
 
@@ -64,7 +59,7 @@ class FrontSolves:
         """
         pivots, coupling = front.columns(stored)
         own, work = vector[front.pivots], np.empty(len(boundary), vector.dtype)
-        apply = blas.multiply_by_triangle if front.size <= INVERTED_SIZE else blas.solve
+        apply = blas.multiply_by_triangle if front.inverted else blas.solve
         forward, back = [apply(pivots, own)], [apply(pivots, own, transposed=True)]
         if len(work):
             forward.append(blas.multiply(work, coupling, own))
@@ -111,18 +106,9 @@ class GroupSolves:
         vector: Vector,
     ) -> "GroupSolves":
         """The solves of fronts that fit :func:`groupable`; arguments as for one front."""
-        count, size, boundary = len(fronts), fronts[0].size, len(boundaries[0])
-        start, length = fronts[0].stored, size * (size + boundary)
-        columns = stored[start : start + count * length].reshape(count, length)
         starts = np.array([front.pivots.start for front in fronts])
-        return cls(
-            vector,
-            starts[:, None] + np.arange(size),
-            np.stack(boundaries),
-            # Every front is in Fortran order.
-            columns[:, : size * size].reshape(count, size, size).transpose(0, 2, 1),
-            columns[:, size * size :].reshape(count, size, boundary).transpose(0, 2, 1),
-        )
+        pivots = starts[:, None] + np.arange(fronts[0].size)
+        return cls(vector, pivots, np.stack(boundaries), *columns_of_group(fronts, stored))
 
     def reduce(self) -> None:
         """Forward substitution."""
@@ -140,4 +126,4 @@ class GroupSolves:
 
 def groupable(front: Front) -> bool:
     """Whether a front may be part of a group."""
-    return front.size <= INVERTED_SIZE and len(front.boundary) > 0
+    return front.inverted and len(front.boundary) > 0

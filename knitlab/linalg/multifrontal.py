@@ -19,8 +19,12 @@ from scipy.linalg import LinAlgError, eigh
 
 from knitlab.linalg import blas
 from knitlab.linalg.blas import Call, Matrix, Status, Vector
-from knitlab.linalg.front_solves import INVERTED_SIZE
-from knitlab.linalg.symbolic_factorisation import Columns, Front, NestedDissection
+from knitlab.linalg.symbolic_factorisation import (
+    INVERTED_SIZE,
+    Columns,
+    Front,
+    NestedDissection,
+)
 from knitlab.linalg.threads import ALONE, Threads
 from knitlab.linalg.triangular_solves import TriangularSolves
 
@@ -65,7 +69,7 @@ class Multifrontal:
             for front in part:
                 pivots, coupling = front.columns(self._stored)
                 triangle = np.tril(pivots)
-                yield np.linalg.inv(triangle) if front.size <= INVERTED_SIZE else triangle, coupling
+                yield np.linalg.inv(triangle) if front.inverted else triangle, coupling
 
     def factorise(self, entries: Float[np.ndarray, " nonzero"], convexified: bool = False) -> bool:
         """Factorise a matrix and return whether it succeeded; this overwrites the previous factor.
@@ -197,7 +201,7 @@ def _elimination(front: Front, memory: _Memory, inverted: Vector, status: Status
         for transfer in transfers
     ]
     eliminate: list[Call] = []
-    if front.size <= INVERTED_SIZE:
+    if front.inverted:
         eliminate += [blas.invert(pivots, status), blas.multiply_by_transposed(coupling, pivots)]
     elif len(front.boundary):
         eliminate += _multiply_by_inverse(coupling, pivots, inverted, status)

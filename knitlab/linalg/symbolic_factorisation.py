@@ -15,6 +15,11 @@ from jaxtyping import Float, Int
 
 from knitlab.linalg.elimination_order import elimination_order, grid_axis
 
+INVERTED_SIZE = 192
+"""Size up to which the pivots of a front are stored as the inverse of their factor: OpenBLAS
+multiplies by small matrices several times faster than it solves with them, and a group is solved by
+products alone."""
+
 Columns = tuple[Float[np.ndarray, "pivot pivot"], Float[np.ndarray, "boundary pivot"]]
 
 
@@ -63,17 +68,33 @@ class Front:
         """Its level, and its numbers of pivots and of boundary unknowns."""
         return self.level, self.size, len(self.boundary)
 
+    @property
+    def inverted(self) -> bool:
+        """Whether the factor of its pivots is stored as its inverse."""
+        return self.size <= INVERTED_SIZE
+
     def columns(self, stored: Float[np.ndarray, " entry"]) -> Columns:
         """Views of its pivots and of their coupling to the boundary."""
-        size, boundary = self.size, len(self.boundary)
-        middle = self.stored + size * size
-        pivots = stored[self.stored : middle].reshape(size, size).T
-        return pivots, stored[middle : middle + size * boundary].reshape(size, boundary).T
+        (pivots,), (coupling,) = columns_of_group([self], stored)
+        return pivots, coupling
 
     def updated(self, stack: Float[np.ndarray, " place"]) -> Float[np.ndarray, "boundary boundary"]:
         """View of its update."""
         boundary = len(self.boundary)
         return stack[self.update : self.update + boundary**2].reshape(boundary, boundary).T
+
+
+def columns_of_group(
+    fronts: Sequence[Front], stored: Float[np.ndarray, " entry"]
+) -> tuple[Float[np.ndarray, "front pivot pivot"], Float[np.ndarray, "front boundary pivot"]]:
+    """Views of pivots and couplings of fronts of one kind that are stored one after another."""
+    count, (_, size, boundary) = len(fronts), fronts[0].kind
+    start, length = fronts[0].stored, size * (size + boundary)
+    columns = stored[start : start + count * length].reshape(count, length)
+    # Every front is in Fortran order.
+    pivots = columns[:, : size * size].reshape(count, size, size)
+    couplings = columns[:, size * size :].reshape(count, size, boundary)
+    return pivots.transpose(0, 2, 1), couplings.transpose(0, 2, 1)
 
 
 @dataclass(frozen=True, eq=False)
