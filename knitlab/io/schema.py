@@ -196,15 +196,23 @@ VARIABLES = {
         (),
         "1",
         "kinetic energy left when relaxed",
-        "over the largest while relaxing from the flat sheet",
+        "at the end of the motion, over the largest while relaxing from the flat sheet",
         of="dynamics",
     ),
+    "relaxation_force_left": Variable(
+        (),
+        "1",
+        "force left when relaxed",
+        "largest on a node at the end of the motion, over that on the flat sheet",
+        of="dynamics",
+    ),
+    "relaxation_time": Variable((), "ms", "duration of the relaxation", of="dynamics"),
     "snapped": Variable(
         _STATE,
         "1",
         "whether the fabric snapped on the way to a strain",
         "1 where the fabric left its branch of equilibria: even in the smallest strain step, more"
-        " than branch_limit (by dynamics, quasi_static_limit) of the work was lost",
+        " than branch_limit of the work was lost; not looked for by dynamics",
     ),
     "hinges_past_pi": Variable(
         _STATE,

@@ -21,6 +21,7 @@ class History:
         dissipated: work done against the drag since time 0 [N mm].
         snapshot_time: times of the snapshots [ms].
         snapshots: configurations at these times, along a leading axis.
+        force_left: largest force on a node at the end, over that on the flat sheet [1].
     """
 
     time: Float[np.ndarray, " time"]
@@ -29,6 +30,7 @@ class History:
     dissipated: Float[np.ndarray, " time"]
     snapshot_time: Float[np.ndarray, " snapshot"]
     snapshots: Configuration
+    force_left: float
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from knitlab.elasticity.evaluation import Stage
 from knitlab.mechanics.loading import Loading, tensile
 from knitlab.mechanics.path_step import PathStep
-from knitlab.mechanics.relaxation import intermediate_settings, relax
+from knitlab.mechanics.relaxation import intermediate_settings, relax, relax_near
 from knitlab.mechanics.tensile_result import TensileTest
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric
@@ -46,6 +46,7 @@ def stretch(
     settings: SolverSettings,
     progress: Callable[[int], None] = lambda done: None,
     start: Configuration | None = None,
+    folded: Configuration | None = None,
     unload: bool = False,
     contact: "Barrier | None" = None,
 ) -> Solver[TensileTest]:
@@ -75,10 +76,15 @@ def stretch(
         settings: settings of the equilibrium solver.
         progress: called with the number of finished states.
         start: configuration to start the relaxation from; the flat sheet by default.
+        folded: in place of it, a configuration nearly in equilibrium, whose equilibrium is found
+            without a detour.
         unload: whether to unload a fabric that reached the last strain through all strains.
         contact: contact of the fabric with itself, if any.
     """
-    relaxed = yield from relax(net, fabric, settings, start, contact)
+    if folded is None:
+        relaxed = yield from relax(net, fabric, settings, start, contact)
+    else:
+        relaxed = yield from relax_near(net, fabric, settings, folded, contact)
     progress(1)
     if not relaxed.converged:
         return TensileTest(None, [relaxed])

@@ -4,15 +4,12 @@ Units are mm, N, g and ms, in which 1 N = 1 g mm/ms².
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from pydantic import PositiveFloat
 
 from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
@@ -20,21 +17,7 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape, Network
 from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import PatchGrid
-from knitlab.model.setting_types import Unit
 from knitlab.model.stripe import Stripe
-
-
-@dataclass(frozen=True)
-class MassAndDrag:
-    """Density and damping of fabrics; they do not affect equilibria.
-
-    Attributes:
-        surface_density: ρ_s [g/mm²].
-        damping: viscous damping of a node, c [g/ms].
-    """
-
-    surface_density: Annotated[PositiveFloat, Unit("g/mm^2")]
-    damping: Annotated[PositiveFloat, Unit("g/ms")]
 
 
 class Inertia(eqx.Module):
@@ -50,7 +33,11 @@ class Inertia(eqx.Module):
 
 
 def inertia(
-    weft: Stripe, warp: Stripe, options: ModelOptions, mass_and_drag: MassAndDrag
+    weft: Stripe,
+    warp: Stripe,
+    options: ModelOptions,
+    surface_density: float,
+    damping_ratio: float,
 ) -> Inertia:
     """Inertia of a fabric of one pair of stripes: m = ρ_s (w/4)(h/4) (paper, Sec. "3D model").
 
@@ -58,13 +45,11 @@ def inertia(
         weft: the stripe across the wales, with the tabulated period w.
         warp: the stripe across the courses, with the tabulated period h.
         options: model options; ``length_scale`` multiplies both periods.
-        mass_and_drag: ρ_s and c.
+        surface_density: ρ_s [g/mm²].
+        damping_ratio: c over √(k_s m), with the smaller k_s of both stripes [1].
     """
-    sides = [_side(stripe, options) for stripe in (weft, warp)]
-    return Inertia(
-        node_mass=jnp.asarray(mass_and_drag.surface_density * sides[0] * sides[1]),
-        damping=jnp.asarray(mass_and_drag.damping, float),
-    )
+    mass = surface_density * _side(weft, options) * _side(warp, options)
+    return _damped(mass, [weft, warp], damping_ratio)
 
 
 def graded_inertia(
@@ -72,7 +57,8 @@ def graded_inertia(
     weft: Sequence[Stripe],
     warp: Sequence[Stripe],
     options: ModelOptions,
-    mass_and_drag: MassAndDrag,
+    surface_density: float,
+    damping_ratio: float,
 ) -> Inertia:
     """Inertia of a fabric of several stripes: a node has the mean mass of the cells beside it.
 
@@ -81,7 +67,8 @@ def graded_inertia(
         weft: the rib stripes.
         warp: the garter stripes.
         options: model options.
-        mass_and_drag: ρ_s and c.
+        surface_density: ρ_s [g/mm²].
+        damping_ratio: c over √(k_s m), with the smallest k_s and the mean mass [1].
     """
     width = np.array([_side(stripe, options) for stripe in weft])
     height = np.array([_side(stripe, options) for stripe in warp])
@@ -92,10 +79,15 @@ def graded_inertia(
             width[pattern.column_stripe[pattern.patch_of_column]],
         )
     ]
-    return Inertia(
-        node_mass=jnp.asarray(mass_and_drag.surface_density * np.outer(*lines)),
-        damping=jnp.asarray(mass_and_drag.damping, float),
-    )
+    return _damped(surface_density * np.outer(*lines), [*weft, *warp], damping_ratio)
+
+
+def _damped(
+    mass: Float[np.ndarray, "*grid"] | float, stripes: Sequence[Stripe], damping_ratio: float
+) -> Inertia:
+    softest = min(stripe.k_s for stripe in stripes)
+    damping = damping_ratio * np.sqrt(softest * np.mean(mass))
+    return Inertia(node_mass=jnp.asarray(mass), damping=jnp.asarray(damping))
 
 
 def _side(stripe: Stripe, options: ModelOptions) -> float:

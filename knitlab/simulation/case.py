@@ -12,15 +12,15 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from knitlab.capacitance.capacitor import Capacitor
+from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.central import central
 from knitlab.measure.knit_size import Stitches
-from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.model.electrode_layout import StitchCounts, place_electrodes
 from knitlab.model.electrodes import Electrodes
 from knitlab.model.fabric import Fabric, Sheet, StripePair
 from knitlab.model.grading import Grading, graded_pattern
-from knitlab.model.inertia import Inertia, MassAndDrag, graded_inertia, inertia
+from knitlab.model.inertia import Inertia, graded_inertia, inertia
 from knitlab.model.layout import FabricLayout, fabric_layout
 from knitlab.model.network import MeshShape, Network, mesh_shape
 from knitlab.model.options import ModelOptions
@@ -47,14 +47,14 @@ class Case:
         design: its labels, by the dimension of the cube that they lie along.
         weft, warp: the stripe of its rib and of its garter patches; one stripe is both if pure.
         sheet: the walls.
-        mass_and_drag: what makes it move; ``None`` where the method knows no time.
         options: of the model: the choices that the paper leaves open.
         pattern: patch map of a unit cell, top course first.
         periods: periods of a stripe that fill a patch, P.
         unit_cells: unit cells of the sample along (y, x).
         applied_strain: strains of the tensile test, ascending from 0.
-        method: how its states are reached.
-        solver: settings of that method.
+        method: how the states of the test are reached.
+        solver: settings of the equilibrium solver; ``None`` if the test is one by dynamics.
+        dynamics: settings of the dynamics; ``None`` if nothing moves in time.
         sensitivities: whether derivatives of its results by the stripe parameters are computed.
         unloading: whether the fabric is let go again, through the same strains.
         capacitor: the electrodes on it, if any.
@@ -70,14 +70,14 @@ class Case:
     weft: Stripe
     warp: Stripe
     sheet: Sheet
-    mass_and_drag: MassAndDrag | None
     options: ModelOptions
     pattern: tuple[str, ...]
     periods: int
     unit_cells: tuple[int, int]
     applied_strain: tuple[float, ...]
     method: Method
-    solver: SolverSettings | DynamicsSettings
+    solver: SolverSettings | None
+    dynamics: DynamicsSettings | None = None
     sensitivities: bool = False
     unloading: bool = False
     capacitor: Capacitor | None = None
@@ -227,7 +227,7 @@ class Case:
     def periodic_cell(self) -> "Case":
         """One unit cell of the same fabric, periodic: a clamped sample starts as a tiling of it."""
         periodic = replace(self.options, boundary="periodic")
-        return replace(self, unit_cells=(1, 1), options=periodic)
+        return replace(self, unit_cells=(1, 1), options=periodic).without_unused()
 
     @property
     def electrodes(self) -> Electrodes:
@@ -262,9 +262,31 @@ class Case:
         Raises:
             TypeError: if this case is solved by dynamics.
         """
-        if not isinstance(self.solver, SolverSettings):
+        if self.solver is None:
             raise TypeError(f"case {self.case_id} has no settings of the equilibrium solver")
         return self.solver
+
+    @property
+    def motion(self) -> DynamicsSettings:
+        """Settings of the dynamics.
+
+        Raises:
+            TypeError: if nothing of it moves in time.
+        """
+        if self.dynamics is None:
+            raise TypeError(f"case {self.case_id} has no settings of the dynamics")
+        return self.dynamics
+
+    @property
+    def relaxes_by_dynamics(self) -> bool:
+        """Whether its relaxation is a motion in time."""
+        if self.solver is None:
+            return True
+        return self.options.boundary == "clamped" and self.solver.start == "dynamics"
+
+    def without_unused(self) -> "Case":
+        """The case without the settings of the dynamics, if nothing of it moves in time."""
+        return self if self.relaxes_by_dynamics else replace(self, dynamics=None)
 
     @property
     def spring_kinds(self) -> tuple[SpringKind, ...]:
@@ -294,14 +316,13 @@ class Case:
         """Its mass and drag.
 
         Raises:
-            TypeError: if it has none, as a case that is solved in equilibrium.
+            TypeError: if nothing of it moves in time.
         """
-        if self.mass_and_drag is None:
-            raise TypeError(f"case {self.case_id} has no mass and drag")
+        density, ratio = self.motion.surface_density, self.motion.damping_ratio
         if self.grading is None:
-            return inertia(self.weft, self.warp, self.options, self.mass_and_drag)
+            return inertia(self.weft, self.warp, self.options, density, ratio)
         stripes = self.grading.weft, self.grading.warp
-        return graded_inertia(self.sample, *stripes, self.options, self.mass_and_drag)
+        return graded_inertia(self.sample, *stripes, self.options, density, ratio)
 
 
 def by_test(named: Iterable[tuple[Name, Case]]) -> list[list[Name]]:
@@ -325,10 +346,7 @@ def case_of(record: dict[str, Any]) -> Case:
         ValidationError: if the record is not of a case of this version.
     """
     fields = fields_of_record(record)
-    settings = DynamicsSettings if fields["method"] == "dynamics" else SolverSettings
-    # Left to itself, the union would take the first kind that all keys fit.
-    solver = settings(**fields["solver"])
-    return replace(_schema(Case).validate_python(fields), solver=solver)
+    return _schema(Case).validate_python(fields)  # type: ignore[no-any-return]
 
 
 @cache

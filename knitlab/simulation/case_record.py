@@ -9,7 +9,7 @@ from typing import Any
 from knitlab.model.pattern import CELLS_PER_PERIOD
 from knitlab.model.stripe import SPRING_LAWS
 
-UNUSED_LEFT_OUT = ("robustness", "grading", "folds", "cell_patches", "plain")
+UNUSED_LEFT_OUT = ("robustness", "grading", "folds", "cell_patches", "plain", "solver", "dynamics")
 """Fields that a record leaves out where they are empty."""
 FINER_GRID = ("cells_per_period", "ridge_fraction")
 """Model options that a record leaves out on the paper's grid."""
@@ -52,15 +52,20 @@ def stored_record(fields: dict[str, Any]) -> dict[str, Any]:
                 del capacitor[name]
         if capacitor["ground"] == "none":
             del capacitor["ground"], capacitor["ground_distance"]
-    _rename_start(record["solver"], STORED_STARTS)
+    if "solver" in record:
+        _rename_start(record["solver"], STORED_STARTS)
     return record
 
 
 def fields_of_record(record: dict[str, Any]) -> dict[str, Any]:
     """The fields that a record gives, under the names of :class:`Case`."""
     fields = {"options" if name == "reading" else name: value for name, value in record.items()}
-    fields["solver"] = dict(fields["solver"])
-    _rename_start(fields["solver"], {stored: name for name, stored in STORED_STARTS.items()})
+    # Cases of earlier versions that are in equilibrium say that they have no mass.
+    if fields.get("mass_and_drag", 1) is None:
+        del fields["mass_and_drag"]
+    fields["solver"] = dict(fields["solver"]) if "solver" in fields else None
+    if fields["solver"] is not None:
+        _rename_start(fields["solver"], {stored: name for name, stored in STORED_STARTS.items()})
     return fields
 
 

@@ -47,7 +47,7 @@ def fixed_coordinates(dims: Iterable[str]) -> dict[str, list[Any]]:
 def variables_of(case: Case) -> dict[str, Variable]:
     """The variables of the schema that a case has."""
     kinds = ["all", "stripe" if case.pure else "patches"]
-    if case.method == "dynamics":
+    if case.relaxes_by_dynamics:
         kinds.append("dynamics")
     if case.sensitivities:
         kinds.append("sensitivities")
@@ -108,7 +108,7 @@ def measured(
             energies = [float(reached[0].energy.total)]
             energies += [sibling.branch_energy for sibling in siblings]
             values |= spread(values, results, energies)
-    if case.method == "dynamics":
+    if case.relaxes_by_dynamics:
         values["kinetic_energy_peak"] = [state.kinetic_peak for state in test.states]
     if test.history is not None:
         values |= _history(case, test.history)
@@ -177,6 +177,8 @@ def _history(case: Case, history: History) -> dict[str, Any]:
         "time": history.time,
         "kinetic_energy": history.kinetic,
         "kinetic_energy_left": float(history.kinetic[-1] / history.kinetic.max()),
+        "relaxation_force_left": history.force_left,
+        "relaxation_time": float(history.time[-1]),
         "potential_energy": history.potential,
         "dissipated_work": history.dissipated,
         "snapshot": history.snapshot_time,

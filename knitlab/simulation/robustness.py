@@ -52,9 +52,9 @@ def sibling(case: Case, number: int) -> Case:
     solver = case.solver
     if case.options.boundary == "clamped" and number % 2 and case.method == "equilibrium":
         settings = case.equilibrium_solver
-        other: Start = "flat" if settings.start == "periodic" else "periodic"
+        other: Start = "periodic" if settings.start == "flat" else "flat"
         solver = replace(settings, start=other)
-    return replace(
+    changed = replace(
         case.with_stripes(
             partial(_scaled, factors=factors[0]), partial(_scaled, factors=factors[1])
         ),
@@ -64,6 +64,7 @@ def sibling(case: Case, number: int) -> Case:
         capacitor=None,
         robustness=0,
     )
+    return changed.without_unused()
 
 
 def _scaled(stripe: Stripe, factors: Float[np.ndarray, " number"]) -> Stripe:

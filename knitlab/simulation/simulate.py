@@ -3,15 +3,16 @@
 import json
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
 from knitlab.io.case_file import write_case_file
 from knitlab.io.provenance import provenance
-from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.mechanics.relaxation import relax_near
 from knitlab.mechanics.starting_shape import imperfect_sheet, starts_from_periodic
 from knitlab.mechanics.tensile_result import TensileTest
@@ -28,6 +29,9 @@ from knitlab.simulation.reporting import Progress, Reporter
 from knitlab.simulation.robustness import SiblingTest, sibling
 from knitlab.solvers.runners import Runner, run_all
 from knitlab.solvers.state import Outcome
+
+if TYPE_CHECKING:
+    from knitlab.dynamics.damped_test import MovingFabrics, Relaxed
 
 
 def simulate_batch(results: Path, cases: Sequence[Case], progress: Progress) -> None:
@@ -137,6 +141,7 @@ def equilibrium_tests(
     assembled = [case.assemble() for case in cases]
     reporters = [Reporter(partial(progress, case.case_id)) for case in cases]
     found = starts(cases, assembled, runner, imperfection)
+    moved = relaxed_by_dynamics(cases, found, progress)
     tests = [
         reporter.over(
             stretch(
@@ -145,13 +150,54 @@ def equilibrium_tests(
                 case.equilibrium_solver,
                 reporter.done,
                 start,
+                None if relaxed is None else relaxed.configuration,
                 unload=case.unloading,
                 contact=contact_of(case, its[1]),
             )
         )
-        for case, its, start, reporter in zip(cases, assembled, found, reporters, strict=True)
+        for case, its, start, relaxed, reporter in zip(
+            cases, assembled, found, moved, reporters, strict=True
+        )
     ]
-    return runner(cases[0].mesh_shape, [fabric for _, fabric in assembled], tests)
+    ran = runner(cases[0].mesh_shape, [fabric for _, fabric in assembled], tests)
+    return [
+        test if relaxed is None else after_motion(test, relaxed)
+        for test, relaxed in zip(ran, moved, strict=True)
+    ]
+
+
+def relaxed_by_dynamics(
+    cases: Sequence[Case], sheets: Sequence[Configuration | None], progress: Progress
+) -> "list[Relaxed | None]":
+    """What samples of one mesh shape relax to by dynamics; ``None`` for all others.
+
+    Args:
+        cases: the cases.
+        sheets: what each relaxes from; ``None`` for the flat sheet [mm].
+        progress: called with a case's identifier and which part of its relaxation is done.
+    """
+    found: list[Relaxed | None] = [None] * len(cases)
+    places = [place for place, case in enumerate(cases) if case.relaxes_by_dynamics]
+    if not places:
+        return found
+    from knitlab.dynamics.damped_test import relax_by_dynamics
+
+    relaxed = relax_by_dynamics(
+        moving_fabrics([cases[place] for place in places]),
+        lambda number, part: progress(cases[places[number]].case_id, part),
+        [sheets[place] for place in places],
+    )
+    for place, its in zip(places, relaxed, strict=True):
+        found[place] = its
+    return found
+
+
+def after_motion(test: TensileTest, relaxed: "Relaxed") -> TensileTest:
+    """A test by equilibria of a fabric that relaxed by dynamics, with the history of that."""
+    first, *others = test.states
+    peak = float(relaxed.history.kinetic.max())
+    first = replace(first, iterations=first.iterations + relaxed.steps, kinetic_peak=peak)
+    return replace(test, states=[first, *others], history=relaxed.history)
 
 
 def starts(
@@ -199,19 +245,25 @@ def starts(
 
 
 def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
-    """Tensile tests by damped dynamics, all cases in one vmapped call a strain."""
-    # diffrax takes half as long to import as JAX, and most sweeps need only equilibria.
-    from knitlab.mechanics.dynamic_tensile_test import MovingBatch, stretch_by_dynamics
+    """Tensile tests by damped dynamics, all cases in one vmapped program."""
+    from knitlab.dynamics.damped_test import stretch_by_dynamics
 
-    settings = cases[0].solver
-    if not isinstance(settings, DynamicsSettings):
-        raise TypeError(f"case {cases[0].case_id} has no settings of the dynamics")
-    inertias = [case.inertia() for case in cases]
-    fabrics = [case.assemble()[1] for case in cases]
     return stretch_by_dynamics(
-        MovingBatch(cases[0].mesh_shape, fabrics, inertias, settings),
+        moving_fabrics(cases),
         [case.applied_strain for case in cases],
         lambda place, done: progress(cases[place].case_id, done),
+    )
+
+
+def moving_fabrics(cases: Sequence[Case]) -> "MovingFabrics":
+    """Cases of one mesh shape and the same settings of the dynamics, as a batch."""
+    from knitlab.dynamics.damped_test import MovingFabrics
+
+    return MovingFabrics(
+        cases[0].mesh_shape,
+        [case.assemble()[1] for case in cases],
+        [case.inertia() for case in cases],
+        cases[0].motion,
     )
 
 
@@ -256,10 +308,8 @@ def case_dataset(
 WHY = {
     Outcome.iteration_limit: "the limit of steps was reached",
     Outcome.stalled: "no smaller step helped",
-    Outcome.time_limit: "it was still moving at the end of its time; raise duration, or where"
-    " ending is fixed_steps, fixed_steps",
-    Outcome.diverged: "it diverged; lower time_step",
-    Outcome.too_fast: "it was pulled too fast at the smallest rate allowed; lower ramp_rate",
+    Outcome.time_limit: "it was still moving at the end of its time; raise longest_time",
+    Outcome.diverged: "it became unstable; lower step_safety",
 }
 
 
@@ -271,6 +321,6 @@ def failure_reason(case: Case, test: TensileTest) -> str:
     strain = case.applied_strain[len(test.states) - 1]
     steps = "time steps" if case.method == "dynamics" else "steps"
     return (
-        f"no equilibrium at applied strain {strain:g}: {last.residual:.1e} N left after"
+        f"no state at applied strain {strain:g}: {last.residual:.1e} N left after"
         f" {last.iterations} {steps} ({WHY[last.outcome]})"
     )

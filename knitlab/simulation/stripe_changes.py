@@ -7,7 +7,6 @@ from typing import Any, TypeVar
 
 from knitlab.io.errors import fault
 from knitlab.model.fabric import Sheet
-from knitlab.model.inertia import MassAndDrag
 from knitlab.model.plain import PlainKnit
 from knitlab.model.stripe import Stripe
 
@@ -16,7 +15,7 @@ STRIPE_QUANTITIES = ("period", "k_s", "k_t", "theta_0")
 STIFFENING = "stiffening_strain"
 """Setting for one knit or both, without factors, because the tables have no value."""
 
-Table = TypeVar("Table", Sheet, MassAndDrag, PlainKnit)
+Table = TypeVar("Table", Sheet, PlainKnit)
 
 
 def changed_stripe(stripe: Stripe, changes: Mapping[str, float]) -> Stripe:
@@ -51,7 +50,7 @@ def changed_table(table: Table, changes: Mapping[str, float]) -> Table:
     """A table with values replaced and multiplied.
 
     Args:
-        table: walls, plain knit, or mass and drag.
+        table: walls or plain knit.
         changes: values by names such as ``z_max``, and factors such as ``z_max_factor``.
     """
     names = [field.name for field in fields(table)]

@@ -104,7 +104,7 @@ class SolveSubdomains:
     force_part: float = 0.0
 
 
-Start = Literal["periodic", "flat"]
+Start = Literal["dynamics", "flat", "periodic"]
 Request = Evaluate | Assemble | Factorise | ChangeDiagonal | Solve | SolveSubdomains
 Solver = Generator[Request, Any, Result]
 
@@ -120,8 +120,9 @@ class SolverSettings:
             fraction of the shorter side of a grid cell; keeps hinges from passing ±π.
         smallest_shift: smallest shift, which also regularises the modes that cost no energy
             [N/mm].
-        start: initial shape of the relaxation of a clamped sample: ``periodic``, tiled with relaxed
-            periodic fabric, or ``flat``; periodic fabric always starts flat.
+        start: how a clamped sample relaxes: ``dynamics``, the whole flat sheet by damped dynamics,
+            then to equilibrium; ``flat``, the whole flat sheet by minimisation; ``periodic``, from
+            a tiling of relaxed periodic fabric. Periodic fabric always starts flat.
         ramp_steps: number of equal steps in which relaxation raises the rest fold angles.
         soft_wall: fraction of the wall stiffness at which relaxation begins, raised tenfold from
             stage to stage; 1 for hard walls from the start.
@@ -142,7 +143,7 @@ class SolverSettings:
     max_iterations: PositiveInt = 4000
     step_limit: Fraction = 0.3
     smallest_shift: Annotated[PositiveFloat, Unit("N/mm")] = 1e-9
-    start: Start = "periodic"
+    start: Start = "dynamics"
     ramp_steps: PositiveInt = 1
     soft_wall: Fraction = 1e-3
     waypoint_force: Fraction = 1e-3

@@ -19,8 +19,7 @@ class Outcome(IntEnum):
     stalled = 2
     time_limit = 3
     diverged = 4
-    too_fast = 5
-    left_branch = 6
+    left_branch = 5
 
 
 @dataclass(frozen=True)

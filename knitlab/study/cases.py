@@ -104,19 +104,16 @@ def _cases(
     solver = overridden(parameters.solver, workflow.solver)
     common: dict[str, Any] = {
         "sheet": changed_table(parameters.sheet, changes),
-        "mass_and_drag": None,
         "applied_strain": protocol.applied_strain,
         "method": protocol.method,
-        "solver": solver,
+        "solver": None if protocol.method == "dynamics" else solver,
+        "dynamics": overridden(parameters.dynamics, workflow.dynamics),
         "sensitivities": protocol.sensitivities,
         "unloading": protocol.unloading,
         "robustness": protocol.robustness if protocol.method == "equilibrium" else 0,
         "capacitor": _capacitor(workflow.electrodes, parameters, source),
     }
-    if protocol.method == "dynamics":
-        common["mass_and_drag"] = changed_table(parameters.mass_and_drag, changes)
-        common["solver"] = overridden(parameters.dynamics, workflow.dynamics)
-    elif solver.drag:
+    if protocol.method != "dynamics" and solver.drag:
         check_drag(workflow, model_options.boundary, source)
     if model_options.contact != "none":
         check_contact(workflow, solver.drag, source)
@@ -151,7 +148,7 @@ def _cases(
             except BadPattern as error:
                 place = f"{source('design.pattern')} (n_stripe {n}, n_subunit {m})"
                 raise BadInput(Fault(place, problem) for problem in error.problems) from error
-            yield case
+            yield case.without_unused()
     elif workflow.stripes is not None:
         for knit, stitches, boundary in space.designs:
             pure = stripe("rib" if knit == "rib" else "garter", int(stitches))
@@ -167,7 +164,7 @@ def _cases(
                 **common,
             )
             check_thickness(case, source)
-            yield case
+            yield case.without_unused()
 
 
 def _pattern(

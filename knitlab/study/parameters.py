@@ -17,14 +17,13 @@ from pydantic import (
 )
 
 from knitlab.capacitance.capacitor import Capacitor
+from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, faults_of
 from knitlab.io.strict_model import StrictModel
 from knitlab.io.toml import read_checked, read_toml
 from knitlab.measure.knit_size import Gauge
-from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.model.electrode_layout import ElectrodeLayout
 from knitlab.model.fabric import Sheet
-from knitlab.model.inertia import MassAndDrag
 from knitlab.model.options import ModelOptions
 from knitlab.model.plain import PlainKnit
 from knitlab.model.spring_curve import SpringCurve
@@ -205,7 +204,6 @@ class Parameters:
         stripes: the stripe tables.
         sheet: the walls.
         plain: plain knit.
-        mass_and_drag: mass and damping.
         model_options: model options.
         solver: settings of the equilibrium solver.
         dynamics: settings of the dynamics.
@@ -220,7 +218,6 @@ class Parameters:
     stripes: Stripes
     sheet: Sheet
     plain: PlainKnit
-    mass_and_drag: MassAndDrag
     model_options: ModelOptions
     solver: SolverSettings
     dynamics: DynamicsSettings
@@ -234,7 +231,7 @@ class Parameters:
 
 FILES: dict[str, type[BaseModel]] = {
     "stripes": Stripes,
-    "sheet": _file(StrictModel, Sheet, MassAndDrag),
+    "sheet": _file(StrictModel, Sheet),
     "plain": _file(StrictModel, PlainKnit),
     "reading": _file(StrictModel, ModelOptions),
     "solver": _file(StrictModel, SolverSettings),
@@ -300,7 +297,6 @@ def read_parameters(folder: Path) -> Parameters:
         stripes=read["stripes"],
         sheet=_table(Sheet, values),
         plain=_table(PlainKnit, values),
-        mass_and_drag=_table(MassAndDrag, values),
         model_options=_table(ModelOptions, values),
         solver=_table(SolverSettings, values),
         dynamics=_table(DynamicsSettings, values),

@@ -4,7 +4,7 @@ import itertools
 import json
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -20,9 +20,6 @@ from knitlab.io.fingerprint import (
 from knitlab.io.shipped import shipped
 from knitlab.io.variable import Variable
 from knitlab.measure.knit_size import Gauge
-from knitlab.model.network import MeshShape
-from knitlab.model.options import FoldAngle
-from knitlab.model.stripe import SpringKind
 from knitlab.simulation.case import Case, by_test
 from knitlab.study.axes import SweepAxis
 from knitlab.study.cases import (
@@ -256,9 +253,14 @@ def _stripes_fingerprint(
 
 def batched(cases: dict[str, Case]) -> tuple[Batch, ...]:
     """Batches of cases that can be stacked, as large as memory allows, the longest first."""
-    alike: dict[tuple[MeshShape, FoldAngle, tuple[SpringKind, ...]], list[str]] = defaultdict(list)
+    alike: dict[tuple[Any, ...], list[str]] = defaultdict(list)
     for case_id, case in cases.items():
-        alike[case.mesh_shape, case.options.fold_angle, case.spring_kinds].append(case_id)
+        dynamics = case.dynamics
+        if dynamics is not None:
+            # Mass and damping are numbers of each fabric in a batch.
+            dynamics = replace(dynamics, damping_ratio=0.0, surface_density=1.0)
+        key = case.mesh_shape, case.options.fold_angle, case.spring_kinds, dynamics
+        alike[key].append(case_id)
     batches = []
     for (shape, *_), members in alike.items():
         size = max(1, BATCH_UNKNOWNS // shape.unknowns)

@@ -122,7 +122,6 @@ def settings_table(parameter_folder: Path | None = None) -> tuple[SettingRow, ..
         parameters.model_options,
         parameters.sheet,
         parameters.plain,
-        parameters.mass_and_drag,
         parameters.solver,
         parameters.dynamics,
         parameters.capacitor,

@@ -12,13 +12,12 @@ from pydantic import (
 )
 
 from knitlab.capacitance.capacitor import Capacitor
+from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.io.strict_model import StrictModel
 from knitlab.io.suggestions import unknown
 from knitlab.measure.knit_size import Gauge
-from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.model.electrode_layout import ElectrodeLayout
 from knitlab.model.fabric import Sheet
-from knitlab.model.inertia import MassAndDrag
 from knitlab.model.options import Boundary, ModelOptions
 from knitlab.model.pattern import letters_of
 from knitlab.model.plain import PlainKnit
@@ -168,7 +167,7 @@ class ProtocolSection(StrictModel):
 
 
 STRIPE_NUMBERS = {name: declared(Stripe)[name] for name in STRIPE_QUANTITIES}
-SHEET_NUMBERS = declared(Sheet) | declared(MassAndDrag)
+SHEET_NUMBERS = declared(Sheet)
 PLAIN_NUMBERS = declared(PlainKnit) | factors(declared(PlainKnit))
 
 

@@ -1,0 +1,297 @@
+"""Relaxation and tensile test by damped dynamics, for a batch of fabrics of one mesh shape."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.dynamics.grid import GridFabric, Shape
+from knitlab.dynamics.motion import Body, Moving, Observed, advance
+from knitlab.dynamics.settings import DynamicsSettings
+from knitlab.mechanics.loading import (
+    Loading,
+    all_free,
+    between_walls,
+    free_under_tension,
+    rigidly_aligned,
+    tensile,
+)
+from knitlab.mechanics.tensile_result import History, TensileTest
+from knitlab.model.configuration import Configuration
+from knitlab.model.energy import Energy
+from knitlab.model.fabric import Fabric, flat_sheet
+from knitlab.model.inertia import Inertia, moved_mass, nodes_moved
+from knitlab.model.network import MeshShape, network
+from knitlab.solvers.state import Outcome, State
+
+FIRST_RECORD = 0.01
+"""Time of the first record of a relaxation after its beginning [ms]."""
+RECORDS = 40
+"""Records of a relaxation of which no configurations are kept."""
+
+Progress = Callable[[int, float], None]
+"""Function of the index in a batch and of the number of finished states, with a fraction."""
+
+
+def no_progress(case: int, states: float) -> None:
+    """Report nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class MovingFabrics:
+    """Fabrics of one mesh shape that move together.
+
+    Attributes:
+        shape: the mesh shape.
+        fabrics: the fabrics.
+        inertias: their masses and drags.
+        settings: settings of the dynamics.
+    """
+
+    shape: MeshShape
+    fabrics: Sequence[Fabric]
+    inertias: Sequence[Inertia]
+    settings: DynamicsSettings
+
+    def bodies(self, clamped: bool) -> list[Body]:
+        """The fabrics as bodies, free or with what a tensile test holds held."""
+        return [
+            _body(self.shape, fabric, inertia, clamped)
+            for fabric, inertia in zip(self.fabrics, self.inertias, strict=True)
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class Relaxed:
+    """The end of a relaxation.
+
+    Attributes:
+        configuration: its shape, aligned for clamping if the fabric is a sample [mm].
+        history: energies on the way.
+        steps: time steps.
+        outcome: ``converged`` at rest or after the given time, else why not.
+    """
+
+    configuration: Configuration
+    history: History
+    steps: int
+    outcome: Outcome
+
+
+def relax_by_dynamics(
+    fabrics: MovingFabrics,
+    progress: Progress = no_progress,
+    sheets: Sequence[Configuration | None] | None = None,
+) -> list[Relaxed]:
+    """Release flat sheets at rest and let them fold (paper, Sec. "Relaxation of a pattern").
+
+    A sheet moves until it is at rest, or for a given time, as ``settings.ending`` says. A sample is
+    rotated rigidly then, so that the rows that are to be clamped match those of its flat sheet.
+
+    Args:
+        fabrics: the fabrics.
+        progress: called with the index of a fabric and which part of its relaxation is done.
+        sheets: what is released in place of each flat sheet, such as an imperfect one [mm].
+    """
+    shape, settings = fabrics.shape, fabrics.settings
+    flat = [flat_sheet(network(shape), fabric) for fabric in fabrics.fabrics]
+    released = [given or sheet for given, sheet in zip(sheets or flat, flat, strict=True)]
+    moving = Moving.from_rest(fabrics.bodies(clamped=False), [_grid(sheet) for sheet in released])
+    first_force = np.asarray(moving.seen.force)
+    to_rest = settings.ending == "rest"
+    longest = settings.longest_time if to_rest else settings.relax_time
+    times = np.geomspace(FIRST_RECORD, longest, settings.snapshots or RECORDS)
+    records = [[_Record.of(moving, case)] for case in range(len(flat))]
+    for number, time in enumerate(times):
+        moving = advance(moving, np.full(len(flat), time), settings, to_rest)
+        for case, own in enumerate(records):
+            if moving.time[case] > own[-1].time:
+                own.append(_Record.of(moving, case))
+            progress(case, (number + 1) / (len(times) + 1))
+        if (moving.resting | moving.diverged).all():
+            break
+    found = []
+    for case, (sheet, fabric, own) in enumerate(zip(flat, fabrics.fabrics, records, strict=True)):
+        if moving.diverged[case]:
+            outcome = Outcome.diverged
+        elif to_rest and not moving.resting[case]:
+            outcome = Outcome.time_limit
+        else:
+            outcome = Outcome.converged
+        folded = own[-1].configuration
+        if not shape.periodic:
+            aligned = rigidly_aligned(shape, sheet, folded)
+            folded = between_walls(aligned, float(fabric.z_max))
+        force_left = float(moving.seen.force[case]) / float(first_force[case])
+        found.append(
+            Relaxed(
+                configuration=folded,
+                history=_history(own, force_left, settings.snapshots > 0),
+                steps=int(moving.steps[case]),
+                outcome=outcome,
+            )
+        )
+    return found
+
+
+def stretch_by_dynamics(
+    fabrics: MovingFabrics,
+    applied_strain: Sequence[Sequence[float]],
+    progress: Progress = no_progress,
+) -> list[TensileTest]:
+    """Relax flat sheets, then pull them (paper, Sec. "Kinematics under tension").
+
+    The pull begins from rest: what is left of the motion of the relaxation is taken away, as when
+    the test is a simulation of its own. With ``settings.ending = "rest"`` the fabric comes to rest
+    at every applied strain; with ``"time"`` it is pulled without a pause, and its states are no
+    equilibria.
+
+    Args:
+        fabrics: the fabrics.
+        applied_strain: strains of each fabric, ascending from 0, of equal number.
+        progress: called with the index of a fabric and the number of its finished states.
+    """
+    shape, settings = fabrics.shape, fabrics.settings
+    relaxed = relax_by_dynamics(fabrics, progress)
+    loadings = [tensile(shape, its.configuration) for its in relaxed]
+    starts = [_grid(its.configuration) for its in relaxed]
+    moving = Moving.from_rest(fabrics.bodies(clamped=True), starts)
+    failed = np.array([its.outcome is not Outcome.converged for its in relaxed])
+    moving = replace(moving, diverged=failed)
+    to_rest = settings.ending == "rest"
+    states = [[_relaxed_state(shape, moving, case, its)] for case, its in enumerate(relaxed)]
+    strains = np.array(applied_strain)
+    waited = np.zeros(len(relaxed))
+    for number in range(1, strains.shape[1]):
+        steps, began = moving.steps, moving.time
+        moving = replace(_driven(moving, loadings, settings.strain_rate), kinetic_peak=0 * began)
+        arrival = waited + strains[:, number] / settings.strain_rate
+        moving = advance(moving, arrival, settings)
+        if to_rest:
+            moving = _driven(moving, loadings, 0.0)
+            moving = advance(moving, arrival + settings.longest_time, settings, to_rest=True)
+            waited = waited + moving.time - arrival
+        for case, own in enumerate(states):
+            if own[-1].outcome is not Outcome.converged:
+                continue
+            outcome = Outcome.converged
+            if moving.diverged[case]:
+                outcome = Outcome.diverged
+            elif to_rest and not moving.resting[case]:
+                outcome = Outcome.time_limit
+            state = _state(shape, moving, case, free_under_tension(shape), outcome)
+            taken = int(moving.steps[case] - steps[case])
+            own.append(
+                replace(state, iterations=taken, kinetic_peak=float(moving.kinetic_peak[case]))
+            )
+            progress(case, number + 1)
+        ended = [own[-1].outcome is not Outcome.converged for own in states]
+        moving = replace(moving, diverged=moving.diverged | ended)
+    return [
+        TensileTest(loading if own[0].converged else None, own, history=its.history)
+        for loading, own, its in zip(loadings, states, relaxed, strict=True)
+    ]
+
+
+def _body(shape: MeshShape, fabric: Fabric, inertia: Inertia, clamped: bool) -> Body:
+    mass = moved_mass(shape, inertia)
+    uniform = jnp.ndim(inertia.node_mass) == 0
+    inverse = 1 / np.asarray(mass.positions)[:, : 1 if uniform else None, 0]
+    lengths = 1 / np.asarray(mass.lengths) if shape.periodic else np.zeros(2)
+    if clamped and shape.periodic:
+        lengths[1] = 0.0
+    elif clamped:
+        inverse[[0, -1]] = 0.0
+    return Body(
+        GridFabric.of(shape, fabric),
+        jnp.asarray(inverse),
+        jnp.asarray(lengths),
+        jnp.asarray(inertia.damping),
+        nodes_moved(shape).lengths,
+    )
+
+
+def _grid(configuration: Configuration) -> Shape:
+    x, y, z = np.moveaxis(np.asarray(configuration.positions), -1, 0)
+    return Shape(
+        (jnp.asarray(x), jnp.asarray(y), jnp.asarray(z)), jnp.asarray(configuration.lengths)
+    )
+
+
+def _configuration(shape: Shape, case: int) -> Configuration:
+    positions = np.stack([np.asarray(part[case]) for part in shape.positions], axis=-1)
+    return Configuration(positions, np.asarray(shape.lengths[case]))
+
+
+def _driven(moving: Moving, loadings: Sequence[Loading], rate: float) -> Moving:
+    """The batch, with what is held moving at a rate of the applied strain."""
+    velocity = moving.motion.velocity
+    if moving.body.fabric.periodic:
+        own = np.array([rate * loading.length for loading in loadings])
+        velocity = velocity._replace(lengths=velocity.lengths.at[:, 1].set(own))
+    else:
+        x, y, z = velocity.positions
+        own = np.array([rate * loading.length for loading in loadings])[:, None]
+        velocity = velocity._replace(positions=(x, y.at[:, -1].set(own), z))
+    return replace(moving, motion=replace(moving.motion, velocity=velocity))
+
+
+def _state(
+    shape: MeshShape, moving: Moving, case: int, free: Float[np.ndarray, " free"], outcome: Outcome
+) -> State:
+    seen: Observed = jax.tree.map(lambda leaf: np.asarray(leaf[case]), moving.seen)
+    gradient = Configuration(np.stack(seen.gradient.positions, axis=-1), seen.gradient.lengths)
+    unknowns = np.asarray(_configuration(moving.motion.shape, case).flattened())
+    forces = np.asarray(gradient.flattened())
+    return State(
+        shape=shape,
+        unknowns=unknowns,
+        energy=Energy(seen.energy.stretch, seen.energy.fold, seen.energy.wall),
+        gradient=forces,
+        outcome=outcome,
+        residual=float(np.abs(forces[free]).max()),
+        iterations=0,
+    )
+
+
+def _relaxed_state(shape: MeshShape, moving: Moving, case: int, relaxed: Relaxed) -> State:
+    state = _state(shape, moving, case, all_free(shape), relaxed.outcome)
+    peak = float(relaxed.history.kinetic.max())
+    return replace(state, iterations=relaxed.steps, kinetic_peak=peak)
+
+
+@dataclass(frozen=True, eq=False)
+class _Record:
+    """A fabric at one time of its relaxation; energies as in :class:`History`."""
+
+    time: float
+    kinetic: float
+    potential: float
+    dissipated: float
+    configuration: Configuration
+
+    @classmethod
+    def of(cls, moving: Moving, case: int) -> "_Record":
+        return cls(
+            time=float(moving.time[case]),
+            kinetic=float(moving.seen.kinetic[case]),
+            potential=float(moving.seen.energy.total[case]),
+            dissipated=float(moving.motion.dissipated[case]),
+            configuration=_configuration(moving.motion.shape, case),
+        )
+
+
+def _history(records: Sequence[_Record], force_left: float, with_snapshots: bool) -> History:
+    kept = records if with_snapshots else records[-1:]
+    return History(
+        time=np.array([record.time for record in records]),
+        kinetic=np.array([record.kinetic for record in records]),
+        potential=np.array([record.potential for record in records]),
+        dissipated=np.array([record.dissipated for record in records]),
+        snapshot_time=np.array([record.time for record in kept]),
+        snapshots=Configuration.stacked([record.configuration for record in kept]),
+        force_left=force_left,
+    )

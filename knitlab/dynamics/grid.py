@@ -1,0 +1,352 @@
+"""The fabric as a structured grid: its energy and forces by shifted arrays, without index lists.
+
+The network of :mod:`knitlab.model.network` is regular: the ends of a spring and the cells beside
+a hinge are neighbours on the grid. Every difference between nodes is a difference of two slices,
+and a force is gathered from slices too. A step of the dynamics is a few loops over the grid then.
+
+Periodic fabric is extended by the image of its first row and column of nodes, so that both kinds of
+fabric have one more line of nodes than of cells. What lies on the images counts once.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from knitlab.dynamics.vectors import (
+    Component,
+    Vector,
+    add,
+    arctan2,
+    cross,
+    dot,
+    scale,
+    subtract,
+)
+from knitlab.model.energy import Energy
+from knitlab.model.fabric import Fabric
+from knitlab.model.network import MeshShape
+from knitlab.model.options import FoldAngle
+from knitlab.model.spring_law import SpringLaw
+
+ALL, INNER = slice(None), slice(1, -1)
+BEFORE, AFTER = slice(None, -1), slice(1, None)
+
+
+class Shape(NamedTuple):
+    """Configuration of a fabric on the grid, its velocity, or a gradient with respect to it.
+
+    Attributes:
+        positions: components of the position of every node [mm].
+        lengths: L_x and L_y of periodic fabric; without effect on a sample [mm].
+    """
+
+    positions: Vector
+    lengths: Float[Array, "2"]
+
+
+class Springs(eqx.Module):
+    """Springs of one direction; those beyond an edge or on an image of a line have no stiffness.
+
+    Attributes:
+        stiffness: k_s [N/mm].
+        rest_length: ℓ0 [mm].
+        law: their law.
+    """
+
+    stiffness: Float[Array, "row column"]
+    rest_length: Float[Array, "row column"]
+    law: SpringLaw
+
+    def energy(self, along: Vector) -> Float[Array, ""]:
+        """Energy of all springs, given the vectors along them [N mm]."""
+        return jnp.sum(self.stiffness * self.law.stored(_norm(along), self.rest_length))
+
+    def gradient(self, along: Vector) -> Vector:
+        """Derivative of the energy with respect to the vectors along them [N]."""
+        return scale(
+            self.stiffness * self.law.pull_over_length(_norm(along), self.rest_length), along
+        )
+
+
+class Hinges(eqx.Module):
+    """Hinges about the edges of one direction, on every line of the grid across it.
+
+    Attributes:
+        stiffness: k_t, 0 at an open edge and beyond it, where there is none [N mm].
+        rest: signed fold angle at rest [rad].
+        of: definition of the fold angle, a model option.
+    """
+
+    stiffness: Float[Array, "row column"]
+    rest: Float[Array, "row column"]
+    of: FoldAngle = eqx.field(static=True)
+
+    def from_rest(self, edge: Vector, before: Vector, after: Vector) -> Component:
+        """Fold angle minus its rest value, on the branch nearest zero [rad].
+
+        Args:
+            edge: along the edges [mm].
+            before: normals of the cells before the edges, as long as these are large [mm²].
+            after: those of the cells after them [mm²].
+        """
+        sine, cosine = self._sine_and_cosine(edge, before, after)
+        angle = arctan2(sine, cosine) - self.rest
+        return angle - 2 * np.pi * jnp.round(angle / (2 * np.pi))
+
+    def energy(self, edge: Vector, before: Vector, after: Vector) -> Component:
+        """Energy of every hinge; arguments as for :meth:`from_rest` [N mm]."""
+        return 0.5 * self.stiffness * self.from_rest(edge, before, after) ** 2
+
+    def gradient(
+        self, edge: Vector, before: Vector, after: Vector
+    ) -> tuple[Vector, Vector, Vector]:
+        """Derivatives of the energy with respect to the edges and to the normals.
+
+        Arguments as for :meth:`from_rest`; :mod:`knitlab.model.fold_angle` derives the formulas.
+        """
+        sine, cosine = self._sine_and_cosine(edge, before, after)
+        moment = self.stiffness * self.from_rest(edge, before, after)
+        per_length = 1 / _norm(edge)
+        along = scale(per_length, edge)
+        if self.of == "across_edge":
+            one, other = dot(before, along), dot(after, along)
+            before = subtract(before, scale(one, along))
+            after = subtract(after, scale(other, along))
+            by_before = scale(moment / dot(before, before), cross(before, along))
+            by_after = scale(moment / dot(after, after), cross(along, after))
+            turned = add(scale(one, by_before), scale(other, by_after))
+            return scale(-per_length, turned), by_before, by_after
+        turn = moment / (sine**2 + cosine**2)
+        by_sine, by_cosine = turn * cosine, -turn * sine
+        crossed = cross(before, after)
+        return (
+            scale(by_sine * per_length, subtract(crossed, scale(dot(crossed, along), along))),
+            add(scale(by_sine, cross(after, along)), scale(by_cosine, after)),
+            add(scale(by_sine, cross(along, before)), scale(by_cosine, before)),
+        )
+
+    def _sine_and_cosine(
+        self, edge: Vector, before: Vector, after: Vector
+    ) -> tuple[Component, Component]:
+        """Sine and cosine of the fold angles, times the same positive number."""
+        sine = dot(cross(before, after), edge) / _norm(edge)
+        cosine = dot(before, after)
+        if self.of == "across_edge":
+            cosine = cosine - dot(before, edge) * dot(after, edge) / dot(edge, edge)
+        return sine, cosine
+
+
+class GridFabric(eqx.Module):
+    """A fabric on the structured grid.
+
+    Attributes:
+        weft, warp, rising, falling: springs along x, along y, and along both diagonals.
+        wale, course: hinges about edges along y, and along x.
+        z_max: half the gap between the walls [mm].
+        k_wall: penalty stiffness of the walls [N/mm].
+        periodic: whether the fabric is periodic.
+    """
+
+    weft: Springs
+    warp: Springs
+    rising: Springs
+    falling: Springs
+    wale: Hinges
+    course: Hinges
+    z_max: Float[Array, ""]
+    k_wall: Float[Array, ""]
+    periodic: bool = eqx.field(static=True)
+
+    @classmethod
+    def of(cls, shape: MeshShape, fabric: Fabric) -> "GridFabric":
+        """A fabric of a mesh shape, whose elements are numbered as in the network."""
+        rows, columns = shape.cells_y, shape.cells_x
+        image = int(shape.periodic)
+        # Lines of nodes are as they are, or with their image; cells get one more on every side.
+        lines, cells = (0, image), (1, 1)
+        springs, first = [], 0
+        for size, around in (
+            ((shape.nodes_y, columns), (lines, cells)),
+            ((rows, shape.nodes_x), (cells, lines)),
+            ((rows, columns), (cells, cells)),
+            ((rows, columns), (cells, cells)),
+        ):
+            numbers = np.arange(first, first := first + size[0] * size[1]).reshape(size)
+            places = np.pad(numbers, around, "edge")
+            exists = np.pad(np.ones(size), around)
+            springs.append(
+                Springs(
+                    jnp.asarray(fabric.stretch_stiffness)[places] * exists,
+                    jnp.asarray(fabric.rest_length)[places],
+                    fabric.spring_law.of(places),
+                )
+            )
+        wales = rows * (columns if shape.periodic else columns - 1)
+        hinges = []
+        for own, size, across in (
+            (slice(None, wales), (rows, -1), 1),
+            (slice(wales, None), (-1, columns), 0),
+        ):
+            # The hinge on the image of the first line is that line's; open edges have none.
+            lines, mode = ((0, 1), "wrap") if shape.periodic else ((1, 1), "constant")
+            around = [(0, 0), (0, 0)]
+            around[across] = lines
+            beside = [(0, 0), (0, 0)]
+            beside[1 - across] = cells
+            stiffness, rest = (
+                jnp.pad(jnp.pad(jnp.asarray(values)[own].reshape(size), around, mode), beside)
+                for values in (fabric.fold_stiffness, fabric.rest_fold)
+            )
+            hinges.append(Hinges(stiffness, rest, fabric.fold_angle))
+        return cls(
+            *springs,
+            *hinges,
+            z_max=jnp.asarray(fabric.z_max),
+            k_wall=jnp.asarray(fabric.k_wall),
+            periodic=shape.periodic,
+        )
+
+    def energy(self, shape: Shape) -> Energy:
+        """Elastic energy in its parts [N mm]."""
+        weft, warp, rising, falling = _edges(self._surrounded(shape))
+        wale, course = _hinged(weft, warp, cross(rising, falling))
+        return Energy(
+            stretch=self.weft.energy(_at(weft, INNER, ALL))
+            + self.warp.energy(_at(warp, ALL, INNER))
+            + self.rising.energy(rising)
+            + self.falling.energy(falling),
+            fold=self.wale.energy(*wale)[:, self._counted].sum()
+            + self.course.energy(*course)[self._counted].sum(),
+            wall=0.5 * self.k_wall * jnp.sum(self._beyond(shape.positions[2]) ** 2),
+        )
+
+    def gradient(self, shape: Shape, walls: bool = True) -> Shape:
+        """Derivative of the elastic energy, minus the force, of every node and length [N].
+
+        Args:
+            shape: the configuration.
+            walls: whether that of the walls is included.
+        """
+        weft, warp, rising, falling = _edges(self._surrounded(shape))
+        wale, course = _hinged(weft, warp, cross(rising, falling))
+        by_warp, wale_before, wale_after = self.wale.gradient(*wale)
+        by_weft, course_before, course_after = self.course.gradient(*course)
+        if self.periodic:
+            by_warp = tuple(part.at[:, -1].set(0.0) for part in by_warp)
+            by_weft = tuple(part.at[-1].set(0.0) for part in by_weft)
+        # A cell is before the hinges on its far lines, and after those on its near lines.
+        x, y, z = add(
+            _at(wale_before, INNER, AFTER),
+            _at(wale_after, INNER, BEFORE),
+            _at(course_before, AFTER, INNER),
+            _at(course_after, BEFORE, INNER),
+        )
+        by_normal = jnp.pad(x, 1), jnp.pad(y, 1), jnp.pad(z, 1)
+        # The edge of a course hinge points to −x.
+        along_weft = subtract(self.weft.gradient(_at(weft, INNER, ALL)), by_weft)
+        along_warp = add(self.warp.gradient(_at(warp, ALL, INNER)), by_warp)
+        along_rising = add(self.rising.gradient(rising), cross(falling, by_normal))
+        along_falling = add(self.falling.gradient(falling), cross(by_normal, rising))
+        x, y, z = (
+            _gathered(*parts)
+            for parts in zip(along_weft, along_warp, along_rising, along_falling, strict=True)
+        )
+        lengths = jnp.zeros(2)
+        if self.periodic:
+            lengths = jnp.stack([x[:, -1].sum(), y[-1].sum()])
+            x, y, z = (_images_added(part) for part in (x, y, z))
+        if walls:
+            z = z + self.k_wall * self._beyond(shape.positions[2])
+        return Shape((x, y, z), lengths)
+
+    @property
+    def _counted(self) -> slice:
+        """The lines that are not images."""
+        return BEFORE if self.periodic else ALL
+
+    def _beyond(self, heights: Component) -> Component:
+        """How far nodes are beyond the walls, with the sign of their height [mm]."""
+        return heights - jnp.clip(heights, -self.z_max, self.z_max)
+
+    def _surrounded(self, shape: Shape) -> Vector:
+        """Positions on all lines, and on one more on every side [mm].
+
+        Beyond an open edge the sheet goes on straight, so that normals exist; nothing acts there.
+        """
+        length_x, length_y = shape.lengths
+        x, y, z = (
+            _extended(part, self.periodic, offset_x, offset_y)
+            for part, offset_x, offset_y in zip(
+                shape.positions, (length_x, 0.0, 0.0), (0.0, length_y, 0.0), strict=True
+            )
+        )
+        return x, y, z
+
+
+def _hinged(
+    weft: Vector, warp: Vector, normals: Vector
+) -> tuple[tuple[Vector, Vector, Vector], tuple[Vector, Vector, Vector]]:
+    """Edge, normal before and normal after, of the wale hinges and of the course hinges."""
+    x, y, z = _at(weft, INNER, ALL)
+    return (
+        (_at(warp, ALL, INNER), _at(normals, ALL, BEFORE), _at(normals, ALL, AFTER)),
+        ((-x, -y, -z), _at(normals, BEFORE, ALL), _at(normals, AFTER, ALL)),
+    )
+
+
+def _norm(vector: Vector) -> Component:
+    return jnp.sqrt(dot(vector, vector))
+
+
+def _at(vector: Vector, rows: slice, columns: slice) -> Vector:
+    x, y, z = (part[rows, columns] for part in vector)
+    return x, y, z
+
+
+def _extended(
+    part: Component, periodic: bool, offset_x: Array | float, offset_y: Array | float
+) -> Component:
+    """One component of the positions, with a line before the first and one after the last.
+
+    Periodic fabric gets two lines after the last: the image of the first, and the one beyond.
+    """
+    if periodic:
+        part = jnp.concatenate([part[-1:] - offset_y, part, part[:2] + offset_y], axis=0)
+        return jnp.concatenate([part[:, -1:] - offset_x, part, part[:, :2] + offset_x], axis=1)
+    part = jnp.concatenate([2 * part[:1] - part[1:2], part, 2 * part[-1:] - part[-2:-1]], axis=0)
+    return jnp.concatenate(
+        [2 * part[:, :1] - part[:, 1:2], part, 2 * part[:, -1:] - part[:, -2:-1]], axis=1
+    )
+
+
+def _edges(around: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+    """Vectors along the weft, along the warp, and along both diagonals of every cell [mm]."""
+    return (
+        subtract(_at(around, ALL, AFTER), _at(around, ALL, BEFORE)),
+        subtract(_at(around, AFTER, ALL), _at(around, BEFORE, ALL)),
+        subtract(_at(around, AFTER, AFTER), _at(around, BEFORE, BEFORE)),
+        subtract(_at(around, AFTER, BEFORE), _at(around, BEFORE, AFTER)),
+    )
+
+
+def _gathered(weft: Component, warp: Component, rising: Component, falling: Component) -> Component:
+    """One component of the gradient at every node, from those with respect to the vectors."""
+    return (
+        weft[:, BEFORE]
+        - weft[:, AFTER]
+        + warp[BEFORE]
+        - warp[AFTER]
+        + rising[BEFORE, BEFORE]
+        - rising[AFTER, AFTER]
+        + falling[BEFORE, AFTER]
+        - falling[AFTER, BEFORE]
+    )
+
+
+def _images_added(part: Component) -> Component:
+    """One component of the gradient at the nodes of periodic fabric: that of images added."""
+    part = part[:-1].at[0].add(part[-1])
+    return part[:, :-1].at[:, 0].add(part[:, -1])
