@@ -51,11 +51,25 @@ def _remove_incomplete(folder: Path) -> None:
 
 
 def _kind_of_program() -> str:
-    """Version of JAX and processor: programs of one may crash on another."""
+    """Version of JAX, processor and threads.
+
+    Programs of one processor may crash on another, and XLA decides on parallel loops as it
+    compiles: a program of one thread stays one where there are more.
+    """
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
         lines = []
     features = next((line for line in lines if line.startswith(("flags", "Features"))), "")
     processor = " ".join((platform.machine(), platform.processor(), features))
-    return f"jax-{jax.__version__}-{hashlib.sha256(processor.encode()).hexdigest()[:12]}"
+    digest = hashlib.sha256(processor.encode()).hexdigest()[:12]
+    return f"jax-{jax.__version__}-{digest}-threads-{_threads()}"
+
+
+def _threads() -> int:
+    """Threads that XLA may use: ``PJRT_NPROC``, or all processors of the process."""
+    text = os.environ.get("PJRT_NPROC", "")
+    if text.isdecimal() and int(text) > 0:
+        return int(text)
+    # Not every system reports which processors a process may use.
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

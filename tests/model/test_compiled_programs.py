@@ -60,6 +60,16 @@ def test_the_users_own_settings_are_kept(tmp_path, environment):
     assert not any("knitlab" in str(path.relative_to(tmp_path)) for path in files)
 
 
+def test_programs_of_another_number_of_threads_are_not_used(tmp_path):
+    one, printed = files_after(tmp_path, PJRT_NPROC="1")
+    both, again = files_after(tmp_path, PJRT_NPROC="2")
+    assert again == printed
+    assert set(one) < set(both)
+    assert len(both) == 2 * len(one)
+    third, _ = files_after(tmp_path, PJRT_NPROC="2")
+    assert third == both
+
+
 def test_where_no_folder_can_be_made_programs_are_compiled_every_time(tmp_path):
     (tmp_path / "cache").touch()
     files, printed = files_after(tmp_path)
