@@ -15,6 +15,7 @@ LAYERS = (
     "contact",
     "solvers",
     "mechanics",
+    "dynamics",
     "measure",
     "capacitance",
     "io",

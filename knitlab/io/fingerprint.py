@@ -14,6 +14,7 @@ COMPUTING = (
     "contact",
     "solvers",
     "mechanics",
+    "dynamics",
     "measure",
     "capacitance",
     "simulation",
