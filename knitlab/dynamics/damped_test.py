@@ -210,7 +210,7 @@ def _body(shape: MeshShape, fabric: Fabric, inertia: Inertia, clamped: bool) -> 
         jnp.asarray(inverse),
         jnp.asarray(lengths),
         jnp.asarray(inertia.damping),
-        nodes_moved(shape).lengths,
+        jnp.asarray(nodes_moved(shape).lengths),
     )
 
 

@@ -8,7 +8,7 @@ Periodic fabric is extended by the image of its first row and column of nodes, s
 fabric have one more line of nodes than of cells. What lies on the images counts once.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -201,9 +201,15 @@ class GridFabric(eqx.Module):
                 for values in (fabric.fold_stiffness, fabric.rest_fold)
             )
             hinges.append(Hinges(stiffness, rest, fabric.fold_angle))
+        weft, warp, rising, falling = springs
+        wale, course = hinges
         return cls(
-            *springs,
-            *hinges,
+            weft,
+            warp,
+            rising,
+            falling,
+            wale,
+            course,
             z_max=jnp.asarray(fabric.z_max),
             k_wall=jnp.asarray(fabric.k_wall),
             periodic=shape.periodic,
@@ -235,8 +241,8 @@ class GridFabric(eqx.Module):
         by_warp, wale_before, wale_after = self.wale.gradient(*wale)
         by_weft, course_before, course_after = self.course.gradient(*course)
         if self.periodic:
-            by_warp = tuple(part.at[:, -1].set(0.0) for part in by_warp)
-            by_weft = tuple(part.at[-1].set(0.0) for part in by_weft)
+            by_warp = _cleared(by_warp, np.s_[:, -1])
+            by_weft = _cleared(by_weft, np.s_[-1])
         # A cell is before the hinges on its far lines, and after those on its near lines.
         x, y, z = add(
             _at(wale_before, INNER, AFTER),
@@ -303,6 +309,11 @@ def _norm(vector: Vector) -> Component:
 
 def _at(vector: Vector, rows: slice, columns: slice) -> Vector:
     x, y, z = (part[rows, columns] for part in vector)
+    return x, y, z
+
+
+def _cleared(vector: Vector, lines: Any) -> Vector:
+    x, y, z = (part.at[lines].set(0.0) for part in vector)
     return x, y, z
 
 

@@ -346,7 +346,7 @@ def case_of(record: dict[str, Any]) -> Case:
         ValidationError: if the record is not of a case of this version.
     """
     fields = fields_of_record(record)
-    return _schema(Case).validate_python(fields)  # type: ignore[no-any-return]
+    return _schema(Case).validate_python(fields)
 
 
 @cache
