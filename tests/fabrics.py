@@ -6,15 +6,15 @@ import jax
 import numpy as np
 import pytest
 
+from knitlab.dynamics.damped_test import MovingFabrics
+from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.io.shipped import shipped
-from knitlab.mechanics.dynamic_tensile_test import MovingBatch
-from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.mechanics.relaxation import relax
 from knitlab.mechanics.tensile_result import TensileTest
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, Sheet
-from knitlab.model.inertia import MassAndDrag, inertia
+from knitlab.model.inertia import inertia
 from knitlab.model.layout import assemble_fabric
 from knitlab.model.network import Network
 from knitlab.model.options import ModelOptions
@@ -33,7 +33,6 @@ CLAMPED = ModelOptions(cell_size="relaxed", boundary="clamped")
 """Longer cells than those of the default options: they fold more easily and snap, which is a harder
 test of solvers."""
 DEFAULT = SolverSettings()
-MASS_AND_DRAG = MassAndDrag(surface_density=1.1e-4, damping=2e-4)
 FINE = SolverSettings(tolerance=1e-12)
 compiled_tension = jax.jit(tension)
 """Tension of a zigzag, compiled; otherwise every call would compile its root finder again."""
@@ -108,15 +107,26 @@ def moving(
     options: ModelOptions,
     settings: DynamicsSettings,
     unit_cells: tuple[int, int] = (1, 1),
-    mass_and_drag: MassAndDrag = MASS_AND_DRAG,
-) -> MovingBatch:
-    """Checkerboards (n_stripe, periods) of one mesh shape, as a batch for the dynamics."""
+    damping_ratios: list[float] | None = None,
+) -> MovingFabrics:
+    """Checkerboards (n_stripe, periods) of one mesh shape, as a batch for the dynamics.
+
+    Args:
+        designs: the checkerboards.
+        options: model options.
+        settings: settings of the dynamics.
+        unit_cells: unit cells along (y, x).
+        damping_ratios: damping ratio of each, if not that of the settings.
+    """
     assembled = [checkered(*design, options, unit_cells) for design in designs]
+    ratios = damping_ratios or [settings.damping_ratio] * len(designs)
     inertias = [
-        inertia(stripe("rib", n), stripe("garter", 2 * n), options, mass_and_drag)
-        for n, _ in designs
+        inertia(
+            stripe("rib", n), stripe("garter", 2 * n), options, settings.surface_density, ratio
+        )
+        for (n, _), ratio in zip(designs, ratios, strict=True)
     ]
-    return MovingBatch(
+    return MovingFabrics(
         assembled[0][0].shape, [fabric for _, fabric in assembled], inertias, settings
     )
 
