@@ -192,12 +192,12 @@ class GridFabric(eqx.Module):
         ):
             # The hinge on the image of the first line is that line's; open edges have none.
             lines, mode = ((0, 1), "wrap") if shape.periodic else ((1, 1), "constant")
-            around = [(0, 0), (0, 0)]
-            around[across] = lines
+            beyond = [(0, 0), (0, 0)]
+            beyond[across] = lines
             beside = [(0, 0), (0, 0)]
             beside[1 - across] = cells
             stiffness, rest = (
-                jnp.pad(jnp.pad(jnp.asarray(values)[own].reshape(size), around, mode), beside)
+                jnp.pad(jnp.pad(jnp.asarray(values)[own].reshape(size), beyond, mode), beside)
                 for values in (fabric.fold_stiffness, fabric.rest_fold)
             )
             hinges.append(Hinges(stiffness, rest, fabric.fold_angle))
