@@ -150,7 +150,7 @@ def loss(body: Body, velocity: Shape) -> Float[Array, ""]:
 
 
 def highest_frequency(
-    body: Body, motion: Motion, mode: Shape, iterations: int
+    body: Body, motion: Motion, mode: Shape, iterations: Int[Array, ""]
 ) -> tuple[Float[Array, ""], Shape]:
     """Square of the highest frequency, without walls, by power iteration on M⁻¹ K [1/ms²].
 
@@ -322,7 +322,7 @@ def _programs() -> tuple[Callable[..., Any], ...]:
     return (
         jax.jit(jax.vmap(observed)),
         jax.jit(jax.vmap(leapfrog, in_axes=(0, 0, 0, 0, None))),
-        jax.jit(jax.vmap(highest_frequency, in_axes=(0, 0, 0, None))),
+        jax.jit(jax.vmap(highest_frequency)),
         jax.jit(jax.vmap(runge_kutta, in_axes=(0, 0, 0, None))),
     )
 
@@ -408,20 +408,31 @@ def advance(
         if settings.integrator == "tsit5":
             moving = _by_runge_kutta(moving, left, settings)
         else:
-            moving, part = _by_leapfrog(moving, left, part)
+            smallest = settings.step_safety * 0.5**HALVINGS
+            moving, part = _by_leapfrog(moving, left, part, smallest)
 
 
 def _by_leapfrog(
-    moving: Moving, left: Float[np.ndarray, " case"], part: Float[np.ndarray, " case"]
+    moving: Moving,
+    left: Float[np.ndarray, " case"],
+    part: Float[np.ndarray, " case"],
+    smallest: float,
 ) -> tuple[Moving, Float[np.ndarray, " case"]]:
     """A number of equal steps of those that have time left; unstable ones are undone.
+
+    Args:
+        moving: the batch.
+        left: time that each has left, 0 where it stands still [ms].
+        part: part of the stability limit that a step of each has.
+        smallest: the smallest that is tried.
 
     Returns:
         The batch, and the part of the stability limit that a step of each is to have from now on.
     """
     observe, leap, frequency, _ = _programs()
-    iterations = MORE_ITERATIONS if moving.steps.any() else FIRST_ITERATIONS
+    iterations = np.where(moving.steps > 0, MORE_ITERATIONS, FIRST_ITERATIONS)
     square, mode = frequency(moving.body, moving.motion, moving.mode, iterations)
+    mode = jax.tree.map(partial(_chosen, left > 0), mode, moving.mode)
     step = part * 2 / np.sqrt(np.asarray(square))
     whole = np.maximum(np.ceil(left / step), 1.0)
     step = left / whole
@@ -445,7 +456,7 @@ def _by_leapfrog(
         mode=mode,
         time=np.where(count == whole, moving.time + left, moving.time + count * step),
         steps=moving.steps + count,
-        diverged=moving.diverged | (part < 0.5**HALVINGS),
+        diverged=moving.diverged | (part < smallest),
     )
     return _with_peaks(moved), part
 
