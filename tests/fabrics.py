@@ -3,10 +3,12 @@
 from dataclasses import replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from knitlab.dynamics.damped_test import MovingFabrics
+from knitlab.dynamics.grid import Shape
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.io.shipped import shipped
 from knitlab.mechanics.relaxation import relax
@@ -121,14 +123,23 @@ def moving(
     assembled = [checkered(*design, options, unit_cells) for design in designs]
     ratios = damping_ratios or [settings.damping_ratio] * len(designs)
     inertias = [
-        inertia(
-            stripe("rib", n), stripe("garter", 2 * n), options, settings.surface_density, ratio
-        )
+        inertia(stripe("rib", n), stripe("garter", 2 * n), options, settings.surface_density, ratio)
         for (n, _), ratio in zip(designs, ratios, strict=True)
     ]
     return MovingFabrics(
         assembled[0][0].shape, [fabric for _, fabric in assembled], inertias, settings
     )
+
+
+def on_grid(configuration: Configuration) -> Shape:
+    """A configuration as the dynamics hold it."""
+    x, y, z = jnp.moveaxis(jnp.asarray(configuration.positions), -1, 0)
+    return Shape((x, y, z), jnp.asarray(configuration.lengths))
+
+
+def off_grid(shape: Shape) -> Configuration:
+    """What the dynamics hold, as a configuration."""
+    return Configuration(jnp.stack(shape.positions, axis=-1), shape.lengths)
 
 
 def periodic_poisson_ratio(test: TensileTest) -> np.ndarray:

@@ -34,6 +34,10 @@ from knitlab.model.spring_law import SpringLaw
 ALL, INNER = slice(None), slice(1, -1)
 BEFORE, AFTER = slice(None, -1), slice(1, None)
 
+Lines = Float[Array, "_ _"]
+"""A component on some lines of the grid, whose number differs within a function."""
+OnLines = tuple[Lines, Lines, Lines]
+
 
 class Shape(NamedTuple):
     """Configuration of a fabric on the grid, its velocity, or a gradient with respect to it.
@@ -293,8 +297,8 @@ class GridFabric(eqx.Module):
 
 
 def _hinged(
-    weft: Vector, warp: Vector, normals: Vector
-) -> tuple[tuple[Vector, Vector, Vector], tuple[Vector, Vector, Vector]]:
+    weft: OnLines, warp: OnLines, normals: OnLines
+) -> tuple[tuple[OnLines, OnLines, OnLines], tuple[OnLines, OnLines, OnLines]]:
     """Edge, normal before and normal after, of the wale hinges and of the course hinges."""
     x, y, z = _at(weft, INNER, ALL)
     return (
@@ -307,7 +311,7 @@ def _norm(vector: Vector) -> Component:
     return jnp.sqrt(dot(vector, vector))
 
 
-def _at(vector: Vector, rows: slice, columns: slice) -> Vector:
+def _at(vector: OnLines, rows: slice, columns: slice) -> OnLines:
     x, y, z = (part[rows, columns] for part in vector)
     return x, y, z
 
@@ -318,8 +322,8 @@ def _cleared(vector: Vector, lines: Any) -> Vector:
 
 
 def _extended(
-    part: Component, periodic: bool, offset_x: Array | float, offset_y: Array | float
-) -> Component:
+    part: Lines, periodic: bool, offset_x: Array | float, offset_y: Array | float
+) -> Lines:
     """One component of the positions, with a line before the first and one after the last.
 
     Periodic fabric gets two lines after the last: the image of the first, and the one beyond.
@@ -333,7 +337,7 @@ def _extended(
     )
 
 
-def _edges(around: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+def _edges(around: OnLines) -> tuple[OnLines, OnLines, OnLines, OnLines]:
     """Vectors along the weft, along the warp, and along both diagonals of every cell [mm]."""
     return (
         subtract(_at(around, ALL, AFTER), _at(around, ALL, BEFORE)),
@@ -343,7 +347,7 @@ def _edges(around: Vector) -> tuple[Vector, Vector, Vector, Vector]:
     )
 
 
-def _gathered(weft: Component, warp: Component, rising: Component, falling: Component) -> Component:
+def _gathered(weft: Lines, warp: Lines, rising: Lines, falling: Lines) -> Lines:
     """One component of the gradient at every node, from those with respect to the vectors."""
     return (
         weft[:, BEFORE]
@@ -357,7 +361,7 @@ def _gathered(weft: Component, warp: Component, rising: Component, falling: Comp
     )
 
 
-def _images_added(part: Component) -> Component:
+def _images_added(part: Lines) -> Lines:
     """One component of the gradient at the nodes of periodic fabric: that of images added."""
     part = part[:-1].at[0].add(part[-1])
     return part[:, :-1].at[:, 0].add(part[:, -1])
