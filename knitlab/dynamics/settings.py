@@ -36,7 +36,7 @@ class DynamicsSettings:
 
     integrator: Integrator = "leapfrog"
     ending: Ending = "rest"
-    damping_ratio: NonNegativeFloat = 0.015
+    damping_ratio: NonNegativeFloat = 0.035
     surface_density: Annotated[PositiveFloat, Unit("g/mm^2")] = 1.1e-4
     relax_time: Annotated[PositiveFloat, Unit("ms")] = 40.0
     strain_rate: Annotated[PositiveFloat, Unit("1/ms")] = 0.012
