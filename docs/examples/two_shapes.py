@@ -1,0 +1,116 @@
+"""Relaxed shapes of one fabric, their energies, and what lies between them.
+
+python docs/examples/two_shapes.py  (some minutes) prints the energies of small samples that relax in
+three ways, and the height of the pass between two shapes, and draws two_shapes.png beside this file.
+"""
+
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from matplotlib.figure import Figure
+
+import knitlab as kl
+from knitlab.dynamics.grid import GridFabric, Shape
+from knitlab.measure.intersections import self_intersections
+from knitlab.model.configuration import Configuration
+from knitlab.simulation.case import Case
+from knitlab.simulation.simulate import equilibrium_tests
+from knitlab.solvers.state import State
+
+DESIGNS = (8, 32), (6, 24), (4, 16)
+STARTS = "dynamics", "flat", "periodic"
+IMAGES = 21
+"""Shapes along a path, the two relaxed ones included."""
+ITERATIONS = 6000
+STEP, FRICTION = 0.02, 0.98
+"""Step of the relaxation of a path [mm/N over the stiffest spring], and what a step keeps of the last."""
+
+
+def relaxed(design: tuple[int, int], start: str) -> tuple[Case, State]:
+    """A small sample of a design, relaxed from a start."""
+    planned = kl.plan(
+        "preview",
+        n_stripe=design[0],
+        n_subunit=design[1],
+        method="equilibrium",
+        ending="rest",
+        start=start,
+        strain_max=0.0,
+    )
+    (case,) = planned.cases.values()
+    (test,) = equilibrium_tests([case], lambda name, states: None)
+    return case, test.states[0]
+
+
+def lowest_path(
+    case: Case, one: Configuration, other: Configuration
+) -> Float[np.ndarray, " image"]:
+    """Energies along a path of low energy between two shapes, by a nudged elastic band [N mm].
+
+    Every shape of the path moves by the forces across the path; the distances along it are kept even.
+    """
+    net, fabric = case.assemble()
+    grid = GridFabric.of(net.shape, fabric)
+    part = np.linspace(0, 1, IMAGES)[:, None, None, None]
+    path = jnp.asarray((1 - part) * np.asarray(one.positions) + part * np.asarray(other.positions))
+    lengths = jnp.asarray(one.lengths)
+
+    def shape(nodes: Float[Array, "y x 3"]) -> Shape:
+        return Shape((nodes[..., 0], nodes[..., 1], nodes[..., 2]), lengths)
+
+    def gradient(nodes: Float[Array, "y x 3"]) -> Float[Array, "y x 3"]:
+        return jnp.stack(grid.gradient(shape(nodes)).positions, axis=-1)
+
+    def norm(vectors: Float[Array, "image y x 3"]) -> Float[Array, "image 1 1 1"]:
+        return jnp.sqrt(jnp.sum(vectors**2, axis=(1, 2, 3), keepdims=True))
+
+    stiffest = float(np.max(fabric.stretch_stiffness))
+
+    @jax.jit
+    def relaxed_path(path: Float[Array, "image y x 3"]) -> Float[Array, "image y x 3"]:
+        def once(_: int, moving: tuple[Array, Array]) -> tuple[Array, Array]:
+            path, last = moving
+            ahead, behind = path[2:] - path[1:-1], path[1:-1] - path[:-2]
+            tangent = (ahead + behind) / norm(ahead + behind)
+            force = -jax.vmap(gradient)(path[1:-1])
+            along = jnp.sum(force * tangent, axis=(1, 2, 3), keepdims=True)
+            even = (norm(ahead) - norm(behind)) * tangent
+            step = FRICTION * last + STEP * ((force - along * tangent) / stiffest + even)
+            return path.at[1:-1].add(step), step
+
+        return jax.lax.fori_loop(0, ITERATIONS, once, (path, jnp.zeros_like(path[1:-1])))[0]
+
+    energies = jax.jit(jax.vmap(lambda nodes: grid.energy(shape(nodes)).total))
+    return np.asarray(energies(relaxed_path(path)))
+
+
+figure = Figure(figsize=(7.0, 2.6), layout="constrained")
+panels = figure.subplots(1, len(DESIGNS))
+print("design    start     energy [N mm]  folds intersecting  width [mm]")
+for axes, design in zip(panels, DESIGNS, strict=True):
+    found = {start: relaxed(design, start) for start in STARTS}
+    for start, (case, state) in found.items():
+        nodes = state.configuration.positions
+        crossing = self_intersections(
+            case.mesh_shape, Configuration.stacked([state.configuration])
+        )[0]
+        width = np.ptp(nodes[..., 0].mean(axis=0))
+        print(
+            f"{design!s:9s} {start:9s} {float(state.energy.total):12.4f} {int(crossing):14d}"
+            f" {width:16.2f}  {state.outcome.name}"
+        )
+    case, folded = found["dynamics"]
+    _, deep = found["periodic"]
+    energies = lowest_path(case, folded.configuration, deep.configuration)
+    print(
+        f"{design!s:9s} pass between dynamics and periodic:"
+        f" {energies.max() - energies[0]:.4f} above dynamics, {energies.max() - energies[-1]:.4f}"
+        " above periodic"
+    )
+    axes.plot(np.linspace(0, 1, IMAGES), energies, ".-", color="C0")
+    axes.set(title=str(design), xlabel="way from 'dynamics' to 'periodic'")
+panels[0].set_ylabel("energy [N mm]")
+figure.savefig(Path(__file__).with_suffix(".png"), dpi=150)
