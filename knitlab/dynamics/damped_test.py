@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Int
 
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.motion import Body, Moving, Observed, advance
@@ -125,11 +125,11 @@ def relax_by_dynamics(
         if not shape.periodic:
             aligned = rigidly_aligned(shape, sheet, folded)
             folded = between_walls(aligned, float(fabric.z_max))
-        force_left = float(moving.seen.force[case]) / float(first_force[case])
+        first, left = float(first_force[case]), float(moving.seen.force[case])
         found.append(
             Relaxed(
                 configuration=folded,
-                history=_history(own, force_left, settings.snapshots > 0),
+                history=_history(own, left / first if first else 0.0, settings.snapshots > 0),
                 steps=int(moving.steps[case]),
                 outcome=outcome,
             )
@@ -240,7 +240,7 @@ def _driven(moving: Moving, loadings: Sequence[Loading], rate: float) -> Moving:
 
 
 def _state(
-    shape: MeshShape, moving: Moving, case: int, free: Float[np.ndarray, " free"], outcome: Outcome
+    shape: MeshShape, moving: Moving, case: int, free: Int[np.ndarray, " free"], outcome: Outcome
 ) -> State:
     seen: Observed = jax.tree.map(lambda leaf: np.asarray(leaf[case]), moving.seen)
     gradient = Configuration(np.stack(seen.gradient.positions, axis=-1), seen.gradient.lengths)

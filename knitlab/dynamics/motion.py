@@ -65,7 +65,7 @@ class Body(eqx.Module):
 
 
 class Motion(eqx.Module):
-    """Configuration and velocity of a fabric, and the work done since the beginning.
+    """Configuration and velocity of a fabric, or of a batch, and the work done since the beginning.
 
     Attributes:
         shape: configuration [mm].
@@ -76,8 +76,8 @@ class Motion(eqx.Module):
 
     shape: Shape
     velocity: Shape
-    dissipated: Float[Array, ""]
-    supplied: Float[Array, ""]
+    dissipated: Float[Array, "*batch"]
+    supplied: Float[Array, "*batch"]
 
     @classmethod
     def at_rest(cls, shape: Shape) -> "Motion":

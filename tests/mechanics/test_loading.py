@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
-from knitlab.mechanics.loading import between_walls, tensile
+from knitlab.mechanics.loading import between_walls, rigidly_aligned, tensile
 from knitlab.model.configuration import Configuration
+from knitlab.model.energy import energy
+from knitlab.model.fabric import flat_sheet
 from knitlab.model.network import MeshShape
+from tests.fabrics import CLAMPED, checkered, shaken
 
 GAP = 0.5
 """Half the gap [mm]."""
@@ -67,3 +71,25 @@ def test_a_path_is_extrapolated_by_the_polynomial_through_its_states():
         order = len(strains) - 1
         passed = [(strain, state(strain, order)) for strain in strains]
         np.testing.assert_allclose(loading.ahead(passed, 0.07), state(0.07, order), atol=1e-10)
+
+
+@pytest.mark.slow
+@given(turn=arrays(float, 3, elements=st.floats(-3, 3)))
+def test_a_sample_is_aligned_after_any_rotation(turn):
+    net, fabric = checkered(4, 1, CLAMPED)
+    flat = flat_sheet(net, fabric)
+    shape = shaken(flat, 0.05)
+    turned = Rotation.from_rotvec(turn).apply(np.array(shape.positions).reshape(-1, 3))
+    nodes = np.array([3, -2, 1]) + turned.reshape(shape.positions.shape)
+    skewed = Configuration(nodes, shape.lengths)
+    square = rigidly_aligned(net.shape, flat, shape)
+    again = rigidly_aligned(net.shape, flat, skewed)
+    for axis in (0, 1):
+        np.testing.assert_allclose(
+            np.diff(again.positions, axis=axis), np.diff(square.positions, axis=axis), atol=1e-12
+        )
+    rows = np.asarray(square.positions)[[0, -1]].mean(axis=1)
+    assert rows[0, 2] == pytest.approx(rows[1, 2])
+    assert float(energy(net, fabric, again).stretch) == pytest.approx(
+        float(energy(net, fabric, shape).stretch)
+    )

@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
+from knitlab.dynamics.damped_test import relax_by_dynamics
+from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.elasticity.element_chunks import ChunkedFabric
 from knitlab.elasticity.evaluation import COMPLETE, element_hessians, evaluate
 from knitlab.elasticity.stiffness import free_stiffness
-from knitlab.mechanics.dynamic_tensile_test import MotionPath, move
-from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.mechanics.loading import all_free
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.mechanics.zigzag_tension import pull_chain
@@ -23,11 +23,11 @@ from knitlab.model.configuration import Configuration
 from knitlab.model.energy import energy
 from knitlab.model.fabric import Sheet, StripePair, flat_sheet
 from knitlab.model.layout import assemble_fabric, fabric_layout
-from knitlab.model.network import network
 from knitlab.model.options import ModelOptions
 from knitlab.model.spring_curve import SpringCurve
 from knitlab.model.zigzag import Zigzag, law_of_one, tension, zigzag
 from knitlab.solvers.executor import run
+from knitlab.solvers.state import Outcome
 from tests.fabrics import (
     CLAMPED,
     FINE,
@@ -146,22 +146,21 @@ def test_derivatives_are_those_of_differences(law):
 @pytest.mark.slow
 @EVERY_LAW
 def test_energy_and_dissipation_balance_over_a_motion(law):
-    settings = DynamicsSettings()
-    batch = moving([(8, 1)], PERIODIC, settings)
+    settings = DynamicsSettings(step_safety=0.1, damping_ratio=0.1)
     net, fabric = lawful(8, 1, PERIODIC, law)
-    batch = replace(batch, fabrics=[fabric])
+    fabrics = replace(moving([(8, 1)], PERIODIC, settings), fabrics=[fabric])
     # From a sheet stretched by a tenth, where the law matters.
-    sheet = flat_sheet(network(batch.shape), fabric)
+    sheet = flat_sheet(net, fabric)
     start = Configuration(sheet.positions * 1.1, sheet.lengths * 1.1)
-    (result,) = move(batch, [MotionPath(np.asarray(start.flattened()))])
-    history = result.history
+    (relaxed,) = relax_by_dynamics(fabrics, sheets=[start])
+    history = relaxed.history
     total = history.kinetic + history.potential + history.dissipated
     stored = energy(net, fabric, start)
     assert float(history.potential[0]) == pytest.approx(float(stored.total), rel=1e-9)
     linear = energy(*lawful(8, 1, PERIODIC, {}), start)
     assert float(stored.stretch) > 1.4 * float(linear.stretch)
-    assert result.state.converged
-    assert np.ptp(total) < 1e-4 * history.potential[0]
+    assert relaxed.outcome is Outcome.converged
+    assert np.ptp(total) < 2e-3 * history.potential[0]
     assert (np.diff(history.dissipated) >= 0).all()
 
 
