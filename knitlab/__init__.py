@@ -5,7 +5,7 @@ datasets, which ``cube.knitlab.query`` and ``knitlab.plot`` turn into tables and
 
 Example:
     >>> import knitlab as kl
-    >>> cube = kl.open_cube("results/reference/preview")
+    >>> cube = kl.open_cube("results/reference/periodic")
     >>> len(cube.knitlab.query("poisson_ratio_min < -0.6"))
     4
 """

@@ -10,7 +10,7 @@ is at fault.
 
 Example:
     >>> import knitlab as kl
-    >>> cube = kl.open_cube("results/reference/preview")
+    >>> cube = kl.open_cube("results/reference/periodic")
     >>> kl.plot.auxetic(cube).savefig(folder / "auxetic.png")
 """
 

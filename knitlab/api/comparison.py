@@ -47,7 +47,7 @@ def query(
 
     Example:
         >>> import knitlab as kl
-        >>> table = kl.query("results/reference/preview", sort="poisson_ratio_min")
+        >>> table = kl.query("results/reference/periodic", sort="poisson_ratio_min")
         >>> table[["n_stripe", "n_subunit"]].iloc[0].tolist()
         [8, 64]
     """

@@ -22,7 +22,7 @@ def design(
     targets: Wanted | Sequence[Wanted] = (),
     vary: Mapping[str, Any] | None = None,
     subject_to: Wanted | Sequence[Wanted] = (),
-    workflow: str | Path = "preview",
+    workflow: str | Path = "periodic",
     cubes: str | Path | Sequence[str | Path] = (),
     starts: int = 3,
     robustness: int = 4,

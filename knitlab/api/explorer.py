@@ -32,7 +32,7 @@ def explore(*cubes: Cube, output: str | Path = "explorer.html") -> Path:
 
     Example:
         >>> import knitlab as kl
-        >>> page = kl.explore("results/reference/preview", output=folder / "explorer.html")
+        >>> page = kl.explore("results/reference/periodic", output=folder / "explorer.html")
         >>> page.name
         'explorer.html'
     """

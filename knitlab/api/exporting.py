@@ -77,7 +77,7 @@ def export(
     Example:
         >>> import knitlab as kl
         >>> exported = kl.export(
-        ...     "results/reference/preview",
+        ...     "results/reference/periodic",
         ...     folder / "shape.vtu",
         ...     n_stripe=4,
         ...     n_subunit=16,

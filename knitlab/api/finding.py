@@ -51,7 +51,7 @@ def find(
     Example:
         >>> import knitlab as kl
         >>> found = kl.find(
-        ...     "results/reference/preview",
+        ...     "results/reference/periodic",
         ...     targets=["poisson_ratio = -0.3 @ 0.05:0.25", "reaction_force < 2 @ 0.2"],
         ...     subject_to="knit_cell_x < 20",
         ... )

@@ -145,7 +145,7 @@ def knit(
 
     Example:
         >>> import knitlab as kl
-        >>> sample = kl.knit("results/reference/preview", n_stripe=4, n_subunit=16)
+        >>> sample = kl.knit("results/reference/periodic", n_stripe=4, n_subunit=16)
         >>> sample.chart.courses, sample.chart.wales
         (64, 32)
         >>> sample.check(interpret=False).faults

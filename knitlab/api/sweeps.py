@@ -136,7 +136,7 @@ def run(
 
     Example:
         >>> import knitlab as kl
-        >>> cube = kl.run("preview", n_stripe=4, n_subunit=8, strain_max=0.06, results=folder)
+        >>> cube = kl.run("periodic", n_stripe=4, n_subunit=8, strain_max=0.06, results=folder)
         >>> cube["status"].item() == 1
         True
     """
@@ -187,7 +187,7 @@ def merge(
 
     Example:
         >>> import knitlab as kl
-        >>> cube = kl.merge("results/reference/preview", results=folder)
+        >>> cube = kl.merge("results/reference/periodic", results=folder)
         >>> cube.sizes["n_stripe"]
         4
     """

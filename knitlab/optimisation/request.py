@@ -47,7 +47,7 @@ class DesignFile(StrictModel):
     """The file of a design: targets, variables, settings."""
 
     title: str = ""
-    workflow: str = "preview"
+    workflow: str = "periodic"
     targets: Annotated[Given, Field(min_length=1)]
     subject_to: Given = ()
     cubes: Annotated[tuple[str, ...], Field(strict=False)] = ()

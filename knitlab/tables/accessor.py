@@ -39,7 +39,7 @@ class KnitlabAccessor:
 
         Example:
             >>> import knitlab as kl
-            >>> cube = kl.open_cube("results/reference/preview")
+            >>> cube = kl.open_cube("results/reference/periodic")
             >>> cube.knitlab.select(n_stripe=8).sizes["n_stripe"]
             1
         """
@@ -71,7 +71,7 @@ class KnitlabAccessor:
 
         Example:
             >>> import knitlab as kl
-            >>> cube = kl.open_cube("results/reference/preview")
+            >>> cube = kl.open_cube("results/reference/periodic")
             >>> table = cube.knitlab.query("poisson_ratio < -0.6", applied_strain=0.15)
             >>> table[["n_stripe", "n_subunit"]].values.tolist()
             [[8, 48], [8, 64]]

@@ -24,8 +24,8 @@ ONE = {"n_stripe": 4, "n_subunit": 16}
 @pytest.fixture
 def results(tmp_path):
     """A copy of the kept results of a workflow, to damage."""
-    shutil.copytree(PREVIEW, tmp_path / "preview", ignore=shutil.ignore_patterns("figures"))
-    return tmp_path / "preview"
+    shutil.copytree(PREVIEW, tmp_path / "periodic", ignore=shutil.ignore_patterns("figures"))
+    return tmp_path / "periodic"
 
 
 def test_a_cube_its_path_its_file_and_a_test_give_one_mesh(tmp_path):

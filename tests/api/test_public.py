@@ -50,7 +50,7 @@ def test_every_figure_has_a_function():
 @pytest.mark.slow
 def test_a_query_imports_no_solver():
     script = (
-        "import sys, knitlab; cube = knitlab.open_cube('results/reference/preview');"
+        "import sys, knitlab; cube = knitlab.open_cube('results/reference/periodic');"
         "cube.knitlab.query('poisson_ratio_min < -0.6');"
         "assert not {'jax', 'matplotlib'} & set(sys.modules)"
     )

@@ -23,7 +23,7 @@ def small_test():
 def cube(tmp_path_factory):
     folder = tmp_path_factory.mktemp("api")
     settings = {"n_stripe": 4, "n_subunit": 8, "strain_max": 0.06}
-    return kl.run("preview", results=folder, robustness=0, k_t_factor=[1.0, 1.2], **settings)
+    return kl.run("periodic", results=folder, robustness=0, k_t_factor=[1.0, 1.2], **settings)
 
 
 def test_a_test_is_what_a_sweep_computes(small_test, cube):

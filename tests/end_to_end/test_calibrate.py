@@ -38,9 +38,9 @@ def test_a_calibrated_stripe_can_be_used_as_it_is():
         "rib-4.pdf",
         "rib-4.png",
     }
-    planned = knitlab("plan", "preview", "--set", "stripe_files=rib-4.toml", "--set", "n_stripe=4")
+    planned = knitlab("plan", "periodic", "--set", "stripe_files=rib-4.toml", "--set", "n_stripe=4")
     assert planned.exit_code == 0, planned.output
-    cases = json.loads(Path("results/preview/plan.json").read_text())["cases"]
+    cases = json.loads(Path("results/periodic/plan.json").read_text())["cases"]
     for case in cases.values():
         assert case["weft"]["k_s"] == pytest.approx(1.2 * 0.817, rel=1e-4)
         assert case["weft"]["theta_0"] == pytest.approx(0.772, rel=1e-4)

@@ -28,23 +28,23 @@ def knitlab(*words):
 
 @pytest.mark.slow
 def test_a_sweep_from_plan_to_map():
-    planned = knitlab("plan", "preview", *SMALL)
+    planned = knitlab("plan", "periodic", *SMALL)
     assert planned.exit_code == 0
     assert "1 cases, 3 strains from 0 to 0.06" in planned.output
-    assert json.loads(Path("results/preview/plan.json").read_text())["cases"]
+    assert json.loads(Path("results/periodic/plan.json").read_text())["cases"]
 
-    ran = knitlab("run", "preview", *SMALL, "--workers", "0")
+    ran = knitlab("run", "periodic", *SMALL, "--workers", "0")
     assert ran.exit_code == 0, ran.output
     assert "1 cases simulated, 0 already there" in ran.output
-    figures = {path.name for path in Path("results/preview/figures").iterdir()}
+    figures = {path.name for path in Path("results/periodic/figures").iterdir()}
     assert figures == {
         f"{kind}{suffix}" for kind in ("curves", "auxetic", "shape") for suffix in (".pdf", ".png")
     }
 
-    again = knitlab("run", "preview", *SMALL, "--workers", "0")
+    again = knitlab("run", "periodic", *SMALL, "--workers", "0")
     assert "0 cases simulated, 1 already there" in again.output
 
-    cube = "results/preview/cube.nc"
+    cube = "results/periodic/cube.nc"
     answered = knitlab("query", cube, "--where", "poisson_ratio_min < 1", "--format", "json")
     (design,) = json.loads(answered.output)
     assert (design["n_stripe"], design["n_subunit"], design["status"]) == (4, 8, "ok")
@@ -60,7 +60,7 @@ def test_a_sweep_from_plan_to_map():
 def test_a_case_that_does_not_converge_makes_exit_code_1():
     ran = knitlab(
         "run",
-        "preview",
+        "periodic",
         *SMALL,
         "--set",
         "max_iterations=2",
@@ -77,13 +77,13 @@ def test_a_case_that_does_not_converge_makes_exit_code_1():
     "words",
     [
         ("run", "previews"),
-        ("run", "preview", "--set", "n_stripe=5", "--set", "n_subunit=20"),
-        ("run", "preview", "--set", "z_max=-1"),
-        ("run", "preview", "--workers", "-1"),
+        ("run", "periodic", "--set", "n_stripe=5", "--set", "n_subunit=20"),
+        ("run", "periodic", "--set", "z_max=-1"),
+        ("run", "periodic", "--workers", "-1"),
         pytest.param(
-            ("run", "preview", "--scheduler", "tcp://127.0.0.1:9"), marks=pytest.mark.slow
+            ("run", "periodic", "--scheduler", "tcp://127.0.0.1:9"), marks=pytest.mark.slow
         ),
-        ("plan", "preview", "--set", "hinge=all"),
+        ("plan", "periodic", "--set", "hinge=all"),
         ("query", "nowhere.nc"),
         ("map", "auxetic", "nowhere.nc", "-o", "new/map.png"),
         ("map", "shapes", "nowhere.nc", "-o", "map.png"),
@@ -101,6 +101,6 @@ def test_bad_input_is_a_sentence_and_exit_code_2_and_writes_nothing(words, tmp_p
 
 def test_a_folder_that_cannot_be_written_is_a_sentence(tmp_path):
     (tmp_path / "results").write_text("a file where a folder should be")
-    result = knitlab("plan", "preview", "--results", str(tmp_path / "results" / "deeper"))
+    result = knitlab("plan", "periodic", "--results", str(tmp_path / "results" / "deeper"))
     assert result.exit_code == 2
     assert "cannot be written" in result.output

@@ -9,9 +9,9 @@ from knitlab.api import knitting
 from knitlab.cli import main
 from knitlab.knitting.knitout import knitout
 
-PREVIEW = "results/reference/preview"
+PREVIEW = "results/reference/periodic"
 DESIGN = ("--select", "n_stripe=4", "--select", "n_subunit=16")
-SMALL = ("preview", "--set", "n_stripe=2", "--set", "n_subunit=8")
+SMALL = ("periodic", "--set", "n_stripe=2", "--set", "n_subunit=8")
 
 
 def run(*words):
@@ -33,7 +33,7 @@ def test_the_table_has_a_line_for_each_course_the_last_first(tmp_path):
     path = tmp_path / "chart.csv"
     assert run(*SMALL, "-o", path).exit_code == 0
     header, *lines = [line.split(",") for line in path.read_text().splitlines()]
-    chart = kl.knit("preview", n_stripe=2, n_subunit=8).chart
+    chart = kl.knit("periodic", n_stripe=2, n_subunit=8).chart
     assert header == ["course", *map(str, range(1, 17))]
     assert [int(line[0]) for line in lines] == [*range(32, 0, -1)]
     letters = np.array([line[1:] for line in lines[::-1]])
@@ -68,7 +68,7 @@ def test_a_program_with_a_fault_has_exit_code_1(monkeypatch):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("preview",), "--select: preview has 10 designs; select one of n_stripe 2 n_subunit 16,"),
+        (("periodic",), "--select: periodic has 10 designs; select one of n_stripe 2 n_subunit 16,"),
         ((PREVIEW, "--select", "n_stripe=4"), "--select: the cube has 3 designs; select one of"),
         ((PREVIEW, *DESIGN, "--set", "n_stripe=4"), "--set: belong to workflows"),
         ((*SMALL, "--repeats", "4"), "--repeats: is '4'; give two counts such as 4x2"),
@@ -96,7 +96,7 @@ def test_bad_input_is_explained_with_exit_code_2(words, message):
 def test_a_design_a_test_and_a_cube_give_the_same_chart():
     design = kl.Design(n_stripe=2, n_subunit=8, boundary="periodic")
     test = kl.simulate(design, [0, 0.03])
-    samples = [kl.knit(design), kl.knit(test), kl.knit("preview", n_stripe=2, n_subunit=8)]
+    samples = [kl.knit(design), kl.knit(test), kl.knit("periodic", n_stripe=2, n_subunit=8)]
     assert len({sample.program for sample in samples}) == 1
     assert samples[0].specification.relaxed_size is None
     assert samples[1].specification.relaxed_size is not None

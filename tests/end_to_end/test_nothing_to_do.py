@@ -15,7 +15,7 @@ from knitlab.figures.drawing import draw_figure
 from knitlab.figures.drawn import is_drawn
 
 SETTINGS = ("n_stripe=4", "n_subunit=8", "strain_max=0.06", "robustness=0")
-WORDS = ["run", "preview", *(word for text in SETTINGS for word in ("--set", text))]
+WORDS = ["run", "periodic", *(word for text in SETTINGS for word in ("--set", text))]
 
 
 def ran(results, *words):
@@ -66,7 +66,7 @@ def test_a_second_run_imports_none_of_the_slow_libraries(results):
 
 def test_only_a_figure_that_is_missing_is_drawn(results):
     before = written(results)
-    lost = results / "preview" / "figures" / "auxetic.png"
+    lost = results / "periodic" / "figures" / "auxetic.png"
     lost.unlink()
     ran(results)
     after = written(results)
@@ -84,24 +84,24 @@ def test_only_a_figure_that_is_missing_is_drawn(results):
     ],
 )
 def test_lost_or_damaged_files_are_recreated(results, change):
-    assert finished_plan("preview", SETTINGS, results)
-    change(results / "preview")
-    assert finished_plan("preview", SETTINGS, results) is None
+    assert finished_plan("periodic", SETTINGS, results)
+    change(results / "periodic")
+    assert finished_plan("periodic", SETTINGS, results) is None
     ran(results)
-    assert finished_plan("preview", SETTINGS, results)
+    assert finished_plan("periodic", SETTINGS, results)
 
 
 def test_results_of_other_settings_or_code_are_not_reused(results, monkeypatch):
-    assert finished_plan("preview", SETTINGS[:2], results) is None
+    assert finished_plan("periodic", SETTINGS[:2], results) is None
     assert finished_plan("sensor", SETTINGS, results) is None
     monkeypatch.setattr("knitlab.execution.finished.package_fingerprint", lambda: "other code")
-    assert finished_plan("preview", SETTINGS, results) is None
+    assert finished_plan("periodic", SETTINGS, results) is None
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])
 def test_a_figure_of_another_cube_is_drawn_again(results, tmp_path, suffix):
-    folder, output = results / "preview", tmp_path / f"curves{suffix}"
+    folder, output = results / "periodic", tmp_path / f"curves{suffix}"
     draw_figure("curves", [folder], output)
     first = output.stat().st_mtime_ns
     draw_figure("curves", [folder], output)

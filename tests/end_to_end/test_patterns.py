@@ -72,7 +72,7 @@ def test_any_valid_pattern_relaxes_or_reports_why_and_is_read_back(tmp_path_fact
         "strain_step": 0.01,
         "robustness": 0,
     }
-    plan = make_plan("preview", chosen)
+    plan = make_plan("periodic", chosen)
     (case,) = plan.cases.values()
     ran = run_plan(plan, folder, RunOptions(workers=0))
     (row,) = kl.query(ran.cube).to_dict("records")
@@ -91,7 +91,7 @@ def test_any_valid_pattern_relaxes_or_reports_why_and_is_read_back(tmp_path_fact
 def test_patterns_of_one_shape_are_one_batch_and_one_cube(tmp_path):
     names = "checkerboard,ribbed_bands"
     plan = make_plan(
-        "preview",
+        "periodic",
         ("n_stripe=4", "n_subunit=8", f"pattern={names}", "strain_max=0.06", "robustness=0"),
     )
     assert len(plan.batches) == 1

@@ -34,7 +34,7 @@ def ratios(cases, runner=None):
 
 
 def batches():
-    plan = make_plan("preview", DESIGNS)
+    plan = make_plan("periodic", DESIGNS)
     return [[plan.cases[case_id] for case_id in batch.cases] for batch in plan.batches]
 
 

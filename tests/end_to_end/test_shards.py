@@ -21,20 +21,20 @@ def knitlab(*words):
 def test_shards_of_a_real_sweep_are_merged_into_one(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for number in (1, 2):
-        said = knitlab("run", "preview", *QUICK, "--shard", f"{number}/2", "--results", f"{number}")
+        said = knitlab("run", "periodic", *QUICK, "--shard", f"{number}/2", "--results", f"{number}")
         assert said.exit_code == 0, said.output
         assert f"1 cases simulated, 0 already there in shard {number}/2" in said.output
     assert not list(tmp_path.rglob("*.png"))
     merged = knitlab("merge", "1", "2", "--results", "both")
     assert merged.exit_code == 0, merged.output
     assert "2 folders, 2 case files copied\n2 designs: 2 ok\n" in merged.output
-    whole = knitlab("run", "preview", *QUICK, "--results", "whole")
+    whole = knitlab("run", "periodic", *QUICK, "--results", "whole")
     assert whole.exit_code == 0, whole.output
-    cubes = [xr.load_dataset(f"{folder}/preview/cube.nc") for folder in ("both", "whole")]
+    cubes = [xr.load_dataset(f"{folder}/periodic/cube.nc") for folder in ("both", "whole")]
     assert (cubes[0]["case_id"] == cubes[1]["case_id"]).all()
     for name in ("poisson_ratio", "reaction_force", "relaxed_cell_x"):
         np.testing.assert_allclose(cubes[0][name], cubes[1][name], rtol=1e-6, atol=1e-9)
-    last = knitlab("run", "preview", *QUICK, "--results", "both")
+    last = knitlab("run", "periodic", *QUICK, "--results", "both")
     assert "0 cases simulated, 2 already there" in last.output
     assert list(Path("both").rglob("*.png"))
 
@@ -42,8 +42,8 @@ def test_shards_of_a_real_sweep_are_merged_into_one(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("run", "preview", "--shard", "3"), "--shard 3: is not of the form NUMBER/COUNT"),
-        (("run", "preview", "--shard", "5/4"), "--shard 5/4: is no part of a plan; give"),
+        (("run", "periodic", "--shard", "3"), "--shard 3: is not of the form NUMBER/COUNT"),
+        (("run", "periodic", "--shard", "5/4"), "--shard 5/4: is no part of a plan; give"),
         (("merge", "nowhere"), "nowhere: holds no results: neither plan.json nor cube.nc; check"),
     ],
 )

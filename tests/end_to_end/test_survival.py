@@ -20,8 +20,8 @@ def knitlab(*words):
 
 def killed(folder, after):
     """A run in another process, killed before it writes one more case."""
-    kill_command(folder, ["run", "preview", *DESIGNS, "--workers", "0"], after + 1)
-    return len(list((folder / "results" / "preview" / "cases").glob("*.nc")))
+    kill_command(folder, ["run", "periodic", *DESIGNS, "--workers", "0"], after + 1)
+    return len(list((folder / "results" / "periodic" / "cases").glob("*.nc")))
 
 
 @pytest.mark.slow
@@ -29,48 +29,48 @@ def test_a_killed_sweep_resumes_to_the_same_cube(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = killed(tmp_path, after=1)
     assert done == 1
-    result = knitlab("status", "preview")
+    result = knitlab("status", "periodic")
     assert f"{done} done, not yet in the cube" in result.output
 
-    went_on = knitlab("run", "preview", *DESIGNS, "--workers", "0")
+    went_on = knitlab("run", "periodic", *DESIGNS, "--workers", "0")
     assert went_on.exit_code == 0, went_on.output
     assert f"{3 - done} cases simulated, {done} already there" in went_on.output
-    knitlab("run", "preview", *DESIGNS, "--workers", "0", "--results", "whole")
-    cubes = [xr.load_dataset(f"{folder}/preview/cube.nc") for folder in ("results", "whole")]
+    knitlab("run", "periodic", *DESIGNS, "--workers", "0", "--results", "whole")
+    cubes = [xr.load_dataset(f"{folder}/periodic/cube.nc") for folder in ("results", "whole")]
     assert set(cubes[0].data_vars) == set(cubes[1].data_vars)
     for name in ("status", "case_id", "code"):
         assert (cubes[0][name] == cubes[1][name]).all()
     for name in ("mean_strain_xx", "reaction_force", "energy_fold", "relaxed_cell_x"):
         np.testing.assert_allclose(cubes[0][name], cubes[1][name], rtol=1e-6, atol=1e-9)
 
-    status = knitlab("status", "preview", "--json")
+    status = knitlab("status", "periodic", "--json")
     assert json.loads(status.output)["counts"] == {"ok": 3}
 
-    case = next(Path("results/preview/cases").glob("4-8-*.nc"))
+    case = next(Path("results/periodic/cases").glob("4-8-*.nc"))
     case.write_bytes(case.read_bytes()[:-100])
-    assert "1 damaged" in knitlab("status", "preview", "--check").output
-    repaired = knitlab("run", "preview", *DESIGNS, "--workers", "0")
+    assert "1 damaged" in knitlab("status", "periodic", "--check").output
+    repaired = knitlab("run", "periodic", *DESIGNS, "--workers", "0")
     assert f"damaged: {case}" in repaired.output
     assert "1 cases simulated, 2 already there" in repaired.output
 
-    other = knitlab("run", "preview", *DESIGNS, "--set", "z_max=4", "--workers", "0")
+    other = knitlab("run", "periodic", *DESIGNS, "--set", "z_max=4", "--workers", "0")
     assert other.exit_code == 1
     assert "3 cases are kept as computed with other parameters" in other.output
-    assert "3 stale: other parameters" in knitlab("status", "preview").output
+    assert "3 stale: other parameters" in knitlab("status", "periodic").output
 
 
 @pytest.mark.slow
 def test_a_case_that_failed_is_reproduced_alone(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     hasty = ("--set", "n_stripe=4", "--set", "n_subunit=8", "--set", "max_iterations=2")
-    ran = knitlab("run", "preview", *hasty, "--workers", "0")
+    ran = knitlab("run", "periodic", *hasty, "--workers", "0")
     assert ran.exit_code == 1
-    (failure,) = map(json.loads, Path("results/preview/failures.jsonl").read_text().splitlines())
+    (failure,) = map(json.loads, Path("results/periodic/failures.jsonl").read_text().splitlines())
     alone = knitlab("reproduce", failure["case_id"])
     assert alone.exit_code == 1
     assert "iteration_limit" in alone.output
     assert failure["reason"] in alone.output
-    result = knitlab("status", "preview")
+    result = knitlab("status", "periodic")
     assert failure["case_id"] in result.output
     assert failure["reason"] in result.output
 
@@ -82,7 +82,7 @@ def test_a_case_that_failed_is_reproduced_alone(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("status", "preview"), "plan.json: does not exist; plan or run the workflow first"),
+        (("status", "periodic"), "plan.json: does not exist; plan or run the workflow first"),
         (("reproduce", "4-8-0"), "is in no plan.json"),
     ],
 )

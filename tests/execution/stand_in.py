@@ -38,7 +38,7 @@ EVENT_BYTES = 512
 def plan_of(factors=FACTORS):
     """Ten designs with a number of factors of k_t."""
     values = ",".join(f"{1 + k / 1000:g}" for k in range(factors))
-    return make_plan("preview", ("strain_max=0.06", f"k_t_factor={values}"))
+    return make_plan("periodic", ("strain_max=0.06", f"k_t_factor={values}"))
 
 
 def contents(case, status=Status.ok):

@@ -27,7 +27,7 @@ PAIRS = ("n_stripe=4", "n_subunit=16,24", "strain_max=0.06")
 
 
 def planned(*overrides):
-    return make_plan("preview", overrides)
+    return make_plan("periodic", overrides)
 
 
 def ran(plan, results, **options):
@@ -238,8 +238,8 @@ def test_a_new_field_of_a_case_changes_every_identifier():
 
 def test_a_case_is_read_back_from_its_record():
     for workflow, method in (
-        ("preview", "equilibrium"),
-        ("preview", "dynamics"),
+        ("periodic", "equilibrium"),
+        ("periodic", "dynamics"),
         ("stripes", "equilibrium"),
     ):
         for case_id, case in make_plan(workflow, (f"method={method}",)).cases.items():

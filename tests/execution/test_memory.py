@@ -13,7 +13,7 @@ from knitlab.io.errors import BadInput
 from knitlab.study.plan import make_plan
 from tests.execution.stand_in import simulate
 
-BATCH = make_plan("preview", ("n_stripe=4",)).batches[0]
+BATCH = make_plan("periodic", ("n_stripe=4",)).batches[0]
 
 
 @given(st.lists(st.floats(1.0, 9.0), min_size=1), st.integers(0, 8), st.floats(9.0, 30.0))
@@ -31,7 +31,7 @@ def test_a_batch_that_does_not_fit_is_refused_before_anything_is_simulated(tmp_p
         total = 10e6
 
     monkeypatch.setattr(memory.psutil, "virtual_memory", Small)
-    plan = make_plan("preview", ("n_stripe=4", "strain_max=0.06"))
+    plan = make_plan("periodic", ("n_stripe=4", "strain_max=0.06"))
     with pytest.raises(BadInput, match=r"needs about 0\.6 GB, and this machine has 0\.0 GB"):
         run_plan(plan, tmp_path, RunOptions(simulate=simulate))
     assert not list(tmp_path.glob("cases/*.nc"))

@@ -52,16 +52,16 @@ def counts(folder):
 
 @pytest.fixture(scope="module")
 def plan():
-    return make_plan("preview", SMALL)
+    return make_plan("periodic", SMALL)
 
 
 @pytest.fixture(scope="module")
 def finished(plan, tmp_path_factory):
     """A finished run, and its shards in folders of their own."""
     folder = tmp_path_factory.mktemp("finished")
-    ran(plan, folder / "whole" / "preview")
+    ran(plan, folder / "whole" / "periodic")
     for number in range(1, COUNT + 1):
-        ran(plan, folder / f"shard-{number}" / "preview", Shard(number, COUNT))
+        ran(plan, folder / f"shard-{number}" / "periodic", Shard(number, COUNT))
     return folder
 
 
@@ -77,9 +77,9 @@ def shards(folder):
 
 def test_shards_in_folders_of_their_own_become_one_run(finished, tmp_path, plan):
     merged = merge_folders(shards(finished), tmp_path)
-    assert merged.folder == tmp_path / "preview"
+    assert merged.folder == tmp_path / "periodic"
     assert sorted(merged.copied) == sorted(plan.cases)
-    whole = xr.load_dataset(finished / "whole" / "preview" / "cube.nc")
+    whole = xr.load_dataset(finished / "whole" / "periodic" / "cube.nc")
     same(xr.load_dataset(merged.folder / "cube.nc"), whole)
     assert merged.cube.attrs["parameters"] == whole.attrs["parameters"]
     assert counts(merged.folder) == {"ok": len(plan.cases)}
@@ -96,7 +96,7 @@ def test_merging_again_changes_nothing_in_any_order(finished, tmp_path):
     assert after.keys() == before.keys()
     assert all(after[path] == its for path, its in before.items() if path.name != "cube.nc")
     for shard in shards(finished)[::-1]:
-        merge_folders([shard / "preview"], tmp_path / "singly")
+        merge_folders([shard / "periodic"], tmp_path / "singly")
     cubes = [xr.load_dataset(tmp_path / name / "preview/cube.nc") for name in ("once", "singly")]
     same(*cubes)
 
@@ -104,14 +104,14 @@ def test_merging_again_changes_nothing_in_any_order(finished, tmp_path):
 @pytest.mark.slow
 def test_a_shard_that_was_killed_before_its_cube_is_merged_too(made, tmp_path, finished):
     for name in ("cube.nc", "failures.jsonl"):
-        (made / "shard-2" / "preview" / name).unlink()
+        (made / "shard-2" / "periodic" / name).unlink()
     merged = merge_folders(shards(made), tmp_path)
-    same(merged.cube, xr.load_dataset(finished / "whole" / "preview" / "cube.nc"))
+    same(merged.cube, xr.load_dataset(finished / "whole" / "periodic" / "cube.nc"))
 
 
 @pytest.mark.slow
 def test_failures_are_merged(made, tmp_path, plan):
-    bad = ran(plan, made / "bad" / "preview", Shard(1, 1), stand_in.simulate_poisoned)
+    bad = ran(plan, made / "bad" / "periodic", Shard(1, 1), stand_in.simulate_poisoned)
     merged = merge_folders([made / "bad"], tmp_path)
     assert counts(merged.folder)["failed"] == len(bad.failures) > 0
     lines = (merged.folder / "failures.jsonl").read_text().splitlines()
@@ -127,11 +127,11 @@ def test_failures_are_merged(made, tmp_path, plan):
 def test_different_designs_of_one_workflow_are_joined(tmp_path):
     for k, n_stripe in enumerate((2, 4)):
         settings = ("n_subunit=16", f"n_stripe={n_stripe}", "strain_max=0.06")
-        ran(make_plan("preview", settings), tmp_path / str(k) / "preview")
+        ran(make_plan("periodic", settings), tmp_path / str(k) / "periodic")
     merged = merge_folders([tmp_path / "0", tmp_path / "1"], tmp_path / "both")
     assert merged.cube["n_stripe"].values.tolist() == [2, 4]
     assert counts(merged.folder) == {"ok": 2}
-    together = make_plan("preview", ("n_subunit=16", "n_stripe=2,4", "strain_max=0.06"))
+    together = make_plan("periodic", ("n_subunit=16", "n_stripe=2,4", "strain_max=0.06"))
     assert ran(together, merged.folder).simulated == ()
 
 
@@ -140,7 +140,7 @@ def test_cubes_without_plans_are_joined(made, tmp_path, finished):
     for path in made.rglob("plan.json"):
         path.unlink()
     merged = merge_folders(shards(made), tmp_path)
-    same(merged.cube, xr.load_dataset(finished / "whole" / "preview" / "cube.nc"))
+    same(merged.cube, xr.load_dataset(finished / "whole" / "periodic" / "cube.nc"))
 
 
 @pytest.mark.slow
@@ -148,7 +148,7 @@ def test_joined_cubes_are_what_xarray_combines(tmp_path):
     # Other strains, other sample sizes and other designs.
     chosen = (("n_stripe=2,4", "strain_max=0.06"), ("n_stripe=6", "strain_max=0.12"))
     cubes = [
-        ran(make_plan("preview", ("n_subunit=24,48", *words)), tmp_path / str(k)).cube
+        ran(make_plan("periodic", ("n_subunit=24,48", *words)), tmp_path / str(k)).cube
         for k, words in enumerate(chosen)
     ]
     joined = joined_cubes(cubes)
@@ -184,8 +184,8 @@ def change_numbers(folder, case_id):
 @pytest.mark.parametrize("in_cube", [True, False])
 def test_the_same_case_with_other_numbers_is_refused(made, tmp_path, plan, in_cube):
     case_id = next(iter(plan.cases))
-    other = made / "shard-1" / "preview"
-    shutil.copytree(made / "whole" / "preview", other, dirs_exist_ok=True)
+    other = made / "shard-1" / "periodic"
+    shutil.copytree(made / "whole" / "periodic", other, dirs_exist_ok=True)
     change_numbers(other, case_id)
     (other / "cube.nc").unlink()
     if in_cube:
@@ -194,7 +194,7 @@ def test_the_same_case_with_other_numbers_is_refused(made, tmp_path, plan, in_cu
         merge_folders([made / "whole", made / "shard-1"], tmp_path)
     assert len(error.value.faults) == 1
     assert "nu differs by at most 1.0e-01" in str(error.value)
-    assert list((tmp_path / "preview").glob("[!.]*")) == []
+    assert list((tmp_path / "periodic").glob("[!.]*")) == []
 
 
 @pytest.mark.parametrize(
@@ -209,21 +209,21 @@ def test_the_same_case_with_other_numbers_is_refused(made, tmp_path, plan, in_cu
     ],
 )
 def test_what_was_computed_otherwise_is_refused(finished, tmp_path, words, message):
-    ran(make_plan("preview", words), tmp_path / "other" / "preview")
+    ran(make_plan("periodic", words), tmp_path / "other" / "periodic")
     with pytest.raises(BadInput, match=message):
         merge_folders([finished / "whole", tmp_path / "other"], tmp_path / "merged")
-    assert list((tmp_path / "merged" / "preview").glob("[!.]*")) == []
+    assert list((tmp_path / "merged" / "periodic").glob("[!.]*")) == []
 
 
 @pytest.mark.slow
 def test_other_code_is_refused_unless_it_is_allowed(finished, tmp_path, plan, monkeypatch):
     monkeypatch.setattr(stand_in, "code_fingerprint", lambda: "0123456789ab")
-    ran(plan, tmp_path / "other" / "preview")
+    ran(plan, tmp_path / "other" / "periodic")
     both = [finished / "whole", tmp_path / "other"]
     with pytest.raises(BadInput, match=r"of different code \(\w+ in .*whole.*, 0123456789ab in "):
         merge_folders(both, tmp_path / "merged")
     merged = merge_folders(both, tmp_path / "merged", any_code=True)
-    same(merged.cube, xr.load_dataset(finished / "whole" / "preview" / "cube.nc"))
+    same(merged.cube, xr.load_dataset(finished / "whole" / "periodic" / "cube.nc"))
 
 
 def test_folders_without_results_or_of_several_workflows_are_refused(finished, tmp_path):
@@ -266,6 +266,6 @@ def test_a_killed_merge_loses_nothing(finished, tmp_path):
     said = subprocess.run(command, cwd=HERE, capture_output=True, text=True)
     assert said.returncode == 0, said.stderr
     merged = merge_folders(shards(finished), tmp_path)
-    same(merged.cube, xr.load_dataset(finished / "whole" / "preview" / "cube.nc"))
+    same(merged.cube, xr.load_dataset(finished / "whole" / "periodic" / "cube.nc"))
     assert not list(tmp_path.rglob(".writing-*"))
     assert files(finished) == before

@@ -14,7 +14,7 @@ DEADLINE = 20.0
 
 @pytest.fixture
 def cases():
-    return make_plan("preview", ("n_stripe=4", "n_subunit=16", "robustness=0")).cases
+    return make_plan("periodic", ("n_stripe=4", "n_subunit=16", "robustness=0")).cases
 
 
 def lines(log):

@@ -18,10 +18,10 @@ SMALL = ("n_stripe=4", "n_subunit=8,16", "strain_max=0.06", "robustness=0")
 def kept(tmp_path_factory):
     """A results folder with case files only, like those kept for reference."""
     made = tmp_path_factory.mktemp("made")
-    plan = make_plan("preview", SMALL)
+    plan = make_plan("periodic", SMALL)
     run_plan(plan, made, RunOptions())
     results = tmp_path_factory.mktemp("results")
-    shutil.copytree(made / "cases", results / "preview" / "cases")
+    shutil.copytree(made / "cases", results / "periodic" / "cases")
     return results, list(plan.cases)
 
 
@@ -40,7 +40,7 @@ def test_a_kept_case_is_found_by_its_beginning_and_agrees(kept):
 
 def test_a_results_folder_itself_may_be_named(kept):
     results, (case_id, _) = kept
-    assert find_case(results / "preview", case_id).case_id == case_id
+    assert find_case(results / "periodic", case_id).case_id == case_id
 
 
 def test_a_beginning_of_several_is_refused_with_their_names(kept):
@@ -52,10 +52,10 @@ def test_a_beginning_of_several_is_refused_with_their_names(kept):
 
 def test_what_differs_is_reported(kept, tmp_path):
     results, (case_id, _) = kept
-    case = xr.load_dataset(case_path(results / "preview", case_id))
+    case = xr.load_dataset(case_path(results / "periodic", case_id))
     other = case.copy(deep=True)
     other["poisson_ratio"] += 0.01
-    write_case_file(tmp_path / "preview", case_id, other)
+    write_case_file(tmp_path / "periodic", case_id, other)
     said = []
     assert not reproduce(find_case(tmp_path, case_id), said.append)
     assert "nu differs by at most 1.0e-02" in said[-1]

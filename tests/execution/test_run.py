@@ -20,7 +20,7 @@ SMALL = ("strain_max=0.1", "strain_step=0.05", "n_subunit=8,12,16")
 @pytest.fixture(scope="module")
 def sweep(tmp_path_factory):
     results = tmp_path_factory.mktemp("sweep")
-    plan = make_plan("preview", ("n_stripe=4,8", *SMALL))
+    plan = make_plan("periodic", ("n_stripe=4,8", *SMALL))
     return plan, results, run_plan(plan, results, RunOptions())
 
 
@@ -129,7 +129,7 @@ def test_a_clamped_sample_of_one_cell_has_no_poisson_ratio(tmp_path):
         "boundary=clamped",
         "unit_cells=[[1,1],[2,1]]",
     )
-    cube = run_plan(make_plan("preview", overrides), tmp_path, RunOptions()).cube.squeeze()
+    cube = run_plan(make_plan("periodic", overrides), tmp_path, RunOptions()).cube.squeeze()
     assert (cube["status"] == Status.ok).all()
     one, two = (cube.sel(unit_cells=label) for label in ("1x1", "2x1"))
     assert one["poisson_ratio"].isnull().all()
@@ -141,7 +141,7 @@ def test_a_clamped_sample_of_one_cell_has_no_poisson_ratio(tmp_path):
 
 @pytest.mark.slow
 def test_a_design_that_does_not_converge_is_reported_not_averaged(tmp_path):
-    plan = make_plan("preview", ("n_stripe=4", *SMALL, "max_iterations=2", "ramp_steps=1"))
+    plan = make_plan("periodic", ("n_stripe=4", *SMALL, "max_iterations=2", "ramp_steps=1"))
     run = run_plan(plan, tmp_path, RunOptions())
     status = run.cube["status"].sel(n_stripe=4, n_subunit=[8, 16])
     assert (status == Status.not_converged).all()

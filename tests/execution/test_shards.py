@@ -124,7 +124,7 @@ def test_unconverged_designs_of_shards_keep_their_reasons(tmp_path, plan, tmp_pa
 
 
 def test_more_shards_than_cases_leave_some_without_any(tmp_path):
-    plan = make_plan("preview", ("n_stripe=4", "n_subunit=16", "strain_max=0.06"))
+    plan = make_plan("periodic", ("n_stripe=4", "n_subunit=16", "strain_max=0.06"))
     runs = [ran(plan, tmp_path, number) for number in range(1, COUNT + 1)]
     assert sorted(len(run.simulated) for run in runs) == [0, 0, 1]
     assert counts(tmp_path) == {"ok": 1}

@@ -152,7 +152,7 @@ def test_a_case_that_raises_does_not_affect_others(tmp_path, workers):
 @pytest.mark.slow
 @pytest.mark.parametrize(("n_stripe", "threads"), [("8", 4), ("4,8", 2)])
 def test_cores_without_a_batch_become_threads_of_other_workers(tmp_path, n_stripe, threads):
-    plan = make_plan("preview", (f"n_stripe={n_stripe}", "n_subunit=32", "strain_max=0.06"))
+    plan = make_plan("periodic", (f"n_stripe={n_stripe}", "n_subunit=32", "strain_max=0.06"))
     ran(plan, tmp_path, stand_in.simulate_and_tell_threads, workers=4)
     result = [path.read_text() for path in tmp_path.glob("threads-*")]
     assert result == [f"{threads} 1"] * len(n_stripe.split(","))
@@ -210,7 +210,7 @@ def test_batches_that_raise_are_retried_as_often_as_requested(tmp_path):
             raise OSError("not yet")
         stand_in.simulate(results, cases, progress)
 
-    plan = make_plan("preview", ("n_stripe=4", "n_subunit=16", "strain_max=0.06"))
+    plan = make_plan("periodic", ("n_stripe=4", "n_subunit=16", "strain_max=0.06"))
     assert ran(plan, tmp_path, third_time, retries=1).failures
     tries.clear()
     assert ran(plan, tmp_path, third_time, retries=2).failures == ()
@@ -263,7 +263,7 @@ def test_a_damaged_file_that_cannot_be_computed_again_is_not_read(tmp_path):
 @pytest.mark.parametrize("other", ["", "z_max=4"])
 def test_a_refresh_that_fails_is_reported_and_loses_nothing(tmp_path, monkeypatch, other):
     before = ran(plan_of(), tmp_path)
-    plan = make_plan("preview", ("strain_max=0.06", "k_t_factor=1", other or "z_max=1.9"))
+    plan = make_plan("periodic", ("strain_max=0.06", "k_t_factor=1", other or "z_max=1.9"))
     if not other:
         monkeypatch.setattr(survey_module, "code_fingerprint", lambda: "other code")
     run = ran(plan, tmp_path, stand_in.simulate_poisoned, refresh=True)

@@ -14,7 +14,7 @@ from knitlab.io.design_status import Status
 from knitlab.io.shipped import PACKAGE
 
 REFERENCE = PACKAGE.parent / "results" / "reference"
-PREVIEW = REFERENCE / "preview"
+PREVIEW = REFERENCE / "periodic"
 HOSTILE = "</script><script>document.title = 'taken'</script><img src=x onerror=alert(1)>"
 CHROMIUM, DRIVER = "chromium", "chromedriver"
 FLAGS = (

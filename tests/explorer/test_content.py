@@ -94,7 +94,7 @@ def test_a_design_without_its_file_says_so(content):
 
 
 def test_a_damaged_file_gives_no_shape(tmp_path):
-    folder = tmp_path / "preview"
+    folder = tmp_path / "periodic"
     shutil.copytree(PREVIEW, folder)
     (damaged,) = (folder / "cases").glob("4-16-*.nc")
     damaged.write_bytes(damaged.read_bytes()[:1000])
@@ -137,7 +137,7 @@ def test_electrodes_are_placed_on_the_shape():
 def test_the_report_says_what_ran_and_what_failed(troubled):
     content = cube_content(open_cube(troubled))
     facts = dict(content["run"]["facts"])
-    assert facts["workflow"] == "preview"
+    assert facts["workflow"] == "periodic"
     assert facts["designs"] == "10: 7 ok, 1 not converged, 1 failed, 1 pending"
     assert facts["applied strains"] == "16, from 0 to 0.45"
     assert facts["computing time"].endswith("batches; known for 2 of 10 designs")

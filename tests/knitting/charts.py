@@ -11,7 +11,7 @@ from knitlab.simulation.case import Case
 from knitlab.study.plan import make_plan
 
 
-def case_of(workflow: str = "preview", **settings: object) -> Case:
+def case_of(workflow: str = "periodic", **settings: object) -> Case:
     """The one case of a workflow with some settings."""
     (case,) = make_plan(workflow, settings).cases.values()
     return case

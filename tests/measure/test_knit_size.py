@@ -37,7 +37,7 @@ def stitches(n_subunit, unit_cells=(1, 1)):
 
 
 def test_the_shipped_gauge_is_that_of_the_papers_samples():
-    gauge = make_plan("preview").gauge
+    gauge = make_plan("periodic").gauge
     assert gauge == PAPER
     assert gauge.stitch_width * 360 == pytest.approx(200)
 

@@ -14,7 +14,7 @@ from knitlab.measure.cell_grid import CellGrid
 from knitlab.model.fabric import flat_sheet
 from knitlab.simulation.case import Case, case_of
 
-PREVIEW = Path(__file__).parents[2] / "results" / "reference" / "preview"
+PREVIEW = Path(__file__).parents[2] / "results" / "reference" / "periodic"
 CASE_ID = "4-16-816e2cba03be"
 """Periodic fabric of (4, 16): 16 × 16 grid cells."""
 

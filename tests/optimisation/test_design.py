@@ -17,7 +17,7 @@ from knitlab.optimisation.objective import Objective
 from knitlab.optimisation.search_jobs import run_searches
 from tests.file_events import kill_command
 
-PREVIEW = Path(__file__).parents[2] / "results" / "reference" / "preview"
+PREVIEW = Path(__file__).parents[2] / "results" / "reference" / "periodic"
 SMALL = {"n_stripe": [4], "n_subunit": [8]}
 STRAINS = np.array([0.0, 0.05, 0.1, 0.15])
 STEPS = {"strain_step": 0.05, "strain_max": 0.15}

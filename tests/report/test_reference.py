@@ -14,7 +14,8 @@ JUDGED = ("paper", "stripes", "relaxation", "sensor_stripes", "sensor")
 DRAWN = {
     "paper": ("auxetic", "curves", "tension", "wavelength"),
     "lengths": ("readings",),
-    "preview": ("auxetic", "curves", "shape", "shapes", "network"),
+    "periodic": ("auxetic", "curves", "shape", "shapes", "network"),
+    "preview": ("auxetic", "curves", "shape"),
     "readings": ("readings",),
     "readings_samples": ("readings",),
     "readings_stripes": ("readings",),
@@ -23,7 +24,7 @@ DRAWN = {
     "sensor_contact": ("contact",),
     "sensor_stripes": ("capacitors", "wedge"),
 }
-SMALLEST = ("preview", "sensor_stripes")
+SMALLEST = ("preview", "periodic", "sensor_stripes")
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ LOWERED = "/jax/core/compile/jaxpr_to_mlir_module_duration"
 
 
 def simulate(*settings):
-    (case,) = make_plan("preview", (*SHORT, *settings)).cases.values()
+    (case,) = make_plan("periodic", (*SHORT, *settings)).cases.values()
     return simulated(case, lambda case_id, states: None)
 
 

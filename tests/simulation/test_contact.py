@@ -15,7 +15,7 @@ THICKNESS = 0.1
 
 
 def only(**settings):
-    (case,) = kl.plan("preview", n_stripe=4, n_subunit=16, **settings).cases.values()
+    (case,) = kl.plan("periodic", n_stripe=4, n_subunit=16, **settings).cases.values()
     return case
 
 
@@ -75,7 +75,7 @@ def test_thin_fabric_that_touches_nothing_is_that_without_contact():
 @pytest.mark.slow
 def test_contact_is_a_dimension_of_a_cube_and_its_energy_is_missing_without(tmp_path):
     cube = kl.run(
-        "preview",
+        "periodic",
         n_stripe=4,
         n_subunit=8,
         strain_max=0.03,

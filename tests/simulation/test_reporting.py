@@ -14,7 +14,7 @@ from knitlab.solvers.solver import Evaluate, Factorise
 from knitlab.study.estimate import RELAXATION_STEPS, work
 from knitlab.study.plan import make_plan
 
-CASES = make_plan("preview", ("n_stripe=4", "n_subunit=16,32", "robustness=2")).cases
+CASES = make_plan("periodic", ("n_stripe=4", "n_subunit=16,32", "robustness=2")).cases
 
 
 def test_progress_moves_while_the_fabric_relaxes(monkeypatch):

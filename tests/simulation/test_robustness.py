@@ -14,12 +14,12 @@ MULTISTABLE = ("cell_size=relaxed", "z_max=6")
 """Model options with which (8, 32) has several relaxed shapes."""
 
 
-def cube_of(tmp_path, *settings, workflow="preview"):
+def cube_of(tmp_path, *settings, workflow="periodic"):
     return run_plan(make_plan(workflow, settings), tmp_path, RunOptions()).cube
 
 
 def case_of(*settings):
-    return next(iter(make_plan("preview", settings).cases.values()))
+    return next(iter(make_plan("periodic", settings).cases.values()))
 
 
 @pytest.mark.slow
@@ -103,6 +103,6 @@ def test_a_sibling_counts_up_to_the_strain_that_it_reached():
 
 
 def test_siblings_by_dynamics_are_refused():
-    plan = make_plan("preview", ("method=dynamics", "robustness=2"))
+    plan = make_plan("periodic", ("method=dynamics", "robustness=2"))
     assert {case.robustness for case in plan.cases.values()} == {0}
     assert any("robustness = 2 is ignored by dynamics" in warning for warning in plan.warnings)

@@ -23,7 +23,7 @@ NAMES = {name for name, each in VARIABLES.items() if each.of == "sensitivities"}
 @pytest.fixture(scope="module")
 def cube(tmp_path_factory):
     results = tmp_path_factory.mktemp("sensitivities")
-    return run_plan(make_plan("preview", (*SMALL, *ASKED)), results, RunOptions()).cube
+    return run_plan(make_plan("periodic", (*SMALL, *ASKED)), results, RunOptions()).cube
 
 
 @pytest.mark.slow
@@ -46,7 +46,7 @@ def test_sensitivities_are_in_the_cube_at_every_strain_but_zero(cube):
 def test_sensitivities_are_the_differences_of_results_with_other_parameters(cube, tmp_path):
     step = 1e-3
     factors = f"rib_theta_0_factor={1 - step},{1 + step}"
-    other = run_plan(make_plan("preview", (*SMALL, factors)), tmp_path, RunOptions()).cube
+    other = run_plan(make_plan("periodic", (*SMALL, factors)), tmp_path, RunOptions()).cube
     for name in ("poisson_ratio", "reaction_force"):
         below, above = other[name].squeeze().isel(applied_strain=-1).values
         found = cube[f"{name}_sensitivity"].squeeze()
@@ -55,14 +55,14 @@ def test_sensitivities_are_the_differences_of_results_with_other_parameters(cube
 
 
 def test_a_cube_has_no_sensitivities_by_default(tmp_path):
-    plain = run_plan(make_plan("preview", SMALL), tmp_path, RunOptions(simulate=stand_in.simulate))
+    plain = run_plan(make_plan("periodic", SMALL), tmp_path, RunOptions(simulate=stand_in.simulate))
     assert not NAMES & set(plain.cube.data_vars)
     assert "stripe_parameter" not in plain.cube.coords
 
 
 def test_requesting_sensitivities_changes_the_case_and_is_read_back():
     (plain,), (asked,) = (
-        make_plan("preview", (*SMALL, *more)).cases.values() for more in ((), ASKED)
+        make_plan("periodic", (*SMALL, *more)).cases.values() for more in ((), ASKED)
     )
     assert asked == replace(plain, sensitivities=True)
     assert asked.case_id != plain.case_id
@@ -72,10 +72,10 @@ def test_requesting_sensitivities_changes_the_case_and_is_read_back():
 @pytest.mark.slow
 def test_designs_with_and_without_share_a_cube(tmp_path):
     options = RunOptions(simulate=stand_in.simulate)
-    more = make_plan("preview", ("n_stripe=6", "n_subunit=24", "strain_max=0.06", *ASKED))
-    run_plan(make_plan("preview", SMALL), tmp_path, options)
+    more = make_plan("periodic", ("n_stripe=6", "n_subunit=24", "strain_max=0.06", *ASKED))
+    run_plan(make_plan("periodic", SMALL), tmp_path, options)
     first = run_plan(more, tmp_path, options).cube
-    other = make_plan("preview", ("n_stripe=8", "n_subunit=32", "strain_max=0.12"))
+    other = make_plan("periodic", ("n_stripe=8", "n_subunit=32", "strain_max=0.12"))
     cube = run_plan(other, tmp_path, options).cube
     assert (cube["status"] == Status.ok).sum() == 3
     found = cube["poisson_ratio_sensitivity"]
@@ -98,7 +98,7 @@ def test_undefined_sensitivities_are_missing(cube, monkeypatch, tmp_path):
         return at(self, fabric, unknowns)
 
     monkeypatch.setattr(LinearResponses, "at", not_beyond)
-    cube = run_plan(make_plan("preview", (*SMALL, *ASKED)), tmp_path, RunOptions()).cube
+    cube = run_plan(make_plan("periodic", (*SMALL, *ASKED)), tmp_path, RunOptions()).cube
     found = cube["poisson_ratio_sensitivity"].squeeze().isnull().all("stripe_parameter")
     assert found.values.tolist() == [True, False, True]
     assert cube["status"] == Status.ok

@@ -30,9 +30,9 @@ SETTINGS = {"n_stripe": 4, "n_subunit": [16], "boundary": "clamped"}
 )
 def test_python_values_make_the_plan_that_text_makes(settings, overrides):
     text = ("n_stripe=4", "n_subunit=16", "boundary=clamped")
-    by_value = make_plan("preview", SETTINGS | settings)
-    assert list(by_value.cases) == list(make_plan("preview", (*text, *overrides)).cases)
-    assert list(make_plan("preview", by_value.overrides).cases) == list(by_value.cases)
+    by_value = make_plan("periodic", SETTINGS | settings)
+    assert list(by_value.cases) == list(make_plan("periodic", (*text, *overrides)).cases)
+    assert list(make_plan("periodic", by_value.overrides).cases) == list(by_value.cases)
 
 
 @pytest.mark.parametrize(
@@ -63,4 +63,4 @@ def test_a_path_is_converted_to_text():
 )
 def test_an_invalid_python_value_is_named_with_its_key(settings, message):
     with pytest.raises(BadInput, match=message):
-        make_plan("preview", settings)
+        make_plan("periodic", settings)

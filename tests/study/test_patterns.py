@@ -18,7 +18,7 @@ DESIGN = ("n_stripe=4", "n_subunit=16", "boundary=periodic")
 
 
 def case(*overrides):
-    (found,) = make_plan("preview", (*DESIGN, *overrides)).cases.values()
+    (found,) = make_plan("periodic", (*DESIGN, *overrides)).cases.values()
     return found
 
 
@@ -40,7 +40,7 @@ def test_the_checkerboard_by_name_is_the_default_design():
 
 
 def test_several_patterns_are_a_dimension_of_the_cube():
-    plan = make_plan("preview", (*DESIGN, "pattern=checkerboard,basket,miura"))
+    plan = make_plan("periodic", (*DESIGN, "pattern=checkerboard,basket,miura"))
     assert plan.dims == ("n_stripe", "n_subunit", "pattern")
     assert [each.design["pattern"] for each in plan.cases.values()] == [
         "checkerboard",
@@ -155,7 +155,7 @@ def test_a_changed_map_changes_the_plan(tmp_path):
     before = own(tmp_path, '[own]\nmap = "map.txt"\n')
     (tmp_path / "map.txt").write_text("GR\nGR\n", encoding="utf-8")
     assert own(tmp_path, '[own]\nmap = "map.txt"\n').case_id != before.case_id
-    plan = make_plan("preview", (*DESIGN, f"pattern_files={tmp_path / 'own.toml'}", "pattern=own"))
+    plan = make_plan("periodic", (*DESIGN, f"pattern_files={tmp_path / 'own.toml'}", "pattern=own"))
     assert str(tmp_path / "map.txt") in plan.inputs
 
 

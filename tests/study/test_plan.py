@@ -20,7 +20,7 @@ def workflow(tmp_path, text):
 
 
 def test_the_preview_holds_the_papers_designs_up_to_four_periods():
-    plan = make_plan("preview")
+    plan = make_plan("periodic")
     assert len(plan.cases) == 10
     assert {case.design["n_stripe"] for case in plan.cases.values()} == {2, 4, 6, 8}
     assert max(case.periods for case in plan.cases.values()) == 4
@@ -28,7 +28,7 @@ def test_the_preview_holds_the_papers_designs_up_to_four_periods():
 
 
 def test_a_batch_shares_one_mesh_shape_and_no_case_is_left_out():
-    plan = make_plan("preview")
+    plan = make_plan("periodic")
     for batch in plan.batches:
         assert len({plan.cases[case_id].mesh_shape for case_id in batch.cases}) == 1
         assert batch.unknowns <= 8_000
@@ -39,7 +39,7 @@ def test_a_batch_shares_one_mesh_shape_and_no_case_is_left_out():
 
 
 def test_cases_of_another_kind_of_fold_angle_are_not_in_one_batch():
-    (case,) = make_plan("preview", ("n_stripe=4", "n_subunit=16")).cases.values()
+    (case,) = make_plan("periodic", ("n_stripe=4", "n_subunit=16")).cases.values()
     other = replace(case, options=replace(case.options, fold_angle="across_edge"))
     assert len(batched({"one": case, "same": case, "other": other})) == 2
 
@@ -52,7 +52,7 @@ def test_overrides_reach_the_case():
         "model.z_max=0.6",
         "path_step=0.02",
     )
-    (case,) = make_plan("preview", overrides).cases.values()
+    (case,) = make_plan("periodic", overrides).cases.values()
     assert case.design == {"n_stripe": 4, "n_subunit": 16}
     assert case.options.cell_size == "flat"
     assert case.sheet.z_max == 0.6
@@ -60,12 +60,12 @@ def test_overrides_reach_the_case():
 
 
 def test_one_coordinate_alone_keeps_members_of_the_set():
-    assert designs(make_plan("preview", ("n_stripe=4",))) == [(4, 16), (4, 24), (4, 32)]
-    assert designs(make_plan("preview", ("n_subunit=48",))) == [(6, 48), (8, 48)]
+    assert designs(make_plan("periodic", ("n_stripe=4",))) == [(4, 16), (4, 24), (4, 32)]
+    assert designs(make_plan("periodic", ("n_subunit=48",))) == [(6, 48), (8, 48)]
 
 
 def test_impossible_combinations_of_a_grid_are_excluded_with_their_reason():
-    plan = make_plan("preview", ("n_stripe=4,5,6", "n_subunit=24,32"))
+    plan = make_plan("periodic", ("n_stripe=4,5,6", "n_subunit=24,32"))
     assert designs(plan) == [(4, 24), (4, 32), (6, 24)]
     assert sorted(plan.excluded) == [(5, 24), (5, 32), (6, 32)]
     assert "no rib stripe" in plan.excluded[5, 24]
@@ -103,12 +103,12 @@ def test_impossible_combinations_of_a_grid_are_excluded_with_their_reason():
 )
 def test_a_bad_override_is_named(overrides, message):
     with pytest.raises(BadInput, match=message):
-        make_plan("preview", overrides)
+        make_plan("periodic", overrides)
 
 
 def test_further_strains_join_the_even_ones():
     plan = make_plan(
-        "preview", ("strain_max=0.3", "strain_step=0.1", "further_strains=0.23,0.1,0.4")
+        "periodic", ("strain_max=0.3", "strain_step=0.1", "further_strains=0.23,0.1,0.4")
     )
     assert plan.applied_strain == (0.0, 0.1, 0.2, 0.23, 0.3)
 
@@ -139,13 +139,13 @@ def test_faults_of_parameters_workflow_and_design_are_in_one_message(tmp_path):
     sheet.write_text(sheet.read_text().replace("value = 1.9", "value = -1.9"))
     overrides = ("n_stripe=5", "n_subunit=20", "k_wall=-1", "hinge=all")
     with pytest.raises(BadInput) as caught:
-        make_plan("preview", overrides, tmp_path / "params")
+        make_plan("periodic", overrides, tmp_path / "params")
     assert [fault.path for fault in caught.value.faults][1:] == [
         "settings hinge=all",
         "settings k_wall=-1",
     ]
     with pytest.raises(BadInput) as caught:
-        make_plan("preview", overrides)
+        make_plan("periodic", overrides)
     assert [fault.path for fault in caught.value.faults] == [
         "settings hinge=all",
         "settings k_wall=-1",
@@ -180,7 +180,7 @@ def test_a_missing_workflow_is_reported_with_the_nearest():
 def test_whatever_changes_numbers_changes_the_identifier(override):
     design = ("n_stripe=4", "n_subunit=16")
     (one,), (other,) = (
-        make_plan("preview", settings).cases for settings in (design, (*design, override))
+        make_plan("periodic", settings).cases for settings in (design, (*design, override))
     )
     assert one != other
 
@@ -195,7 +195,7 @@ def test_what_changes_no_number_leaves_the_identifier(tmp_path):
 
 
 def test_a_plan_records_everything_it_resolved(tmp_path):
-    plan = make_plan("preview", ("n_stripe=4",))
+    plan = make_plan("periodic", ("n_stripe=4",))
     plan.write(tmp_path / "plan.json")
     record = json.loads((tmp_path / "plan.json").read_text())
     assert list(record["cases"]) == list(plan.cases)
@@ -224,7 +224,7 @@ def test_mass_and_drag_change_the_identifier_of_a_case_by_dynamics_alone():
     design = ("n_stripe=4", "n_subunit=16")
     for method, same in (("equilibrium", True), ("dynamics", False)):
         (one,), (other,) = (
-            make_plan("preview", (*design, f"method={method}", f"damping={damping}")).cases
+            make_plan("periodic", (*design, f"method={method}", f"damping={damping}")).cases
             for damping in (1e-4, 3e-4)
         )
         assert (one == other) is same
@@ -317,10 +317,10 @@ def test_a_misspelt_figure_is_reported_with_the_likely_one(tmp_path):
     ],
 )
 def test_an_unusual_value_gives_a_warning_with_the_usual_range(setting, said):
-    plan = make_plan("preview", ("n_stripe=4", "n_subunit=16", "strain_step=0.03", setting))
+    plan = make_plan("periodic", ("n_stripe=4", "n_subunit=16", "strain_step=0.03", setting))
     assert any(said in warning for warning in plan.warnings)
 
 
-@pytest.mark.parametrize("workflow", ["preview", "paper", "sensor", "stripes", "readings"])
+@pytest.mark.parametrize("workflow", ["periodic", "paper", "sensor", "stripes", "readings"])
 def test_shipped_values_give_no_warning(workflow):
     assert make_plan(workflow).warnings == ()

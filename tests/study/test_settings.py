@@ -121,16 +121,16 @@ def test_examples_of_docstrings_run(module):
     ],
 )
 def test_a_swept_setting_is_a_coordinate_with_its_declared_unit(override, units, long_name):
-    (coordinate,) = make_plan("preview", (*DESIGN, override)).coordinates.values()
+    (coordinate,) = make_plan("periodic", (*DESIGN, override)).coordinates.values()
     assert coordinate.dims == (override.partition("=")[0],)
     assert (coordinate.units, coordinate.long_name) == (units, long_name)
 
 
 def test_what_is_swept_is_not_among_the_common_settings():
-    plan = make_plan("preview", (*DESIGN, "z_max_factor=1,2", "k_wall=90,100", "rib_k_s=0.8,0.9"))
+    plan = make_plan("periodic", (*DESIGN, "z_max_factor=1,2", "k_wall=90,100", "rib_k_s=0.8,0.9"))
     assert plan.common["sheet"] == {}
     assert "weft" not in plan.common
-    assert make_plan("preview", DESIGN).common["sheet"] == {"z_max": 1.9, "k_wall": 100.0}
+    assert make_plan("periodic", DESIGN).common["sheet"] == {"z_max": 1.9, "k_wall": 100.0}
 
 
 @pytest.mark.parametrize(
@@ -148,5 +148,5 @@ def test_what_is_swept_is_not_among_the_common_settings():
 )
 def test_a_bad_value_is_named_once_with_its_override(override, message):
     with pytest.raises(BadInput, match=message) as caught:
-        make_plan("preview", (*DESIGN, override))
+        make_plan("periodic", (*DESIGN, override))
     assert len(caught.value.faults) == 1

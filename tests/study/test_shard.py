@@ -13,7 +13,7 @@ from knitlab.study.estimate import seconds
 from knitlab.study.plan import make_plan
 from knitlab.study.shard import PARTS_OF_SHARE, Shard, part_of, split
 
-PLAN = make_plan("preview", ("strain_max=0.06", "k_t_factor=0.8,0.9,1,1.1,1.2,1.3"))
+PLAN = make_plan("periodic", ("strain_max=0.06", "k_t_factor=0.8,0.9,1,1.1,1.2,1.3"))
 TIMES = {case_id: seconds([case]) for case_id, case in PLAN.cases.items()}
 
 

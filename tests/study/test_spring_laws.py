@@ -24,7 +24,7 @@ CURVE = "spring_curve = { strain = [0, 0.1, 0.2], force = [0, 1.0, 3] }"
 
 
 def cases(*overrides):
-    return list(make_plan("preview", (*DESIGN, *overrides)).cases.values())
+    return list(make_plan("periodic", (*DESIGN, *overrides)).cases.values())
 
 
 def stripe_file(tmp_path, law):
@@ -65,9 +65,9 @@ def test_a_stiffening_strain_is_a_setting_of_one_knit_or_of_both_and_a_dimension
 
 
 def test_cases_of_different_laws_are_no_batch(tmp_path):
-    plan = make_plan("preview", (*DESIGN, "stiffening_strain=0.1,0.3"))
+    plan = make_plan("periodic", (*DESIGN, "stiffening_strain=0.1,0.3"))
     assert [len(batch.cases) for batch in plan.batches] == [2]
-    mixed = make_plan("preview", ("n_stripe=4,8", "n_subunit=32", stripe_file(tmp_path, CURVE)))
+    mixed = make_plan("periodic", ("n_stripe=4,8", "n_subunit=32", stripe_file(tmp_path, CURVE)))
     assert all(len(batch.cases) == 1 for batch in mixed.batches)
 
 

@@ -130,13 +130,13 @@ def test_rows_of_two_cubes_have_their_cube_boundary_and_options():
 
 
 def test_cubes_of_one_name_are_told_apart_by_their_folders(tmp_path):
-    paths = [tmp_path / f"{place}/preview/cube.nc" for place in ("a/x", "b/x", "b/x")]
-    cubes = [made_up_cube().assign_attrs(workflow="preview") for _ in range(4)]
+    paths = [tmp_path / f"{place}/periodic/cube.nc" for place in ("a/x", "b/x", "b/x")]
+    cubes = [made_up_cube().assign_attrs(workflow="periodic") for _ in range(4)]
     for cube, path in zip(cubes, paths, strict=False):
         cube.encoding["source"] = str(path)
     cubes[3] = cubes[3].assign_attrs(workflow="other")
     found = designs_of_all([PlainCube.of(cube) for cube in cubes])["cube"].unique().tolist()
-    assert found == ["a/x/preview", "b/x/preview (1)", "b/x/preview (2)", "other"]
+    assert found == ["a/x/periodic", "b/x/periodic (1)", "b/x/periodic (2)", "other"]
 
 
 @pytest.mark.slow
