@@ -277,4 +277,4 @@ def batch_of(members: Sequence[str], cases: Mapping[str, Case]) -> Batch:
     sharing = by_test((case_id, cases[case_id]) for case_id in members)
     unknowns = cases[members[0]].mesh_shape.unknowns * len(sharing)
     time = seconds(cases[those[0]] for those in sharing)
-    return Batch(tuple(members), unknowns, time, bytes_needed(unknowns))
+    return Batch(tuple(members), unknowns, time, bytes_needed(unknowns, cases[members[0]].method))
