@@ -103,7 +103,9 @@ def relax_by_dynamics(
     first_force = np.asarray(moving.seen.force)
     to_rest = settings.ending == "rest"
     longest = settings.longest_time if to_rest else settings.relax_time
-    times = np.geomspace(FIRST_RECORD, longest, settings.snapshots or RECORDS)
+    # The last is the end, even if it is the only one or if all is over before the first.
+    count = settings.snapshots or RECORDS
+    times = np.geomspace(longest, min(FIRST_RECORD, longest), count)[::-1]
     records = [[_Record.of(moving, case)] for case in range(len(flat))]
     for number, time in enumerate(times):
         moving = advance(moving, np.full(len(flat), time), settings, to_rest)

@@ -33,10 +33,15 @@ NAMES = (
     "fold_angle",
     "z_max",
     "ending",
-    "damping_factor",
+    "damping_ratio",
+    "relax_time",
+    "strain_rate",
     "drag",
 )
 """Names of the options."""
+OF_MOTION = ("ending", "damping_ratio", "relax_time", "strain_rate")
+"""Options of what moves in time: the shape at which a sample comes to rest depends on its motion,
+too."""
 CLIPPED = 1.0
 """Margins beyond this count as this in a sum, so that no gross claim outweighs the rest."""
 
@@ -127,17 +132,14 @@ def options_of(cube: xr.Dataset) -> Options:
         cube: a cube at one value of every swept setting, which stays as a coordinate.
     """
     parameters: dict[str, Any] = json.loads(cube.attrs.get("parameters", "{}"))
-    solver = parameters.get("solver", {})
+    solver, motion = (parameters.get(table, {}) for table in ("solver", "dynamics"))
     stated: Options = {
-        "ending": solver.get("ending", "steady"),
-        "damping_factor": 1.0,
         "drag": solver.get("drag", 0.0),
+        **{name: motion[name] for name in OF_MOTION if name in motion},
         **parameters.get("sheet", {}),
         **stated_options(cube.attrs),
         **{str(key): each.item() for key, each in cube.coords.items() if not each.dims},
     }
-    if stated["ending"] == "steady":
-        del stated["damping_factor"]  # it moves no equilibrium
     if not stated["drag"]:
         del stated["drag"]
     return {name: _plain(stated[name]) for name in NAMES if name in stated}

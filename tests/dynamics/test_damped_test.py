@@ -101,6 +101,14 @@ def test_the_history_of_a_relaxation_balances(options):
         assert stored == pytest.approx(history.potential[place], rel=1e-9)
 
 
+@pytest.mark.parametrize(("snapshots", "relax_time"), [(1, 0.1), (2, 0.1), (3, 0.005)])
+def test_few_records_reach_the_end_of_a_relaxation(snapshots, relax_time):
+    settings = replace(SETTINGS, ending="time", snapshots=snapshots, relax_time=relax_time)
+    (relaxed,) = relax_by_dynamics(moving([(8, 1)], PERIODIC, settings))
+    assert relaxed.history.time[-1] == relax_time
+    assert len(relaxed.history.snapshot_time) <= 1 + snapshots
+
+
 def test_a_given_sheet_is_released_in_place_of_the_flat_one():
     fabrics = moving([(8, 1)], PERIODIC, replace(SETTINGS, ending="time", relax_time=0.02))
     net, (fabric,) = network(fabrics.shape), fabrics.fabrics

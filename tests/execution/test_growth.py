@@ -130,13 +130,12 @@ def test_factors_multiply_values_and_both_knits():
         "k_s_factor=2",
         "rib_k_s_factor=3",
         "garter_k_s=1.5",
-        "damping_factor=0.5",
-        "method=dynamics",
+        "z_max_factor=0.5",
     ).cases.values()
     assert case.weft.k_s == pytest.approx(6 * plain.weft.k_s)
     assert case.warp.k_s == pytest.approx(3.0)
     assert case.weft.k_t == plain.weft.k_t
-    assert case.mass_and_drag.damping == pytest.approx(1e-4)
+    assert case.sheet.z_max == pytest.approx(plain.sheet.z_max / 2)
     assert planned(*design, "k_s_factor=1").cases == planned(*design).cases
 
 

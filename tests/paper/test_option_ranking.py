@@ -1,5 +1,6 @@
 """Model options ranked by claims, on artificial cubes with known verdicts."""
 
+import json
 import re
 
 import numpy as np
@@ -98,12 +99,14 @@ def test_options_of_stripes_alone_are_ranked_by_their_claims(ranked):
     assert (best.options, other.options) == ({"cell_size": "flat"}, {"cell_size": "relaxed"})
 
 
-def test_the_damping_is_an_option_only_where_steps_end_the_motion():
-    swept = {"ending": "fixed_steps", "damping_factor": 10.0}
+def test_the_motion_is_an_option_of_what_moves():
     cube = good_checkerboards()
-    assert options_of(cube.assign_coords(swept)) == swept
-    assert options_of(cube.assign_coords(swept | {"ending": "steady"})) == {"ending": "steady"}
-    assert options_of(cube) == {"ending": "steady"}
+    assert options_of(cube) == {}
+    motion = {"ending": "time", "damping_ratio": 0.05}
+    moved = cube.assign_attrs(parameters=json.dumps({"dynamics": motion | {"snapshots": 0}}))
+    assert options_of(moved) == motion
+    swept = moved.assign_coords(damping_ratio=0.015)
+    assert options_of(swept) == motion | {"damping_ratio": 0.015}
 
 
 @pytest.mark.slow

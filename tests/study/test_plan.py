@@ -186,7 +186,7 @@ def test_whatever_changes_numbers_changes_the_identifier(override):
 
 
 def test_what_changes_no_number_leaves_the_identifier(tmp_path):
-    text = '{title}\n[design]\nset = "preview"\nn_stripe = [{n}]\n[model]\nboundary = "periodic"\n'
+    text = '{title}\n[design]\nset = "periodic"\nn_stripe = [{n}]\n[model]\nboundary = "periodic"\n'
     alone = make_plan(workflow(tmp_path, text.format(title='title = "a"', n="4")))
     among = make_plan(
         workflow(tmp_path, text.format(title='title = "b"\nfigures = ["curves"]', n="4, 8"))
@@ -220,14 +220,29 @@ def test_the_stripes_workflow_holds_all_nine_under_both_boundaries():
     assert {case.options.boundary for case in plan.cases.values()} == {"periodic", "clamped"}
 
 
-def test_mass_and_drag_change_the_identifier_of_a_case_by_dynamics_alone():
-    design = ("n_stripe=4", "n_subunit=16")
-    for method, same in (("equilibrium", True), ("dynamics", False)):
-        (one,), (other,) = (
-            make_plan("periodic", (*design, f"method={method}", f"damping={damping}")).cases
-            for damping in (1e-4, 3e-4)
-        )
+@pytest.mark.parametrize(
+    ("settings", "same"),
+    [
+        (("boundary=periodic",), True),
+        (("boundary=periodic", "method=dynamics"), False),
+        (("boundary=clamped", "start=dynamics"), False),
+        (("boundary=clamped", "start=flat"), True),
+        (("boundary=clamped", "start=periodic"), True),
+    ],
+)
+def test_mass_and_damping_change_the_identifier_of_what_moves_alone(settings, same):
+    design = ("n_stripe=4", "n_subunit=16", *settings)
+    for name, values in (("damping_ratio", (0.01, 0.03)), ("surface_density", (1e-4, 3e-4))):
+        (one,), (other,) = (make_plan("periodic", (*design, f"{name}={v}")).cases for v in values)
         assert (one == other) is same
+
+
+def test_fabrics_that_move_otherwise_are_not_in_one_batch():
+    settings = ("n_stripe=4", "n_subunit=16", "boundary=clamped", "start=dynamics")
+    swept = make_plan("periodic", (*settings, "damping_ratio=0.01,0.03"))
+    assert len(batched(swept.cases)) == 1
+    swept = make_plan("periodic", (*settings, "rest_force=1e-6,1e-7"))
+    assert len(batched(swept.cases)) == 2
 
 
 def test_a_workflow_is_of_checkerboards_or_of_stripes(tmp_path):

@@ -4,9 +4,9 @@ import tomllib
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
+from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
-from knitlab.mechanics.dynamics_settings import DynamicsSettings
 from knitlab.model.stripe import SPRING_LAWS, Stripe
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.solvers.solver import SolverSettings
@@ -67,7 +67,7 @@ def test_defaults_of_solvers_are_those_of_their_files(table, file):
         ("rib_theta_0", 3.2),
         ("waypoint_force", 1.1),
         ("drag", -1e-9),
-        ("snapshots", 1),
+        ("snapshots", -1),
         ("permittivity", 0.9),
         ("ridges", (0, 1)),
         ("span", (0.0, 1.1)),
@@ -98,7 +98,7 @@ def test_a_range_is_put_into_words(name, words):
 
 def test_a_setting_without_unit_is_dimensionless():
     assert unit_of(float) == "1"
-    assert ROWS["damping_factor"].unit == "1"
+    assert ROWS["z_max_factor"].unit == "1"
 
 
 @pytest.mark.parametrize("module", [overrides, settings, type_words])
@@ -111,7 +111,7 @@ def test_examples_of_docstrings_run(module):
 @pytest.mark.parametrize(
     ("override", "units", "long_name"),
     [
-        ("damping=1e-4,2e-4", "g/ms", "damping"),
+        ("surface_density=1e-4,2e-4", "g/mm^2", "surface_density"),
         ("rib_period=1.3,1.4", "mm", "rib_period"),
         ("theta_0_factor=0.9,1", "1", "factor on theta_0"),
         ("garter_k_s_factor=0.9,1", "1", "factor on garter_k_s"),
