@@ -55,8 +55,8 @@ def test_the_paper_has_twenty_designs():
         ("stripes.toml", r"\n16 = .*", "", r"designs\.toml: paper: n_stripe = 8 has no garter"),
         ("sheet.toml", 'unit = "mm"', 'unit = "cm"', r"z_max\.unit: .*'mm'"),
         ("sheet.toml", "source = .*", "", r"z_max\.source: is missing"),
-        ("sheet.toml", "value = 1.9", "value = true", r"z_max\.value: "),
-        ("reading.toml", '"flat"', '"loose"', r"cell_size\.value: .*'flat' or 'relaxed'"),
+        ("sheet.toml", "value = 6.0", "value = true", r"z_max\.value: "),
+        ("reading.toml", '"relaxed"', '"loose"', r"cell_size\.value: .*'flat' or 'relaxed'"),
         ("solver.toml", "value = 4000", "value = 0", r"max_iterations\.value: .*greater than 0"),
         (
             "gauge.toml",
@@ -81,7 +81,7 @@ def test_a_fault_is_named_with_its_path(folder, file, pattern, text, message):
 def test_all_faults_of_all_files_are_in_one_message(folder):
     edited(folder, "stripes.toml", "k_s = 1.825", "k_s = -1")
     edited(folder, "stripes.toml", "k_t = 0.144", "k_t = 0")
-    edited(folder, "sheet.toml", "value = 1.9", 'value = "six"')
+    edited(folder, "sheet.toml", "value = 6.0", 'value = "six"')
     (folder / "solver.toml").unlink()
     with pytest.raises(BadInput) as caught:
         read_parameters(folder)

@@ -136,7 +136,7 @@ def test_every_fault_of_a_workflow_is_in_one_message(tmp_path):
 def test_faults_of_parameters_workflow_and_design_are_in_one_message(tmp_path):
     shutil.copytree(shipped("params"), tmp_path / "params")
     sheet = tmp_path / "params" / "sheet.toml"
-    sheet.write_text(sheet.read_text().replace("value = 1.9", "value = -1.9"))
+    sheet.write_text(sheet.read_text().replace("value = 6.0", "value = -6.0"))
     overrides = ("n_stripe=5", "n_subunit=20", "k_wall=-1", "hinge=all")
     with pytest.raises(BadInput) as caught:
         make_plan("periodic", overrides, tmp_path / "params")
@@ -186,7 +186,7 @@ def test_whatever_changes_numbers_changes_the_identifier(override):
 
 
 def test_what_changes_no_number_leaves_the_identifier(tmp_path):
-    text = '{title}\n[design]\nset = "periodic"\nn_stripe = [{n}]\n[model]\nboundary = "periodic"\n'
+    text = '{title}\n[design]\nset = "preview"\nn_stripe = [{n}]\n[model]\nboundary = "periodic"\n'
     alone = make_plan(workflow(tmp_path, text.format(title='title = "a"', n="4")))
     among = make_plan(
         workflow(tmp_path, text.format(title='title = "b"\nfigures = ["curves"]', n="4, 8"))

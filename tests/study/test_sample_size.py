@@ -103,7 +103,7 @@ def test_a_cube_is_no_larger_than_its_largest_sample(tmp_path):
     assert (cube.sizes["cell_y"], cube.sizes["cell_x"]) == unit_cells(cube, 4, 24) == (4, 2)
 
 
-@pytest.mark.parametrize("change", ["cell_size=relaxed", "boundary=periodic"])
+@pytest.mark.parametrize("change", ["cell_size=flat", "boundary=periodic"])
 def test_designs_of_other_model_options_are_not_added_whatever_their_sample(tmp_path, change):
     ran(tmp_path, "n_subunit=32")
     with pytest.raises(BadInput, match=r"holds 1 designs computed otherwise \(reading\.\w+ was"):
