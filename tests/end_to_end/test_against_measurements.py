@@ -1,0 +1,138 @@
+"""The page of measured swatches: its measure, its tables, and the stripes of its samples."""
+
+import importlib.util
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from knitlab.io.case_file import StoredCase, check_case_file
+from knitlab.io.curve_file import read_tension_curve
+from knitlab.io.design_status import Status
+from knitlab.measure.calibration import calibrate
+from knitlab.model.fabric import cell_length
+from knitlab.model.options import ModelOptions
+from knitlab.model.stripe import Stripe
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "explanation" / "against_measurements.md"
+SWATCHES = ROOT / "docs" / "examples" / "swatches"
+KEPT = [ROOT / "results" / "reference" / f"swatches_{way}" for way in ("across", "along")]
+
+
+@pytest.fixture(scope="module")
+def script():
+    path = ROOT / "docs" / "examples" / "against_measurements.py"
+    specification = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def cases(script):
+    return script.read_cases(KEPT)
+
+
+def sheet(rows, columns):
+    x, y = np.meshgrid(np.linspace(0, 3, columns), np.linspace(0, 2, rows))
+    return np.stack([x, y, np.cos(9 * y)], axis=-1)
+
+
+@pytest.mark.parametrize("rows", [8, 9])
+def test_the_ratio_of_an_affine_stretch_is_that_of_its_strains(script, rows):
+    relaxed = sheet(rows, 5)
+    stretched = [relaxed * (1 - 0.3 * strain, 1 + strain, 0.5) for strain in (0.1, 1.5)]
+    ratio = script.poisson_ratio(np.stack([relaxed, *stretched]))
+    np.testing.assert_allclose(ratio, 0.3, rtol=1e-12)
+
+
+def test_the_width_is_that_at_mid_height_whatever_the_clamps_hold(script):
+    relaxed = sheet(9, 5)
+    waist = relaxed.copy()
+    height = relaxed[..., 1]
+    # A parabola between held clamps, narrowest in the middle by a fifth.
+    waist[..., 0] = 1.5 + (relaxed[..., 0] - 1.5) * (1 - 0.2 * height * (2 - height))
+    waist[..., 1] *= 1.5
+    np.testing.assert_allclose(script.width_at_mid_height(waist), 3 * 0.8, rtol=1e-12)
+    np.testing.assert_allclose(
+        script.poisson_ratio(np.stack([relaxed, waist])), 0.2 / 0.5, rtol=1e-12
+    )
+
+
+def test_the_tables_of_the_page_follow_from_the_kept_cases(script, cases):
+    lines = PAGE.read_text(encoding="utf-8").splitlines()
+    printed = [line for line in lines if line.startswith("|")]
+    assert printed == [line for table in script.tables(cases) for line in table]
+
+
+@pytest.mark.parametrize("folder", KEPT, ids=lambda folder: folder.name)
+def test_kept_cases_are_sound_converged_and_clear_of_the_walls(folder):
+    with xr.open_dataset(folder / "cube.nc") as cube:
+        assert (cube.status == Status.ok).all()
+        assert (cube.energy_wall == 0).all()
+        assert (cube.snapped == 0).all()
+        names = cube.case_id.values.ravel()
+    assert {check_case_file(folder, name) for name in names} == {StoredCase.sound}
+
+
+def test_the_numbers_in_the_text_follow_from_the_kept_cases(script, cases):
+    def of(swatch, sample="10mm"):
+        found = script.computed(cases, swatch, sample)
+        return found[found.index <= script.measured(swatch).index.max()].to_numpy()
+
+    assert of("rib_across").min() > 0
+    assert of("rib_across").max() < 0.005
+    assert of("garter_across").max() == pytest.approx(0.02, abs=0.005)
+    for swatch, sample, first, last in (
+        ("garter_along", "10mm", 0.22, 0.14),
+        ("rib_along", "10mm", 0.07, 0.02),
+        ("garter_along", "long", 0.50, 0.42),
+        ("rib_along", "long", 0.43, 0.25),
+    ):
+        ratio = of(swatch, sample)
+        assert ratio[[0, -1]] == pytest.approx([first, last], abs=0.005)
+        assert (np.diff(ratio) < 0).all()
+    for knit in ("rib", "garter"):
+        positions = script.positions_of(cases[f"{knit}_along_long"])[0]
+        aspect = script.width_at_mid_height(positions) / script.clamp_distance(positions)
+        assert aspect == pytest.approx(0.11, abs=0.005)
+        own = script.measured(f"{knit}_along").iloc[0]
+        off = of(f"{knit}_along")[0] - own["poisson_ratio [1]"]
+        assert abs(off) < own["standard_deviation [1]"]
+
+
+def test_forces_are_off_by_the_factors_in_the_text(script, cases):
+    rows = [line.strip("| ").split(" | ") for line in script.force_table(cases)[2:]]
+    off = {name: float(force) / float(own) for name, _, _, own, force in rows}
+    assert abs(off["rib across"] - 1) < 0.09
+    assert abs(off["garter across"] - 1) < 0.09
+    assert round(off["rib along"]) == 25
+    assert round(off["garter along"]) == 43
+
+
+@pytest.mark.parametrize(
+    ("curve", "files"),
+    [
+        ("rib", (("rib", 1), ("garter", 2))),
+        ("garter", (("garter", 4), ("rib", 2))),
+    ],
+)
+def test_the_stripes_are_those_of_the_measured_forces(curve, files):
+    measured = read_tension_curve(SWATCHES / f"{curve}.csv")
+    fitted = calibrate(10.0, measured.strain, measured.force)
+    for knit, n in files:
+        file = ROOT / "workflows" / "swatches" / f"{knit}-{n}.toml"
+        row = tomllib.loads(file.read_text(encoding="utf-8"))[knit]["n"][str(n)]
+        assert row == pytest.approx({"period": 10.0, **fitted.values}, rel=1e-4)
+        # The same stripe, written for either size of cells, has the same cells.
+        cells = [
+            cell_length(fitted.stripe(knit, n, size), ModelOptions(cell_size=size))
+            for size in ("relaxed", "flat")
+        ]
+        assert cells[0] == pytest.approx(cells[1], rel=1e-12)
+        assert cell_length(Stripe(knit, n, **row), ModelOptions(cell_size="relaxed")) == (
+            pytest.approx(cells[0], rel=1e-4)
+        )
