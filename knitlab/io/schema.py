@@ -140,7 +140,11 @@ VARIABLES = {
         _STATE, "1", "mean axial strain", "mean over the central unit cells"
     ),
     "poisson_ratio": Variable(
-        _STATE, "1", "Poisson's ratio", "-mean_strain_xx / mean_strain_yy; undefined at zero strain"
+        _STATE,
+        "1",
+        "Poisson's ratio",
+        "-mean_strain_xx / mean_strain_yy; undefined at zero strain, and where the central cells have"
+        " taken less than a fifth of the applied strain",
     ),
     "poisson_ratio_min": Variable(
         (), "1", "lowest Poisson's ratio", "over all strains; missing unless all of them converged"

@@ -32,6 +32,9 @@ from knitlab.simulation.robustness import SiblingTest, spread
 from knitlab.simulation.stripe_sensitivity import sensitivities
 from knitlab.solvers.state import State
 
+LEAST_FOLLOWED = 0.2
+"""Axial strain of the central cells over the applied strain below which they have no Poisson's
+ratio: a sample that is pulled before it is at rest still contracts, and both strains are near 0."""
 FIXED_COORDINATES: dict[str, list[Any]] = {
     "stripe_parameter": list(STRIPE_PARAMETERS),
     "boundary_point": np.linspace(0, 1, POINTS).tolist(),
@@ -197,6 +200,8 @@ def _strains(case: Case, reached: list[State], complete: bool) -> dict[str, Any]
     mean_xx, mean_yy = (np.asarray(central_mean(strain)) for strain in (strain_xx, strain_yy))
     cell_x, cell_y = mean_cell_size(corners[0])
     ratio = poisson_ratio_of_test(mean_xx, mean_yy)
+    applied = np.array(case.applied_strain)[: len(ratio)]
+    ratio[mean_yy < LEAST_FOLLOWED * applied] = np.nan
     if case.all_corners_held:
         # Its transverse strain is only round-off.
         strain_xx, mean_xx = strain_xx * np.nan, mean_xx * np.nan
@@ -210,7 +215,7 @@ def _strains(case: Case, reached: list[State], complete: bool) -> dict[str, Any]
         "relaxed_cell_x": float(cell_x),
         "relaxed_cell_y": float(cell_y),
     }
-    lowest = lowest_poisson_ratio(np.array(case.applied_strain)[: len(ratio)], ratio)
+    lowest = lowest_poisson_ratio(applied, ratio)
     if complete and lowest is not None:
         values["poisson_ratio_min"] = lowest.ratio
         values["applied_strain_at_min"] = lowest.applied_strain
