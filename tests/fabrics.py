@@ -131,12 +131,6 @@ def moving(
     )
 
 
-def on_grid(configuration: Configuration) -> Shape:
-    """A configuration as the dynamics hold it."""
-    x, y, z = jnp.moveaxis(jnp.asarray(configuration.positions), -1, 0)
-    return Shape((x, y, z), jnp.asarray(configuration.lengths))
-
-
 def off_grid(shape: Shape) -> Configuration:
     """What the dynamics hold, as a configuration."""
     return Configuration(jnp.stack(shape.positions, axis=-1), shape.lengths)

@@ -143,7 +143,7 @@ def _trials(trials: pd.DataFrame) -> xr.Dataset:
         "long_name": "processor time to relax, by the setting that is tried",
     }
     of["trial_setting"].attrs = {
-        "long_name": "damping of the dynamics [g/ms], initial time step of FIRE [sqrt(g mm/N)],"
+        "long_name": "damping ratio of the dynamics [1], initial time step of FIRE [sqrt(g mm/N)],"
         " steps that L-BFGS remembers",
     }
     of["trial_size"].attrs = {"long_name": "unit cells of the small sample along y x along x"}

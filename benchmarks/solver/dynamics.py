@@ -1,91 +1,67 @@
-"""The paper's method: damped dynamics by ``diffrax.Tsit5`` until nothing moves.
+"""The paper's method: damped dynamics until nothing moves, as :mod:`knitlab.dynamics` has them.
 
-Motions are cut into pieces, each from where and how fast the last ended, so that the watch can be
-looked at between them. A load step starts as for the other methods, from rest; no time is spent on
-pulling slowly, which spares the dynamics the better part of what knitlab's own tensile test by
-dynamics takes.
+Motions are cut into pieces, so that the watch can be looked at between them. A load step starts as
+for the other methods, from rest; no time is spent on pulling slowly, which spares the dynamics the
+better part of what knitlab's own tensile test by dynamics takes.
 """
 
 from dataclasses import replace
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool
 
 from benchmarks.solver.problem import Free, Problem, Search, Unknowns
 from benchmarks.solver.watch import GivenUp, Watch
-from knitlab.mechanics.dynamics import Motion, PrescribedMotion, batch_integrator
-from knitlab.mechanics.dynamics_settings import DynamicsSettings
+from knitlab.dynamics.damped_test import MovingFabrics, configuration_of, on_grid
+from knitlab.dynamics.motion import Moving, advance
+from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.mechanics.loading import all_free
-from knitlab.solvers.batch import stacked
+from knitlab.model.configuration import Configuration
+from knitlab.model.inertia import Inertia
 
-PIECE = 0.25
+PIECE = 1.0
 """Length of a piece of motion [ms]."""
-WIDER = 100.0
-"""By how much tolerances of a time step may be wider than the shipped ones on one unit cell, as
-only the end matters here: that saves half of the steps. In larger samples nodes press on the wall,
-and its stiffness bounds the steps; where these may err more, such nodes go on trembling: in 3 × 2
-cells with forces of 1e-3 N, or of 3e-6 N if ten times as wide, so that they never come to rest."""
-STAGES = 6
-"""Evaluations of a step of Tsit5, whose last is the first of the next."""
 
 
-def dynamics(settings: DynamicsSettings, damping: float, wider: float = 1.0) -> Search:
-    """Damped dynamics from rest, with a viscous damping of the nodes [g/ms].
+def dynamics(settings: DynamicsSettings, damping_ratio: float) -> Search:
+    """Damped dynamics from rest.
 
     Args:
-        settings: of the dynamics.
-        damping: of a node.
-        wider: by how much tolerances of a time step are wider than the shipped ones.
+        settings: of the dynamics; the force left at rest is the problem's tolerance.
+        damping_ratio: in place of the settings' [1].
     """
-    settings = replace(
-        settings,
-        duration=PIECE,
-        relative_tolerance=wider * settings.relative_tolerance,
-        absolute_tolerance=wider * settings.absolute_tolerance,
-    )
 
     def search(problem: Problem, start: Unknowns, free: Free, watch: Watch) -> Unknowns:
-        if problem.inertia is None:
-            raise ValueError("the dynamics need a mass; pose the problem with method=dynamics")
-        inertia = eqx.tree_at(lambda i: i.damping, problem.inertia, jnp.asarray(damping))
-        integrate = batch_integrator(
-            problem.shape, replace(settings, steady_force=problem.tolerance)
-        )
-        zero = jnp.zeros(1)
-        at, drive = jnp.asarray(start), _held(start, problem.which(free))
-        motion = Motion(at[None], jnp.zeros_like(at)[None], zero, zero)
-        numbers = stacked([problem.fabric]), stacked([inertia]), stacked([drive])
-        kept = jnp.array([[0.0, PIECE]]), jnp.array([[0.0]])
-        while True:
-            piece = integrate(*numbers, motion, *kept)
-            motion = piece.end
-            residual = float(np.abs(np.asarray(piece.gradient[0])[free]).max())
-            watch.sees(residual, STAGES * int(piece.steps[0]))
-            if piece.steady[0]:
-                return np.asarray(motion.unknowns[0])
-            if not piece.successful[0]:
+        own = replace(settings, rest_force=problem.tolerance)
+        held = len(free) < len(all_free(problem.shape))
+        moving = _at_rest(problem, start, own, held, damping_ratio / settings.damping_ratio)
+        while not moving.resting[0]:
+            before = moving.steps[0]
+            moving = advance(moving, moving.time + PIECE, own, to_rest=True)
+            if moving.diverged[0]:
                 raise GivenUp("the dynamics diverged")
+            watch.sees(float(moving.seen.force[0]), int(moving.steps[0] - before))
+        return np.asarray(configuration_of(moving.motion.shape, 0).flattened())
 
     return search
 
 
 def prepare(settings: DynamicsSettings, problem: Problem) -> None:
-    """Compile its program: one look at a fabric on which any force may be left."""
-    once = replace(problem, tolerance=np.inf)
-    dynamics(settings, 1.0)(once, problem.flat, all_free(problem.shape), Watch(np.inf))
+    """Compile its programs by a short motion, after which any force may be left."""
+    moving = _at_rest(problem, problem.flat, settings, held=False)
+    advance(moving, np.array([1e-6]), settings)
 
 
-def _held(start: Unknowns, free: Bool[np.ndarray, " unknown"]) -> PrescribedMotion:
-    """What is not free stays where it is."""
-    zero, at = jnp.asarray(0.0), jnp.asarray(start)
-    return PrescribedMotion(
-        free=jnp.asarray(free),
-        reference=at,
-        direction=jnp.zeros_like(at),
-        before=zero,
-        after=zero,
-        ramp_time=zero,
-        ended=jnp.asarray(False),
-    )
+def _at_rest(
+    problem: Problem,
+    start: Unknowns,
+    settings: DynamicsSettings,
+    held: bool,
+    damping_factor: float = 1.0,
+) -> Moving:
+    if problem.inertia is None:
+        raise ValueError("the dynamics need a mass; pose the problem with method=dynamics")
+    damping = problem.inertia.damping * damping_factor
+    inertia = Inertia(problem.inertia.node_mass, damping)
+    fabrics = MovingFabrics(problem.shape, [problem.fabric], [inertia], settings)
+    at = on_grid(Configuration.of(start, problem.shape))
+    return Moving.from_rest(fabrics.bodies(clamped=held), [at])

@@ -24,7 +24,7 @@ LOOKS = {
     "knitlab_cholmod": ("#009E73", "^", "knitlab, CHOLMOD"),
     "lbfgs": ("#E69F00", "D", "L-BFGS"),
     "fire": ("#D55E00", "v", "FIRE"),
-    "dynamics": ("#000000", "P", "dynamics, Tsit5"),
+    "dynamics": ("#000000", "P", "damped dynamics"),
 }
 THREADS = dict.fromkeys(SWEPT, 2)
 """Of what does not run on one."""

@@ -81,11 +81,13 @@ class Measurement:
     def cases(self, *overrides: str) -> list[Case]:
         """The sample as cases of the shipped parameters, one for each value of an override.
 
-        Unlike in a sweep, knitlab's own path is no finer than that, as no other method's is.
+        Unlike in a sweep, knitlab's own path is no finer than that, as no other method's is, and
+        a sample that it does not start flat is a tiling of relaxed periodic fabric.
         """
         settings = (
             "path_step=0.03",
             "smallest_step=1",
+            "start=periodic",
             f"n_stripe={self.n_stripe}",
             f"n_subunit={self.n_subunit}",
             f"boundary={self.boundary}",

@@ -11,17 +11,15 @@ from benchmarks.solver.cholmod import CholmodExecutor
 from benchmarks.solver.measurement import ACROSS_EDGE, TOLERANCE, Measurement, Record
 from benchmarks.solver.problem import Method, Problem, by
 from benchmarks.solver.watch import GivenUp, OutOfTime, Watch
-from knitlab.mechanics.dynamics_settings import DynamicsSettings
-from knitlab.solvers.solver import SolverSettings
 
 TRIALS = {
-    "dynamics": (5e-5, 1e-4, 1.5e-4, 2e-4, 3e-4, 4e-4),
+    "dynamics": (0.015, 0.03, 0.05, 0.1, 0.2, 0.4),
     "fire": (0.005, 0.01, 0.015, 0.02, 0.03),
     "lbfgs": (5, 10, 20, 40),
 }
-"""Values tried of the one number of a method: damping of a node [g/ms], initial time step
+"""Values tried of the one number of a method: damping ratio [1], initial time step
 [√(g mm/N)], steps remembered."""
-UNTRIED = {"dynamics": 2e-4, "fire": 0.01, "lbfgs": 20}
+UNTRIED = {"dynamics": 0.1, "fire": 0.01, "lbfgs": 20}
 """What is taken while none has been tried."""
 SOLVERS = ("knitlab", "knitlab_direct", "knitlab_cholmod", "dynamics", "fire", "lbfgs")
 """Methods that start from the flat sheet."""
@@ -42,9 +40,8 @@ def installed(solver: str) -> bool:
 def method(measurement: Measurement) -> Method:
     """The method that a measurement names."""
     solver, setting = measurement.solver, measurement.setting
-    moving, still = measurement.case("method=dynamics").solver, measurement.case().solver
-    if not (isinstance(moving, DynamicsSettings) and isinstance(still, SolverSettings)):
-        raise TypeError("the cases are of other methods")
+    moving = measurement.case("method=dynamics").motion
+    still = measurement.case().equilibrium_solver
     if setting is None:
         setting = UNTRIED.get(solver, 0.0)
     match solver:
@@ -57,9 +54,7 @@ def method(measurement: Measurement) -> Method:
         case "knitlab_cholmod":
             return knitlab_solver.knitlab(still, CholmodExecutor)
         case "dynamics":
-            wider = dynamics.WIDER if measurement.size == "1x1" else 1.0
-            prepare = partial(dynamics.prepare, moving)
-            return by(dynamics.dynamics(moving, setting, wider), prepare)
+            return by(dynamics.dynamics(moving, setting), partial(dynamics.prepare, moving))
         case "fire":
             return by(fire.fire(setting), fire.prepare)
         case "lbfgs":

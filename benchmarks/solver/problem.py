@@ -43,7 +43,7 @@ class Problem:
     @classmethod
     def of(cls, case: Case, tolerance: float) -> "Problem":
         """The problem that a case poses."""
-        its = case.inertia() if case.mass_and_drag else None
+        its = case.inertia() if case.dynamics else None
         return cls(*case.assemble(), its, case.applied_strain, tolerance)
 
     @property

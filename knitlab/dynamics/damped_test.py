@@ -99,7 +99,7 @@ def relax_by_dynamics(
     shape, settings = fabrics.shape, fabrics.settings
     flat = [flat_sheet(network(shape), fabric) for fabric in fabrics.fabrics]
     released = [given or sheet for given, sheet in zip(sheets or flat, flat, strict=True)]
-    moving = Moving.from_rest(fabrics.bodies(clamped=False), [_grid(sheet) for sheet in released])
+    moving = Moving.from_rest(fabrics.bodies(clamped=False), [on_grid(sheet) for sheet in released])
     first_force = np.asarray(moving.seen.force)
     to_rest = settings.ending == "rest"
     longest = settings.longest_time if to_rest else settings.relax_time
@@ -159,7 +159,7 @@ def stretch_by_dynamics(
     shape, settings = fabrics.shape, fabrics.settings
     relaxed = relax_by_dynamics(fabrics, progress)
     loadings = [tensile(shape, its.configuration) for its in relaxed]
-    starts = [_grid(its.configuration) for its in relaxed]
+    starts = [on_grid(its.configuration) for its in relaxed]
     moving = Moving.from_rest(fabrics.bodies(clamped=True), starts)
     failed = np.array([its.outcome is not Outcome.converged for its in relaxed])
     moving = replace(moving, diverged=failed)
@@ -216,14 +216,16 @@ def _body(shape: MeshShape, fabric: Fabric, inertia: Inertia, clamped: bool) -> 
     )
 
 
-def _grid(configuration: Configuration) -> Shape:
+def on_grid(configuration: Configuration) -> Shape:
+    """A configuration as the dynamics hold it."""
     x, y, z = np.moveaxis(np.asarray(configuration.positions), -1, 0)
     return Shape(
         (jnp.asarray(x), jnp.asarray(y), jnp.asarray(z)), jnp.asarray(configuration.lengths)
     )
 
 
-def _configuration(shape: Shape, case: int) -> Configuration:
+def configuration_of(shape: Shape, case: int) -> Configuration:
+    """The configuration of one fabric of a batch."""
     positions = np.stack([np.asarray(part[case]) for part in shape.positions], axis=-1)
     return Configuration(positions, np.asarray(shape.lengths[case]))
 
@@ -246,7 +248,7 @@ def _state(
 ) -> State:
     seen: Observed = jax.tree.map(lambda leaf: np.asarray(leaf[case]), moving.seen)
     gradient = Configuration(np.stack(seen.gradient.positions, axis=-1), seen.gradient.lengths)
-    unknowns = np.asarray(_configuration(moving.motion.shape, case).flattened())
+    unknowns = np.asarray(configuration_of(moving.motion.shape, case).flattened())
     forces = np.asarray(gradient.flattened())
     return State(
         shape=shape,
@@ -282,7 +284,7 @@ class _Record:
             kinetic=float(moving.seen.kinetic[case]),
             potential=float(moving.seen.energy.total[case]),
             dissipated=float(moving.motion.dissipated[case]),
-            configuration=_configuration(moving.motion.shape, case),
+            configuration=configuration_of(moving.motion.shape, case),
         )
 
 

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from knitlab.dynamics.damped_test import on_grid
 from knitlab.dynamics.grid import GridFabric
 from knitlab.model.energy import energy
 from knitlab.model.fabric import StripePair, flat_sheet
@@ -18,7 +19,7 @@ from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import SingleFold
 from knitlab.model.plain import PlainKnit
 from knitlab.model.spring_curve import SpringCurve
-from tests.fabrics import SHEET, checkerboard, off_grid, on_grid, shaken, stripe
+from tests.fabrics import SHEET, checkerboard, off_grid, shaken, stripe
 
 CURVE = SpringCurve((0.0, 0.02, 0.05, 0.1, 0.2), (0.0, 1.0, 4.0, 13.0, 40.0))
 LAWS = {

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from knitlab.dynamics import motion
+from knitlab.dynamics.damped_test import on_grid
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.motion import Body, Motion, Moving, advance
 from knitlab.dynamics.settings import DynamicsSettings
@@ -17,7 +18,7 @@ from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.inertia import moved_mass
 from knitlab.model.network import MeshShape, network
-from tests.fabrics import CLAMPED, PERIODIC, moving, on_grid, shaken
+from tests.fabrics import CLAMPED, PERIODIC, moving, shaken
 
 SETTINGS = DynamicsSettings()
 PRECISE = replace(SETTINGS, integrator="tsit5", relative_tolerance=1e-10, absolute_tolerance=1e-13)
