@@ -18,8 +18,8 @@ from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS
 CONTRACTED = (0.0, 0.15, 0.5)
 """Fractions of the in-plane contraction at which snapshots are shown, before the last one."""
 LETTERS = "abcdefgh"
-FIRST_TIME = 1e-3
-"""Start of the time axis [ms]."""
+BEFORE_FIRST = 0.7
+"""Start of the time axis, which is logarithmic, over the first time after 0."""
 
 
 def relaxation_figure(case: xr.Dataset) -> Figure:
@@ -35,7 +35,7 @@ def relaxation_figure(case: xr.Dataset) -> Figure:
     axes = figure.add_axes((0.085, 0.52, 0.9, 0.42))
     _draw_energies(axes, case)
     for letter, time in zip(LETTERS, times, strict=False):
-        at = max(time, FIRST_TIME)
+        at = max(time, axes.get_xlim()[0])
         axes.axvline(at, color="0.75", lw=0.6, zorder=0)
         axes.annotate(
             letter,
@@ -67,7 +67,7 @@ def _draw_energies(axes: Axes, case: xr.Dataset) -> None:
     axes.set(
         xlabel="time since the flat sheet was released [ms]",
         ylabel="energy [N mm]",
-        xlim=(FIRST_TIME, 1.1 * time[-1]),
+        xlim=(BEFORE_FIRST * time[1], 1.1 * time[-1]),
         ylim=(max(kinetic[-1], 1e-14), 5 * stored[0]),
     )
     axes.legend(frameon=False, loc="lower left")
