@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from knitlab.dynamics.grid import GridFabric, Shape
-from knitlab.dynamics.motion import Body, Moving, Observed, advance
+from knitlab.dynamics.motion import Body, Moving, Observed, advance, largest_step
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.mechanics.loading import (
     Loading,
@@ -71,12 +71,14 @@ class Relaxed:
     Attributes:
         configuration: its shape, aligned for clamping if the fabric is a sample [mm].
         history: energies on the way.
+        strain_rate: rate at which a test by dynamics is to pull it [1/ms].
         steps: time steps.
         outcome: ``converged`` at rest or after the given time, else why not.
     """
 
     configuration: Configuration
     history: History
+    strain_rate: float
     steps: int
     outcome: Outcome
 
@@ -102,13 +104,21 @@ def relax_by_dynamics(
     moving = Moving.from_rest(fabrics.bodies(clamped=False), [on_grid(sheet) for sheet in released])
     first_force = np.asarray(moving.seen.force)
     to_rest = settings.ending == "rest"
-    longest = settings.longest_time if to_rest else settings.relax_time
+    stable = largest_step(moving)
+    longest = {
+        "rest": np.full(len(flat), settings.longest_time),
+        "time": np.full(len(flat), settings.relax_time),
+        "steps": settings.relax_steps * stable,
+    }[settings.ending]
+    rate = settings.strain_rate / np.ones(len(flat))
+    if settings.ending == "steps":
+        rate = settings.step_strain / stable
     # The last is the end, even if it is the only one or if all is over before the first.
     count = settings.snapshots or RECORDS
-    times = np.geomspace(longest, min(FIRST_RECORD, longest), count)[::-1]
+    times = np.geomspace(longest, np.minimum(FIRST_RECORD, longest), count)[::-1]
     records = [[_Record.of(moving, case)] for case in range(len(flat))]
     for number, time in enumerate(times):
-        moving = advance(moving, np.full(len(flat), time), settings, to_rest)
+        moving = advance(moving, time, settings, to_rest)
         for case, own in enumerate(records):
             if moving.time[case] > own[-1].time:
                 own.append(_Record.of(moving, case))
@@ -132,6 +142,7 @@ def relax_by_dynamics(
             Relaxed(
                 configuration=folded,
                 history=_history(own, left / first if first else 0.0, settings.snapshots > 0),
+                strain_rate=float(rate[case]),
                 steps=int(moving.steps[case]),
                 outcome=outcome,
             )
@@ -165,15 +176,15 @@ def stretch_by_dynamics(
     moving = replace(moving, diverged=failed)
     to_rest = settings.ending == "rest"
     states = [[_relaxed_state(shape, moving, case, its)] for case, its in enumerate(relaxed)]
-    strains = np.array(applied_strain)
+    strains, rate = np.array(applied_strain), np.array([its.strain_rate for its in relaxed])
     waited = np.zeros(len(relaxed))
     for number in range(1, strains.shape[1]):
         steps, began = moving.steps, moving.time
-        moving = replace(_driven(moving, loadings, settings.strain_rate), kinetic_peak=0 * began)
-        arrival = waited + strains[:, number] / settings.strain_rate
+        moving = replace(_driven(moving, loadings, rate), kinetic_peak=0 * began)
+        arrival = waited + strains[:, number] / rate
         moving = advance(moving, arrival, settings)
         if to_rest:
-            moving = _driven(moving, loadings, 0.0)
+            moving = _driven(moving, loadings, np.zeros(len(relaxed)))
             moving = advance(moving, arrival + settings.longest_time, settings, to_rest=True)
             waited = waited + moving.time - arrival
         for case, own in enumerate(states):
@@ -230,16 +241,17 @@ def configuration_of(shape: Shape, case: int) -> Configuration:
     return Configuration(positions, np.asarray(shape.lengths[case]))
 
 
-def _driven(moving: Moving, loadings: Sequence[Loading], rate: float) -> Moving:
-    """The batch, with what is held moving at a rate of the applied strain."""
+def _driven(
+    moving: Moving, loadings: Sequence[Loading], rate: Float[np.ndarray, " case"]
+) -> Moving:
+    """The batch, with what is held moving at rates of the applied strain [1/ms]."""
     velocity = moving.motion.velocity
+    own = rate * np.array([loading.length for loading in loadings])
     if moving.body.fabric.periodic:
-        own = np.array([rate * loading.length for loading in loadings])
         velocity = velocity._replace(lengths=velocity.lengths.at[:, 1].set(own))
     else:
         x, y, z = velocity.positions
-        own = np.array([rate * loading.length for loading in loadings])[:, None]
-        velocity = velocity._replace(positions=(x, y.at[:, -1].set(own), z))
+        velocity = velocity._replace(positions=(x, y.at[:, -1].set(own[:, None]), z))
     return replace(moving, motion=replace(moving.motion, velocity=velocity))
 
 

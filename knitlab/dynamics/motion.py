@@ -412,6 +412,14 @@ def advance(
             moving, part = _by_leapfrog(moving, left, part, smallest)
 
 
+def largest_step(moving: Moving) -> Float[np.ndarray, " case"]:
+    """Largest stable time step of the leapfrog as every fabric is now, 2/ω [ms]."""
+    _, _, frequency, _ = _programs()
+    iterations = np.full(len(moving.time), FIRST_ITERATIONS)
+    square, _ = frequency(moving.body, moving.motion, moving.mode, iterations)
+    return 2 / np.sqrt(np.asarray(square))
+
+
 def _by_leapfrog(
     moving: Moving,
     left: Float[np.ndarray, " case"],

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from knitlab.model.setting_types import Fraction, Unit
 
 Integrator = Literal["leapfrog", "tsit5"]
-Ending = Literal["rest", "time"]
+Ending = Literal["rest", "time", "steps"]
 
 
 @dataclass(frozen=True)
@@ -20,12 +20,16 @@ class DynamicsSettings:
             ``"tsit5"``, the paper's Runge–Kutta method with an adaptive step.
         ending: ``"rest"`` relaxes until the fabric is at rest and, in a test by dynamics, lets it
             come to rest at every strain; ``"time"`` relaxes for ``relax_time`` and pulls without a
-            pause, as the paper's fixed number of steps does.
+            pause at ``strain_rate``; ``"steps"`` does so for ``relax_steps`` and at ``step_strain``
+            a step, the largest stable one of the flat sheet. Every design then has a time of its
+            own, as with the paper's fixed number of steps.
         damping_ratio: viscous damping of a node, c, over √(k_s m) with the smaller k_s of the two
             stripes and the mass m of a node [1].
         surface_density: mass of the fabric per area, ρ_s [g/mm²].
         relax_time: duration of the relaxation with ``"time"`` [ms].
-        strain_rate: rate of the applied strain in a test by dynamics [1/ms].
+        strain_rate: rate of the applied strain in a test by dynamics, but with ``"steps"`` [1/ms].
+        relax_steps: duration of the relaxation with ``"steps"``.
+        step_strain: applied strain of a step with ``"steps"`` [1].
         rest_force: largest elastic force and drag on a free node at rest [N].
         longest_time: longest motion towards rest [ms].
         step_safety: time step of the leapfrog over that of its stability limit.
@@ -40,6 +44,8 @@ class DynamicsSettings:
     surface_density: Annotated[PositiveFloat, Unit("g/mm^2")] = 1.1e-4
     relax_time: Annotated[PositiveFloat, Unit("ms")] = 40.0
     strain_rate: Annotated[PositiveFloat, Unit("1/ms")] = 0.012
+    relax_steps: PositiveInt = 10_000
+    step_strain: PositiveFloat = 6e-5
     rest_force: Annotated[PositiveFloat, Unit("N")] = 1e-6
     longest_time: Annotated[PositiveFloat, Unit("ms")] = 400.0
     step_safety: Fraction = 0.8

@@ -143,8 +143,8 @@ VARIABLES = {
         _STATE,
         "1",
         "Poisson's ratio",
-        "-mean_strain_xx / mean_strain_yy; undefined at zero strain, and where the central cells have"
-        " taken less than a fifth of the applied strain",
+        "-mean_strain_xx / mean_strain_yy; undefined at zero strain, and where the central cells"
+        " have taken less than a fifth of the applied strain",
     ),
     "poisson_ratio_min": Variable(
         (), "1", "lowest Poisson's ratio", "over all strains; missing unless all of them converged"

@@ -50,11 +50,14 @@ def work(case: Case, states: float) -> float:
 
 def _time(case: Case, motion: DynamicsSettings, states: float) -> float:
     """Time that passes in the first states of a test by dynamics [ms]."""
-    at_rest = motion.ending == "rest"
+    at_rest, rate = motion.ending == "rest", motion.strain_rate
     relaxation = TIME_TO_REST if at_rest else motion.relax_time
+    if motion.ending == "steps":
+        stable = _time_step(case, motion) / motion.step_safety
+        relaxation, rate = motion.relax_steps * stable, motion.step_strain / stable
     strain = float(np.interp(states - 1, range(len(case.applied_strain)), case.applied_strain))
     waiting = TIME_TO_REST * max(states - 1, 0.0) if at_rest else 0.0
-    return relaxation * min(states, 1.0) + strain / motion.strain_rate + waiting
+    return relaxation * min(states, 1.0) + strain / rate + waiting
 
 
 def _time_step(case: Case, motion: DynamicsSettings) -> float:
