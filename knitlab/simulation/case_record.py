@@ -15,6 +15,10 @@ FINER_GRID = ("cells_per_period", "ridge_fraction")
 """Model options that a record leaves out on the paper's grid."""
 OF_CONTACT = ("thickness", "contact_pressure")
 """Numbers of the sheet that a record leaves out without contact."""
+OF_STEPS = ("relax_steps", "step_strain")
+"""Settings of the dynamics that a record leaves out unless its motion ends after steps."""
+OF_TIME = ("relax_time", "strain_rate")
+"""Settings of the dynamics that a record leaves out if its motion does so."""
 OF_CAPACITOR = ("dielectric_thickness", "lead_capacitance")
 """Numbers of a capacitor that a record leaves out where they are 0."""
 STORED_STARTS = {"periodic": "endless"}
@@ -52,6 +56,9 @@ def stored_record(fields: dict[str, Any]) -> dict[str, Any]:
                 del capacitor[name]
         if capacitor["ground"] == "none":
             del capacitor["ground"], capacitor["ground_distance"]
+    if "dynamics" in record:
+        for name in OF_TIME if record["dynamics"]["ending"] == "steps" else OF_STEPS:
+            del record["dynamics"][name]
     if "solver" in record:
         _rename_start(record["solver"], STORED_STARTS)
     return record
