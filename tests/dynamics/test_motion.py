@@ -18,11 +18,14 @@ from knitlab.model.energy import energy
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.inertia import moved_mass
 from knitlab.model.network import MeshShape, network
+from knitlab.model.options import ModelOptions
 from tests.fabrics import CLAMPED, PERIODIC, moving, shaken
 
 SETTINGS = DynamicsSettings()
 PRECISE = replace(SETTINGS, integrator="tsit5", relative_tolerance=1e-10, absolute_tolerance=1e-13)
 STIFFNESS, MASS, LENGTH, PULL = 2.0, 1e-3, 1.0, 1e-3
+HIGHEST = 1500.0
+"""Highest frequency of relaxed (4, 16), about [1/ms]."""
 BOUNDARIES = pytest.mark.parametrize("options", [CLAMPED, PERIODIC], ids=["clamped", "periodic"])
 
 
@@ -268,3 +271,18 @@ def test_a_short_step_is_not_taken_for_a_halved_one(safety):
     found = advance(at_rest(moving([(8, 1)], PERIODIC, settings)), np.array([0.05]), settings)
     assert found.time == 0.05
     assert not found.diverged.any()
+
+
+@pytest.mark.slow
+def test_cells_that_are_crushed_for_a_moment_end_no_motion_and_slow_none_down():
+    """With little damping cells are crushed to lines, about which hinges are very stiff."""
+    flat = ModelOptions(boundary="periodic")
+    fabrics = moving([(4, 2)] * 3, flat, SETTINGS, damping_ratios=[0.003, 0.005, 0.007])
+    batch = at_rest(fabrics)
+    first = balance(batch)
+    for time in np.geomspace(0.01, 3, 25):
+        batch = advance(batch, np.full(3, time), SETTINGS)
+    assert not batch.diverged.any()
+    usual = 3 / (SETTINGS.step_safety * 2 / HIGHEST)
+    assert (batch.steps < 3 * usual).all()
+    assert (np.abs(balance(batch) - first) < 0.2 * first).all()
