@@ -1,7 +1,7 @@
 """Relaxed shapes of one fabric, their energies, and what lies between them.
 
-python docs/examples/two_shapes.py  (some minutes) prints the energies of small samples that relax in
-three ways, and the height of the pass between two shapes, and draws two_shapes.png beside this file.
+python docs/examples/two_shapes.py  (some minutes) prints the energies of small samples that relax
+in three ways and the height of the pass between two shapes, and draws two_shapes.png beside it.
 """
 
 from pathlib import Path
@@ -26,7 +26,7 @@ IMAGES = 21
 """Shapes along a path, the two relaxed ones included."""
 ITERATIONS = 6000
 STEP, FRICTION = 0.02, 0.98
-"""Step of the relaxation of a path [mm/N over the stiffest spring], and what a step keeps of the last."""
+"""Step of a path over the force divided by the stiffest k_s, and what it keeps of the last step."""
 
 
 def relaxed(design: tuple[int, int], start: str) -> tuple[Case, State]:
@@ -50,7 +50,7 @@ def lowest_path(
 ) -> Float[np.ndarray, " image"]:
     """Energies along a path of low energy between two shapes, by a nudged elastic band [N mm].
 
-    Every shape of the path moves by the forces across the path; the distances along it are kept even.
+    Every shape moves by the forces across the path; the distances along it are kept even.
     """
     net, fabric = case.assemble()
     grid = GridFabric.of(net.shape, fabric)

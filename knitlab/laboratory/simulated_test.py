@@ -18,7 +18,7 @@ from knitlab.model.fabric import Fabric
 from knitlab.model.network import Network
 from knitlab.model.stripe import Stripe
 from knitlab.simulation.case import Case
-from knitlab.simulation.simulate import starts
+from knitlab.simulation.simulate import relaxed_by_dynamics, starts
 from knitlab.simulation.stripe_sensitivity import adjoint_of, measured_by
 from knitlab.solvers.domain_decomposition import find_equilibrium_by_subdomains
 from knitlab.solvers.equilibrium_search import SearchRules
@@ -91,7 +91,15 @@ def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTe
     net, fabric = case.assemble()
     if near is None:
         (start,) = starts([case], [(net, fabric)])
-        solver = stretch(net, fabric, case.applied_strain, case.equilibrium_solver, start=start)
+        (moved,) = relaxed_by_dynamics([case], [start], lambda name, states: None)
+        solver = stretch(
+            net,
+            fabric,
+            case.applied_strain,
+            case.equilibrium_solver,
+            start=start,
+            folded=None if moved is None else moved.configuration,
+        )
     else:
         solver = _retested(case, net, fabric, near)
     test = run(case.mesh_shape, fabric, solver)

@@ -122,7 +122,8 @@ class SolverSettings:
             [N/mm].
         start: how a clamped sample relaxes: ``dynamics``, the whole flat sheet by damped dynamics,
             then to equilibrium; ``flat``, the whole flat sheet by minimisation; ``periodic``, from
-            a tiling of relaxed periodic fabric. Periodic fabric always starts flat.
+            a tiling of relaxed periodic fabric. Periodic fabric always starts flat, and so does a
+            sample with contact in place of ``dynamics``.
         ramp_steps: number of equal steps in which relaxation raises the rest fold angles.
         soft_wall: fraction of the wall stiffness at which relaxation begins, raised tenfold from
             stage to stage; 1 for hard walls from the start.

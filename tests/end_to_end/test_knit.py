@@ -68,7 +68,10 @@ def test_a_program_with_a_fault_has_exit_code_1(monkeypatch):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("periodic",), "--select: periodic has 10 designs; select one of n_stripe 2 n_subunit 16,"),
+        (
+            ("periodic",),
+            "--select: periodic has 10 designs; select one of n_stripe 2 n_subunit 16,",
+        ),
         ((PREVIEW, "--select", "n_stripe=4"), "--select: the cube has 3 designs; select one of"),
         ((PREVIEW, *DESIGN, "--set", "n_stripe=4"), "--set: belong to workflows"),
         ((*SMALL, "--repeats", "4"), "--repeats: is '4'; give two counts such as 4x2"),

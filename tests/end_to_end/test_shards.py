@@ -21,7 +21,9 @@ def knitlab(*words):
 def test_shards_of_a_real_sweep_are_merged_into_one(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for number in (1, 2):
-        said = knitlab("run", "periodic", *QUICK, "--shard", f"{number}/2", "--results", f"{number}")
+        said = knitlab(
+            "run", "periodic", *QUICK, "--shard", f"{number}/2", "--results", f"{number}"
+        )
         assert said.exit_code == 0, said.output
         assert f"1 cases simulated, 0 already there in shard {number}/2" in said.output
     assert not list(tmp_path.rglob("*.png"))
