@@ -319,8 +319,9 @@ def failure_reason(case: Case, test: TensileTest) -> str:
     if last.converged:
         return ""
     strain = case.applied_strain[len(test.states) - 1]
-    steps = "time steps" if case.method == "dynamics" else "steps"
+    dynamics = case.method == "dynamics"
+    state, steps = ("state", "time steps") if dynamics else ("equilibrium", "steps")
     return (
-        f"no state at applied strain {strain:g}: {last.residual:.1e} N left after"
+        f"no {state} at applied strain {strain:g}: {last.residual:.1e} N left after"
         f" {last.iterations} {steps} ({WHY[last.outcome]})"
     )

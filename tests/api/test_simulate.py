@@ -12,11 +12,13 @@ from knitlab.study.parameters import read_parameters
 
 STRAINS = [0.0, 0.03, 0.06]
 SMALL = kl.Design(n_stripe=4, n_subunit=8, boundary="periodic")
+FLAT = {"cell_size": "flat", "z_max": 1.9}
+"""The model options of the workflow of periodic fabric."""
 
 
 @pytest.fixture(scope="module")
 def small_test():
-    return kl.simulate(SMALL, STRAINS)
+    return kl.simulate(SMALL, STRAINS, **FLAT)
 
 
 @pytest.fixture(scope="module")
@@ -44,8 +46,8 @@ def test_settings_and_own_stripes_are_two_ways_to_one_fabric(cube):
             ("garter", stripes.stripe("garter", 8)),
         )
     }
-    by_stripes = kl.simulate(replace(SMALL, **stiffer), STRAINS)
-    by_setting = kl.simulate(SMALL, STRAINS, k_t_factor=1.2)
+    by_stripes = kl.simulate(replace(SMALL, **stiffer), STRAINS, **FLAT)
+    by_setting = kl.simulate(SMALL, STRAINS, k_t_factor=1.2, **FLAT)
     swept = cube.sel(n_stripe=4, n_subunit=8, k_t_factor=1.2)
     for test in (by_stripes, by_setting):
         np.testing.assert_allclose(test["poisson_ratio"], swept["poisson_ratio"], rtol=1e-6)

@@ -15,7 +15,7 @@ from knitlab.model.fabric import flat_sheet
 from knitlab.simulation.case import Case, case_of
 
 PREVIEW = Path(__file__).parents[2] / "results" / "reference" / "periodic"
-CASE_ID = "4-16-816e2cba03be"
+(CASE_ID,) = (path.stem for path in (PREVIEW / "cases").glob("4-16-*.nc"))
 """Periodic fabric of (4, 16): 16 × 16 grid cells."""
 
 
