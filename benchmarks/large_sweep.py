@@ -65,29 +65,29 @@ def main(cases: int, merge: bool, folder: Path | None) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=folder) as temporary:
         results = Path(temporary)
-        plan = timed("plan", lambda: make_plan("preview", overrides))
+        plan = timed("plan", lambda: make_plan("periodic", overrides))
         timed("  plan.json", lambda: plan.write(results / PLAN))
         timed(f"  split into {SHARDS} shards", lambda: split(plan.batches, plan.cases, SHARDS))
 
         stand_in = StandIn()
         options = RunOptions(simulate=stand_in)
         began = time.process_time()
-        timed("run", lambda: run_plan(plan, results / "preview", options))
+        timed("run", lambda: run_plan(plan, results / "periodic", options))
         whole = time.process_time() - began
         say("  of it the stand-in, a case", 1e3 * stand_in.seconds / len(plan.cases), "ms")
         say("  overhead, a case", 1e3 * (whole - stand_in.seconds) / len(plan.cases), "ms")
-        say("  cube", (results / "preview" / CUBE).stat().st_size / 1e6, "MB")
-        timed("run again, nothing to do", lambda: run_plan(plan, results / "preview", options))
+        say("  cube", (results / "periodic" / CUBE).stat().st_size / 1e6, "MB")
+        timed("run again, nothing to do", lambda: run_plan(plan, results / "periodic", options))
         for words in (
-            ("status", "preview", "--results", str(results)),
-            ("query", str(results / "preview"), "--where", "poisson_ratio_min < -2"),
-            ("query", str(results / "preview"), "--select", "k_t_factor=1", "--sort", "periods"),
+            ("status", "periodic", "--results", str(results)),
+            ("query", str(results / "periodic"), "--where", "poisson_ratio_min < -2"),
+            ("query", str(results / "periodic"), "--select", "k_t_factor=1", "--sort", "periods"),
         ):
             cold(*words)
         if merge:
             for number in range(1, OWN_FOLDERS + 1):
                 part = RunOptions(simulate=stand_in, shard=Shard(number, OWN_FOLDERS))
-                run_plan(plan, results / f"shard-{number}" / "preview", part)
+                run_plan(plan, results / f"shard-{number}" / "periodic", part)
             shards = sorted(results.glob("shard-*"))
             timed(f"merge of {OWN_FOLDERS} folders", lambda: merge_folders(shards, results / "all"))
         say("largest memory", resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6, "GB")

@@ -94,7 +94,7 @@ class Measurement:
             f"unit_cells={self.size.replace('x', ',')}",
             f"fold_angle={'across_edge' if self.solver == ACROSS_EDGE else 'whole_normals'}",
         )
-        return list(make_plan("preview", (*settings, *overrides)).cases.values())
+        return list(make_plan("periodic", (*settings, "robustness=0", *overrides)).cases.values())
 
     def write(self, results: Path, values: Record) -> None:
         """Leave its record, whole or not at all."""

@@ -24,8 +24,8 @@ DESIGNS = (8, 32), (6, 24), (4, 16)
 STARTS = "dynamics", "flat", "periodic"
 IMAGES = 21
 """Shapes along a path, the two relaxed ones included."""
-ITERATIONS = 6000
-STEP, FRICTION = 0.02, 0.98
+ITERATIONS = 12_000
+STEP, FRICTION = 0.005, 0.98
 """Step of a path over the force divided by the stiffest k_s, and what it keeps of the last step."""
 
 

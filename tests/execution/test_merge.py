@@ -202,7 +202,7 @@ def test_the_same_case_with_other_numbers_is_refused(made, tmp_path, plan, in_cu
     [
         (
             (*SMALL, "z_max=4"),
-            r"was computed otherwise than .*/preview \(sheet.z_max was 1.9, is 4.0",
+            r"was computed otherwise than .*/periodic \(sheet.z_max was 1.9, is 4.0",
         ),
         ((*SMALL, "k_t_factor=1,1.1"), "has the dimensions n_stripe, n_subunit, k_t_factor, but"),
         ((*SMALL, "max_iterations=77"), "has the design n_stripe 4  n_subunit 16 as 4-16-"),
@@ -231,7 +231,7 @@ def test_folders_without_results_or_of_several_workflows_are_refused(finished, t
     with pytest.raises(BadInput, match="empty: holds no results"):
         merge_folders([tmp_path / "empty"], tmp_path)
     ran(make_plan("paper", ("n_stripe=2", "n_subunit=16", "strain_max=0.06")), tmp_path / "paper")
-    with pytest.raises(BadInput, match=r"several workflows \(preview in .*, paper in"):
+    with pytest.raises(BadInput, match=r"several workflows \(periodic in .*, paper in"):
         merge_folders([finished / "whole", tmp_path / "paper"], tmp_path)
 
 
