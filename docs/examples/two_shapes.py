@@ -20,7 +20,7 @@ from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import equilibrium_tests
 from knitlab.solvers.state import State
 
-DESIGNS = (8, 32), (6, 24), (4, 16)
+DESIGNS = (8, 32), (6, 24)
 STARTS = "dynamics", "flat", "periodic"
 IMAGES = 21
 """Shapes along a path, the two relaxed ones included."""
@@ -87,7 +87,7 @@ def lowest_path(
     return np.asarray(energies(relaxed_path(path)))
 
 
-figure = Figure(figsize=(7.0, 2.6), layout="constrained")
+figure = Figure(figsize=(6.0, 2.6), layout="constrained")
 panels = figure.subplots(1, len(DESIGNS))
 print("design    start     energy [N mm]  folds intersecting  width [mm]")
 for axes, design in zip(panels, DESIGNS, strict=True):
