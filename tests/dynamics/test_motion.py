@@ -21,7 +21,7 @@ from knitlab.model.network import MeshShape, network
 from knitlab.model.options import ModelOptions
 from tests.fabrics import CLAMPED, PERIODIC, moving, shaken
 
-SETTINGS = DynamicsSettings()
+SETTINGS = DynamicsSettings(damping_ratio=0.015)
 PRECISE = replace(SETTINGS, integrator="tsit5", relative_tolerance=1e-10, absolute_tolerance=1e-13)
 STIFFNESS, MASS, LENGTH, PULL = 2.0, 1e-3, 1.0, 1e-3
 HIGHEST = 1500.0

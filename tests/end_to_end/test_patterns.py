@@ -84,7 +84,8 @@ def test_any_valid_pattern_relaxes_or_reports_why_and_is_read_back(tmp_path_fact
         assert stored["residual_force"].max() <= 1e-8
     found = recorded_pattern(case.record)
     np.testing.assert_array_equal(found.knit, [list(row) for row in pattern["rows"][::-1]])
-    assert stored.sizes["node_y"], stored.sizes["node_x"] == found.grid
+    if row["status"] == "ok":
+        assert stored.sizes["node_y"], stored.sizes["node_x"] == found.grid
 
 
 @pytest.mark.slow

@@ -49,8 +49,8 @@ def test_a_sibling_of_a_clamped_sample_begins_from_the_other_start(tmp_path):
     cube = cube_of(tmp_path, *settings, "strain_max=0.06", "robustness=1").squeeze()
     assert (cube["siblings"] == 1).all()
     case = case_of(*settings, "robustness=2")
-    assert case.equilibrium_solver.start == "periodic"
-    assert [sibling(case, k).equilibrium_solver.start for k in (1, 2)] == ["flat", "periodic"]
+    assert case.equilibrium_solver.start == "dynamics"
+    assert [sibling(case, k).equilibrium_solver.start for k in (1, 2)] == ["flat", "dynamics"]
 
 
 @given(st.integers(1, 50))
