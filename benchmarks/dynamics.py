@@ -22,8 +22,9 @@ import numpy as np
 import xarray as xr
 
 from benchmarks.solver.cube import machine, write_cube
+from knitlab.dynamics.body import Motion
 from knitlab.dynamics.damped_test import on_grid
-from knitlab.dynamics.motion import Motion, leapfrog
+from knitlab.dynamics.motion import leapfrog
 from knitlab.io.plain_cube import CUBE
 from knitlab.io.provenance import provenance
 from knitlab.linalg.threads import ONE_THREAD

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
+from knitlab.dynamics.body import Body, Observed
 from knitlab.dynamics.grid import GridFabric, Shape
-from knitlab.dynamics.motion import Body, Moving, Observed, advance, largest_step
+from knitlab.dynamics.motion import Moving, advance, largest_step
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.mechanics.loading import (
     Loading,

@@ -9,15 +9,14 @@ from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from knitlab.dynamics.grid import GridFabric, Shape
+from knitlab.dynamics.body import Body, Motion, Observed, driving_power, loss, observed
+from knitlab.dynamics.grid import Shape
 from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.model.energy import Energy
 
 STEPS_AT_ONCE = 256
 """Time steps after which step size, energy and forces are looked at again."""
@@ -32,122 +31,6 @@ HALVINGS = 12
 crushed to a line its hinges are stiff for a moment, which a step of 1/300 was seen to pass."""
 RUNGE_KUTTA_TIME = 1.0
 """Time after which the Runge–Kutta method looks at the forces again [ms]."""
-
-
-class Body(eqx.Module):
-    """A fabric with what makes it move.
-
-    Attributes:
-        fabric: the fabric.
-        inverse_mass: 1/m of the nodes, 0 for held ones, which keep their velocity [1/g].
-        inverse_mass_of_lengths: the same for L_x and L_y; 0 for a sample [1/g].
-        damping: viscous damping of a node, c [g/ms].
-        nodes_of_lengths: number of nodes that L_x and L_y move.
-    """
-
-    fabric: GridFabric
-    inverse_mass: Float[Array, "row column"]
-    inverse_mass_of_lengths: Float[Array, "2"]
-    damping: Float[Array, ""]
-    nodes_of_lengths: Float[Array, "2"]
-
-    def per_mass(self, force: Shape) -> Shape:
-        """A force over the mass that it moves; 0 on what is held [N/g]."""
-        x, y, z = (self.inverse_mass * part for part in force.positions)
-        return Shape((x, y, z), self.inverse_mass_of_lengths * force.lengths)
-
-    @property
-    def damping_rate(self) -> tuple[Float[Array, "row column"], Float[Array, "2"]]:
-        """c/m of the nodes and of the lengths; 0 for what is held [1/ms]."""
-        return (
-            self.damping * self.inverse_mass,
-            self.damping * self.nodes_of_lengths * self.inverse_mass_of_lengths,
-        )
-
-
-class Motion(eqx.Module):
-    """Configuration and velocity of a fabric, or of a batch, and the work done since the beginning.
-
-    Attributes:
-        shape: configuration [mm].
-        velocity: its rate [mm/ms].
-        dissipated: work done against the drag [N mm].
-        supplied: work done on what is held [N mm].
-    """
-
-    shape: Shape
-    velocity: Shape
-    dissipated: Float[Array, "*batch"]
-    supplied: Float[Array, "*batch"]
-
-    @classmethod
-    def at_rest(cls, shape: Shape) -> "Motion":
-        """The beginning of a motion without velocity."""
-        return cls(shape, jax.tree.map(jnp.zeros_like, shape), jnp.zeros(()), jnp.zeros(()))
-
-
-class Observed(eqx.Module):
-    """What is computed of a motion at one time.
-
-    Attributes:
-        energy: elastic energy in its parts [N mm].
-        kinetic: kinetic energy of what is free [N mm].
-        gradient: derivative of the energy, minus the elastic force [N].
-        force: largest elastic force on a free node or length [N].
-        drag: largest drag on one [N].
-    """
-
-    energy: Energy
-    kinetic: Float[Array, ""]
-    gradient: Shape
-    force: Float[Array, ""]
-    drag: Float[Array, ""]
-
-
-def observed(body: Body, motion: Motion) -> Observed:
-    """Energies and forces of a motion."""
-    gradient = body.fabric.gradient(motion.shape)
-    free = body.inverse_mass > 0
-    free_lengths = body.inverse_mass_of_lengths > 0
-
-    def largest(vector: Shape, of_lengths: Float[Array, "2"] | float) -> Float[Array, ""]:
-        nodes = sum(part**2 for part in vector.positions)
-        return jnp.maximum(
-            jnp.sqrt(jnp.max(jnp.where(free, nodes, 0.0))),
-            jnp.max(jnp.where(free_lengths, jnp.abs(vector.lengths * of_lengths), 0.0)),
-        )
-
-    def mass(inverse: Array) -> Array:
-        return jnp.where(inverse > 0, 1 / jnp.where(inverse > 0, inverse, 1.0), 0.0)
-
-    squares = sum(part**2 for part in motion.velocity.positions)
-    lengths = mass(body.inverse_mass_of_lengths) * motion.velocity.lengths**2
-    return Observed(
-        energy=body.fabric.energy(motion.shape),
-        kinetic=0.5 * (jnp.sum(mass(body.inverse_mass) * squares) + jnp.sum(lengths)),
-        gradient=gradient,
-        force=largest(gradient, 1.0),
-        drag=body.damping * largest(motion.velocity, body.nodes_of_lengths),
-    )
-
-
-def driving_power(body: Body, gradient: Shape, velocity: Shape) -> Float[Array, ""]:
-    """Power of the forces that move the top row, or L_y of periodic fabric, if held [N mm/ms]."""
-    if body.fabric.periodic:
-        held = body.inverse_mass_of_lengths[1] == 0
-        return jnp.where(held, gradient.lengths[1] * velocity.lengths[1], 0.0)
-    held = jnp.broadcast_to(body.inverse_mass, gradient.positions[1].shape)[-1] == 0
-    return jnp.sum(jnp.where(held, gradient.positions[1][-1] * velocity.positions[1][-1], 0.0))
-
-
-def loss(body: Body, velocity: Shape) -> Float[Array, ""]:
-    """Power of the drag, Σ c u̇² over what is free [N mm/ms]."""
-    squares = sum(part**2 for part in velocity.positions)
-    lengths = jnp.where(body.inverse_mass_of_lengths > 0, body.nodes_of_lengths, 0.0)
-    return body.damping * (
-        jnp.sum(jnp.where(body.inverse_mass > 0, squares, 0.0))
-        + jnp.sum(lengths * velocity.lengths**2)
-    )
 
 
 def highest_frequency(
