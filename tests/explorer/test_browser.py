@@ -349,7 +349,7 @@ def test_the_report_is_the_other_tab(preview):
     preview.until(lambda: preview.one("#report").is_displayed())
     assert not preview.one("#explore").is_displayed()
     text = preview.one("#report").text
-    assert "Preview: ten of the paper's designs" in text
+    assert open_cube(PREVIEW).attrs["title"] in text
     assert "Every design is ok." in text
     assert "jax=" in text
     images = preview.all("#report img")
