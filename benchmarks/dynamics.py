@@ -102,7 +102,7 @@ class Timed:
 
 
 LARGE = partial(step_seconds, "n_stripe=4", "n_subunit=16", "boundary=clamped", "unit_cells=22,11")
-BATCH = "preview", "n_stripe=4", "n_subunit=16", "boundary=periodic", FACTORS
+BATCH = "preview", "n_stripe=4", "n_subunit=16", "boundary=periodic", "unit_cells=1,1", FACTORS
 TOGETHER, IN_TURN = "8 periodic fabrics, together", "8 periodic fabrics, one after the other"
 TIMED = {
     "step of 62,481 nodes, one thread": Timed(LARGE, 6e-3),
