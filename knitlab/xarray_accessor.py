@@ -25,15 +25,15 @@ def register_accessor() -> None:
 
 
 class _XarrayFinder:
-    """Finds xarray as the other finders do, and adds to its import that of the accessor."""
+    """Finds xarray as the finders after it do, and adds the accessor to its import."""
 
     def find_spec(
         self, name: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         if name != "xarray":
             return None
-        others = (finder for finder in sys.meta_path if finder is not self)
-        specs = (finder.find_spec(name, path, target) for finder in others)
+        following = sys.meta_path[sys.meta_path.index(self) + 1 :]
+        specs = (finder.find_spec(name, path, target) for finder in following)
         spec = next((found for found in specs if found), None)
         if spec is not None and spec.loader is not None:
             execute = spec.loader.exec_module
