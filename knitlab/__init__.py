@@ -11,8 +11,9 @@ Example:
 """
 
 from importlib import import_module
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
+
+from knitlab.xarray_accessor import register_accessor
 
 if TYPE_CHECKING:
     from knitlab import plot
@@ -29,12 +30,15 @@ if TYPE_CHECKING:
     from knitlab.api.measures import evaluate
     from knitlab.api.simulation import NotConverged, simulate
     from knitlab.api.sweeps import NotAllOk, merge, plan, reproduce, run, status
+    from knitlab.io.cube_file import open_cube
     from knitlab.io.errors import BadInput
     from knitlab.model.stripe import Stripe
     from knitlab.study.patterns import Pattern
-    from knitlab.tables.accessor import open_cube
 
-__version__ = version("knitlab")
+    __version__: str
+
+register_accessor()
+
 __all__ = [
     "BadInput",
     "Design",
@@ -83,7 +87,7 @@ _MODULES = {
     "import_records": "knitlab.api.laboratory",
     "knit": "knitlab.api.knitting",
     "merge": "knitlab.api.sweeps",
-    "open_cube": "knitlab.tables.accessor",
+    "open_cube": "knitlab.io.cube_file",
     "plan": "knitlab.api.sweeps",
     "query": "knitlab.api.comparison",
     "reproduce": "knitlab.api.sweeps",
@@ -95,6 +99,8 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return import_module("importlib.metadata").version("knitlab")
     if name == "plot":
         return import_module("knitlab.plot")
     if name in _MODULES:

@@ -39,6 +39,10 @@ class Exported:
     meshes: tuple[SurfaceMesh, ...]
     self_intersections: tuple[int, ...]
 
+    def __repr__(self) -> str:
+        nodes = sum(len(mesh.nodes) for mesh in self.meshes)
+        return f"<Exported {self.files[0]}: {len(self.meshes)} meshes, {nodes} nodes>"
+
 
 def export(
     shapes: "Cube",

@@ -49,6 +49,9 @@ class KnitSample:
     program: str
     specification: Specification
 
+    def __repr__(self) -> str:
+        return f"<KnitSample {self.chart.size}, {len(self.program.splitlines())} lines of knitout>"
+
     def check(self, interpret: bool | None = None) -> RoundTrip:
         """Check the program, and compare what it knits with the chart.
 

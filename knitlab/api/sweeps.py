@@ -17,7 +17,6 @@ from knitlab.io.errors import Fault
 from knitlab.io.plain_cube import CUBE
 from knitlab.study.plan import Plan, make_plan
 from knitlab.study.shard import Shard
-from knitlab.tables import accessor as _accessor  # noqa: F401  (registers cube.knitlab)
 
 RESULTS = Path("results")
 """Default folder for the results folders of all workflows."""

@@ -39,6 +39,10 @@ class FolderStatus:
     failures: dict[str, str]
     changed: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{count} {status}" for status, count in self.counts.items())
+        return f"<FolderStatus: {len(self.designs)} cases, {counts}>"
+
     @property
     def counts(self) -> dict[str, int]:
         """Number of cases by status, in descending order."""

@@ -38,6 +38,14 @@ class StitchChart:
     repeat: tuple[int, int]
     periodic: bool
 
+    def __repr__(self) -> str:
+        return f"<StitchChart {self.size}>"
+
+    @property
+    def size(self) -> str:
+        """The design and its size in words."""
+        return f"{self.title}: {self.courses} courses, {self.wales} wales"
+
     @property
     def courses(self) -> int:
         """Its courses."""

@@ -171,6 +171,10 @@ class Machine:
     sections: Sections
     time: MachineTime
 
+    def __repr__(self) -> str:
+        counts = f"{self.bed.needles} needles, {self.carriers.carriers} carriers"
+        return f"<Machine {self.bed.model}: {counts}>"
+
     @property
     def pitch(self) -> float:
         """Distance of two needles [mm]."""

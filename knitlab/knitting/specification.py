@@ -38,6 +38,9 @@ class Prediction:
     low: Float[np.ndarray, " strain"]
     high: Float[np.ndarray, " strain"]
 
+    def __repr__(self) -> str:
+        return f"<Prediction {self.source}: {self.sample}, {len(self.applied_strain)} strains>"
+
 
 @dataclass(frozen=True, eq=False)
 class Specification:
@@ -60,6 +63,9 @@ class Specification:
     unplated: Duration
     floats: dict[str, int]
     prediction: Prediction | None = None
+
+    def __repr__(self) -> str:
+        return f"<Specification {self.chart.size}, {self.duration.passes} passes>"
 
     @property
     def flat_size(self) -> tuple[float, float]:

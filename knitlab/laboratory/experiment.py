@@ -57,6 +57,9 @@ class Imported:
     path: Path
     summary: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        return f"<Imported {self.path}: {len(self.cube)} variables>"
+
 
 def import_records(kind: RecordKind, path: Path, results: Path) -> Imported:
     """Import the records of one kind that a description names into the experiment's cube.

@@ -71,6 +71,9 @@ class Target:
     values: Curves
     errors: Curves
 
+    def __repr__(self) -> str:
+        return f"<Target: {int(self.measured.sum())} values at {len(self.applied_strain)} strains>"
+
     @property
     def measured(self) -> Bool[np.ndarray, "quantity strain"]:
         """Whether each value is measured."""
@@ -111,6 +114,10 @@ class Fit:
     tests: int
     converged: bool
     warnings: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        factors = ", ".join(f"{name} {factor:.4g}" for name, factor in self.factors.items())
+        return f"<Fit {self.after.label}: factors {factors}; {self.tests} tests>"
 
 
 class NoFit(ValueError):

@@ -17,6 +17,8 @@ from jax.lax.linalg import triangular_solve
 from jax.scipy.linalg import cho_solve, solve_triangular
 from jaxtyping import Array, Bool, Float, Int
 
+import knitlab.model  # noqa: F401  (float64)
+
 Arrays = tuple[Array, ...]
 Pair = tuple[Array, Array]
 

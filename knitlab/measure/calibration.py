@@ -89,6 +89,10 @@ class Calibration:
     warnings: tuple[str, ...]
     law: Law = "linear"
 
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())
+        return f"<Calibration {values}: {len(self.strain)} points, {len(self.warnings)} warnings>"
+
     @property
     def usable(self) -> bool:
         """Whether the fit converged, and no parameter is on a bound of its range."""

@@ -28,6 +28,10 @@ class SurfaceMesh:
     node_fields: Mapping[str, np.ndarray] = field(default_factory=dict)
     face_fields: Mapping[str, np.ndarray] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        fields = len(self.node_fields) + len(self.face_fields)
+        return f"<SurfaceMesh: {len(self.nodes)} nodes, {len(self.faces)} faces, {fields} fields>"
+
     @property
     def size(self) -> Float[np.ndarray, "3"]:
         """Its extents along x, y and z [mm]."""

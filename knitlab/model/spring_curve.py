@@ -32,6 +32,9 @@ class SpringCurve:
     strain: tuple[float, ...]
     force: tuple[float, ...]
 
+    def __repr__(self) -> str:
+        return f"<SpringCurve: {len(self.strain)} points>"
+
     def __post_init__(self) -> None:
         """Refuse an invalid table."""
         if problems := _problems(np.asarray(self.strain, float), np.asarray(self.force, float)):

@@ -95,6 +95,10 @@ class Designed:
     workflows: tuple[Path, ...]
     unknown: tuple[DesignLabels, ...] = ()
 
+    def __repr__(self) -> str:
+        counts = f"{len(self.table)} candidates, {self.simulations} simulations"
+        return f"<Designed {self.request.name}: {counts}>"
+
     @property
     def table(self) -> pd.DataFrame:
         """The candidates, the best first."""

@@ -86,6 +86,10 @@ class DesignRequest:
     starts: int
     robustness: int
 
+    def __repr__(self) -> str:
+        varied = len(self.choices) + len(self.bounds)
+        return f"<DesignRequest {self.name}: {len(self.targets)} targets, {varied} varied>"
+
     @property
     def fingerprint(self) -> str:
         """The request as text, which identifies it in its results folder."""

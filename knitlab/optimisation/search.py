@@ -66,6 +66,10 @@ class TrialRecord:
     violation: float | None
     met: bool
 
+    def __repr__(self) -> str:
+        distance = "" if self.distance is None else f", distance {self.distance:.4g}"
+        return f"<TrialRecord {self.case_id}: {len(self.values)} variables{distance}>"
+
 
 @dataclass(frozen=True)
 class SearchResult:
@@ -91,6 +95,9 @@ class SearchResult:
     held_by: list[str] = field(default_factory=list)
     determined_to: dict[str, float] = field(default_factory=dict)
     undetermined: list[str] = field(default_factory=list)
+
+    def __repr__(self) -> str:
+        return f"<SearchResult {self.design}: {len(self.trials)} trials, ended: {self.ended}>"
 
     @property
     def winner(self) -> TrialRecord | None:

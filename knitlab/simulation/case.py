@@ -87,6 +87,9 @@ class Case:
     cell_patches: tuple[int, int] | None = None
     plain: PlainKnit | None = None
 
+    def __repr__(self) -> str:
+        return f"<Case {self.label}: {len(self.applied_strain)} strains by {self.method}>"
+
     @cached_property
     def record(self) -> dict[str, Any]:
         """The case as JSON holds it; :func:`case_of` reads it."""

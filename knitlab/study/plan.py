@@ -95,6 +95,10 @@ class Plan:
     gauge: Gauge
     warnings: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        counts = f"{len(self.cases)} cases in {len(self.batches)} batches"
+        return f"<Plan {self.workflow}: {counts}, {len(self.excluded)} designs excluded>"
+
     @property
     def dims(self) -> tuple[str, ...]:
         """Dimensions of the cube along which its designs are ordered."""

@@ -6,15 +6,11 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from knitlab.io.cube_file import open_cube
 from knitlab.io.plain_cube import PlainCube
 from knitlab.tables.query import query_cubes
 from knitlab.tables.selection import selected, selection_texts
 
-__all__ = ["KnitlabAccessor", "open_cube"]
 
-
-@xr.register_dataset_accessor("knitlab")
 class KnitlabAccessor:
     """Queries of an open cube, available as ``cube.knitlab``.
 

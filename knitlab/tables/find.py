@@ -45,6 +45,9 @@ class Reached:
     covered: tuple[bool | None, ...]
     band: tuple[np.ndarray, ...] = ()
 
+    def __repr__(self) -> str:
+        return f"<Reached {self.target.text}: {len(self.obtained)} designs, {len(self.at)} strains>"
+
     @property
     def scale(self) -> float:
         """Unit of distance: the tolerance, or the scatter among the candidates."""
@@ -71,6 +74,9 @@ class Found:
     table: pd.DataFrame
     reached: tuple[Reached, ...]
     passed_over: dict[str, int]
+
+    def __repr__(self) -> str:
+        return f"<Found: {len(self.table)} designs, {len(self.reached)} targets>"
 
 
 def find_designs(

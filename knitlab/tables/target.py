@@ -59,6 +59,9 @@ class Target:
     reduction: str | None = None
     curve: tuple[tuple[float, ...], tuple[float, ...]] | None = None
 
+    def __repr__(self) -> str:
+        return f"<Target {self.text}>"
+
     @property
     def label(self) -> str:
         """The variable with reduction and window."""

@@ -11,7 +11,6 @@ from knitlab.execution.run import RunOptions, run_plan
 from knitlab.io.case_file import read_case
 from knitlab.model.grading import recorded_pattern
 from knitlab.study.plan import make_plan
-from knitlab.tables import accessor  # noqa: F401  (registers cube.knitlab)
 
 SLOW_TO_COMPILE = settings(
     derandomize=True,

@@ -16,7 +16,6 @@ from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.measure.knit_size import ALONG_X, ALONG_Y
 from knitlab.study.plan import make_plan
-from knitlab.tables import accessor as _accessor  # noqa: F401  (registers cube.knitlab)
 from tests.execution import stand_in
 
 SIZES = (*ALONG_X, *ALONG_Y)

@@ -5,9 +5,8 @@ from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
 
-import xarray as xr
-
 import knitlab
+from knitlab.tables.accessor import KnitlabAccessor
 
 
 def page() -> str:
@@ -21,8 +20,8 @@ def page() -> str:
         parts += _section(
             f"knitlab.{space}", [f"knitlab.{space}.{each}" for each in _public(module)]
         )
-    accessor = xr.Dataset.knitlab
-    parts += _section("On an open cube", [f"{accessor.__module__}.{accessor.__qualname__}"])
+    accessor = f"{KnitlabAccessor.__module__}.{KnitlabAccessor.__qualname__}"
+    parts += _section("On an open cube", [accessor])
     return "\n".join(parts)
 
 

@@ -1,0 +1,178 @@
+"""``import knitlab`` alone changes nothing; whatever computes does so in float64."""
+
+import ast
+import os
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from knitlab.io.shipped import PACKAGE
+from knitlab.model.stripe import Stripe
+from knitlab.model.zigzag import tension, zigzag
+
+CUBE = "results/reference/periodic/cube.nc"
+NUMBERS = ("jax", "equinox", "diffrax", "optimistix")
+
+
+def printed(program, **environment):
+    """What a new process prints; warnings are errors."""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", program],
+        env=os.environ | environment,
+        cwd=PACKAGE.parent,
+        capture_output=True,
+        text=True,
+    )
+    assert not done.returncode, done.stderr
+    return done.stdout.strip()
+
+
+def test_it_imports_no_library_of_numbers_and_sets_no_variable():
+    program = """
+import os, sys
+before = dict(os.environ)
+import knitlab
+assert before == dict(os.environ)
+print(sorted({"jax", "numpy", "pandas", "scipy", "xarray", "matplotlib"} & set(sys.modules)))
+"""
+    assert printed(program) == "[]"
+
+
+def test_it_leaves_the_settings_of_jax_and_the_users_folder_as_they_are(tmp_path):
+    program = """
+import jax
+before = dict(jax.config.values)
+import knitlab
+assert knitlab.__version__
+assert before == dict(jax.config.values)
+print(jax.config.jax_enable_x64, jax.config.jax_compilation_cache_dir)
+"""
+    home = {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path), "JAX_ENABLE_X64": "0"}
+    chosen = {"JAX_COMPILATION_CACHE_DIR": str(tmp_path / "own")}
+    assert printed(program, **home, **chosen) == f"False {tmp_path / 'own'}"
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        """
+import numpy as np
+from knitlab.model.stripe import Stripe
+from knitlab.model.zigzag import tension, zigzag
+stripe = Stripe("rib", 4, period=1.41, k_s=0.8, theta_0=0.8, k_t=0.01)
+found = tension(zigzag(stripe), np.array([0.1, 0.2]))
+""",
+        """
+import jax.numpy as jnp
+from knitlab.dynamics.vectors import dot
+one = jnp.linspace(0, 1, 3), jnp.ones(3), jnp.ones(3)
+found = dot(one, one)
+""",
+        """
+import jax.numpy as jnp
+from knitlab.linalg import block_tridiagonal
+found = jnp.linspace(0, 1, 3)
+""",
+        """
+import numpy as np
+from knitlab.capacitance.potential import triangle_potential
+found = triangle_potential(np.zeros(3), np.eye(3))
+""",
+    ],
+    ids=["model", "dynamics", "linalg", "capacitance"],
+)
+def test_a_low_level_function_computes_in_float64(program):
+    assert printed(f"import jax\n{program}\nprint(found.dtype)", JAX_ENABLE_X64="0") == "float64"
+
+
+def test_a_new_worker_process_computes_in_float64():
+    stripe = Stripe("rib", 4, period=1.41, k_s=0.8, theta_0=0.8, k_t=0.01)
+    strain = np.linspace(0.1, 1, 5)
+    here = np.asarray(tension(zigzag(stripe), strain))
+    with ProcessPoolExecutor(1, get_context("spawn")) as worker:
+        there = np.asarray(worker.submit(tension, zigzag(stripe), strain).result())
+    assert there.dtype == np.float64
+    # Single precision would differ by 1e-7.
+    np.testing.assert_allclose(there, here, rtol=1e-12)
+
+
+@cache
+def imports(file: Path) -> frozenset[str]:
+    """Modules that a file names when it is imported, with the packages that hold them."""
+    found = set()
+    for node in ast.parse(file.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{name.name}" for name in node.names)}
+        elif isinstance(node, ast.Import):
+            found |= {name.name for name in node.names}
+    parts = [module.split(".") for module in found]
+    return frozenset(".".join(each[:end]) for each in parts for end in range(1, len(each) + 1))
+
+
+def all_imported(file: Path) -> set[str]:
+    """The same, with all that these import in turn, and the packages of the file."""
+    waiting = [
+        file,
+        *(folder / "__init__.py" for folder in file.parents if PACKAGE in folder.parents),
+    ]
+    found: set[str] = set()
+    while waiting:
+        for name in imports(waiting.pop()) - found:
+            found.add(name)
+            if name.startswith("knitlab."):
+                path = PACKAGE.parent.joinpath(*name.split("."))
+                files = (path.with_suffix(".py"), path / "__init__.py")
+                waiting += [each for each in files if each.exists()]
+    return found
+
+
+def test_every_module_that_imports_jax_also_imports_the_package_that_sets_float64():
+    files = [file for file in PACKAGE.rglob("*.py") if imports(file) & set(NUMBERS)]
+    assert len(files) > 20
+    outside = [file for file in files if PACKAGE / "model" not in file.parents]
+    assert not [file for file in outside if "knitlab.model" not in all_imported(file)]
+
+
+@pytest.mark.parametrize(
+    "imported",
+    [
+        "import knitlab as kl, xarray as xr",
+        "import xarray as xr, knitlab as kl",
+        "import importlib.util, knitlab as kl; importlib.util.find_spec('xarray')\n"
+        "import xarray as xr",
+        "import knitlab as kl; kl.open_cube\nimport xarray as xr",
+        "import knitlab as kl, importlib; importlib.reload(kl); import xarray as xr",
+    ],
+)
+def test_cubes_that_xarray_opened_have_the_accessor(imported):
+    program = f"""
+{imported}
+found = xr.load_dataset({CUBE!r}).knitlab.query("poisson_ratio_min < -0.6")
+assert found.equals(kl.query({CUBE!r}, where="poisson_ratio_min < -0.6"))
+print(len(found), type(xr.__loader__).__name__)
+"""
+    assert printed(program) == "4 SourceFileLoader"
+
+
+def test_the_package_runs_as_the_command_line():
+    def ran(*words):
+        return subprocess.run([sys.executable, *words], capture_output=True, text=True)
+
+    script = "import sys; sys.argv[0] = 'knitlab'; from knitlab.cli import main; main()"
+    for arguments in (["--help"], ["query", "nowhere.nc"], ["query", "--wrong"]):
+        one, other = ran("-m", "knitlab", *arguments), ran("-c", script, *arguments)
+        assert (one.returncode, one.stdout, one.stderr) == (
+            other.returncode,
+            other.stdout,
+            other.stderr,
+        )
+        assert one.returncode == (0 if arguments == ["--help"] else 2)
+        assert "knitlab" in one.stdout + one.stderr
+        assert "Traceback" not in one.stderr
