@@ -58,7 +58,7 @@ class DividedSystem(System):
         """
         decomposition = self._decomposition(free)
         unknowns, cost = at.unknowns.copy(), 0.0
-        gradient = np.asarray(self.evaluate(at).gradient)
+        gradient = np.asarray(self._elements.evaluate(at.stage, unknowns).gradient)
         forces = np.array([problem.subdomain.force(gradient) for problem in decomposition.problems])
         accepted = max(settings.tolerance, force_part * float(forces.max()))
         settings = replace(settings, tolerance=accepted)
