@@ -23,9 +23,10 @@ from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import PatchGrid, patch_map
 from knitlab.model.stripe import Knit, Stripe
 from knitlab.model.zigzag import tension
-from knitlab.solvers.executor import run
-from knitlab.solvers.solver import SolverSettings
+from knitlab.solvers.divided_system import system_of
+from knitlab.solvers.settings import SolverSettings
 from knitlab.solvers.state import State
+from knitlab.solvers.system import System
 from knitlab.study.parameters import read_parameters
 
 PARAMETERS = read_parameters(shipped("params"))
@@ -91,8 +92,13 @@ def cell_of(fabric: Fabric) -> np.ndarray:
     return np.array([fabric.cell_x[0], fabric.cell_y[0]])
 
 
+def equations(net: Network, fabric: Fabric) -> System:
+    """What the solvers solve for a fabric."""
+    return system_of(net.shape, fabric)
+
+
 def relaxed(net: Network, fabric: Fabric, settings: SolverSettings = DEFAULT) -> State:
-    return run(net.shape, fabric, relax(net, fabric, settings))
+    return relax(equations(net, fabric), settings)
 
 
 def stretched(
@@ -101,7 +107,7 @@ def stretched(
     strains: list[float],
     settings: SolverSettings = DEFAULT,
 ) -> TensileTest:
-    return run(net.shape, fabric, stretch(net, fabric, strains, settings))
+    return stretch(equations(net, fabric), strains, settings)
 
 
 def moving(

@@ -12,7 +12,7 @@ import click
 
 from benchmarks.solver.cube import gathered, read_cube, report, write_cube
 from benchmarks.solver.figures import draw_all
-from benchmarks.solver.measurement import IN_STEP, Measurement
+from benchmarks.solver.measurement import Measurement
 from benchmarks.solver.methods import SWEPT
 from benchmarks.solver.plan import GROUPS, Budget, planned
 from knitlab.execution.workers import WORKER_ENVIRONMENT
@@ -91,8 +91,7 @@ def _measured(measurement: Measurement, results: Path) -> bool:
     environment = dict.fromkeys(ONE_THREAD, threads)
     if measurement.solver in SWEPT:
         environment = WORKER_ENVIRONMENT | {"OMP_NUM_THREADS": threads}
-    if measurement.solver != IN_STEP:
-        environment |= {"JAX_PLATFORMS": "cpu"}
+    environment |= {"JAX_PLATFORMS": "cpu"}
     module = "benchmarks.solver.one"
     text = json.dumps(asdict(measurement))
     ran = subprocess.run(

@@ -1,18 +1,16 @@
 """CHOLMOD through the optional ``cvxopt`` (GPL), to compare knitlab's factorisation with."""
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+import scipy.sparse as sp
+from jaxtyping import Float, Int
 
-from knitlab.elasticity.element_chunks import ChunkedFabric
 from knitlab.elasticity.stiffness import FreeStiffness
 from knitlab.linalg.threads import Threads
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
-from knitlab.solvers.executor import Executor
-from knitlab.solvers.solver import Assemble, ChangeDiagonal, Factorise, Request, Solve
+from knitlab.solvers.system import System
 
 SUPERNODAL = 2
 
@@ -50,8 +48,8 @@ def cholmod_factoriser(free: FreeStiffness) -> Callable[[Entries], Solution | No
     return factorise
 
 
-class CholmodExecutor:
-    """Answers a solver's requests as knitlab's executor does, but factors by CHOLMOD.
+class CholmodSystem(System):
+    """The equations of a fabric, factorised by CHOLMOD.
 
     Subdomains of a large sample are solved by knitlab's own factorisation. No matrix is
     convexified, nor any diagonal changed.
@@ -63,36 +61,32 @@ class CholmodExecutor:
     """
 
     def __init__(self, shape: MeshShape, fabric: Fabric, threads: Threads) -> None:
-        self._others = Executor(shape, fabric, threads=threads)
-        self._fabric = ChunkedFabric.of(shape, fabric, threads)
-        self._threads = threads
-        self._factorisers: dict[FreeStiffness, Callable[[Entries], Solution | None]] = {}
-        self._free: FreeStiffness | None = None
-        self._entries = np.zeros(0)
-        self._solve: Solution | None = None
+        super().__init__(shape, fabric, threads=threads)
+        self._by_cholmod: dict[FreeStiffness, Callable[[Entries], Solution | None]] = {}
+        self._solution: Solution | None = None
 
-    def answer(self, request: Request) -> Any:
-        """What a request asks for."""
-        match request:
-            case Assemble(configuration, free, stage):
-                hessians = self._fabric.element_hessians(stage, configuration)
-                self._free, self._entries = free, free.entries(hessians, self._threads)
-                return None
-            case Factorise(shift):
-                return self._factorise(shift)
-            case ChangeDiagonal():
-                return False
-            case Solve(right):
-                if self._solve is None:
-                    raise RuntimeError("nothing is factorised")
-                return self._solve(right)
-        return self._others.answer(request)
-
-    def _factorise(self, shift: float) -> bool:
+    def factorise(
+        self,
+        shift: float,
+        convexified: bool,
+        contact: sp.csc_array | None = None,
+        exact: bool = False,
+    ) -> bool:
+        """Factorise the assembled stiffness plus a shift, in double precision."""
         free = self._free
         if free is None:
             raise RuntimeError("nothing is assembled")
-        if free not in self._factorisers:
-            self._factorisers[free] = cholmod_factoriser(free)
-        self._solve = self._factorisers[free](free.shifted(self._entries, shift))
-        return self._solve is not None
+        if free not in self._by_cholmod:
+            self._by_cholmod[free] = cholmod_factoriser(free)
+        self._solution = self._by_cholmod[free](free.shifted(self._entries, shift))
+        return self._solution is not None
+
+    def change_diagonal(self, places: Int[np.ndarray, " _"], changes: Vector) -> bool:
+        """Nothing is changed."""
+        return False
+
+    def solve(self, right: Vector) -> Vector:
+        """The stiffness's inverse times a vector."""
+        if self._solution is None:
+            raise RuntimeError("nothing is factorised")
+        return self._solution(right)

@@ -3,11 +3,10 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
-from benchmarks.solver.cholmod import CholmodExecutor
 from benchmarks.solver.problem import (
     Free,
     Method,
@@ -17,8 +16,9 @@ from benchmarks.solver.problem import (
     pull_by,
 )
 from benchmarks.solver.watch import GivenUp, Watch
-from knitlab.elasticity.evaluation import COMPLETE
+from knitlab.elasticity.evaluation import COMPLETE, Evaluation, Point
 from knitlab.elasticity.factorisation import one_thread_of_blas
+from knitlab.elasticity.stiffness import FreeStiffness
 from knitlab.linalg.threads import Threads, allowed_threads
 from knitlab.mechanics.loading import all_free
 from knitlab.mechanics.relaxation import relax
@@ -26,38 +26,22 @@ from knitlab.mechanics.starting_shape import tiled
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.configuration import Configuration
 from knitlab.simulation.case import Case
+from knitlab.solvers.divided_system import DividedSystem
 from knitlab.solvers.equilibrium import find_equilibrium
 from knitlab.solvers.equilibrium_search import SearchRules
-from knitlab.solvers.executor import Executor
-from knitlab.solvers.solver import (
-    Assemble,
-    ChangeDiagonal,
-    Evaluate,
-    Factorise,
-    Request,
-    Solve,
-    Solver,
-    SolverSettings,
-    SolveSubdomains,
-)
+from knitlab.solvers.settings import SolverSettings
 from knitlab.solvers.state import State
+from knitlab.solvers.subdomains import worth_dividing
+from knitlab.solvers.system import System
 
 Result = TypeVar("Result")
-PARTS: dict[type[Request], str] = {
-    Evaluate: "evaluating_seconds",
-    Assemble: "assembling_seconds",
-    Factorise: "factorising_seconds",
-    ChangeDiagonal: "factorising_seconds",
-    Solve: "solving_seconds",
-    SolveSubdomains: "subdomains_seconds",
-}
-"""Name of the time that each kind of request takes in all."""
-Executors = type[Executor] | type[CholmodExecutor]
+Systems = type[System]
+"""What factorises: knitlab itself, or CHOLMOD."""
 
 
 def knitlab(
     settings: SolverSettings,
-    executors: Executors = Executor,
+    systems: Systems = System,
     direct: bool = False,
     periodic: Case | None = None,
 ) -> Method:
@@ -65,7 +49,7 @@ def knitlab(
 
     Args:
         settings: of the solver; the tolerance is the problem's.
-        executors: what answers the solver's requests.
+        systems: what factorises.
         direct: whether a load step is one search, as for the other methods, and not a path of
             small steps along which branches are watched.
         periodic: a cell of the fabric without end; if given it is relaxed first, and the sample
@@ -78,37 +62,36 @@ def knitlab(
     def start(problem: Problem, watch: Watch) -> Configuration | None:
         if periodic is None:
             return None
-        return _laid_out(problem, periodic, each(problem), executors, watch)
+        return _laid_out(problem, periodic, each(problem), systems, watch)
 
     def relaxed(problem: Problem, watch: Watch) -> Unknowns:
-        solver = relax(problem.net, problem.fabric, each(problem), start(problem, watch))
-        return _reached(driven(problem, solver, executors, watch))
+        search = partial(relax, settings=each(problem), start=start(problem, watch))
+        return _reached(driven(problem, search, systems, watch))
 
     def path(problem: Problem, watch: Watch) -> list[Unknowns]:
         def progress(done: int) -> None:
             watch.states = done
 
-        solver = stretch(
-            problem.net,
-            problem.fabric,
-            problem.applied_strain,
-            each(problem),
-            progress,
-            start(problem, watch),
+        search = partial(
+            stretch,
+            applied_strain=problem.applied_strain,
+            settings=each(problem),
+            progress=progress,
+            start=start(problem, watch),
         )
-        test = driven(problem, solver, executors, watch)
+        test = driven(problem, search, systems, watch)
         watch.states = sum(state.converged for state in test.states)
         return [_reached(state) for state in test.states]
 
-    pull = partial(pull_by, _search(each, executors), relaxed) if direct else path
+    pull = partial(pull_by, _search(each, systems), relaxed) if direct else path
     return Method(relaxed, pull, prepare)
 
 
-def _search(each: Callable[[Problem], SolverSettings], executors: Executors) -> Search:
+def _search(each: Callable[[Problem], SolverSettings], systems: Systems) -> Search:
     def search(problem: Problem, start: Unknowns, free: Free, watch: Watch) -> Unknowns:
         rules = SearchRules.of(problem.shape, free, problem.fabric, each(problem))
-        solver = find_equilibrium(Evaluate(start), rules)
-        return _reached(driven(problem, solver, executors, watch))
+        found = partial(find_equilibrium, start=Point(start), rules=rules)
+        return _reached(driven(problem, found, systems, watch))
 
     return search
 
@@ -118,55 +101,73 @@ def shipped_relaxation(case: Case, watch: Watch) -> State:
     settings = case.equilibrium_solver
     problem, start = Problem.of(case, settings.tolerance), None
     if not (case.mesh_shape.periodic or settings.start == "flat"):
-        start = _laid_out(problem, case.periodic_cell, settings, Executor, watch)
-    solver = relax(problem.net, problem.fabric, settings, start)
+        start = _laid_out(problem, case.periodic_cell, settings, System, watch)
     with watch.paused():
         prepare(problem)
-    return driven(problem, solver, Executor, watch)
+    search = partial(relax, settings=settings, start=start)
+    return driven(problem, search, System, watch)
 
 
 def _laid_out(
-    problem: Problem, periodic: Case, settings: SolverSettings, executors: Executors, watch: Watch
+    problem: Problem, periodic: Case, settings: SolverSettings, systems: Systems, watch: Watch
 ) -> Configuration:
     cell = Problem.of(periodic, settings.tolerance)
     with watch.paused():
         prepare(cell)
-    solver = relax(cell.net, cell.fabric, settings)
-    relaxed = Configuration.of(_reached(driven(cell, solver, executors, watch)), cell.shape)
+    search = partial(relax, settings=settings)
+    relaxed = Configuration.of(_reached(driven(cell, search, systems, watch)), cell.shape)
     return tiled(problem.net, problem.fabric, cell.net, relaxed)
 
 
-def driven(problem: Problem, solver: Solver[Result], executors: Executors, watch: Watch) -> Result:
-    """Run a solver to its end, and note the residual of the whole fabric as it goes.
+def driven(
+    problem: Problem, search: Callable[[System], Result], systems: Systems, watch: Watch
+) -> Result:
+    """Run a search to its end, and note the residual of the whole fabric as it goes.
 
-    While the solver looks at a fabric that is not yet whole, the watch is paused to see the whole.
+    While the search looks at a fabric that is not yet whole, the watch is paused to see the whole.
     """
+    kind: Systems = DividedSystem if worth_dividing(problem.shape) else System
+    bases = (kind,) if systems is System else (systems, kind)
+
+    class Watched(*bases):  # type: ignore[misc]
+        """Equations whose parts are timed."""
+
+        seen = all_free(problem.shape)
+
+        def evaluate(self, at: Point) -> Evaluation:
+            with watch.part("evaluating_seconds"):
+                evaluation = super().evaluate(at)
+            gradient = evaluation.gradient
+            if at.stage is not COMPLETE:
+                with watch.paused():
+                    gradient = problem.evaluate(at.unknowns).gradient
+            watch.sees(float(np.abs(gradient[self.seen]).max()))
+            return evaluation
+
+        def assemble(self, at: Point, free: FreeStiffness) -> None:
+            with watch.part("assembling_seconds"):
+                super().assemble(at, free)
+            self.seen = free.places
+
+        def factorise(self, *args: Any, **settings: Any) -> bool:
+            watch.factorisations += 1
+            with watch.part("factorising_seconds"):
+                return super().factorise(*args, **settings)
+
+        def change_diagonal(self, *args: Any) -> bool:
+            with watch.part("factorising_seconds"):
+                return super().change_diagonal(*args)
+
+        def solve(self, right: Unknowns) -> Unknowns:
+            with watch.part("solving_seconds"):
+                return super().solve(right)
+
+        def solve_subdomains(self, *args: Any) -> tuple[Point, float]:
+            with watch.part("subdomains_seconds"):
+                return super().solve_subdomains(*args)
+
     with one_thread_of_blas():
-        return _driven(problem, solver, executors, watch)
-
-
-def _driven(problem: Problem, solver: Solver[Result], executors: Executors, watch: Watch) -> Result:
-    threads = Threads(allowed_threads())
-    executor = executors(problem.shape, problem.fabric, threads=threads)
-    free, answer = all_free(problem.shape), None
-    while True:
-        try:
-            request = solver.send(answer)
-        except StopIteration as end:
-            return end.value
-        with watch.part(PARTS[type(request)]):
-            answer = executor.answer(request)
-        match request:
-            case Assemble():
-                free = request.free.places
-            case Factorise():
-                watch.factorisations += 1
-            case Evaluate(unknowns, stage):
-                gradient = answer.gradient
-                if stage is not COMPLETE:
-                    with watch.paused():
-                        gradient = problem.evaluate(unknowns).gradient
-                watch.sees(float(np.abs(gradient[free]).max()))
+        return search(Watched(problem.shape, problem.fabric, threads=Threads(allowed_threads())))
 
 
 def prepare(problem: Problem) -> None:

@@ -10,17 +10,11 @@ from knitlab.model.options import Boundary
 from knitlab.simulation.case import Case
 from knitlab.study.plan import make_plan
 
-Task = Literal[
-    "tuning", "relaxation", "tension", "shipped_relaxation", "iteration", "sweep", "batch"
-]
+Task = Literal["tuning", "relaxation", "tension", "shipped_relaxation", "iteration", "sweep"]
 Record = dict[str, Any]
 
 ACROSS_EDGE = "knitlab_across_edge"
 """knitlab, starting as a sweep does, of fabrics whose fold angles are taken across the edge."""
-IN_TURN, CONCURRENT = "knitlab_in_turn", "knitlab_concurrent"
-"""knitlab, with the fabrics of a batch one after the other on all threads, or one to a thread."""
-IN_STEP = "knitlab_in_step"
-"""knitlab, with the fabrics of a batch in lockstep on the device that JAX finds."""
 TOLERANCE = 1e-6
 """Largest force that every method may leave on a free unknown [N]."""
 

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from benchmarks.solver import dynamics, fire, knitlab_solver, lbfgs
-from benchmarks.solver.cholmod import CholmodExecutor
+from benchmarks.solver.cholmod import CholmodSystem
 from benchmarks.solver.measurement import ACROSS_EDGE, TOLERANCE, Measurement, Record
 from benchmarks.solver.problem import Method, Problem, by
 from benchmarks.solver.watch import GivenUp, OutOfTime, Watch
@@ -52,7 +52,7 @@ def method(measurement: Measurement) -> Method:
         case "knitlab_direct":
             return knitlab_solver.knitlab(still, direct=True)
         case "knitlab_cholmod":
-            return knitlab_solver.knitlab(still, CholmodExecutor)
+            return knitlab_solver.knitlab(still, CholmodSystem)
         case "dynamics":
             return by(dynamics.dynamics(moving, setting), partial(dynamics.prepare, moving))
         case "fire":

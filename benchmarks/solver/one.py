@@ -6,7 +6,7 @@ import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
-from benchmarks.solver import batch, limit, many, methods
+from benchmarks.solver import limit, many, methods
 from benchmarks.solver.cube import blas_kernels, cpu_model
 from benchmarks.solver.measurement import Measurement
 from knitlab.io.provenance import git_commit
@@ -18,7 +18,6 @@ MEASURES = {
     "shipped_relaxation": methods.measure_shipped,
     "iteration": limit.measure,
     "sweep": many.measure,
-    "batch": batch.measure,
 }
 
 

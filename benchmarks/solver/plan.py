@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmarks.solver.limit import FACTORISATIONS
-from benchmarks.solver.measurement import CONCURRENT, IN_STEP, IN_TURN, Measurement
+from benchmarks.solver.measurement import Measurement
 from benchmarks.solver.methods import SOLVERS, SWEPT, TRIALS, installed
 from knitlab.io.shipped import shipped
 from knitlab.model.options import Boundary
@@ -20,10 +20,6 @@ FACTORED = ("6x4", "24x11")
 TUNED = ("1x1", "3x2")
 """Samples that settings are tried on: the first for itself, the second for all that are larger."""
 EVERY_DESIGN: tuple[tuple[Boundary, str], ...] = (("periodic", "1x1"), ("clamped", "5x3"))
-BATCHED: tuple[tuple[Boundary, str], ...] = (("periodic", "1x1"), ("clamped", "2x2"))
-"""Samples of (4, 16) that are run in batches."""
-BATCHED_DESIGNS = ((8, 16), (4, 24), (4, 32), (4, 40))
-"""Periodic fabrics of 1, 3, 4 and 5 periods a patch that are run in batches."""
 
 
 @dataclass(frozen=True)
@@ -75,16 +71,6 @@ def scaling() -> Iterator[Measurement]:
             yield Measurement("tension", solver, size=size, workers=2)
 
 
-def batch() -> Iterator[Measurement]:
-    """Batches of one mesh shape, one fabric after the other, one to a thread, and in lockstep."""
-    for boundary, size in BATCHED:
-        for solver in (IN_TURN, CONCURRENT, IN_STEP):
-            yield Measurement("batch", solver, size=size, boundary=boundary, workers=2)
-    for n_stripe, n_subunit in BATCHED_DESIGNS:
-        for solver in (IN_TURN, CONCURRENT):
-            yield Measurement("batch", solver, n_stripe, n_subunit, boundary="periodic", workers=2)
-
-
 def iterations() -> Iterator[Measurement]:
     """Relaxation of all the paper's designs as a sweep does it."""
     designs = read_parameters(shipped("params")).designs.root["paper"].pairs
@@ -105,7 +91,6 @@ GROUPS: dict[str, Callable[[], Iterator[Measurement]]] = {
     "methods": methods,
     "scaling": scaling,
     "many": many,
-    "batch": batch,
     "iterations": iterations,
 }
 

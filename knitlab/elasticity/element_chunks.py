@@ -281,7 +281,9 @@ def _in_chunks(
     """A parameter of all elements by chunks; the last chunk is padded."""
     none = [(0, count * per_chunk - len(number)), *[(0, 0)] * (number.ndim - 1)]
     padded = np.pad(np.asarray(number), none, constant_values=spare)
-    return [jax.device_put(row) for row in padded.reshape(count, per_chunk, *number.shape[1:])]
+    # On the processor also where JAX finds an accelerator: all else of a search is done there.
+    rows = padded.reshape(count, per_chunk, *number.shape[1:])
+    return [jax.device_put(row, jax.local_devices(backend="cpu")[0]) for row in rows]
 
 
 def _split(

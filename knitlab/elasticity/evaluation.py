@@ -35,6 +35,19 @@ class Stage(eqx.Module):
 COMPLETE = Stage()
 
 
+@dataclass(frozen=True)
+class Point:
+    """A configuration and a stage, at which a fabric is evaluated.
+
+    Attributes:
+        unknowns: the configuration, flattened [mm].
+        stage: the stage.
+    """
+
+    unknowns: Float[np.ndarray, " unknown"]
+    stage: Stage = COMPLETE
+
+
 def staged(fabric: Fabric, stage: Stage) -> Fabric:
     """The fabric at a stage."""
     return eqx.tree_at(

@@ -9,22 +9,21 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from knitlab.elasticity.evaluation import Point
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.mechanics.loading import tensile
 from knitlab.mechanics.relaxation import relax
 from knitlab.mechanics.tensile_result import TensileTest
 from knitlab.mechanics.tensile_test import stretch
-from knitlab.model.fabric import Fabric
-from knitlab.model.network import Network
 from knitlab.model.stripe import Stripe
 from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import relaxed_by_dynamics, starts
 from knitlab.simulation.stripe_sensitivity import adjoint_of, measured_by
 from knitlab.solvers.domain_decomposition import find_equilibrium_by_subdomains
 from knitlab.solvers.equilibrium_search import SearchRules
-from knitlab.solvers.executor import run
-from knitlab.solvers.solver import Evaluate, Solver
+from knitlab.solvers.runners import run_each
 from knitlab.solvers.state import State
+from knitlab.solvers.system import System
 
 QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")
 """Quantities measured in a test, in this order."""
@@ -92,17 +91,16 @@ def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTe
     if near is None:
         (start,) = starts([case], [(net, fabric)])
         (moved,) = relaxed_by_dynamics([case], [start], lambda name, states: None)
-        solver = stretch(
-            net,
-            fabric,
-            case.applied_strain,
-            case.equilibrium_solver,
+        search = partial(
+            stretch,
+            applied_strain=case.applied_strain,
+            settings=case.equilibrium_solver,
             start=start,
             folded=None if moved is None else moved.configuration,
         )
     else:
-        solver = _retested(case, net, fabric, near)
-    test = run(case.mesh_shape, fabric, solver)
+        search = partial(_retested, case=case, near=near)
+    (test,) = run_each(case.mesh_shape, [fabric], [search])
     if test.loading is None or not all(state.converged for state in test.states):
         return None
     measure = measured_by(case.mesh_shape, case.cell_grid, QUANTITIES)
@@ -116,20 +114,20 @@ def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTe
     return SimulatedTest(case, test, np.array(values).T)
 
 
-def _retested(case: Case, net: Network, fabric: Fabric, near: SimulatedTest) -> Solver[TensileTest]:
+def _retested(system: System, case: Case, near: SimulatedTest) -> TensileTest:
     settings = case.equilibrium_solver
     first, *others = near.test.states
-    relaxed = yield from relax(net, fabric, replace(settings, soft_wall=1.0), first.configuration)
+    relaxed = relax(system, replace(settings, soft_wall=1.0), first.configuration)
     if not relaxed.converged:
         return TensileTest(None, [relaxed])
-    loading = tensile(net.shape, relaxed.configuration)
-    rules = SearchRules.of(net.shape, loading.free, fabric, settings, convexified=False)
+    loading = tensile(system.shape, relaxed.configuration)
+    rules = SearchRules.of(system.shape, loading.free, system.fabric, settings, convexified=False)
     states: list[State] = [relaxed]
     for strain, other in zip(case.applied_strain[1:], others, strict=True):
         # The relaxed sample may have changed size: add the change of the relaxed shape.
         moved = other.unknowns + relaxed.unknowns - first.unknowns
-        start = Evaluate(loading.holding(moved, strain))
-        states.append((yield from find_equilibrium_by_subdomains(start, rules)))
+        start = Point(loading.holding(moved, strain))
+        states.append(find_equilibrium_by_subdomains(system, start, rules))
         if not states[-1].converged:
             break
     return TensileTest(loading, states)

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 
-from knitlab.solvers.solver import SolverSettings
+from knitlab.solvers.settings import SolverSettings
 
 ROUND_OFF = 1e-9
 EASY = 4

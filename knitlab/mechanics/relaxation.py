@@ -7,29 +7,29 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from knitlab.elasticity.evaluation import COMPLETE, Stage
+from knitlab.elasticity.evaluation import COMPLETE, Point, Stage
 from knitlab.mechanics.loading import all_free, between_walls, rigidly_aligned
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, flat_sheet
-from knitlab.model.network import Network
+from knitlab.model.network import network
 from knitlab.solvers.domain_decomposition import find_equilibrium_by_subdomains
 from knitlab.solvers.equilibrium_search import SearchRules
-from knitlab.solvers.solver import Evaluate, Solver, SolverSettings
+from knitlab.solvers.settings import SolverSettings
 from knitlab.solvers.state import State
 from knitlab.solvers.subdomains import worth_dividing
+from knitlab.solvers.system import System
 
 if TYPE_CHECKING:
     from knitlab.contact.barrier import Barrier
 
 
 def relax(
-    net: Network,
-    fabric: Fabric,
+    system: System,
     settings: SolverSettings,
     start: Configuration | None = None,
     contact: "Barrier | None" = None,
-) -> Solver[State]:
-    """Solver for the relaxed shape (paper, Sec. "Relaxation of a pattern").
+) -> State:
+    """The relaxed shape of a fabric (paper, Sec. "Relaxation of a pattern").
 
     The rest fold angles are raised to their full value in ``settings.ramp_steps`` equal steps,
     between walls that are soft at first: hard walls would stop every step at the first node that
@@ -41,17 +41,16 @@ def relax(
     cell, where fold angles are undefined, it is solved again by raising μ.
 
     Args:
-        net: network of the fabric's mesh shape.
-        fabric: the fabric.
+        system: the equations of the fabric.
         settings: settings of the equilibrium solver.
         start: configuration to start from; the flat sheet by default.
         contact: contact of the fabric with itself, if any.
     """
-    shape = net.shape
+    shape, fabric = system.shape, system.fabric
     whole = SearchRules.of(shape, all_free(shape), fabric, settings, contact=contact)
     # From a flat sheet, round-off of single precision may decide which shape is reached.
     whole = replace(whole, exact=not worth_dividing(shape))
-    flat = flat_sheet(net, fabric)
+    flat = flat_sheet(network(shape), fabric)
     begin = np.asarray((flat if start is None else start).flattened())
     waypoint = intermediate_settings(settings, fabric)
     stages = [(stage, waypoint) for stage in _stages(settings)] + [(COMPLETE, settings)]
@@ -61,8 +60,8 @@ def relax(
         unknowns = begin
         for stage, stage_settings in stages:
             rules = replace(whole, settings=stage_settings, convexified=convexified)
-            found = find_equilibrium_by_subdomains(Evaluate(unknowns, stage), rules, patience=None)
-            passed.append((yield from found))
+            at = Point(unknowns, stage)
+            passed.append(find_equilibrium_by_subdomains(system, at, rules, patience=None))
             unknowns = passed[-1].unknowns
         if passed[-1].converged:
             break
@@ -70,32 +69,30 @@ def relax(
         aligned = rigidly_aligned(shape, flat, passed[-1].configuration)
         fitting = between_walls(aligned, float(fabric.z_max))
         rules = replace(whole, convexified=False)
-        begin = np.asarray(fitting.flattened())
-        found = find_equilibrium_by_subdomains(Evaluate(begin), rules, patience=None)
-        passed.append((yield from found))
+        at = Point(np.asarray(fitting.flattened()))
+        passed.append(find_equilibrium_by_subdomains(system, at, rules, patience=None))
     return passed[-1].after(*passed[:-1])
 
 
 def relax_near(
-    net: Network,
-    fabric: Fabric,
+    system: System,
     settings: SolverSettings,
     start: Configuration,
     contact: "Barrier | None" = None,
-) -> Solver[State]:
-    """Solver for the relaxed shape next to a configuration that is nearly in equilibrium.
+) -> State:
+    """The relaxed shape next to a configuration that is nearly in equilibrium.
 
     Args:
-        net: network of the fabric's mesh shape.
-        fabric: the fabric.
+        system: the equations of the fabric.
         settings: settings of the equilibrium solver.
         start: the configuration [mm].
         contact: contact of the fabric with itself, if any.
     """
-    rules = SearchRules.of(net.shape, all_free(net.shape), fabric, settings, contact=contact)
+    free = all_free(system.shape)
+    rules = SearchRules.of(system.shape, free, system.fabric, settings, contact=contact)
     rules = replace(rules, convexified=False)
-    begin = Evaluate(np.asarray(start.flattened()))
-    return (yield from find_equilibrium_by_subdomains(begin, rules))
+    begin = Point(np.asarray(start.flattened()))
+    return find_equilibrium_by_subdomains(system, begin, rules)
 
 
 def intermediate_settings(settings: SolverSettings, fabric: Fabric) -> SolverSettings:

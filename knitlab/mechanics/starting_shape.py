@@ -1,6 +1,7 @@
 """Starting shapes of a relaxation: imperfect sheets, and samples tiled with periodic fabric."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,8 +10,8 @@ from knitlab.mechanics.relaxation import relax
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric, flat_sheet
 from knitlab.model.network import Network
-from knitlab.solvers.runners import Runner, run_all
-from knitlab.solvers.solver import SolverSettings
+from knitlab.solvers.runners import run_each
+from knitlab.solvers.settings import SolverSettings
 
 if TYPE_CHECKING:
     from knitlab.contact.barrier import Barrier
@@ -37,7 +38,6 @@ def starts_from_periodic(
     samples: Sequence[tuple[Network, Fabric]],
     cells: Sequence[tuple[Network, Fabric]],
     settings: Sequence[SolverSettings],
-    runner: Runner = run_all,
     seed: int | None = None,
     contacts: Sequence["Barrier | None"] = (),
 ) -> list[Configuration | None]:
@@ -47,20 +47,24 @@ def starts_from_periodic(
         samples: network and fabric of each sample.
         cells: network and fabric of each sample's periodic fabric, all of one mesh shape.
         settings: settings of the equilibrium solver, for each sample.
-        runner: runs the solvers.
         seed: seed of the imperfections of the periodic fabrics; without imperfections by default.
         contacts: contact of each periodic fabric with itself; none by default.
 
     Returns:
         The starting shape of each sample; ``None`` if its periodic fabric did not relax.
     """
-    solvers = [
-        relax(*cell, own_settings, None if seed is None else imperfect_sheet(*cell, seed), contact)
+    searches = [
+        partial(
+            relax,
+            settings=own_settings,
+            start=None if seed is None else imperfect_sheet(*cell, seed),
+            contact=contact,
+        )
         for cell, own_settings, contact in zip(
             cells, settings, contacts or [None] * len(cells), strict=True
         )
     ]
-    relaxed = runner(cells[0][0].shape, [fabric for _, fabric in cells], solvers)
+    relaxed = run_each(cells[0][0].shape, [fabric for _, fabric in cells], searches)
     return [
         tiled(*sample, net, state.configuration) if state.converged else None
         for sample, (net, _), state in zip(samples, cells, relaxed, strict=True)

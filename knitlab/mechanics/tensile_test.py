@@ -8,21 +8,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.elasticity.evaluation import Stage
+from knitlab.elasticity.evaluation import Point, Stage
 from knitlab.mechanics.loading import Loading, tensile
 from knitlab.mechanics.path_step import PathStep
 from knitlab.mechanics.relaxation import intermediate_settings, relax, relax_near
 from knitlab.mechanics.tensile_result import TensileTest
 from knitlab.model.configuration import Configuration
-from knitlab.model.fabric import Fabric
-from knitlab.model.network import Network
 from knitlab.solvers.domain_decomposition import find_equilibrium_by_subdomains
 from knitlab.solvers.equilibrium import find_equilibrium
 from knitlab.solvers.equilibrium_search import SearchRules
-from knitlab.solvers.solver import Evaluate, Solver, SolverSettings
+from knitlab.solvers.settings import SolverSettings
 from knitlab.solvers.state import Outcome, State
 from knitlab.solvers.subdomains import worth_dividing
-from knitlab.solvers.viscous import Drag, against_drag
+from knitlab.solvers.system import System
+from knitlab.solvers.viscous import Drag
 
 if TYPE_CHECKING:
     from knitlab.contact.barrier import Barrier
@@ -40,8 +39,7 @@ LEAST_WORK = 1e-6
 
 
 def stretch(
-    net: Network,
-    fabric: Fabric,
+    system: System,
     applied_strain: Sequence[float],
     settings: SolverSettings,
     progress: Callable[[int], None] = lambda done: None,
@@ -49,8 +47,8 @@ def stretch(
     folded: Configuration | None = None,
     unload: bool = False,
     contact: "Barrier | None" = None,
-) -> Solver[TensileTest]:
-    """Solver that relaxes a fabric and runs its tensile test.
+) -> TensileTest:
+    """Relax a fabric and run its tensile test.
 
     The path to a strain is followed in steps of ``settings.path_step``, or up to four times as long
     where that takes few iterations (:mod:`knitlab.mechanics.path_step`). Each step starts from the
@@ -70,8 +68,7 @@ def stretch(
     first strain that cannot be reached.
 
     Args:
-        net: network of the fabric's mesh shape.
-        fabric: the fabric.
+        system: the equations of the fabric.
         applied_strain: strains, ascending from 0, which is the relaxed shape.
         settings: settings of the equilibrium solver.
         progress: called with the number of finished states.
@@ -82,24 +79,24 @@ def stretch(
         contact: contact of the fabric with itself, if any.
     """
     if folded is None:
-        relaxed = yield from relax(net, fabric, settings, start, contact)
+        relaxed = relax(system, settings, start, contact)
     else:
-        relaxed = yield from relax_near(net, fabric, settings, folded, contact)
+        relaxed = relax_near(system, settings, folded, contact)
     progress(1)
     if not relaxed.converged:
         return TensileTest(None, [relaxed])
-    loading = tensile(net.shape, relaxed.configuration)
-    path = _Path(loading, [(applied_strain[0], relaxed)], fabric, settings, contact)
+    loading = tensile(system.shape, relaxed.configuration)
+    path = _Path(system, loading, [(applied_strain[0], relaxed)], settings, contact)
     states = [relaxed]
     for target in applied_strain[1:]:
-        state = yield from path.to(target)
+        state = path.to(target)
         states.append(state)
         progress(len(states))
         if not state.converged:
             break
     unloaded: list[State] = []
     while unload and states[-1].converged and len(unloaded) < len(states) - 1:
-        state = yield from path.to(applied_strain[-2 - len(unloaded)])
+        state = path.to(applied_strain[-2 - len(unloaded)])
         if not state.converged:
             break
         unloaded.append(state)
@@ -110,16 +107,16 @@ def stretch(
 class _Path:
     """The most recent states of a test, from which the next one is found."""
 
+    system: System
     loading: Loading
     last: list[tuple[float, State]]
-    fabric: Fabric
     settings: SolverSettings
     contact: "Barrier | None" = None
 
     def __post_init__(self) -> None:
         self.step = PathStep.first(self.settings)
 
-    def to(self, target: float) -> Solver[State]:
+    def to(self, target: float) -> State:
         """Follow the path to a larger or smaller strain."""
         spent, snapped = list[State](), False
         smallest = self.step.smallest(abs(target - self.last[-1][0]))
@@ -130,12 +127,11 @@ class _Path:
             # If subdomains are solved first, walls rarely obstruct the search for the whole sample.
             many = worth_dividing(self.loading.shape)
             rough = self.last[-1][1].iterations > ROUGH and not many and not self.settings.drag
-            find = self._find_fast(strain) if rough else self._find_slowly(strain, final)
-            state = yield from find
+            state = self._find_fast(strain) if rough else self._find_slowly(strain, final)
             followed = self._on_branch(strain, state)
             if rough and final and not followed:
                 spent.append(state)
-                state = yield from self._find_slowly(strain, to_the_end=True)
+                state = self._find_slowly(strain, to_the_end=True)
                 followed = self._on_branch(strain, state)
             if not state.converged and final:
                 return replace(state, snapped=snapped).after(*spent)
@@ -151,7 +147,7 @@ class _Path:
                 return replace(state, snapped=snapped).after(*spent)
             spent.append(state)
 
-    def _find_slowly(self, strain: float, to_the_end: bool) -> Solver[State]:
+    def _find_slowly(self, strain: float, to_the_end: bool) -> State:
         """Search for the state at a strain in small steps, as a slow motion would reach it.
 
         With many subdomains each subdomain raises its own μ when it snaps; raising μ of the whole
@@ -161,38 +157,40 @@ class _Path:
         state that the fabric snaps to. With drag there are no branches.
         """
         if self.settings.drag:
-            return (yield from self._against_drag(strain))
+            return self._against_drag(strain)
         floor = -math.inf if to_the_end else self._least_energy(strain)
         convexified = worth_dividing(self.loading.shape)
-        start = yield from self._ahead(strain)
-        return (yield from self._found(start, self.settings, floor, convexified))
+        return self._found(self._ahead(strain), self.settings, floor, convexified)
 
-    def _find_fast(self, strain: float) -> Solver[State]:
+    def _find_fast(self, strain: float) -> State:
         """Search for the state at a strain on a rough path."""
-        floor, start = self._least_energy(strain), (yield from self._ahead(strain))
-        soft = yield from self._found(
+        floor, start = self._least_energy(strain), self._ahead(strain)
+        soft = self._found(
             replace(start, stage=Stage(wall=ROUGH_WALL)),
-            intermediate_settings(self.settings, self.fabric),
+            intermediate_settings(self.settings, self.system.fabric),
             floor,
             convexified=True,
         )
         if soft.outcome is Outcome.left_branch:
             return soft
-        start = Evaluate(soft.unknowns)
-        state = yield from self._found(start, self.settings, floor, convexified=True)
+        state = self._found(Point(soft.unknowns), self.settings, floor, convexified=True)
         return state.after(soft)
 
-    def _against_drag(self, strain: float) -> Solver[State]:
-        """The state at a strain that is reached at a finite rate, by a viscous step."""
-        before_strain, before = self.last[-1]
-        free, settings = self.loading.free, self.settings
-        step = settings.drag / abs(strain - before_strain)
-        start = yield from self._ahead(strain)
-        rules = SearchRules.of(self.loading.shape, free, self.fabric, settings)
-        drag = Drag(free, before.unknowns, step)
-        return (yield from against_drag(find_equilibrium(start, rules), drag))
+    def _against_drag(self, strain: float) -> State:
+        """The state at a strain that is reached at a finite rate, by a viscous step.
 
-    def _ahead(self, strain: float) -> Solver[Evaluate]:
+        Its energy and gradient are those of the fabric; its residual includes the drag.
+        """
+        before_strain, before = self.last[-1]
+        free, settings, system = self.loading.free, self.settings, self.system
+        step = settings.drag / abs(strain - before_strain)
+        rules = SearchRules.of(system.shape, free, system.fabric, settings)
+        rules = replace(rules, drag=Drag(free, before.unknowns, step))
+        state = find_equilibrium(system, self._ahead(strain), rules)
+        elastic = system.evaluate(Point(state.unknowns))
+        return replace(state, energy=elastic.energy, gradient=np.asarray(elastic.gradient))
+
+    def _ahead(self, strain: float) -> Point:
         """Extrapolation of the path to a strain.
 
         If wrinkles across many subdomains have moved, the extrapolation penetrates the walls, and
@@ -204,13 +202,11 @@ class _Path:
         far = self.loading.ahead(passed, strain)
         near = self.loading.ahead(passed[-1:], strain)
         if self.contact is not None:
-            return Evaluate(self._reachable(near, far))
+            return Point(self._reachable(near, far))
         if len(passed) == 1 or not worth_dividing(self.loading.shape):
-            return Evaluate(far)
-        starts = [Evaluate(near + part * (far - near)) for part in PARTS_AHEAD]
-        energies = list[float]()
-        for start in starts:
-            energies.append(float((yield start).energy.total))
+            return Point(far)
+        starts = [Point(near + part * (far - near)) for part in PARTS_AHEAD]
+        energies = [float(self.system.evaluate(start).energy.total) for start in starts]
         return starts[int(np.argmin(np.nan_to_num(energies, nan=np.inf)))]
 
     def _reachable(
@@ -225,13 +221,13 @@ class _Path:
         return np.full_like(near, np.nan)
 
     def _found(
-        self, start: Evaluate, settings: SolverSettings, floor: float, convexified: bool
-    ) -> Solver[State]:
-        free = self.loading.free
+        self, start: Point, settings: SolverSettings, floor: float, convexified: bool
+    ) -> State:
+        system, free = self.system, self.loading.free
         rules = SearchRules.of(
-            self.loading.shape, free, self.fabric, settings, floor, convexified, self.contact
+            system.shape, free, system.fabric, settings, floor, convexified, self.contact
         )
-        return find_equilibrium_by_subdomains(start, rules)
+        return find_equilibrium_by_subdomains(system, start, rules)
 
     def _least_energy(self, strain: float) -> float:
         """Energy below which a state at a strain cannot be on the branch, by extrapolated work."""

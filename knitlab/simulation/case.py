@@ -28,7 +28,7 @@ from knitlab.model.pattern import BadPattern, PatchGrid, SingleFold
 from knitlab.model.plain import PlainKnit
 from knitlab.model.stripe import SpringKind, Stripe
 from knitlab.simulation.case_record import fields_of_record, stored_record
-from knitlab.solvers.solver import SolverSettings
+from knitlab.solvers.settings import SolverSettings
 
 Method = Literal["equilibrium", "dynamics"]
 Label = int | float | str

@@ -1,10 +1,7 @@
-"""Reporting: progress of a solver, including parts of a state."""
+"""Reporting: progress of a search for equilibria, including parts of a state."""
 
 import time
 from collections.abc import Callable
-from typing import Any
-
-from knitlab.solvers.solver import Factorise, Result, Solver, SolveSubdomains
 
 Progress = Callable[[str, float], None]
 """Function of a case's identifier and of the number of its finished states, with a fraction."""
@@ -14,7 +11,7 @@ USUAL_FACTORISATIONS = 20
 
 
 class Reporter:
-    """Reports the finished states of a solver, and fractions of the next one.
+    """Reports finished states, and fractions of the next one.
 
     The number of factorisations of a state is not known beforehand. The fraction that is reported
     after n factorisations is n / (n + 20), which increases for any number.
@@ -33,19 +30,8 @@ class Reporter:
         self._states, self._factorisations = states, 0
         self._report(states)
 
-    def over(self, solver: Solver[Result]) -> Solver[Result]:
-        """The same solver, with its progress reported."""
-        answer: Any = None
-        while True:
-            try:
-                request = solver.send(answer)
-            except StopIteration as end:
-                return end.value
-            if isinstance(request, Factorise | SolveSubdomains):
-                self._factorised()
-            answer = yield request
-
-    def _factorised(self) -> None:
+    def factorised(self) -> None:
+        """Count a factorisation, and report the fraction at most once a second."""
         self._factorisations += 1
         now = time.monotonic()
         if now - self._last >= SECONDS_BETWEEN_REPORTS:

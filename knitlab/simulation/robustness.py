@@ -12,7 +12,7 @@ from knitlab.mechanics.tensile_result import TensileTest
 from knitlab.model.stripe import Stripe
 from knitlab.simulation.case import Case
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
-from knitlab.solvers.solver import Start
+from knitlab.solvers.settings import Start
 
 STRIPE_TOLERANCE = 0.02
 """Largest part by which a stripe number of a sibling is larger or smaller."""

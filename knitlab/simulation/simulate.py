@@ -27,8 +27,9 @@ from knitlab.simulation.contact_of_case import contact_of
 from knitlab.simulation.measurement import measured
 from knitlab.simulation.reporting import Progress, Reporter
 from knitlab.simulation.robustness import SiblingTest, sibling
-from knitlab.solvers.runners import Runner, run_all
+from knitlab.solvers.runners import run_each
 from knitlab.solvers.state import Outcome
+from knitlab.solvers.system import System
 
 if TYPE_CHECKING:
     from knitlab.dynamics.damped_test import MovingFabrics, Relaxed
@@ -94,26 +95,23 @@ def _progress_of_sibling(
     progress(case.case_id, number * len(case.applied_strain) + states)
 
 
-def branch_energies(
-    cases: Sequence[Case], tests: Sequence[TensileTest], runner: Runner = run_all
-) -> list[float]:
+def branch_energies(cases: Sequence[Case], tests: Sequence[TensileTest]) -> list[float]:
     """Energies of cases, relaxed from the relaxed shapes of siblings; NaN if not in equilibrium.
 
     Args:
         cases: cases of one mesh shape.
         tests: a sibling's test of each.
-        runner: what runs the solvers.
     """
     assembled = [case.assemble() for case in cases]
-    relaxed = runner(
+    relaxed = run_each(
         cases[0].mesh_shape,
         [fabric for _, fabric in assembled],
         [
-            relax_near(
-                *its,
-                case.equilibrium_solver,
-                test.states[0].configuration,
-                contact_of(case, its[1]),
+            partial(
+                relax_near,
+                settings=case.equilibrium_solver,
+                start=test.states[0].configuration,
+                contact=contact_of(case, its[1]),
             )
             for case, its, test in zip(cases, assembled, tests, strict=True)
         ],
@@ -127,7 +125,6 @@ def branch_energies(
 def equilibrium_tests(
     cases: Sequence[Case],
     progress: Progress,
-    runner: Runner = run_all,
     imperfection: int | None = None,
 ) -> list[TensileTest]:
     """Tensile tests of cases of one mesh shape by the equilibrium solver.
@@ -135,35 +132,46 @@ def equilibrium_tests(
     Args:
         cases: the cases.
         progress: called with a case's identifier and how many of its states are done.
-        runner: what runs their solvers.
         imperfection: seed of the imperfections that they start from, if any.
     """
     assembled = [case.assemble() for case in cases]
-    reporters = [Reporter(partial(progress, case.case_id)) for case in cases]
-    found = starts(cases, assembled, runner, imperfection)
+    found = starts(cases, assembled, imperfection)
     moved = relaxed_by_dynamics(cases, found, progress)
     tests = [
-        reporter.over(
-            stretch(
-                *its,
-                case.applied_strain,
-                case.equilibrium_solver,
-                reporter.done,
-                start,
-                None if relaxed is None else relaxed.configuration,
-                unload=case.unloading,
-                contact=contact_of(case, its[1]),
-            )
+        partial(
+            _reported_test,
+            reporter=Reporter(partial(progress, case.case_id)),
+            case=case,
+            start=start,
+            folded=None if relaxed is None else relaxed.configuration,
         )
-        for case, its, start, relaxed, reporter in zip(
-            cases, assembled, found, moved, reporters, strict=True
-        )
+        for case, start, relaxed in zip(cases, found, moved, strict=True)
     ]
-    ran = runner(cases[0].mesh_shape, [fabric for _, fabric in assembled], tests)
+    ran = run_each(cases[0].mesh_shape, [fabric for _, fabric in assembled], tests)
     return [
         test if relaxed is None else after_motion(test, relaxed)
         for test, relaxed in zip(ran, moved, strict=True)
     ]
+
+
+def _reported_test(
+    system: System,
+    reporter: Reporter,
+    case: Case,
+    start: Configuration | None,
+    folded: Configuration | None,
+) -> TensileTest:
+    system.factorised = reporter.factorised
+    return stretch(
+        system,
+        case.applied_strain,
+        case.equilibrium_solver,
+        reporter.done,
+        start,
+        folded,
+        unload=case.unloading,
+        contact=contact_of(case, system.fabric),
+    )
 
 
 def relaxed_by_dynamics(
@@ -203,7 +211,6 @@ def after_motion(test: TensileTest, relaxed: "Relaxed") -> TensileTest:
 def starts(
     cases: Sequence[Case],
     assembled: Sequence[tuple[Network, Fabric]],
-    runner: Runner = run_all,
     imperfection: int | None = None,
 ) -> list[Configuration | None]:
     """What samples of one mesh shape relax from; ``None`` for the flat sheet [mm].
@@ -211,7 +218,6 @@ def starts(
     Args:
         cases: the samples.
         assembled: network and fabric of each.
-        runner: runs the solvers of the periodic fabrics that they are tiled with.
         imperfection: seed of the imperfections of all flat sheets, if any.
     """
     found: list[Configuration | None] = [None] * len(cases)
@@ -231,7 +237,6 @@ def starts(
         [assembled[place] for place in tiled_places],
         assembled_cells,
         [cell.equilibrium_solver for cell in cells],
-        runner,
         imperfection,
         [contact_of(*its) for its in zip(cells, fabrics, strict=True)],
     )

@@ -17,16 +17,17 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.elasticity.evaluation import Evaluation
+from knitlab.elasticity.evaluation import Evaluation, Point
+from knitlab.solvers.divided_system import DividedSystem
 from knitlab.solvers.equilibrium import (
     find_equilibrium,
     minimise,
     minimise_with_one_factorisation,
 )
 from knitlab.solvers.equilibrium_search import Search, SearchRules
-from knitlab.solvers.solver import Evaluate, Solver, SolverSettings, SolveSubdomains
+from knitlab.solvers.settings import SolverSettings
 from knitlab.solvers.state import Outcome, State
-from knitlab.solvers.subdomains import worth_dividing
+from knitlab.solvers.system import System
 
 PATIENCE = 20
 """Iterations for the whole sample after which subdomains are solved again."""
@@ -51,14 +52,15 @@ LONGEST_EXTRAPOLATION = 2.5
 
 
 def find_equilibrium_by_subdomains(
-    start: Evaluate, rules: SearchRules, patience: int | None = PATIENCE
-) -> Solver[State]:
+    system: System, start: Point, rules: SearchRules, patience: int | None = PATIENCE
+) -> State:
     """Like :func:`~knitlab.solvers.equilibrium.find_equilibrium`; large samples by subdomains.
 
     An iteration of a subdomain counts by its share of the unknowns. Contact may couple subdomains,
     so that a sample with contact is solved as a whole.
 
     Args:
+        system: the equations of the fabric.
         start: configuration to start from, and the stage; its held unknowns stay fixed.
         rules: rules of the search.
         patience: iterations for the whole sample after which subdomains are solved again. With
@@ -66,28 +68,25 @@ def find_equilibrium_by_subdomains(
             factorisation often ceases to be useful because of a few places. This is best if the
             sample folds as a whole.
     """
-    if rules.contact is not None or not worth_dividing(rules.free.shape):
-        return (yield from find_equilibrium(start, rules))
-    evaluation = yield start
-    search = Search(start, evaluation, rules)
-    subdomains = SubdomainSolution(search)
+    if rules.contact is not None or not isinstance(system, DividedSystem):
+        return find_equilibrium(system, start, rules)
+    search = Search(system, start, rules)
+    evaluation, subdomains = search.evaluation, SubdomainSolution(system, search)
     if patience is not None:
         search.shift = SUBDOMAIN_SHIFT
     while True:
-        search.move(*(yield from subdomains.solve(search.at)))
+        search.move(*subdomains.solve(search.at))
         if patience is not None:
-            yield from subdomains.extrapolate()
+            subdomains.extrapolate()
         remaining = rules.settings.max_iterations - round(subdomains.cost)
         until = remaining if patience is None else min(search.iterations + patience, remaining)
         search.rules = rules.up_to(until)
-        outcome = yield from (minimise_with_one_factorisation if patience is None else minimise)(
-            search
-        )
+        outcome = (minimise_with_one_factorisation if patience is None else minimise)(search)
         if outcome is Outcome.stalled:
             # Restart: the subdomains may have collapsed cells, from where no search can continue.
             search.rules = rules.up_to(remaining)
             search.begin(start, evaluation)
-            outcome = yield from minimise(search)
+            outcome = minimise(search)
         elif outcome is Outcome.iteration_limit and search.iterations < remaining:
             continue
         if outcome is not None:
@@ -99,30 +98,31 @@ class SubdomainSolution:
     """Repeated subdomain solutions.
 
     Args:
+        system: the equations of the sample.
         search: search for the state of the whole sample.
 
     Attributes:
         cost: their iterations, in equivalent iterations of the whole sample.
     """
 
-    def __init__(self, search: Search) -> None:
-        self.cost = 0.0
+    def __init__(self, system: DividedSystem, search: Search) -> None:
+        self.cost, self._system = 0.0, system
         self._search, self._rules = search, search.rules
         self._last: Float[np.ndarray, " unknown"] | None = None
         self._energy = self._gain = 0.0
         self._rounds = 0
 
-    def solve(self, at: Evaluate) -> Solver[tuple[Evaluate, Evaluation]]:
+    def solve(self, at: Point) -> tuple[Point, Evaluation]:
         """Solve the subdomains from a state of the whole; returns the new state and its energy."""
         rules = self._rules
         local_settings = subdomain_settings(rules.settings)
-        after, cost = yield SolveSubdomains(
+        after, cost = self._system.solve_subdomains(
             at, rules.free, rules.step_length, local_settings, FORCE_PART
         )
         self.cost += cost
-        return after, (yield after)
+        return after, self._system.evaluate(after)
 
-    def extrapolate(self) -> Solver[None]:
+    def extrapolate(self) -> None:
         """If many rounds gain slowly, extrapolate the step of the last one.
 
         Extrapolation is repeated while each step gains at least half as much energy as the one
@@ -134,7 +134,7 @@ class SubdomainSolution:
         while before is not None and slow and self.cost < self._rules.settings.max_iterations:
             current = search.at.unknowns
             ahead = replace(search.at, unknowns=current + self._extrapolation(current - before))
-            after, evaluation = yield from self.solve(ahead)
+            after, evaluation = self.solve(ahead)
             gained = search.energy - float(evaluation.energy.total)
             slow = gained > gain / 2
             if slow:

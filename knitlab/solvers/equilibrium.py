@@ -16,9 +16,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg.blas import daxpy
 
+from knitlab.elasticity.evaluation import Point
 from knitlab.solvers.equilibrium_search import Search, SearchRules
-from knitlab.solvers.solver import Assemble, Evaluate, Factorise, Solve, Solver
 from knitlab.solvers.state import Outcome, State
+from knitlab.solvers.system import System
 from knitlab.solvers.wall_steps import step_between_walls
 
 LEAST_RAISED_SHIFT = 1e-6
@@ -57,7 +58,7 @@ PROGRESS_ROUND_OFF = 1e-10
 Vector = Float[np.ndarray, " free"]
 
 
-def find_equilibrium(start: Evaluate, rules: SearchRules) -> Solver[State]:
+def find_equilibrium(system: System, start: Point, rules: SearchRules) -> State:
     """Minimise the energy over the free unknowns until the forces on them vanish.
 
     Every step lowers the energy, so that the fabric is followed through snaps to a nearby minimum.
@@ -69,22 +70,23 @@ def find_equilibrium(start: Evaluate, rules: SearchRules) -> Solver[State]:
     tested: a path that leads exactly into a saddle point would end there.
 
     Args:
+        system: the equations of the fabric.
         start: configuration to start from, and the stage; its held unknowns stay fixed.
         rules: rules of the search.
     """
-    search = Search(start, (yield from rules.evaluated(start)), rules)
-    return search.state((yield from minimise(search)))
+    search = Search(system, start, rules)
+    return search.state(minimise(search))
 
 
-def minimise(search: Search) -> Solver[Outcome]:
+def minimise(search: Search) -> Outcome:
     """Continue a search to its end."""
     while True:
-        outcome = yield from minimise_with_one_factorisation(search)
+        outcome = minimise_with_one_factorisation(search)
         if outcome is not None:
             return outcome
 
 
-def minimise_with_one_factorisation(search: Search) -> Solver[Outcome | None]:
+def minimise_with_one_factorisation(search: Search) -> Outcome | None:
     """Continue a search for as long as one factorisation is useful.
 
     Factorisations that fail, or allow no step that lowers the energy, are repeated with another μ;
@@ -95,21 +97,16 @@ def minimise_with_one_factorisation(search: Search) -> Solver[Outcome | None]:
     """
     rules, smallest = search.rules, search.rules.settings.smallest_shift
     while (outcome := search.end()) is None:
-        yield Assemble(search.at.unknowns, rules.free, search.at.stage)
-        raised, contact = False, None
-        if rules.contact is not None:
-            contact = rules.contact.hessian(search.at.unknowns, rules.free.places)
-        while True:
-            search.factorisations += 1
-            if (yield Factorise(search.shift, rules.convexified, contact, search.exact)):
-                break
+        search.system.assemble(search.at, rules.free)
+        raised = False
+        while not search.factorise():
             if search.nearly_ended and not search.exact:
                 search.exact = True
                 continue
             search.shift, raised = max(10 * search.shift, LEAST_RAISED_SHIFT), True
             if search.shift > LARGEST_SHIFT:
                 return Outcome.stalled
-        descent = yield from _descend(search)
+        descent = _descend(search)
         if not (descent.steps or search.exact) and (search.nearly_ended or descent.below_round_off):
             search.exact = True
             continue
@@ -150,7 +147,7 @@ class _Descent:
     shortened: bool = False
 
 
-def _descend(search: Search) -> Solver[_Descent]:
+def _descend(search: Search) -> _Descent:
     """Quasi-Newton steps with one factorisation."""
     rules = search.rules
     policy = CONVEXIFIED if rules.convexified else RAISED
@@ -158,10 +155,10 @@ def _descend(search: Search) -> Solver[_Descent]:
     highest, steps, poor, shortened = search.energy, 0, 0, 0
     while steps < policy.most_steps and search.iterations < rules.settings.max_iterations:
         if steps:
-            direction = yield from _direction(search.gradient, memory)
+            direction = _direction(search, memory)
             curvature = -float(search.gradient @ direction)
         else:
-            first = yield from step_between_walls(search)
+            first = step_between_walls(search)
             direction, curvature = first.step, first.curvature
         slope = float(search.gradient @ direction)
         if not slope < 0:
@@ -173,7 +170,7 @@ def _descend(search: Search) -> Solver[_Descent]:
         shortening *= free
         step, slope = direction * shortening, slope * shortening
         length = rules.lowest_part(search.at, step, slope, curvature * shortening**2)
-        length = yield from _line_search(search, step, slope, length)
+        length = _line_search(search, step, slope, length)
         if not length:
             noise = ENERGY_ROUND_OFF * abs(search.energy)
             return _Descent(steps, blocked=True, below_round_off=-slope < noise)
@@ -194,19 +191,19 @@ def _descend(search: Search) -> Solver[_Descent]:
     return _Descent(steps, shortened=rules.convexified and shortened > steps / 2)
 
 
-def _direction(gradient: Vector, memory: deque[tuple[Vector, Vector, float]]) -> Solver[Vector]:
+def _direction(search: Search, memory: deque[tuple[Vector, Vector, float]]) -> Vector:
     """The L-BFGS direction, with the factorised stiffness as the initial Hessian."""
-    direction, weights = -gradient, list[float]()
+    direction, weights = -search.gradient, list[float]()
     for step, change, curvature in reversed(memory):
         weights.append(float(step @ direction) / curvature)
         direction = daxpy(change, direction, a=-weights[-1])
-    direction = yield Solve(direction)
+    direction = search.system.solve(direction)
     for (step, change, curvature), weight in zip(memory, reversed(weights), strict=True):
         direction = daxpy(step, direction, a=weight - float(change @ direction) / curvature)
     return direction
 
 
-def _line_search(search: Search, step: Vector, slope: float, length: float) -> Solver[float]:
+def _line_search(search: Search, step: Vector, slope: float, length: float) -> float:
     """Move by the fraction of a step that lowers the energy sufficiently; 0 if none does.
 
     ``length`` is the largest fraction that is tried.
@@ -217,7 +214,7 @@ def _line_search(search: Search, step: Vector, slope: float, length: float) -> S
         unknowns = search.at.unknowns.copy()
         unknowns[search.places] += length * step
         trial = replace(search.at, unknowns=unknowns)
-        evaluation = yield from search.rules.evaluated(trial)
+        evaluation = search.evaluated(trial)
         search.iterations += 1
         trial_energy = float(evaluation.energy.total)
         trial_force = float(np.abs(np.asarray(evaluation.gradient)[search.places]).max())

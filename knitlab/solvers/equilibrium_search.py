@@ -6,13 +6,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.elasticity.evaluation import Evaluation
+from knitlab.elasticity.evaluation import Evaluation, Point
 from knitlab.elasticity.stiffness import FreeStiffness, free_stiffness
 from knitlab.model.configuration import Configuration
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
-from knitlab.solvers.solver import Evaluate, Solver, SolverSettings
+from knitlab.solvers.settings import SolverSettings
 from knitlab.solvers.state import Outcome, State
+from knitlab.solvers.system import System
+from knitlab.solvers.viscous import Drag
 from knitlab.solvers.walls import Walls
 
 if TYPE_CHECKING:
@@ -40,6 +42,7 @@ class SearchRules:
         convexified: whether to convexify the stiffness rather than raise μ.
         contact: contact of the fabric with itself, if any.
         exact: whether to factorise in double precision from the start.
+        drag: drag of a viscous step, if it is one.
     """
 
     free: FreeStiffness
@@ -50,6 +53,7 @@ class SearchRules:
     convexified: bool = True
     contact: "Barrier | None" = None
     exact: bool = False
+    drag: Drag | None = None
 
     @classmethod
     def of(
@@ -71,13 +75,6 @@ class SearchRules:
         """The same, with another limit of iterations."""
         return replace(self, settings=replace(self.settings, max_iterations=iterations))
 
-    def evaluated(self, at: Evaluate) -> Solver[Evaluation]:
-        """Request the evaluation of a configuration, contact included."""
-        evaluation: Evaluation = yield at
-        if self.contact is None or not np.isfinite(at.unknowns).all():
-            return evaluation
-        return self.contact.added(evaluation, at.unknowns)
-
     def free_part(
         self, unknowns: Float[np.ndarray, " unknown"], step: Float[np.ndarray, " free"]
     ) -> float:
@@ -87,7 +84,7 @@ class SearchRules:
         return self.contact.free_part(unknowns, self._of_all(step))
 
     def lowest_part(
-        self, at: Evaluate, step: Float[np.ndarray, " free"], slope: float, curvature: float
+        self, at: Point, step: Float[np.ndarray, " free"], slope: float, curvature: float
     ) -> float:
         """The fraction of a step, at most 1, with the least energy between the walls.
 
@@ -119,20 +116,38 @@ class Search:
     """Current configuration of a search, its energy and forces, and the cost so far.
 
     Args:
+        system: the equations of the fabric.
         at: configuration to start from, and the stage; its held unknowns stay fixed.
-        evaluation: energy and gradient there.
         rules: rules of the search.
 
     Attributes:
         exact: whether the stiffness is factorised in double precision.
     """
 
-    def __init__(self, at: Evaluate, evaluation: Evaluation, rules: SearchRules) -> None:
-        self.rules, self.places = rules, rules.free.places
+    def __init__(self, system: System, at: Point, rules: SearchRules) -> None:
+        self.system, self.rules, self.places = system, rules, rules.free.places
         self.iterations, self.factorisations, self.exact = 0, 0, rules.exact
-        self.begin(at, evaluation)
+        self.begin(at, self.evaluated(at))
 
-    def begin(self, at: Evaluate, evaluation: Evaluation) -> None:
+    def evaluated(self, at: Point) -> Evaluation:
+        """Energy and gradient of a configuration, contact and drag included."""
+        evaluation, contact, drag = self.system.evaluate(at), self.rules.contact, self.rules.drag
+        if drag is not None:
+            evaluation = drag.added(evaluation, at.unknowns)
+        if contact is None or not np.isfinite(at.unknowns).all():
+            return evaluation
+        return contact.added(evaluation, at.unknowns)
+
+    def factorise(self) -> bool:
+        """Factorise the assembled stiffness plus μ; whether it is positive definite."""
+        rules, contact = self.rules, None
+        if rules.contact is not None:
+            contact = rules.contact.hessian(self.at.unknowns, self.places)
+        shift = self.shift + (rules.drag.stiffness if rules.drag is not None else 0.0)
+        self.factorisations += 1
+        return self.system.factorise(shift, rules.convexified, contact, self.exact)
+
+    def begin(self, at: Point, evaluation: Evaluation) -> None:
         """Start, or restart, from a configuration; the cost so far is kept."""
         self.move(at, evaluation)
         self.shift = self.steepest_shift if self.rules.convexified else FIRST_SHIFT
@@ -145,7 +160,7 @@ class Search:
         """
         return self.force / self.rules.step_length
 
-    def move(self, at: Evaluate, evaluation: Evaluation) -> None:
+    def move(self, at: Point, evaluation: Evaluation) -> None:
         """Continue from another configuration, given its energy and gradient."""
         self.at, self.evaluation = at, evaluation
         self.energy = float(evaluation.energy.total)

@@ -18,10 +18,11 @@ from typing import IO
 import numpy as np
 from jaxtyping import Int
 
+from knitlab.elasticity.evaluation import Point
 from knitlab.linalg.threads import ONE_THREAD
 from knitlab.model.fabric import Fabric
 from knitlab.model.network import MeshShape
-from knitlab.solvers.solver import Evaluate, SolverSettings
+from knitlab.solvers.settings import SolverSettings
 from knitlab.solvers.state import State
 
 PROGRAM = "knitlab.solvers.second_process_program"
@@ -54,7 +55,7 @@ class SubdomainTask:
     """
 
     name: tuple[int, int]
-    start: Evaluate
+    start: Point
     step_length: float
     settings: SolverSettings
 

@@ -8,14 +8,15 @@ from typing import IO
 
 from knitlab.elasticity.factorisation import Factorisers, one_thread_of_blas
 from knitlab.elasticity.stiffness import FreeStiffness, free_stiffness
-from knitlab.solvers.executor import Executor, solve_subdomain
+from knitlab.solvers.divided_system import solve_subdomain
 from knitlab.solvers.second_process import SubdomainData, SubdomainTask
+from knitlab.solvers.system import System
 
 
 def serve(requests: IO[bytes], replies: IO[bytes]) -> None:
     """Solve the requested subdomains until the other end closes the requests."""
     factorisers: Factorisers = {}
-    executors: dict[tuple[int, int], tuple[Executor, FreeStiffness]] = {}
+    systems: dict[tuple[int, int], tuple[System, FreeStiffness]] = {}
     while True:
         task: SubdomainTask
         subdomain: SubdomainData | None
@@ -24,10 +25,10 @@ def serve(requests: IO[bytes], replies: IO[bytes]) -> None:
         except EOFError:
             return
         if subdomain is not None:
-            executor = Executor(subdomain.shape, subdomain.fabric, factorisers)
+            system = System(subdomain.shape, subdomain.fabric, factorisers)
             free = free_stiffness(subdomain.shape, subdomain.unknowns)
-            executors[task.name] = executor, free
-        pickle.dump(solve_subdomain(*executors[task.name], task), replies)
+            systems[task.name] = system, free
+        pickle.dump(solve_subdomain(*systems[task.name], task), replies)
         replies.flush()
 
 

@@ -12,8 +12,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from knitlab.elasticity.evaluation import Evaluation
-from knitlab.solvers.solver import Evaluate, Factorise, Solver
-from knitlab.solvers.state import State
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,31 +35,3 @@ class Drag:
         gradient[self.free] += self.stiffness * moved
         potential = 0.5 * self.stiffness * float(moved @ moved)
         return Evaluation(replace(evaluation.energy, drag=potential), gradient)
-
-
-def against_drag(search: Solver[State], drag: Drag) -> Solver[State]:
-    """Turn a search for an equilibrium into one for the end of a viscous step.
-
-    Args:
-        search: the search; it must not request subdomain solutions.
-        drag: drag during the step.
-
-    Returns:
-        The state with its elastic energy and gradient only; its residual includes the drag.
-    """
-    answer = None
-    while True:
-        try:
-            request = search.send(answer)
-        except StopIteration as end:
-            state: State = end.value
-            break
-        match request:
-            case Evaluate(unknowns):
-                answer = drag.added((yield request), unknowns)
-            case Factorise(shift):
-                answer = yield replace(request, shift=shift + drag.stiffness)
-            case _:
-                answer = yield request
-    elastic = yield Evaluate(state.unknowns)
-    return replace(state, energy=elastic.energy, gradient=np.asarray(elastic.gradient))

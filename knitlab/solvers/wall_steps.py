@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.solvers.equilibrium_search import Search
-from knitlab.solvers.solver import ChangeDiagonal, Solve, Solver
 
 MOST_CHANGES = 50
 """Nodes that come to a wall, or leave it, above which their update would cost too much."""
@@ -33,7 +32,7 @@ class WallStep:
     curvature: float
 
 
-def step_between_walls(search: Search) -> Solver[WallStep]:
+def step_between_walls(search: Search) -> WallStep:
     """The step from the configuration of the last factorisation to the minimum between the walls.
 
     If the step is longer than the step limit, the nodes that touch after the allowed part count;
@@ -45,11 +44,12 @@ def step_between_walls(search: Search) -> Solver[WallStep]:
     Args:
         search: the search, in the configuration whose stiffness is factorised.
     """
-    rules, heights, z_max = search.rules, search.rules.free.heights, search.rules.walls.z_max
+    system, rules = search.system, search.rules
+    heights, z_max = rules.free.heights, rules.walls.z_max
     stiffness = rules.walls.stiffness * float(search.at.stage.wall)
     z, gradient = search.at.unknowns[search.places[heights]], search.gradient
     touching = active = np.abs(z) > z_max
-    step = newton = yield Solve(-gradient)
+    step = newton = system.solve(-gradient)
     curvature = of_newton = -float(gradient @ newton)
     for _ in range(MOST_ACTIVE_SETS):
         end = z + min(1.0, rules.longest_part(step)) * step[heights]
@@ -60,13 +60,13 @@ def step_between_walls(search: Search) -> Solver[WallStep]:
         changed = np.flatnonzero(active != touching)
         places, change = heights[changed], np.where(active[changed], stiffness, -stiffness)
         few = len(changed) <= MOST_CHANGES
-        if not (few and (yield ChangeDiagonal(places, change))):
+        if not (few and system.change_diagonal(places, change)):
             break
         # An added wall pushes from z_max on rather than from z, and a removed one no longer.
         wall = np.copysign(z_max, np.where(active, end, z)[changed])
         modified = gradient.copy()
         modified[places] += change * (z[changed] - wall)
-        step = yield Solve(-modified)
+        step = system.solve(-modified)
         curvature = -float(modified @ step) - float(change @ step[places] ** 2)
-    yield ChangeDiagonal(heights[:0], np.zeros(0))
+    system.change_diagonal(heights[:0], np.zeros(0))
     return WallStep(newton, of_newton)

@@ -34,7 +34,7 @@ from knitlab.model.stripe import (
     Stripe,
     periods_per_patch,
 )
-from knitlab.solvers.solver import SolverSettings
+from knitlab.solvers.settings import SolverSettings
 from knitlab.study.declared_fields import (
     ParameterValue,
     declared,

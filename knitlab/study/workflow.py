@@ -25,7 +25,7 @@ from knitlab.model.setting_types import Fraction
 from knitlab.model.stripe import Knit, Stripe
 from knitlab.simulation.case import Method
 from knitlab.simulation.stripe_changes import STIFFENING, STRIPE_QUANTITIES
-from knitlab.solvers.solver import SolverSettings
+from knitlab.solvers.settings import SolverSettings
 from knitlab.study.declared_fields import Types, declared, factors, optional, with_fields
 from knitlab.study.figure_names import FigureName
 from knitlab.study.patterns import is_pattern_name

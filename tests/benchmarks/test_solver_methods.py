@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.solver import batch, limit, methods
-from benchmarks.solver.measurement import IN_STEP, IN_TURN, TOLERANCE, Measurement
+from benchmarks.solver import limit, methods
+from benchmarks.solver.measurement import TOLERANCE, Measurement
 from benchmarks.solver.problem import Problem
 from benchmarks.solver.watch import GivenUp, Watch
 from knitlab.mechanics.loading import all_free
@@ -67,17 +67,6 @@ def test_every_factorisation_solves_the_stiffness(solver):
     assert record["residual"] < 1e-12
     parts = ("hessian", "factorise", "solve", "evaluation")
     assert record["seconds"] == pytest.approx(sum(record[f"{part}_seconds"] for part in parts))
-
-
-@pytest.mark.slow
-def test_a_batch_reaches_the_last_strain_sequentially_and_in_lockstep():
-    fabrics, states = 2, 16
-    for solver in (IN_TURN, IN_STEP):
-        named = Measurement("batch", solver, **SMALL, boundary="periodic")
-        record = batch.measure(named, fabrics)
-        assert record["reached"]
-        assert record["states"] == fabrics * states
-        assert record["residual"] <= named.case().equilibrium_solver.tolerance
 
 
 def test_a_watch_reports_when_a_residual_was_first_reached():

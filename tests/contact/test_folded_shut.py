@@ -11,8 +11,7 @@ from knitlab.measure.intersections import self_intersections
 from knitlab.mechanics.relaxation import relax
 from knitlab.model.configuration import Configuration
 from knitlab.model.options import ModelOptions
-from knitlab.solvers.executor import run
-from tests.fabrics import DEFAULT, cell_of, pure, stripe
+from tests.fabrics import DEFAULT, cell_of, equations, pure, stripe
 
 THICKNESS, PERIODS, ROOM = 0.1, 2, 1 + RANGE
 SHUT = 0.05
@@ -30,7 +29,7 @@ class Folded:
         if pressure is not None:
             sides = self.cell, float(fabric.cell_y[0])
             self.contact = Barrier(net.shape, THICKNESS, pressure, sides, cells_per_period)
-        self.state = run(net.shape, fabric, relax(net, fabric, DEFAULT, contact=self.contact))
+        self.state = relax(equations(net, fabric), DEFAULT, contact=self.contact)
 
     @property
     def period(self):

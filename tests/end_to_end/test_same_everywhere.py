@@ -11,7 +11,6 @@ import pytest
 
 from knitlab.simulation.measurement import measured
 from knitlab.simulation.simulate import equilibrium_tests
-from knitlab.solvers.batch import run_in_lockstep
 from knitlab.study.plan import make_plan
 
 ROOT = Path(__file__).parents[2]
@@ -21,10 +20,9 @@ KERNELS = {"Sandybridge": "avx", "Haswell": "avx2", "SkylakeX": "avx512f"}
 """Kernels of OpenBLAS, and the CPU features that they need."""
 
 
-def ratios(cases, runner=None):
+def ratios(cases):
     """Poisson's ratios of cases of one mesh shape, by identifier."""
-    options = {} if runner is None else {"runner": runner}
-    tests = equilibrium_tests(cases, lambda *_: None, **options)
+    tests = equilibrium_tests(cases, lambda *_: None)
     found = {}
     for case, test in zip(cases, tests, strict=True):
         results = measured(case, test)
@@ -82,7 +80,7 @@ def test_threads_and_kernels_do_not_change_the_ratios_of_the_preview(usual, kern
 @pytest.mark.slow
 def test_a_case_has_the_same_ratios_alone_and_in_a_batch():
     together = next(batch for batch in batches() if len(batch) > 2)
-    in_batch = ratios(together, run_in_lockstep)
+    in_batch = ratios(together)
     alone = {}
     for case in together:
         alone |= ratios([case])

@@ -15,9 +15,9 @@ from knitlab.laboratory.simulated_test import QUANTITIES, simulated_test, with_f
 from knitlab.laboratory.target import at_strains_of, case_for, target_of
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.mechanics.tensile_test import stretch
-from knitlab.solvers.executor import run
 from knitlab.study.parameters import read_parameters
 from knitlab.study.plan import make_plan
+from tests.fabrics import equations
 
 STRAINS = (0.0, 0.03, 0.06, 0.12, 0.15, 0.18, 0.21)
 TRUTH = {
@@ -220,6 +220,6 @@ def test_experiments_that_cannot_be_fitted_are_refused(case, truth):
 @pytest.mark.slow
 def test_a_simulated_test_gives_the_results_of_a_sweep(case):
     net, fabric = case.assemble()
-    test = run(net.shape, fabric, stretch(net, fabric, STRAINS, case.equilibrium_solver))
+    test = stretch(equations(net, fabric), STRAINS, case.equilibrium_solver)
     force = [test.loading.reaction_force(state.gradient) for state in test.states[1:]]
     np.testing.assert_allclose(simulated_test(case).values[2], force, rtol=1e-9)

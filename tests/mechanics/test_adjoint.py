@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from knitlab.elasticity.evaluation import Point
 from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.mechanics.adjoint import Adjoint
@@ -28,9 +29,7 @@ from knitlab.model.plain import PlainKnit
 from knitlab.simulation.stripe_sensitivity import measured_by
 from knitlab.solvers.equilibrium import find_equilibrium
 from knitlab.solvers.equilibrium_search import SearchRules
-from knitlab.solvers.executor import run
-from knitlab.solvers.solver import Evaluate
-from tests.fabrics import CLAMPED, FINE, PERIODIC, checkerboard, stripe
+from tests.fabrics import CLAMPED, FINE, PERIODIC, checkerboard, equations, stripe
 
 NAMES = (
     "poisson_ratio",
@@ -74,7 +73,7 @@ class Pulled:
 
         def found(start: np.ndarray, free: np.ndarray) -> Configuration:
             rules = SearchRules.of(net.shape, free, fabric, FINE, convexified=False)
-            state = run(net.shape, fabric, find_equilibrium(Evaluate(start), rules))
+            state = find_equilibrium(equations(net, fabric), Point(start), rules)
             assert state.converged
             return state.configuration
 
@@ -115,7 +114,7 @@ def pulled_fabric(
     layout: FabricLayout, stripes: StripePair, unit_cells: tuple[int, int], sheet: Sheet
 ) -> Pulled:
     strain, fabric = 0.05, layout.fabric(stripes)
-    test = run(layout.net.shape, fabric, stretch(layout.net, fabric, [0, strain], FINE))
+    test = stretch(equations(layout.net, fabric), [0, strain], FINE)
     relaxed, strained = test.states
     assert strained.converged
     assert not strained.snapped

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.mechanics.path_step import EASY, HARD, LONGEST, PathStep
-from knitlab.solvers.solver import SolverSettings
+from knitlab.solvers.settings import SolverSettings
 
 SETTINGS = SolverSettings(path_step=0.01)
 ITERATIONS = st.lists(st.integers(1, 60), min_size=400, max_size=400)

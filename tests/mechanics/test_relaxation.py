@@ -7,8 +7,7 @@ import pytest
 from knitlab.mechanics.relaxation import relax
 from knitlab.mechanics.starting_shape import tiled
 from knitlab.model.energy import energy
-from knitlab.solvers.executor import run
-from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered, relaxed
+from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered, equations, relaxed
 
 REACH = 2
 """Number of lines of nodes over which the edge of a sample affects forces."""
@@ -34,7 +33,7 @@ def test_a_sample_tiled_with_periodic_fabric_is_in_equilibrium_except_at_its_edg
 @pytest.mark.slow
 def test_flat_and_periodic_starts_reach_the_same_state():
     net, fabric, start, _ = fabric_layout(4, 2, (2, 2))
-    laid = run(net.shape, fabric, relax(net, fabric, DEFAULT, start))
+    laid = relax(equations(net, fabric), DEFAULT, start)
     flat = relaxed(net, fabric)
     assert laid.converged
     assert flat.converged
@@ -56,7 +55,7 @@ def test_a_relaxation_takes_fewer_than_sixty_factorisations(n_stripe, periods, u
         state = relaxed(*checkered(n_stripe, periods, PERIODIC))
     else:
         net, fabric, start, _ = fabric_layout(n_stripe, periods, unit_cells)
-        state = run(net.shape, fabric, relax(net, fabric, DEFAULT, start))
+        state = relax(equations(net, fabric), DEFAULT, start)
         assert float(state.energy.wall) > 0
     assert state.residual <= 1e-8
     assert state.factorisations < 60

@@ -15,8 +15,7 @@ from knitlab.model.fabric import flat_sheet
 from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import patch_map
 from knitlab.solvers.domain_decomposition import find_equilibrium_by_subdomains
-from knitlab.solvers.executor import run
-from knitlab.solvers.solver import SolverSettings
+from knitlab.solvers.settings import SolverSettings
 from knitlab.solvers.state import Outcome
 from tests.fabrics import (
     CLAMPED,
@@ -25,6 +24,7 @@ from tests.fabrics import (
     PERIODIC,
     SHEET,
     checkered,
+    equations,
     patterned,
     periodic_poisson_ratio,
     relaxed,
@@ -205,7 +205,7 @@ def test_relaxation_does_not_shift_a_sample():
 def test_unloading_returns_through_the_states_of_loading():
     strains = 0.0, 0.02, 0.04, 0.06
     net, fabric = checkered(4, 1, PERIODIC)
-    test = run(net.shape, fabric, stretch(net, fabric, strains, FINE, unload=True))
+    test = stretch(equations(net, fabric), strains, FINE, unload=True)
     assert len(test.unloaded) == len(strains) - 1
     for up, back in zip(test.states[-2::-1], test.unloaded, strict=True):
         assert back.converged
@@ -220,7 +220,7 @@ def test_unloading_returns_through_the_states_of_loading():
 def test_only_a_test_that_reached_its_end_is_unloaded():
     net, fabric = checkered(4, 1, PERIODIC)
     hasty = SolverSettings(max_iterations=3)
-    test = run(net.shape, fabric, stretch(net, fabric, (0.0, 0.02), hasty, unload=True))
+    test = stretch(equations(net, fabric), (0.0, 0.02), hasty, unload=True)
     assert test.unloaded == ()
 
 
@@ -239,14 +239,14 @@ def test_large_samples_start_from_the_lowest_energy_on_the_line_of_extrapolation
     off = loading.holding(before.unknowns + shake * noise, 0.0)
     starts = []
 
-    def found(start, *rest):
+    def found(system, start, *rest):
         starts.append(start)
-        return find_equilibrium_by_subdomains(start, *rest)
+        return find_equilibrium_by_subdomains(system, start, *rest)
 
     monkeypatch.setattr(tensile_test, "find_equilibrium_by_subdomains", found)
     passed_states = [(0.0, replace(before, unknowns=off)), (0.01, last)]
-    path = _Path(loading, passed_states, fabric, DEFAULT)
-    assert run(net.shape, fabric, path.to(0.02)).converged
+    path = _Path(equations(net, fabric), loading, passed_states, DEFAULT)
+    assert path.to(0.02).converged
     passed = [(0.0, off), (0.01, last.unknowns)]
     near, far = (loading.ahead(of, 0.02) for of in (passed[1:], passed))
     way = far - near

@@ -2,7 +2,6 @@
 
 import gc
 import weakref
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -11,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.elasticity.element_chunks import ChunkedFabric
-from knitlab.elasticity.evaluation import COMPLETE, Evaluation
+from knitlab.elasticity.evaluation import COMPLETE, Evaluation, Point
 from knitlab.elasticity.stiffness import free_stiffness
 from knitlab.linalg.threads import ALONE, Threads
 from knitlab.mechanics.loading import all_free, free_under_tension
 from knitlab.model.energy import Energy
-from knitlab.solvers import domain_decomposition, executor, subdomains
-from knitlab.solvers.batch import run_in_lockstep
+from knitlab.solvers import divided_system, domain_decomposition, subdomains
+from knitlab.solvers.divided_system import DividedSystem
 from knitlab.solvers.domain_decomposition import (
     LONGEST_EXTRAPOLATION,
     SubdomainSolution,
@@ -30,8 +29,6 @@ from knitlab.solvers.equilibrium import (
     minimise_with_one_factorisation,
 )
 from knitlab.solvers.equilibrium_search import Search, SearchRules
-from knitlab.solvers.executor import Executor, run, run_to_end
-from knitlab.solvers.solver import Assemble, Evaluate, Factorise, SolveSubdomains
 from knitlab.solvers.state import Outcome, State
 from knitlab.solvers.subdomains import (
     couplings,
@@ -40,7 +37,7 @@ from knitlab.solvers.subdomains import (
     worth_dividing,
 )
 from knitlab.solvers.walls import Walls
-from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered
+from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered, equations
 
 
 def slow(sample, step_length=0.3, settings=DEFAULT) -> SearchRules:
@@ -129,12 +126,13 @@ def test_two_threads_give_the_subdomain_solutions_of_one(small_subdomains, sampl
     monkeypatch.setattr(subdomains, "CELLS", 4)
     monkeypatch.setattr(subdomains, "OVERLAP", 1)
     free = free_stiffness(net.shape, loading.free)
-    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
-    request = SolveSubdomains(start, free, 0.3, subdomain_settings(DEFAULT))
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.05))
     found = list(subdomains_of(free))
     assert not couplings(found, net.shape.unknowns).all()
     alone, shared = (
-        Executor(net.shape, fabric, threads=threads).answer(request)
+        DividedSystem(net.shape, fabric, threads=threads).solve_subdomains(
+            start, free, 0.3, subdomain_settings(DEFAULT)
+        )
         for threads in (ALONE, Threads(2))
     )
     np.testing.assert_array_equal(shared[0].unknowns, alone[0].unknowns)
@@ -144,12 +142,12 @@ def test_two_threads_give_the_subdomain_solutions_of_one(small_subdomains, sampl
 def test_subdomain_solutions_lower_the_energy_and_their_cost_is_counted(small_subdomains, sample):
     net, fabric, loading = sample
     free = free_stiffness(net.shape, loading.free)
-    executor = Executor(net.shape, fabric)
-    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
+    system = DividedSystem(net.shape, fabric)
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.05))
     settings = subdomain_settings(DEFAULT)
     longest = DEFAULT.step_limit * float(fabric.cell_sides.min())
-    solved, share = executor.answer(SolveSubdomains(start, free, longest, settings))
-    energies = [float(executor.answer(at).energy.total) for at in (start, solved)]
+    solved, share = system.solve_subdomains(start, free, longest, settings)
+    energies = [float(system.evaluate(at).energy.total) for at in (start, solved)]
     assert energies[1] < energies[0]
     assert share > 0
     held = loading.held
@@ -160,8 +158,7 @@ def test_only_subdomains_with_large_forces_are_solved(small_subdomains, sample):
     net, fabric, loading = sample
     free = free_stiffness(net.shape, loading.free)
     found = list(subdomains_of(free))
-    executor = Executor(net.shape, fabric)
-    settings = subdomain_settings(DEFAULT)
+    system, settings = DividedSystem(net.shape, fabric), subdomain_settings(DEFAULT)
     # Only the first subdomain moves this node.
     moved = sorted(
         set(found[0].places[found[0].free.places].tolist()).difference(
@@ -170,36 +167,36 @@ def test_only_subdomains_with_large_forces_are_solved(small_subdomains, sample):
     )
     unknowns = loading.reference.copy()
     unknowns[moved[-1]] += 0.02
-    request = SolveSubdomains(Evaluate(unknowns), free, 0.3, settings, force_part=0.5)
-    gradient = np.asarray(executor.answer(request.at).gradient)
+    at = Point(unknowns)
+    gradient = np.asarray(system.evaluate(at).gradient)
     accepted = 0.5 * np.abs(gradient[free.places]).max()
     assert [subdomain.force(gradient) > accepted for subdomain in found] == [True, *[False] * 3]
-    solved, cost = executor.answer(request)
+    solved, cost = system.solve_subdomains(at, free, 0.3, settings, force_part=0.5)
     changed = np.flatnonzero(solved.unknowns != unknowns)
     assert cost > 0
     assert set(changed) <= set(found[0].places[found[0].free.places])
-    after = np.asarray(executor.answer(solved).gradient)
+    after = np.asarray(system.evaluate(solved).gradient)
     assert found[0].force(after) <= accepted
-    _, cost_of_all = executor.answer(replace(request, force_part=0.0))
+    _, cost_of_all = system.solve_subdomains(at, free, 0.3, settings)
     assert cost_of_all > cost
 
 
 def test_a_large_sample_keeps_factors_for_one_choice_of_free_unknowns(small_subdomains, sample):
     net, fabric, loading = sample
-    executor = Executor(net.shape, fabric)
+    system = DividedSystem(net.shape, fabric)
 
     def factors(free) -> weakref.ref:
-        executor.answer(Assemble(loading.reference, free_stiffness(net.shape, free)))
-        assert executor.answer(Factorise(1.0, convexified=True))
-        return weakref.ref(executor._factors)
+        system.assemble(Point(loading.reference), free_stiffness(net.shape, free))
+        assert system.factorise(1.0, convexified=True)
+        return weakref.ref(system._factors)
 
     former = factors(all_free(net.shape))
     latest = factors(loading.free)
     gc.collect()
     assert former() is None
     assert latest() is not None
-    executor.answer(Factorise(2.0, convexified=True))
-    assert executor._factors is latest()
+    system.factorise(2.0, convexified=True)
+    assert system._factors is latest()
 
 
 def test_a_sample_reaches_the_same_state_by_subdomains_and_as_a_whole(
@@ -207,10 +204,10 @@ def test_a_sample_reaches_the_same_state_by_subdomains_and_as_a_whole(
 ):
     net, fabric, loading = sample
     rules = SearchRules.of(net.shape, loading.free, fabric, DEFAULT, convexified=False)
-    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.01))
 
     def found():
-        return run(net.shape, fabric, find_equilibrium_by_subdomains(start, rules))
+        return find_equilibrium_by_subdomains(equations(net, fabric), start, rules)
 
     by_subdomains = found()
     assert by_subdomains.outcome is Outcome.converged
@@ -220,21 +217,11 @@ def test_a_sample_reaches_the_same_state_by_subdomains_and_as_a_whole(
     np.testing.assert_allclose(by_subdomains.unknowns, as_a_whole.unknowns, atol=1e-5)
 
 
-@pytest.mark.slow
-def test_a_batch_on_the_device_solves_no_subdomains(small_subdomains, sample):
-    net, fabric, loading = sample
-    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
-    (state,) = run_in_lockstep(
-        net.shape, [fabric], [find_equilibrium_by_subdomains(start, slow(sample))]
-    )
-    assert state.outcome is Outcome.converged
-
-
 def test_the_limit_of_iterations_holds_for_subdomains_too(small_subdomains, sample):
     net, fabric, loading = sample
-    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.2))
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.2))
     few = replace(DEFAULT, max_iterations=5)
-    state = run(net.shape, fabric, find_equilibrium_by_subdomains(start, slow(sample, 0.1, few)))
+    state = find_equilibrium_by_subdomains(equations(net, fabric), start, slow(sample, 0.1, few))
     assert state.outcome is Outcome.iteration_limit
     assert state.iterations >= 5
 
@@ -249,87 +236,84 @@ def test_a_search_that_stalls_after_its_subdomains_restarts_without_them(
     small_subdomains, sample, monkeypatch
 ):
     net, fabric, loading = sample
-    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.1))
 
     def stalling(search):
-        yield from minimise_with_one_factorisation(search)
+        minimise_with_one_factorisation(search)
         return Outcome.stalled
 
     monkeypatch.setattr(domain_decomposition, "minimise_with_one_factorisation", stalling)
-    solver = find_equilibrium_by_subdomains(start, slow(sample), patience=None)
-    state = run(net.shape, fabric, solver)
+    system = equations(net, fabric)
+    state = find_equilibrium_by_subdomains(system, start, slow(sample), patience=None)
     assert state.outcome is Outcome.converged
-    whole = run(net.shape, fabric, find_equilibrium(start, slow(sample)))
+    whole = find_equilibrium(equations(net, fabric), start, slow(sample))
     np.testing.assert_allclose(state.unknowns, whole.unknowns, atol=1e-7)
 
 
-class Counting(Executor):
-    """An executor that counts its requests."""
+class Counting(DividedSystem):
+    """A system that counts its solutions of subdomains, factorisations, and evaluations."""
 
-    def answer(self, request):
-        self.counts[type(request)] += 1
-        return super().answer(request)
+    def __init__(self, *args):
+        super().__init__(*args)
+        self.divided = self.factorisations = 0
+        self.evaluated = [0]
+
+    def solve_subdomains(self, *args):
+        solved = super().solve_subdomains(*args)
+        self.divided += 1
+        self.evaluated.append(0)
+        return solved
+
+    def factorise(self, *args):
+        self.factorisations += 1
+        return super().factorise(*args)
+
+    def evaluate(self, at):
+        self.evaluated[-1] += 1
+        return super().evaluate(at)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("patience", [None, 3])
 def test_the_cost_of_all_rounds_is_counted(small_subdomains, sample, patience):
     net, fabric, loading = sample
-    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
-    executor = Counting(net.shape, fabric)
-    executor.counts = Counter()
-    solver = find_equilibrium_by_subdomains(start, slow(sample), patience=patience)
-    state = run_to_end(executor, solver)
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.1))
+    system = Counting(net.shape, fabric)
+    state = find_equilibrium_by_subdomains(system, start, slow(sample), patience=patience)
     assert state.converged
-    assert executor.counts[SolveSubdomains] > 1
-    assert state.factorisations == executor.counts[Factorise] > 1
-
-
-class Noting(Executor):
-    """An executor that notes how often the whole is evaluated between subdomain solutions."""
-
-    def answer(self, request):
-        if isinstance(request, SolveSubdomains):
-            self.evaluated.append(0)
-        elif isinstance(request, Evaluate):
-            self.evaluated[-1] += 1
-        return super().answer(request)
+    assert system.divided > 1
+    assert state.factorisations == system.factorisations > 1
 
 
 @pytest.mark.slow
 def test_subdomains_are_solved_again_after_too_many_iterations(small_subdomains, sample):
     net, fabric, loading = sample
-    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.1))
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.1))
 
     def longest_round(patience):
-        executor = Noting(net.shape, fabric)
-        executor.evaluated = [0]
-        solver = find_equilibrium_by_subdomains(start, slow(sample), patience=patience)
-        assert run_to_end(executor, solver).converged
-        return max(executor.evaluated)
+        system = Counting(net.shape, fabric)
+        rules = slow(sample)
+        assert find_equilibrium_by_subdomains(system, start, rules, patience=patience).converged
+        return max(system.evaluated)
 
     # Their solution is evaluated once; the last step may be tried at several lengths.
     assert longest_round(3) <= 3 + BACKTRACKS
     assert longest_round(None) > 3 + BACKTRACKS
 
 
-class FoldedToNothing(Executor):
-    """An executor whose subdomains collapse to one point, where no hinge has an angle."""
+class FoldedToNothing(DividedSystem):
+    """A system whose subdomains collapse to one point, where no hinge has an angle."""
 
-    def answer(self, request):
-        if isinstance(request, SolveSubdomains):
-            nowhere = np.zeros_like(request.at.unknowns)
-            return replace(request.at, unknowns=nowhere), 1.0
-        return super().answer(request)
+    def solve_subdomains(self, at, *args):
+        return replace(at, unknowns=np.zeros_like(at.unknowns)), 1.0
 
 
 def test_collapsed_subdomains_are_discarded(small_subdomains, sample):
     net, fabric, loading = sample
-    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.01))
-    solver = find_equilibrium_by_subdomains(start, slow(sample))
-    state = run_to_end(FoldedToNothing(net.shape, fabric), solver)
+    start, rules = Point(loading.ahead([(0.0, loading.reference)], 0.01)), slow(sample)
+    state = find_equilibrium_by_subdomains(FoldedToNothing(net.shape, fabric), start, rules)
     assert state.outcome is Outcome.converged
-    whole = run(net.shape, fabric, find_equilibrium(start, slow(sample)))
+    whole = find_equilibrium(equations(net, fabric), start, rules)
     np.testing.assert_allclose(state.unknowns, whole.unknowns, atol=1e-7)
 
 
@@ -342,18 +326,18 @@ def test_a_subdomain_without_a_solution_stays_as_it_was(
 ):
     net, fabric, loading = sample
     free = free_stiffness(net.shape, loading.free)
-    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.05))
 
-    def stalling(at, rules):
-        evaluation = yield at
+    def stalling(system, at, rules):
+        evaluation = system.evaluate(at)
         nowhere = np.zeros_like(at.unknowns)
         return State(
             free.shape, nowhere, evaluation.energy, evaluation.gradient, outcome, residual, 7
         )
 
-    monkeypatch.setattr(executor, "find_equilibrium", stalling)
-    request = SolveSubdomains(start, free, 0.3, subdomain_settings(DEFAULT))
-    solved, share = Executor(net.shape, fabric).answer(request)
+    monkeypatch.setattr(divided_system, "find_equilibrium", stalling)
+    system = DividedSystem(net.shape, fabric)
+    solved, share = system.solve_subdomains(start, free, 0.3, subdomain_settings(DEFAULT))
     np.testing.assert_array_equal(solved.unknowns, start.unknowns)
     assert share > 0
 
@@ -362,31 +346,37 @@ def extrapolated(sample, energy, passed, step_length=1e6, waiting=domain_decompo
     """Position of a node after extrapolation from previous positions, with given energies;
     and how often subdomains are solved."""
     rules = slow(sample, step_length)
-    place, solved = rules.free.places[0], 0
+    place = rules.free.places[0]
 
     def at(where):
         unknowns = sample[2].reference.copy()
         unknowns[place] = where
-        return Evaluate(unknowns)
+        return Point(unknowns)
 
     def cost(there):
         stretch = np.asarray(energy(there.unknowns[place]))
         return Evaluation(Energy(stretch, np.zeros(()), np.zeros(())), sample[2].reference)
 
-    search = Search(at(passed[0]), cost(at(passed[0])), rules)
-    by_subdomains = SubdomainSolution(search)
+    class Known:
+        """A system whose energy is known, and whose subdomains are solved already."""
+
+        solved = 0
+
+        def evaluate(self, there):
+            return cost(there)
+
+        def solve_subdomains(self, there, *_):
+            self.solved += 1
+            return there, 1.0
+
+    system = Known()
+    search = Search(system, at(passed[0]), rules)
+    by_subdomains = SubdomainSolution(system, search)
     for where in [passed[0]] * waiting + list(passed):
         search.move(at(where), cost(at(where)))
-        steps, answer = by_subdomains.extrapolate(), None
-        while True:
-            try:
-                request = steps.send(answer)
-            except StopIteration:
-                break
-            solved += isinstance(request, SolveSubdomains)
-            answer = (request.at, 1.0) if isinstance(request, SolveSubdomains) else cost(request)
-    assert by_subdomains.cost == solved
-    return search.at.unknowns[place], solved
+        by_subdomains.extrapolate()
+    assert by_subdomains.cost == system.solved
+    return search.at.unknowns[place], system.solved
 
 
 def test_extrapolation_steps_grow_while_the_energy_falls(sample):

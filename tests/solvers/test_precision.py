@@ -1,90 +1,98 @@
 """Searches with factors in single precision reach the states of those in double precision."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from knitlab.elasticity.evaluation import Point
 from knitlab.elasticity.factorisation import one_thread_of_blas
 from knitlab.mechanics.loading import tensile
 from knitlab.mechanics.relaxation import relax
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.solvers.equilibrium import find_equilibrium
 from knitlab.solvers.equilibrium_search import NEARLY, SearchRules
-from knitlab.solvers.executor import Executor, run_to_end
-from knitlab.solvers.solver import Evaluate, Factorise, Solve
-from tests.fabrics import DEFAULT, FINE, PERIODIC, checkered
+from knitlab.solvers.system import System
+from tests.fabrics import DEFAULT, FINE, PERIODIC, checkered, equations
 
 
-class Recorded(Executor):
-    """An executor that keeps the factorisations asked for, with the force left before each.
+@dataclass
+class Factorisation:
+    """A factorisation, and the largest force on a free unknown before it."""
+
+    shift: float
+    exact: bool
+    force: float
+
+
+class Recorded(System):
+    """A system that keeps its factorisations, with the force left before each.
 
     Args:
         net, fabric: the fabric.
+        free: its free unknowns.
         useless: what single precision is of no use for near the end of a search: ``factor`` or
             ``solve``.
     """
 
-    def __init__(self, net, fabric, useless=""):
+    def __init__(self, net, fabric, free, useless=""):
         super().__init__(net.shape, fabric)
-        self.useless, self.asked, self.force = useless, [], np.inf
-        self.free = None
+        self.free, self.useless, self.asked, self.force = free, useless, [], np.inf
 
-    def answer(self, request):
-        useless = self.force < NEARLY * DEFAULT.tolerance and not self.exact
-        if isinstance(request, Factorise):
-            self.asked.append((request, self.force))
-            if useless and self.useless == "factor" and not request.exact:
-                return False
-        if isinstance(request, Solve) and useless and self.useless == "solve":
-            return np.full_like(request.right, np.nan)
-        answer = super().answer(request)
-        if isinstance(request, Evaluate) and self.free is not None:
-            self.force = float(np.abs(np.asarray(answer.gradient)[self.free]).max())
-        return answer
+    def single_fails(self, what):
+        near_the_end = self.force < NEARLY * DEFAULT.tolerance
+        return self.useless == what and near_the_end and not self.asked[-1].exact
 
-    @property
-    def exact(self):
-        """Whether the last factor is in double precision."""
-        return bool(self.asked) and self.asked[-1][0].exact
+    def factorise(self, shift, convexified, contact=None, exact=False):
+        self.asked.append(Factorisation(shift, exact, self.force))
+        if self.single_fails("factor"):
+            return False
+        return super().factorise(shift, convexified, contact, exact)
+
+    def solve(self, right):
+        return np.full_like(right, np.nan) if self.single_fails("solve") else super().solve(right)
+
+    def evaluate(self, at):
+        evaluation = super().evaluate(at)
+        self.force = float(np.abs(np.asarray(evaluation.gradient)[self.free]).max())
+        return evaluation
 
 
 def pulled(strain, useless="", settings=DEFAULT):
     """A strain step from a relaxed fabric, and the factorisations that it asked for."""
     net, fabric = checkered(4, 1, PERIODIC)
     with one_thread_of_blas():
-        relaxed = run_to_end(Executor(net.shape, fabric), relax(net, fabric, FINE))
+        relaxed = relax(equations(net, fabric), FINE)
         loading = tensile(net.shape, relaxed.configuration)
-        executor = Recorded(net, fabric, useless)
-        executor.free = loading.free
+        system = Recorded(net, fabric, loading.free, useless)
         rules = SearchRules.of(net.shape, loading.free, fabric, settings, convexified=False)
-        start = Evaluate(relaxed.unknowns + strain * loading.drive)
-        return run_to_end(executor, find_equilibrium(start, rules)), executor.asked
+        start = Point(relaxed.unknowns + strain * loading.drive)
+        return find_equilibrium(system, start, rules), system.asked
 
 
 @pytest.mark.parametrize(("useless", "strain"), [("factor", 1e-7), ("solve", 0.01)])
 def test_a_search_that_single_precision_cannot_end_is_ended_in_double(useless, strain):
     state, asked = pulled(strain)
     assert state.converged
-    assert not any(request.exact for request, _ in asked)
+    assert not any(each.exact for each in asked)
     other, asked = pulled(strain, useless)
     assert other.converged
     assert float(other.energy.total) == pytest.approx(float(state.energy.total), rel=1e-12)
-    exact = [request.exact for request, _ in asked]
+    exact = [each.exact for each in asked]
     first = exact.index(True)
     assert all(exact[first:]), "a search that needed double precision returned to single"
     # Not with a larger μ, which would slow the search instead.
-    assert asked[first][0].shift == asked[first - 1][0].shift
-    assert asked[first][1] < NEARLY * DEFAULT.tolerance
+    assert asked[first].shift == asked[first - 1].shift
+    assert asked[first].force < NEARLY * DEFAULT.tolerance
 
 
 def test_an_intermediate_state_far_from_a_minimum_is_found_in_single_precision():
     state, asked = pulled(-0.05, settings=replace(DEFAULT, tolerance=1e-3))
     assert state.converged
-    failed = [again.shift > before.shift for (before, _), (again, _) in pairwise(asked)]
+    failed = [again.shift > before.shift for before, again in pairwise(asked)]
     assert any(failed), "the stiffness never failed to be positive definite"
-    assert not any(request.exact for request, _ in asked)
+    assert not any(each.exact for each in asked)
 
 
 def test_strain_steps_follow_the_path_of_double_precision(monkeypatch):
@@ -93,15 +101,14 @@ def test_strain_steps_follow_the_path_of_double_precision(monkeypatch):
 
     def states():
         with one_thread_of_blas():
-            return run_to_end(
-                Executor(net.shape, fabric), stretch(net, fabric, strains, FINE)
-            ).states
+            return stretch(equations(net, fabric), strains, FINE).states
 
-    single = states()
-    exactly = Executor._factorise
-    monkeypatch.setattr(
-        Executor, "_factorise", lambda self, request: exactly(self, replace(request, exact=True))
-    )
+    single, factorised = states(), System.factorise
+
+    def exactly(self, shift, convexified, contact=None, exact=False):
+        return factorised(self, shift, convexified, contact, exact=True)
+
+    monkeypatch.setattr(System, "factorise", exactly)
     for one, other in zip(single, states(), strict=True):
         assert one.converged
         assert other.converged

@@ -9,25 +9,26 @@ import sys
 import numpy as np
 import pytest
 
+from knitlab.elasticity.evaluation import Point
 from knitlab.elasticity.factorisation import one_thread_of_blas
 from knitlab.elasticity.stiffness import free_stiffness
 from knitlab.linalg.threads import Threads
-from knitlab.solvers import executor
+from knitlab.solvers import divided_system
+from knitlab.solvers.divided_system import DividedSystem, solve_subdomain
 from knitlab.solvers.domain_decomposition import subdomain_settings
-from knitlab.solvers.executor import Executor, solve_subdomain
 from knitlab.solvers.second_process import SecondProcess, SubdomainData, SubdomainTask
-from knitlab.solvers.solver import Evaluate, SolveSubdomains
 from knitlab.solvers.subdomains import subdomains_of
+from knitlab.solvers.system import System
 from tests.fabrics import DEFAULT
 
 
 @pytest.fixture
-def subdomain_request(sample, small_subdomains):
-    """Of four small subdomains."""
+def divided(sample, small_subdomains):
+    """Arguments of the solution of four small subdomains."""
     net, _, loading = sample
-    start = Evaluate(loading.ahead([(0.0, loading.reference)], 0.05))
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.05))
     free = free_stiffness(net.shape, loading.free)
-    return SolveSubdomains(start, free, 0.3, subdomain_settings(DEFAULT))
+    return start, free, 0.3, subdomain_settings(DEFAULT)
 
 
 def is_there(pid: int) -> bool:
@@ -39,26 +40,24 @@ def is_there(pid: int) -> bool:
 
 
 @pytest.mark.slow
-def test_a_second_process_finds_the_same_solution(sample, subdomain_request):
-    _, fabric, _ = sample
-    at, process = subdomain_request.at, SecondProcess()
-    for number, subdomain in enumerate(subdomains_of(subdomain_request.free)):
+def test_a_second_process_finds_the_same_solution(sample, divided):
+    (_, fabric, _), (at, free, longest, settings) = sample, divided
+    process = SecondProcess()
+    for number, subdomain in enumerate(subdomains_of(free)):
         sent = SubdomainData(subdomain.free.shape, subdomain.free.places, subdomain.fabric(fabric))
         # Sent twice, the second time only by its name.
         for start in (at.unknowns, at.unknowns + 1e-3):
-            task = SubdomainTask(
-                (0, number), Evaluate(start[subdomain.places]), 0.3, subdomain_request.settings
-            )
+            task = SubdomainTask((0, number), Point(start[subdomain.places]), longest, settings)
             remote = process.solve(task, sent)
             with one_thread_of_blas():
-                local = solve_subdomain(Executor(sent.shape, sent.fabric), subdomain.free, task)
+                local = solve_subdomain(System(sent.shape, sent.fabric), subdomain.free, task)
             assert remote.outcome is local.outcome
             assert remote.iterations == local.iterations > 0
             np.testing.assert_array_equal(remote.unknowns, local.unknowns)
 
 
 @pytest.mark.slow
-def test_subdomains_are_solved_though_a_second_process_dies(sample, subdomain_request, monkeypatch):
+def test_subdomains_are_solved_though_a_second_process_dies(sample, divided, monkeypatch):
     net, fabric, _ = sample
     dead = []
 
@@ -69,9 +68,9 @@ def test_subdomains_are_solved_though_a_second_process_dies(sample, subdomain_re
             dead.append(state is None)
             return state
 
-    alone = Executor(net.shape, fabric).answer(subdomain_request)
-    monkeypatch.setattr(executor, "SecondProcess", Dying)
-    left = Executor(net.shape, fabric, threads=Threads(2)).answer(subdomain_request)
+    alone = DividedSystem(net.shape, fabric).solve_subdomains(*divided)
+    monkeypatch.setattr(divided_system, "SecondProcess", Dying)
+    left = DividedSystem(net.shape, fabric, threads=Threads(2)).solve_subdomains(*divided)
     np.testing.assert_array_equal(left[0].unknowns, alone[0].unknowns)
     assert dead
     assert all(dead)

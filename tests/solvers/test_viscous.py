@@ -10,8 +10,7 @@ from knitlab.elasticity.element_chunks import ChunkedFabric
 from knitlab.elasticity.evaluation import COMPLETE
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.options import ModelOptions
-from knitlab.solvers.executor import run
-from tests.fabrics import FINE, checkered
+from tests.fabrics import FINE, checkered, equations
 
 READING = ModelOptions(boundary="clamped")
 STRAINS = [0.0, 0.1, 0.2]
@@ -27,7 +26,7 @@ def sample():
 def pulled(sample, drag, path_step=0.1):
     net, fabric = sample
     settings = replace(FINE, tolerance=1e-10, drag=drag, path_step=path_step)
-    return run(net.shape, fabric, stretch(net, fabric, STRAINS, settings))
+    return stretch(equations(net, fabric), STRAINS, settings)
 
 
 def integrated(sample, test, drag):
@@ -93,7 +92,7 @@ def test_the_pull_does_the_work_that_is_stored_and_dissipated(sample):
     net, fabric = sample
     strains = np.linspace(0.0, 0.1, 81)
     settings = replace(FINE, tolerance=1e-10, drag=DRAG, path_step=1.0)
-    test = run(net.shape, fabric, stretch(net, fabric, list(strains), settings))
+    test = stretch(equations(net, fabric), list(strains), settings)
     free, length = test.loading.free, test.loading.length
     moved = np.diff([state.unknowns[free] for state in test.states], axis=0)
     dissipated = float(np.sum(DRAG * moved**2 / np.diff(strains)[:, None]))

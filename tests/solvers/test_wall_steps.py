@@ -4,17 +4,16 @@ import numpy as np
 import pytest
 
 from knitlab.elasticity.element_chunks import ChunkedFabric
-from knitlab.elasticity.evaluation import COMPLETE
+from knitlab.elasticity.evaluation import COMPLETE, Point
 from knitlab.mechanics.loading import all_free, tensile
 from knitlab.mechanics.relaxation import relax
 from knitlab.model.fabric import Sheet
 from knitlab.solvers import wall_steps
 from knitlab.solvers.equilibrium import find_equilibrium
 from knitlab.solvers.equilibrium_search import Search, SearchRules
-from knitlab.solvers.executor import Executor, run, run_to_end
-from knitlab.solvers.solver import Assemble, Evaluate, Factorise, Solve, SolverSettings
+from knitlab.solvers.settings import SolverSettings
 from knitlab.solvers.wall_steps import step_between_walls
-from tests.fabrics import CLAMPED, DEFAULT, checkerboard, patterned
+from tests.fabrics import CLAMPED, DEFAULT, checkerboard, equations, patterned
 
 Z_MAX = 1.5
 """Narrow walls, which a relaxed sample touches in several places."""
@@ -25,7 +24,7 @@ LONG = SolverSettings(step_limit=1e3)
 @pytest.fixture(scope="module")
 def squeezed():
     net, fabric = patterned(4, checkerboard(2), CLAMPED, Sheet(z_max=Z_MAX, k_wall=100.0))
-    return net, fabric, run(net.shape, fabric, relax(net, fabric, DEFAULT))
+    return net, fabric, relax(equations(net, fabric), DEFAULT)
 
 
 def displaced(state, distance, seed):
@@ -36,15 +35,11 @@ def stepped(squeezed, unknowns, shift, settings=LONG):
     """The search, its step between the walls, and a solve after it, of a stiffness plus a shift."""
     net, fabric, _ = squeezed
     rules = SearchRules.of(net.shape, all_free(net.shape), fabric, settings)
-
-    def solver():
-        search = Search(Evaluate(unknowns), (yield Evaluate(unknowns)), rules)
-        yield Assemble(unknowns, rules.free)
-        assert (yield Factorise(shift, convexified=False, exact=True))
-        step = yield from step_between_walls(search)
-        return search, step, (yield Solve(search.gradient))
-
-    return run_to_end(Executor(net.shape, fabric), solver())
+    system = equations(net, fabric)
+    search = Search(system, Point(unknowns), rules)
+    system.assemble(search.at, rules.free)
+    assert system.factorise(shift, convexified=False, exact=True)
+    return search, step_between_walls(search), system.solve(search.gradient)
 
 
 def stiffness(squeezed, unknowns, shift):
@@ -114,7 +109,7 @@ def test_searches_reach_the_same_states_with_fewer_factorisations(squeezed, monk
 
     def states():
         starts = [loading.ahead([(0.0, relaxed.unknowns)], strain) for strain in STRAINS]
-        return [run(net.shape, fabric, find_equilibrium(Evaluate(at), rules)) for at in starts]
+        return [find_equilibrium(equations(net, fabric), Point(at), rules) for at in starts]
 
     predicted = states()
     monkeypatch.setattr(wall_steps, "MOST_CHANGES", 0)

@@ -9,7 +9,7 @@ from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.model.stripe import SPRING_LAWS, Stripe
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
-from knitlab.solvers.solver import SolverSettings
+from knitlab.solvers.settings import SolverSettings
 from knitlab.study import overrides, settings, type_words
 from knitlab.study.declared_fields import declared, unit_of
 from knitlab.study.parameters import read_parameters
