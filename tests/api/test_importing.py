@@ -76,17 +76,12 @@ one = jnp.linspace(0, 1, 3), jnp.ones(3), jnp.ones(3)
 found = dot(one, one)
 """,
         """
-import jax.numpy as jnp
-from knitlab.linalg import block_tridiagonal
-found = jnp.linspace(0, 1, 3)
-""",
-        """
 import numpy as np
 from knitlab.capacitance.potential import triangle_potential
 found = triangle_potential(np.zeros(3), np.eye(3))
 """,
     ],
-    ids=["model", "dynamics", "linalg", "capacitance"],
+    ids=["model", "dynamics", "capacitance"],
 )
 def test_a_low_level_function_computes_in_float64(program):
     assert printed(f"import jax\n{program}\nprint(found.dtype)", JAX_ENABLE_X64="0") == "float64"
