@@ -25,6 +25,7 @@ from knitlab.io.provenance import provenance
 from knitlab.linalg.threads import ONE_THREAD
 
 FILE = "runs.nc"
+WORKFLOW = "periodic"
 ONE_DESIGN = ("--set", "n_stripe=4", "--set", "n_subunit=16")
 PAPER = ("--set", "set=paper")
 ALONE = ("--set", "robustness=0")
@@ -40,7 +41,7 @@ class TimedRun:
     """A command to be timed.
 
     Attributes:
-        words: arguments of ``knitlab run preview``.
+        words: arguments of ``knitlab run periodic``.
         cold: whether programs must be compiled.
         again: whether to time a second run into the same folder, which has nothing to do.
     """
@@ -54,10 +55,10 @@ RUNS = {
     "one design, cold": TimedRun(ONE_DESIGN, cold=True),
     "one design": TimedRun(ONE_DESIGN),
     "nothing to do": TimedRun(ONE_DESIGN, again=True),
-    "preview, cold": TimedRun(cold=True),
-    "preview": TimedRun(),
-    "preview without siblings": TimedRun(ALONE),
-    "preview without siblings, with sensitivities": TimedRun(
+    "ten designs, cold": TimedRun(cold=True),
+    "ten designs": TimedRun(),
+    "ten designs without siblings": TimedRun(ALONE),
+    "ten designs without siblings, with sensitivities": TimedRun(
         (*ALONE, "--set", "sensitivities=true")
     ),
     "paper's 20 designs without siblings": TimedRun((*PAPER, *ALONE)),
@@ -131,7 +132,7 @@ def _measured(run: TimedRun, folder: Path, compiled: set[TimedRun]) -> dict[str,
     began, before = time.time(), processor_seconds()
     _call(run, results, programs)
     ended = time.time()
-    written = (results / "preview" / CUBE).stat().st_mtime
+    written = (results / WORKFLOW / CUBE).stat().st_mtime
     return {
         "seconds": ended - began,
         "seconds_until_cube": written - began if written > began else np.nan,
@@ -143,7 +144,7 @@ def _call(run: TimedRun, results: Path, programs: Path) -> None:
     own = {*ONE_THREAD, "JAX_COMPILATION_CACHE_DIR"}
     environment = {name: value for name, value in os.environ.items() if name not in own}
     subprocess.run(
-        [*COMMAND, "run", "preview", *run.words, "--results", str(results)],
+        [*COMMAND, "run", WORKFLOW, *run.words, "--results", str(results)],
         check=True,
         capture_output=True,
         env=environment | {"XDG_CACHE_HOME": str(programs)},

@@ -1,6 +1,6 @@
 """Time for the capacitances of a finished sweep: ``python -m benchmarks.sensor RESULTS``.
 
-It takes the shapes from the case files and finds every capacitance anew, cold, by boundary
+It takes the shapes from the case files and computes every capacitance again, cold, by boundary
 elements, as the sweep did. Nothing of it is a test: figures depend on the machine.
 """
 

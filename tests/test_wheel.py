@@ -1,8 +1,11 @@
-"""The installed wheel: only the package, with its input files."""
+"""The installed wheel: only the package, with its input files, and it runs without the checkout."""
 
+import json
+import os
 import subprocess
 import sys
 import zipfile
+from pathlib import Path
 
 import pytest
 
@@ -10,15 +13,22 @@ from knitlab.io.shipped import PACKAGE
 
 pytestmark = pytest.mark.slow
 ROOT = PACKAGE.parent
+PIP = (sys.executable, "-m", "pip")
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory):
-    """Names of what the wheel installs."""
+def wheel(tmp_path_factory):
+    """Path of a wheel of the checkout, built without a network."""
     folder = tmp_path_factory.mktemp("wheel")
-    command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "-w", str(folder), str(ROOT)]
-    subprocess.run(command, check=True, capture_output=True)
-    (wheel,) = folder.glob("*.whl")
+    options = ("--no-deps", "--no-build-isolation", "-w", str(folder))
+    subprocess.run([*PIP, "wheel", *options, str(ROOT)], check=True, capture_output=True)
+    (built,) = folder.glob("*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def installed(wheel):
+    """Names of what the wheel installs."""
     return zipfile.ZipFile(wheel).namelist()
 
 
@@ -41,3 +51,30 @@ def test_the_wheel_holds_the_page_of_the_explorer(installed):
     page = {file.relative_to(ROOT).as_posix() for file in (PACKAGE / "explorer" / "page").iterdir()}
     assert {"knitlab/explorer/page/main.js", "knitlab/explorer/page/page.html"} <= page
     assert page <= set(installed)
+
+
+def test_the_installed_wheel_runs_a_workflow_with_its_own_files(wheel, tmp_path):
+    site, work = tmp_path / "site", tmp_path / "work"
+    work.mkdir()
+    options = ("--no-deps", "--no-index", "--target", str(site))
+    subprocess.run([*PIP, "install", *options, str(wheel)], check=True, capture_output=True)
+
+    program = "import knitlab, knitlab.cli; print(knitlab.__file__); knitlab.cli.main()"
+    settings = ("n_stripe=4", "n_subunit=16", "strain_max=0.03")
+    words = ["run", "periodic", *(word for each in settings for word in ("--set", each))]
+    said = subprocess.run(
+        [sys.executable, "-c", program, *words],
+        cwd=work,
+        env={**os.environ, "PYTHONPATH": str(site)},
+        capture_output=True,
+        text=True,
+    )
+    assert said.returncode == 0, said.stderr
+    assert Path(said.stdout.splitlines()[0]).is_relative_to(site)
+    assert "1 cases simulated, 0 already there" in said.stdout
+
+    results = work / "results" / "periodic"
+    assert (results / "cube.nc").is_file()
+    read = [Path(path) for path in json.loads((results / "plan.json").read_text())["inputs"]]
+    assert {"periodic.toml", "stripes.toml"} <= {path.name for path in read}
+    assert all(path.is_relative_to(site) for path in read)

@@ -57,7 +57,7 @@ def run(
     """Make the measurements that are missing, then the cube and its figures."""
     groups = only.split(",")
     if unknown := sorted(set(groups) - set(GROUPS)):
-        raise click.BadParameter(f"{', '.join(unknown)}: choose of {', '.join(GROUPS)}")
+        raise click.BadParameter(f"{', '.join(unknown)}: choose from {', '.join(GROUPS)}")
     # Without this a measurement would go on after its parent was terminated, beside the next run.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     failed = 0

@@ -13,7 +13,7 @@ LINE_SEARCH = 50
 def lbfgs(memory: float) -> Search:
     """L-BFGS that remembers so many steps.
 
-    Where its line search fails, in the round-off of the energy, it begins anew from there.
+    Where its line search fails, in the round-off of the energy, it begins again from there.
     """
 
     def search(problem: Problem, start: Unknowns, free: Free, watch: Watch) -> Unknowns:

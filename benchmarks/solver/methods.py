@@ -60,7 +60,7 @@ def method(measurement: Measurement) -> Method:
         case "lbfgs":
             return by(lbfgs.lbfgs(setting), lbfgs.prepare)
     known = ", ".join((*SOLVERS, *SWEPT))
-    raise ValueError(f"{solver} is no solver; choose of {known}")
+    raise ValueError(f"{solver} is not a solver; choose from {known}")
 
 
 def measure(measurement: Measurement) -> Record:

@@ -77,7 +77,7 @@ def compare(simulation: Cube, *experiments: Cube, **selections: Any) -> pd.DataF
 def compare_selected(cubes: Sequence[xr.Dataset], selections: Sequence[str]) -> pd.DataFrame:
     """How far the first cube is from the others, with selections as text; see :func:`compare`."""
     known = {str(name) for cube in cubes for name in cube.dims if name in cube.coords}
-    remedy = f"select of {', '.join(sorted(known))}"
-    refuse_others(selections, known, f"is of none of these cubes; {remedy}")
+    remedy = f"select along {', '.join(sorted(known))}"
+    refuse_others(selections, known, f"is not a coordinate of these cubes; {remedy}")
     chosen = [selected(cube, selections_along(selections, cube.dims)) for cube in cubes]
     return compared(chosen[0], chosen[1:])

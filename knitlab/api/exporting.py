@@ -128,7 +128,7 @@ def _case_file(shapes: "Cube", selections: Sequence[str]) -> xr.Dataset:
     """The contents of the case file of one design."""
     if isinstance(shapes, xr.Dataset):
         if "status" not in shapes:
-            raise fault("shapes", "is no cube or test; give one of knitlab.run or simulate")
+            raise fault("shapes", "is not a cube or a test; give one of knitlab.run or simulate")
         if is_case(shapes):
             refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
             return shapes

@@ -150,7 +150,7 @@ def without_pairs_of_images(
     Args:
         candidates: pairs of a vertex and a triangle, and of two edges; changed in place.
         parts: the collision mesh whose parts they are.
-        own: which of its vertices are no images.
+        own: which of its vertices are not images.
     """
     if own.all():
         return

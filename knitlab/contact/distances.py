@@ -8,8 +8,8 @@ NEAR_RANGE = 0.1
 """Distance over which it acts between parts that are near on the grid, in thicknesses: it keeps
 them from passing through each other, and leaves the calibrated folds alone."""
 NEAR_CELLS = 2
-"""Nodes within so many of the paper's cells of each other, along both axes, are near. A fold at its
-rest angle brings them nearer than a thickness, without any force but that of its hinge."""
+"""Nodes within this many of the paper's cells of each other, along both axes, are near. A fold at
+its rest angle brings them nearer than a thickness, without any force but that of its hinge."""
 
 
 def largest_thickness(cell: float, theta_0: float) -> float:

@@ -160,7 +160,7 @@ def stretch_by_dynamics(
 
     The pull begins from rest: what is left of the motion of the relaxation is taken away, as when
     the test is a simulation of its own. With ``settings.ending = "rest"`` the fabric comes to rest
-    at every applied strain; with ``"time"`` it is pulled without a pause, and its states are no
+    at every applied strain; with ``"time"`` it is pulled without a pause, and its states are not
     equilibria.
 
     Args:

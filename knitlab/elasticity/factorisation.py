@@ -93,7 +93,7 @@ def factorise_with_contact(
 
     Returns ``None`` if their sum is not positive definite.
 
-    The order is that of the grid; the symbolic factorisation is done anew for every matrix, as the
+    The order is that of the grid; the symbolic factorisation is done again for every matrix, as the
     plies that touch change. It takes less time than the numeric one.
 
     Args:

@@ -1,4 +1,4 @@
-"""Agreement of results folders: what forbids to join them."""
+"""Agreement of results folders: whether they can be joined."""
 
 from collections.abc import Sequence
 

@@ -78,7 +78,7 @@ class RunOptions:
         """
         workers = 0 if self.workers is None else self.workers
         faults = [
-            Fault(f"{name} {number}", "is no whole number from 0 on; give one")
+            Fault(f"{name} {number}", "is not a whole number; give 0 or more")
             for name, number in (("workers", workers), ("retries", self.retries))
             if not isinstance(number, int) or number < 0
         ]
@@ -91,7 +91,7 @@ class RunOptions:
         """Processes on this machine for a number of batches, or 0 for this one."""
         if self.workers is not None:
             return self.workers
-        # A process of its own can be ended, and may die alone.
+        # A separate process can be stopped, and its crash does not end the run.
         return 0 if batches == 1 and self.case_timeout is None else os.cpu_count() or 1
 
 

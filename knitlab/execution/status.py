@@ -89,7 +89,7 @@ def read_plan(folder: Path) -> dict[str, Any]:
     except (ValueError, TypeError):
         complete = False
     if not complete:
-        raise fault(str(path), "is no plan; plan the workflow again")
+        raise fault(str(path), "is not a plan; plan the workflow again")
     return dict(record)
 
 

@@ -23,7 +23,7 @@ def check_suffix(output: Path) -> None:
         BadInput: if its suffix is not ``.html``.
     """
     if output.suffix.lower() != SUFFIX:
-        raise fault(f"output {output}", f"is no page; give it the suffix {SUFFIX}")
+        raise fault(f"output {output}", f"is not a page; give it the suffix {SUFFIX}")
 
 
 def content_of(cubes: Sequence[xr.Dataset]) -> Content:
@@ -63,7 +63,7 @@ def write_explorer(cubes: Sequence[xr.Dataset], output: Path) -> Path:
     """
     check_suffix(output)
     if not cubes:
-        raise fault("cubes", "are none; give one or several")
+        raise fault("cubes", "are missing; give one or several")
     content = content_of(cubes)
     names = ", ".join(dict.fromkeys(each["name"] for each in content["cubes"]))
     with atomic_write(output) as temporary:

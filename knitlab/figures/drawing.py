@@ -172,7 +172,7 @@ def _check_options(kind: str, options: Mapping[str, str]) -> None:
     """
     able = ", ".join(name for name, each in FIGURES.items() if each.options)
     faults = [
-        Fault(option, f"is no option of {kind}, only of {able}; leave it out")
+        Fault(option, f"is not an option of {kind}, only of {able}; leave it out")
         for option in options
         if option not in FIGURES[kind].options
     ]
@@ -191,8 +191,9 @@ def _drawn_of_cases(
         paths = [Path(case.attrs["title"]) for case in cases]
         return _drawn(name, paths, [as_cube(case) for case in cases], selections, options)
     known = kind.coordinates
-    remedy = f"select of {', '.join(known)}" if known else "select nothing of a single case"
-    refuse_others(selections, known, f"is no coordinate that {name} can be sliced along; {remedy}")
+    remedy = f"select along {', '.join(known)}" if known else "select nothing of a single case"
+    problem = f"is not a coordinate along which {name} can be sliced; {remedy}"
+    refuse_others(selections, known, problem)
     sliced = [_sliced_case(case, selections) for case in cases]
     return kind.draw(sliced if kind.designs else sliced[0])
 
@@ -234,7 +235,8 @@ def _drawn(
     _check_sources(name, kind, cubes)
     dims = {dim: None for cube in cubes for dim in design_dims(cube)}
     known = (*dims, *kind.coordinates)
-    refuse_others(selections, known, f"is no coordinate of {name}; select along {', '.join(known)}")
+    problem = f"is not a coordinate of {name}; select along {', '.join(known)}"
+    refuse_others(selections, known, problem)
     cubes = [selected(cube, selections_along(selections, cube.coords)) for cube in cubes]
     if name in COMPARING:
         if kind.several:

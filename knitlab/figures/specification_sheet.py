@@ -1,4 +1,4 @@
-"""The specification sheet of a sample: one page for whoever knits it."""
+"""The specification sheet of a sample: one page for the knitter."""
 
 import textwrap
 from datetime import date

@@ -1,8 +1,8 @@
 """Locks of a results folder: one run at a time, or several shards side by side. Needs no JAX.
 
 A run holds ``.lock`` until it ends. A shard holds a lock of its own, so that others can run beside
-it. The gate is held only for moments: whoever starts does so behind it, and looks whether those
-that run already leave room; shards also write behind it what they share.
+it. The gate is a lock that is held only for moments: a run holds it while it starts and checks
+which others are running, and a shard also while it writes what all shards share.
 """
 
 import getpass
@@ -23,7 +23,7 @@ LOCK_NAME = ".lock"
 GATE_NAME = ".lock-gate"
 SHARD_LOCK = re.compile(r"\.lock-shard-(\d+)-of-(\d+)")
 GATE_SECONDS = 900.0
-"""Longest time to wait at the gate; who holds it writes a cube at most."""
+"""Longest time to wait for the gate; its holder writes a cube at most."""
 
 
 @contextmanager

@@ -22,5 +22,5 @@ def unknown(name: str, known: Iterable[str], kind: str = "") -> str:
     if nearest:
         return f"{problem}; did you mean {' or '.join(repr(by_case[near]) for near in nearest)}?"
     if len(names) > MOST_NAMES:
-        return f"{problem}; it is none of the {len(names)} known ones; check its spelling"
+        return f"{problem}; it is not one of the {len(names)} known ones; check its spelling"
     return f"{problem}; choose from {', '.join(names)}"

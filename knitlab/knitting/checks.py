@@ -140,11 +140,11 @@ class _State:
         return Needle(not needle.front, needle.number + shift)
 
     def _yarns(self, needle: Needle) -> tuple[int, ...] | None:
-        """The carriers of a stitch, after their checks; None if there is no telling."""
+        """The carriers of a stitch, after their checks; None if they are not valid."""
         words = self.now.carriers
         last = self.machine.carriers.carriers
         if not all(word.isdigit() and 1 <= int(word) <= last for word in words):
-            self._report(f"names a carrier that is none of 1 to {last}; correct it")
+            self._report(f"names a carrier that is not one of 1 to {last}; correct it")
             return None
         carriers = tuple(map(int, words))
         if len(carriers) > MOST_CARRIERS or len(set(carriers)) < len(carriers):
@@ -236,7 +236,7 @@ class _State:
                     )
 
     def _carrier(self) -> int | None:
-        """The one carrier of an operation; None if there is no telling."""
+        """The one carrier of an operation; None if it is not valid."""
         word = self.now.carriers[0]
         last = self.machine.carriers.carriers
         if len(self.now.carriers) > 1 or not word.isdigit() or not 1 <= int(word) <= last:

@@ -20,7 +20,7 @@ def electrode_name(number: int) -> str:
 
 
 class NotAChart(Exception):
-    """A knit graph that is no chart; its message says where and why."""
+    """A knit graph that is not a chart; its message says where and why."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class KnitStitches:
         return f"a {bed} knit of electrode {electrode_name(abs(number))}, conductor on the {face}"
 
     def difference(self, other: "KnitStitches") -> str | None:
-        """The first stitch that other stitches have otherwise, in words; None if all are alike."""
+        """The first stitch that differs from the others', in words; None if all are equal."""
         if self.front.shape != other.front.shape:
             here, there = (
                 "{} courses of {} wales".format(*each.front.shape) for each in (self, other)
@@ -155,7 +155,7 @@ def _conductor(stitch: FormedStitch, machine: "Machine") -> int:
     if others or carrier not in machine.carriers.electrode_carriers:
         raise NotAChart(
             f"needle {stitch.position} knits carriers {' and '.join(map(str, stitch.carriers))},"
-            " which are no yarn of the body and one conductor"
+            " which are not a yarn of the body and one conductor"
         )
     number = machine.carriers.electrode_carriers.index(carrier) + 1
     named_first = stitch.carriers[0] == carrier

@@ -10,7 +10,7 @@ from knitlab.knitting.machine import Machine
 from knitlab.knitting.operations import operations
 
 MOST_OPERATIONS = 20_000
-"""Operations up to which the interpreter is asked unbidden; it takes about 1 ms for each."""
+"""Operations up to which the interpreter runs by default; it takes about 1 ms for each."""
 
 
 @dataclass(frozen=True)
@@ -51,11 +51,9 @@ def round_trip(
     notes = [f"own checks: {count}, {len(faults)} faults"]
     length = sum(1 for _ in operations(program))
     if interpret is False or not interpreter.is_installed():
-        notes.append("interpreter: not asked; it comes with pip install knitlab[knitting]")
+        notes.append("interpreter: not run; install it by pip install knitlab[knitting]")
     elif interpret is None and length > MOST_OPERATIONS:
-        notes.append(
-            f"interpreter: not asked, {length} operations take it long; take fewer repeats"
-        )
+        notes.append(f"interpreter: not run, as {length} operations take long; take fewer repeats")
     else:
         found = _interpreted(program, chart, machine)
         notes.append(f"interpreter: {count}, {len(found)} faults")

@@ -47,7 +47,7 @@ class SimulatedTest:
         """Logarithmic derivatives of the values by :data:`STRIPE_PARAMETERS`.
 
         Raises:
-            NoDerivative: if a state is no stable equilibrium.
+            NoDerivative: if a state is not a stable equilibrium.
         """
         case, (relaxed, *strained) = self.case, self.test.states
         stripes = case.stripe_pair

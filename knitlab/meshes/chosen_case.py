@@ -47,7 +47,7 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Sequence[str] = ()) 
         raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
     dims = design_dims(cube)
     known = (*dims, STRAIN)
-    problem = f"is no coordinate of a shape; select along {', '.join(known)}"
+    problem = f"is not a coordinate of a shape; select along {', '.join(known)}"
     refuse_others(selections, known, problem)
     left = selected(cube, selections_along(selections, dims))
     designs = left[["status", "case_id"]].stack(design=dims)

@@ -223,7 +223,8 @@ def letters_of(rows: Sequence[str]) -> np.ndarray:
         problem = f"patch map {list(rows)} is not a rectangle; give rows of equal length"
         raise BadPattern([f"{problem} (from the top, {lengths} patches)" if rows else problem])
     problems = [
-        f"patch map, row {row} from the top, column {column}: {letter!r} is no knit; use {LETTERS}"
+        f"patch map, row {row} from the top, column {column}: {letter!r} is not a knit;"
+        f" use {LETTERS}"
         for row, letters in enumerate(rows, 1)
         for column, letter in enumerate(letters, 1)
         if letter.upper() not in KNIT_OF_LETTER

@@ -25,7 +25,7 @@ TRIALS = "trials"
 SEARCHES = "searches"
 """Folder of the results of searches."""
 ATTEMPTS = 3
-"""How often a search is begun whose worker dies."""
+"""How often a search is started if its worker dies."""
 
 
 @dataclass(frozen=True, eq=False)

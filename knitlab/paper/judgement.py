@@ -83,8 +83,8 @@ def judged(
     """
     whole = [(path, open_cube(path)) for path in cubes]
     swept = sorted({dim for _, cube in whole for dim in swept_dims(cube)})
-    remedy = f"select of {', '.join(swept)}" if swept else "leave it out: there are none"
-    refuse_others(selections, swept, f"is of no swept setting of these cubes; {remedy}")
+    remedy = f"select along {', '.join(swept)}" if swept else "leave it out: there are none"
+    refuse_others(selections, swept, f"is not a swept setting of these cubes; {remedy}")
     return judged_slices(
         claims, [(path, _one_slice(path, cube, selections)) for path, cube in whole]
     )

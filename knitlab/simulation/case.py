@@ -237,7 +237,7 @@ class Case:
         """What is plated on it.
 
         Raises:
-            BadLayout: if its layout is none that it can carry.
+            BadLayout: if the fabric cannot carry its layout.
             TypeError: if it has no capacitor.
         """
         if self.capacitor is None:

@@ -104,7 +104,7 @@ def spread(
 
 
 def branches(energies: Sequence[float]) -> int:
-    """How many distinct relaxed energies there are; what did not converge is none."""
+    """How many distinct relaxed energies there are; what did not converge is not counted."""
     ordered = np.sort([energy for energy in energies if np.isfinite(energy)])
     if not len(ordered):
         return 0

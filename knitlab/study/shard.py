@@ -41,7 +41,7 @@ class Shard:
         if not (whole and 1 <= self.number <= self.count):
             raise fault(
                 f"shard {self.number}/{self.count}",
-                "is no part of a plan; give a whole number from 1 to the number of shards",
+                "is not a part of a plan; give a whole number from 1 to the number of shards",
             )
 
     @classmethod

@@ -78,7 +78,8 @@ def designs_of_all(cubes: Sequence[PlainCube], selections: Sequence[str] = ()) -
     if len(cubes) == 1:
         return designs_table(cubes[0], selections)
     known = {name for cube in cubes for name in cube.coordinates}
-    refuse_others(selections, known, f"is of none of these cubes; select of {', '.join(known)}")
+    remedy = f"select along {', '.join(known)}"
+    refuse_others(selections, known, f"is not a coordinate of these cubes; {remedy}")
     tables = []
     for cube, cube_name in zip(cubes, _distinct_names(cubes), strict=True):
         table = designs_table(cube, selections_along(selections, cube.coordinates))

@@ -69,7 +69,7 @@ def test_a_thickness_gives_a_solid_to_print(tmp_path):
         ("a.vtu", {"n_stripe": 4}, {}, r"leave 3 designs; select n_subunit of 16, 24, 32"),
         ("a.vtu", {"n_stripe": 4, "n_subunit": 64}, {}, "leave no design of this cube"),
         ("a.vtu", {"n_stripe": 5}, {}, "the cube has no n_stripe = 5; choose from 2, 4"),
-        ("a.vtu", {"yarn": 1}, {}, "is no coordinate of a shape; select along n_stripe"),
+        ("a.vtu", {"yarn": 1}, {}, "is not a coordinate of a shape; select along n_stripe"),
         ("a.vtu", {"n_stripe": 4, "n_subunit": 24}, {}, r"n_subunit = 24: has no case file in"),
         ("a.vtu", ONE | {"applied_strain": 0.17}, {}, "has no applied_strain = 0.17"),
         ("a.vtu", ONE | {"applied_strain": [0, 0.3]}, {}, "strains 0, 0.3 for one mesh"),
@@ -144,7 +144,7 @@ def test_a_cube_in_memory_and_a_test_say_what_they_take(tmp_path):
     cube.encoding.clear()
     with pytest.raises(BadInput, match="not opened from a file, beside which shapes lie"):
         kl.export(cube, tmp_path / "a.vtu", **ONE)
-    with pytest.raises(BadInput, match="is no cube or test"):
+    with pytest.raises(BadInput, match="is not a cube or a test"):
         kl.export(xr.Dataset(), tmp_path / "a.vtu", **ONE)
     with pytest.raises(BadInput, match="of a test, select applied_strain alone"):
         kl.export(kept_file(), tmp_path / "a.vtu", **ONE)

@@ -1,4 +1,4 @@
-"""Pairs that are kept while a fabric moves: the same forces and free steps as searched anew."""
+"""Pairs that are kept while a fabric moves: the same forces and free steps as searched again."""
 
 import numpy as np
 import pytest

@@ -130,7 +130,7 @@ def test_a_test_for_a_time_passes_through_its_strains_without_a_pause():
         np.testing.assert_allclose(bottom, rows[0][0], atol=1e-12)
         pulled = np.array([0, strain * test.loading.length, 0])
         np.testing.assert_allclose(top, rows[0][1] + pulled, atol=1e-9)
-    # Its states are no equilibria, and the slower it is the nearer they are to them.
+    # Its states are not equilibria; the slower it is, the nearer they are to them.
     slow = replace(settings, strain_rate=0.005)
     (slower,) = stretch_by_dynamics(moving([(4, 1)], CLAMPED, slow), [STRAINS])
     assert slower.states[-1].residual < test.states[-1].residual / 3

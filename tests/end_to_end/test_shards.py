@@ -45,7 +45,7 @@ def test_shards_of_a_real_sweep_are_merged_into_one(tmp_path, monkeypatch):
     ("words", "message"),
     [
         (("run", "periodic", "--shard", "3"), "--shard 3: is not of the form NUMBER/COUNT"),
-        (("run", "periodic", "--shard", "5/4"), "--shard 5/4: is no part of a plan; give"),
+        (("run", "periodic", "--shard", "5/4"), "--shard 5/4: is not a part of a plan; give"),
         (("merge", "nowhere"), "nowhere: holds no results: neither plan.json nor cube.nc; check"),
     ],
 )

@@ -280,7 +280,7 @@ def test_garbage_in_files_that_are_rewritten_is_ignored(tmp_path, garbage):
     before = ran(plan, tmp_path, stand_in.simulate_unconverged)
     (tmp_path / "failures.jsonl").write_bytes(garbage)
     (tmp_path / "plan.json").write_bytes(garbage)
-    with pytest.raises(BadInput, match=r"plan\.json: is no plan"):
+    with pytest.raises(BadInput, match=r"plan\.json: is not a plan"):
         read_plan(tmp_path)
     first, second = list(plan.cases)[:2]
     case_path(tmp_path, first).with_suffix(".sha256").write_bytes(garbage)

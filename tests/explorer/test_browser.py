@@ -37,7 +37,7 @@ class Page:
         self.until(lambda: driver.execute_script(LOADED))
 
     def until(self, condition):
-        # What is looked at may be drawn anew meanwhile.
+        # What is looked at may be drawn again meanwhile.
         wait = WebDriverWait(self.driver, PATIENCE, 0.1, [StaleElementReferenceException])
         return wait.until(lambda _: condition())
 
@@ -57,7 +57,7 @@ class Page:
         self.settle()
 
     def choose(self, text):
-        # In one step: between finding a cell and clicking it, the map may be drawn anew.
+        # In one step: between finding a cell and clicking it, the map may be drawn again.
         self.driver.execute_script(
             "document.querySelector(`#map [aria-label^='${arguments[0]}:']`)"
             ".dispatchEvent(new MouseEvent('click', { bubbles: true }))",

@@ -109,7 +109,7 @@ def test_the_command_writes_what_the_function_writes(tmp_path, page):
 @pytest.mark.parametrize(
     ("cubes", "name", "problem"),
     [
-        ([], "page.html", "cubes: are none"),
+        ([], "page.html", "cubes: are missing"),
         ([PREVIEW], "page.pdf", "give it the suffix .html"),
         (["nowhere"], "page.html", "nowhere: does not exist"),
     ],

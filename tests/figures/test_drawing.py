@@ -169,7 +169,7 @@ def test_a_figure_is_written_in_the_format_of_its_suffix(cube_file, tmp_path, su
         ("auxetic", "map.pdf", ("n_stripe=3",), "no n_stripe = 3"),
         ("shape", "shape.png", (), "holds no node position"),
         ("curves", "curves.png", ("n_stripe=2", "n_subunit=64"), "no design of this selection"),
-        ("auxetic", "map.pdf", ("cell_x=1",), "is no coordinate of auxetic"),
+        ("auxetic", "map.pdf", ("cell_x=1",), "is not a coordinate of auxetic"),
         ("sensitivity", "map.pdf", (), "run with sensitivities = true"),
         ("shapes", "map.pdf", (), "holds none of these designs; shapes are in case files"),
     ],

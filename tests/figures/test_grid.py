@@ -116,7 +116,7 @@ def test_a_cube_by_p_has_the_same_designs():
     ("options", "chosen", "message"),
     [
         ({"of": "poisson_ration"}, {}, "did you mean 'poisson_ratio'"),
-        ({"of": "status"}, {}, "status is no number"),
+        ({"of": "status"}, {}, "status is not a number"),
         ({"x": "theta_0", "of": "poisson_ratio"}, {}, "no dimension of poisson_ratio 'theta_0'"),
         ({"of": "poisson_ratio"}, {}, "give x and y"),
         ({"x": "n_subunit", "y": "n_subunit"}, {}, "choose another dimension"),
@@ -134,7 +134,7 @@ def test_what_cannot_be_shown_is_explained(options, chosen, message):
 
 
 def test_only_a_grid_takes_a_variable():
-    with pytest.raises(BadInput, match="of: is no option of auxetic, only of grid"):
+    with pytest.raises(BadInput, match="of: is not an option of auxetic, only of grid"):
         draw("auxetic", [made_up_cube()], options={"of": "poisson_ratio"})
 
 

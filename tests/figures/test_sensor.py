@@ -131,7 +131,7 @@ def test_a_window_shows_slope_and_linearity_within_it():
     [
         ("sensor", "0.3:0.1", "does not ascend"),
         ("sensor", "wide", "is not a window of strain"),
-        ("auxetic", "0:0.1", "is no option of auxetic"),
+        ("auxetic", "0:0.1", "is not an option of auxetic"),
     ],
 )
 def test_a_bad_window_is_refused(tmp_path, kind, window, message):

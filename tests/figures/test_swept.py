@@ -53,8 +53,8 @@ def test_curves_are_reduced():
     [
         (made_up_cube, "periods", "has no swept setting; give several values"),
         (lambda: two_layouts().expand_dims(width=[1, 2], axis=2), "periods", "sweeps"),
-        (two_layouts, "poisson_ratio", "is no single number of a design"),
-        (two_layouts, "status", "is no single number of a design"),
+        (two_layouts, "poisson_ratio", "is not a single number of a design"),
+        (two_layouts, "status", "is not a single number of a design"),
         (two_layouts, "poisson", "poisson"),
     ],
 )

@@ -149,11 +149,11 @@ def test_the_interpreter_is_not_asked_of_long_programs(monkeypatch):
     monkeypatch.setattr("knitlab.knitting.interpreter.is_installed", lambda: True)
     chart, machine = chart_of_arrays(np.ones((2, 3))), read_machine()
     found = round_trip(knitout(chart, machine), chart, machine)
-    assert found.notes[1].startswith("interpreter: not asked,")
+    assert found.notes[1].startswith("interpreter: not run,")
 
 
 def test_an_installation_without_the_interpreter_says_how_to_get_it(monkeypatch):
     monkeypatch.setattr("knitlab.knitting.interpreter.is_installed", lambda: False)
     chart, machine = chart_of_arrays(np.ones((2, 3))), read_machine()
     found = round_trip(knitout(chart, machine), chart, machine)
-    assert found.notes[1].endswith("it comes with pip install knitlab[knitting]")
+    assert found.notes[1].endswith("install it by pip install knitlab[knitting]")

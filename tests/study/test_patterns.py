@@ -99,7 +99,7 @@ def test_a_patch_with_an_odd_number_of_stripes_is_refused_with_its_place(tmp_pat
     ("text", "problem"),
     [
         ('rows = ["GR", "R"]', "is not a rectangle"),
-        ('rows = ["GX"]', "row 1 from the top, column 2: 'X' is no knit; use R for rib"),
+        ('rows = ["GX"]', "row 1 from the top, column 2: 'X' is not a knit; use R for rib"),
         ('rows = ["GR"]\ncolumn_periods = [1]', "gives 1 values, but the pattern has 2 columns"),
         ('rows = ["GR"]\ncolumn_n_stripe = [4, 5]', "column 2: there is no rib stripe of 5"),
         ('rows = ["GR"]\nrow_n_stripe = [3]', "16 is not|are 5.33333 stripes of n_stripe 3"),

@@ -65,7 +65,7 @@ def test_the_split_does_not_depend_on_the_process():
 
 @pytest.mark.parametrize("text", ["0/4", "5/4", "1/0"])
 def test_a_shard_that_is_no_part_is_refused(text):
-    with pytest.raises(BadInput, match=f"shard {text}: is no part of a plan; give a whole number"):
+    with pytest.raises(BadInput, match=f"shard {text}: is not a part of a plan; give a whole"):
         Shard.of(text)
 
 

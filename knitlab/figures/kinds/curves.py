@@ -88,7 +88,7 @@ def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
 
 
 def _notes(designs: Sequence[xr.Dataset]) -> list[Artist]:
-    """Legend entries of what the curves bear besides their colour."""
+    """Legend entries of what the curves show besides their colour."""
     notes: list[Artist] = []
     if any(f"{name}_low" in design for design in designs for name in ROWS):
         label = "band: range over slightly different fabrics"

@@ -29,7 +29,7 @@ HEIGHT = 3.6
 """Height of the figure [in]."""
 CELLS_PER_TICK = 4
 FINE_PARTS, COARSE_PARTS, FEW_CELLS = 4, 2, 24
-"""Subdivisions of a grid cell along each direction: fine up to so many cells, else coarse."""
+"""Subdivisions of a grid cell along each direction: fine up to this many cells, else coarse."""
 MOST_TICKS = 12
 
 

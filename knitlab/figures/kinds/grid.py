@@ -61,7 +61,7 @@ def value_grid(
     if of not in cube.data_vars:
         raise fault("of", unknown(of, map(str, cube.data_vars), "variable"))
     if of in FLAGS or cube[of].dtype.kind not in "iuf":
-        raise fault("of", f"{of} is no number; choose a variable with a unit")
+        raise fault("of", f"{of} is not a number; choose a variable with a unit")
     if PERIODS in (x, y) or (x is y is None and has_periods(cube) and _varies_by_design(cube, of)):
         if not has_periods(cube):
             raise fault("x" if x == PERIODS else "y", "pure stripes have no P; choose n")

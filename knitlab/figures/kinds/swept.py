@@ -32,7 +32,7 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
             ``slope(capacitance, 0.1:0.3)``.
 
     Raises:
-        BadInput: if no setting is swept or several are, or ``of`` is no number of a design.
+        BadInput: if no setting is swept or several are, or ``of`` is not a number of a design.
     """
     cube, of = with_reduction(cube, of)
     if of not in cube.data_vars:
@@ -40,7 +40,7 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     swept = [dim for dim in swept_dims(cube) if cube.sizes[dim] > 1]
     designs = base_dims(cube)
     if of in FLAGS or cube[of].dtype.kind not in "iuf" or {*cube[of].dims} - {*swept, *designs}:
-        raise fault("of", f"{of} is no single number of a design; choose another, or reduce it")
+        raise fault("of", f"{of} is not a single number of a design; choose another, or reduce it")
     if len(swept) != 1:
         found = f"sweeps {', '.join(swept)}; select one value of all but one" if swept else "has no"
         remedy = "" if swept else " swept setting; give several values of one to a workflow"
