@@ -5,8 +5,17 @@ from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
 
+from knitlab.io.normalised_code import normalised
 from knitlab.io.shipped import PACKAGE
 
+MODEL_VERSION = 1
+"""Version of the model. Raise it by one where results change on purpose: all are stale then.
+
+The fingerprint also has the syntax trees of :data:`COMPUTING` without comments, docstrings and
+annotations (:mod:`knitlab.io.normalised_code`). A changed number, operator, message or name there
+makes results stale without a new version. What changes results and is not in those trees needs one:
+another version of a library, or a type of a field by which pydantic converts its value.
+"""
 COMPUTING = (
     "model",
     "linalg",
@@ -18,38 +27,47 @@ COMPUTING = (
     "measure",
     "capacitance",
     "simulation",
-    "io/case_file.py",
-    "io/classic_file.py",
 )
-"""Parts of the package whose text can change the numbers of a case."""
-OF_CUBES = ("measure/knit_size.py",)
-"""Files of these that affect the cube but no case file."""
+"""Packages that compute the numbers of a case."""
+OF_NO_CASE = (
+    "measure/calibration.py",
+    "measure/cycles.py",
+    "measure/information.py",
+    "measure/knit_size.py",
+    "measure/linear_fit.py",
+    "measure/marker_grid.py",
+    "measure/resampling.py",
+    "model/compiled_programs.py",
+    "simulation/reporting.py",
+)
+"""Modules of these that compute nothing of a case: they serve measured fabrics and cubes, keep
+programs, or report progress."""
 DIGITS = 12
 
 
 @lru_cache(maxsize=1)
 def code_fingerprint() -> str:
-    """Fingerprint of the code that computes a case."""
+    """Fingerprint of the code that computes a case, and of the version of the model."""
     return fingerprint_of(PACKAGE)
 
 
 @lru_cache(maxsize=1)
 def package_fingerprint() -> str:
-    """Fingerprint of all code of the package."""
-    return _fingerprint(PACKAGE, sorted(_names(PACKAGE, PACKAGE.rglob("*.py"))))
+    """Fingerprint of the text of the whole package."""
+    digest = hashlib.sha256()
+    for name in sorted(_names(PACKAGE, PACKAGE.rglob("*.py"))):
+        digest.update(name.encode())
+        digest.update((PACKAGE / name).read_bytes())
+    return digest.hexdigest()[:DIGITS]
 
 
 def fingerprint_of(package: Path) -> str:
     """Fingerprint of the computing code of the package in a folder."""
-    return _fingerprint(package, computing_files(package))
-
-
-def _fingerprint(package: Path, names: Iterable[str]) -> str:
-    digest = hashlib.sha256()
-    for name in names:
-        digest.update(name.encode())
-        digest.update((package / name).read_bytes())
-    return digest.hexdigest()[:DIGITS]
+    code = [
+        f"{name}\n{normalised((package / name).read_text(encoding='utf-8'))}"
+        for name in computing_files(package)
+    ]
+    return text_fingerprint("\n".join([f"model version {MODEL_VERSION}", *code]))
 
 
 def _names(package: Path, files: Iterable[Path]) -> set[str]:
@@ -57,13 +75,9 @@ def _names(package: Path, files: Iterable[Path]) -> set[str]:
 
 
 def computing_files(package: Path) -> list[str]:
-    """Paths, within a package, of the files whose text can change the numbers of a case."""
-    files = [
-        file
-        for part in COMPUTING
-        for file in ([package / part] if part.endswith(".py") else (package / part).glob("*.py"))
-    ]
-    return sorted(_names(package, files) - set(OF_CUBES))
+    """Paths, within a package, of the modules that compute the numbers of a case."""
+    files = [file for part in COMPUTING for file in (package / part).glob("*.py")]
+    return sorted(_names(package, files) - set(OF_NO_CASE))
 
 
 def text_fingerprint(text: str) -> str:

@@ -27,7 +27,7 @@ from knitlab.model.options import ModelOptions
 from knitlab.model.pattern import BadPattern, PatchGrid, SingleFold
 from knitlab.model.plain import PlainKnit
 from knitlab.model.stripe import SpringKind, Stripe
-from knitlab.simulation.case_record import fields_of_record, stored_record
+from knitlab.simulation.case_record import fields_of_record, identifying, stored_record
 from knitlab.solvers.settings import SolverSettings
 
 Method = Literal["equilibrium", "dynamics"]
@@ -93,17 +93,24 @@ class Case:
     @cached_property
     def record(self) -> dict[str, Any]:
         """The case as JSON holds it; :func:`case_of` reads it."""
-        # Much faster than dataclasses.asdict, which also copies what cannot change.
-        # mypy takes the hash of an instance for that of its class.
-        return stored_record(_schema(type(self)).dump_python(self))  # type: ignore[arg-type]
+        return stored_record(self._fields())
 
     @cached_property
     def case_id(self) -> str:
-        """Identifier: the design, and a hash of the canonical JSON of this case.
+        """Identifier: the design, and a hash of the names and values of what identifies it.
 
-        Every field enters, so that one added later makes every case another.
+        A new setting with its default changes none
+        (:func:`~knitlab.simulation.case_record.identifying`).
         """
-        return "-".join([*map(str, self.design.values()), _digest(self.record)[:12]])
+        fields = identifying(self._fields(), self._fields(exclude_defaults=True))
+        return "-".join([*map(str, self.design.values()), _digest(stored_record(fields))[:12]])
+
+    def _fields(self, *, exclude_defaults: bool = False) -> dict[str, Any]:
+        # Much faster than dataclasses.asdict, which also copies what cannot change.
+        # mypy takes the hash of an instance for that of its class.
+        schema = _schema(type(self))  # type: ignore[arg-type]
+        fields: dict[str, Any] = schema.dump_python(self, exclude_defaults=exclude_defaults)
+        return fields
 
     @cached_property
     def test_id(self) -> str:

@@ -1,4 +1,4 @@
-"""Records: the fields of a case as JSON stores them, and as its identifier is computed from them.
+"""Records: the fields of a case as JSON stores them, and those that identify it.
 
 Files keep two names of the first version, so that identifiers of existing cases stay valid: a
 record says ``reading`` for the model options, and ``endless`` for a start from periodic fabric.
@@ -22,13 +22,31 @@ OF_TIME = ("relax_time", "strain_rate")
 OF_CAPACITOR = ("dielectric_thickness", "lead_capacitance")
 """Numbers of a capacitor that a record leaves out where they are 0."""
 STORED_STARTS = {"periodic": "endless"}
+IN_EVERY_IDENTIFIER = frozenset(
+    (
+        *("sensitivities", "unloading", "capacitor", "stiffening_strain", "spring_curve"),
+        *(*UNUSED_LEFT_OUT, *FINER_GRID, *OF_CONTACT, *OF_STEPS, *OF_TIME, *OF_CAPACITOR),
+        *("cell_size", "fold_phase", "hinges", "hinge_stiffness", "garter_start", "fold_angle"),
+        *("length_scale", "contact", "boundary"),
+        *("tolerance", "max_iterations", "step_limit", "smallest_shift", "start", "ramp_steps"),
+        *("soft_wall", "waypoint_force", "path_step", "smallest_step", "branch_limit", "drag"),
+        *("integrator", "ending", "damping_ratio", "surface_density", "rest_force"),
+        *("longest_time", "step_safety", "relative_tolerance", "absolute_tolerance", "snapshots"),
+        *("along", "ridges", "face", "within", "width", "span", "mask"),
+        *("ground", "ground_distance", "sense", "end"),
+    )
+)
+"""Fields with a default in code that enter identifiers all the same, as far as a record has them.
+
+Identifiers are older than the rule of :func:`identifying`; these are all fields that had a default
+then. None is added, and no new field has one of these names.
+"""
 
 
 def stored_record(fields: dict[str, Any]) -> dict[str, Any]:
     """The record of a case.
 
-    Fields and options that it does not use are left out, so that its identifier is that of a
-    version without them.
+    Fields and options that it does not use are left out.
 
     Args:
         fields: of the case, as :func:`dataclasses.asdict` gives them; they are changed.
@@ -62,6 +80,32 @@ def stored_record(fields: dict[str, Any]) -> dict[str, Any]:
     if "solver" in record:
         _rename_start(record["solver"], STORED_STARTS)
     return record
+
+
+def identifying(fields: dict[str, Any], differing: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a case by which it is identified: without what is new and has its default.
+
+    A field that is added later thus changes the identifier of no case that has its default in code,
+    which is the value of every earlier case. That default is fixed for ever: another one would give
+    two results one identifier. What users get is the value in ``params/``, which may change.
+
+    Args:
+        fields: of the case, as :func:`dataclasses.asdict` gives them.
+        differing: those of them that differ from their default in code.
+    """
+    return {
+        name: _identifying(value, differing[name]) if name in differing else value
+        for name, value in fields.items()
+        if name in differing or name in IN_EVERY_IDENTIFIER
+    }
+
+
+def _identifying(value: Any, differing: Any) -> Any:
+    if isinstance(value, dict):
+        return identifying(value, differing)
+    if isinstance(value, list | tuple):
+        return [_identifying(each, its) for each, its in zip(value, differing, strict=True)]
+    return value
 
 
 def fields_of_record(record: dict[str, Any]) -> dict[str, Any]:

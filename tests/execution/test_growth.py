@@ -2,7 +2,6 @@
 
 import json
 import os
-from dataclasses import field, fields, make_dataclass
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from knitlab.io.case_file import case_path, write_case_file
 from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
-from knitlab.simulation.case import Case, case_of
+from knitlab.simulation.case import case_of
 from knitlab.study.plan import make_plan
 from tests.execution import stand_in
 
@@ -224,15 +223,6 @@ def test_results_of_other_code_are_reported_and_recomputed_on_request(tmp_path, 
     words = folder_status(tmp_path, read_plan(tmp_path), plan.designs, check=False).statuses
     assert set(words.values()) == {CaseState.stale_code.value}
     assert sorted(ran(plan, tmp_path, refresh=True).simulated) == sorted(plan.cases)
-
-
-def test_a_new_field_of_a_case_changes_every_identifier():
-    (case,) = planned("n_stripe=4", "n_subunit=16").cases.values()
-    gravity = ("gravity", float, field(default=0.0))
-    later = make_dataclass("Case", [gravity], bases=(Case,), frozen=True)
-    values = {known.name: getattr(case, known.name) for known in fields(case)}
-    assert Case(**values).case_id == case.case_id
-    assert later(**values).case_id != case.case_id
 
 
 def test_a_case_is_read_back_from_its_record():
