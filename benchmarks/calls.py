@@ -12,9 +12,7 @@ from knitlab.cli import main
 from knitlab.io.shipped import PACKAGE
 from knitlab.solvers.system import System
 
-COMMAND = (
-    "run periodic --set n_stripe=4 --set n_subunit=16 --set strain_max=0.03 --set robustness=0"
-)
+SETTINGS = "n_stripe=4", "n_subunit=16", "strain_max=0.03", "robustness=0"
 
 
 def calls_to_a_factorisation() -> list[tuple[str, str]]:
