@@ -40,7 +40,7 @@ class ProgressBar:
             total=self._total,
             smoothing=0,
             disable=not shown,
-            file=file if on_terminal else _Lines(file),
+            file=file if on_terminal else _LogLines(file),
             bar_format=BAR if on_terminal else LINE,
             mininterval=0.1 if on_terminal else SECONDS_BETWEEN_LINES,
             # The amount of work of an update is arbitrary.
@@ -93,7 +93,7 @@ class ProgressBar:
         return f"{self._ended}/{len(self._cases)} cases"
 
 
-class _Lines:
+class _LogLines:
     """Writes each update of the bar as a line, for output that is not a terminal."""
 
     def __init__(self, file: TextIO) -> None:

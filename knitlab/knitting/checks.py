@@ -22,7 +22,7 @@ MOST_CARRIERS = 2
 
 
 @dataclass(frozen=True)
-class Finding:
+class ProgramFault:
     """A fault of a program.
 
     Attributes:
@@ -48,7 +48,7 @@ class Checked:
         graph: the stitches that the program forms, in order.
     """
 
-    findings: tuple[Finding, ...]
+    findings: tuple[ProgramFault, ...]
     graph: tuple[FormedStitch, ...]
 
 
@@ -67,22 +67,22 @@ def check(text: str, machine: Machine) -> Checked:
     return Checked(tuple(sorted(state.findings, key=lambda each: each.line)), tuple(state.graph))
 
 
-def _header_findings(text: str, machine: Machine) -> list[Finding]:
+def _header_findings(text: str, machine: Machine) -> list[ProgramFault]:
     lines = text.split("\n")
     found = []
     if lines[0] != f";!knitout-{VERSION}":
         problem = f"a file begins with ;!knitout-{VERSION}; make that its first line"
-        found.append(Finding(1, lines[0], problem))
+        found.append(ProgramFault(1, lines[0], problem))
     stated = headers(text)
     wanted = " ".join(map(str, range(1, machine.carriers.carriers + 1)))
     if stated.get("Carriers") != wanted:
         given = stated.get("Carriers", "missing")
         problem = f"the header Carriers is {given}; back ends want all of them, {wanted}"
-        found.append(Finding(1, ";;Carriers", problem))
+        found.append(ProgramFault(1, ";;Carriers", problem))
     end = len(stated) + 1
     if any(line.startswith(";;") for line in lines[end:]):
         problem = "the header ends here, and more of it follows; take the line out"
-        found.append(Finding(end + 1, lines[end] or "blank line", problem))
+        found.append(ProgramFault(end + 1, lines[end] or "blank line", problem))
     return found
 
 
@@ -91,7 +91,7 @@ class _State:
     """What the machine holds after an operation."""
 
     machine: Machine
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[ProgramFault] = field(default_factory=list)
     graph: list[FormedStitch] = field(default_factory=list)
     held: dict[Needle, list[int]] = field(default_factory=dict)
     active: set[int] = field(default_factory=set)
@@ -125,7 +125,7 @@ class _State:
             self._report(f"ends while {left[0]}{more} hold loops; bind them off or drop them")
 
     def _report(self, problem: str) -> None:
-        self.findings.append(Finding(self.now.line, str(self.now), problem))
+        self.findings.append(ProgramFault(self.now.line, str(self.now), problem))
 
     def _in_range(self, needles: tuple[Needle, ...]) -> bool:
         last = self.machine.bed.needles

@@ -57,7 +57,7 @@ Step = Callable[[int, float], None]
 
 
 @dataclass(frozen=True)
-class Target:
+class MeasuredTest:
     """A measured test.
 
     Attributes:
@@ -72,7 +72,8 @@ class Target:
     errors: Curves
 
     def __repr__(self) -> str:
-        return f"<Target: {int(self.measured.sum())} values at {len(self.applied_strain)} strains>"
+        values, strains = int(self.measured.sum()), len(self.applied_strain)
+        return f"<MeasuredTest: {values} values at {strains} strains>"
 
     @property
     def measured(self) -> Bool[np.ndarray, "quantity strain"]:
@@ -108,7 +109,7 @@ class Fit:
     standard_errors: Factors
     learned: Factors
     correlations: Float[np.ndarray, "name name"]
-    target: Target
+    target: MeasuredTest
     curves: tuple[Curves, Curves]
     chi_squared: tuple[float, float]
     tests: int
@@ -126,7 +127,7 @@ class NoFit(ValueError):
 
 def fit_stripes(
     case: Case,
-    target: Target,
+    target: MeasuredTest,
     looseness: float,
     names: Sequence[str] = FITTED,
     starts: int = 4,
@@ -206,7 +207,7 @@ class _Search:
     """Simulated tests of a search; the last one is kept for its derivatives."""
 
     def __init__(
-        self, case: Case, target: Target, looseness: float, names: tuple[str, ...], step: Step
+        self, case: Case, target: MeasuredTest, looseness: float, names: tuple[str, ...], step: Step
     ) -> None:
         self.case = case
         self.target, self.looseness, self.names, self.step = target, looseness, names, step
@@ -359,7 +360,7 @@ class _Search:
             )
 
 
-def root_mean_square(curves: Curves, target: Target) -> dict[str, float]:
+def root_mean_square(curves: Curves, target: MeasuredTest) -> dict[str, float]:
     """Root mean square difference from a measured test, by quantity, in its unit."""
     difference = np.where(target.measured, curves - target.values, 0.0)
     count = np.maximum(target.measured.sum(axis=1), 1)

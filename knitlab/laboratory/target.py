@@ -1,4 +1,4 @@
-"""Target of a fit: an imported test, scaled to the sample of a workflow."""
+"""The target of a fit: an imported test, scaled to the sample of a workflow."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from knitlab.io.cube_file import is_measured
 from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
 from knitlab.io.schema import CYCLE, DESIGN_DIMS
-from knitlab.laboratory.fit import Target
+from knitlab.laboratory.fit import MeasuredTest
 from knitlab.laboratory.simulated_test import QUANTITIES
 from knitlab.simulation.case import Case
 from knitlab.study.common_settings import parameters_of
@@ -20,7 +20,7 @@ NO_ERROR = 1.0
 """Error of a missing value, which does not affect the misfit."""
 
 
-def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Target:
+def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> MeasuredTest:
     """The measured curves of an experiment, scaled to the sample of a case.
 
     Args:
@@ -52,7 +52,7 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Target:
         )
     if not (errors[:, pulled][np.isfinite(values[:, pulled])] > 0).all():
         raise fault("model_error 0", "leaves values without an error; give one above 0")
-    return Target(
+    return MeasuredTest(
         tuple(strains[pulled].tolist()),
         values[:, pulled],
         np.nan_to_num(errors[:, pulled], nan=NO_ERROR),
@@ -86,6 +86,6 @@ def case_for(plan: Plan, experiment: xr.Dataset) -> Case:
     return replace(case, capacitor=None, sensitivities=False, unloading=False)
 
 
-def at_strains_of(case: Case, target: Target) -> Case:
+def at_strains_of(case: Case, target: MeasuredTest) -> Case:
     """The case at the strains of a target."""
     return replace(case, applied_strain=(0.0, *target.applied_strain))

@@ -16,7 +16,7 @@ with more work in each."""
 
 
 @dataclass(frozen=True, eq=False)
-class GridAxis:
+class EliminationAxis:
     """One axis of the grid.
 
     Attributes:
@@ -50,7 +50,7 @@ def grid_axis(
     line: Int[np.ndarray, " unknown"],
     nodal: Int[np.ndarray, " nodal"],
     distance: Int[np.ndarray, " coupling"],
-) -> GridAxis:
+) -> EliminationAxis:
     """An axis, from the lines of its unknowns.
 
     Args:
@@ -62,14 +62,14 @@ def grid_axis(
     lines = int(last - first) + 1
     ring = bool((distance > lines / 2).any())
     across = np.minimum(distance, lines - distance) if ring else distance
-    return GridAxis(line - first, lines, ring, max(1, int(across.max())))
+    return EliminationAxis(line - first, lines, ring, max(1, int(across.max())))
 
 
 _Rectangle = tuple[int, int, int, int]
 
 
 def elimination_order(
-    vertical: GridAxis, horizontal: GridAxis
+    vertical: EliminationAxis, horizontal: EliminationAxis
 ) -> tuple[Int[np.ndarray, " unknown"], Int[np.ndarray, " unknown"]]:
     """Front of every unknown, children before parents, and its sort key within the front."""
     label = np.zeros((vertical.lines, horizontal.lines), dtype=np.int64)
@@ -94,7 +94,7 @@ def elimination_order(
 
 
 def _dissected(
-    region: _Rectangle, vertical: GridAxis, horizontal: GridAxis
+    region: _Rectangle, vertical: EliminationAxis, horizontal: EliminationAxis
 ) -> Iterator[Sequence[_Rectangle]]:
     """The leaves and separators of a rectangle of the grid, in elimination order."""
     top, bottom, left, right = region

@@ -118,7 +118,7 @@ class _GradientsFail(Exception):
 
 
 @dataclass
-class Search:
+class DesignSearch:
     """Trials of one design.
 
     Attributes:

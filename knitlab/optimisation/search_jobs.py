@@ -15,7 +15,7 @@ from knitlab.io.errors import BadInput, Fault
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.optimisation.objective import Objective
 from knitlab.optimisation.quantities import Measures
-from knitlab.optimisation.search import Search, SearchResult
+from knitlab.optimisation.search import DesignSearch, SearchResult
 from knitlab.optimisation.search_space import DesignLabels, SearchSpace
 from knitlab.simulation.case import Case
 from knitlab.simulation.reporting import Progress
@@ -116,7 +116,7 @@ def _search_batch(
     job, path = jobs[start.case_id], _result_path(folder, start.case_id)
     if path.is_file() and job.stamp and json.loads(path.read_text()).get("of") == job.stamp:
         return
-    search = Search(
+    search = DesignSearch(
         job.space,
         job.objective,
         job.design,

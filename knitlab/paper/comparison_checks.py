@@ -22,8 +22,8 @@ from knitlab.paper.sample_checks import MOST_LISTED, tangents
 from knitlab.paper.samples import (
     Checkerboards,
     Design,
+    PureStripes,
     Samples,
-    Stripes,
     checkerboards,
     name_of,
     stripes,
@@ -51,7 +51,7 @@ def monotonic(
 
 def stripe_order(
     cube: xr.Dataset,
-    about: Stripes,
+    about: PureStripes,
     of: Literal["initial_tangent", "stiffening_strain"],
     direction: Direction,
     stiffened: Part = 0.5,

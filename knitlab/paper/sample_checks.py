@@ -17,8 +17,8 @@ from knitlab.paper.finding import Finding, Labels, NotMeasured
 from knitlab.paper.margin import above, below, within, worst
 from knitlab.paper.samples import (
     Checkerboards,
+    PureStripes,
     Samples,
-    Stripes,
     checkerboards,
     name_of,
     one_sample,
@@ -138,7 +138,7 @@ def largest_at_centre(
 
 
 def stripe_toe(
-    cube: xr.Dataset, about: Stripes, softer_than: PositiveFloat, visible: bool
+    cube: xr.Dataset, about: PureStripes, softer_than: PositiveFloat, visible: bool
 ) -> Finding:
     """A force curve is J-shaped, or is not: much softer at its start than at its end.
 
@@ -155,7 +155,7 @@ def stripe_toe(
 
 
 def same_curves(
-    cube: xr.Dataset, about: Stripes, one: str, other: str, tolerance: PositiveFloat
+    cube: xr.Dataset, about: PureStripes, one: str, other: str, tolerance: PositiveFloat
 ) -> Finding:
     """Two curves of a stripe differ by at most ``tolerance`` times the largest of ``other``."""
 

@@ -36,7 +36,7 @@ class Checkerboards(StrictModel):
     at_least: PositiveInt = 1
 
 
-class Stripes(StrictModel):
+class PureStripes(StrictModel):
     """Pure stripes that a claim is about.
 
     Attributes:
@@ -101,7 +101,7 @@ def checkerboards(cube: xr.Dataset, about: Checkerboards, *variables: str) -> Sa
     return Samples(cube[["status", *variables]], complete, wanted, "designs")
 
 
-def stripes(cube: xr.Dataset, about: Stripes, *variables: str) -> Samples:
+def stripes(cube: xr.Dataset, about: PureStripes, *variables: str) -> Samples:
     """The pure stripes of a cube that a claim is about; see :func:`checkerboards`."""
     statuses = {
         labels: status

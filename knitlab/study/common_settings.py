@@ -17,7 +17,7 @@ OF_DESIGNS = ("design", "weft", "warp", "periods")
 
 
 @dataclass(frozen=True)
-class Difference:
+class SettingDifference:
     """One setting in which two sets differ.
 
     Attributes:
@@ -80,7 +80,7 @@ def shared(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
 
 def differences(
     one: dict[str, Any], other: dict[str, Any], within: tuple[str, ...] = ()
-) -> tuple[Difference, ...]:
+) -> tuple[SettingDifference, ...]:
     """Where two records have different values under the same key.
 
     Args:
@@ -91,11 +91,11 @@ def differences(
     Returns:
         The differences, ordered as their sentences are.
     """
-    found: list[Difference] = []
+    found: list[SettingDifference] = []
     for key in one.keys() & other.keys():
         before, after = one[key], other[key]
         if isinstance(before, dict) and isinstance(after, dict):
             found += differences(before, after, (*within, key))
         elif before != after:
-            found.append(Difference((*within, key), before, after))
+            found.append(SettingDifference((*within, key), before, after))
     return tuple(sorted(found, key=str))

@@ -106,7 +106,7 @@ class StripeTable(StrictModel):
     n: dict[Annotated[str, AfterValidator(_stitches)], StripeRow] = Field(min_length=1)
 
 
-class Stripes(StrictModel):
+class StripeTables(StrictModel):
     """``stripes.toml``."""
 
     rib: StripeTable
@@ -143,13 +143,13 @@ class StripeFile(StrictModel):
     rib: StripeTable | None = None
     garter: StripeTable | None = None
 
-    def over(self, stripes: Stripes) -> Stripes:
+    def over(self, stripes: StripeTables) -> StripeTables:
         """The stripes, to which those of this file are added, or which they replace."""
         tables = {}
         for knit, table in (("rib", stripes.rib), ("garter", stripes.garter)):
             own: StripeTable | None = getattr(self, knit)
             tables[knit] = table if own is None else own.model_copy(update={"n": table.n | own.n})
-        return Stripes(**tables)
+        return StripeTables(**tables)
 
 
 @with_fields(with_defaults(ElectrodeLayout))
@@ -215,7 +215,7 @@ class Parameters:
         sources: source of each value, by the name of its setting.
     """
 
-    stripes: Stripes
+    stripes: StripeTables
     sheet: Sheet
     plain: PlainKnit
     model_options: ModelOptions
@@ -230,7 +230,7 @@ class Parameters:
 
 
 FILES: dict[str, type[BaseModel]] = {
-    "stripes": Stripes,
+    "stripes": StripeTables,
     "sheet": _file(StrictModel, Sheet),
     "plain": _file(StrictModel, PlainKnit),
     "reading": _file(StrictModel, ModelOptions),

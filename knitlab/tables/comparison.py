@@ -25,7 +25,7 @@ COMPARED = (
 
 
 @dataclass(frozen=True)
-class Difference:
+class CurveDifference:
     """The difference between two curves.
 
     Attributes:
@@ -43,7 +43,7 @@ class Difference:
 
 def difference(
     simulated: np.ndarray, measured: np.ndarray, errors: np.ndarray
-) -> Difference | None:
+) -> CurveDifference | None:
     """The difference of two curves at the same strains; ``None`` if they have no strain in common.
 
     Errors are assumed independent between strains, and 0 where unknown; if all are unknown, so is
@@ -61,12 +61,12 @@ def difference(
     deviation, error = (simulated - measured)[both], errors[both]
     rms = float(np.sqrt((deviation**2).mean()))
     if np.isnan(error).all():
-        return Difference(count, rms, np.nan, np.nan)
+        return CurveDifference(count, rms, np.nan, np.nan)
     error = np.nan_to_num(error)
     noise = float(np.sqrt((error**2).mean()))
     # Near 0 the root is not linear in the errors, and is bounded by the errors themselves.
     by_slope = np.sqrt((deviation**2 * error**2).sum()) / (count * rms) if rms > noise else noise
-    return Difference(count, rms, float(by_slope), noise)
+    return CurveDifference(count, rms, float(by_slope), noise)
 
 
 def compared(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> pd.DataFrame:

@@ -9,7 +9,7 @@ from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
-from knitlab.laboratory.fit import FITTED, NoFit, Target, fit_stripes, root_mean_square
+from knitlab.laboratory.fit import FITTED, MeasuredTest, NoFit, fit_stripes, root_mean_square
 from knitlab.laboratory.fit_report import report, write_stripes
 from knitlab.laboratory.simulated_test import QUANTITIES, simulated_test, with_factors
 from knitlab.laboratory.target import at_strains_of, case_for, target_of
@@ -49,7 +49,7 @@ def truth(case):
 def noisy(truth, relative, seed):
     errors = np.abs(truth.values).max(axis=1, keepdims=True) * relative * np.ones(len(STRAINS) - 1)
     noise = np.random.default_rng(seed).normal(0, 1, errors.shape) * errors
-    return Target(STRAINS[1:], truth.values + noise, errors)
+    return MeasuredTest(STRAINS[1:], truth.values + noise, errors)
 
 
 @pytest.fixture(scope="module")
@@ -138,7 +138,9 @@ def test_without_data_the_fit_keeps_the_tables(case, truth):
 @pytest.mark.slow
 def test_a_poor_fit_warns(case, truth):
     target = noisy(truth, 0.005, seed=1)
-    bent = Target(STRAINS[1:3], target.values[:, :2] * [[1.6], [1.0], [0.5]], target.errors[:, :2])
+    bent = MeasuredTest(
+        STRAINS[1:3], target.values[:, :2] * [[1.6], [1.0], [0.5]], target.errors[:, :2]
+    )
     short = replace(case, applied_strain=STRAINS[:3])
     said = " ".join(fit_stripes(short, bent, looseness=0.05, starts=1).warnings)
     assert "times its errors" in said
