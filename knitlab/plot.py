@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Any
 from knitlab.api.comparison import Cube, opened
 from knitlab.figures.drawing import FIGURES, draw
 from knitlab.figures.figure_kind import Drawing
-from knitlab.tables.selection import selection_texts
 
 __all__ = list(FIGURES)
 
@@ -32,7 +31,7 @@ def _plot_function(name: str) -> Callable[..., Drawing]:
 
     def plot(*cubes: Cube, **keywords: Any) -> Drawing:
         options = {key: keywords.pop(key) for key in kind.options if key in keywords}
-        return draw(name, [opened(cube) for cube in cubes], selection_texts(keywords), options)
+        return draw(name, [opened(cube) for cube in cubes], keywords, options)
 
     what = f"; and {', '.join(kind.options)}: names of dimensions and of a variable"
     what = what if kind.options else ""

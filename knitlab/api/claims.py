@@ -8,7 +8,6 @@ import pandas as pd
 from knitlab.paper.claims import read_claims
 from knitlab.paper.judgement import judged
 from knitlab.paper.records import records
-from knitlab.tables.selection import selection_texts
 
 
 def claims(*cubes: str | Path, output: str | Path | None = None, **selections: Any) -> pd.DataFrame:
@@ -32,12 +31,11 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
         >>> len(table)
         39
     """
-    texts = selection_texts(selections)
-    judgements = judged(read_claims(), [Path(cube) for cube in cubes], texts)
+    judgements = judged(read_claims(), [Path(cube) for cube in cubes], selections)
     if output is not None:
         # Matplotlib is imported only to write a report.
         from knitlab.report.page import check_suffix, write_page
 
         check_suffix(Path(output))
-        write_page(judgements, Path(output), texts)
+        write_page(judgements, Path(output), selections)
     return pd.DataFrame(records(judgements))

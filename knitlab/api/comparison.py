@@ -11,7 +11,7 @@ from knitlab.io.cube_file import open_cube
 from knitlab.io.plain_cube import PlainCube
 from knitlab.tables.comparison import compared
 from knitlab.tables.query import query_cubes
-from knitlab.tables.selection import refuse_others, selected, selection_texts, selections_along
+from knitlab.tables.selection import refuse_others, selected, selections_along
 
 Cube = str | Path | xr.Dataset
 """A cube, its file, or the results folder that holds it."""
@@ -52,10 +52,10 @@ def query(
         [8, 64]
     """
     plain = [PlainCube.of(opened(cube)) for cube in cubes]
-    return query_cubes(plain, selection_texts(selections), where, sort, columns)
+    return query_cubes(plain, selections, where, sort, columns)
 
 
-def compare(simulation: Cube, *experiments: Cube, **selections: Any) -> pd.DataFrame:
+def compare(simulation: Cube, /, *experiments: Cube, **selections: Any) -> pd.DataFrame:
     """How far a simulation is from experiments, curve by curve.
 
     Args:
@@ -71,11 +71,6 @@ def compare(simulation: Cube, *experiments: Cube, **selections: Any) -> pd.DataF
         BadInput: if the cubes have no design in common, or a selection is at fault.
     """
     cubes = [opened(cube) for cube in (simulation, *experiments)]
-    return compare_selected(cubes, selection_texts(selections))
-
-
-def compare_selected(cubes: Sequence[xr.Dataset], selections: Sequence[str]) -> pd.DataFrame:
-    """How far the first cube is from the others, with selections as text; see :func:`compare`."""
     known = {str(name) for cube in cubes for name in cube.dims if name in cube.coords}
     remedy = f"select along {', '.join(sorted(known))}"
     refuse_others(selections, known, f"is not a coordinate of these cubes; {remedy}")

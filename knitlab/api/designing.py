@@ -10,7 +10,7 @@ from knitlab.api.sweeps import RESULTS
 from knitlab.io.errors import fault
 from knitlab.optimisation.conflict import conflict_of
 from knitlab.optimisation.design import BUDGET, Designed, DesignOptions, run_design
-from knitlab.optimisation.request import DesignRequest, checked_request, read_request
+from knitlab.optimisation.request import checked_request, read_request
 
 MOST = 1_000_000
 """Largest number of simulations if the budget is a time."""
@@ -102,26 +102,12 @@ def design(
                 "settings": settings,
             },
         )
-    return design_request(
-        request, budget, workers, Path(results), figures, progress, measures or {}
-    )
-
-
-def design_request(
-    request: DesignRequest,
-    budget: int | str,
-    workers: int,
-    results: Path,
-    figures: bool,
-    progress: bool,
-    measures: Mapping[str, Measure],
-) -> Designed:
-    """:func:`design` for a request that has been read."""
     if workers < 0:
         raise fault(f"workers {workers}", "is below 0; give 0 for this process, or more")
     most, minutes = read_budget(budget)
     options = DesignOptions(workers, most, minutes, progress)
-    designed = run_design(request, results / request.name, options, tuple(measures.items()))
+    folder = Path(results) / request.name
+    designed = run_design(request, folder, options, tuple((measures or {}).items()))
     if figures:
         draw(designed)
     return designed

@@ -1,6 +1,6 @@
 """Export of shapes as meshes for other programs."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ from knitlab.meshes.formats import FORMATS, write_mesh
 from knitlab.meshes.series import SERIES, write_series
 from knitlab.meshes.solid import solid_of
 from knitlab.meshes.surface import SurfaceMesh
-from knitlab.tables.selection import refuse_others, selection_texts
+from knitlab.tables.selection import refuse_others
 
 if TYPE_CHECKING:
     from knitlab.api.comparison import Cube
@@ -47,11 +47,12 @@ class Exported:
 def export(
     shapes: "Cube",
     output: str | Path,
+    selections: Mapping[str, Any] = {},
     *,
     repeats: tuple[int, int] = (1, 1),
     triangles: bool = False,
     thickness: float | None = None,
-    **selections: Any,
+    **named: Any,
 ) -> Exported:
     """Write the shape of one design as a mesh that other programs read.
 
@@ -64,12 +65,13 @@ def export(
         output: file to write. Its suffix sets the format: ``.vtu``, ``.ply``, ``.obj``, ``.stl`` or
             ``.glb``; ``.pvd`` is a series over the applied strain, with a ``.vtu`` for each in a
             folder beside it.
+        selections: a value for each coordinate, until one design is left. ``applied_strain`` is 0
+            if it is left out, of a series every strain that was reached.
         repeats: how often periodic fabric is repeated along the warp (y) and the weft (x).
         triangles: whether grid cells are divided into triangles also where the format has quads.
         thickness: of a closed solid, half of it on either side of the sheet [mm]; without it the
             mesh is the open sheet.
-        selections: a value for each coordinate, until one design is left. ``applied_strain`` is 0
-            if it is left out, of a series every strain that was reached.
+        named: further selections, as keywords: ``n_stripe=4``.
 
     Returns:
         The files and their meshes.
@@ -90,19 +92,7 @@ def export(
         >>> len(exported.meshes[0].faces)
         256
     """
-    texts = selection_texts(selections)
-    return export_selected(shapes, Path(output), texts, repeats, triangles, thickness)
-
-
-def export_selected(
-    shapes: "Cube",
-    output: Path,
-    selections: Sequence[str],
-    repeats: tuple[int, int],
-    triangles: bool,
-    thickness: float | None,
-) -> Exported:
-    """Write the shape of one design, with selections as text; see :func:`export`."""
+    output, selections = Path(output), {**selections, **named}
     series = output.suffix.lower() == SERIES
     if not series and output.suffix.lower() not in FORMATS:
         known = ", ".join((*FORMATS, SERIES))
@@ -124,7 +114,7 @@ def export_selected(
     return Exported(tuple(files), strains, tuple(meshes), tuple(crossing))
 
 
-def _case_file(shapes: "Cube", selections: Sequence[str]) -> xr.Dataset:
+def _case_file(shapes: "Cube", selections: Mapping[str, Any]) -> xr.Dataset:
     """The contents of the case file of one design."""
     if isinstance(shapes, xr.Dataset):
         if "status" not in shapes:

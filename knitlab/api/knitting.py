@@ -25,7 +25,6 @@ from knitlab.knitting.round_trip import RoundTrip, round_trip
 from knitlab.knitting.specification import Specification, specification
 from knitlab.knitting.stitch_chart import stitch_chart
 from knitlab.study.figure_names import STILL_SUFFIXES, check_still
-from knitlab.tables.selection import selection_texts
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -159,7 +158,7 @@ def knit(
     if isinstance(design, Design):
         found = of_single_case(resolve(design, [0.0], settings))
     elif isinstance(design, xr.Dataset) or is_cube(design):
-        found = of_cube(design, selection_texts(settings))
+        found = of_cube(design, settings)
     else:
         found = of_workflow(str(design), settings)
     return knitted(found, repeats, needles, face, machine)

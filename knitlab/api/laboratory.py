@@ -3,8 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import xarray as xr
-
 from knitlab.api.comparison import Cube, opened
 from knitlab.io.errors import fault
 from knitlab.laboratory.description import RecordKind
@@ -36,7 +34,7 @@ def import_records(
 
 def fit(
     experiment: Cube,
-    workflow: str | Path,
+    workflow: str | Path | Plan,
     *,
     looseness: float = 0.2,
     model_error: float = 0.01,
@@ -51,7 +49,7 @@ def fit(
 
     Args:
         experiment: cube of one experiment on one design, in one cycle.
-        workflow: name or path of a workflow that has the design.
+        workflow: name or path of a workflow that has the design, or its plan.
         looseness: relative standard deviation of the tabulated stripes, as a prior.
         model_error: error of the model, as a fraction of the largest value of a curve.
         starts: largest number of starts that are tried until the test is matched.
@@ -64,21 +62,12 @@ def fit(
     Raises:
         BadInput: if the experiment cannot be fitted, or the workflow has no such design.
     """
-    plan = make_plan(str(workflow), settings)
-    return fit_experiment(opened(experiment), plan, looseness, model_error, starts, step)
-
-
-def fit_experiment(
-    experiment: xr.Dataset,
-    plan: Plan,
-    looseness: float,
-    model_error: float,
-    starts: int,
-    step: Step,
-) -> Fit:
-    """:func:`fit` for a plan with one case of the experiment's design."""
-    case = case_for(plan, experiment)
-    target = target_of(experiment, case, model_error)
+    if isinstance(workflow, Plan) and settings:
+        raise fault("settings", "belong to workflows; plan the workflow with them")
+    plan = workflow if isinstance(workflow, Plan) else make_plan(str(workflow), settings)
+    cube = opened(experiment)
+    case = case_for(plan, cube)
+    target = target_of(cube, case, model_error)
     try:
         return fit_stripes(at_strains_of(case, target), target, looseness, starts=starts, step=step)
     except NoFit as problem:

@@ -50,14 +50,14 @@ def is_cube(path: str | Path) -> bool:
 
 
 def of_workflow(
-    workflow: str, overrides: Overrides = (), selections: Sequence[str] = ()
+    workflow: str, overrides: Overrides = (), selections: Mapping[str, Any] = {}
 ) -> SingleDesign:
     """The design of a workflow.
 
     Args:
         workflow: its name, or the path of its file.
         overrides: settings that replace its own.
-        selections: texts ``NAME=VALUE`` that keep some of its designs.
+        selections: values by coordinate that keep some of its designs.
 
     Raises:
         BadInput: if the workflow or a selection is at fault, or if it is not one design.
@@ -79,7 +79,7 @@ def of_single_case(single: SingleCase) -> SingleDesign:
     return SingleDesign(single.case, single.gauge)
 
 
-def of_cube(cube: str | Path | xr.Dataset, selections: Sequence[str] = ()) -> SingleDesign:
+def of_cube(cube: str | Path | xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
     """The design of a cube or of a test.
 
     Its case is read from the plan or the case file beside the cube. Where there is neither, the
@@ -87,7 +87,7 @@ def of_cube(cube: str | Path | xr.Dataset, selections: Sequence[str] = ()) -> Si
 
     Args:
         cube: the cube, its path, or a test of :func:`knitlab.simulate`.
-        selections: texts ``NAME=VALUE`` that keep some of its designs.
+        selections: values by coordinate that keep some of its designs.
 
     Raises:
         BadInput: if the cube or a selection is at fault, if it is not one design, or if its case is

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from knitlab.cli.options import explains_bad_input, select_option
+from knitlab.cli.options import explains_bad_input, read_selections, select_option
 from knitlab.study.figure_names import FIGURE_NAMES
 
 format_option = click.option(
@@ -49,7 +49,8 @@ def query(
     # A comma within brackets belongs to a reduction such as mean(poisson_ratio, 0.05:0.25).
     names = [name.strip() for name in re.split(r",(?![^(]*\))", columns)] if columns else None
     opened = [open_plain_cube(cube) for cube in cubes]
-    click.echo(formatted(query_cubes(opened, selections, where, sort, names), style))
+    table = query_cubes(opened, read_selections(selections), where, sort, names)
+    click.echo(formatted(table, style))
 
 
 @click.command()
@@ -66,12 +67,11 @@ def compare(
     The uncertainty is that of the RMS difference, from the scatter of the records; the noise
     is the RMS difference expected for equal curves.
     """
-    from knitlab.api.comparison import compare_selected
-    from knitlab.io.cube_file import open_cube
+    from knitlab.api.comparison import compare as compare_with
     from knitlab.tables.query import formatted
 
-    opened = [open_cube(path) for path in (simulation, *experiments)]
-    click.echo(formatted(compare_selected(opened, selections), style))
+    table = compare_with(simulation, *experiments, **read_selections(selections))
+    click.echo(formatted(table, style))
 
 
 @click.command(
@@ -106,14 +106,15 @@ def draw_map(
     """Draw a figure of a cube, unless its file is up to date."""
     from knitlab.figures.drawn import fingerprint_of_figure, is_drawn
 
+    chosen = read_selections(selections)
     options = {name: value for name, value in shown.items() if value is not None}
     with suppress(OSError):  # draw_figure explains why a cube cannot be read
-        if is_drawn(output, fingerprint_of_figure(kind, cubes, selections, options)):
+        if is_drawn(output, fingerprint_of_figure(kind, cubes, chosen, options)):
             click.echo(f"figure  {output}")
             return
     from knitlab.figures.drawing import draw_figure
 
-    click.echo(f"figure  {draw_figure(kind, cubes, output, selections, options)}")
+    click.echo(f"figure  {draw_figure(kind, cubes, output, chosen, options)}")
 
 
 @click.command()
@@ -139,10 +140,11 @@ def claims(cubes: tuple[Path, ...], selections: tuple[str, ...], output: Path | 
 
     if output is not None:
         check_suffix(output)
-    judgements = judged(read_claims(), cubes, selections)
+    chosen = read_selections(selections)
+    judgements = judged(read_claims(), cubes, chosen)
     click.echo(listed(judgements))
     if output is not None:
-        files, faults = write_page(judgements, output, selections)
+        files, faults = write_page(judgements, output, chosen)
         for path in files:
             click.echo(f"{'page' if path == output else 'figure':6}  {path}")
         for fault in faults:

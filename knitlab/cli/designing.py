@@ -30,23 +30,22 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     run again.
     Exit code 1 if no candidate meets all targets.
     """
-    from knitlab.api.designing import design_request, draw
+    from knitlab.api.designing import design as design_for
+    from knitlab.api.designing import draw
     from knitlab.io.plain_cube import CUBE
     from knitlab.optimisation.conflict import conflict_of
-    from knitlab.optimisation.request import read_request
     from knitlab.optimisation.summary import summary
     from knitlab.tables.query import formatted
 
-    request = read_request(file)
     try:
-        designed = design_request(request, budget, workers, results, False, True, {})
+        designed = design_for(file, budget=budget, workers=workers, results=results, progress=True)
     except KeyboardInterrupt:
         click.echo("stopped: finished simulations are kept; run again to continue", err=True)
         sys.exit(SOME_CASE_NOT_OK)
     if style == "table":
-        wanted = (*request.targets, *request.subject_to)
+        wanted = (*designed.request.targets, *designed.request.subject_to)
         for number, target in enumerate(wanted, start=1):
-            kind = "target" if number <= len(request.targets) else "subject to"
+            kind = "target" if number <= len(designed.request.targets) else "subject to"
             click.echo(f"{kind} {number}: {target.text}")
     click.echo(formatted(designed.table, style))
     for line in summary(designed, conflict_of(designed)):

@@ -6,6 +6,7 @@ import click
 
 from knitlab.cli.options import (
     explains_bad_input,
+    read_selections,
     repeats_option,
     select_option,
     two_counts,
@@ -44,10 +45,15 @@ def export(
     Shapes are in the case files beside a cube. Of a single file the strain is 0 unless it is
     selected; a series has every strain that was reached.
     """
-    from knitlab.api.exporting import export_selected
+    from knitlab.api.exporting import export as export_shape
 
-    exported = export_selected(
-        cube, output, selections, two_counts(repeats) or (1, 1), triangles, thickness
+    exported = export_shape(
+        cube,
+        output,
+        read_selections(selections),
+        repeats=two_counts(repeats) or (1, 1),
+        triangles=triangles,
+        thickness=thickness,
     )
     for strain, mesh, crossing in zip(
         exported.applied_strain, exported.meshes, exported.self_intersections, strict=True

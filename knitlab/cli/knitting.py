@@ -10,6 +10,7 @@ from knitlab.cli.options import (
     MOST_LINES,
     SOME_CASE_NOT_OK,
     explains_bad_input,
+    read_selections,
     repeats_option,
     select_option,
     set_option,
@@ -85,7 +86,7 @@ def knit(
         check_output(path)
     for path in sheets:
         check_still(path)
-    found = _single_design(design, settings, selections)
+    found = _single_design(design, settings, read_selections(selections))
     sample = knitted(found, two_counts(repeats), needles, face, _values(changes))
     for name, value in sample.specification.rows():
         click.echo(f"{name:13} {value}")
@@ -109,7 +110,7 @@ def knit(
 
 
 def _single_design(
-    design: str, settings: tuple[str, ...], selections: tuple[str, ...]
+    design: str, settings: tuple[str, ...], selections: dict[str, Any]
 ) -> "SingleDesign":
     from knitlab.api.single_design import is_cube, of_cube, of_workflow
     from knitlab.io.errors import fault

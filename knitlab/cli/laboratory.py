@@ -10,6 +10,7 @@ from knitlab.cli.options import (
     SOME_CASE_NOT_OK,
     check_toml,
     explains_bad_input,
+    read_selections,
     results_option,
     select_option,
     set_option,
@@ -103,9 +104,9 @@ def fit(
     from knitlab.tables.selection import selected
 
     check_toml(output)
-    cube = selected(open_cube(experiment), selections)
+    cube = selected(open_cube(experiment), read_selections(selections))
 
-    from knitlab.api.laboratory import fit_experiment
+    from knitlab.api.laboratory import fit as fit_test
     from knitlab.figures.fit import Fitted, fit_figure
     from knitlab.figures.saving import save
     from knitlab.figures.style import print_style
@@ -115,8 +116,14 @@ def fit(
     def report_step(tests: int, chi_squared: float) -> None:
         click.echo(f"test {tests}: chi² {chi_squared:.4g}", err=True)
 
-    made = make_plan(workflow, settings)
-    found = fit_experiment(cube, made, looseness, model_error, starts, report_step)
+    found = fit_test(
+        cube,
+        make_plan(workflow, settings),
+        looseness=looseness,
+        model_error=model_error,
+        starts=starts,
+        step=report_step,
+    )
     for line in report(found):
         click.echo(line)
     for warning in found.warnings:

@@ -3,13 +3,14 @@
 import re
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import wraps
 from pathlib import Path
 from typing import Any
 
 import click
 
-from knitlab.io.errors import BadInput, fault
+from knitlab.io.errors import BadInput, Fault, fault
 
 BAD_INPUT = 2
 SOME_CASE_NOT_OK = 1
@@ -91,6 +92,37 @@ select_option = click.option(
 )
 
 
+def read_selections(texts: tuple[str, ...]) -> dict[str, list[float | str]]:
+    """The values of ``--select`` by their coordinate.
+
+    Raises:
+        BadInput: with every text that is malformed, or of a coordinate that an earlier one selects.
+    """
+    found: dict[str, list[float | str]] = {}
+    faults = []
+    for text in texts:
+        name, _, listed = (part.strip() for part in text.partition("="))
+        if not listed:
+            faults.append(Fault(f"selections {text}", "is not NAME=VALUE; give both"))
+        elif name in found:
+            problem = f"selects {name} again; give its values once, with commas between them"
+            faults.append(Fault(f"selections {text}", problem))
+        else:
+            found[name] = [_value(part.strip()) for part in listed.split(",")]
+    if faults:
+        raise BadInput(faults)
+    return found
+
+
+def _value(text: str) -> float | str:
+    """The number that a text writes, or the text; 04 stays text, as a label may be written so."""
+    for kind in (int, float):
+        with suppress(ValueError):
+            if str(kind(text)) == text:
+                return kind(text)
+    return text
+
+
 repeats_option = click.option(
     "--repeats",
     metavar="NxM",
@@ -104,8 +136,6 @@ def two_counts(text: str | None) -> tuple[int, int] | None:
     Raises:
         BadInput: if the text is of another form.
     """
-    from knitlab.io.errors import fault
-
     if text is None:
         return None
     match = re.fullmatch(r"(\d+)\s*[x×,]\s*(\d+)", text.strip())

@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -34,7 +35,7 @@ from knitlab.io.plain_cube import PlainCube
 from knitlab.io.schema import DESIGN_DIMS, VARIABLES
 from knitlab.io.suggestions import unknown
 from knitlab.study.figure_names import COMPARING, FIGURE_NAMES, suffixes
-from knitlab.tables.selection import choices, refuse_others, selected, selections_along
+from knitlab.tables.selection import as_given, choices, refuse_others, selected, selections_along
 
 FIGURES: dict[str, FigureKind] = {
     name: import_module(f"knitlab.figures.kinds.{name}").FIGURE for name in FIGURE_NAMES
@@ -46,7 +47,7 @@ def draw_figure(
     kind: str,
     cube_paths: Sequence[Path],
     output: Path,
-    selections: Sequence[str] = (),
+    selections: Mapping[str, Any] = {},
     options: Mapping[str, str] | None = None,
 ) -> Path:
     """Draw one figure into a file.
@@ -57,7 +58,7 @@ def draw_figure(
         cube_paths: a cube, or the results folder that holds one; several for a kind that takes
             several.
         output: the file; its suffix sets the format.
-        selections: texts ``NAME=VALUE`` that slice the cube first.
+        selections: values by coordinate that slice the cube first.
         options: what a kind with options shows, such as ``{"of": "reaction_force"}``.
 
     Returns:
@@ -94,7 +95,9 @@ def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     faults: list[Fault] = []
     cube = open_cube(folder)
     requested = requested_figures(kinds, PlainCube.of(cube), folder)
-    slices = {figure.selections for figure in requested if figure.kind not in COMPARING}
+    slices = {
+        tuple(figure.selections.items()) for figure in requested if figure.kind not in COMPARING
+    }
     if len(slices) > MOST_SLICES:
         problem = f"{len(slices)} slices are too many to draw in a run; draw one by knitlab map"
         faults.append(Fault("figures", problem))
@@ -122,7 +125,7 @@ def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[F
 def draw(
     kind: str,
     cubes: Sequence[xr.Dataset],
-    selections: Sequence[str] = (),
+    selections: Mapping[str, Any] = {},
     options: Mapping[str, str] | None = None,
 ) -> Drawing:
     """Draw one figure from cubes in memory.
@@ -131,7 +134,7 @@ def draw(
         kind: a name of :data:`FIGURES`.
         cubes: cubes or single cases. A figure that needs node positions takes them from a case,
             or from the case files beside the file that the cube was opened from.
-        selections: texts ``NAME=VALUE`` that slice the cubes first.
+        selections: values by coordinate that slice the cubes first.
         options: what a kind with options shows, such as ``{"of": "reaction_force"}``.
 
     Returns:
@@ -183,7 +186,7 @@ def _check_options(kind: str, options: Mapping[str, str]) -> None:
 def _drawn_of_cases(
     name: str,
     cases: Sequence[xr.Dataset],
-    selections: Sequence[str],
+    selections: Mapping[str, Any],
     options: Mapping[str, str] | None,
 ) -> Drawing:
     kind = FIGURES[name]
@@ -198,7 +201,7 @@ def _drawn_of_cases(
     return kind.draw(sliced if kind.designs else sliced[0])
 
 
-def _sliced_case(case: xr.Dataset, selections: Sequence[str]) -> xr.Dataset:
+def _sliced_case(case: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     """The selected strains of a case.
 
     Raises:
@@ -211,7 +214,7 @@ def _sliced_case(case: xr.Dataset, selections: Sequence[str]) -> xr.Dataset:
         if not np.isin(sliced["applied_strain"].values, strains[kept]).all():
             known = ", ".join(f"{strain:g}" for strain in strains[kept])
             raise fault(
-                f"selections {', '.join(selections)}",
+                f"selections {', '.join(as_given(selections))}",
                 f"has no shape, which this case file keeps at {known}; choose one of these",
             )
     return sliced
@@ -221,7 +224,7 @@ def _drawn(
     name: str,
     cube_paths: Sequence[Path],
     cubes: Sequence[xr.Dataset],
-    selections: Sequence[str] = (),
+    selections: Mapping[str, Any],
     options: Mapping[str, str] | None = None,
 ) -> Drawing:
     kind = FIGURES[name]

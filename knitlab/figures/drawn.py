@@ -9,10 +9,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from knitlab.io.fingerprint import DIGITS, file_digest, package_fingerprint
 from knitlab.io.plain_cube import PlainCube, base_of, cube_path
 from knitlab.study.figure_names import COMPARING, suffixes
+from knitlab.tables.selection import as_given
 
 MARK = "knitlab-drawn-of:"
 """Prefix of the fingerprint that is stored in the file of every figure."""
@@ -33,7 +35,7 @@ class RequestedFigure:
     """
 
     kind: str
-    selections: tuple[str, ...]
+    selections: Mapping[str, Any]
     outputs: tuple[Path, ...]
 
 
@@ -46,12 +48,12 @@ def requested_figures(kinds: Iterable[str], cube: PlainCube, folder: Path) -> li
         folder: results folder of the workflow.
     """
     swept = cube.design_dims[len(base_of(cube.design_dims)) :]
-    along = [[f"{dim}={value}" for value in cube.coordinates[dim]] for dim in swept]
-    slices = list(itertools.product(*along))
+    values = itertools.product(*(cube.coordinates[dim] for dim in swept))
+    slices: list[dict[str, Any]] = [dict(zip(swept, each, strict=True)) for each in values]
     found = []
     for kind in kinds:
-        for selections in [()] if kind in COMPARING else slices:
-            stem = "_".join([kind, *(text.replace("=", "-") for text in selections)])
+        for selections in [{}] if kind in COMPARING else slices:
+            stem = "_".join([kind, *(f"{dim}-{value}" for dim, value in selections.items())])
             names = [f"{stem}{suffix}" for suffix in suffixes(kind) if suffix != UNDRAWN]
             outputs = tuple(folder / "figures" / name for name in names)
             found.append(RequestedFigure(kind, selections, outputs))
@@ -61,7 +63,7 @@ def requested_figures(kinds: Iterable[str], cube: PlainCube, folder: Path) -> li
 def fingerprint_of_figure(
     kind: str,
     cube_paths: Sequence[Path],
-    selections: Sequence[str] = (),
+    selections: Mapping[str, Any],
     options: Mapping[str, str] | None = None,
 ) -> str:
     """Fingerprint of everything a figure depends on: cubes, code and the version of matplotlib.
@@ -69,14 +71,14 @@ def fingerprint_of_figure(
     Args:
         kind: a name of a figure.
         cube_paths: cubes, or the results folders that hold them.
-        selections: texts ``NAME=VALUE``.
+        selections: values by coordinate that slice the cubes.
         options: what a kind with options shows.
 
     Raises:
         OSError: if a cube cannot be read.
     """
     chosen = [f"{name}:{value}" for name, value in (options or {}).items()]
-    parts = [kind, *selections, *chosen, package_fingerprint(), version("matplotlib")]
+    parts = [kind, *as_given(selections), *chosen, package_fingerprint(), version("matplotlib")]
     parts += [file_digest(cube_path(path)) for path in cube_paths]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[: 2 * DIGITS]
 

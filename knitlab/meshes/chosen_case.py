@@ -1,7 +1,8 @@
 """The one case, and the strains of it, that selections choose."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -31,13 +32,13 @@ NO_SHAPE = {
 """Why a design has no case file, by its status."""
 
 
-def chosen_case(cube: xr.Dataset, folder: Path, selections: Sequence[str] = ()) -> xr.Dataset:
+def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -> xr.Dataset:
     """Contents of the case file of the one design that selections leave.
 
     Args:
         cube: the cube.
         folder: the results folder that it lies in, with the case files.
-        selections: texts ``NAME=VALUE``; those along the strain are left to
+        selections: a value by coordinate; those along the strain are left to
             :func:`chosen_strains`.
 
     Raises:
@@ -72,20 +73,20 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Sequence[str] = ()) 
 
 
 def chosen_strains(
-    case_file: xr.Dataset, selections: Sequence[str] = (), several: bool = False
+    case_file: xr.Dataset, selections: Mapping[str, Any], several: bool = False
 ) -> list[int]:
     """Places of the strains of a case that selections choose.
 
     Args:
         case_file: contents of its file.
-        selections: texts ``NAME=VALUE``; without one along the strain the relaxed state is chosen,
-            or every strain that was reached if several may be.
+        selections: a value by coordinate; without one along the strain the relaxed state is
+            chosen, or every strain that was reached if several may be.
         several: whether several may be chosen.
 
     Raises:
         BadInput: if a strain is not there or was not reached, or several are chosen for one mesh.
     """
-    texts = selections_along(selections, [STRAIN])
+    along = selections_along(selections, [STRAIN])
     strains = case_file[STRAIN].values
     reached = np.zeros(len(strains), bool)
     if "position" in case_file:
@@ -97,7 +98,7 @@ def chosen_strains(
         raise fault(title, f"has no shape: {reason or 'it did not relax'}; choose another design")
     everything = np.flatnonzero(reached).tolist() if several else [0]
     coordinates = PlainCube.of(case_file).coordinates
-    places = chosen_places(coordinates, texts)[STRAIN] if texts else everything
+    places = chosen_places(coordinates, along)[STRAIN] if along else everything
     if missing := [place for place in places if not reached[place]]:
         highest = strains[reached].max()
         raise fault(

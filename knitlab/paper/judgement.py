@@ -1,9 +1,10 @@
 """Judging claims by cubes; if several apply, the one nearest the paper's samples decides."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import xarray as xr
 
@@ -65,7 +66,7 @@ class Judgement:
 
 
 def judged(
-    claims: Sequence[Claim], cubes: Sequence[Path], selections: Sequence[str] = ()
+    claims: Sequence[Claim], cubes: Sequence[Path], selections: Mapping[str, Any] = {}
 ) -> list[Judgement]:
     """Judge claims by cubes.
 
@@ -75,7 +76,7 @@ def judged(
     Args:
         claims: the claims.
         cubes: cubes, or results folders that hold one.
-        selections: texts ``NAME=VALUE`` that select one value of each swept setting.
+        selections: one value of each swept setting, by its name.
 
     Raises:
         BadInput: if a cube cannot be read or has several values of a setting without a selection,
@@ -133,7 +134,7 @@ def _by_all(claim: Claim, slices: Sequence[Slice]) -> Judgement:
     return Judgement(claim, finding, samples)
 
 
-def _one_slice(path: Path, cube: xr.Dataset, selections: Sequence[str]) -> xr.Dataset:
+def _one_slice(path: Path, cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     """The cube at one value of every swept setting, which stays as a coordinate."""
     swept = swept_dims(cube)
     cube = selected(cube, selections_along(selections, swept))

@@ -1,7 +1,8 @@
 """The figures that show claims, each drawn once for its cubes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from knitlab.figures.drawing import draw_figure
 from knitlab.io.errors import BadInput, Fault
@@ -18,14 +19,14 @@ def figure_key(judgement: Judgement) -> Key:
 
 
 def draw_claims(
-    judgements: Sequence[Judgement], folder: Path, selections: Sequence[str]
+    judgements: Sequence[Judgement], folder: Path, selections: Mapping[str, Any]
 ) -> tuple[dict[Key, Path], list[Fault]]:
     """Draw the figures of all claims that were measured.
 
     Args:
         judgements: the claims and their verdicts.
         folder: folder for the figures.
-        selections: texts ``NAME=VALUE`` that the cubes were sliced by.
+        selections: values of the coordinates that the cubes were sliced by.
 
     Returns:
         The files, and why some figures could not be drawn.

@@ -1,8 +1,9 @@
 """The page of claims: what a user may rely on, the table of claims, and their figures."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import Fault, fault
@@ -28,7 +29,7 @@ def check_suffix(page: Path) -> None:
 
 
 def write_page(
-    judgements: Sequence[Judgement], page: Path, selections: Sequence[str] = ()
+    judgements: Sequence[Judgement], page: Path, selections: Mapping[str, Any] = {}
 ) -> tuple[list[Path], list[Fault]]:
     """Write the claims as a page.
 
@@ -38,7 +39,7 @@ def write_page(
     Args:
         judgements: the claims and their verdicts.
         page: file to write, Markdown or HTML by its suffix.
-        selections: texts ``NAME=VALUE`` that the cubes were sliced by.
+        selections: values of the coordinates that the cubes were sliced by.
 
     Returns:
         The files, and why some figures could not be drawn.

@@ -8,7 +8,7 @@ import xarray as xr
 
 from knitlab.io.plain_cube import PlainCube
 from knitlab.tables.query import query_cubes
-from knitlab.tables.selection import selected, selection_texts
+from knitlab.tables.selection import selected
 
 
 class KnitlabAccessor:
@@ -39,7 +39,7 @@ class KnitlabAccessor:
             >>> cube.knitlab.select(n_stripe=8).sizes["n_stripe"]
             1
         """
-        return selected(self._cube, selection_texts(selections))
+        return selected(self._cube, selections)
 
     def query(
         self,
@@ -72,5 +72,4 @@ class KnitlabAccessor:
             >>> table[["n_stripe", "n_subunit"]].values.tolist()
             [[8, 48], [8, 64]]
         """
-        texts = selection_texts(selections)
-        return query_cubes([PlainCube.of(self._cube)], texts, where, sort, columns)
+        return query_cubes([PlainCube.of(self._cube)], selections, where, sort, columns)

@@ -1,6 +1,6 @@
 """Queries: the designs of a cube as a table, filtered, sorted and printed."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ STRIPE_NUMBERS = [name for name, variable in VARIABLES.items() if variable.of ==
 """Columns that are shown only on request."""
 
 
-def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFrame:
+def designs_table(cube: PlainCube, selections: Mapping[str, Any] = {}) -> pd.DataFrame:
     """One row for each design, one column for each variable, without excluded combinations.
 
     Variables with further dimensions appear once all of these are selected, with a row for each
@@ -26,7 +26,7 @@ def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFra
 
     Args:
         cube: the cube.
-        selections: texts ``NAME=VALUE``, see :func:`~knitlab.tables.selection.chosen_places`.
+        selections: a value, or a sequence of values, by coordinate.
 
     Raises:
         BadInput: if a selection is wrong.
@@ -63,7 +63,7 @@ def designs_table(cube: PlainCube, selections: Sequence[str] = ()) -> pd.DataFra
     return table
 
 
-def designs_of_all(cubes: Sequence[PlainCube], selections: Sequence[str] = ()) -> pd.DataFrame:
+def designs_of_all(cubes: Sequence[PlainCube], selections: Mapping[str, Any] = {}) -> pd.DataFrame:
     """The concatenated tables of several cubes, with the source of each row.
 
     A cube without a selected dimension, such as a simulation without cycles, is not sliced by it.
@@ -130,7 +130,7 @@ def _differing_options(cube: PlainCube, cubes: Sequence[PlainCube]) -> dict[str,
 
 def query_cubes(
     cubes: Sequence[PlainCube],
-    selections: Sequence[str] = (),
+    selections: Mapping[str, Any] = {},
     where: str | None = None,
     sort: str | Sequence[str] | None = None,
     columns: Sequence[str] | None = None,

@@ -6,9 +6,13 @@ from pathlib import Path
 import pytest
 import xarray as xr
 from click.testing import CliRunner
+from hypothesis import given
+from hypothesis import strategies as st
 
 from knitlab.cli import main
+from knitlab.cli.options import read_selections
 
+PREVIEW = str(Path(__file__).parents[2] / "results/reference/preview")
 SMALL = ("--set", "n_stripe=4", "--set", "n_subunit=8", "--set", "strain_max=0.06")
 
 
@@ -97,6 +101,43 @@ def test_bad_input_is_a_sentence_and_exit_code_2_and_writes_nothing(words, tmp_p
     assert result.output.strip()
     assert "Traceback" not in result.output
     assert list(tmp_path.iterdir()) == []
+
+
+QUERY, KNIT = ("query", PREVIEW), ("knit", PREVIEW)
+CLAIMS, COMPARE = ("claims", PREVIEW), ("compare", PREVIEW, PREVIEW)
+MAP, EXPORT = ("map", "auxetic", PREVIEW, "-o", "a.pdf"), ("export", PREVIEW, "-o", "a.vtu")
+
+
+@pytest.mark.parametrize(
+    ("words", "selection", "message"),
+    [
+        (QUERY, "n_stripe", "is not NAME=VALUE; give both"),
+        (QUERY, "n_stripe= ", "is not NAME=VALUE; give both"),
+        ((*QUERY, "--select", "n_stripe=4"), "n_stripe=6", "selects n_stripe again; give its"),
+        (QUERY, "n_stripe=4,5", "the cube has no n_stripe = 5; choose from 2, 4, 6, 8"),
+        (COMPARE, "simulation=1", "is not a coordinate of these cubes; select along"),
+        (EXPORT, "repeats=2", "is not a coordinate of a shape; select along"),
+        (MAP, "cell_x=1", "is not a coordinate of auxetic; select along"),
+        (CLAIMS, "n_stripe=4", "is not a swept setting of these cubes; leave it out"),
+        (KNIT, "n_stripe=four", "'four' is not a number; give one"),
+    ],
+)
+def test_a_selection_at_fault_is_named_as_it_was_given(words, selection, message):
+    said = knitlab(*words, "--select", selection)
+    assert said.exit_code == 2
+    assert said.output.startswith(f"knitlab: --select {selection}: {message}")
+
+
+@given(values=st.lists(st.integers() | st.floats(allow_nan=False), min_size=1))
+def test_selected_numbers_are_read_as_numbers(values):
+    (read,) = read_selections((f" name = {' , '.join(map(str, values))}",)).values()
+    assert read == values
+    assert [type(value) for value in read] == [type(value) for value in values]
+
+
+@pytest.mark.parametrize("label", ["04", "1e3", "barrier", "4 x 2"])
+def test_a_selected_label_keeps_its_letters(label):
+    assert read_selections((f"name={label}",)) == {"name": [label]}
 
 
 def test_a_folder_that_cannot_be_written_is_a_sentence(tmp_path):

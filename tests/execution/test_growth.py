@@ -270,7 +270,7 @@ def test_query_and_figures_slice_swept_settings(tmp_path):
     assert cube.knitlab.select(k_t_factor=0.8).sizes["k_t_factor"] == 1
     with pytest.raises(BadInput, match=r"select k_t_factor of 0\.8, 1\.2"):
         draw_figure("auxetic", [tmp_path], tmp_path / "map.png")
-    drawn = draw_figure("auxetic", [tmp_path], tmp_path / "map.png", ["k_t_factor=0.8"])
+    drawn = draw_figure("auxetic", [tmp_path], tmp_path / "map.png", {"k_t_factor": 0.8})
     assert drawn.stat().st_size > 1000
     figures, faults = draw_figures(("auxetic",), tmp_path)
     assert faults == []

@@ -89,7 +89,7 @@ def test_the_colour_bar_spans_the_values_and_zero_is_white():
 
 def test_the_map_shows_the_ratio_at_a_selected_strain():
     cube = made_up_cube()
-    axes = draw("auxetic", [cube], ["applied_strain=0.2"]).axes[0]
+    axes = draw("auxetic", [cube], {"applied_strain": 0.2}).axes[0]
     at = cube["poisson_ratio"].sel(applied_strain=0.2)
     wanted = [
         f"{float(at.sel(n_stripe=n, n_subunit=m)):.2f}".replace("-", "−")
@@ -165,13 +165,13 @@ def test_a_figure_is_written_in_the_format_of_its_suffix(cube_file, tmp_path, su
 @pytest.mark.parametrize(
     ("kind", "output", "selections", "message"),
     [
-        ("auxetic", "map.jpeg2", (), "has no format of this suffix; give one of .pdf, .svg, .png"),
-        ("auxetic", "map.pdf", ("n_stripe=3",), "no n_stripe = 3"),
-        ("shape", "shape.png", (), "holds no node position"),
-        ("curves", "curves.png", ("n_stripe=2", "n_subunit=64"), "no design of this selection"),
-        ("auxetic", "map.pdf", ("cell_x=1",), "is not a coordinate of auxetic"),
-        ("sensitivity", "map.pdf", (), "run with sensitivities = true"),
-        ("shapes", "map.pdf", (), "holds none of these designs; shapes are in case files"),
+        ("auxetic", "map.jpeg2", {}, "has no format of this suffix; give one of .pdf, .svg, .png"),
+        ("auxetic", "map.pdf", {"n_stripe": 3}, "no n_stripe = 3"),
+        ("shape", "shape.png", {}, "holds no node position"),
+        ("curves", "curves.png", {"n_stripe": 2, "n_subunit": 64}, "no design of this selection"),
+        ("auxetic", "map.pdf", {"cell_x": 1}, "is not a coordinate of auxetic"),
+        ("sensitivity", "map.pdf", {}, "run with sensitivities = true"),
+        ("shapes", "map.pdf", {}, "holds none of these designs; shapes are in case files"),
     ],
 )
 def test_a_figure_that_cannot_be_drawn_writes_nothing(
@@ -255,7 +255,7 @@ def test_relaxed_shapes_stand_side_by_side_with_their_sizes():
 @pytest.mark.parametrize("strain", [0.0, 0.2])
 def test_a_shape_has_the_colour_of_its_height_at_the_selected_strain(strain):
     case = made_up_case(periodic=False)
-    axes = draw("shape", [case], [f"applied_strain={strain}"]).axes[0]
+    axes = draw("shape", [case], {"applied_strain": strain}).axes[0]
     faces = axes.collections[0]
     nodes = case["position"].sel(applied_strain=strain).values
     assert faces.get_datalim(axes.transData).x1 == pytest.approx(nodes[..., 0].max())
@@ -268,7 +268,7 @@ def test_a_strain_whose_shape_is_not_kept_is_refused():
     case = made_up_case(periodic=False)
     case["position"][1] = np.nan
     with pytest.raises(BadInput, match="has no shape, which this case file keeps at 0;"):
-        draw("shape", [case], ["applied_strain=0.2"])
+        draw("shape", [case], {"applied_strain": 0.2})
 
 
 @pytest.mark.parametrize("content", [None, b"not netCDF"])

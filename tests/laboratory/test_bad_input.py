@@ -5,7 +5,9 @@ import pytest
 import tomli_w
 from click.testing import CliRunner
 
+import knitlab as kl
 from knitlab.cli import main
+from knitlab.io.errors import BadInput
 from tests.laboratory.recorded import Laboratory
 from tests.tables.artificial_cubes import made_up_cube
 
@@ -364,3 +366,9 @@ def test_records_of_another_sample_are_not_mixed_in(tmp_path, good):
     result, _ = imported(tmp_path, good, "markers", [("protocol.strain_step", 0.1)])
     assert result.exit_code == 2
     assert "has another sample, length, width, source, cycles or strains" in result.output
+
+
+def test_settings_beside_a_plan_are_refused():
+    plan = kl.plan("laboratory")
+    with pytest.raises(BadInput, match="settings: belong to workflows; plan the workflow with"):
+        kl.fit("nowhere.nc", plan, strain_max=0.1)

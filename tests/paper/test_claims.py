@@ -311,7 +311,7 @@ def test_slopes_of_one_line_and_of_several_are_distinguished():
 def test_a_selection_that_would_change_nothing_is_refused(tmp_path):
     write_cube(good_checkerboards(), tmp_path / "cube.nc")
     with pytest.raises(BadInput, match=r"selections n_stripe=4: is not a swept setting"):
-        judged(read_claims(), [tmp_path], ["n_stripe=4"])
+        judged(read_claims(), [tmp_path], {"n_stripe": 4})
 
 
 def test_a_page_of_an_unknown_format_is_refused_before_any_output(tmp_path):

@@ -147,23 +147,31 @@ def test_any_text_filters_or_is_refused(expression):
 
 
 def test_a_selected_strain_brings_its_variables():
-    table = designs_table(PlainCube.of(made_up_cube()), ["applied_strain=0.1,0.2", "n_stripe=4"])
+    table = designs_table(
+        PlainCube.of(made_up_cube()), {"applied_strain": [0.1, 0.2], "n_stripe": 4}
+    )
     assert list(table["poisson_ratio"]) == [-0.8, -0.4, -0.4, -0.2]
     assert "poisson_ratio" not in TABLE
+
+
+def test_a_selected_word_may_hold_commas():
+    cube = PlainCube.of(made_up_cube().assign_coords(n_stripe=["a,b", "04", "4"]))
+    assert designs_table(cube, {"n_stripe": "a,b"})["n_stripe"].unique() == ["a,b"]
+    assert designs_table(cube, {"n_stripe": [4]})["n_stripe"].unique() == ["4"]
 
 
 def test_a_selected_dimension_that_no_column_has_changes_nothing():
     cube = made_up_cube().expand_dims(cell_x=[0, 1])
     cube["status"] = cube["status"].isel(cell_x=0)
     table = designs_table(
-        PlainCube.of(cube[["status"]].assign(wide=cube["poisson_ratio"])), ["cell_x=0"]
+        PlainCube.of(cube[["status"]].assign(wide=cube["poisson_ratio"])), {"cell_x": 0}
     )
     assert pairs(table) == pairs(TABLE)
 
 
 def test_a_column_named_twice_appears_once():
     assert list(queried(TABLE, columns=["n_stripe", "n_stripe"]).columns) == ["n_stripe"]
-    table = designs_table(PlainCube.of(made_up_cube()), ["n_stripe=4,4"])
+    table = designs_table(PlainCube.of(made_up_cube()), {"n_stripe": [4, 4]})
     assert pairs(table) == [(4, 16), (4, 32)]
 
 
@@ -175,16 +183,19 @@ def test_the_error_for_a_variable_along_the_strain_states_the_remedy():
 @pytest.mark.parametrize(
     ("selection", "message"),
     [
-        ("n_stripe=3", "no n_stripe = 3; choose from 2, 4, 8"),
-        ("n_stripes=4", "did you mean 'n_stripe'"),
-        ("n_stripe=four", "not a number"),
-        ("n_stripe", "not NAME=VALUE"),
-        ("status=1", "there is no 'status'; choose from applied_strain, n_stripe, n_subunit"),
+        ({"n_stripe": 3}, "n_stripe=3: the cube has no n_stripe = 3; choose from 2, 4, 8"),
+        ({"n_stripes": 4}, "did you mean 'n_stripe'"),
+        ({"n_stripe": "four"}, "'four' is not a number"),
+        ({"n_stripe": [4, None]}, "n_stripe=4,None: None is not a number"),
+        ({"n_stripe": slice(2, 4)}, "is not a number"),
+        ({"n_stripe": 10**400}, "is not a number"),
+        ({"n_stripe": []}, "n_stripe=: has no value; give one"),
+        ({"status": 1}, "there is no 'status'; choose from applied_strain, n_stripe, n_subunit"),
     ],
 )
 def test_a_bad_selection_is_named(selection, message):
     with pytest.raises(BadInput, match=message):
-        designs_table(PlainCube.of(made_up_cube()), [selection])
+        designs_table(PlainCube.of(made_up_cube()), selection)
 
 
 def test_unknown_names_are_reported_with_the_nearest():
