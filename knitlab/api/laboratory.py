@@ -60,7 +60,8 @@ def fit(
         The fitted stripes with their standard errors, curves and warnings.
 
     Raises:
-        BadInput: if the experiment cannot be fitted, or the workflow has no such design.
+        BadInput: if the experiment cannot be fitted, the workflow has no such design, or settings
+            are given beside a plan.
     """
     if isinstance(workflow, Plan) and settings:
         raise fault("settings", "belong to workflows; plan the workflow with them")

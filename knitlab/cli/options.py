@@ -115,7 +115,7 @@ def read_selections(texts: tuple[str, ...]) -> dict[str, list[float | str]]:
 
 
 def _value(text: str) -> float | str:
-    """The number that a text writes, or the text; 04 stays text, as a label may be written so."""
+    """The number that is written as this text, or the text: 04 may be a label."""
     for kind in (int, float):
         with suppress(ValueError):
             if str(kind(text)) == text:
