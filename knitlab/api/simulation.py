@@ -60,8 +60,8 @@ def simulate(
     Args:
         design: the knit and its sample.
         applied_strain: strains of the test along the warp, ascending from 0 [1].
-        model: model options, such as ``knitlab.Model(cell_size="flat")``. This and the next six
-            are by default those of ``params/*.toml``, see :func:`knitlab.defaults`.
+        model: model options, such as ``knitlab.Model(cell_size="flat")``; by default this and the
+            other tables of settings are those of :func:`knitlab.defaults`.
         sheet: the walls, and the thickness of the fabric.
         plain: stiffness of plain knit.
         solver: settings of the search for equilibria.

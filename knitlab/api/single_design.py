@@ -131,13 +131,13 @@ def of_workflow(
     plan = make_plan(workflow, overrides)
     places = chosen_places(_labels(plan), selections)
     labels = {dim: {_labels(plan)[dim][place] for place in at} for dim, at in places.items()}
-    cases = [
+    chosen = [
         case
         for case in plan.cases.values()
         if all(case.design[dim] in kept for dim, kept in labels.items())
     ]
-    _check_is_one(plan.workflow, [case.label for case in cases])
-    return SingleDesign(cases[0], plan.gauge)
+    _check_is_one(plan.workflow, [case.label for case in chosen])
+    return SingleDesign(chosen[0], plan.gauge)
 
 
 def of_cube(cube: str | Path | xr.Dataset, selections: Sequence[str] = ()) -> SingleDesign:
