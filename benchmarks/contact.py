@@ -11,10 +11,9 @@ import click
 import numpy as np
 
 import knitlab as kl
-from knitlab.io.shipped import shipped
-from knitlab.study.parameters import read_parameters
+from knitlab.model.options import Contact
 
-CONTACT = ("none", "barrier")
+CONTACT: tuple[Contact, ...] = ("none", "barrier")
 
 
 @click.command()
@@ -25,13 +24,13 @@ def main(designs: str, strain_max: float, steps: int) -> None:
     """Time every design without contact and with it."""
     strain = np.linspace(0.0, strain_max, steps + 1)
     click.echo("design    nodes     none  barrier  ratio  iterations  self-intersections")
-    for n_stripe, n_subunit in read_parameters(shipped("params")).designs.root[designs].pairs:
+    for n_stripe, n_subunit in kl.defaults().designs.root[designs].pairs:
         design = kl.Design(n_stripe=n_stripe, n_subunit=n_subunit, boundary="periodic")
         kl.simulate(design, strain[:2])  # compiles
         seconds, tests = [], []
         for contact in CONTACT:
             began = time.process_time()
-            tests.append(kl.simulate(design, strain, contact=contact))
+            tests.append(kl.simulate(design, strain, model=kl.Model(contact=contact)))
             seconds.append(time.process_time() - began)
         nodes = tests[0].sizes["node_y"] * tests[0].sizes["node_x"]
         counts = [

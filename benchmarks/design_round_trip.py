@@ -6,13 +6,13 @@ off the tables by up to 25 %, at random with a fixed seed, and the search is fre
 """
 
 import tempfile
-from typing import Any
 
 import click
 import numpy as np
 
 import knitlab as kl
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
+from knitlab.simulation.stripe_changes import changed_stripe
 
 DESIGNS = (
     (4, 16), (8, 32), (2, 8), (6, 36), (4, 24), (6, 24), (2, 16), (8, 48), (4, 32), (2, 12),
@@ -26,9 +26,15 @@ OFF, FREE, TOLERANCE = 0.25, 0.3, 0.01
 def round_trip(design: tuple[int, int], factors: dict[str, float], results: str) -> str:
     """Hide a fabric, look for it, and say in a line what came of it."""
     n_stripe, n_subunit = design
-    knit = kl.Design(n_stripe=n_stripe, n_subunit=n_subunit, boundary="periodic")
-    settings: dict[str, Any] = dict(factors)
-    curve = kl.simulate(knit, STRAINS, **settings)["poisson_ratio"].values[1:]
+    stripes = kl.defaults().stripes
+    knit = kl.Design(
+        n_stripe,
+        n_subunit,
+        boundary="periodic",
+        rib=changed_stripe(stripes.stripe("rib", n_stripe), factors),
+        garter=changed_stripe(stripes.stripe("garter", 2 * n_stripe), factors),
+    )
+    curve = kl.simulate(knit, STRAINS)["poisson_ratio"].values[1:]
     wanted = {
         "name": "poisson_ratio",
         "applied_strain": STRAINS[1:].tolist(),

@@ -30,9 +30,17 @@ if TYPE_CHECKING:
     from knitlab.api.measures import evaluate
     from knitlab.api.simulation import NotConverged, simulate
     from knitlab.api.sweeps import NotAllOk, merge, plan, reproduce, run, status
+    from knitlab.capacitance.capacitor import Capacitor
+    from knitlab.dynamics.settings import DynamicsSettings
     from knitlab.io.cube_file import open_cube
     from knitlab.io.errors import BadInput
+    from knitlab.measure.knit_size import Gauge
+    from knitlab.model.electrode_layout import ElectrodeLayout
+    from knitlab.model.fabric import Sheet
+    from knitlab.model.plain import PlainKnit
     from knitlab.model.stripe import Stripe
+    from knitlab.solvers.settings import SolverSettings
+    from knitlab.study.defaults import Model, defaults
     from knitlab.study.patterns import Pattern
 
     __version__: str
@@ -41,15 +49,24 @@ register_accessor()
 
 __all__ = [
     "BadInput",
+    "Capacitor",
     "Design",
+    "DynamicsSettings",
+    "ElectrodeLayout",
+    "Gauge",
+    "Model",
     "NotAllOk",
     "NotConverged",
     "Pattern",
+    "PlainKnit",
+    "Sheet",
+    "SolverSettings",
     "Stripe",
     "__version__",
     "calibrate",
     "claims",
     "compare",
+    "defaults",
     "design",
     "evaluate",
     "explore",
@@ -70,14 +87,23 @@ __all__ = [
 ]
 _MODULES = {
     "BadInput": "knitlab.io.errors",
+    "Capacitor": "knitlab.capacitance.capacitor",
     "Design": "knitlab.api.design",
+    "DynamicsSettings": "knitlab.dynamics.settings",
+    "ElectrodeLayout": "knitlab.model.electrode_layout",
+    "Gauge": "knitlab.measure.knit_size",
+    "Model": "knitlab.study.defaults",
     "NotAllOk": "knitlab.api.sweeps",
     "NotConverged": "knitlab.api.simulation",
     "Pattern": "knitlab.study.patterns",
+    "PlainKnit": "knitlab.model.plain",
+    "Sheet": "knitlab.model.fabric",
+    "SolverSettings": "knitlab.solvers.settings",
     "Stripe": "knitlab.model.stripe",
     "calibrate": "knitlab.api.calibration",
     "claims": "knitlab.api.claims",
     "compare": "knitlab.api.comparison",
+    "defaults": "knitlab.study.defaults",
     "design": "knitlab.api.designing",
     "evaluate": "knitlab.api.measures",
     "explore": "knitlab.api.explorer",

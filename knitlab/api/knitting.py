@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from knitlab.api.design import Design, resolve
+from knitlab.api.design import Design
 from knitlab.api.single_design import (
     SingleDesign,
     is_cube,
     of_cube,
-    of_single_case,
+    of_design,
     of_workflow,
 )
+from knitlab.capacitance.capacitor import Capacitor
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.knitting.chart import Face, StitchChart
@@ -24,7 +25,11 @@ from knitlab.knitting.machine import Machine, read_machine
 from knitlab.knitting.round_trip import RoundTrip, round_trip
 from knitlab.knitting.specification import Specification, specification
 from knitlab.knitting.stitch_chart import stitch_chart
+from knitlab.measure.knit_size import Gauge
+from knitlab.model.options import ModelOptions
+from knitlab.study.defaults import defaults
 from knitlab.study.figure_names import STILL_SUFFIXES, check_still
+from knitlab.study.workflow import ProtocolSection
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -122,6 +127,9 @@ def knit(
     needles: int | None = None,
     face: Face | None = None,
     machine: Mapping[str, Any] | None = None,
+    model: ModelOptions | None = None,
+    capacitor: Capacitor | None = None,
+    gauge: Gauge | None = None,
     **settings: Any,
 ) -> KnitSample:
     """Chart a design stitch by stitch, and write the knitout that knits it.
@@ -136,8 +144,11 @@ def knit(
             default that to which their ridges point.
         machine: values that replace those of ``params/machine.toml``, such as
             ``{"end": "drop", "waste_courses": 10}``.
-        settings: of a design or a workflow, settings that replace its own, as for
-            :func:`knitlab.run`; of a cube, values of coordinates that select one design.
+        model: of a design, its model options, as for :func:`knitlab.simulate`.
+        capacitor: of a design, its electrodes, likewise.
+        gauge: of a design, the size of a stitch, likewise.
+        settings: of a workflow, settings that replace its own, as for :func:`knitlab.run`; of a
+            cube, values of coordinates that select one design.
 
     Returns:
         The sample: its chart, its program and its specification.
@@ -155,8 +166,18 @@ def knit(
         >>> sample.save(folder / "sample.k").name
         'sample.k'
     """
+    tables = {"model": model, "capacitor": capacitor, "gauge": gauge}
     if isinstance(design, Design):
-        found = of_single_case(resolve(design, [0.0], settings))
+        if settings:
+            raise fault(
+                ", ".join(settings),
+                f"is of a workflow or a cube; of a Design, give {', '.join(tables)}",
+            )
+        parameters = defaults().with_tables(**tables)
+        plated = capacitor is not None
+        found = of_design(design, [0.0], parameters, ProtocolSection(), electrodes=plated)
+    elif given := [name for name, table in tables.items() if table is not None]:
+        raise fault(", ".join(given), "is of a Design; leave it out of a workflow or a cube")
     elif isinstance(design, xr.Dataset) or is_cube(design):
         found = of_cube(design, settings)
     else:

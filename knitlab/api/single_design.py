@@ -1,30 +1,38 @@
-"""One design of a workflow or of a cube: its case, its gauge, and what a cube says of it."""
+"""One design, of whatever describes it: its case, its gauge, and what a cube says of it."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from pydantic import ValidationError
 
+from knitlab.api.design import Design
 from knitlab.execution.reproduce import find_case
 from knitlab.io.cube_file import design_dims, is_case, open_cube
-from knitlab.io.errors import BadInput, fault
+from knitlab.io.errors import BadInput, Fault, fault, faults_of
 from knitlab.io.plain_cube import CUBE, cube_path
-from knitlab.io.shipped import shipped
 from knitlab.knitting.patch_lines import is_turned
 from knitlab.knitting.specification import Prediction
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
+from knitlab.study.cases import cases, electrode_problems
+from knitlab.study.defaults import defaults
+from knitlab.study.design_space import design_space
 from knitlab.study.gauge import ATTRIBUTES
 from knitlab.study.overrides import Overrides
-from knitlab.study.parameters import read_parameters
+from knitlab.study.parameters import Parameters
+from knitlab.study.patterns import Pattern
 from knitlab.study.plan import Plan, make_plan
-from knitlab.study.single_case import SingleCase
+from knitlab.study.workflow import DesignSection, ElectrodesSection, ProtocolSection, Workflow
 from knitlab.tables.selection import chosen_places, selected
 
+OWN_PATTERN = "own pattern"
+"""Name of a pattern that is given as an object."""
 MOST_NAMED = 6
 """Designs that a message lists."""
 
@@ -49,6 +57,64 @@ def is_cube(path: str | Path) -> bool:
     return Path(path).suffix == ".nc" or (Path(path) / CUBE).is_file()
 
 
+def of_design(
+    design: Design,
+    applied_strain: Sequence[float],
+    parameters: Parameters,
+    protocol: ProtocolSection,
+    *,
+    electrodes: bool,
+) -> SingleDesign:
+    """The case of a design that is given as an object.
+
+    Args:
+        design: the design.
+        applied_strain: strains of its test, ascending from 0 [1].
+        parameters: the settings; stripes and boundary are those of the design where it has them.
+        protocol: how the states of the test are reached.
+        electrodes: whether it has those of ``parameters.capacitor``.
+
+    Raises:
+        BadInput: with every fault of the design and the strains, or if settings contradict.
+    """
+    strains = tuple(float(strain) for strain in applied_strain)
+    faults = [*_bad_strains(strains)]
+    pattern = design.pattern
+    if isinstance(pattern, Pattern):
+        named = parameters.patterns | {OWN_PATTERN: (pattern, Path())}
+        parameters, pattern = replace(parameters, patterns=named), OWN_PATTERN
+    try:
+        section = DesignSection(
+            n_stripe=(design.n_stripe,),
+            n_subunit=(design.n_subunit,),
+            pattern=(pattern,) if isinstance(pattern, str) else pattern,
+            unit_cells=design.unit_cells,
+            needles=design.needles,
+        )
+    except ValidationError as error:
+        raise BadInput([*faults_of(error, "Design"), *faults]) from error
+    if parameters.model.boundary == "periodic" and design.boundary == "clamped":
+        problem = "is periodic, and the design is clamped; give the boundary to knitlab.Design"
+        faults.append(Fault("model.boundary", problem))
+    if faults:
+        raise BadInput(faults)
+    parameters = replace(
+        parameters.with_tables(model=replace(parameters.model, boundary=design.boundary)),
+        stripes=parameters.stripes.with_stripes(design.stripes),
+    )
+    workflow = Workflow(
+        title="single design",
+        design=section,
+        protocol=protocol,
+        electrodes=ElectrodesSection() if electrodes else None,
+    )
+    space = design_space(section, parameters, str)
+    (case,) = cases(workflow, (), space, parameters, str)
+    if problems := electrode_problems(case):
+        raise fault("layout", "; ".join(problems))
+    return SingleDesign(replace(case, applied_strain=strains), parameters.gauge)
+
+
 def of_workflow(
     workflow: str, overrides: Overrides = (), selections: Mapping[str, Any] = {}
 ) -> SingleDesign:
@@ -65,18 +131,13 @@ def of_workflow(
     plan = make_plan(workflow, overrides)
     places = chosen_places(_labels(plan), selections)
     labels = {dim: {_labels(plan)[dim][place] for place in at} for dim, at in places.items()}
-    cases = [
+    chosen = [
         case
         for case in plan.cases.values()
         if all(case.design[dim] in kept for dim, kept in labels.items())
     ]
-    _check_is_one(plan.workflow, [case.label for case in cases])
-    return SingleDesign(cases[0], plan.gauge)
-
-
-def of_single_case(single: SingleCase) -> SingleDesign:
-    """The design of a case that belongs to no sweep."""
-    return SingleDesign(single.case, single.gauge)
+    _check_is_one(plan.workflow, [case.label for case in chosen])
+    return SingleDesign(chosen[0], plan.gauge)
 
 
 def of_cube(cube: str | Path | xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
@@ -111,6 +172,15 @@ def of_cube(cube: str | Path | xr.Dataset, selections: Mapping[str, Any]) -> Sin
     name = str(dataset.attrs.get("workflow", "cube"))
     case = _recorded(str(design["case_id"].item()), folder, name)
     return SingleDesign(case, _gauge(dataset.attrs), _prediction(design, case, name))
+
+
+def _bad_strains(strains: Sequence[float]) -> Iterator[Fault]:
+    if not strains or strains[0] != 0:
+        problem = f"begins at 0, the relaxed fabric, but is {list(strains)}"
+        yield Fault("applied_strain", problem)
+    elif any(later <= earlier for earlier, later in pairwise(strains)):
+        problem = f"ascends, but is {list(strains)}; sort it and keep each once"
+        yield Fault("applied_strain", problem)
 
 
 def _labels(plan: Plan) -> dict[str, np.ndarray]:
@@ -152,7 +222,7 @@ def _recorded(case_id: str, folder: Path | None, workflow: str) -> Case:
 def _gauge(attributes: Mapping[Any, Any]) -> Gauge:
     """The gauge that a cube states, by default that of the parameters."""
     if not set(ATTRIBUTES.values()) <= set(attributes):
-        return read_parameters(shipped("params")).gauge
+        return defaults().gauge
     return Gauge(**{name: float(attributes[its]) for name, its in ATTRIBUTES.items()})
 
 

@@ -79,12 +79,11 @@ def calibrate(
     from knitlab.figures.calibration import calibration_figure
     from knitlab.figures.saving import save
     from knitlab.figures.style import print_style
-    from knitlab.io.shipped import shipped
     from knitlab.io.stripe_file import write_stripe_file
     from knitlab.measure.calibration import calibrate as fit
     from knitlab.measure.calibration import report, report_comparison
     from knitlab.model.spring_curve import SpringCurve
-    from knitlab.study.parameters import read_parameters
+    from knitlab.study.defaults import defaults
 
     title = f"{stitches} × {stitches} {knit}, period {period:g} mm"
     springs: Literal["linear", "stiffening"] | SpringCurve = "linear"
@@ -107,7 +106,7 @@ def calibrate(
     for warning in found.warnings:
         click.echo(f"knitlab: {warning}", err=True)
     if found.usable:
-        used_size = cell_size or read_parameters(shipped("params")).model_options.cell_size
+        used_size = cell_size or defaults().model.cell_size
         write_stripe_file(output, knit, stitches, found, curve, used_size)
         click.echo(f"stripe   {output}")
     else:

@@ -17,7 +17,6 @@ from knitlab.io.fingerprint import code_fingerprint, file_digest, text_fingerpri
 from knitlab.io.plain_cube import CUBE
 from knitlab.io.provenance import provenance
 from knitlab.io.schema import CYCLE, DESIGN_DIMS, SOURCE, VARIABLES, described
-from knitlab.io.shipped import shipped
 from knitlab.laboratory.description import Description, RecordKind, read_description
 from knitlab.laboratory.machine import (
     Pulls,
@@ -32,7 +31,7 @@ from knitlab.laboratory.quantities import number
 from knitlab.measure.cycles import Cycle
 from knitlab.model.stripe import periods_per_patch
 from knitlab.study.common_settings import ATTRIBUTE, parameters_of
-from knitlab.study.parameters import read_parameters
+from knitlab.study.defaults import defaults
 
 IMPORTS = "imports"
 LARGEST_AT_REST = 0.25
@@ -197,7 +196,7 @@ def _read_capacitance(folder: Path, description: Description) -> Read:
     pulls = read_pulls(folder, description, tensile)
     log, time = read_capacitance(folder, table, pulls)
     strains = np.array(description.protocol.applied_strain)
-    least = read_parameters(shipped("params")).capacitor.linearity
+    least = defaults().capacitor.linearity
 
     def values_of(cycle: Cycle) -> Values:
         return capacitance_values(log, time, pulls, cycle, strains, least)

@@ -9,7 +9,7 @@ from knitlab.capacitance.capacitor import Capacitor
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.strict_model import StrictModel
 from knitlab.io.suggestions import unknown
-from knitlab.model.electrode_layout import BadLayout, ElectrodeLayout
+from knitlab.model.electrode_layout import BadLayout
 from knitlab.model.pattern import BadPattern
 from knitlab.model.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
@@ -100,7 +100,7 @@ def _cases(
     source: Source,
 ) -> Iterator[Case]:
     protocol, changes = workflow.protocol, workflow.model.changes
-    model_options = overridden(parameters.model_options, workflow.model)
+    model_options = overridden(parameters.model, workflow.model)
     solver = overridden(parameters.solver, workflow.solver)
     common: dict[str, Any] = {
         "sheet": changed_table(parameters.sheet, changes),
@@ -227,7 +227,7 @@ def _capacitor(
 ) -> Capacitor | None:
     if section is None:
         return None
-    layout = ElectrodeLayout()
+    layout = parameters.capacitor.layout
     if section.layout is not None:
         if section.layout not in parameters.layouts:
             known = ", ".join(parameters.layouts)

@@ -7,10 +7,12 @@ and of workflows follow from it.
 
 import dataclasses
 from collections.abc import Callable, Collection
+from functools import cache
 from typing import Annotated, Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from pydantic import Field, PositiveFloat, create_model
+from pydantic import Field, PositiveFloat, ValidationError, create_model
 
+from knitlab.io.errors import BadInput, faults_of
 from knitlab.io.strict_model import StrictModel
 from knitlab.model.setting_types import Unit
 
@@ -21,6 +23,7 @@ Fields = dict[str, tuple[Any, Any]]
 Value = TypeVar("Value")
 UnitText = TypeVar("UnitText")
 Model = TypeVar("Model", bound=type[StrictModel])
+Table = TypeVar("Table")
 
 
 class ParameterValue(StrictModel, Generic[Value, UnitText]):
@@ -115,6 +118,36 @@ def with_fields(fields: Fields) -> Callable[[Model], Model]:
         return derived
 
     return added
+
+
+def checked(name: str, table: Table, kind: type[Table]) -> Table:
+    """A table of settings, checked as a file of them is.
+
+    Args:
+        name: what the table is called, for messages.
+        table: the table.
+        kind: its dataclass, or one that this is derived from.
+
+    Raises:
+        BadInput: with every value that is out of range.
+    """
+    values = {
+        field: checked(f"{name}.{field}", value, type(value))
+        if dataclasses.is_dataclass(value)
+        else value
+        for field, value in ((field, getattr(table, field)) for field in declared(kind))
+    }
+    try:
+        # mypy takes the hash of an instance for that of its class.
+        read = _schema(kind).model_validate(values)  # type: ignore[arg-type]
+    except ValidationError as error:
+        raise BadInput(faults_of(error, name)) from error
+    return kind(**dict(read))
+
+
+@cache
+def _schema(table: type) -> type[StrictModel]:
+    return with_fields(required(declared(table)))(StrictModel)
 
 
 def _literal(text: str) -> Any:

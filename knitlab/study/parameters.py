@@ -1,6 +1,7 @@
 """Parameters: schemas of ``params/*.toml``, each value with its unit and source."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -18,7 +19,7 @@ from pydantic import (
 
 from knitlab.capacitance.capacitor import Capacitor
 from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.io.errors import BadInput, ErrorCollector, Fault, faults_of
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, faults_of
 from knitlab.io.strict_model import StrictModel
 from knitlab.io.toml import read_checked, read_toml
 from knitlab.measure.knit_size import Gauge
@@ -37,6 +38,7 @@ from knitlab.model.stripe import (
 from knitlab.solvers.settings import SolverSettings
 from knitlab.study.declared_fields import (
     ParameterValue,
+    checked,
     declared,
     entries,
     required,
@@ -81,6 +83,16 @@ class StripeRow(StrictModel):
     stiffening_strain: PositiveFloat | None = None
     spring_curve: SpringCurveRow | None = None
 
+    @classmethod
+    def of(cls, stripe: Stripe) -> "StripeRow":
+        """The row of a stripe.
+
+        Raises:
+            ValidationError: if a number of the stripe is out of range.
+        """
+        numbers = asdict(stripe)
+        return cls.model_validate({name: numbers[name] for name in (*QUANTITIES, *SPRING_LAWS)})
+
     @model_validator(mode="after")
     def _has_one_law(self) -> "StripeRow":
         if self.stiffening_strain is not None and self.spring_curve is not None:
@@ -121,6 +133,16 @@ class StripeTables(StrictModel):
         row = self.table(knit).n[str(stitches)]
         numbers = dict(row) | {"spring_curve": row.spring_curve and row.spring_curve.curve}
         return Stripe(knit=knit, n=stitches, **numbers)
+
+    def with_stripes(self, stripes: Iterable[Stripe]) -> "StripeTables":
+        """The tables, to which stripes are added, or whose stripes they replace."""
+        tables = self
+        for stripe in stripes:
+            table = tables.table(stripe.knit)
+            rows = table.n | {str(stripe.n): StripeRow.of(stripe)}
+            changed = table.model_copy(update={"n": rows})
+            tables = tables.model_copy(update={str(stripe.knit): changed})
+        return tables
 
     def impossible(self, n_stripe: int, n_subunit: int) -> str | None:
         """Why a design is impossible with these stripes, or None if it is possible."""
@@ -204,10 +226,10 @@ class Parameters:
         stripes: the stripe tables.
         sheet: the walls.
         plain: plain knit.
-        model_options: model options.
+        model: model options.
         solver: settings of the equilibrium solver.
         dynamics: settings of the dynamics.
-        capacitor: parameters of a capacitor, with the default layout.
+        capacitor: parameters of a capacitor, and its layout where none is named.
         layouts: named layouts of electrodes.
         gauge: size of a stitch.
         designs: named sets of designs.
@@ -218,7 +240,7 @@ class Parameters:
     stripes: StripeTables
     sheet: Sheet
     plain: PlainKnit
-    model_options: ModelOptions
+    model: ModelOptions
     solver: SolverSettings
     dynamics: DynamicsSettings
     capacitor: Capacitor
@@ -227,6 +249,29 @@ class Parameters:
     designs: DesignSets
     patterns: dict[str, tuple[Pattern, Path]]
     sources: dict[str, str]
+
+    def with_tables(self, **given: object) -> "Parameters":
+        """The parameters with other tables of settings.
+
+        Args:
+            given: tables by the name of their attribute; None keeps that of the parameters.
+
+        Raises:
+            BadInput: with every value that is out of range, and every table of another kind.
+        """
+        faults, tables = ErrorCollector(), dict[str, Any]()
+        for name, table in given.items():
+            if table is None:
+                continue
+            kind = type(getattr(self, name))
+            with faults:
+                if not isinstance(table, kind):
+                    problem = f"is {table!r}; give knitlab.defaults().{name} or a changed copy"
+                    raise fault(name, problem)
+                tables[name] = checked(name, table, kind)
+        if faults.all:
+            raise BadInput(faults.all)
+        return replace(self, **tables)
 
 
 FILES: dict[str, type[BaseModel]] = {
@@ -297,7 +342,7 @@ def read_parameters(folder: Path) -> Parameters:
         stripes=read["stripes"],
         sheet=_table(Sheet, values),
         plain=_table(PlainKnit, values),
-        model_options=_table(ModelOptions, values),
+        model=_table(ModelOptions, values),
         solver=_table(SolverSettings, values),
         dynamics=_table(DynamicsSettings, values),
         capacitor=_table(Capacitor, values | {"layout": ElectrodeLayout()}),

@@ -119,7 +119,7 @@ def settings_table(parameter_folder: Path | None = None) -> tuple[SettingRow, ..
     """
     parameters = read_parameters(parameter_folder or shipped("params"))
     tables = (
-        parameters.model_options,
+        parameters.model,
         parameters.sheet,
         parameters.plain,
         parameters.solver,

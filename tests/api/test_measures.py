@@ -1,5 +1,7 @@
 """Own functions of the shape: their values, and derivatives against finite differences."""
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ import pytest
 import knitlab as kl
 
 STRAINS = [0.0, 0.03, 0.06]
-TIGHT = {"tolerance": 1e-10}
+TIGHT = kl.SolverSettings(tolerance=1e-10)
 
 
 def thickness(shape):
@@ -23,15 +25,16 @@ def mean_square_height(shape):
 @pytest.mark.parametrize("boundary", ["periodic", "clamped"])
 def test_derivatives_are_those_of_finite_differences(boundary):
     design = kl.Design(n_stripe=4, n_subunit=8, boundary=boundary)
-    found = kl.evaluate(kl.simulate(design, STRAINS, **TIGHT), height=mean_square_height)
+    found = kl.evaluate(kl.simulate(design, STRAINS, solver=TIGHT), height=mean_square_height)
+    rib = kl.defaults().stripes.stripe("rib", 4)
     step = 1e-3
     below, above = (
         kl.evaluate(
-            kl.simulate(design, STRAINS, rib_theta_0_factor=factor, **TIGHT),
+            kl.simulate(replace(design, rib=each), STRAINS, solver=TIGHT),
             sensitivities=False,
             height=mean_square_height,
         )["height"]
-        for factor in (1 - step, 1 + step)
+        for each in (replace(rib, theta_0=rib.theta_0 * (1 + off)) for off in (-step, step))
     )
     slope = found["height_sensitivity"].sel(stripe_parameter="rib_theta_0")
     np.testing.assert_allclose(slope, (above - below) / (2 * step), rtol=1e-3)

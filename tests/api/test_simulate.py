@@ -1,18 +1,23 @@
 """Single designs in Python: the results of a sweep, without a workflow."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 
 import knitlab as kl
-from knitlab.io.shipped import shipped
-from knitlab.study.parameters import read_parameters
+from knitlab.api.single_design import of_design
+from knitlab.study.workflow import ProtocolSection
 
 STRAINS = [0.0, 0.03, 0.06]
-SMALL = kl.Design(n_stripe=4, n_subunit=8, boundary="periodic")
-FLAT = {"cell_size": "flat", "z_max": 1.9}
+SMALL = kl.Design(4, 8, boundary="periodic")
+DEFAULTS = kl.defaults()
+FLAT = {"model": kl.Model(cell_size="flat"), "sheet": replace(DEFAULTS.sheet, z_max=1.9)}
 """The model options of the workflow of periodic fabric."""
 
 
@@ -37,8 +42,8 @@ def test_a_test_is_what_a_sweep_computes(small_test, cube):
         )
 
 
-def test_settings_and_own_stripes_are_two_ways_to_one_fabric(cube):
-    stripes = read_parameters(shipped("params")).stripes
+def test_own_stripes_and_factors_of_a_sweep_are_two_ways_to_one_fabric(cube):
+    stripes = DEFAULTS.stripes
     stiffer = {
         knit: replace(each, k_t=1.2 * each.k_t)
         for knit, each in (
@@ -46,11 +51,44 @@ def test_settings_and_own_stripes_are_two_ways_to_one_fabric(cube):
             ("garter", stripes.stripe("garter", 8)),
         )
     }
-    by_stripes = kl.simulate(replace(SMALL, **stiffer), STRAINS, **FLAT)
-    by_setting = kl.simulate(SMALL, STRAINS, k_t_factor=1.2, **FLAT)
+    test = kl.simulate(replace(SMALL, **stiffer), STRAINS, **FLAT)
     swept = cube.sel(n_stripe=4, n_subunit=8, k_t_factor=1.2)
-    for test in (by_stripes, by_setting):
-        np.testing.assert_allclose(test["poisson_ratio"], swept["poisson_ratio"], rtol=1e-6)
+    np.testing.assert_allclose(test["poisson_ratio"], swept["poisson_ratio"], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("given", "settings"),
+    [
+        ({}, {}),
+        (FLAT, {"cell_size": "flat", "z_max": 1.9}),
+        ({"sheet": replace(DEFAULTS.sheet, z_max=2)}, {"z_max": 2.0}),
+        ({"solver": kl.SolverSettings(tolerance=1e-9)}, {"tolerance": 1e-9}),
+        ({"dynamics": kl.DynamicsSettings(ending="time")}, {"ending": "time"}),
+        (
+            {"capacitor": replace(DEFAULTS.capacitor, layout=DEFAULTS.layouts["checkerboard"])},
+            {"layout": "checkerboard"},
+        ),
+    ],
+)
+def test_objects_make_the_case_of_a_workflow_with_the_same_settings(given, settings, tmp_path):
+    path = tmp_path / "one.toml"
+    path.write_text('title = "one"\n[design]\nn_stripe = [4]\nn_subunit = [16]\n')
+    (planned,) = kl.plan(path, **settings).cases
+    parameters = DEFAULTS.with_tables(**given)
+    design = kl.Design(4, 16)
+    strains = ProtocolSection().applied_strain
+    case = of_design(
+        design, strains, parameters, ProtocolSection(), electrodes="capacitor" in given
+    ).case
+    assert case.case_id == planned
+
+
+def test_stripes_of_other_sizes_replace_those_of_the_tables():
+    pattern = kl.Pattern(rows=("GR", "RG"), column_stitches=(16, 24), column_n_stripe=(4, 6))
+    own = replace(DEFAULTS.stripes.stripe("rib", 6), k_t=0.01)
+    design = kl.Design(4, 16, pattern=pattern, further_stripes=(own,))
+    case = of_design(design, [0], DEFAULTS, ProtocolSection(), electrodes=False).case
+    assert [stripe.k_t for stripe in case.grading.weft] == [case.weft.k_t, 0.01]
 
 
 def test_a_stripe_that_no_table_has_makes_a_design():
@@ -64,7 +102,7 @@ def test_a_stripe_that_no_table_has_makes_a_design():
 
 def test_a_test_that_does_not_converge_is_reported_and_its_values_are_missing():
     with pytest.warns(kl.NotConverged, match="n_stripe 4 .* no equilibrium at applied strain 0"):
-        test = kl.simulate(SMALL, STRAINS, max_iterations=2)
+        test = kl.simulate(SMALL, STRAINS, solver=kl.SolverSettings(max_iterations=2))
     assert test["poisson_ratio"].isnull().all()
 
 
@@ -85,16 +123,69 @@ def test_an_impossible_design_is_refused(change, message):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"k_tfactor": 2}, "did you mean 'k_t_factor'"),
-        ({"k_t_factor": [1, 2]}, "takes one value"),
-        ({"k_t_factor": -1}, "k_t_factor = -1: .* greater than 0"),
-        ({"n_stripe": 4}, "belongs to the design"),
-        ({"strain_max": 0.3}, "leave it out"),
+        ({"model": kl.Model(cell_size="long")}, "model: cell_size: .*'relaxed', but is 'long'"),
+        ({"model": {"cell_size": "flat"}}, r"model: is {.*}; give knitlab.defaults\(\).model or"),
+        ({"sheet": kl.Sheet(-1, 100)}, "sheet: z_max: .*greater than 0, but is -1"),
+        ({"solver": kl.SolverSettings(tolerance=np.nan)}, "solver: tolerance: .*finite.* is nan"),
+        ({"solver": kl.SolverSettings(max_iterations=[1, 2])}, "max_iterations: is a list"),
+        ({"solver": kl.SolverSettings(drag=1e-6)}, "drag: .*take boundary = clamped"),
+        (
+            {"capacitor": replace(DEFAULTS.capacitor, layout=kl.ElectrodeLayout(width="wide"))},
+            "capacitor.layout: width: .* is 'wide'",
+        ),
+        ({"robustness": 101}, "robustness: .* 100, but is 101"),
+        ({"method": "dynamics", "unloading": True}, "gives no unloading; take method"),
     ],
 )
 def test_an_invalid_setting_is_refused(settings, message):
     with pytest.raises(kl.BadInput, match=message):
         kl.simulate(SMALL, STRAINS, **settings)
+
+
+def test_every_fault_of_several_objects_is_listed():
+    tables = {"sheet": kl.Sheet(-1, 0), "model": kl.Model(hinges="some")}
+    with pytest.raises(kl.BadInput) as error:
+        kl.simulate(SMALL, STRAINS, **tables)
+    assert len(error.value.faults) == 3
+
+
+def test_the_boundary_is_that_of_the_design():
+    with pytest.raises(kl.BadInput, match="give the boundary to"):
+        kl.simulate(kl.Design(4, 8), STRAINS, model=kl.Model(boundary="periodic"))
+
+
+CALLS = """
+import knitlab
+
+design = knitlab.Design(8, 16)
+knitlab.simulate(
+    design,
+    [0, 0.05],
+    model=knitlab.Model(cell_size="flat"),
+    sheet=knitlab.Sheet(z_max=1.9, k_wall=100.0),
+    solver=knitlab.SolverSettings(tolerance=1e-9),
+    robustness=1,
+)
+knitlab.simulate(design, model=knitlab.Model(cell_size="long"))
+knitlab.simulate(design, k_t_factor=2)
+"""
+
+
+@pytest.mark.slow
+def test_a_type_checker_accepts_right_settings_and_no_others(tmp_path):
+    pytest.importorskip("mypy")
+    (tmp_path / "calls.py").write_text(CALLS)
+    ran = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "calls.py"],
+        cwd=tmp_path,
+        env=os.environ | {"MYPYPATH": str(Path(kl.__file__).parents[1])},
+        capture_output=True,
+        text=True,
+    )
+    errors = [line for line in ran.stdout.splitlines() if ": error: " in line]
+    assert len(errors) == 2, ran.stdout + ran.stderr
+    assert "incompatible type \"Literal['long']\"" in errors[0]
+    assert 'Unexpected keyword argument "k_t_factor"' in errors[1]
 
 
 @pytest.mark.parametrize("strains", [[], [0.03, 0.06], [0, 0.06, 0.03], [0, 0.03, 0.03]])

@@ -1,5 +1,7 @@
 """``knitlab knit``: files, exit codes and messages, and the same from Python."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -45,6 +47,17 @@ def test_plated_stitches_have_the_letter_of_their_electrode_in_the_table(tmp_pat
     lowest = sample.save(tmp_path / "chart.csv").read_text().splitlines()[-1].split(",")
     rib = "k k kA kA pA pA p p k k kB kB pB pB p p"
     assert lowest[1:] == [*rib.split(), *["k"] * 16]
+
+
+def test_a_design_takes_the_electrodes_of_an_object_and_no_keywords():
+    known, design = kl.defaults(), kl.Design(4, 16, boundary="periodic")
+    plated = replace(known.capacitor, layout=known.layouts["checkerboard"])
+    sample = kl.knit(design, model=kl.Model(cell_size="flat"), capacitor=plated)
+    assert sample.program == kl.knit("sensor", n_stripe=4, n_subunit=16).program
+    with pytest.raises(kl.BadInput, match="layout: is of a workflow or a cube; of a Design, give"):
+        kl.knit(design, layout="checkerboard")
+    with pytest.raises(kl.BadInput, match="capacitor: is of a Design; leave it out"):
+        kl.knit("periodic", capacitor=plated)
 
 
 @pytest.mark.parametrize("end", [pytest.param("bind_off", marks=pytest.mark.slow), "drop"])

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from knitlab.api.design import Design, resolve
+import knitlab as kl
 from knitlab.io.shipped import shipped
 from knitlab.knitting.checks import check
 from knitlab.knitting.interpreter import interpreted, stripped
@@ -128,8 +128,8 @@ def test_the_interpreter_knits_designs_of_every_stripe(design, fast_protocols): 
 )
 def test_the_interpreter_knits_graded_plain_and_plated_fabric(case, fast_protocols):  # noqa: F811
     graded = case.get("pattern") is GRADED
-    found = resolve(Design(**case), [0.0], {}).case if graded else case_of(**case)
-    chart, machine = stitch_chart(found), read_machine()
+    chart = kl.knit(kl.Design(**case)).chart if graded else stitch_chart(case_of(**case))
+    machine = read_machine()
     assert round_trip(knitout(chart, machine), chart, machine, interpret=True).faults == ()
 
 

@@ -1,5 +1,7 @@
 """Contact in simulations: nothing passes through itself, balance, limits, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from knitlab.simulation.case import case_of
 
 PERIODIC = kl.Design(n_stripe=4, n_subunit=16, boundary="periodic")
 THICKNESS = 0.1
+TOUCHING = kl.Model(contact="barrier")
 
 
 def only(**settings):
@@ -32,7 +35,7 @@ def distances(nodes):
 def test_a_fabric_that_would_pass_through_itself_keeps_its_distance():
     strains = [0.0, 0.03, 0.06]
     free = kl.simulate(PERIODIC, strains)
-    held = kl.simulate(PERIODIC, strains, contact="barrier")
+    held = kl.simulate(PERIODIC, strains, model=TOUCHING)
     assert free["self_intersections"][0] > 0
     assert not held["self_intersections"].any()
     assert (held["residual_force"] < 1e-8).all()
@@ -48,7 +51,7 @@ def test_a_fabric_that_would_pass_through_itself_keeps_its_distance():
 @pytest.mark.slow
 def test_clamped_samples_with_contact_balance_and_keep_from_passing_through_themselves():
     design = kl.Design(n_stripe=4, n_subunit=16, boundary="clamped", unit_cells=(1, 1))
-    held = kl.simulate(design, [0.0, 0.05, 0.1], contact="barrier")
+    held = kl.simulate(design, [0.0, 0.05, 0.1], model=TOUCHING)
     assert not held["self_intersections"].any()
     parts = ("stretch", "fold", "wall", "contact")
     energy = sum(held[f"energy_{part}"].values for part in parts)
@@ -62,12 +65,14 @@ def test_clamped_samples_with_contact_balance_and_keep_from_passing_through_them
 def test_thin_fabric_that_touches_nothing_is_that_without_contact():
     design = kl.Design(n_stripe=4, n_subunit=24, boundary="periodic")
     strains = [0.0, 0.1]
-    flat = {"cell_size": "flat", "z_max": 1.9}
-    free = kl.simulate(design, strains, **flat)
+    model, sheet = kl.Model(cell_size="flat"), kl.Sheet(z_max=1.9, k_wall=100.0)
+    free = kl.simulate(design, strains, model=model, sheet=sheet)
     assert not free["self_intersections"].any()
     differences = []
     for thickness in (0.02, 0.002):
-        held = kl.simulate(design, strains, contact="barrier", thickness=thickness, **flat)
+        touching = replace(model, contact="barrier")
+        thin = replace(sheet, thickness=thickness)
+        held = kl.simulate(design, strains, model=touching, sheet=thin)
         differences.append(abs(held["poisson_ratio"][1].item() - free["poisson_ratio"][1].item()))
     assert differences[1] < 1e-3
     assert differences[1] <= differences[0]

@@ -1,5 +1,6 @@
 import doctest
 import tomllib
+from dataclasses import asdict
 
 import pytest
 from pydantic import TypeAdapter, ValidationError
@@ -12,6 +13,7 @@ from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.solvers.settings import SolverSettings
 from knitlab.study import overrides, settings, type_words
 from knitlab.study.declared_fields import declared, unit_of
+from knitlab.study.defaults import Model
 from knitlab.study.parameters import read_parameters
 from knitlab.study.plan import make_plan
 from knitlab.study.settings import SETTINGS, settings_table
@@ -54,10 +56,11 @@ def test_each_stripe_quantity_can_be_replaced_and_multiplied_for_one_knit_or_bot
 
 
 @pytest.mark.parametrize(
-    ("table", "file"), [(SolverSettings, "solver"), (DynamicsSettings, "dynamics")]
+    ("table", "file"),
+    [(SolverSettings, "solver"), (DynamicsSettings, "dynamics"), (Model, "model")],
 )
-def test_defaults_of_solvers_are_those_of_their_files(table, file):
-    assert table() == getattr(read_parameters(shipped("params")), file)
+def test_defaults_of_tables_are_those_of_their_files(table, file):
+    assert asdict(table()) == asdict(getattr(read_parameters(shipped("params")), file))
 
 
 @pytest.mark.parametrize(

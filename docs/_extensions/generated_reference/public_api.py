@@ -6,6 +6,7 @@ from types import ModuleType
 from typing import Any
 
 import knitlab
+from knitlab.model.options import ModelOptions
 from knitlab.tables.accessor import KnitlabAccessor
 
 
@@ -20,9 +21,13 @@ def page() -> str:
         parts += _section(
             f"knitlab.{space}", [f"knitlab.{space}.{each}" for each in _public(module)]
         )
-    accessor = f"{KnitlabAccessor.__module__}.{KnitlabAccessor.__qualname__}"
-    parts += _section("On an open cube", [accessor])
+    parts += _section("On an open cube", [_path(KnitlabAccessor)])
+    parts += _section("Attributes of knitlab.Model", [_path(ModelOptions)])
     return "\n".join(parts)
+
+
+def _path(kind: type) -> str:
+    return f"{kind.__module__}.{kind.__qualname__}"
 
 
 def _public(module: ModuleType) -> list[str]:
