@@ -76,8 +76,9 @@ def _draw_energies(axes: Axes, case: xr.Dataset) -> None:
 def _chosen_snapshots(nodes: np.ndarray) -> list[int]:
     """Snapshots at which the sheet has reached these fractions of its in-plane contraction."""
     area = np.ptp(nodes[..., :2], axis=(1, 2)).prod(axis=1)
-    contracted = (area[0] - area) / (area[0] - area[-1])
-    return [int(np.argmax(contracted >= part - 1e-9)) for part in CONTRACTED] + [len(nodes) - 1]
+    contracted, whole = area[0] - area, area[0] - area[-1]
+    reached = [contracted >= (part - 1e-9) * whole for part in CONTRACTED]
+    return [*(int(np.argmax(each)) for each in reached), len(nodes) - 1]
 
 
 FIGURE = FigureKind(relaxation_figure, needs="snapshot_position")
