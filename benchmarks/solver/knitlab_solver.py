@@ -26,12 +26,11 @@ from knitlab.mechanics.starting_shape import tiled
 from knitlab.mechanics.tensile_test import stretch
 from knitlab.model.configuration import Configuration
 from knitlab.simulation.case import Case
-from knitlab.solvers.divided_system import DividedSystem
+from knitlab.solvers.divided_system import system_class
 from knitlab.solvers.equilibrium import find_equilibrium
 from knitlab.solvers.equilibrium_search import SearchRules
 from knitlab.solvers.settings import SolverSettings
 from knitlab.solvers.state import State
-from knitlab.solvers.subdomains import worth_dividing
 from knitlab.solvers.system import System
 
 Result = TypeVar("Result")
@@ -126,7 +125,7 @@ def driven(
 
     While the search looks at a fabric that is not yet whole, the watch is paused to see the whole.
     """
-    kind: Systems = DividedSystem if worth_dividing(problem.shape) else System
+    kind = system_class(problem.shape)
     bases = (kind,) if systems is System else (systems, kind)
 
     class Watched(*bases):  # type: ignore[misc]

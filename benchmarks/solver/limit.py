@@ -46,7 +46,7 @@ def _nested_dissection(free: FreeStiffness, entries: np.ndarray, right: Vector) 
 
 def _cholmod(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:
     factorise = cholmod_factoriser(free)
-    return lambda: factorise(entries), lambda solve: solve(right)
+    return lambda: factorise(entries), lambda factors: factors.solve(right)
 
 
 def _pardiso(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:

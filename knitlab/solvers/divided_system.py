@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 from queue import SimpleQueue
+from threading import Event
 
 import numpy as np
 from jaxtyping import Bool
@@ -158,10 +159,16 @@ class _Decomposition:
     coupled: Bool[np.ndarray, "subdomain subdomain"]
 
 
-def system_of(shape: MeshShape, fabric: Fabric, threads: Threads = ALONE) -> System:
-    """The equations of a fabric; those of a large sample can be divided."""
-    kind = DividedSystem if worth_dividing(shape) else System
-    return kind(shape, fabric, threads=threads)
+def system_class(shape: MeshShape) -> type[System]:
+    """The class of the equations of a fabric; those of a large sample can be divided."""
+    return DividedSystem if worth_dividing(shape) else System
+
+
+def system_of(
+    shape: MeshShape, fabric: Fabric, threads: Threads = ALONE, stopped: Event | None = None
+) -> System:
+    """The equations of a fabric; arguments as for :class:`~knitlab.solvers.system.System`."""
+    return system_class(shape)(shape, fabric, threads=threads, stopped=stopped)
 
 
 def solve_subdomain(system: System, free: FreeStiffness, subdomain_task: SubdomainTask) -> State:

@@ -1,6 +1,7 @@
 """Searches of several fabrics of one mesh shape, at the same time where that is faster."""
 
 from collections.abc import Callable, Sequence
+from threading import Event
 from typing import TypeVar
 
 from knitlab.elasticity.factorisation import one_thread_of_blas
@@ -32,18 +33,19 @@ def run_each(
     Returns:
         What the functions return, in order.
     """
-    threads = Threads(allowed_threads())
+    threads, stopped = Threads(allowed_threads()), Event()
     pairs = list(zip(fabrics, searches, strict=True))
+
+    def concurrently(pair: tuple[Fabric, Callable[[System], Result]]) -> Result:
+        fabric, search = pair
+        return search(system_of(shape, fabric, ALONE, stopped))
+
     with one_thread_of_blas():
         if len(pairs) == 1 or shape.nodes > LARGEST_CONCURRENT:
             return [search(system_of(shape, fabric, threads)) for fabric, search in pairs]
-        systems = [system_of(shape, fabric, ALONE) for fabric in fabrics]
         try:
-            return threads.each(
-                lambda pair: pair[0](pair[1]), list(zip(searches, systems, strict=True))
-            )
+            return threads.each(concurrently, pairs)
         except BaseException:
             # Python would wait for the other threads before it exits.
-            for system in systems:
-                system.stopped.set()
+            stopped.set()
             raise

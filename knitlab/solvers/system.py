@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 from knitlab.elasticity.element_chunks import ChunkedFabric
 from knitlab.elasticity.evaluation import Evaluation, Point
 from knitlab.elasticity.factorisation import (
+    Factoriser,
     Factorisers,
     Factors,
     factorise_with_contact,
@@ -29,9 +30,9 @@ class System:
         fabric: the fabric.
         factorisers: cache of factorisers, to which new ones are added.
         threads: threads that share the work.
+        stopped: if this is set by another thread, the next evaluation raises ``InterruptedError``.
 
     Attributes:
-        stopped: if this is set by another thread, the next evaluation raises ``InterruptedError``.
         factorised: called after every factorisation, to report progress.
     """
 
@@ -41,19 +42,19 @@ class System:
         fabric: Fabric,
         factorisers: Factorisers | None = None,
         threads: Threads = ALONE,
+        stopped: Event | None = None,
     ) -> None:
         self.shape, self.fabric, self.threads = shape, fabric, threads
-        self.stopped = Event()
         self.factorised: Callable[[], None] = lambda: None
         self.factorisers = {} if factorisers is None else factorisers
-        self._elements = ChunkedFabric.of(shape, fabric, threads)
+        self._elements, self._stopped = ChunkedFabric.of(shape, fabric, threads), stopped
         self._free: FreeStiffness | None = None
         self._entries = np.zeros(0)
         self._factors: Factors | None = None
 
     def evaluate(self, at: Point) -> Evaluation:
         """Energy and gradient, in NumPy arrays."""
-        if self.stopped.is_set():
+        if self._stopped is not None and self._stopped.is_set():
             raise InterruptedError("the search was abandoned")
         return self._elements.evaluate(at.stage, at.unknowns)
 
@@ -88,11 +89,14 @@ class System:
         else:
             if (free, exact) not in self.factorisers:
                 self.release_factors()
-                precision = np.float64 if exact else np.float32
-                self.factorisers[free, exact] = factoriser(free, self.threads, precision)
+                self.factorisers[free, exact] = self.new_factoriser(free, exact)
             self._factors = self.factorisers[free, exact](entries, convexified)
         self.factorised()
         return self._factors is not None
+
+    def new_factoriser(self, free: FreeStiffness, exact: bool) -> Factoriser:
+        """What factorises the stiffness of these free unknowns; ``exact`` in double precision."""
+        return factoriser(free, self.threads, np.float64 if exact else np.float32)
 
     def release_factors(self) -> None:
         """Release the memory of factors that are not needed any more; here it is little."""
