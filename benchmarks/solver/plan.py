@@ -7,9 +7,8 @@ from pathlib import Path
 from benchmarks.solver.limit import FACTORISATIONS
 from benchmarks.solver.measurement import Measurement
 from benchmarks.solver.methods import SOLVERS, SWEPT, TRIALS, installed
-from knitlab.io.shipped import shipped
 from knitlab.model.options import Boundary
-from knitlab.study.parameters import read_parameters
+from knitlab.study.defaults import defaults
 
 COMPARED = ("1x1", "3x2", "5x3", "7x5")
 """Samples of (4, 16) that every method relaxes and pulls, unit cells along (y, x)."""
@@ -73,7 +72,7 @@ def scaling() -> Iterator[Measurement]:
 
 def iterations() -> Iterator[Measurement]:
     """Relaxation of all the paper's designs as a sweep does it."""
-    designs = read_parameters(shipped("params")).designs.root["paper"].pairs
+    designs = defaults().designs.root["paper"].pairs
     for boundary, size in EVERY_DESIGN:
         for n_stripe, n_subunit in designs:
             yield Measurement("shipped_relaxation", "knitlab", n_stripe, n_subunit, size, boundary)
