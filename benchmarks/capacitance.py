@@ -20,13 +20,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.capacitance.boundary_elements import (
+from knitlab.measure.capacitance.boundary_elements import (
     STATES_AT_ONCE,
     maxwell_matrices,
     near_pairs,
     two_terminal,
 )
-from knitlab.capacitance.panels import graded
+from knitlab.measure.capacitance.panels import graded
 
 Panels = Float[np.ndarray, "panel 4 3"]
 Pair = tuple[Panels, Panels]

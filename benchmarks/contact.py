@@ -11,7 +11,7 @@ import click
 import numpy as np
 
 import knitlab as kl
-from knitlab.model.options import Contact
+from knitlab.fabric.options import Contact
 
 CONTACT: tuple[Contact, ...] = ("none", "barrier")
 

@@ -22,16 +22,16 @@ import numpy as np
 import xarray as xr
 
 from benchmarks.solver.cube import machine, write_cube
+from knitlab.cube.plain_cube import CUBE
 from knitlab.dynamics.body import Motion
 from knitlab.dynamics.damped_test import on_grid
 from knitlab.dynamics.motion import leapfrog
-from knitlab.io.plain_cube import CUBE
+from knitlab.fabric.fabric import flat_sheet
+from knitlab.fabric.threads import ONE_THREAD
 from knitlab.io.provenance import provenance
-from knitlab.linalg.threads import ONE_THREAD
-from knitlab.model.fabric import flat_sheet
 from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import dynamic_tests, moving_fabrics
-from knitlab.study.plan import make_plan
+from knitlab.sweep.plan import make_plan
 
 STEPS, STEP = 50, 1e-4
 """Time steps that are timed on a large sample, and their size [ms]."""

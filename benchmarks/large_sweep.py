@@ -18,16 +18,16 @@ from typing import Any
 import click
 
 from benchmarks.command_line import COMMAND, processor_seconds
-from knitlab.execution.merge import merge_folders
-from knitlab.execution.run import RunOptions, run_plan
-from knitlab.execution.status import PLAN
-from knitlab.execution.workers import Batch
-from knitlab.io.case_file import write_case_file
-from knitlab.io.plain_cube import CUBE
+from knitlab.cube.case_file import write_case_file
+from knitlab.cube.plain_cube import CUBE
 from knitlab.simulation.reporting import Progress
-from knitlab.study.plan import make_plan
-from knitlab.study.shard import Shard, split
-from tests.execution.stand_in import contents
+from knitlab.sweep.merge import merge_folders
+from knitlab.sweep.plan import make_plan
+from knitlab.sweep.run import RunOptions, run_plan
+from knitlab.sweep.shard import Shard, split
+from knitlab.sweep.status import PLAN
+from knitlab.sweep.workers import Batch
+from tests.sweep.stand_in import contents
 
 DESIGNS_OF_PREVIEW = 10
 COLD_STARTS = 3

@@ -20,9 +20,9 @@ import xarray as xr
 
 from benchmarks.command_line import COMMAND, processor_seconds
 from benchmarks.solver.cube import machine, write_cube
-from knitlab.io.plain_cube import CUBE
+from knitlab.cube.plain_cube import CUBE
+from knitlab.fabric.threads import ONE_THREAD
 from knitlab.io.provenance import provenance
-from knitlab.linalg.threads import ONE_THREAD
 
 FILE = "runs.nc"
 WORKFLOW = "periodic"

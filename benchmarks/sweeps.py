@@ -15,10 +15,10 @@ from typing import Any
 import click
 
 from benchmarks.command_line import COMMAND
-from knitlab.execution.run import RunOptions, run_plan
-from knitlab.io.plain_cube import CUBE
-from knitlab.study.plan import Plan, make_plan
-from tests.execution.stand_in import simulate
+from knitlab.cube.plain_cube import CUBE
+from knitlab.sweep.plan import Plan, make_plan
+from knitlab.sweep.run import RunOptions, run_plan
+from tests.sweep.stand_in import simulate
 
 DESIGNS_OF_PREVIEW = 10
 LOOPED = 1000

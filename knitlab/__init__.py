@@ -30,18 +30,18 @@ if TYPE_CHECKING:
     from knitlab.api.measures import evaluate
     from knitlab.api.simulation import NotConverged, simulate
     from knitlab.api.sweeps import NotAllOk, merge, plan, reproduce, run, status
-    from knitlab.capacitance.capacitor import Capacitor
+    from knitlab.cube.cube_file import open_cube
     from knitlab.dynamics.settings import DynamicsSettings
-    from knitlab.io.cube_file import open_cube
+    from knitlab.equilibrium.settings import SolverSettings
+    from knitlab.fabric.electrode_layout import ElectrodeLayout
+    from knitlab.fabric.fabric import Sheet
+    from knitlab.fabric.plain import PlainKnit
+    from knitlab.fabric.stripe import Stripe
     from knitlab.io.errors import BadInput
+    from knitlab.measure.capacitance.capacitor import Capacitor
     from knitlab.measure.knit_size import Gauge
-    from knitlab.model.electrode_layout import ElectrodeLayout
-    from knitlab.model.fabric import Sheet
-    from knitlab.model.plain import PlainKnit
-    from knitlab.model.stripe import Stripe
-    from knitlab.solvers.settings import SolverSettings
-    from knitlab.study.defaults import Model, defaults
-    from knitlab.study.patterns import Pattern
+    from knitlab.sweep.defaults import Model, defaults
+    from knitlab.sweep.patterns import Pattern
 
     __version__: str
 
@@ -87,23 +87,23 @@ __all__ = [
 ]
 _MODULES = {
     "BadInput": "knitlab.io.errors",
-    "Capacitor": "knitlab.capacitance.capacitor",
+    "Capacitor": "knitlab.measure.capacitance.capacitor",
     "Design": "knitlab.api.design",
     "DynamicsSettings": "knitlab.dynamics.settings",
-    "ElectrodeLayout": "knitlab.model.electrode_layout",
+    "ElectrodeLayout": "knitlab.fabric.electrode_layout",
     "Gauge": "knitlab.measure.knit_size",
-    "Model": "knitlab.study.defaults",
+    "Model": "knitlab.sweep.defaults",
     "NotAllOk": "knitlab.api.sweeps",
     "NotConverged": "knitlab.api.simulation",
-    "Pattern": "knitlab.study.patterns",
-    "PlainKnit": "knitlab.model.plain",
-    "Sheet": "knitlab.model.fabric",
-    "SolverSettings": "knitlab.solvers.settings",
-    "Stripe": "knitlab.model.stripe",
+    "Pattern": "knitlab.sweep.patterns",
+    "PlainKnit": "knitlab.fabric.plain",
+    "Sheet": "knitlab.fabric.fabric",
+    "SolverSettings": "knitlab.equilibrium.settings",
+    "Stripe": "knitlab.fabric.stripe",
     "calibrate": "knitlab.api.calibration",
     "claims": "knitlab.api.claims",
     "compare": "knitlab.api.comparison",
-    "defaults": "knitlab.study.defaults",
+    "defaults": "knitlab.sweep.defaults",
     "design": "knitlab.api.designing",
     "evaluate": "knitlab.api.measures",
     "explore": "knitlab.api.explorer",
@@ -113,7 +113,7 @@ _MODULES = {
     "import_records": "knitlab.api.laboratory",
     "knit": "knitlab.api.knitting",
     "merge": "knitlab.api.sweeps",
-    "open_cube": "knitlab.io.cube_file",
+    "open_cube": "knitlab.cube.cube_file",
     "plan": "knitlab.api.sweeps",
     "query": "knitlab.api.comparison",
     "reproduce": "knitlab.api.sweeps",

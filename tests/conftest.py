@@ -30,7 +30,7 @@ settings.load_profile("quick")
 @pytest.fixture
 def small_subdomains(monkeypatch):
     """Divides samples of some cells into subdomains, as only large ones are otherwise."""
-    from knitlab.solvers import subdomains
+    from knitlab.equilibrium import subdomains
 
     monkeypatch.setattr(subdomains, "CELLS", 8)
     monkeypatch.setattr(subdomains, "OVERLAP", 2)

@@ -10,24 +10,24 @@ import pytest
 from knitlab.dynamics.damped_test import MovingFabrics
 from knitlab.dynamics.grid import Shape
 from knitlab.dynamics.settings import DynamicsSettings
+from knitlab.equilibrium.divided_system import system_of
+from knitlab.equilibrium.relaxation import relax
+from knitlab.equilibrium.settings import SolverSettings
+from knitlab.equilibrium.state import State
+from knitlab.equilibrium.system import System
+from knitlab.equilibrium.tensile_result import TensileTest
+from knitlab.equilibrium.tensile_test import stretch
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Fabric, Sheet
+from knitlab.fabric.inertia import inertia
+from knitlab.fabric.layout import assemble_fabric
+from knitlab.fabric.network import Network
+from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.pattern import PatchGrid, patch_map
+from knitlab.fabric.stripe import Knit, Stripe
+from knitlab.fabric.zigzag import tension
 from knitlab.io.shipped import shipped
-from knitlab.mechanics.relaxation import relax
-from knitlab.mechanics.tensile_result import TensileTest
-from knitlab.mechanics.tensile_test import stretch
-from knitlab.model.configuration import Configuration
-from knitlab.model.fabric import Fabric, Sheet
-from knitlab.model.inertia import inertia
-from knitlab.model.layout import assemble_fabric
-from knitlab.model.network import Network
-from knitlab.model.options import ModelOptions
-from knitlab.model.pattern import PatchGrid, patch_map
-from knitlab.model.stripe import Knit, Stripe
-from knitlab.model.zigzag import tension
-from knitlab.solvers.divided_system import system_of
-from knitlab.solvers.settings import SolverSettings
-from knitlab.solvers.state import State
-from knitlab.solvers.system import System
-from knitlab.study.parameters import read_parameters
+from knitlab.sweep.parameters import read_parameters
 
 PARAMETERS = read_parameters(shipped("params"))
 SHEET = Sheet(z_max=6.0, k_wall=100.0)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.elasticity.factorisation import Entries, Factoriser
-from knitlab.elasticity.stiffness import FreeStiffness
-from knitlab.solvers.system import System
+from knitlab.equilibrium.factorisation import Entries, Factoriser
+from knitlab.equilibrium.stiffness import FreeStiffness
+from knitlab.equilibrium.system import System
 
 SUPERNODAL = 2
 

@@ -14,9 +14,9 @@ from benchmarks.solver.watch import GivenUp, Watch
 from knitlab.dynamics.damped_test import MovingFabrics, configuration_of, on_grid
 from knitlab.dynamics.motion import Moving, advance
 from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.mechanics.loading import all_free
-from knitlab.model.configuration import Configuration
-from knitlab.model.inertia import Inertia
+from knitlab.equilibrium.loading import all_free
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.inertia import Inertia
 
 PIECE = 1.0
 """Length of a piece of motion [ms]."""

@@ -17,10 +17,10 @@ from jaxtyping import Array, Bool, Float, Int
 
 from benchmarks.solver.problem import Free, Problem, Search, Unknowns
 from benchmarks.solver.watch import GivenUp, Watch
-from knitlab.elasticity.evaluation import COMPLETE, evaluate
-from knitlab.mechanics.loading import all_free
-from knitlab.model.fabric import Fabric
-from knitlab.model.network import MeshShape, network
+from knitlab.equilibrium.loading import all_free
+from knitlab.fabric.evaluation import COMPLETE, evaluate
+from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.network import MeshShape, network
 
 DELAY = 20
 GROWTH, CUT = 1.1, 0.5

@@ -16,22 +16,22 @@ from benchmarks.solver.problem import (
     pull_by,
 )
 from benchmarks.solver.watch import GivenUp, Watch
-from knitlab.elasticity.evaluation import COMPLETE, Evaluation, Point
-from knitlab.elasticity.factorisation import one_thread_of_blas
-from knitlab.elasticity.stiffness import FreeStiffness
-from knitlab.linalg.threads import Threads, allowed_threads
-from knitlab.mechanics.loading import all_free
-from knitlab.mechanics.relaxation import relax
-from knitlab.mechanics.starting_shape import tiled
-from knitlab.mechanics.tensile_test import stretch
-from knitlab.model.configuration import Configuration
+from knitlab.equilibrium.divided_system import system_class
+from knitlab.equilibrium.equilibrium import find_equilibrium
+from knitlab.equilibrium.equilibrium_search import SearchRules
+from knitlab.equilibrium.factorisation import one_thread_of_blas
+from knitlab.equilibrium.loading import all_free
+from knitlab.equilibrium.relaxation import relax
+from knitlab.equilibrium.settings import SolverSettings
+from knitlab.equilibrium.starting_shape import tiled
+from knitlab.equilibrium.state import State
+from knitlab.equilibrium.stiffness import FreeStiffness
+from knitlab.equilibrium.system import System
+from knitlab.equilibrium.tensile_test import stretch
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.evaluation import COMPLETE, Evaluation, Point
+from knitlab.fabric.threads import Threads, allowed_threads
 from knitlab.simulation.case import Case
-from knitlab.solvers.divided_system import system_class
-from knitlab.solvers.equilibrium import find_equilibrium
-from knitlab.solvers.equilibrium_search import SearchRules
-from knitlab.solvers.settings import SolverSettings
-from knitlab.solvers.state import State
-from knitlab.solvers.system import System
 
 Result = TypeVar("Result")
 Systems = type[System]

@@ -14,12 +14,12 @@ from scipy.sparse.linalg import splu
 
 from benchmarks.solver.cholmod import Vector, cholmod_factoriser
 from benchmarks.solver.measurement import Measurement, Record
-from knitlab.elasticity.element_chunks import ChunkedFabric
-from knitlab.elasticity.evaluation import COMPLETE
-from knitlab.elasticity.factorisation import factoriser, one_thread_of_blas
-from knitlab.elasticity.stiffness import FreeStiffness, free_stiffness
-from knitlab.linalg.threads import Threads, allowed_threads
-from knitlab.mechanics.loading import tensile
+from knitlab.equilibrium.factorisation import factoriser, one_thread_of_blas
+from knitlab.equilibrium.loading import tensile
+from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
+from knitlab.fabric.element_chunks import ChunkedFabric
+from knitlab.fabric.evaluation import COMPLETE
+from knitlab.fabric.threads import Threads, allowed_threads
 from knitlab.simulation.simulate import starts
 
 TIMED, LONG = 5, 30.0

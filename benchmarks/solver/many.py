@@ -8,8 +8,8 @@ from tempfile import TemporaryDirectory
 
 from benchmarks.command_line import COMMAND
 from benchmarks.solver.measurement import Measurement, Record
-from knitlab.io.cube_file import open_cube
-from knitlab.io.design_status import Status
+from knitlab.cube.cube_file import open_cube
+from knitlab.cube.design_status import Status
 
 
 def measure(measurement: Measurement) -> Record:

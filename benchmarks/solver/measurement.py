@@ -5,10 +5,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from knitlab.fabric.options import Boundary
 from knitlab.io.atomic_write import atomic_write
-from knitlab.model.options import Boundary
 from knitlab.simulation.case import Case
-from knitlab.study.plan import make_plan
+from knitlab.sweep.plan import make_plan
 
 Task = Literal["tuning", "relaxation", "tension", "shipped_relaxation", "iteration", "sweep"]
 Record = dict[str, Any]

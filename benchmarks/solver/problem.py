@@ -8,13 +8,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from benchmarks.solver.watch import Watch
-from knitlab.elasticity.element_chunks import ChunkedFabric
-from knitlab.elasticity.evaluation import COMPLETE, Evaluation
-from knitlab.mechanics.loading import all_free, rigidly_aligned, tensile
-from knitlab.model.configuration import Configuration
-from knitlab.model.fabric import Fabric, flat_sheet
-from knitlab.model.inertia import Inertia
-from knitlab.model.network import MeshShape, Network
+from knitlab.equilibrium.loading import all_free, rigidly_aligned, tensile
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.element_chunks import ChunkedFabric
+from knitlab.fabric.evaluation import COMPLETE, Evaluation
+from knitlab.fabric.fabric import Fabric, flat_sheet
+from knitlab.fabric.inertia import Inertia
+from knitlab.fabric.network import MeshShape, Network
 from knitlab.simulation.case import Case
 
 Unknowns = Float[np.ndarray, " unknown"]

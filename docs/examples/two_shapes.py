@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 
 import knitlab as kl
 from knitlab.dynamics.grid import GridFabric, Shape
+from knitlab.equilibrium.state import State
+from knitlab.fabric.configuration import Configuration
 from knitlab.measure.intersections import self_intersections
-from knitlab.model.configuration import Configuration
 from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import equilibrium_tests
-from knitlab.solvers.state import State
 
 DESIGNS = (8, 32), (6, 24)
 STARTS = "dynamics", "flat", "periodic"

@@ -23,7 +23,7 @@ def calibrate(strain: Curve, force: Curve, *, period: float, law: Law = "linear"
         force: force on one row of the network [N].
         period: relaxed peak-to-peak distance of the stripe [mm].
         law: of the springs: ``"linear"``, ``"stiffening"``, whose stiffening strain is fitted too,
-            or a :class:`~knitlab.model.spring_curve.SpringCurve`.
+            or a :class:`~knitlab.fabric.spring_curve.SpringCurve`.
 
     Returns:
         The fitted numbers with their standard errors, 95 % intervals and correlations; its method
@@ -35,7 +35,7 @@ def calibrate(strain: Curve, force: Curve, *, period: float, law: Law = "linear"
     Example:
         >>> import numpy as np
         >>> import knitlab as kl
-        >>> from knitlab.model.zigzag import tension, zigzag
+        >>> from knitlab.fabric.zigzag import tension, zigzag
         >>> stripe = kl.Stripe("rib", 4, period=1.41, k_s=0.817, theta_0=0.772, k_t=0.0107)
         >>> strain = np.linspace(0.05, 2.5, 40)
         >>> force = np.asarray(tension(zigzag(stripe), strain))

@@ -5,9 +5,9 @@ from typing import Any
 
 import pandas as pd
 
-from knitlab.paper.claims import read_claims
-from knitlab.paper.judgement import judged
-from knitlab.paper.records import records
+from knitlab.validation.claims import read_claims
+from knitlab.validation.judgement import judged
+from knitlab.validation.records import records
 
 
 def claims(*cubes: str | Path, output: str | Path | None = None, **selections: Any) -> pd.DataFrame:
@@ -34,7 +34,7 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
     judgements = judged(read_claims(), [Path(cube) for cube in cubes], selections)
     if output is not None:
         # Matplotlib is imported only to write a report.
-        from knitlab.report.page import check_suffix, write_page
+        from knitlab.figures.report.page import check_suffix, write_page
 
         check_suffix(Path(output))
         write_page(judgements, Path(output), selections)

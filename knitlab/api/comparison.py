@@ -7,11 +7,11 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
-from knitlab.io.cube_file import open_cube
-from knitlab.io.plain_cube import PlainCube
-from knitlab.tables.comparison import compared
-from knitlab.tables.query import query_cubes
-from knitlab.tables.selection import refuse_others, selected, selections_along
+from knitlab.cube.comparison import compared
+from knitlab.cube.cube_file import open_cube
+from knitlab.cube.plain_cube import PlainCube
+from knitlab.cube.query import query_cubes
+from knitlab.cube.selection import refuse_others, selected, selections_along
 
 Cube = str | Path | xr.Dataset
 """A cube, its file, or the results folder that holds it."""

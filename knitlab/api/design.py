@@ -4,11 +4,11 @@ from dataclasses import KW_ONLY, dataclass
 
 from pydantic import ValidationError
 
+from knitlab.fabric.options import Boundary
+from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe
 from knitlab.io.errors import BadInput, Fault, faults_of
-from knitlab.model.options import Boundary
-from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe
-from knitlab.study.parameters import StripeRow
-from knitlab.study.patterns import Pattern
+from knitlab.sweep.parameters import StripeRow
+from knitlab.sweep.patterns import Pattern
 
 
 @dataclass(frozen=True)

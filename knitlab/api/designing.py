@@ -7,10 +7,10 @@ from typing import Any
 from knitlab.api.finding import Wanted, listed
 from knitlab.api.measures import Measure
 from knitlab.api.sweeps import RESULTS
+from knitlab.inverse.conflict import conflict_of
+from knitlab.inverse.design import BUDGET, Designed, DesignOptions, run_design
+from knitlab.inverse.request import checked_request, read_request
 from knitlab.io.errors import fault
-from knitlab.optimisation.conflict import conflict_of
-from knitlab.optimisation.design import BUDGET, Designed, DesignOptions, run_design
-from knitlab.optimisation.request import checked_request, read_request
 
 MOST = 1_000_000
 """Largest number of simulations if the budget is a time."""

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from knitlab.io.cube_file import is_case, open_cube
+from knitlab.cube.cube_file import is_case, open_cube
+from knitlab.cube.selection import refuse_others
 from knitlab.io.errors import fault
 from knitlab.meshes.chosen_case import STRAIN, chosen_case, chosen_strains
 from knitlab.meshes.fabric import fabric_meshes
@@ -15,7 +16,6 @@ from knitlab.meshes.formats import FORMATS, write_mesh
 from knitlab.meshes.series import SERIES, write_series
 from knitlab.meshes.solid import solid_of
 from knitlab.meshes.surface import SurfaceMesh
-from knitlab.tables.selection import refuse_others
 
 if TYPE_CHECKING:
     from knitlab.api.comparison import Cube

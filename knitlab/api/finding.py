@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from knitlab.cube.find import Found, find_designs
+from knitlab.cube.plain_cube import PlainCube, open_plain_cube
+from knitlab.cube.target import Target, read_target
 from knitlab.io.errors import BadInput, ErrorCollector
-from knitlab.io.plain_cube import PlainCube, open_plain_cube
-from knitlab.tables.find import Found, find_designs
-from knitlab.tables.target import Target, read_target
 
 if TYPE_CHECKING:
     from knitlab.api.comparison import Cube

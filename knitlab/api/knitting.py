@@ -15,7 +15,7 @@ from knitlab.api.single_design import (
     of_design,
     of_workflow,
 )
-from knitlab.capacitance.capacitor import Capacitor
+from knitlab.fabric.options import ModelOptions
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.knitting.chart import Face, StitchChart
@@ -25,11 +25,11 @@ from knitlab.knitting.machine import Machine, read_machine
 from knitlab.knitting.round_trip import RoundTrip, round_trip
 from knitlab.knitting.specification import Specification, specification
 from knitlab.knitting.stitch_chart import stitch_chart
+from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
-from knitlab.model.options import ModelOptions
-from knitlab.study.defaults import defaults
-from knitlab.study.figure_names import STILL_SUFFIXES, check_still
-from knitlab.study.workflow import ProtocolSection
+from knitlab.sweep.defaults import defaults
+from knitlab.sweep.figure_names import STILL_SUFFIXES, check_still
+from knitlab.sweep.workflow import ProtocolSection
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

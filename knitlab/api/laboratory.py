@@ -10,7 +10,7 @@ from knitlab.laboratory.experiment import Imported
 from knitlab.laboratory.experiment import import_records as import_kind
 from knitlab.laboratory.fit import Fit, NoFit, Step, fit_stripes
 from knitlab.laboratory.target import at_strains_of, case_for, target_of
-from knitlab.study.plan import Plan, make_plan
+from knitlab.sweep.plan import Plan, make_plan
 
 
 def import_records(

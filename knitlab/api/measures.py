@@ -7,13 +7,13 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float
 
-from knitlab.io.case_file import configurations
+from knitlab.cube.case_file import configurations
+from knitlab.equilibrium.linear_response import NoDerivative
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Fabric
+from knitlab.inverse.quantities import Measure
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
-from knitlab.mechanics.linear_response import NoDerivative
-from knitlab.model.configuration import Configuration
-from knitlab.model.fabric import Fabric
-from knitlab.optimisation.quantities import Measure
 from knitlab.simulation.case import Case, case_of
 from knitlab.simulation.stripe_sensitivity import adjoint_of
 

@@ -11,22 +11,22 @@ from tqdm.auto import tqdm
 
 from knitlab.api.design import Design
 from knitlab.api.single_design import of_design
-from knitlab.capacitance.capacitor import Capacitor
+from knitlab.cube.design_status import Status
+from knitlab.cube.schema import described
 from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.execution.cube import known_in_advance
-from knitlab.io.design_status import Status
+from knitlab.equilibrium.settings import SolverSettings
+from knitlab.fabric.fabric import Sheet
+from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.plain import PlainKnit
 from knitlab.io.errors import BadInput, faults_of
-from knitlab.io.schema import described
+from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
-from knitlab.model.fabric import Sheet
-from knitlab.model.options import ModelOptions
-from knitlab.model.plain import PlainKnit
 from knitlab.simulation.case import Method
 from knitlab.simulation.simulate import simulated
-from knitlab.solvers.settings import SolverSettings
-from knitlab.study.defaults import defaults
-from knitlab.study.gauge import sizes_of, stated
-from knitlab.study.workflow import ProtocolSection
+from knitlab.sweep.cube import known_in_advance
+from knitlab.sweep.defaults import defaults
+from knitlab.sweep.gauge import sizes_of, stated
+from knitlab.sweep.workflow import ProtocolSection
 
 DEFAULT_STRAINS = tuple(round(0.03 * step, 2) for step in range(16))
 """Strains of the preview: 0 to 45 % in steps of 3 %."""

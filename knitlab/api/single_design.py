@@ -12,24 +12,24 @@ import xarray as xr
 from pydantic import ValidationError
 
 from knitlab.api.design import Design
-from knitlab.execution.reproduce import find_case
-from knitlab.io.cube_file import design_dims, is_case, open_cube
+from knitlab.cube.cube_file import design_dims, is_case, open_cube
+from knitlab.cube.plain_cube import CUBE, cube_path
+from knitlab.cube.selection import chosen_places, selected
 from knitlab.io.errors import BadInput, Fault, fault, faults_of
-from knitlab.io.plain_cube import CUBE, cube_path
 from knitlab.knitting.patch_lines import is_turned
 from knitlab.knitting.specification import Prediction
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
-from knitlab.study.cases import cases, electrode_problems
-from knitlab.study.defaults import defaults
-from knitlab.study.design_space import design_space
-from knitlab.study.gauge import ATTRIBUTES
-from knitlab.study.overrides import Overrides
-from knitlab.study.parameters import Parameters
-from knitlab.study.patterns import Pattern
-from knitlab.study.plan import Plan, make_plan
-from knitlab.study.workflow import DesignSection, ElectrodesSection, ProtocolSection, Workflow
-from knitlab.tables.selection import chosen_places, selected
+from knitlab.sweep.cases import cases, electrode_problems
+from knitlab.sweep.defaults import defaults
+from knitlab.sweep.design_space import design_space
+from knitlab.sweep.gauge import ATTRIBUTES
+from knitlab.sweep.overrides import Overrides
+from knitlab.sweep.parameters import Parameters
+from knitlab.sweep.patterns import Pattern
+from knitlab.sweep.plan import Plan, make_plan
+from knitlab.sweep.reproduce import find_case
+from knitlab.sweep.workflow import DesignSection, ElectrodesSection, ProtocolSection, Workflow
 
 OWN_PATTERN = "own pattern"
 """Name of a pattern that is given as an object."""

@@ -8,15 +8,15 @@ from typing import Any
 
 import xarray as xr
 
-from knitlab.execution.merge import merge_folders
-from knitlab.execution.reproduce import find_case
-from knitlab.execution.reproduce import reproduce as run_alone
-from knitlab.execution.run import Run, RunOptions, run_plan
-from knitlab.execution.status import FolderStatus, workflow_status
+from knitlab.cube.plain_cube import CUBE
 from knitlab.io.errors import Fault
-from knitlab.io.plain_cube import CUBE
-from knitlab.study.plan import Plan, make_plan
-from knitlab.study.shard import Shard
+from knitlab.sweep.merge import merge_folders
+from knitlab.sweep.plan import Plan, make_plan
+from knitlab.sweep.reproduce import find_case
+from knitlab.sweep.reproduce import reproduce as run_alone
+from knitlab.sweep.run import Run, RunOptions, run_plan
+from knitlab.sweep.shard import Shard
+from knitlab.sweep.status import FolderStatus, workflow_status
 
 RESULTS = Path("results")
 """Default folder for the results folders of all workflows."""

@@ -76,14 +76,14 @@ def calibrate(
         raise fault("--spring-curve", problem)
     measured = read_tension_curve(curve, width, thickness)
 
+    from knitlab.fabric.spring_curve import SpringCurve
     from knitlab.figures.calibration import calibration_figure
     from knitlab.figures.saving import save
     from knitlab.figures.style import print_style
-    from knitlab.io.stripe_file import write_stripe_file
     from knitlab.measure.calibration import calibrate as fit
     from knitlab.measure.calibration import report, report_comparison
-    from knitlab.model.spring_curve import SpringCurve
-    from knitlab.study.defaults import defaults
+    from knitlab.measure.stripe_file import write_stripe_file
+    from knitlab.sweep.defaults import defaults
 
     title = f"{stitches} × {stitches} {knit}, period {period:g} mm"
     springs: Literal["linear", "stiffening"] | SpringCurve = "linear"

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from knitlab.cli.options import explains_bad_input, read_selections, select_option
-from knitlab.study.figure_names import FIGURE_NAMES
+from knitlab.sweep.figure_names import FIGURE_NAMES
 
 format_option = click.option(
     "--format",
@@ -43,8 +43,8 @@ def query(
 
     Variables along the applied strain appear once it is selected: --select applied_strain=0.15
     """
-    from knitlab.io.plain_cube import open_plain_cube
-    from knitlab.tables.query import formatted, query_cubes
+    from knitlab.cube.plain_cube import open_plain_cube
+    from knitlab.cube.query import formatted, query_cubes
 
     # A comma within brackets belongs to a reduction such as mean(poisson_ratio, 0.05:0.25).
     names = [name.strip() for name in re.split(r",(?![^(]*\))", columns)] if columns else None
@@ -68,7 +68,7 @@ def compare(
     is the RMS difference expected for equal curves.
     """
     from knitlab.api.comparison import compare as compare_with
-    from knitlab.tables.query import formatted
+    from knitlab.cube.query import formatted
 
     table = compare_with(simulation, *experiments, **read_selections(selections))
     click.echo(formatted(table, style))
@@ -134,9 +134,9 @@ def claims(cubes: tuple[Path, ...], selections: tuple[str, ...], output: Path | 
     it is a near miss. If several cubes measure a claim, the one with the paper's samples decides
     it: clamped before periodic, then with more of the designs, then with more unit cells.
     """
-    from knitlab.paper.claims import read_claims
-    from knitlab.paper.judgement import judged, listed
-    from knitlab.report.page import check_suffix, write_page
+    from knitlab.figures.report.page import check_suffix, write_page
+    from knitlab.validation.claims import read_claims
+    from knitlab.validation.judgement import judged, listed
 
     if output is not None:
         check_suffix(output)

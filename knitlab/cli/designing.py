@@ -32,10 +32,10 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     """
     from knitlab.api.designing import design as design_for
     from knitlab.api.designing import draw
-    from knitlab.io.plain_cube import CUBE
-    from knitlab.optimisation.conflict import conflict_of
-    from knitlab.optimisation.summary import summary
-    from knitlab.tables.query import formatted
+    from knitlab.cube.plain_cube import CUBE
+    from knitlab.cube.query import formatted
+    from knitlab.inverse.conflict import conflict_of
+    from knitlab.inverse.summary import summary
 
     try:
         designed = design_for(file, budget=budget, workers=workers, results=results, progress=True)

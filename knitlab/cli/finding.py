@@ -51,8 +51,8 @@ def find(
     that is the scatter among the designs.
     """
     from knitlab.api.finding import find as find_in
-    from knitlab.study.figure_names import check_still
-    from knitlab.tables.query import formatted
+    from knitlab.cube.query import formatted
+    from knitlab.sweep.figure_names import check_still
 
     if output is not None:
         check_still(output)

@@ -80,7 +80,7 @@ def knit(
     Exit code 1 if the check finds a fault.
     """
     from knitlab.api.knitting import check_output, knitted
-    from knitlab.study.figure_names import check_still
+    from knitlab.sweep.figure_names import check_still
 
     for path in outputs:
         check_output(path)
@@ -124,7 +124,7 @@ def _single_design(
 
 def _values(changes: tuple[str, ...]) -> dict[str, Any]:
     from knitlab.io.errors import BadInput, Fault
-    from knitlab.study.overrides import read_value
+    from knitlab.sweep.overrides import read_value
 
     malformed = [text for text in changes if "=" not in text]
     if malformed:

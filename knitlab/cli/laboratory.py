@@ -100,8 +100,8 @@ def fit(
     The sample is the only case of WORKFLOW with the design of the experiment. It is simulated
     about ten to thirty times.
     """
-    from knitlab.io.cube_file import open_cube
-    from knitlab.tables.selection import selected
+    from knitlab.cube.cube_file import open_cube
+    from knitlab.cube.selection import selected
 
     check_toml(output)
     cube = selected(open_cube(experiment), read_selections(selections))
@@ -111,7 +111,7 @@ def fit(
     from knitlab.figures.saving import save
     from knitlab.figures.style import print_style
     from knitlab.laboratory.fit_report import report, write_stripes
-    from knitlab.study.plan import make_plan
+    from knitlab.sweep.plan import make_plan
 
     def report_step(tests: int, chi_squared: float) -> None:
         click.echo(f"test {tests}: chi² {chi_squared:.4g}", err=True)

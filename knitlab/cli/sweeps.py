@@ -20,7 +20,7 @@ from knitlab.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from knitlab.study.plan import Plan
+    from knitlab.sweep.plan import Plan
 
 
 def workflow_options(command: Command) -> Command:
@@ -52,9 +52,9 @@ def workflow_options(command: Command) -> Command:
 @explains_bad_input
 def plan(workflow: str, results: Path, settings: tuple[str, ...]) -> None:
     """Resolve WORKFLOW into plan.json and show what it would run."""
-    from knitlab.execution.status import PLAN, folder_status
     from knitlab.io.lock import held
-    from knitlab.study.plan import make_plan
+    from knitlab.sweep.plan import make_plan
+    from knitlab.sweep.status import PLAN, folder_status
 
     made = make_plan(workflow, settings)
     _echo_warnings(made)
@@ -161,10 +161,10 @@ def run(
     if shard is None and _is_finished(workflow, settings, results):
         return
     from knitlab.api.sweeps import run_workflow
-    from knitlab.execution.run import RunOptions
-    from knitlab.io.plain_cube import CUBE
-    from knitlab.study.plan import make_plan
-    from knitlab.study.shard import Shard
+    from knitlab.cube.plain_cube import CUBE
+    from knitlab.sweep.plan import make_plan
+    from knitlab.sweep.run import RunOptions
+    from knitlab.sweep.shard import Shard
 
     part = None if shard is None else Shard.of(shard)
     made = make_plan(workflow, settings)
@@ -202,9 +202,9 @@ def run(
 
 def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> bool:
     """Whether there is nothing to run or draw; if so, print what exists."""
-    from knitlab.execution.finished import finished_plan
+    from knitlab.cube.plain_cube import CUBE, open_plain_cube
     from knitlab.figures.drawn import fingerprint_of_figure, is_drawn, requested_figures
-    from knitlab.io.plain_cube import CUBE, open_plain_cube
+    from knitlab.sweep.finished import finished_plan
 
     record = finished_plan(workflow, settings, results)
     if record is None:
@@ -242,8 +242,8 @@ def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
     Each folder holds the results of a workflow, or is one that a run had as its results. Folders
     that contradict each other are refused.
     """
-    from knitlab.execution.merge import merge_folders
-    from knitlab.io.plain_cube import CUBE
+    from knitlab.cube.plain_cube import CUBE
+    from knitlab.sweep.merge import merge_folders
 
     done = merge_folders(folders, results, any_code=any_code)
     for path in done.damaged:
@@ -266,7 +266,7 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
 
     If an input file of the plan has changed, the workflow is planned again with the same settings.
     """
-    from knitlab.execution.status import workflow_status
+    from knitlab.sweep.status import workflow_status
 
     found = workflow_status(workflow, results, check)
     if as_json:

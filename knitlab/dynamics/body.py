@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from knitlab.dynamics.grid import GridFabric, Shape
-from knitlab.model.energy import Energy
+from knitlab.fabric.energy import Energy
 
 
 class Body(eqx.Module):

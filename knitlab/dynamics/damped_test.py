@@ -12,7 +12,7 @@ from knitlab.dynamics.body import Body, Observed
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.motion import Moving, advance, largest_step
 from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.mechanics.loading import (
+from knitlab.equilibrium.loading import (
     Loading,
     all_free,
     between_walls,
@@ -20,13 +20,13 @@ from knitlab.mechanics.loading import (
     rigidly_aligned,
     tensile,
 )
-from knitlab.mechanics.tensile_result import History, TensileTest
-from knitlab.model.configuration import Configuration
-from knitlab.model.energy import Energy
-from knitlab.model.fabric import Fabric, flat_sheet
-from knitlab.model.inertia import Inertia, moved_mass, nodes_moved
-from knitlab.model.network import MeshShape, network
-from knitlab.solvers.state import Outcome, State
+from knitlab.equilibrium.state import Outcome, State
+from knitlab.equilibrium.tensile_result import History, TensileTest
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.energy import Energy
+from knitlab.fabric.fabric import Fabric, flat_sheet
+from knitlab.fabric.inertia import Inertia, moved_mass, nodes_moved
+from knitlab.fabric.network import MeshShape, network
 
 FIRST_RECORD = 0.01
 """Time of the first record of a relaxation after its beginning [ms]."""

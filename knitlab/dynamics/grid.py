@@ -1,6 +1,6 @@
 """The fabric as a structured grid: its energy and forces by shifted arrays, without index lists.
 
-The network of :mod:`knitlab.model.network` is regular: the ends of a spring and the cells beside
+The network of :mod:`knitlab.fabric.network` is regular: the ends of a spring and the cells beside
 a hinge are neighbours on the grid. Every difference between nodes is a difference of two slices,
 and a force is gathered from slices too. A step of the dynamics is a few loops over the grid then.
 
@@ -25,11 +25,11 @@ from knitlab.dynamics.vectors import (
     scale,
     subtract,
 )
-from knitlab.model.energy import Energy
-from knitlab.model.fabric import Fabric
-from knitlab.model.network import MeshShape
-from knitlab.model.options import FoldAngle
-from knitlab.model.spring_law import SpringLaw
+from knitlab.fabric.energy import Energy
+from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.network import MeshShape
+from knitlab.fabric.options import FoldAngle
+from knitlab.fabric.spring_law import SpringLaw
 
 ALL, INNER = slice(None), slice(1, -1)
 BEFORE, AFTER = slice(None, -1), slice(1, None)
@@ -109,7 +109,7 @@ class Hinges(eqx.Module):
     ) -> tuple[Vector, Vector, Vector]:
         """Derivatives of the energy with respect to the edges and to the normals.
 
-        Arguments as for :meth:`from_rest`; :mod:`knitlab.model.fold_angle` derives the formulas.
+        Arguments as for :meth:`from_rest`; :mod:`knitlab.fabric.fold_angle` derives the formulas.
         """
         sine, cosine = self._sine_and_cosine(edge, before, after)
         moment = self.stiffness * self.from_rest(edge, before, after)

@@ -5,15 +5,15 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from knitlab.execution.status import earlier_failures
+from knitlab.cube.case_file import StoredCase, check_case_file, read_case
+from knitlab.cube.cube_file import design_dims, is_measured, source_of
+from knitlab.cube.design_status import Status
+from knitlab.cube.plain_cube import named_path
 from knitlab.explorer.page import Content
 from knitlab.explorer.run_report import figures_of, run_of
 from knitlab.explorer.shapes import shape_of
 from knitlab.explorer.variables import STRAIN, variables_of
-from knitlab.io.case_file import StoredCase, check_case_file, read_case
-from knitlab.io.cube_file import design_dims, is_measured, source_of
-from knitlab.io.design_status import Status
-from knitlab.io.plain_cube import named_path
+from knitlab.sweep.status import earlier_failures
 
 MEASURED = "It was measured, so that there is no shape."
 NOT_FROM_FILE = "The cube was not opened from a file, so that there is no shape."

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import xarray as xr
 
+from knitlab.cube.design_status import Status
 from knitlab.explorer.colours import colour_maps
 from knitlab.explorer.cube_content import cube_content
 from knitlab.explorer.page import Content, page_of
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
 
 SUFFIX = ".html"

@@ -11,10 +11,10 @@ from typing import Any
 import xarray as xr
 from PIL import Image
 
-from knitlab.execution.status import PLAN
+from knitlab.cube.cube_file import is_measured, source_of
+from knitlab.cube.design_status import Status
 from knitlab.explorer.page import Content
-from knitlab.io.cube_file import is_measured, source_of
-from knitlab.io.design_status import Status
+from knitlab.sweep.status import PLAN
 
 PROVENANCE = {
     "source": "code",

@@ -12,7 +12,7 @@ from knitlab.explorer.page import Content
 from knitlab.explorer.positions import pack_positions
 
 if TYPE_CHECKING:
-    from knitlab.model.pattern import PatchGrid
+    from knitlab.fabric.pattern import PatchGrid
 
 MOST_NODES = 4096
 """Largest number of nodes of a large sample that are shown: of the paper's largest unit cell."""
@@ -54,7 +54,7 @@ def _content(
     case: xr.Dataset, nodes: np.ndarray, reached: np.ndarray, strains: np.ndarray
 ) -> Content:
     # JAX is imported only for this.
-    from knitlab.model.grading import recorded_pattern
+    from knitlab.fabric.grading import recorded_pattern
 
     record = json.loads(case.attrs["parameters"])
     sample = recorded_pattern(record)

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import xarray as xr
 
+from knitlab.cube.cube_file import design_dims
+from knitlab.cube.schema import FLAGS, INTEGERS
 from knitlab.explorer.page import Content
-from knitlab.io.cube_file import design_dims
-from knitlab.io.schema import FLAGS, INTEGERS
 
 STRAIN = "applied_strain"
 EXPANDED = ("stripe_parameter",)

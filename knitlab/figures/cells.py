@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
+from knitlab.cube.cube_file import is_measured, source_of
+from knitlab.cube.design_status import Status
 from knitlab.figures.value_colours import Colour
-from knitlab.io.cube_file import is_measured, source_of
-from knitlab.io.design_status import Status
 
 MARKS: dict[Status, dict[str, Any]] = {
     Status.ok: {"facecolor": "white", "edgecolor": "0.6"},

@@ -10,17 +10,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from knitlab.figures.drawn import (
-    MOST_SLICES,
-    fingerprint_of_figure,
-    is_drawn,
-    requested_figures,
-)
-from knitlab.figures.figure_kind import Drawing, FigureKind
-from knitlab.figures.saving import save
-from knitlab.figures.style import print_style
-from knitlab.io.case_file import case_path, read_case
-from knitlab.io.cube_file import (
+from knitlab.cube.case_file import case_path, read_case
+from knitlab.cube.cube_file import (
     as_cube,
     base_dims,
     design_dims,
@@ -30,12 +21,21 @@ from knitlab.io.cube_file import (
     source_of,
     swept_dims,
 )
+from knitlab.cube.plain_cube import PlainCube
+from knitlab.cube.schema import DESIGN_DIMS, VARIABLES
+from knitlab.cube.selection import as_given, choices, refuse_others, selected, selections_along
+from knitlab.figures.drawn import (
+    MOST_SLICES,
+    fingerprint_of_figure,
+    is_drawn,
+    requested_figures,
+)
+from knitlab.figures.figure_kind import Drawing, FigureKind
+from knitlab.figures.saving import save
+from knitlab.figures.style import print_style
 from knitlab.io.errors import BadInput, Fault, fault
-from knitlab.io.plain_cube import PlainCube
-from knitlab.io.schema import DESIGN_DIMS, VARIABLES
 from knitlab.io.suggestions import unknown
-from knitlab.study.figure_names import COMPARING, FIGURE_NAMES, suffixes
-from knitlab.tables.selection import as_given, choices, refuse_others, selected, selections_along
+from knitlab.sweep.figure_names import COMPARING, FIGURE_NAMES, suffixes
 
 FIGURES: dict[str, FigureKind] = {
     name: import_module(f"knitlab.figures.kinds.{name}").FIGURE for name in FIGURE_NAMES

@@ -11,10 +11,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from knitlab.cube.plain_cube import PlainCube, base_of, cube_path
+from knitlab.cube.selection import as_given
 from knitlab.io.fingerprint import DIGITS, file_digest, package_fingerprint
-from knitlab.io.plain_cube import PlainCube, base_of, cube_path
-from knitlab.study.figure_names import COMPARING, suffixes
-from knitlab.tables.selection import as_given
+from knitlab.sweep.figure_names import COMPARING, suffixes
 
 MARK = "knitlab-drawn-of:"
 """Prefix of the fingerprint that is stored in the file of every figure."""

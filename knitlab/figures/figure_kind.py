@@ -7,7 +7,7 @@ from typing import Literal
 from matplotlib.animation import FuncAnimation
 from matplotlib.figure import Figure
 
-from knitlab.io.schema import DESIGN_DIMS
+from knitlab.cube.schema import DESIGN_DIMS
 
 Drawing = Figure | FuncAnimation
 

@@ -4,10 +4,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from knitlab.cube.find import Found, Reached
+from knitlab.cube.schema import VARIABLES
+from knitlab.cube.target import Target
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS
-from knitlab.io.schema import VARIABLES
-from knitlab.tables.find import Found, Reached
-from knitlab.tables.target import Target
 
 MOST_SHOWN = 6
 """Designs that are drawn, the nearest first."""

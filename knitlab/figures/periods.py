@@ -3,10 +3,10 @@
 import numpy as np
 import xarray as xr
 
+from knitlab.cube.cube_file import base_dims
+from knitlab.cube.design_status import Status
+from knitlab.cube.schema import DESIGN_DIMS
 from knitlab.figures.sources import missing_values
-from knitlab.io.cube_file import base_dims
-from knitlab.io.design_status import Status
-from knitlab.io.schema import DESIGN_DIMS
 
 PERIODS = "periods"
 

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-from knitlab.io.cube_file import is_measured
-from knitlab.io.design_status import Status
-from knitlab.io.schema import DESIGN_DIMS
+from knitlab.cube.cube_file import is_measured
+from knitlab.cube.design_status import Status
+from knitlab.cube.schema import DESIGN_DIMS
 
 
 def lines_of(cube: xr.Dataset) -> str:

@@ -4,8 +4,8 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Bool, Float
 
-from knitlab.io.design_status import Status
-from knitlab.io.schema import DESIGN_DIMS
+from knitlab.cube.design_status import Status
+from knitlab.cube.schema import DESIGN_DIMS
 
 Design = tuple[int, int]
 

@@ -15,13 +15,13 @@ from pydantic import (
     ValidationError,
 )
 
+from knitlab.fabric.setting_types import Unit
 from knitlab.io.errors import BadInput, Fault, faults_of
 from knitlab.io.shipped import shipped
 from knitlab.io.strict_model import StrictModel
 from knitlab.io.suggestions import unknown
 from knitlab.io.toml import read_checked
-from knitlab.model.setting_types import Unit
-from knitlab.study.declared_fields import ParameterValue, declared, entries, with_fields
+from knitlab.sweep.declared_fields import ParameterValue, declared, entries, with_fields
 
 MILLIMETRES_PER_INCH = 25.4
 FILE = "machine.toml"

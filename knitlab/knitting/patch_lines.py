@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH
+from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH
 from knitlab.simulation.case import Case
 
 

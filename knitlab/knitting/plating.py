@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.ndimage import binary_dilation
 
+from knitlab.fabric.electrode_layout import BadLayout, ElectrodeLayout, ridge_lines
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.knitting.chart import Face
-from knitlab.model.electrode_layout import BadLayout, ElectrodeLayout, ridge_lines
 from knitlab.simulation.case import Case
 
 FRONT: Face = "front"

@@ -19,12 +19,12 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool
 
+from knitlab.fabric.pattern import KNIT_OF_LETTER
+from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH
 from knitlab.io.errors import fault
 from knitlab.knitting.chart import Face, StitchChart
 from knitlab.knitting.patch_lines import PatchLines, is_turned, patch_lines
 from knitlab.knitting.plating import plated_faces, plated_stitches
-from knitlab.model.pattern import KNIT_OF_LETTER
-from knitlab.model.stripe import GARTER_STITCHES_PER_RIB_STITCH
 from knitlab.simulation.case import Case
 
 ASPECT = 2.0
@@ -54,7 +54,7 @@ def stitch_chart(
             the needles; or if its electrodes cannot be plated by whole stitches.
 
     Example:
-        >>> from knitlab.study.plan import make_plan
+        >>> from knitlab.sweep.plan import make_plan
         >>> (case,) = make_plan("preview", {"n_stripe": 4, "n_subunit": 16}).cases.values()
         >>> chart = stitch_chart(case)
         >>> chart.courses, chart.wales, chart.stitches.in_words(0, 4)

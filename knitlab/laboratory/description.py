@@ -5,8 +5,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, PositiveInt, ValidationError, model_validator
 
+from knitlab.cube.schema import SIMULATION
+from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import BadInput, Fault, faults_of
-from knitlab.io.schema import SIMULATION
 from knitlab.io.strict_model import StrictModel
 from knitlab.io.toml import read_toml
 from knitlab.laboratory.quantities import (
@@ -19,8 +20,7 @@ from knitlab.laboratory.quantities import (
     Time,
     TimeColumn,
 )
-from knitlab.model.stripe import periods_per_patch
-from knitlab.study.workflow import MOST_STEPS, even_strains
+from knitlab.sweep.workflow import MOST_STEPS, even_strains
 
 Towards = Literal["right", "left", "up", "down"]
 RecordKind = Literal["markers", "tensile", "capacitance"]

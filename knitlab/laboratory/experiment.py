@@ -10,13 +10,15 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from knitlab.io.cube_file import design_dims, is_measured, open_cube, write_cube
-from knitlab.io.design_status import Status
+from knitlab.cube.common_settings import ATTRIBUTE, parameters_of
+from knitlab.cube.cube_file import design_dims, is_measured, open_cube, write_cube
+from knitlab.cube.design_status import Status
+from knitlab.cube.plain_cube import CUBE
+from knitlab.cube.schema import CYCLE, DESIGN_DIMS, SOURCE, VARIABLES, described
+from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import BadInput, fault
 from knitlab.io.fingerprint import code_fingerprint, file_digest, text_fingerprint
-from knitlab.io.plain_cube import CUBE
 from knitlab.io.provenance import provenance
-from knitlab.io.schema import CYCLE, DESIGN_DIMS, SOURCE, VARIABLES, described
 from knitlab.laboratory.description import Description, RecordKind, read_description
 from knitlab.laboratory.machine import (
     Pulls,
@@ -29,9 +31,7 @@ from knitlab.laboratory.machine import (
 from knitlab.laboratory.markers import along_pull, marker_values, read_marked
 from knitlab.laboratory.quantities import number
 from knitlab.measure.cycles import Cycle
-from knitlab.model.stripe import periods_per_patch
-from knitlab.study.common_settings import ATTRIBUTE, parameters_of
-from knitlab.study.defaults import defaults
+from knitlab.sweep.defaults import defaults
 
 IMPORTS = "imports"
 LARGEST_AT_REST = 0.25

@@ -19,6 +19,7 @@ from jaxtyping import Bool, Float
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm, qmc
 
+from knitlab.equilibrium.linear_response import NoDerivative
 from knitlab.laboratory.simulated_test import (
     QUANTITIES,
     SimulatedTest,
@@ -26,7 +27,6 @@ from knitlab.laboratory.simulated_test import (
     with_factors,
 )
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
-from knitlab.mechanics.linear_response import NoDerivative
 from knitlab.simulation.case import Case
 
 FITTED = tuple(name for name in STRIPE_PARAMETERS if not name.endswith("period"))

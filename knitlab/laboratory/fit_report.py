@@ -6,13 +6,13 @@ from typing import Any
 
 import tomli_w
 
+from knitlab.cube.schema import VARIABLES
+from knitlab.fabric.stripe import Stripe
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.schema import VARIABLES
-from knitlab.io.stripe_file import ENTRY_UNITS, row_units, stripe_row
 from knitlab.laboratory.fit import Fit, root_mean_square
 from knitlab.laboratory.simulated_test import QUANTITIES
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
-from knitlab.model.stripe import Stripe
+from knitlab.measure.stripe_file import ENTRY_UNITS, row_units, stripe_row
 from knitlab.simulation.case import Case
 
 HEADER = f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  from test"

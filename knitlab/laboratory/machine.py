@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.capacitance.capacitor_status import CapacitorStatus
-from knitlab.capacitance.sensor import hysteresis, sensor_of
 from knitlab.io.errors import fault
 from knitlab.laboratory.description import (
     CapacitanceTable,
@@ -22,6 +20,8 @@ from knitlab.laboratory.records import (
     read_capacitance_log,
     read_tensile_log,
 )
+from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
+from knitlab.measure.capacitance.sensor import hysteresis, sensor_of
 from knitlab.measure.cycles import Cycle, cycles
 from knitlab.measure.resampling import resampled
 

@@ -9,21 +9,21 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.elasticity.evaluation import Point
+from knitlab.equilibrium.domain_decomposition import find_equilibrium_by_subdomains
+from knitlab.equilibrium.equilibrium_search import SearchRules
+from knitlab.equilibrium.loading import tensile
+from knitlab.equilibrium.relaxation import relax
+from knitlab.equilibrium.runners import run_each
+from knitlab.equilibrium.state import State
+from knitlab.equilibrium.system import System
+from knitlab.equilibrium.tensile_result import TensileTest
+from knitlab.equilibrium.tensile_test import stretch
+from knitlab.fabric.evaluation import Point
+from knitlab.fabric.stripe import Stripe
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
-from knitlab.mechanics.loading import tensile
-from knitlab.mechanics.relaxation import relax
-from knitlab.mechanics.tensile_result import TensileTest
-from knitlab.mechanics.tensile_test import stretch
-from knitlab.model.stripe import Stripe
 from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import relaxed_by_dynamics, starts
 from knitlab.simulation.stripe_sensitivity import adjoint_of, measured_by
-from knitlab.solvers.domain_decomposition import find_equilibrium_by_subdomains
-from knitlab.solvers.equilibrium_search import SearchRules
-from knitlab.solvers.runners import run_each
-from knitlab.solvers.state import State
-from knitlab.solvers.system import System
 
 QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")
 """Quantities measured in a test, in this order."""

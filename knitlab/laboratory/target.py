@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
-from knitlab.io.cube_file import is_measured
-from knitlab.io.design_status import Status
+from knitlab.cube.common_settings import parameters_of
+from knitlab.cube.cube_file import is_measured
+from knitlab.cube.design_status import Status
+from knitlab.cube.schema import CYCLE, DESIGN_DIMS
 from knitlab.io.errors import fault
-from knitlab.io.schema import CYCLE, DESIGN_DIMS
 from knitlab.laboratory.fit import MeasuredTest
 from knitlab.laboratory.simulated_test import QUANTITIES
 from knitlab.simulation.case import Case
-from knitlab.study.common_settings import parameters_of
-from knitlab.study.plan import Plan
+from knitlab.sweep.plan import Plan
 
 FEWEST_STRAINS = 3
 NO_ERROR = 1.0

@@ -1,4 +1,8 @@
-"""Measures of a fabric: local strain and Poisson's ratio, wavelength, folds.
+"""Measures of a fabric: local strain and Poisson's ratio, wavelength, folds, size, calibration.
 
-The same functions apply to simulations and to laboratory markers; they use no solver and no file.
+In: positions of unit cells' corners or of nodes, from a simulation or from tracked markers; curves
+of a test. Out: numbers and arrays; for a calibration, the stripe that a curve determines.
+
+Read ``strain.py`` (Poisson's ratio), ``wavelength.py``, ``calibration.py``; ``capacitance``
+computes what electrodes on the fabric sense. Nothing here writes a cube.
 """

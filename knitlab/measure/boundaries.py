@@ -5,10 +5,10 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.network import MeshShape
 from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.wavelength import FEWEST_WAVES, Wave, wave_of
-from knitlab.model.configuration import Configuration
-from knitlab.model.network import MeshShape
 
 PERIODIC_CELLS = 8
 """Number of unit cells over which the boundary of periodic fabric is traced."""

@@ -14,11 +14,11 @@ from jaxtyping import Array, Float
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import t as student_t
 
+from knitlab.fabric.options import CellSize
+from knitlab.fabric.spring_curve import SpringCurve
+from knitlab.fabric.stripe import Knit, Stripe
+from knitlab.fabric.zigzag import Zigzag, law_of_one, tension
 from knitlab.measure.information import Comparison, compare
-from knitlab.model.options import CellSize
-from knitlab.model.spring_curve import SpringCurve
-from knitlab.model.stripe import Knit, Stripe
-from knitlab.model.zigzag import Zigzag, law_of_one, tension
 
 Law = Literal["linear", "stiffening"] | SpringCurve
 """Kind of spring law; the shape of a tabulated curve is not fitted."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from knitlab.model.network import MeshShape
+from knitlab.fabric.network import MeshShape
 
 
 @dataclass(frozen=True)

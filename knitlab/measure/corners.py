@@ -3,10 +3,10 @@
 import numpy as np
 from jaxtyping import Array, Float
 
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.network import MeshShape
 from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.grid_nodes import nodes_at
-from knitlab.model.configuration import Configuration
-from knitlab.model.network import MeshShape
 
 
 def unit_cell_corners(

@@ -3,11 +3,11 @@
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.model.configuration import Configuration
-from knitlab.model.energy import element_vectors
-from knitlab.model.fabric import Fabric
-from knitlab.model.fold_angle import fold_and_slope
-from knitlab.model.network import Network
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.energy import element_vectors
+from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.fold_angle import fold_and_slope
+from knitlab.fabric.network import Network
 
 
 def fold_angles(

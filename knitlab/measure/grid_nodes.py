@@ -3,8 +3,8 @@
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from knitlab.model.configuration import Configuration
-from knitlab.model.network import MeshShape
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.network import MeshShape
 
 
 def nodes_at(

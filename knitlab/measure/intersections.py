@@ -3,10 +3,10 @@
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.network import MeshShape
 from knitlab.measure.grid_nodes import nodes_at
 from knitlab.measure.overlapping_boxes import BoxPairs, overlapping_boxes
-from knitlab.model.configuration import Configuration
-from knitlab.model.network import MeshShape
 
 CORNERS = np.array([[0, 0], [0, 1], [1, 1], [1, 0]])
 """Corners (y, x) of a cell, in order around it."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.model.network import MeshShape
+from knitlab.fabric.network import MeshShape
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,11 @@
 import numpy as np
 from jaxtyping import Float
 
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.network import MeshShape
+from knitlab.fabric.pattern import KNIT_OF_LETTER, PatchGrid
 from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.grid_nodes import nodes_at
-from knitlab.model.configuration import Configuration
-from knitlab.model.network import MeshShape
-from knitlab.model.pattern import KNIT_OF_LETTER, PatchGrid
 
 
 def central_cell(

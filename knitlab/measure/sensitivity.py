@@ -7,12 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Fabric, StripePair
+from knitlab.fabric.network import MeshShape
 from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.corners import unit_cell_corners
 from knitlab.measure.strain import central_mean, local_strain, mean_cell_size, poisson_ratio
-from knitlab.model.configuration import Configuration
-from knitlab.model.fabric import Fabric, StripePair
-from knitlab.model.network import MeshShape
 
 Quantity = Callable[[Configuration, Configuration, Fabric], Float[Array, ""]]
 """A function of the relaxed configuration, the strained one and the fabric."""
@@ -71,5 +71,5 @@ STRIPE_PARAMETERS = {
     for knit, side in (("rib", "weft"), ("garter", "warp"))
     for name in ("k_s", "k_t", "theta_0", "period")
 }
-"""Stripe and attribute of each parameter in a :class:`~knitlab.model.fabric.StripePair`, by its
+"""Stripe and attribute of each parameter in a :class:`~knitlab.fabric.fabric.StripePair`, by its
 name. The periods of rib and garter are the paper's w and h."""

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Array, Float
 
+from knitlab.fabric.array_library import array_library
 from knitlab.measure.central import central
-from knitlab.model.array_library import array_library
 
 CornerGrid = Float[Array | np.ndarray, "*state corner_y corner_x 2"]
 ReferenceGrid = Float[Array | np.ndarray, "... corner_y corner_x 2"]

@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.io.case_file import StoredCase, check_case_file, read_case
-from knitlab.io.cube_file import design_dims, is_measured, source_of
-from knitlab.io.design_status import Status
-from knitlab.io.errors import fault
-from knitlab.io.plain_cube import PlainCube
-from knitlab.tables.selection import (
+from knitlab.cube.case_file import StoredCase, check_case_file, read_case
+from knitlab.cube.cube_file import design_dims, is_measured, source_of
+from knitlab.cube.design_status import Status
+from knitlab.cube.plain_cube import PlainCube
+from knitlab.cube.selection import (
     choices,
     chosen_places,
     refuse_others,
     selected,
     selections_along,
 )
+from knitlab.io.errors import fault
 
 STRAIN = "applied_strain"
 NO_CASE_FILE = (

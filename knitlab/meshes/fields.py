@@ -8,8 +8,8 @@ import xarray as xr
 from jaxtyping import Float, Int
 
 if TYPE_CHECKING:
-    from knitlab.model.electrodes import Strip
-    from knitlab.model.pattern import Knit, PatchGrid
+    from knitlab.fabric.electrodes import Strip
+    from knitlab.fabric.pattern import Knit, PatchGrid
     from knitlab.simulation.case import Case
 
 KNITS: tuple["Knit", ...] = ("rib", "garter", "plain")
@@ -122,7 +122,7 @@ def fold_angle_at_nodes(
         case: the case.
         case_file: its contents, at strains that were reached.
     """
-    from knitlab.io.case_file import configurations
+    from knitlab.cube.case_file import configurations
     from knitlab.measure.folds import fold_angles
 
     layout, states = case.layout, configurations(case_file)

@@ -22,9 +22,9 @@ def closed_nodes(
         repeats: how often periodic fabric is repeated along (y, x); a sample has 1 of each.
     """
     # What knows the nodes of a fabric imports JAX.
-    from knitlab.io.case_file import configurations
+    from knitlab.cube.case_file import configurations
+    from knitlab.fabric.network import MeshShape
     from knitlab.measure.grid_nodes import nodes_at
-    from knitlab.model.network import MeshShape
 
     periodic = is_periodic(case_file)
     cells_y, cells_x = (case_file.sizes[dim] - (not periodic) for dim in ("node_y", "node_x"))

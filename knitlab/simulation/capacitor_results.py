@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.capacitance.capacitor import (
+from knitlab.equilibrium.state import State
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.pattern import CELLS_PER_PERIOD
+from knitlab.measure.capacitance.capacitor import (
     Capacitances,
     Capacitor,
     capacitances,
     electrode_length,
     mean_fold,
 )
-from knitlab.capacitance.sensor import hysteresis, sensing_range, sensor_of, strain_unfolded
-from knitlab.capacitance.wedge import side_by_side, wedge_capacitance
-from knitlab.model.configuration import Configuration
-from knitlab.model.pattern import CELLS_PER_PERIOD
+from knitlab.measure.capacitance.sensor import hysteresis, sensing_range, sensor_of, strain_unfolded
+from knitlab.measure.capacitance.wedge import side_by_side, wedge_capacitance
 from knitlab.simulation.case import Case
-from knitlab.solvers.state import State
 
 SAME = 1e-5
 """Largest difference of two states that count as equal, relative to a grid cell."""

@@ -11,24 +11,24 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from pydantic import TypeAdapter
 
-from knitlab.capacitance.capacitor import Capacitor
 from knitlab.dynamics.settings import DynamicsSettings
+from knitlab.equilibrium.settings import SolverSettings
+from knitlab.fabric.electrode_layout import StitchCounts, place_electrodes
+from knitlab.fabric.electrodes import Electrodes
+from knitlab.fabric.fabric import Fabric, Sheet, StripePair
+from knitlab.fabric.grading import Grading, graded_pattern
+from knitlab.fabric.inertia import Inertia, graded_inertia, inertia
+from knitlab.fabric.layout import FabricLayout, fabric_layout
+from knitlab.fabric.network import MeshShape, Network, mesh_shape
+from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.pattern import BadPattern, PatchGrid, SingleFold
+from knitlab.fabric.plain import PlainKnit
+from knitlab.fabric.stripe import SpringKind, Stripe
+from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.central import central
 from knitlab.measure.knit_size import Stitches
-from knitlab.model.electrode_layout import StitchCounts, place_electrodes
-from knitlab.model.electrodes import Electrodes
-from knitlab.model.fabric import Fabric, Sheet, StripePair
-from knitlab.model.grading import Grading, graded_pattern
-from knitlab.model.inertia import Inertia, graded_inertia, inertia
-from knitlab.model.layout import FabricLayout, fabric_layout
-from knitlab.model.network import MeshShape, Network, mesh_shape
-from knitlab.model.options import ModelOptions
-from knitlab.model.pattern import BadPattern, PatchGrid, SingleFold
-from knitlab.model.plain import PlainKnit
-from knitlab.model.stripe import SpringKind, Stripe
 from knitlab.simulation.case_record import fields_of_record, identifying, stored_record
-from knitlab.solvers.settings import SolverSettings
 
 Method = Literal["equilibrium", "dynamics"]
 Label = int | float | str

@@ -6,8 +6,8 @@ record says ``reading`` for the model options, and ``endless`` for a start from 
 
 from typing import Any
 
-from knitlab.model.pattern import CELLS_PER_PERIOD
-from knitlab.model.stripe import SPRING_LAWS
+from knitlab.fabric.pattern import CELLS_PER_PERIOD
+from knitlab.fabric.stripe import SPRING_LAWS
 
 UNUSED_LEFT_OUT = ("robustness", "grading", "folds", "cell_patches", "plain", "solver", "dynamics")
 """Fields that a record leaves out where they are empty."""

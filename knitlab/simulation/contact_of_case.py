@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from knitlab.fabric.fabric import Fabric
 from knitlab.io.errors import fault
-from knitlab.model.fabric import Fabric
 from knitlab.simulation.case import Case
 
 if TYPE_CHECKING:
-    from knitlab.contact.barrier import Barrier
+    from knitlab.fabric.barrier import Barrier
 
 
 def contact_of(case: Case, fabric: Fabric) -> "Barrier | None":
@@ -27,7 +27,7 @@ def contact_of(case: Case, fabric: Fabric) -> "Barrier | None":
         return None
     if find_spec("ipctk") is None:
         raise fault("contact = barrier", "needs the package ipctk; pip install 'knitlab[contact]'")
-    from knitlab.contact.barrier import Barrier
+    from knitlab.fabric.barrier import Barrier
 
     return Barrier(
         case.mesh_shape,

@@ -6,9 +6,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.io.design_status import Status
+from knitlab.cube.design_status import Status
+from knitlab.cube.schema import VARIABLES, Variable, described
+from knitlab.equilibrium.state import State
+from knitlab.equilibrium.tensile_result import History, TensileTest
+from knitlab.fabric.configuration import Configuration
 from knitlab.io.fingerprint import code_fingerprint
-from knitlab.io.schema import VARIABLES, Variable, described
 from knitlab.measure.boundaries import Direction, boundary_wave
 from knitlab.measure.corners import unit_cell_corners
 from knitlab.measure.folds import hinges_past_pi
@@ -23,14 +26,11 @@ from knitlab.measure.strain import (
     poisson_ratio_of_test,
 )
 from knitlab.measure.wavelength import POINTS
-from knitlab.mechanics.tensile_result import History, TensileTest
-from knitlab.mechanics.zigzag_tension import ChainState
-from knitlab.model.configuration import Configuration
+from knitlab.measure.zigzag_tension import ChainState
 from knitlab.simulation.capacitor_results import capacitor_values
 from knitlab.simulation.case import Case
 from knitlab.simulation.robustness import SiblingTest, spread
 from knitlab.simulation.stripe_sensitivity import sensitivities
-from knitlab.solvers.state import State
 
 LEAST_FOLLOWED = 0.2
 """Axial strain of the central cells over the applied strain below which they have no Poisson's

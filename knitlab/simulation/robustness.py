@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.mechanics.tensile_result import TensileTest
-from knitlab.model.stripe import Stripe
+from knitlab.equilibrium.settings import Start
+from knitlab.equilibrium.tensile_result import TensileTest
+from knitlab.fabric.stripe import Stripe
 from knitlab.simulation.case import Case
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
-from knitlab.solvers.settings import Start
 
 STRIPE_TOLERANCE = 0.02
 """Largest part by which a stripe number of a sibling is larger or smaller."""

@@ -11,25 +11,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from knitlab.io.case_file import write_case_file
+from knitlab.cube.case_file import write_case_file
+from knitlab.equilibrium.relaxation import relax_near
+from knitlab.equilibrium.runners import run_each
+from knitlab.equilibrium.starting_shape import imperfect_sheet, starts_from_periodic
+from knitlab.equilibrium.state import Outcome
+from knitlab.equilibrium.system import System
+from knitlab.equilibrium.tensile_result import TensileTest
+from knitlab.equilibrium.tensile_test import stretch
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.network import Network
+from knitlab.fabric.zigzag import zigzag
 from knitlab.io.provenance import provenance
-from knitlab.mechanics.relaxation import relax_near
-from knitlab.mechanics.starting_shape import imperfect_sheet, starts_from_periodic
-from knitlab.mechanics.tensile_result import TensileTest
-from knitlab.mechanics.tensile_test import stretch
-from knitlab.mechanics.zigzag_tension import ChainState, pull_chain
-from knitlab.model.configuration import Configuration
-from knitlab.model.fabric import Fabric
-from knitlab.model.network import Network
-from knitlab.model.zigzag import zigzag
+from knitlab.measure.zigzag_tension import ChainState, pull_chain
 from knitlab.simulation.case import Case, by_test
 from knitlab.simulation.contact_of_case import contact_of
 from knitlab.simulation.measurement import measured
 from knitlab.simulation.reporting import Progress, Reporter
 from knitlab.simulation.robustness import SiblingTest, sibling
-from knitlab.solvers.runners import run_each
-from knitlab.solvers.state import Outcome
-from knitlab.solvers.system import System
 
 if TYPE_CHECKING:
     from knitlab.dynamics.damped_test import MovingFabrics, Relaxed

@@ -5,10 +5,10 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any, TypeVar
 
+from knitlab.fabric.fabric import Sheet
+from knitlab.fabric.plain import PlainKnit
+from knitlab.fabric.stripe import Stripe
 from knitlab.io.errors import fault
-from knitlab.model.fabric import Sheet
-from knitlab.model.plain import PlainKnit
-from knitlab.model.stripe import Stripe
 
 STRIPE_QUANTITIES = ("period", "k_s", "k_t", "theta_0")
 """The parameters of a stripe, in the order in which random changes of siblings are drawn."""

@@ -8,21 +8,21 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from knitlab.equilibrium.adjoint import Adjoint
+from knitlab.equilibrium.linear_response import NoDerivative
+from knitlab.equilibrium.loading import drive_along, reaction_force
+from knitlab.equilibrium.state import State
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.energy import energy
+from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.network import MeshShape, network
 from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.sensitivity import (
     STRIPE_PARAMETERS,
     logarithmic,
     quantities,
 )
-from knitlab.mechanics.adjoint import Adjoint
-from knitlab.mechanics.linear_response import NoDerivative
-from knitlab.mechanics.loading import drive_along, reaction_force
-from knitlab.model.configuration import Configuration
-from knitlab.model.energy import energy
-from knitlab.model.fabric import Fabric
-from knitlab.model.network import MeshShape, network
 from knitlab.simulation.case import Case
-from knitlab.solvers.state import State
 
 QUANTITIES = ("poisson_ratio", "reaction_force")
 

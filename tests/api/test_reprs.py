@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import knitlab as kl
-from knitlab.model.spring_curve import SpringCurve
-from knitlab.model.zigzag import tension, zigzag
-from knitlab.optimisation.request import checked_request
+from knitlab.fabric.spring_curve import SpringCurve
+from knitlab.fabric.zigzag import tension, zigzag
+from knitlab.inverse.request import checked_request
 from tests.laboratory.recorded import Laboratory
 
 CUBE = Path(kl.__path__[0]).parent / "results" / "reference" / "periodic"

@@ -12,7 +12,7 @@ import xarray as xr
 
 import knitlab as kl
 from knitlab.api.single_design import of_design
-from knitlab.study.workflow import ProtocolSection
+from knitlab.sweep.workflow import ProtocolSection
 
 STRAINS = [0.0, 0.03, 0.06]
 SMALL = kl.Design(4, 8, boundary="periodic")

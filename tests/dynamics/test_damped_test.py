@@ -9,12 +9,12 @@ import pytest
 from knitlab.dynamics import motion
 from knitlab.dynamics.damped_test import MovingFabrics, relax_by_dynamics, stretch_by_dynamics
 from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.model.energy import energy
-from knitlab.model.fabric import flat_sheet
-from knitlab.model.inertia import Inertia, inertia
-from knitlab.model.network import network
-from knitlab.model.options import ModelOptions
-from knitlab.solvers.state import Outcome
+from knitlab.equilibrium.state import Outcome
+from knitlab.fabric.energy import energy
+from knitlab.fabric.fabric import flat_sheet
+from knitlab.fabric.inertia import Inertia, inertia
+from knitlab.fabric.network import network
+from knitlab.fabric.options import ModelOptions
 from tests.fabrics import (
     CLAMPED,
     EVERY_STRIPE,

@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 
 from knitlab.dynamics.damped_test import on_grid
 from knitlab.dynamics.grid import GridFabric
-from knitlab.model.energy import energy
-from knitlab.model.fabric import StripePair, flat_sheet
-from knitlab.model.grading import Grading, graded_pattern
-from knitlab.model.layout import assemble_fabric, fabric_layout
-from knitlab.model.options import ModelOptions
-from knitlab.model.pattern import SingleFold
-from knitlab.model.plain import PlainKnit
-from knitlab.model.spring_curve import SpringCurve
+from knitlab.fabric.energy import energy
+from knitlab.fabric.fabric import StripePair, flat_sheet
+from knitlab.fabric.grading import Grading, graded_pattern
+from knitlab.fabric.layout import assemble_fabric, fabric_layout
+from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.pattern import SingleFold
+from knitlab.fabric.plain import PlainKnit
+from knitlab.fabric.spring_curve import SpringCurve
 from tests.fabrics import SHEET, checkerboard, off_grid, shaken, stripe
 
 CURVE = SpringCurve((0.0, 0.02, 0.05, 0.1, 0.2), (0.0, 1.0, 4.0, 13.0, 40.0))

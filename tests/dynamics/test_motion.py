@@ -14,12 +14,12 @@ from knitlab.dynamics.damped_test import on_grid
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.motion import Moving, advance
 from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.model.configuration import Configuration
-from knitlab.model.energy import energy
-from knitlab.model.fabric import Fabric, flat_sheet
-from knitlab.model.inertia import moved_mass
-from knitlab.model.network import MeshShape, network
-from knitlab.model.options import ModelOptions
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.energy import energy
+from knitlab.fabric.fabric import Fabric, flat_sheet
+from knitlab.fabric.inertia import moved_mass
+from knitlab.fabric.network import MeshShape, network
+from knitlab.fabric.options import ModelOptions
 from tests.fabrics import CLAMPED, PERIODIC, moving, shaken
 
 SETTINGS = DynamicsSettings(damping_ratio=0.015)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from knitlab.io.case_file import StoredCase, check_case_file
+from knitlab.cube.case_file import StoredCase, check_case_file
+from knitlab.cube.design_status import Status
+from knitlab.fabric.fabric import cell_length
+from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.stripe import Stripe
 from knitlab.io.curve_file import read_tension_curve
-from knitlab.io.design_status import Status
 from knitlab.measure.calibration import calibrate
-from knitlab.model.fabric import cell_length
-from knitlab.model.options import ModelOptions
-from knitlab.model.stripe import Stripe
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "explanation" / "against_measurements.md"

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from knitlab.cli import main
-from knitlab.model.zigzag import zigzag
+from knitlab.fabric.zigzag import zigzag
 from tests.fabrics import compiled_tension, stripe
 
 

@@ -7,10 +7,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import knitlab as kl
-from knitlab.execution.run import RunOptions, run_plan
-from knitlab.io.case_file import read_case
-from knitlab.model.grading import recorded_pattern
-from knitlab.study.plan import make_plan
+from knitlab.cube.case_file import read_case
+from knitlab.fabric.grading import recorded_pattern
+from knitlab.sweep.plan import make_plan
+from knitlab.sweep.run import RunOptions, run_plan
 
 SLOW_TO_COMPILE = settings(
     derandomize=True,

@@ -11,7 +11,7 @@ import pytest
 
 from knitlab.simulation.measurement import measured
 from knitlab.simulation.simulate import equilibrium_tests
-from knitlab.study.plan import make_plan
+from knitlab.sweep.plan import make_plan
 
 ROOT = Path(__file__).parents[2]
 SAME = 1e-3

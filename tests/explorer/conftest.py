@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from knitlab.cube.cube_file import open_cube, write_cube
+from knitlab.cube.design_status import Status
 from knitlab.explorer.explorer import write_explorer
-from knitlab.io.cube_file import open_cube, write_cube
-from knitlab.io.design_status import Status
 from knitlab.io.shipped import PACKAGE
 
 REFERENCE = PACKAGE.parent / "results" / "reference"

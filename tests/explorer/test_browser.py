@@ -8,8 +8,8 @@ import pytest
 import xarray as xr
 from PIL import Image
 
+from knitlab.cube.cube_file import open_cube
 from knitlab.explorer.explorer import write_explorer
-from knitlab.io.cube_file import open_cube
 from tests.explorer.conftest import HOSTILE, PREVIEW, REFERENCE, started
 
 selenium = pytest.importorskip("selenium", reason="Selenium is not installed")

@@ -9,13 +9,13 @@ import pytest
 import xarray as xr
 from PIL import Image
 
+from knitlab.cube.case_file import StoredCase, read_case
+from knitlab.cube.cube_file import open_cube
+from knitlab.cube.design_status import Status
 from knitlab.explorer.cube_content import WHY_NOT, cube_content
 from knitlab.explorer.run_report import MOST_FIGURES, figures_of
 from knitlab.explorer.shapes import MOST_NODES, shape_of
 from knitlab.explorer.variables import variables_of
-from knitlab.io.case_file import StoredCase, read_case
-from knitlab.io.cube_file import open_cube
-from knitlab.io.design_status import Status
 from tests.explorer.conftest import HOSTILE, PREVIEW, REFERENCE
 from tests.explorer.test_positions import unpacked
 

@@ -7,10 +7,10 @@ import pytest
 import xarray as xr
 from scipy.ndimage import zoom
 
+from knitlab.cube.case_file import write_case_file
+from knitlab.cube.cube_file import open_cube, write_cube
+from knitlab.cube.design_status import Status
 from knitlab.explorer.explorer import write_explorer
-from knitlab.io.case_file import write_case_file
-from knitlab.io.cube_file import open_cube, write_cube
-from knitlab.io.design_status import Status
 from tests.explorer.conftest import PREVIEW, started
 from tests.explorer.test_browser import Page
 

@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from knitlab.cube.design_status import Status
 from knitlab.figures.drawing import draw, draw_figure
 from knitlab.figures.kinds.auxetic import auxetic_map
 from knitlab.figures.kinds.curves import tension_curves
@@ -15,9 +16,8 @@ from knitlab.figures.kinds.samples import stretched_samples
 from knitlab.figures.kinds.sensitivity import sensitivity_map
 from knitlab.figures.kinds.shapes import relaxed_shapes
 from knitlab.figures.value_colours import ValueColours
-from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput
-from tests.tables.artificial_cubes import STATUS, made_up_cube
+from tests.cube.artificial_cubes import STATUS, made_up_cube
 
 
 @pytest.fixture
@@ -283,7 +283,7 @@ def test_a_file_that_is_no_cube_is_named(tmp_path, content):
 @pytest.mark.slow
 def test_maps_and_queries_never_import_jax():
     figures = "knitlab.figures.drawing, knitlab.figures.specification_sheet"
-    modules = f"knitlab.cli, {figures}, knitlab.tables.query"
+    modules = f"knitlab.cli, {figures}, knitlab.cube.query"
     program = f"import sys, {modules}; print('jax' in sys.modules)"
     result = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True

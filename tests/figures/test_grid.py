@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 import knitlab as kl
 from knitlab.cli import main
+from knitlab.cube.design_status import Status
 from knitlab.figures.drawing import draw
 from knitlab.figures.grid_axis import GridAxis
 from knitlab.figures.periods import by_periods
-from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput
-from tests.tables.artificial_cubes import STATUS, STRAINS, made_up_cube
+from tests.cube.artificial_cubes import STATUS, STRAINS, made_up_cube
 
 FACTORS = [0.5, 1.0, 2.0]
 

@@ -16,9 +16,9 @@ from knitlab.figures.perspective import draw_sheet, frame_sheet
 from knitlab.figures.saving import save
 from knitlab.figures.style import print_style
 from knitlab.figures.value_colours import ValueColours
+from tests.cube.artificial_cubes import made_up_cube
 from tests.figures.test_drawing import made_up_case
 from tests.figures.test_sensor import with_electrodes
-from tests.tables.artificial_cubes import made_up_cube
 
 CUBES = {
     "auxetic": made_up_cube,

@@ -13,8 +13,8 @@ from knitlab.figures.kinds.sensor import sensor_map
 from knitlab.figures.kinds.wedge import wedge_figure
 from knitlab.figures.trade_off import pareto_front, values_of_designs
 from knitlab.io.errors import BadInput
+from tests.cube.artificial_cubes import made_up_cube
 from tests.figures.test_drawing import values_written
-from tests.tables.artificial_cubes import made_up_cube
 
 FIGURE = st.floats(0, 10, width=16)
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from knitlab.figures.kinds.curves import tension_curves
 from knitlab.figures.snaps import broken
-from tests.tables.artificial_cubes import made_up_cube
+from tests.cube.artificial_cubes import made_up_cube
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=30))

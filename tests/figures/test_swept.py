@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from knitlab.cube.design_status import Status
 from knitlab.figures.kinds.swept import swept_values
-from knitlab.io.design_status import Status
 from knitlab.io.errors import BadInput
-from tests.tables.artificial_cubes import made_up_cube
+from tests.cube.artificial_cubes import made_up_cube
 
 LAYOUTS = ["checkerboard", "checkerboard_courses"]
 

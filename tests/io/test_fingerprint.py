@@ -5,9 +5,8 @@ import shutil
 
 import pytest
 
-import knitlab.execution.survey as survey_module
-from knitlab.execution.survey import CaseState, survey
-from knitlab.io.design_status import Status
+import knitlab.sweep.survey as survey_module
+from knitlab.cube.design_status import Status
 from knitlab.io.fingerprint import (
     OF_NO_CASE,
     code_fingerprint,
@@ -15,7 +14,8 @@ from knitlab.io.fingerprint import (
     fingerprint_of,
 )
 from knitlab.io.shipped import PACKAGE
-from tests.execution.stand_in import plan_of, write
+from knitlab.sweep.survey import CaseState, survey
+from tests.sweep.stand_in import plan_of, write
 
 COMPUTES_NOTHING = {
     "measure/knit_size.py": "sizes of the cube only, recomputed for every cube",

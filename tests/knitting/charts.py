@@ -8,7 +8,7 @@ import pytest
 
 from knitlab.knitting.chart import StitchChart
 from knitlab.simulation.case import Case
-from knitlab.study.plan import make_plan
+from knitlab.sweep.plan import make_plan
 
 
 def case_of(workflow: str = "periodic", **settings: object) -> Case:

@@ -7,7 +7,7 @@ import pytest
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.knitting.machine import TABLES, read_machine
-from knitlab.study.declared_fields import declared
+from knitlab.sweep.declared_fields import declared
 
 
 def test_every_value_of_the_file_has_its_unit_and_source():

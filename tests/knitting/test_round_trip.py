@@ -16,8 +16,8 @@ from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import read_machine
 from knitlab.knitting.round_trip import MOST_OPERATIONS, round_trip
 from knitlab.knitting.stitch_chart import stitch_chart
-from knitlab.study.parameters import read_parameters
-from knitlab.study.patterns import Pattern
+from knitlab.sweep.parameters import read_parameters
+from knitlab.sweep.patterns import Pattern
 from tests.knitting.charts import case_of, chart_of_arrays, fast_protocols  # noqa: F401
 
 interpreter = pytest.mark.skipif(

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from knitlab.fabric.fold_lines import patch_senses
 from knitlab.io.errors import BadInput
 from knitlab.knitting.stitch_chart import stitch_chart
-from knitlab.model.fold_lines import patch_senses
 from tests.knitting.charts import case_of
 
 DESIGN = {"n_stripe": 4, "n_subunit": 16}

@@ -8,8 +8,8 @@ from click.testing import CliRunner
 import knitlab as kl
 from knitlab.cli import main
 from knitlab.io.errors import BadInput
+from tests.cube.artificial_cubes import made_up_cube
 from tests.laboratory.recorded import Laboratory
-from tests.tables.artificial_cubes import made_up_cube
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,12 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
-from knitlab.capacitance.sensor import mean_slope
 from knitlab.cli import main
-from knitlab.io.cube_file import open_cube
-from knitlab.io.schema import COORDINATES, VARIABLES
+from knitlab.cube.cube_file import open_cube
+from knitlab.cube.schema import COORDINATES, VARIABLES
 from knitlab.laboratory.experiment import import_records
 from knitlab.laboratory.synthetic import tracked
+from knitlab.measure.capacitance.sensor import mean_slope
 from tests.figures.test_sensor import with_electrodes
 from tests.laboratory.recorded import (
     LENGTH,

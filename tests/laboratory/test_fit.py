@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from knitlab.io.design_status import Status
+from knitlab.cube.design_status import Status
+from knitlab.equilibrium.tensile_test import stretch
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
@@ -14,9 +15,8 @@ from knitlab.laboratory.fit_report import report, write_stripes
 from knitlab.laboratory.simulated_test import QUANTITIES, simulated_test, with_factors
 from knitlab.laboratory.target import at_strains_of, case_for, target_of
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
-from knitlab.mechanics.tensile_test import stretch
-from knitlab.study.parameters import read_parameters
-from knitlab.study.plan import make_plan
+from knitlab.sweep.parameters import read_parameters
+from knitlab.sweep.plan import make_plan
 from tests.fabrics import equations
 
 STRAINS = (0.0, 0.03, 0.06, 0.12, 0.15, 0.18, 0.21)

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import flat_sheet
+from knitlab.fabric.network import MeshShape
 from knitlab.measure.boundaries import boundary_line, boundary_wave
 from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.patches import central_cell, widths_across_folds
-from knitlab.model.configuration import Configuration
-from knitlab.model.fabric import flat_sheet
-from knitlab.model.network import MeshShape
 from tests.fabrics import CLAMPED, PERIODIC, checkerboard, checkered, relaxed
 
 

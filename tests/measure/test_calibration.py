@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.zigzag import zigzag
 from knitlab.measure.calibration import FITTED, calibrate
-from knitlab.model.options import ModelOptions
-from knitlab.model.zigzag import zigzag
 from tests.fabrics import EVERY_STRIPE, compiled_tension, stripe
 
 POINTS, NOISE, SEEDS = 41, 0.01, 40

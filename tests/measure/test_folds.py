@@ -6,10 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.energy import energy
+from knitlab.fabric.fabric import flat_sheet
 from knitlab.measure.folds import fold_angles, hinges_past_pi
-from knitlab.model.configuration import Configuration
-from knitlab.model.energy import energy
-from knitlab.model.fabric import flat_sheet
 from tests.fabrics import CLAMPED, pure, stripe
 
 FOLD_LINE = 2

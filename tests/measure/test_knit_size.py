@@ -12,7 +12,7 @@ from knitlab.measure.knit_size import (
     at_gauge,
     knit_sizes,
 )
-from knitlab.study.plan import make_plan
+from knitlab.sweep.plan import make_plan
 
 PAPER = Gauge(200 / 360, 100 / 360)
 FLAT = {

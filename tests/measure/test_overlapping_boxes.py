@@ -4,9 +4,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from knitlab.fabric.network import mesh_shape
+from knitlab.fabric.pattern import patch_map
 from knitlab.measure.overlapping_boxes import overlapping_boxes
-from knitlab.model.network import mesh_shape
-from knitlab.model.pattern import patch_map
 
 Pair = tuple[int, int, int, int]
 

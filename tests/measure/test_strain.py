@@ -4,6 +4,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from knitlab.fabric.fabric import flat_sheet
 from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.central import central
 from knitlab.measure.corners import unit_cell_corners
@@ -14,7 +15,6 @@ from knitlab.measure.strain import (
     local_strain,
     poisson_ratio,
 )
-from knitlab.model.fabric import flat_sheet
 from tests.fabrics import CLAMPED, PERIODIC, cell_of, checkered
 
 ENTRY = st.floats(-1, 1)

@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 from hypothesis import strategies as st
 
-from knitlab.io.case_file import read_case
+from knitlab.cube.case_file import read_case
+from knitlab.fabric.fabric import flat_sheet
 from knitlab.measure.cell_grid import CellGrid
-from knitlab.model.fabric import flat_sheet
 from knitlab.simulation.case import Case, case_of
 
 PREVIEW = Path(__file__).parents[2] / "results" / "reference" / "periodic"

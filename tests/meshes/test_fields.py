@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from knitlab.fabric.electrode_layout import ElectrodeLayout
 from knitlab.io.errors import BadInput
 from knitlab.meshes.fabric import fabric_meshes
 from knitlab.meshes.fields import APPLIED_STRAIN, ELECTRODE, FOLD_ANGLE, HEIGHT, KNIT, PATCH, PLATED
 from knitlab.meshes.sheet import closed_nodes
-from knitlab.model.electrode_layout import ElectrodeLayout
 from tests.fabrics import PARAMETERS
 from tests.meshes.made_up import flat_test, kept_case, kept_file, sample
 

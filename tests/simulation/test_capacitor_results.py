@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from knitlab.capacitance.boundary_elements import VACUUM_PERMITTIVITY
-from knitlab.capacitance.capacitor_status import CapacitorStatus
-from knitlab.execution.run import RunOptions, run_plan
+from knitlab.cube.schema import VARIABLES
 from knitlab.io.errors import BadInput
-from knitlab.io.schema import VARIABLES
+from knitlab.measure.capacitance.boundary_elements import VACUUM_PERMITTIVITY
+from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
 from knitlab.simulation.case import case_of
-from knitlab.study.plan import make_plan
+from knitlab.sweep.plan import make_plan
+from knitlab.sweep.run import RunOptions, run_plan
 
 SMALL = ("strain_max=0.2", "strain_step=0.05", "knit=rib")
 NAMES = {name for name, each in VARIABLES.items() if each.of in ("capacitor", "unloading")}

@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from knitlab.io.case_file import read_case
-from knitlab.io.cube_file import open_cube
+from knitlab.cube.case_file import read_case
+from knitlab.cube.cube_file import open_cube
+from knitlab.equilibrium.settings import SolverSettings
 from knitlab.io.shipped import shipped
 from knitlab.simulation.case import Case, case_of
 from knitlab.simulation.case_record import IN_EVERY_IDENTIFIER, fields_of_record
-from knitlab.solvers.settings import SolverSettings
-from knitlab.study.plan import make_plan
+from knitlab.sweep.plan import make_plan
 
 REFERENCE = shipped("params").parent / "results" / "reference"
 KEPT = [

@@ -4,7 +4,7 @@ import jax
 import pytest
 
 from knitlab.simulation.simulate import simulated
-from knitlab.study.plan import make_plan
+from knitlab.sweep.plan import make_plan
 
 SHORT = ("strain_max=0.03", "robustness=0")
 LOWERED = "/jax/core/compile/jaxpr_to_mlir_module_duration"

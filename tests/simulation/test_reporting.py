@@ -6,11 +6,11 @@ import itertools
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.execution.progress import ProgressBar
 from knitlab.simulation import reporting
 from knitlab.simulation.reporting import Reporter
-from knitlab.study.estimate import RELAXATION_STEPS, work
-from knitlab.study.plan import make_plan
+from knitlab.sweep.estimate import RELAXATION_STEPS, work
+from knitlab.sweep.plan import make_plan
+from knitlab.sweep.progress import ProgressBar
 
 CASES = make_plan("periodic", ("n_stripe=4", "n_subunit=16,32", "robustness=2")).cases
 

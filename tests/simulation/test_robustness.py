@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.execution.run import RunOptions, run_plan
 from knitlab.simulation.robustness import branches, sibling, spread
-from knitlab.study.plan import make_plan
+from knitlab.sweep.plan import make_plan
+from knitlab.sweep.run import RunOptions, run_plan
 
 SMALL = ("strain_max=0.09", "n_stripe=8", "n_subunit=32")
 MULTISTABLE = ("cell_size=relaxed", "z_max=6")

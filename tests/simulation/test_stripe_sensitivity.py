@@ -5,15 +5,15 @@ from dataclasses import replace
 import pytest
 import xarray as xr
 
-from knitlab.execution.run import RunOptions, run_plan
-from knitlab.io.design_status import Status
+from knitlab.cube.design_status import Status
+from knitlab.cube.schema import VARIABLES
+from knitlab.equilibrium.linear_response import LinearResponses, NoDerivative
+from knitlab.fabric.configuration import Configuration
 from knitlab.io.errors import BadInput
-from knitlab.io.schema import VARIABLES
-from knitlab.mechanics.linear_response import LinearResponses, NoDerivative
-from knitlab.model.configuration import Configuration
 from knitlab.simulation.case import case_of
-from knitlab.study.plan import make_plan
-from tests.execution import stand_in
+from knitlab.sweep.plan import make_plan
+from knitlab.sweep.run import RunOptions, run_plan
+from tests.sweep import stand_in
 
 SMALL = ("n_stripe=4", "n_subunit=8", "strain_max=0.06")
 ASKED = ("sensitivities=true",)

@@ -6,8 +6,8 @@ from types import ModuleType
 from typing import Any
 
 import knitlab
-from knitlab.model.options import ModelOptions
-from knitlab.tables.accessor import KnitlabAccessor
+from knitlab.cube.accessor import KnitlabAccessor
+from knitlab.fabric.options import ModelOptions
 
 
 def page() -> str:

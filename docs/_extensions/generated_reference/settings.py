@@ -10,8 +10,8 @@ from pydantic import BaseModel
 
 from generated_reference.markdown import code, plain, table
 from knitlab.io.shipped import shipped
-from knitlab.study.settings import SettingRow, settings_table
-from knitlab.study.workflow import SECTIONS
+from knitlab.sweep.settings import SettingRow, settings_table
+from knitlab.sweep.workflow import SECTIONS
 
 COLUMNS = ("setting", "values", "default", "unit", "source")
 

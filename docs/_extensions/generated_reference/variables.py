@@ -1,8 +1,8 @@
 """The reference of variables, from the registry of the cube."""
 
 from generated_reference.markdown import code, table
-from knitlab.io.schema import COORDINATES, FLAGS, VARIABLES
-from knitlab.io.variable import Variable
+from knitlab.cube.schema import COORDINATES, FLAGS, VARIABLES
+from knitlab.cube.variable import Variable
 
 GROUPS = {
     "all": "Every case",

@@ -13,16 +13,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from knitlab.capacitance.capacitor_status import CapacitorStatus
-from knitlab.capacitance.sensor import CENTRAL_PART
+from knitlab.cube.cube_file import base_dims, is_measured, source_of
+from knitlab.cube.design_status import RUN
+from knitlab.cube.schema import DESIGN_DIMS
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.snaps import break_note, broken, snapped_before
 from knitlab.figures.sources import lines_of
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS
-from knitlab.io.cube_file import base_dims, is_measured, source_of
-from knitlab.io.design_status import RUN
 from knitlab.io.errors import fault
-from knitlab.io.schema import DESIGN_DIMS
+from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
+from knitlab.measure.capacitance.sensor import CENTRAL_PART
 
 SLOPE: dict[str, Any] = {"lw": 4, "alpha": 0.45, "solid_capstyle": "butt"}
 END: dict[str, Any] = {"marker": "|", "ms": 9, "mew": 1.5, "ls": ""}

@@ -8,13 +8,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import PercentFormatter
 
+from knitlab.cube.design_status import Status
+from knitlab.cube.schema import DESIGN_DIMS
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.labels import Label, place_labels
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS
 from knitlab.figures.trade_off import Design
-from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
-from knitlab.io.schema import DESIGN_DIMS
 
 CONTACT = "contact"
 LABELLED = 3

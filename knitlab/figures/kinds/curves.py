@@ -12,14 +12,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from knitlab.cube.cube_file import is_measured, source_of
+from knitlab.cube.design_status import RUN, Status
 from knitlab.figures.cells import values_of
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.snaps import break_note, broken, snapped_before
 from knitlab.figures.sources import lines_of, on_one_grid
 from knitlab.figures.style import SEQUENCE_COLOURS, TWO_COLUMNS
 from knitlab.figures.value_colours import Colour
-from knitlab.io.cube_file import is_measured, source_of
-from knitlab.io.design_status import RUN, Status
 from knitlab.io.errors import fault
 
 BAND = 0.25

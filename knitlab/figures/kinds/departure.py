@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from knitlab.cube.schema import STRIPE_DIMS
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.kinds.stripes import SHEETS, coloured_stripes, stripe_panels
-from knitlab.io.schema import STRIPE_DIMS
 
 SHADE = "0.93"
 SHOWN = (-7, 30)

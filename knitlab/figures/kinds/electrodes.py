@@ -13,10 +13,10 @@ from matplotlib.ticker import MultipleLocator
 from mpl_toolkits.mplot3d import Axes3D
 from scipy.interpolate import interp1d
 
+from knitlab.cube.case_file import configurations
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.perspective import FABRIC, draw_sheet, frame_sheet
 from knitlab.figures.style import TWO_COLUMNS
-from knitlab.io.case_file import configurations
 from knitlab.io.errors import fault
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def electrodes_figure(case_file: xr.Dataset) -> Figure:
         BadInput: if the case has no electrodes.
     """
     # JAX is imported only when this figure is drawn.
-    from knitlab.model.pattern import KNIT_OF_LETTER
+    from knitlab.fabric.pattern import KNIT_OF_LETTER
     from knitlab.simulation.case import case_of
 
     parameters = json.loads(case_file.attrs["parameters"])

@@ -10,19 +10,19 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
+from knitlab.cube.cube_file import design_dims
+from knitlab.cube.design_status import Status
+from knitlab.cube.reduced_columns import with_reduction
+from knitlab.cube.schema import COORDINATES, FLAGS
+from knitlab.cube.selection import choices
 from knitlab.figures.cells import EMPTY, MARKS, PERIODS_LABEL, ink_on, marks_legend, text_note
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.grid_axis import GridAxis
 from knitlab.figures.periods import PERIODS, by_periods, has_periods
 from knitlab.figures.style import TWO_COLUMNS, number
 from knitlab.figures.value_colours import ValueColours
-from knitlab.io.cube_file import design_dims
-from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
-from knitlab.io.schema import COORDINATES, FLAGS
 from knitlab.io.suggestions import unknown
-from knitlab.tables.reduced_columns import with_reduction
-from knitlab.tables.selection import choices
 
 MOST_COLUMNS, MOST_ROWS = 16, 24
 """Largest numbers of columns and rows whose cells still have room for a number."""

@@ -13,14 +13,14 @@ from matplotlib.ticker import MultipleLocator
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
+from knitlab.cube.case_file import configurations
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.perspective import frame_sheet
 from knitlab.figures.style import TWO_COLUMNS
-from knitlab.io.case_file import configurations
 
 if TYPE_CHECKING:
-    from knitlab.model.layout import FabricLayout
-    from knitlab.model.network import Elements
+    from knitlab.fabric.layout import FabricLayout
+    from knitlab.fabric.network import Elements
 
 ROLES: dict[str, dict[str, Any]] = {
     "diagonal spring": {"color": "0.75", "lw": 0.4},
@@ -45,14 +45,14 @@ def spring_network(case: xr.Dataset) -> Figure:
         case: contents of a case file, with node positions.
     """
     # JAX is imported only when this figure is drawn.
+    from knitlab.fabric.fabric import Sheet
+    from knitlab.fabric.grading import recorded_pattern
+    from knitlab.fabric.layout import fabric_layout
+    from knitlab.fabric.network import MeshShape
+    from knitlab.fabric.options import ModelOptions
+    from knitlab.fabric.plain import PlainKnit
     from knitlab.measure.cell_grid import CellGrid
     from knitlab.measure.patches import central_cell
-    from knitlab.model.fabric import Sheet
-    from knitlab.model.grading import recorded_pattern
-    from knitlab.model.layout import fabric_layout
-    from knitlab.model.network import MeshShape
-    from knitlab.model.options import ModelOptions
-    from knitlab.model.plain import PlainKnit
 
     parameters = json.loads(case.attrs["parameters"])
     options = ModelOptions(**parameters["reading"] | {"boundary": "periodic"})

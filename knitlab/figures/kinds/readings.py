@@ -12,9 +12,9 @@ from knitlab.figures.cells import cell
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import MINUS, TWO_COLUMNS
 from knitlab.io.errors import fault
-from knitlab.paper.claims import TOPICS, Claim, read_claims
-from knitlab.paper.margin import Grade, signed
-from knitlab.paper.option_ranking import RankedOptions, differing, ranked_options
+from knitlab.validation.claims import TOPICS, Claim, read_claims
+from knitlab.validation.margin import Grade, signed
+from knitlab.validation.option_ranking import RankedOptions, differing, ranked_options
 
 MOST = 16
 """Largest number of sets of options that the figure shows."""
@@ -37,7 +37,7 @@ def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
     """Which of the paper's claims each set of model options meets, the best set first.
 
     Claims are rows, sets of options are columns, and each cell gives the margin of a claim. Sets
-    are ranked by :func:`~knitlab.paper.option_ranking.ranked_options`; the best :data:`MOST` are
+    are ranked by :func:`.ranked_options`; the best :data:`MOST` are
     shown.
 
     Args:

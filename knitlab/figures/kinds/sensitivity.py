@@ -6,12 +6,12 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from knitlab.cube.design_status import Status
+from knitlab.cube.schema import DESIGN_DIMS
 from knitlab.figures.cells import MARKS, cell, ink_on, marks_legend, remove_frame
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS, number
-from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
-from knitlab.io.schema import DESIGN_DIMS
 
 QUANTITY = "poisson_ratio_sensitivity"
 SYMBOLS = {"k_s": "$k_s$", "k_t": "$k_t$", "theta_0": "$\\theta_0$"}

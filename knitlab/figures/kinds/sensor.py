@@ -9,6 +9,9 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from knitlab.cube.cube_file import is_measured
+from knitlab.cube.design_status import Status
+from knitlab.cube.reduced_columns import with_reduction
 from knitlab.figures.cells import (
     DESIGN_NOTE,
     EMPTY,
@@ -27,10 +30,7 @@ from knitlab.figures.labels import Label, place_labels
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS
 from knitlab.figures.trade_off import Design, pareto_front, values_of_designs
 from knitlab.figures.value_colours import ValueColours
-from knitlab.io.cube_file import is_measured
-from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
-from knitlab.tables.reduced_columns import with_reduction
 
 CAPACITANCE = "capacitance"
 MARKERS = "osD^vP*X"

@@ -17,7 +17,7 @@ from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS
 from knitlab.meshes.sheet import closed_nodes, is_periodic
 
 if TYPE_CHECKING:
-    from knitlab.model.pattern import PatchGrid
+    from knitlab.fabric.pattern import PatchGrid
 
 BORDER = 0.6
 """Width of the lines of patch borders [pt]."""
@@ -38,7 +38,7 @@ def fabric_shape(case: xr.Dataset) -> Figure:
         case: contents of a case file, with node positions; its first strain is shown.
     """
     # JAX is imported only when this figure is drawn.
-    from knitlab.model.grading import recorded_pattern
+    from knitlab.fabric.grading import recorded_pattern
 
     parameters = json.loads(case.attrs["parameters"])
     nodes = whole_sheet(case)
@@ -87,7 +87,7 @@ def _name_patches(
     axes: Axes, nodes: np.ndarray, sample: "PatchGrid", repeat: tuple[int, int]
 ) -> None:
     """Write the knit on the patches of the repeat of the pattern nearest the middle."""
-    from knitlab.model.pattern import KNIT_OF_LETTER
+    from knitlab.fabric.pattern import KNIT_OF_LETTER
 
     first = [
         size * ((whole // size - 1) // 2)

@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from knitlab.cube.design_status import Status
+from knitlab.cube.schema import STRIPE_DIMS
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import SEQUENCE_COLOURS, TWO_COLUMNS
-from knitlab.io.design_status import Status
-from knitlab.io.schema import STRIPE_DIMS
 
 SHEETS: dict[str, dict[str, Any]] = {
     "periodic": {"label": "3D sheet, periodic", "marker": "o", "ms": 2.5, "ls": "-"},

@@ -4,14 +4,14 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from knitlab.cube.cube_file import base_dims, swept_dims
+from knitlab.cube.design_status import Status
+from knitlab.cube.reduced_columns import with_reduction
+from knitlab.cube.schema import FLAGS
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, number
-from knitlab.io.cube_file import base_dims, swept_dims
-from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
-from knitlab.io.schema import FLAGS
 from knitlab.io.suggestions import unknown
-from knitlab.tables.reduced_columns import with_reduction
 
 MARKERS = "os^Dv*PX"
 MOST = len(MARKERS)

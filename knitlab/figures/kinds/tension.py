@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
+from knitlab.cube.cube_file import is_measured, source_of
+from knitlab.cube.design_status import Status
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import TWO_COLUMNS
 from knitlab.figures.value_colours import ValueColours
-from knitlab.io.cube_file import is_measured, source_of
-from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
 from knitlab.measure.central import central
 

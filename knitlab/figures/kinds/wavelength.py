@@ -6,11 +6,11 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from knitlab.cube.design_status import Status
+from knitlab.cube.schema import DESIGN_DIMS
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS
-from knitlab.io.design_status import Status
 from knitlab.io.errors import fault
-from knitlab.io.schema import DESIGN_DIMS
 from knitlab.measure.linear_fit import linear_fit
 from knitlab.measure.wavelength import spectrum
 

@@ -7,11 +7,11 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from knitlab.cube.cube_file import base_dims
+from knitlab.cube.schema import DESIGN_DIMS
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS
-from knitlab.io.cube_file import base_dims
 from knitlab.io.errors import fault
-from knitlab.io.schema import DESIGN_DIMS
 
 MARKERS = "osD^vP*X"
 GOOD = 0.1

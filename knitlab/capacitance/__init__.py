@@ -1,1 +1,0 @@
-"""Capacitance of electrodes on a fabric by boundary elements, and figures of merit as a sensor."""

@@ -1,0 +1,243 @@
+"""Targets: wanted values of variables, as text such as ``poisson_ratio = -0.3 @ 0.05:0.25``."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, PositiveFloat, ValidationError, model_validator
+
+from knitlab.cube.strain_window import REDUCTIONS, STRAIN, StrainWindow
+from knitlab.io.errors import BadInput, fault, faults_of
+from knitlab.io.strict_model import StrictModel
+from knitlab.io.table_file import numbers_of, read_table
+
+Relation = Literal["=", "<", ">"]
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_SUBJECT = r"(?:(?P<reduction>[a-z]+)\s*\(\s*(?P<reduced>\w+)\s*\)|(?P<name>[A-Za-z]\w*))"
+_TOLERANCE = rf"(?:\s*(?:±|\+/-|\+-)\s*(?P<tolerance>{_NUMBER}))?"
+_WINDOW = r"(?:\s*@\s*(?P<window>.+))?"
+_ONE_SIDED = re.compile(
+    rf"\s*{_SUBJECT}\s*(?P<relation><=|>=|=|<|>)\s*(?P<wanted>{_NUMBER}){_TOLERANCE}{_WINDOW}\s*"
+)
+_TWO_SIDED = re.compile(
+    rf"\s*(?P<low>{_NUMBER})\s*<=?\s*{_SUBJECT}\s*<=?\s*(?P<high>{_NUMBER}){_WINDOW}\s*"
+)
+_CURVE = re.compile(rf"\s*(?P<name>[A-Za-z]\w*)\s*=\s*(?P<path>.*\.csv){_TOLERANCE}\s*")
+CURVE_EXAMPLE = "write it as in 'strain,poisson_ratio' with numbers below"
+FORMS = (
+    "NAME = VALUE @ STRAIN:STRAIN, NAME < VALUE @ STRAIN, VALUE < NAME < VALUE,"
+    " mean(NAME) > VALUE @ STRAIN:STRAIN, NAME = CURVE.csv"
+)
+Numbers = Annotated[tuple[float, ...], Field(strict=False, min_length=1)]
+
+
+@dataclass(frozen=True)
+class Target:
+    """A wanted value or range of one variable.
+
+    Attributes:
+        text: as it was given.
+        name: variable of the cube.
+        low: lowest value that meets it, or minus infinity, in the variable's unit.
+        high: highest value that meets it, or infinity; the same as ``low`` for one value.
+        tolerance: unit of distance; ``None`` for the scatter among the designs.
+        window: applied strains that the target applies to, for a variable along the strain.
+        reduction: reduction of the curve over the window; ``None`` for every strain of it.
+        curve: strains and wanted values, linear in between, instead of one value; ``low`` and
+            ``high`` are then their range.
+    """
+
+    text: str
+    name: str
+    low: float
+    high: float
+    tolerance: float | None = None
+    window: StrainWindow | None = None
+    reduction: str | None = None
+    curve: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+
+    def __repr__(self) -> str:
+        return f"<Target {self.text}>"
+
+    @property
+    def label(self) -> str:
+        """The variable with reduction and window."""
+        subject = f"{self.reduction}({self.name})" if self.reduction else self.name
+        return f"{subject} @ {self.window}" if self.window else subject
+
+    @property
+    def allowance(self) -> float:
+        """Distance that still counts as met: the tolerance of a value or curve, 0 of a range."""
+        single = self.curve is not None or self.low == self.high
+        return self.tolerance or 0.0 if single else 0.0
+
+    def bounds(self, strains: np.ndarray) -> tuple[np.ndarray | float, np.ndarray | float]:
+        """Lowest and highest values that meet the target, at strains of its window."""
+        if self.curve is None:
+            return self.low, self.high
+        wanted = np.interp(strains, *self.curve)
+        return wanted, wanted
+
+    def allowed(self, strains: np.ndarray) -> tuple[np.ndarray | float, np.ndarray | float]:
+        """The same bounds, widened by the allowance."""
+        low, high = self.bounds(strains)
+        return low - self.allowance, high + self.allowance
+
+    def departure(self, values: np.ndarray, strains: np.ndarray) -> np.ndarray:
+        """Distance of values at strains above (+) or below (−) the wanted range, 0 inside it."""
+        low, high = self.bounds(strains)
+        return np.maximum(values - high, 0) - np.maximum(low - values, 0)
+
+    def excess(self, values: np.ndarray, strains: np.ndarray) -> np.ndarray:
+        """Distance of values from the wanted range: 0 inside, NaN where missing."""
+        return np.abs(self.departure(values, strains))
+
+
+class CurveTable(StrictModel):
+    """A wanted curve as a table: ``{name, applied_strain, value, tolerance}``."""
+
+    name: str
+    applied_strain: Numbers
+    value: Numbers
+    tolerance: PositiveFloat | None = None
+
+    @model_validator(mode="after")
+    def _is_a_curve(self) -> "CurveTable":
+        if len(self.value) != len(self.applied_strain):
+            counts = f"{len(self.value)} values at {len(self.applied_strain)} strains"
+            raise ValueError(f"has {counts}; give one for each")
+        if self.applied_strain[0] < 0 or not (np.diff(self.applied_strain) > 0).all():
+            raise ValueError("has strains that do not ascend from at least 0; sort them")
+        return self
+
+    def target(self) -> Target:
+        """The target."""
+        start, stop = self.applied_strain[0], self.applied_strain[-1]
+        window = StrainWindow(start, stop)
+        return Target(
+            f"{self.name} = curve @ {window}",
+            self.name,
+            min(self.value),
+            max(self.value),
+            self.tolerance,
+            window,
+            curve=(self.applied_strain, self.value),
+        )
+
+
+def check_window(target: Target, along_strain: bool, source: str) -> None:
+    """Check that a target has a window of strain if and only if its variable needs one.
+
+    Args:
+        target: the target.
+        along_strain: whether its variable has the dimension of the applied strain.
+        source: prefix of the message.
+
+    Raises:
+        BadInput: if not.
+    """
+    if along_strain and target.window is None:
+        raise fault(source, f"{target.name} varies with {STRAIN}; add @ STRAIN or @ FROM:TO")
+    if not along_strain and (target.window is not None or target.reduction is not None):
+        raise fault(source, f"{target.name} is one number of a design; leave out the window")
+
+
+def read_target(
+    given: str | Mapping[str, Any] | Target, source: str = "target", folder: Path = Path()
+) -> Target:
+    """A target from its text, see :func:`parse_target`, or from a table of a wanted curve.
+
+    Args:
+        given: the text, ``{"name": …, "applied_strain": […], "value": […], "tolerance": …}``, or
+            a target, which is returned.
+        source: name of the argument that gives it, for the message.
+        folder: folder that the path of a curve's file is relative to.
+
+    Raises:
+        BadInput: with every fault of it.
+
+    Example:
+        >>> curve = {"name": "poisson_ratio", "applied_strain": [0.1, 0.2], "value": [-0.3, -0.1]}
+        >>> float(read_target(curve).bounds(0.15)[0])
+        -0.2
+    """
+    if isinstance(given, Target):
+        return given
+    if isinstance(given, str):
+        return parse_target(given, source, folder)
+    try:
+        return CurveTable.model_validate(dict(given)).target()
+    except ValidationError as error:
+        raise BadInput(faults_of(error, source)) from error
+
+
+def parse_target(text: str, source: str = "target", folder: Path = Path()) -> Target:
+    """Read a target.
+
+    Args:
+        text: a variable, a relation and a number, with ``± TOLERANCE`` and ``@ WINDOW`` if
+            wanted; see :data:`FORMS`.
+        source: name of the argument that gives it, for the message.
+        folder: folder that the path of a curve's file is relative to.
+
+    Raises:
+        BadInput: if it cannot be read.
+
+    Example:
+        >>> target = parse_target("poisson_ratio = -0.3 ± 0.03 @ 0.05:0.25")
+        >>> target.low, target.high, str(target.window)
+        (-0.3, -0.3, '0.05:0.25')
+    """
+    where = f"{source} {text}"
+    if curve := _CURVE.fullmatch(text):
+        return _curve_of_file(curve, text, where, folder)
+    match = _ONE_SIDED.fullmatch(text) or _TWO_SIDED.fullmatch(text)
+    if match is None:
+        raise fault(where, f"cannot be read; write one of {FORMS}")
+    found = match.groupdict()
+    reduction = found["reduction"]
+    if reduction is not None and reduction not in REDUCTIONS:
+        known = ", ".join(REDUCTIONS)
+        raise fault(where, f"there is no reduction {reduction!r}; choose from {known}")
+    window = None if found["window"] is None else StrainWindow.of(found["window"], where)
+    if reduction in ("slope", "linearity") and (window is None or window.single):
+        raise fault(where, f"a {reduction} needs a window of two strains, such as @ 0.05:0.25")
+    if "relation" in found:
+        wanted = float(found["wanted"])
+        low = -np.inf if found["relation"].startswith("<") else wanted
+        high = np.inf if found["relation"].startswith(">") else wanted
+    else:
+        low, high = float(found["low"]), float(found["high"])
+        if low > high:
+            raise fault(where, f"no value is above {low:g} and below {high:g}; exchange them")
+    tolerance = _tolerance(found.get("tolerance"), where)
+    name = found["reduced"] or found["name"]
+    return Target(text, name, low, high, tolerance, window, reduction)
+
+
+def _tolerance(text: str | None, where: str) -> float | None:
+    if text is None:
+        return None
+    if not float(text) > 0:
+        raise fault(where, "has a tolerance that is not above 0; raise it, or leave it out")
+    return float(text)
+
+
+def _curve_of_file(match: re.Match[str], text: str, where: str, folder: Path) -> Target:
+    """A target whose values are the columns ``strain`` and the variable's name of a CSV file."""
+    path, name = folder / match["path"], match["name"]
+    headers, table = read_table(path, CURVE_EXAMPLE)
+    names = [header.partition("[")[0].strip() for header in headers]
+    columns = {}
+    for key, column in (("applied_strain", "strain"), ("value", name)):
+        if names.count(column) != 1:
+            raise fault(f"{path}: column {column}", f"must occur exactly once; {CURVE_EXAMPLE}")
+        numbers, faults = numbers_of(path, column, table[names.index(column)])
+        if faults:
+            raise BadInput(faults)
+        columns[key] = numbers.tolist()
+    target = read_target({"name": name, **columns}, str(path))
+    return replace(target, text=text.strip(), tolerance=_tolerance(match["tolerance"], where))

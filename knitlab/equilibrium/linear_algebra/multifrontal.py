@@ -1,0 +1,228 @@
+"""Multifrontal sparse Cholesky factorisation, from the symbolic factorisation by nested dissection.
+
+A matrix that is not positive definite can be convexified during the factorisation: the pivots of a
+front that is not positive definite are replaced by the matrix with the same eigenvectors and the
+absolute eigenvalues. This changes the matrix only in directions of negative curvature.
+
+The halves of the sheet, on either side of the last separator, are independent: two threads
+factorise them at the same time. The result does not depend on the threads.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from threading import Event
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.linalg import LinAlgError, eigh
+
+from knitlab.equilibrium.linear_algebra import blas
+from knitlab.equilibrium.linear_algebra.blas import Call, Matrix, Status, Vector
+from knitlab.equilibrium.linear_algebra.symbolic_factorisation import (
+    INVERTED_SIZE,
+    Columns,
+    Front,
+    NestedDissection,
+)
+from knitlab.equilibrium.linear_algebra.triangular_solves import TriangularSolves
+from knitlab.fabric.threads import ALONE, Threads
+
+Precision = type[np.float32] | type[np.float64]
+
+LEAST_CURVATURE = 1e-6
+"""Lower bound of the eigenvalues of a convexified front."""
+WORTH_SHARING = 10**6
+"""Entries of a factor above which a second thread pays off in a factorisation."""
+
+
+class Multifrontal:
+    """Numeric factorisation of matrices of one sparsity, in memory that is reused.
+
+    Allocating new memory for every factor of a large matrix would take as long as the
+    factorisation.
+
+    Args:
+        plan: symbolic factorisation of the matrices.
+        threads: threads to use, at most two.
+        precision: of the factor, single or double. A matrix whose condition number exceeds that
+            precision may be found not to be positive definite.
+    """
+
+    def __init__(
+        self,
+        plan: NestedDissection,
+        threads: Threads = ALONE,
+        precision: Precision = np.float64,
+    ) -> None:
+        self.plan = plan
+        self._threads = threads if plan.stored > WORTH_SHARING else ALONE
+        self._stored = np.empty(plan.stored, precision)
+        self._failed = Event()
+        memory = _Memory(self._stored, np.empty(plan.stack, precision), self._failed)
+        self._parts = [_Part(fronts, memory) for fronts in plan.parts]
+        self._solves = TriangularSolves(plan, self._stored, threads)
+
+    def columns(self) -> Iterator[Columns]:
+        """The columns of L of every front: its pivots and their coupling to its boundary."""
+        for part in self.plan.parts:
+            for front in part:
+                pivots, coupling = front.columns(self._stored)
+                triangle = np.tril(pivots)
+                yield np.linalg.inv(triangle) if front.inverted else triangle, coupling
+
+    def factorise(self, entries: Float[np.ndarray, " nonzero"], convexified: bool = False) -> bool:
+        """Factorise a matrix and return whether it succeeded; this overwrites the previous factor.
+
+        Args:
+            entries: non-zeros of its lower triangle, in the order of the sparsity.
+            convexified: whether to factorise a nearby positive definite matrix instead of failing.
+                This fails if the matrix is not finite; in single precision also if eigenvalues of
+                a front are too small for it.
+        """
+        self._solves.restart()
+        self._stored[:] = 0
+        self._stored[self.plan.places] = entries
+        self._failed.clear()
+        *halves, top = self._parts
+        factored = self._threads.each(lambda half: half.factorise(convexified), halves)
+        return all(factored) and top.factorise(convexified)
+
+    def solve(self, rhs: Float[np.ndarray, "unknown *case"]) -> Float[np.ndarray, "unknown *case"]:
+        """The x of matrix × x = ``rhs``, for every column of ``rhs`` if it has columns."""
+        if rhs.ndim > 1:
+            columns = [self.solve(column) for column in rhs.T]
+            return np.stack(columns, axis=1) if columns else np.zeros(rhs.shape)
+        return self._solves.solve(rhs)
+
+    def change_diagonal(
+        self, unknowns: Int[np.ndarray, " changed"], changes: Float[np.ndarray, " changed"]
+    ) -> bool:
+        """Like :meth:`.TriangularSolves.change_diagonal`."""
+        return self._solves.change_diagonal(unknowns, changes)
+
+
+@dataclass(frozen=True, eq=False)
+class _Memory:
+    """Memory of factors and updates.
+
+    Attributes:
+        stored: memory for the columns of the factor.
+        stack: memory for updates that are not yet added to their parents.
+        failed: set when some pivots are not positive definite, so that both halves stop.
+    """
+
+    stored: Float[np.ndarray, " entry"]
+    stack: Float[np.ndarray, " place"]
+    failed: Event
+
+
+@dataclass(frozen=True, eq=False)
+class _Elimination:
+    """Elimination of a front.
+
+    Attributes:
+        pivots: its pivots, overwritten by their factor, and that by its inverse if it is small.
+        update: its update for its parent.
+        added: target and source of the extend-add of each block of its children's updates.
+        factorise: the factorisation of the pivots.
+        eliminate: the rows of the factor for its boundary, and its update.
+    """
+
+    pivots: Matrix
+    update: Matrix
+    added: Sequence[tuple[Matrix, Matrix]]
+    factorise: Call
+    eliminate: Sequence[Call]
+
+
+class _Part:
+    """Fronts that are eliminated one after another.
+
+    Args:
+        fronts: the fronts.
+        memory: memory of their factors and updates.
+    """
+
+    def __init__(self, fronts: Sequence[Front], memory: _Memory) -> None:
+        self._status, self._failed = np.zeros(1, dtype=np.int32), memory.failed
+        inverted = np.empty(INVERTED_SIZE**2, memory.stored.dtype)
+        self._eliminations = [
+            _elimination(front, memory, inverted, self._status) for front in fronts
+        ]
+
+    def factorise(self, convexified: bool) -> bool:
+        """Factorise the fronts; returns whether they were positive definite, or were made so."""
+        for front in self._eliminations:
+            if self._failed.is_set():
+                return False
+            front.update[:] = 0
+            for target, source in front.added:
+                np.add(target, source, out=target)
+            before = front.pivots.copy(order="F") if convexified else None
+            if not self._factored(front) and (
+                before is None or not self._convexified(front, before)
+            ):
+                self._failed.set()
+                return False
+            blas.run(front.eliminate)
+        return True
+
+    def _factored(self, front: _Elimination) -> bool:
+        """Replace pivots by their Cholesky factor; returns whether they were positive definite."""
+        blas.run([front.factorise])
+        # LAPACK may not report NaNs, which spread to all later pivots.
+        return not self._status[0] and isfinite(front.pivots[-1, -1])
+
+    def _convexified(self, front: _Elimination, before: Matrix) -> bool:
+        """Replace pivots by the factor of their convexified values before the factorisation."""
+        if not np.isfinite(before).all():
+            return False
+        # Few eigenvalues are negative, and all others remain. In single precision small ones would
+        # not be found.
+        below = -np.inf, LEAST_CURVATURE
+        try:
+            values, vectors = eigh(before.astype(float), subset_by_value=below, check_finite=False)
+        except LinAlgError:
+            return False
+        raised = np.maximum(np.abs(values), LEAST_CURVATURE) - values
+        # Above the diagonal, pivots that are inverted stay 0.
+        front.pivots[:] = np.tril(before + (vectors * raised) @ vectors.T)
+        return self._factored(front)
+
+
+def _elimination(front: Front, memory: _Memory, inverted: Vector, status: Status) -> _Elimination:
+    pivots, coupling = front.columns(memory.stored)
+    update = front.updated(memory.stack)
+    targets = pivots, coupling, update
+    added = [
+        (targets[transfer.target][transfer.into], child.updated(memory.stack)[transfer.block])
+        for child, transfers in front.children
+        for transfer in transfers
+    ]
+    eliminate: list[Call] = []
+    if front.inverted:
+        eliminate += [blas.invert(pivots, status), blas.multiply_by_transposed(coupling, pivots)]
+    elif len(front.boundary):
+        eliminate += _multiply_by_inverse(coupling, pivots, inverted, status)
+    if len(front.boundary):
+        eliminate.append(blas.subtract_square(update, coupling))
+    return _Elimination(pivots, update, added, blas.cholesky(pivots, status), eliminate)
+
+
+def _multiply_by_inverse(
+    coupling: Matrix, triangle: Matrix, inverted: Vector, status: Status
+) -> Iterator[Call]:
+    """``coupling`` ← coupling × triangle⁻ᵀ."""
+    size = len(triangle)
+    if size <= INVERTED_SIZE:
+        inverse = inverted[: size * size].reshape(size, size).T
+        yield blas.copy(inverse, triangle)
+        yield blas.invert(inverse, status)
+        yield blas.multiply_by_transposed(coupling, inverse)
+        return
+    half = size // 2
+    first, second = coupling[:, :half], coupling[:, half:]
+    yield from _multiply_by_inverse(first, triangle[:half, :half], inverted, status)
+    yield blas.subtract_product(second, first, triangle[half:, :half])
+    yield from _multiply_by_inverse(second, triangle[half:, half:], inverted, status)

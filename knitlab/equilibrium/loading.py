@@ -1,0 +1,196 @@
+"""Loadings: the free unknowns, and the motion of the held ones with the applied strain."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Array, Float, Int
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from knitlab.equilibrium.alignment import aligning_rotation
+from knitlab.fabric.array_library import array_library
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.network import MeshShape
+
+ACCURACY = 1e-12
+"""Relative accuracy of a tilt between walls."""
+
+
+@dataclass(frozen=True, eq=False)
+class Loading:
+    """A displacement-controlled test along y, from a reference configuration.
+
+    Attributes:
+        shape: the mesh shape.
+        free: indices of the free unknowns.
+        reference: the relaxed configuration, flattened [mm].
+        drive: displacement of each unknown per unit of applied strain: prescribed if it is held,
+            that of an affine stretch if it is free [mm].
+        length: the length that the applied strain refers to [mm].
+    """
+
+    shape: MeshShape
+    free: Int[np.ndarray, " free"]
+    reference: Float[np.ndarray, " unknown"]
+    drive: Float[np.ndarray, " unknown"]
+    length: float
+
+    @property
+    def held(self) -> Int[np.ndarray, " held"]:
+        """Indices of the held unknowns."""
+        return held_under_tension(self.shape)
+
+    def holding(
+        self, unknowns: Float[np.ndarray, " unknown"], applied_strain: float
+    ) -> Float[np.ndarray, " unknown"]:
+        """The unknowns, with the held ones set as the applied strain prescribes [mm]."""
+        held, moved = self.held, unknowns.copy()
+        moved[held] = self.reference[held] + applied_strain * self.drive[held]
+        return moved
+
+    def ahead(
+        self,
+        passed: Sequence[tuple[float, Float[np.ndarray, " unknown"]]],
+        applied_strain: float,
+    ) -> Float[np.ndarray, " unknown"]:
+        """Extrapolation of a path to an applied strain, with held unknowns as prescribed [mm].
+
+        Args:
+            passed: strains and unknowns along the path so far. The path is extrapolated by the
+                polynomial through all of them, or, if there is only one, by an affine stretch.
+            applied_strain: the strain.
+        """
+        strain, last = passed[-1]
+        if len(passed) == 1:
+            return self.holding(last + (applied_strain - strain) * self.drive, applied_strain)
+        extrapolated = np.zeros_like(last)
+        for own, unknowns in passed:
+            others = [other for other, _ in passed if other != own]
+            extrapolated += unknowns * math.prod(
+                (applied_strain - other) / (own - other) for other in others
+            )
+        return self.holding(extrapolated, applied_strain)
+
+    def reaction_force(self, gradient: Float[np.ndarray, " unknown"]) -> float:
+        """Force that drives the test, conjugate to the displacement of its driven end [N].
+
+        It is ∂V/∂(displacement) at fixed free unknowns: for a clamped sample the sum of the y
+        forces on the top row, for periodic fabric ∂V/∂L_y.
+        """
+        return float(reaction_force(self.shape, self.drive, self.length, gradient))
+
+
+def all_free(shape: MeshShape) -> Int[np.ndarray, " free"]:
+    """Free unknowns while a fabric relaxes: every coordinate, and the lengths if periodic."""
+    return np.arange(shape.unknowns if shape.periodic else 3 * shape.nodes)
+
+
+def free_under_tension(shape: MeshShape) -> Int[np.ndarray, " free"]:
+    """Free unknowns of the tensile test: all but L_y if periodic, else those between the clamps."""
+    if shape.periodic:
+        return np.arange(shape.unknowns - 1)
+    return np.arange(3 * shape.nodes_x, 3 * (shape.nodes - shape.nodes_x))
+
+
+@lru_cache(maxsize=16)
+def held_under_tension(shape: MeshShape) -> Int[np.ndarray, " held"]:
+    """Held unknowns of the tensile test, L_x and L_y of an open sample among them."""
+    return np.setdiff1d(np.arange(shape.unknowns), free_under_tension(shape))
+
+
+def reaction_force(
+    shape: MeshShape,
+    drive: Float[Array | np.ndarray, " unknown"],
+    length: Float[Array | np.ndarray, ""] | float,
+    gradient: Float[Array | np.ndarray, " unknown"],
+) -> Float[Array, ""]:
+    """See :meth:`Loading.reaction_force`; for JAX and NumPy arrays [N]."""
+    held = held_under_tension(shape)
+    return drive[held] @ gradient[held] / length
+
+
+def rigidly_aligned(
+    shape: MeshShape,
+    flat: Configuration,
+    relaxed: Configuration,
+) -> Configuration:
+    """A relaxed sample rotated so that the rows to be clamped match its flat sheet best.
+
+    A free sample rotates, tilts and drifts as it folds, by amounts that depend on the path of the
+    relaxation. It is aligned and levelled for clamping, because a misaligned sample takes other
+    states. Walls are ignored, and its height between them is kept. Periodic fabric cannot rotate.
+
+    Args:
+        shape: mesh shape of the sample.
+        flat: its flat sheet.
+        relaxed: its relaxed configuration.
+    """
+    if shape.periodic:
+        return relaxed
+    rows, flat_rows = (
+        sheet.positions[np.array([0, -1])].reshape(-1, 3) for sheet in (relaxed, flat)
+    )
+    middle = rows.mean(axis=0)
+    turn = aligning_rotation(flat_rows - flat_rows.mean(axis=0), rows - middle)
+    nodes = middle + (relaxed.positions.reshape(-1, 3) - middle) @ turn.T
+    drift = (flat.positions.reshape(-1, 3) - nodes).mean(axis=0)
+    level = nodes + drift * np.array([1, 1, 0])
+    return Configuration(level.reshape(relaxed.positions.shape), relaxed.lengths)
+
+
+def between_walls(configuration: Configuration, z_max: float) -> Configuration:
+    """A sample tilted and lifted rigidly so that it penetrates the walls least [mm].
+
+    Args:
+        configuration: configuration of the sample.
+        z_max: half the gap between the walls [mm].
+    """
+    nodes = np.asarray(configuration.positions).reshape(-1, 3)
+    middle = nodes.mean(axis=0)
+
+    def moved(move: Float[np.ndarray, "3"]) -> Float[np.ndarray, "node 3"]:
+        tilt = Rotation.from_rotvec([move[0], move[1], 0.0])
+        return middle + tilt.apply(nodes - middle) + np.array([0.0, 0.0, move[2]])
+
+    def excess(move: Float[np.ndarray, "3"]) -> Float[np.ndarray, " node"]:
+        return np.maximum(np.abs(moved(move)[:, 2]) - z_max, 0.0)
+
+    least = least_squares(excess, np.zeros(3), xtol=ACCURACY, ftol=ACCURACY, gtol=ACCURACY)
+    positions = moved(least.x).reshape(configuration.positions.shape)
+    return Configuration(positions, np.asarray(configuration.lengths))
+
+
+def drive_along(
+    shape: MeshShape, relaxed: Configuration
+) -> tuple[Float[Array | np.ndarray, " unknown"], Float[Array | np.ndarray, ""]]:
+    """The drive of a :class:`Loading` and the length that the applied strain refers to [mm].
+
+    Both follow from the relaxed shape and are differentiable by JAX.
+    """
+    xp, rows = array_library(relaxed), relaxed.positions[..., 1]
+    if shape.periodic:
+        length = relaxed.lengths[1]
+        moved, grown = rows, xp.stack([np.zeros(()), length])
+    else:
+        length = rows[-1].mean() - rows[0].mean()
+        inner = xp.clip(rows[1:-1] - rows[0].mean(), 0, length)
+        ends = np.zeros((1, shape.nodes_x))
+        moved, grown = xp.concatenate([ends, inner, ends + length]), np.zeros(2)
+    still = np.zeros(rows.shape)
+    return Configuration(xp.stack([still, moved, still], axis=-1), grown).flattened(), length
+
+
+def tensile(shape: MeshShape, relaxed: Configuration) -> Loading:
+    """The paper's tensile test on a relaxed shape (Sec. "Kinematics under tension").
+
+    A clamped sample has its bottom row held and its top row displaced along y; the applied
+    strain is that displacement over the relaxed distance between the rows. Periodic fabric has
+    L_y prescribed and L_x free; the applied strain is the relative change of L_y.
+    """
+    drive, length = drive_along(shape, relaxed)
+    free = free_under_tension(shape)
+    reference = np.asarray(relaxed.flattened())
+    return Loading(shape, free, reference, np.asarray(drive), float(length))

@@ -1,0 +1,151 @@
+"""Subdomains: overlapping parts of a large sample, each a sheet with its boundary held."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import jax
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Array, Bool, Float, Int
+
+from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
+from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.network import MeshShape, network
+
+CELLS = 24
+"""Grid cells along each side of a subdomain, without its overlap: with fewer, most of the work is
+in the overlap; with more, a snap in one place takes longer."""
+OVERLAP = 4
+"""Grid cells by which neighbouring subdomains overlap."""
+REACH = 2
+"""Extent of an element in grid cells, and so the width of the held boundary."""
+FEWEST = 6
+"""Number of subdomains from which domain decomposition pays off."""
+
+
+@dataclass(frozen=True, eq=False)
+class Subdomain:
+    """A part of a sample.
+
+    Attributes:
+        places: indices of its coordinates, and of L_x and L_y, among the unknowns of the sample.
+        free: the free unknowns of the subdomain, and the sparsity of their stiffness.
+        springs, hinges: indices of its springs and hinges in the sample, in the order of its own
+            network.
+    """
+
+    places: Int[np.ndarray, " unknown"]
+    free: FreeStiffness
+    springs: Int[np.ndarray, " spring"]
+    hinges: Int[np.ndarray, " hinge"]
+
+    def fabric(self, whole: Fabric) -> Fabric:
+        """The part of the sample's fabric in the subdomain."""
+
+        # NumPy indexes without compiling, which JAX does for every size.
+        def part(
+            values: Array | np.ndarray, places: Int[np.ndarray, " element"]
+        ) -> Float[np.ndarray, "..."]:
+            return np.asarray(values)[places]
+
+        return replace(
+            whole,
+            rest_length=part(whole.rest_length, self.springs),
+            stretch_stiffness=part(whole.stretch_stiffness, self.springs),
+            spring_law=jax.tree.map(lambda values: part(values, self.springs), whole.spring_law),
+            rest_fold=part(whole.rest_fold, self.hinges),
+            fold_stiffness=part(whole.fold_stiffness, self.hinges),
+        )
+
+    def force(self, gradient: Float[np.ndarray, " whole"]) -> float:
+        """Largest force on its free unknowns [N]."""
+        return float(np.abs(gradient[self.places[self.free.places]]).max(initial=0.0))
+
+
+def worth_dividing(shape: MeshShape) -> bool:
+    """Whether a sheet has enough subdomains for them to pay off; periodic fabric has none."""
+    return not shape.periodic and len(_spans(shape.cells_y)) * len(_spans(shape.cells_x)) >= FEWEST
+
+
+def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
+    """The subdomains of a sample with these free unknowns."""
+    shape, net = free.shape, network(free.shape)
+    movable = np.zeros(shape.unknowns, dtype=bool)
+    movable[free.places] = True
+    for rows in _spans(shape.cells_y):
+        for columns in _spans(shape.cells_x):
+            (bottom, top), (left, right) = (
+                (max(low - REACH, 0), min(high + REACH, cells))
+                for (low, high), cells in ((rows, shape.cells_y), (columns, shape.cells_x))
+            )
+            row, column = np.mgrid[bottom : top + 1, left : right + 1].reshape(2, -1)
+            nodes = row * shape.nodes_x + column
+            part = MeshShape(top - bottom, right - left, periodic=False)
+            places = np.append(
+                (3 * nodes[:, None] + np.arange(3)).ravel(), shape.unknowns - np.array([2, 1])
+            )
+            inner = (row >= rows[0]) & (row <= rows[1])
+            inner &= (column >= columns[0]) & (column <= columns[1])
+            movable_here = np.append(np.repeat(inner, 3), [False, False]) & movable[places]
+            within = np.zeros(shape.nodes, dtype=bool)
+            within[nodes] = True
+            yield Subdomain(
+                places,
+                free_stiffness(part, np.flatnonzero(movable_here)),
+                *(
+                    np.flatnonzero(within[elements.nodes].all(axis=1))
+                    for elements in (net.springs, net.hinges)
+                ),
+            )
+
+
+def couplings(found: Sequence[Subdomain], unknowns: int) -> Bool[np.ndarray, "subdomain subdomain"]:
+    """Which pairs of subdomains are coupled: free unknowns of one affect the other.
+
+    Args:
+        found: the subdomains of a sample.
+        unknowns: number of unknowns of the sample.
+    """
+    places = [subdomain.places for subdomain in found], [b.places[b.free.places] for b in found]
+    touched, free = (_membership(indices, unknowns) for indices in places)
+    coupled = (touched @ free.T).toarray() > 0
+    return coupled | coupled.T | np.eye(len(found), dtype=bool)
+
+
+def _membership(places: Sequence[Int[np.ndarray, " _"]], unknowns: int) -> sp.csr_array:
+    ends = np.cumsum([0, *map(len, places)])
+    return sp.csr_array(
+        (np.ones(ends[-1]), np.concatenate(places), ends), shape=(len(places), unknowns)
+    )
+
+
+def independent_groups(
+    forces: Float[np.ndarray, " subdomain"], coupled: Bool[np.ndarray, "subdomain subdomain"]
+) -> Iterator[list[int]]:
+    """Groups of subdomains that can be solved at the same time, because no two are coupled.
+
+    Those with the largest forces come first, because the others adapt to them.
+
+    Args:
+        forces: largest force in each subdomain.
+        coupled: which pairs are coupled.
+    """
+    waiting = np.argsort(-forces).tolist()
+    while waiting:
+        group: list[int] = []
+        for subdomain in waiting:
+            if not coupled[subdomain, group].any():
+                group.append(subdomain)
+        waiting = [subdomain for subdomain in waiting if subdomain not in group]
+        yield group
+
+
+def _spans(cells: int) -> list[tuple[int, int]]:
+    """First and last node row (or column) of the free part of every subdomain along a side."""
+    count = max(1, round(cells / CELLS))
+    lines = np.linspace(0, cells, count + 1).round().astype(int)
+    return [
+        (max(low - OVERLAP, 0), min(high + OVERLAP, cells))
+        for low, high in pairwise(lines.tolist())
+    ]

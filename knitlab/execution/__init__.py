@@ -1,1 +1,0 @@
-"""From a plan to a cube: workers simulate what is missing, one writer builds the cube."""

@@ -1,0 +1,99 @@
+"""Energies of a fabric: stretch, fold and wall, as sums over its elements.
+
+Units are mm, N and rad.
+"""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from knitlab.fabric.array_library import array_library
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.fold_angle import fold_from_rest
+from knitlab.fabric.network import Elements, Network
+from knitlab.fabric.options import FoldAngle
+from knitlab.fabric.spring_law import LINEAR, SpringLaw
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Energy:
+    """Elastic energy in its three parts [N mm] (paper, Eqs. 1, 2 and the wall penalty).
+
+    ``drag`` is the potential of the drag while a viscous step is solved, and 0 in every result.
+    """
+
+    stretch: Float[Array, "*batch"]
+    fold: Float[Array, "*batch"]
+    wall: Float[Array, "*batch"]
+    drag: Float[Array, "*batch"] | float = 0.0
+    contact: Float[Array, "*batch"] | float = 0.0
+
+    @property
+    def total(self) -> Float[Array, "*batch"]:
+        """Sum of the parts: V or, while a viscous step is solved, the incremental potential."""
+        return self.stretch + self.fold + self.wall + self.drag + self.contact
+
+
+def element_vectors(
+    elements: Elements, configuration: Configuration
+) -> Float[Array, "vector 3 element"]:
+    """The vectors on which every element's energy depends [mm]; last axis elements, for speed."""
+    columns = configuration.positions.reshape(-1, 3).T
+    corners = [columns[:, nodes] for nodes in elements.nodes.T]
+    vectors = [corners[end] - corners[start] for start, end in elements.ends]
+    across_seam = elements.periods * configuration.lengths[:, None]
+    xp = array_library(configuration)
+    return xp.stack(vectors) + xp.pad(across_seam, ((0, 0), (0, 1), (0, 0)))
+
+
+def spring_energy(
+    vectors: Float[Array | np.ndarray, "1 3 *element"],
+    rest_length: Float[Array | np.ndarray, " *element"],
+    stiffness: Float[Array | np.ndarray, " *element"],
+    law: SpringLaw = LINEAR,
+) -> Float[Array, " *element"]:
+    """Energy of springs [N mm]; ½ k_s (ℓ − ℓ0)² if they are linear (paper, Eq. 1)."""
+    return jnp.asarray(stiffness) * law.stored(jnp.linalg.norm(vectors[0], axis=0), rest_length)
+
+
+def hinge_energy(
+    vectors: Float[Array | np.ndarray, "5 3 *element"],
+    rest: Float[Array | np.ndarray, " *element"],
+    stiffness: Float[Array | np.ndarray, " *element"],
+    of: FoldAngle,
+) -> Float[Array, " *element"]:
+    """½ k_t (φ − φ0)² of hinges [N mm] (paper, Eq. 1)."""
+    return 0.5 * jnp.asarray(stiffness) * fold_from_rest(vectors, rest, of) ** 2
+
+
+def wall_energy(
+    z: Float[Array | np.ndarray, "*node"],
+    z_max: Float[Array | np.ndarray, "*#node"],
+    k_wall: Float[Array | np.ndarray, "*#node"],
+) -> Float[Array, "*node"]:
+    """½ k_wall (δ⁺² + δ⁻²) of nodes at heights z [N mm] (paper, wall penalty)."""
+    return 0.5 * jnp.asarray(k_wall) * jnp.maximum(jnp.abs(z) - z_max, 0.0) ** 2
+
+
+def energy(net: Network, fabric: Fabric, configuration: Configuration) -> Energy:
+    """Elastic energy of a configuration, split into its parts [N mm]."""
+    springs = spring_energy(
+        element_vectors(net.springs, configuration),
+        fabric.rest_length,
+        fabric.stretch_stiffness,
+        fabric.spring_law,
+    )
+    hinges = hinge_energy(
+        element_vectors(net.hinges, configuration),
+        fabric.rest_fold,
+        fabric.fold_stiffness,
+        fabric.fold_angle,
+    )
+    heights = jnp.asarray(configuration.positions[..., 2]).ravel()
+    walls = wall_energy(heights, fabric.z_max, fabric.k_wall)
+    return Energy(springs.sum(), hinges.sum(), walls.sum())

@@ -1,0 +1,212 @@
+"""Fold lines: which hinges of a patch fold, by which part of a fold, and how stiff they are.
+
+With four grid cells per period, the paper's grid, a fold is one hinge. On a finer grid it is
+distributed over the hinges of a rounded ridge, which covers ``ridge_fraction`` of the stripe and
+has constant curvature at rest. Each of its hinges has the part of the fold angle that lies within
+half a cell of it, and the same part of the fold's compliance. The hinges of a flank share the
+compliance of the hinge between two folds of the paper's grid.
+"""
+
+from functools import lru_cache
+
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Bool, Float
+
+from knitlab.fabric.array_library import array_library
+from knitlab.fabric.options import FoldPhase, ModelOptions
+from knitlab.fabric.pattern import CELLS_PER_PERIOD, PatchGrid
+
+SENSE_BY_LINE = {
+    "stripe_border": np.array([-1.0, 0.0, 1.0, 0.0]),
+    "stripe_centre": np.array([0.0, 1.0, 0.0, -1.0]),
+}
+"""Sense of the fold at a line of the paper's grid, by its place in the period of four cells."""
+
+
+def inside_runs(
+    like: Bool[np.ndarray, "line cell"], periodic: bool
+) -> Bool[np.ndarray, "line cell"]:
+    """Whether the edge before each cell lies inside a run of like cells, along axis 1."""
+    inside = like & np.roll(like, 1, axis=1)
+    if not periodic:
+        inside[:, 0] = False
+    return inside
+
+
+def place_in_run(
+    like: Bool[np.ndarray, "line cell"], periodic: bool
+) -> Float[np.ndarray, "line cell"]:
+    """Number of cells of its run that come before each cell, along axis 1.
+
+    In periodic fabric a run may continue across the boundary; a run that fills the whole line is
+    counted from 0.
+    """
+    lines, cells = like.shape
+    start = np.where(like.all(axis=1), 0, np.argmin(like, axis=1)) if periodic else np.zeros(lines)
+    order = (start[:, None].astype(int) + np.arange(cells)) % cells
+    unrolled = np.take_along_axis(like, order, axis=1)
+    last_other = np.maximum.accumulate(np.where(unrolled, -1, np.arange(cells)), axis=1)
+    place = np.empty((lines, cells))
+    np.put_along_axis(place, order, (np.arange(cells) - last_other - 1).astype(float), axis=1)
+    return place
+
+
+def fold_senses(
+    like: Bool[np.ndarray, "line cell"],
+    fold_phase: FoldPhase,
+    periodic: bool,
+    ridge: "Ridge | None" = None,
+) -> Float[np.ndarray, "line cell"]:
+    """Part of a fold on the edge before each cell: +1 and −1 alternately, 0 if it is flat at rest.
+
+    Lines are counted from the start of each run of like cells, so neighbouring patches of one
+    knit fold together and no fold lies on the border between two knits. In periodic fabric
+    a run may continue across the boundary; a run that fills the whole line is counted from line 0.
+
+    Args:
+        like: which cells are of this knit; axis 1 runs across its folds.
+        fold_phase: whether the folds lie on the odd or the even lines of a run.
+        periodic: whether axis 1 is periodic.
+        ridge: distribution of a fold on a finer grid; on the paper's grid it is one hinge.
+
+    Returns:
+        At index k of axis 1 the part and sense of the edge between cells k − 1 and k.
+    """
+    spread = ridge or PAPER_RIDGE
+    inside = inside_runs(like, periodic)
+    line, between = np.divmod(place_in_run(like, periodic).astype(int), spread.refinement)
+    middles = SENSE_BY_LINE[fold_phase][line % CELLS_PER_PERIOD]
+    middles = np.where(inside & (between == 0), middles, 0.0)
+    parts = sum(
+        part * np.roll(middles, offset, axis=1)
+        for offset, part in enumerate(spread.fold_parts, -spread.refinement)
+        if part
+    )
+    return np.where(inside, parts, 0.0)
+
+
+class Ridge:
+    """Distribution of a fold over the hinges of a fine grid.
+
+    Args:
+        cells_per_period: grid cells along one period, a multiple of the paper's 4.
+        fraction: part of a stripe that its rounded ridge covers.
+
+    Attributes:
+        refinement: grid cells along one cell of the paper's grid.
+        fold_parts: part of the fold of each hinge, from ``refinement`` cells before the middle of
+            the ridge to as many after it.
+    """
+
+    def __init__(self, cells_per_period: int, fraction: float) -> None:
+        self.refinement = cells_per_period // CELLS_PER_PERIOD
+        self.fold_parts = _parts(self.refinement, fraction)
+        self._flank_parts = _parts(self.refinement, 1 - fraction)
+
+    def stiffness_by_place(self, fold_phase: FoldPhase) -> Float[np.ndarray, " cell"]:
+        """Factor on k_t of a hinge, by its place in the period; all 1 on the paper's grid.
+
+        A hinge with the part s of a fold's compliance is 1/s times as stiff, and its edge is
+        shorter than on the paper's grid by the factor ``refinement``.
+        """
+        fold = np.abs(SENSE_BY_LINE[fold_phase])
+        shares = np.zeros(CELLS_PER_PERIOD * self.refinement)
+        for line in range(CELLS_PER_PERIOD):
+            parts = self.fold_parts if fold[line] else self._flank_parts
+            for offset, part in enumerate(parts, -self.refinement):
+                shares[(line * self.refinement + offset) % len(shares)] += part
+        return 1 / (self.refinement * shares)
+
+    def rest_fold(
+        self, theta_0: Float[Array | np.ndarray, "*stripe"]
+    ) -> Float[Array | np.ndarray, "*stripe"]:
+        """Total fold angle of a ridge at rest [rad].
+
+        On the paper's grid π − θ0. On a finer grid it is chosen so that a pure stripe relaxes to
+        sin(θ0/2) of its flat length, as on the paper's grid. This ratio is the mean cosine of the
+        tilt of its cells.
+
+        Args:
+            theta_0: interior rest angle of the sharp fold [rad].
+        """
+        sharp = np.pi - theta_0
+        if self.refinement == 1:
+            return sharp
+        middle = self.refinement
+        # Tilt of the cells from the middle of the ridge to that of the flank, over the fold angle.
+        tilts = self.fold_parts[middle] / 2 + np.concatenate(
+            [[0.0], np.cumsum(self.fold_parts[middle + 1 : 2 * middle])]
+        )
+
+        def excess(fold: Array, contraction: Array) -> Array:
+            return jnp.mean(jnp.cos(fold[..., None] * tilts), axis=-1) - contraction
+
+        found: optx.Solution = optx.root_find(
+            excess,
+            optx.Newton(rtol=1e-14, atol=1e-14),
+            jnp.asarray(sharp),
+            args=jnp.cos(sharp / 2),
+            max_steps=50,
+            throw=False,
+        )
+        return array_library(theta_0).asarray(found.value)
+
+
+def _parts(refinement: int, fraction: float) -> Float[np.ndarray, " offset"]:
+    """Parts of an arc about a line that lie within half a cell of each line around it.
+
+    The length of the arc is ``fraction`` of a stripe, which is two cells of the paper's grid.
+    """
+    offsets = np.arange(-refinement, refinement + 1)
+    if refinement == 1:
+        return np.where(offsets == 0, 1.0, 0.0)
+    half = fraction * refinement
+    if half <= 0.5:
+        return np.where(offsets == 0, 1.0, 0.0)
+    low, high = np.maximum(offsets - 0.5, -half), np.minimum(offsets + 0.5, half)
+    return np.maximum(high - low, 0.0) / (2 * half)
+
+
+PAPER_RIDGE = Ridge(CELLS_PER_PERIOD, 0.5)
+
+
+@lru_cache(maxsize=16)
+def ridge_of(options: ModelOptions) -> Ridge:
+    """The ridge that the model options define."""
+    return Ridge(options.cells_per_period, options.ridge_fraction)
+
+
+def patch_senses(
+    pattern: PatchGrid, options: ModelOptions
+) -> tuple[Float[np.ndarray, "row column"], Float[np.ndarray, "row column"]]:
+    """Parts of the folds of rib and of garter patches, > 0 for a mountain and < 0 for a valley.
+
+    The first array is for rib, at the edge to the left of every grid cell, the second for garter,
+    at the edge below it; 0 where the fabric is flat at rest.
+    """
+    periodic, ridge = options.boundary == "periodic", ridge_of(options)
+    garter_sign = 1 if options.garter_start == "mountain" else -1
+    rib, garter = pattern.cells_of("rib"), pattern.cells_of("garter")
+    return (
+        fold_senses(rib, options.fold_phase, periodic, ridge),
+        garter_sign * fold_senses(garter.T, options.fold_phase, periodic, ridge).T,
+    )
+
+
+def fold_stiffness_factors(
+    pattern: PatchGrid, options: ModelOptions
+) -> tuple[Float[np.ndarray, "row column"], Float[np.ndarray, "row column"]]:
+    """Factors on k_t of hinges inside rib patches, and inside garter patches; 1 elsewhere.
+
+    Arguments and edges as for :func:`patch_senses`.
+    """
+    periodic = options.boundary == "periodic"
+    by_place = ridge_of(options).stiffness_by_place(options.fold_phase)
+
+    def factors(like: Bool[np.ndarray, "line cell"]) -> Float[np.ndarray, "line cell"]:
+        place = place_in_run(like, periodic).astype(int) % len(by_place)
+        return np.where(inside_runs(like, periodic), by_place[place], 1.0)
+
+    return factors(pattern.cells_of("rib")), factors(pattern.cells_of("garter").T).T

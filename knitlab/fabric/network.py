@@ -1,0 +1,162 @@
+"""The network: the nodes of every spring and hinge. Connectivity only, no parameters.
+
+Nodes lie on a rectangular grid, numbered course by course from the bottom left. The network
+depends only on the mesh shape, so that designs of one shape share a compiled program.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from knitlab.fabric.options import Boundary
+from knitlab.fabric.pattern import PatchGrid
+from knitlab.fabric.shape_cache import cached_by_shape
+
+
+@dataclass(frozen=True)
+class MeshShape:
+    """Grid cells along y (courses) and along x (wales), and whether the sheet is periodic."""
+
+    cells_y: int
+    cells_x: int
+    periodic: bool
+
+    @property
+    def nodes_y(self) -> int:
+        """Rows of nodes: one more than of cells, unless the sheet is periodic."""
+        return self.cells_y + (not self.periodic)
+
+    @property
+    def nodes_x(self) -> int:
+        """Columns of nodes: one more than of cells, unless the sheet is periodic."""
+        return self.cells_x + (not self.periodic)
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes."""
+        return self.nodes_y * self.nodes_x
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns: three coordinates per node, then the lengths L_x and L_y."""
+        return 3 * self.nodes + 2
+
+
+def mesh_shape(pattern: PatchGrid, boundary: Boundary) -> MeshShape:
+    """Mesh shape of a pattern with a boundary."""
+    return MeshShape(*pattern.grid, boundary == "periodic")
+
+
+@dataclass(frozen=True, eq=False)
+class Elements:
+    """Elements of one kind, whose energy depends on a few vectors between their nodes.
+
+    Attributes:
+        nodes: node numbers of every element.
+        images: periods of periodic fabric along (x, y) by which each node is shifted; zero unless
+            the element crosses the periodic boundary.
+        incidence: the vectors as differences of nodes, −1 where a vector starts and 1 where it
+            ends.
+        shape: the mesh shape.
+    """
+
+    nodes: Int[np.ndarray, "element node"]
+    images: Int[np.ndarray, "element node 2"]
+    incidence: Int[np.ndarray, "vector node"]
+    shape: MeshShape
+
+    @cached_property
+    def ends(self) -> list[tuple[int, int]]:
+        """Indices of the nodes where each vector starts and ends."""
+        return [(int(np.argmin(row)), int(np.argmax(row))) for row in self.incidence]
+
+    @cached_property
+    def periods(self) -> Float[np.ndarray, "vector 2 element"]:
+        """Periods of periodic fabric along (x, y) that each vector spans."""
+        return np.einsum("vn,enk->vke", self.incidence, self.images).astype(float)
+
+
+SPRING_VECTORS = np.array([[-1, 1]])
+"""From one end to the other."""
+
+HINGE_VECTORS = np.array(
+    [
+        [-1, 1, 0, 0, 0, 0],
+        [0, 1, -1, 0, 0, 0],
+        [-1, 0, 0, 1, 0, 0],
+        [-1, 0, 0, 0, 0, 1],
+        [0, 1, 0, 0, -1, 0],
+    ]
+)
+"""The shared edge from a to b, the diagonals c → b and a → d of the cell before it, and a → f
+and e → b of the cell after it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """Springs and hinges of one mesh shape (paper, Sec. "3D model", Fig. 1F).
+
+    Attributes:
+        shape: the mesh shape.
+        springs: two nodes each: weft springs, warp springs, then two diagonals per grid cell.
+        weft, warp: which springs are along x, which along y; the others are diagonals.
+        hinges: six nodes each: the ends a, b of the shared edge, the far nodes c, d of the cell
+            before it and e, f of the cell after it (c and e beside a, d and f beside b).
+        wale: which hinges have an edge along y, as rib ridges have; the others have an edge along
+            x, as garter ridges have.
+        hinge_cells: grid cell (y, x) after each hinge's edge.
+    """
+
+    shape: MeshShape
+    springs: Elements
+    weft: Bool[np.ndarray, " spring"]
+    warp: Bool[np.ndarray, " spring"]
+    hinges: Elements
+    wale: Bool[np.ndarray, " hinge"]
+    hinge_cells: Int[np.ndarray, "hinge 2"]
+
+
+@cached_by_shape
+def network(shape: MeshShape) -> Network:
+    """Build the network of a mesh shape."""
+    cells = np.arange(shape.cells_y), np.arange(shape.cells_x)
+    rows, columns = np.arange(shape.nodes_y), np.arange(shape.nodes_x)
+    first_line = 0 if shape.periodic else 1
+
+    def elements(incidence: np.ndarray, *places: np.ndarray) -> Elements:
+        turns, wrapped = np.divmod(np.concatenate(places), (shape.nodes_y, shape.nodes_x))
+        nodes = wrapped[..., 0] * shape.nodes_x + wrapped[..., 1]
+        return Elements(nodes, turns[..., ::-1], incidence, shape)
+
+    weft = _places((rows, cells[1]), [(0, 0), (0, 1)])
+    warp = _places((cells[0], columns), [(0, 0), (1, 0)])
+    rising = _places(cells, [(0, 0), (1, 1)])
+    falling = _places(cells, [(0, 1), (1, 0)])
+    spring_kind = np.repeat([0, 1, 2], [len(weft), len(warp), len(rising) + len(falling)])
+
+    after_wale = cells[0], cells[1][first_line:]
+    wale = _places(after_wale, [(0, 0), (1, 0), (0, -1), (1, -1), (0, 1), (1, 1)])
+    # The edge points to −x so that, as for a wale hinge, a mountain has a positive angle.
+    after_course = cells[0][first_line:], cells[1]
+    course = _places(after_course, [(0, 1), (0, 0), (-1, 1), (-1, 0), (1, 1), (1, 0)])
+    hinge_cells = [_places(after, [(0, 0)])[:, 0] for after in (after_wale, after_course)]
+
+    return Network(
+        shape=shape,
+        springs=elements(SPRING_VECTORS, weft, warp, rising, falling),
+        weft=spring_kind == 0,
+        warp=spring_kind == 1,
+        hinges=elements(HINGE_VECTORS, wale, course),
+        wale=np.arange(len(wale) + len(course)) < len(wale),
+        hinge_cells=np.concatenate(hinge_cells),
+    )
+
+
+def _places(
+    origins: tuple[np.ndarray, np.ndarray], offsets: list[tuple[int, int]]
+) -> Int[np.ndarray, "element node 2"]:
+    """Grid places (y, x) of an element's nodes, for an element at every row and column."""
+    grid = np.stack(np.meshgrid(*origins, indexing="ij"), axis=-1)
+    return grid.reshape(-1, 1, 2) + np.array(offsets)

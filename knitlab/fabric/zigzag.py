@@ -1,0 +1,195 @@
+"""The two-dimensional model: a zigzag of springs and hinges, and its tension in closed form.
+
+A period consists of four springs, like a row of the sheet (paper, Sec. "3D model"): folds of rest
+angle θ0 alternate with joints that are straight at rest. The paper's Sec. "2D model" does not state
+the number of springs.
+"""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from knitlab.fabric.fabric import cell_length
+from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.pattern import CELLS_PER_PERIOD
+from knitlab.fabric.spring_curve import SpringCurve
+from knitlab.fabric.spring_law import LINEAR, Linear, SpringLaw, spring_law
+from knitlab.fabric.stripe import Stripe
+
+AS_CALIBRATED = ModelOptions(cell_size="relaxed", hinge_stiffness="per_edge", length_scale=1.0)
+"""The model options with which a measured curve is fitted."""
+
+
+class Zigzag(eqx.Module):
+    """Parameters of the zigzag of one stripe.
+
+    Attributes:
+        period: relaxed peak-to-peak distance [mm].
+        k_s: stiffness of a spring [N/mm].
+        k_t: stiffness of a hinge [N mm].
+        theta_0: interior rest angle of a fold [rad].
+        law: force of a spring as a function of its length.
+    """
+
+    period: Float[Array, ""]
+    k_s: Float[Array, ""]
+    k_t: Float[Array, ""]
+    theta_0: Float[Array, ""]
+    law: SpringLaw = LINEAR
+
+    @property
+    def cell(self) -> Float[Array, ""]:
+        """Rest length of a spring, a quarter of the flattened period [mm]."""
+        return self.period / (CELLS_PER_PERIOD * jnp.sin(self.theta_0 / 2))
+
+
+def zigzag(stripe: Stripe, options: ModelOptions = AS_CALIBRATED) -> Zigzag:
+    """The zigzag of a calibrated stripe: one row of its pure sheet.
+
+    Args:
+        stripe: parameters of the stripe.
+        options: model options; by default those of a calibration, with which w or h is the relaxed
+            period.
+    """
+    cell = cell_length(stripe, replace(options, cells_per_period=4))
+    k_t = stripe.k_t * (cell if options.hinge_stiffness == "per_length" else 1.0)
+    period = CELLS_PER_PERIOD * cell * stripe.contraction
+    return Zigzag(
+        period=jnp.asarray(period, float),
+        k_s=jnp.asarray(stripe.k_s, float),
+        k_t=jnp.asarray(k_t, float),
+        theta_0=jnp.asarray(stripe.theta_0, float),
+        law=law_of_one(stripe.stiffening_strain, stripe.spring_curve),
+    )
+
+
+def law_of_one(
+    stiffening_strain: Float[Array, ""] | float | None, curve: SpringCurve | None
+) -> SpringLaw:
+    """The law of the springs of one stripe.
+
+    Args:
+        stiffening_strain: e_s, or None [1].
+        curve: a measured curve, or None.
+    """
+    strain = None if stiffening_strain is None else jnp.asarray(stiffening_strain, float)
+    return spring_law([strain], [curve]).of(np.array(0))
+
+
+def relaxed_chain(chain: Zigzag, periods: int) -> Float[Array, "node 2"]:
+    """Nodes (x, y) of a relaxed zigzag that starts and ends midway between folds [mm]."""
+    steps = np.arange(CELLS_PER_PERIOD * periods + 1)
+    height = np.array([0.0, 1.0, 0.0, -1.0])[steps % CELLS_PER_PERIOD]
+    along = steps * chain.cell * jnp.sin(chain.theta_0 / 2)
+    return jnp.stack([along, height * chain.cell * jnp.cos(chain.theta_0 / 2)], axis=1)
+
+
+def chain_energy(chain: Zigzag, nodes: Float[Array, "node 2"]) -> Float[Array, ""]:
+    """E_tot of a zigzag [N mm] (paper, Eq. 1).
+
+    Args:
+        chain: parameters of the zigzag.
+        nodes: positions (x, y) [mm]; folds are at the odd nodes, alternately up and down.
+    """
+    segments = jnp.diff(nodes, axis=0)
+    lengths = jnp.linalg.norm(segments, axis=1)
+    before, after = segments[:-1], segments[1:]
+    turn = jnp.arctan2(
+        before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], jnp.sum(before * after, axis=1)
+    )
+    # At an upper fold the zigzag turns clockwise.
+    sense = np.array([-1.0, 0.0, 1.0, 0.0])[np.arange(len(nodes) - 2) % CELLS_PER_PERIOD]
+    rest = sense * (jnp.pi - chain.theta_0)
+    stretch = chain.k_s * jnp.sum(chain.law.stored(lengths, chain.cell))
+    return stretch + 0.5 * chain.k_t * jnp.sum((turn - rest) ** 2)
+
+
+def force_at(chain: Zigzag, tilt: Float[Array, ""]) -> Float[Array, ""]:
+    """Tension of a zigzag of linear springs whose segments are tilted from the line of force [N].
+
+    The moment of the force about a fold balances the hinge, k_t (θ − θ0) = F ℓ cos(θ/2), with
+    θ = π − 2 tilt and the stretched spring ℓ = cell + F sin(θ/2) / k_s: a quadratic in F.
+    """
+    sine, cosine = jnp.sin(tilt), jnp.cos(tilt)
+    moment = chain.k_t * (jnp.pi - 2 * tilt - chain.theta_0)
+    half = chain.cell * sine
+    # This form of the root has no cancellation if the springs hardly stretch.
+    return 2 * moment / (half + jnp.sqrt(half**2 + 4 * sine * cosine * moment / chain.k_s))
+
+
+def period_at(chain: Zigzag, tilt: Float[Array, ""]) -> Float[Array, ""]:
+    """Peak-to-peak distance under that tension, 4 ℓ sin(θ/2) [mm]; see :func:`force_at`."""
+    length = chain.cell + force_at(chain, tilt) * jnp.cos(tilt) / chain.k_s
+    return CELLS_PER_PERIOD * length * jnp.cos(tilt)
+
+
+def length_at(chain: Zigzag, tilt: Float[Array, ""], strain: Float[Array, ""]) -> Float[Array, ""]:
+    """Length of a spring at a tilt and a strain of the period [mm]."""
+    return chain.period * (1 + strain) / (CELLS_PER_PERIOD * jnp.cos(tilt))
+
+
+def imbalance(chain: Zigzag, tilt: Float[Array, ""], strain: Float[Array, ""]) -> Float[Array, ""]:
+    """Residual of the balance between a spring of any law and its fold [1].
+
+    The tension F is that of the spring, F cos(tilt) = k_s ℓ0 f, and that of the fold,
+    F ℓ sin(tilt) = k_t (θ − θ0). Eliminating F gives k_t (θ − θ0) − k_s ℓ0 f ℓ tan(tilt) = 0,
+    which is divided by k_t. The residual is negative at the relaxed tilt and positive for tilt → 0.
+    """
+    length = length_at(chain, tilt, strain)
+    pull = chain.k_s * chain.law.pull(length, chain.cell)
+    return jnp.pi - 2 * tilt - chain.theta_0 - pull * length * jnp.tan(tilt) / chain.k_t
+
+
+def force_from_moment(
+    chain: Zigzag, tilt: Float[Array, ""], strain: Float[Array, ""]
+) -> Float[Array, ""]:
+    """Tension that holds the folds open at a tilt and a strain of the period [N]."""
+    moment = chain.k_t * (jnp.pi - 2 * tilt - chain.theta_0)
+    return moment / (length_at(chain, tilt, strain) * jnp.sin(tilt))
+
+
+def tension(chain: Zigzag, strain: Float[Array, " point"]) -> Float[Array, " point"]:
+    """Tension of a zigzag at strains of its period, in closed form except for one root [N].
+
+    All folds open equally and the joints stay straight. This is the minimum of the energy if
+    k_t / (k_s cell²) is small; it is at most 0.07 for the paper's stripes. The tension is
+    differentiable with respect to the parameters of the zigzag and to the strain, which must not be
+    negative.
+    """
+    relaxed_tilt = (jnp.pi - chain.theta_0) / 2
+    linear = isinstance(chain.law, Linear)
+
+    def excess(part: Array, of: tuple[Zigzag, Array]) -> Array:
+        numbers, target = of
+        # Solved for the logarithm of the tilt: at large strain it falls by orders of magnitude.
+        tilt = jnp.exp(-part) * (jnp.pi - numbers.theta_0) / 2
+        if linear:
+            return period_at(numbers, tilt) / numbers.period - 1 - target
+        return imbalance(numbers, tilt, target)
+
+    def tilt_at(target: Array) -> Array:
+        found: optx.Solution = optx.root_find(
+            excess,
+            optx.Bisection(rtol=1e-14, atol=1e-14),  # type: ignore[call-arg]
+            jnp.asarray(1.0),
+            args=(chain, target),
+            options={"lower": -1e-9, "upper": LARGEST_LOG_TILT},
+            max_steps=200,
+            throw=False,
+        )
+        return jnp.exp(-found.value) * relaxed_tilt
+
+    def force(target: Array) -> Array:
+        tilt = tilt_at(target)
+        return force_at(chain, tilt) if linear else force_from_moment(chain, tilt, target)
+
+    return jax.vmap(force)(strain)
+
+
+LARGEST_LOG_TILT = 40.0
+"""Largest −log(tilt / relaxed tilt) in the search for the root."""

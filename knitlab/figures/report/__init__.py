@@ -1,0 +1,1 @@
+"""The page of claims, as HTML and Markdown, with its figures."""

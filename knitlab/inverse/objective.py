@@ -1,0 +1,256 @@
+"""The objective: distances of a trial from the targets, as residuals with their Jacobian."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.cube.schema import VARIABLES
+from knitlab.cube.strain_window import REDUCTIONS, STRAIN, gradient
+from knitlab.cube.target import Target, check_window
+from knitlab.inverse.quantities import ALONG_STRAIN, OF_DESIGN
+from knitlab.inverse.trial import Slopes, Trial
+from knitlab.io.errors import BadInput, ErrorCollector, Fault
+from knitlab.io.suggestions import unknown
+from knitlab.simulation.case import Case
+from knitlab.simulation.measurement import variables_of
+
+OF_PLANS = ("design", "stripes", "cloth")
+"""Kinds of variables that follow from a case without simulating it."""
+INSET = 0.9
+"""Fraction of an allowance that a search uses."""
+INSIDE = 0.1
+"""Fraction of the tolerance by which a search aims inside a range, so as to end within it."""
+
+Residuals = Float[np.ndarray, " row"]
+Jacobian = Float[np.ndarray, "row variable"]
+
+
+def scale_of(target: Target) -> float:
+    """Unit of the distance from a target: its tolerance.
+
+    Raises:
+        TypeError: if it has none.
+    """
+    if target.tolerance is None:
+        raise TypeError(f"target {target.text} has no tolerance")
+    return target.tolerance
+
+
+def distance_of(targets: Sequence[Target], off_by: Sequence[Any]) -> Any:
+    """Root mean square of distances from targets, each over its tolerance.
+
+    Args:
+        targets: the targets.
+        off_by: distance from each target in the unit of its variable; a number or an array.
+    """
+    scaled = [off / scale_of(target) for off, target in zip(off_by, targets, strict=True)]
+    return np.sqrt(np.mean(np.square(scaled), axis=0))
+
+
+def all_met(targets: Sequence[Target], off_by: Sequence[float]) -> bool:
+    """Whether all distances from targets are within their allowances."""
+    return all(off <= target.allowance for off, target in zip(off_by, targets, strict=True))
+
+
+def violation_of(targets: Sequence[Target], off_by: Sequence[float]) -> float:
+    """Largest excess of a distance over its allowance, in tolerances; 0 if all targets are met."""
+    excesses = [
+        max(off - target.allowance, 0.0) / scale_of(target)
+        for off, target in zip(off_by, targets, strict=True)
+    ]
+    return max(excesses, default=0.0)
+
+
+def aimed(target: Target) -> Target:
+    """The target that a search aims at: a narrower range, so that it ends within the bounds."""
+    width = target.high - target.low
+    if target.curve is not None or width == 0:
+        return target
+    inside = min(INSIDE * scale_of(target), width / 4)
+    return replace(target, low=target.low + inside, high=target.high - inside)
+
+
+@dataclass(frozen=True)
+class TargetValues:
+    """A variable of a trial over the window of a target.
+
+    Attributes:
+        at: strains of the window; empty for a single number.
+        values: values at these strains, or their reduction.
+        slopes: derivatives of the values by the variables of the search.
+    """
+
+    at: Float[np.ndarray, " point"]
+    values: Float[np.ndarray, " row"]
+    slopes: Jacobian
+
+
+@dataclass(frozen=True, eq=False)
+class Objective:
+    """Targets and constraints of a search.
+
+    Attributes:
+        targets: the targets.
+        subject_to: the constraints.
+        own: names of own measures.
+        acts_on: derivatives of the logarithm of each parameter by each variable.
+    """
+
+    targets: tuple[Target, ...]
+    subject_to: tuple[Target, ...]
+    own: tuple[str, ...]
+    acts_on: Float[np.ndarray, "parameter variable"]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the variables of targets and constraints."""
+        return tuple(dict.fromkeys(target.name for target in (*self.targets, *self.subject_to)))
+
+    @property
+    def has_gradient(self) -> bool:
+        """Whether all these variables have derivatives."""
+        return set(self.names) <= {*ALONG_STRAIN, *OF_DESIGN, *self.own}
+
+    def off_by(self, trial: Trial) -> list[float]:
+        """Distance of a trial from each target and constraint, in the unit of its variable."""
+        found = []
+        for target in (*self.targets, *self.subject_to):
+            read = self._read(target, trial, None)
+            weights = _weights(read.at, len(read.values))
+            excess = target.excess(read.values, read.at)
+            found.append(float(np.sqrt(weights @ excess**2)))
+        return found
+
+    def distance(self, off_by: Sequence[float]) -> float:
+        """Distance from the targets, see :func:`distance_of`."""
+        return float(distance_of(self.targets, off_by[: len(self.targets)]))
+
+    def violation(self, off_by: Sequence[float]) -> float:
+        """Violation of the constraints, see :func:`violation_of`."""
+        return violation_of(self.subject_to, off_by[len(self.targets) :])
+
+    def met(self, off_by: Sequence[float]) -> bool:
+        """Whether all values are within tolerance of the targets, and within each range."""
+        return all_met((*self.targets, *self.subject_to), off_by)
+
+    def residuals(self, trial: Trial) -> Residuals:
+        """Residuals whose sum of squares is the squared distance from the aims of the search."""
+        return self._stacked(trial, None)[0]
+
+    def jacobian(self, trial: Trial) -> Jacobian:
+        """Derivatives of :meth:`residuals` by the variables.
+
+        Raises:
+            NoDerivative: if a state is not a stable equilibrium, such as at a snap.
+        """
+        return self._stacked(trial, self._slopes(trial))[1]
+
+    def constraints(self, trial: Trial) -> Residuals:
+        """Constraint functions, which must not be negative, over their tolerances."""
+        return self._constrained(trial, None)[0]
+
+    def constraints_jacobian(self, trial: Trial) -> Jacobian:
+        """Derivatives of :meth:`constraints` by the variables.
+
+        Raises:
+            NoDerivative: if a state is not a stable equilibrium, such as at a snap.
+        """
+        return self._constrained(trial, self._slopes(trial))[1]
+
+    def _slopes(self, trial: Trial) -> dict[str, Slopes]:
+        needed = np.zeros(len(trial.strains), bool)
+        for target in (*self.targets, *self.subject_to):
+            if target.window is not None:
+                _, weights = target.window.read(trial.strains, np.eye(len(trial.strains)))
+                needed |= (weights != 0).any(axis=1)
+        # Variables without a value at zero strain take that of the next strain.
+        needed[1:2] |= needed[:1]
+        return trial.slopes(self.names, needed)
+
+    def _stacked(
+        self, trial: Trial, slopes: dict[str, Slopes] | None
+    ) -> tuple[Residuals, Jacobian]:
+        rows, by = [], []
+        for target in map(aimed, self.targets):
+            read = self._read(target, trial, slopes)
+            share = np.sqrt(_weights(read.at, len(read.values)) / len(self.targets))
+            departure = target.departure(read.values, read.at)
+            outside = (departure != 0) * share / scale_of(target)
+            rows.append(departure * share / scale_of(target))
+            by.append(outside[:, None] * read.slopes)
+        return np.concatenate(rows), np.concatenate(by)
+
+    def _constrained(
+        self, trial: Trial, slopes: dict[str, Slopes] | None
+    ) -> tuple[Residuals, Jacobian]:
+        rows, by = [np.zeros(0)], [np.zeros((0, self.acts_on.shape[1]))]
+        for target in map(aimed, self.subject_to):
+            read, scale = self._read(target, trial, slopes), scale_of(target)
+            low, high = target.bounds(read.at)
+            for sign, bound in ((1.0, low), (-1.0, high)):
+                if np.isfinite(bound).all():
+                    rows.append((sign * (read.values - bound) + INSET * target.allowance) / scale)
+                    by.append(sign * read.slopes / scale)
+        return np.concatenate(rows), np.concatenate(by)
+
+    def _read(self, target: Target, trial: Trial, slopes: dict[str, Slopes] | None) -> TargetValues:
+        values, by = trial.values(target.name), np.zeros((1, self.acts_on.shape[1]))
+        if slopes is not None:
+            by = slopes[target.name] @ self.acts_on
+        if target.window is None:
+            return TargetValues(np.zeros(0), values, by)
+        at, curve = target.window.read(trial.strains, values[None])
+        if slopes is not None:
+            by = target.window.read(trial.strains, by.T)[1].T
+        else:
+            by = np.broadcast_to(by, (len(at), by.shape[1]))
+        if target.reduction is None:
+            return TargetValues(at, curve[0], by)
+        reduced = REDUCTIONS[target.reduction](at, curve)
+        return TargetValues(
+            np.zeros(0), reduced, gradient(target.reduction, at, curve[0])[None] @ by
+        )
+
+
+def _weights(at: Float[np.ndarray, " point"], rows: int) -> Float[np.ndarray, " row"]:
+    """Weights of the trapezoidal rule over a window, which sum to one."""
+    if len(at) < 2:
+        return np.full(rows, 1.0 / rows)
+    parts = np.diff(at)
+    weights = (np.append(parts, 0.0) + np.append(0.0, parts)) / 2
+    return weights / (at[-1] - at[0])
+
+
+def check_targets(targets: Sequence[Target], measures: Sequence[str], case: Case) -> None:
+    """Check that a test has the variables of targets, and that these have windows if needed.
+
+    Args:
+        targets: targets and constraints.
+        measures: names of own measures.
+        case: one of the cases.
+
+    Raises:
+        BadInput: with every fault.
+    """
+    faults = ErrorCollector()
+    stored = variables_of(case)
+    known = {
+        name: STRAIN in variable.dims
+        for name, variable in VARIABLES.items()
+        if set(variable.dims) <= {STRAIN} and (name in stored or variable.of in OF_PLANS)
+    } | dict.fromkeys(measures, True)
+    for target in targets:
+        place = f"target {target.text}"
+        if target.name not in known:
+            faults.all.append(Fault(place, unknown(target.name, sorted(known), "variable")))
+        elif target.name.startswith("poisson_ratio") and case.all_corners_held:
+            problem = "a sample of one unit cell between clamps has none; add unit_cells"
+            faults.all.append(Fault(place, problem))
+        else:
+            with faults:
+                check_window(target, known[target.name], place)
+    if faults.all:
+        raise BadInput(faults.all)

@@ -1,1 +1,0 @@
-"""Sparse Cholesky factorisation of the stiffness of a sheet, multifrontal and block-tridiagonal."""

@@ -1,0 +1,268 @@
+"""A knitted capacitor during a test: its capacitance in every state, or why it is missing."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from pydantic import Field, NonNegativeFloat, PositiveFloat
+
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.electrode_layout import ElectrodeLayout
+from knitlab.fabric.electrodes import Electrodes
+from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.network import MeshShape, Network
+from knitlab.fabric.setting_types import Fraction, Unit
+from knitlab.measure.capacitance.boundary_elements import (
+    STATES_AT_ONCE,
+    Surroundings,
+    images_along,
+    maxwell_matrices,
+    near_pairs,
+    two_terminal,
+)
+from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
+from knitlab.measure.capacitance.gap import crosses_itself, gap_between
+from knitlab.measure.capacitance.panels import PanelChart, panel_chart, panels_on
+from knitlab.measure.folds import fold_angles
+
+ORDER = 2
+"""Order of convergence of the capacitance with the size of graded panels."""
+CAUTION = 0.7
+"""Estimated error over the change by extrapolation; on folds of 0.15 to 2 rad and at levels 1 to 3
+the true error was never larger."""
+LEVELS = (1, 2, 3, 4)
+MOST_PANELS = 2400
+"""Largest number of panels of a finer level."""
+
+
+Ground = Literal["none", "plane"]
+
+
+@dataclass(frozen=True)
+class Capacitor:
+    """Parameters of electrodes on a fabric.
+
+    Attributes:
+        layout: layout of the electrodes.
+        electrode_length: relaxed length of the electrodes on periodic fabric [mm].
+        permittivity: relative permittivity of the surroundings [1].
+        clearance: distance below which electrodes count as touching [mm].
+        accuracy: largest estimated relative error of a capacitance [1].
+        linearity: R² that the working range must have [1].
+        unfolded: fold angle over the relaxed one at which unfolding is complete [1].
+        dielectric_thickness: of what insulates the electrodes from each other: a distance r between
+            them counts as √(r² + dielectric_thickness²) [mm]. Insulated electrodes may touch.
+        lead_capacitance: of the leads to the meter, parallel to the fabric [pF].
+        ground: what lies below the fabric: nothing, or a grounded plane such as skin.
+        ground_distance: distance of that plane from the lowest point of the fabric [mm].
+    """
+
+    layout: ElectrodeLayout
+    electrode_length: Annotated[PositiveFloat, Unit("mm")]
+    permittivity: Annotated[float, Field(ge=1)]
+    clearance: Annotated[PositiveFloat, Unit("mm")]
+    accuracy: Fraction
+    linearity: Fraction
+    unfolded: Fraction
+    dielectric_thickness: Annotated[NonNegativeFloat, Unit("mm")] = 0.0
+    lead_capacitance: Annotated[NonNegativeFloat, Unit("pF")] = 0.0
+    ground: Ground = "none"
+    ground_distance: Annotated[PositiveFloat, Unit("mm")] = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Capacitances:
+    """A capacitor in every state of a test.
+
+    Attributes:
+        status: status in each state, see :class:`CapacitorStatus`.
+        capacitance: two-terminal capacitance without leads, NaN if not measured; of one period if
+            periodic [pF].
+        mutual: mutual capacitance −C₁₂ of Maxwell's matrix, NaN for periodic fabric without a
+            grounded plane [pF].
+        error: estimated relative error of the capacitance, also where it is too large [1].
+        gap: shortest distance between the electrodes, searched up to the size of a grid cell [mm].
+    """
+
+    status: Int[np.ndarray, " state"]
+    capacitance: Float[np.ndarray, " state"]
+    mutual: Float[np.ndarray, " state"]
+    error: Float[np.ndarray, " state"]
+    gap: Float[np.ndarray, " state"]
+
+
+def capacitances(
+    electrodes: Electrodes,
+    net: Network,
+    fabric: Fabric,
+    configurations: Configuration,
+    capacitor: Capacitor,
+    refinement: int = 1,
+) -> Capacitances:
+    """Capacitance in every state, by the boundary-element method at two or more panel sizes.
+
+    A value is extrapolated from the last two sizes; the estimated error is :data:`CAUTION` times
+    the change. Panels are refined while the error exceeds ``capacitor.accuracy``. There is no
+    value if bare electrodes touch, or if electrodes or a fold at them have passed through each
+    other or themselves, which a model without contact does not prevent.
+
+    Args:
+        electrodes: the plated cells.
+        net: network of the fabric.
+        fabric: the fabric.
+        configurations: configurations of all states, along a leading axis.
+        capacitor: parameters of the electrodes.
+        refinement: grid cells along one cell of the paper's grid; gaps are searched up to this
+            length.
+    """
+    shape, states = net.shape, len(configurations.lengths)
+    status = np.full(states, CapacitorStatus.measured)
+    gap, through = _obstacles(electrodes, net, fabric, configurations, refinement)
+    status[through] = CapacitorStatus.folded_through
+    closed = gap == 0 if capacitor.dielectric_thickness else gap < capacitor.clearance
+    status[~through & closed] = CapacitorStatus.touching
+    value, mutual, error = (np.full(states, np.nan) for _ in range(3))
+    coarse, coarse_level = np.full((states, 2), np.nan), 0
+    pending = np.flatnonzero(status == CapacitorStatus.measured)
+    for level in LEVELS:
+        chart = panel_chart(electrodes, shape, level)
+        if not pending.size or (level > LEVELS[1] and len(chart.cell) > MOST_PANELS):
+            break
+        fine = np.full((states, 2), np.nan)
+        fine[pending] = _pair(electrodes, chart, shape, configurations[pending], capacitor)
+        if coarse_level:
+            gain = 1 / ((level / coarse_level) ** ORDER - 1)
+            limit = fine + gain * (fine - coarse)
+            value[pending], mutual[pending] = limit[pending].T
+            error[pending] = CAUTION * np.abs(limit - fine)[pending, 0] / np.abs(limit[pending, 0])
+            pending = pending[~(error[pending] <= capacitor.accuracy)]
+        coarse, coarse_level = fine, level
+    status[pending] = CapacitorStatus.unresolved
+    unmeasured = status != CapacitorStatus.measured
+    value[unmeasured] = mutual[unmeasured] = np.nan
+    if shape.periodic and capacitor.ground == "none":
+        mutual[:] = np.nan
+    scale = capacitor.permittivity
+    return Capacitances(status, scale * value, scale * mutual, error, gap)
+
+
+def _pair(
+    electrodes: Electrodes,
+    chart: PanelChart,
+    shape: MeshShape,
+    configurations: Configuration,
+    capacitor: Capacitor,
+) -> Float[np.ndarray, "state 2"]:
+    """Two-terminal and mutual capacitance in vacuum [pF]."""
+    panels = np.asarray(panels_on(chart, shape, configurations))
+    period = np.asarray(configurations.lengths)[:, electrodes.axis]
+    ground, thickness = None, capacitor.dielectric_thickness
+    if capacitor.ground == "plane":
+        lowest = np.asarray(configurations.positions)[..., 2].min(axis=(1, 2))
+        ground = lowest - capacitor.ground_distance
+    images = images_along(electrodes.axis, panels, period, ground) if shape.periodic else None
+    apart = jnp.asarray(thickness) if thickness else None
+    near = near_pairs(panels, images, period)
+    found = []
+    for first in range(0, len(panels), STATES_AT_ONCE):
+        # The last batch is padded, as a smaller one would be compiled separately.
+        batch = np.minimum(np.arange(first, first + STATES_AT_ONCE), len(panels) - 1)
+        matrices = maxwell_matrices(
+            jnp.asarray(panels[batch]),
+            jnp.asarray(chart.membership),
+            jnp.asarray(near),
+            images,
+            jnp.asarray(period[batch]),
+            Surroundings(apart, None if ground is None else jnp.asarray(ground[batch])),
+        )
+        found.append(np.stack([two_terminal(matrices), -matrices[:, 0, 1]], axis=-1))
+    return np.concatenate(found)[: len(panels)]
+
+
+def _obstacles(
+    electrodes: Electrodes,
+    net: Network,
+    fabric: Fabric,
+    configurations: Configuration,
+    refinement: int,
+) -> tuple[Float[np.ndarray, " state"], Bool[np.ndarray, " state"]]:
+    """Distance of the electrodes in every state, and whether a fold at them is beyond ±π."""
+    shape = net.shape
+    chart = panel_chart(electrodes, shape, LEVELS[0])
+    panels = np.asarray(panels_on(chart, shape, configurations))
+    reach = refinement * float(np.asarray(fabric.cell_sides).max())
+    along = np.eye(3)[electrodes.axis]
+    periods = [
+        length * along if shape.periodic else None
+        for length in np.asarray(configurations.lengths)[:, electrodes.axis]
+    ]
+    gap = np.array(
+        [
+            gap_between(state, chart.electrode, reach, period)
+            for state, period in zip(panels, periods, strict=True)
+        ]
+    )
+    folds = np.asarray(fold_angles(net, fabric, configurations))[:, hinges_at(electrodes, net)]
+    through = (np.abs(folds) > np.pi).any(axis=-1)
+    for number in (0, 1):
+        panels_of_one = panels[:, chart.electrode == number]
+        through |= np.array(
+            [
+                crosses_itself(state, period)
+                for state, period in zip(panels_of_one, periods, strict=True)
+            ]
+        )
+    return gap, through
+
+
+def mean_fold(
+    electrodes: Electrodes, net: Network, fabric: Fabric, configurations: Configuration
+) -> Float[np.ndarray, " state"]:
+    """Mean angle of the folds at and between the electrodes and parallel to them [rad].
+
+    The electrodes move apart as these open.
+
+    Args:
+        electrodes: the plated cells.
+        net: network of the fabric.
+        fabric: the fabric.
+        configurations: configurations of all states, along a leading axis.
+    """
+    rest = np.asarray(fabric.rest_fold)
+    alongside = net.wale if electrodes.along == "wale" else ~net.wale
+    counted = hinges_at(electrodes, net) & alongside & (rest != 0)
+    angles = np.asarray(fold_angles(net, fabric, configurations))
+    return (angles * np.sign(rest))[:, counted].mean(axis=1)
+
+
+def electrode_length(electrodes: Electrodes, shape: MeshShape, relaxed: Configuration) -> float:
+    """Length of the electrodes on a relaxed fabric; that of one period if it is periodic [mm].
+
+    Args:
+        electrodes: the plated cells.
+        shape: mesh shape of the fabric.
+        relaxed: its relaxed configuration.
+    """
+    axis = electrodes.axis
+    if shape.periodic:
+        return float(relaxed.lengths[axis])
+    start, end = electrodes.strips[0][0].extents[axis]
+    along = np.asarray(relaxed.positions)[..., axis].mean(axis=axis)
+    ends = np.interp([start, end], np.arange(len(along)), along)
+    return float(ends[1] - ends[0])
+
+
+def hinges_at(electrodes: Electrodes, net: Network) -> Bool[np.ndarray, " hinge"]:
+    """Hinges on the electrodes or between them."""
+    strips = [strip for strips in electrodes.strips for strip in strips]
+    left, right = min(strip.left for strip in strips), max(strip.right for strip in strips)
+    bottom, top = min(strip.bottom for strip in strips), max(strip.top for strip in strips)
+    row, column = net.hinge_cells.T
+    beside = (column >= np.floor(left)) & (column < np.ceil(right))
+    above = (row >= np.floor(bottom)) & (row < np.ceil(top))
+    # On periodic fabric electrodes may cross the periodic boundary.
+    beside |= (column + net.shape.cells_x < np.ceil(right)) & net.shape.periodic
+    above |= (row + net.shape.cells_y < np.ceil(top)) & net.shape.periodic
+    return beside & above

@@ -1,1 +1,0 @@
-"""The paper's claims, tested on cubes, and model options ranked by them."""

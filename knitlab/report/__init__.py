@@ -1,1 +1,0 @@
-"""The page of claims, as HTML and Markdown."""

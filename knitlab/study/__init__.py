@@ -1,1 +1,0 @@
-"""From a workflow to a plan: parameters, design space, cases. Runs nothing."""

@@ -1,0 +1,243 @@
+"""The cube: every design that a results folder knows, on one labelled grid."""
+
+import json
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import netCDF4
+import numpy as np
+import xarray as xr
+
+from knitlab.cube.case_file import case_path
+from knitlab.cube.classic_file import read_classic
+from knitlab.cube.common_settings import ATTRIBUTE, parameters_of, shared
+from knitlab.cube.design_status import Status
+from knitlab.cube.plain_cube import READING, PlainCube, unmasked
+from knitlab.cube.schema import VARIABLES, described
+from knitlab.io.provenance import provenance
+from knitlab.measure.knit_size import Gauge
+from knitlab.simulation.case import Case, Label
+from knitlab.simulation.measurement import FIXED_COORDINATES, fixed_coordinates, variables_of
+from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
+from knitlab.sweep.design_space import Design
+from knitlab.sweep.gauge import sizes_at, sizes_of, stated
+from knitlab.sweep.plan import Plan
+from knitlab.sweep.survey import Cell, cells
+
+TEXT_VARIABLES = ("case_id", "code")
+UNIT_CELLS = ("unit_cells_y", "unit_cells_x")
+Values = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """The contents of one cell of a cube.
+
+    Attributes:
+        values: values by variable, along the strains and unit cells of the design's own test.
+        strains: applied strains of that test [1].
+    """
+
+    values: Values
+    strains: tuple[float, ...]
+
+    @property
+    def unit_cells(self) -> tuple[int, int]:
+        """Unit cells of the sample along (y, x)."""
+        if self.of_earlier_version:
+            # The sample is at most as large as the largest one of that cube.
+            shape = np.shape(self.values["strain_xx"])
+            return shape[1], shape[2]
+        rows, columns = (int(self.values[name]) for name in UNIT_CELLS)
+        return rows, columns
+
+    @property
+    def of_earlier_version(self) -> bool:
+        """Whether it comes from a cube of a version that did not state sample sizes."""
+        return bool(np.isnan(self.values.get(UNIT_CELLS[0], np.nan)))
+
+
+def build_cube(
+    plan: Plan,
+    results: Path,
+    old: xr.Dataset | None,
+    computed: Collection[str],
+    kept_stale: Collection[str],
+    failed: Collection[str],
+    damaged: Collection[str] = (),
+) -> xr.Dataset:
+    """Cube of a plan, from its case files and the previous cube.
+
+    Cells of the old cube that are not in the plan are kept; combinations that were never requested
+    are ``excluded``; planned cases without a file are ``failed`` if they are among ``failed``, else
+    ``pending``. Planned cases that an earlier version wrote into the old cube with fewer variables
+    are read again.
+
+    Args:
+        plan: the plan.
+        results: results folder of the workflow.
+        old: the previous cube, along the same dimensions.
+        computed: identifiers of cases whose files are newer than the old cube.
+        kept_stale: identifiers of cases for which results of other parameters are kept.
+        failed: identifiers of cases that this run could not compute.
+        damaged: identifiers of cases whose files must not be read.
+    """
+    known = {} if old is None else cells(PlainCube.of(old))
+    entries = {} if old is None else _old_entries(plan, old, known)
+    for case_id, case in plan.cases.items():
+        design = tuple(case.design.values())
+        cell = known.get(design)
+        same = cell is not None and cell.case_id == case_id and cell.has_results
+        untouched = same and case_id not in computed and case_id not in failed
+        path = case_path(results, case_id)
+        readable = case_id not in damaged and path.is_file()
+        complete = untouched and not (readable and entries[design].of_earlier_version)
+        if complete:
+            entries[design] = replace(
+                entries[design], values=entries[design].values | known_in_advance(case)
+            )
+        if complete or case_id in kept_stale:
+            continue
+        if case_id in failed:
+            entries[design] = _empty_entry(case, Status.failed)
+        elif not readable:
+            entries[design] = _empty_entry(case, Status.pending)
+        else:
+            entries[design] = _read_entry(path, case, plan.gauge)
+
+    cube = _gridded(plan, _names(plan, old), entries)
+    cube.attrs |= _attributes(plan, old, entries)
+    if "knit_cell_x" in cube:
+        cube.attrs |= stated(plan.gauge)
+    return cube
+
+
+def _names(plan: Plan, old: xr.Dataset | None) -> list[str]:
+    """Variables of the cube, in the order of the registry."""
+    case = next(iter(plan.cases.values()))
+    # A swept setting, such as contact, may give some cases variables that others lack.
+    wanted = {
+        name
+        for each in plan.cases.values()
+        for name, variable in variables_of(each).items()
+        if variable.in_cube
+    }
+    wanted |= set() if old is None else set(map(str, old.data_vars))
+    kinds = ("design", "stripes") if case.pure else ("design", "stripes", "cloth")
+    named = [name for name, each in VARIABLES.items() if name in wanted or each.of in kinds]
+    # A stripe number that is swept is a coordinate.
+    return [name for name in named if name not in plan.dims]
+
+
+def _old_entries(plan: Plan, old: xr.Dataset, known: Mapping[Design, Cell]) -> dict[Design, Entry]:
+    arrays = {str(name): old[name].values for name in old.data_vars}
+    strains = tuple(old["applied_strain"].values.tolist())
+    entries = {}
+    for design, cell in known.items():
+        values = {name: array[cell.place] for name, array in arrays.items()}
+        entries[design] = Entry(values | sizes_at(values, old.attrs, plan.gauge), strains)
+    return entries
+
+
+def _attributes(
+    plan: Plan, old: xr.Dataset | None, entries: Mapping[Design, Entry]
+) -> dict[str, str]:
+    """Attributes of a cube: its provenance, and the parameters that all of its designs share."""
+    common = plan.common
+    planned = [entry.values["case_id"] in plan.cases for entry in entries.values()]
+    if old is not None and not all(planned):
+        common = shared(parameters_of(old), common) if any(planned) else parameters_of(old)
+    attributes = {"title": plan.title, "workflow": plan.workflow, ATTRIBUTE: json.dumps(common)}
+    if "method" in common:
+        attributes["method"] = common["method"]
+    reading = {f"{READING}{key}": value for key, value in common.get("reading", {}).items()}
+    most = max((case.robustness for case in plan.cases.values()), default=0)
+    seeds = {"random_seeds": f"1 to {most}: of the siblings of each design"} if most else {}
+    return provenance() | seeds | attributes | reading
+
+
+def known_in_advance(case: Case) -> Values:
+    """Sample size, periods and stripe parameters of a case, under the registry's names."""
+    sizes = dict(zip(UNIT_CELLS, case.cell_grid.count, strict=True))
+    stripes = {
+        f"{stripe.knit}_{name}": getattr(stripe, name)
+        for stripe in (case.weft, case.warp)
+        for name in STRIPE_QUANTITIES
+        if f"{stripe.knit}_{name}" not in case.design
+    }
+    return {"periods": case.periods, "case_id": case.case_id, **sizes, **stripes}
+
+
+def _empty_entry(case: Case, status: Status) -> Entry:
+    return Entry(known_in_advance(case) | {"code": "", "status": status}, case.applied_strain)
+
+
+def _read_entry(path: Path, case: Case, gauge: Gauge) -> Entry:
+    wanted = {name for name, variable in variables_of(case).items() if variable.in_cube}
+    # A file of an earlier version may lack some.
+    stored = read_classic(path, wanted) or _read_other(path, wanted)
+    values = known_in_advance(case)
+    values |= {name: unmasked(name, its) for name, its in stored.items()}
+    return Entry(values | sizes_of(case, values, gauge), case.applied_strain)
+
+
+def _read_other(path: Path, names: Collection[str]) -> dict[str, np.ndarray]:
+    """Stored values of a case file of an earlier version, which is in the format of HDF5."""
+    with netCDF4.Dataset(path) as dataset:
+        dataset.set_auto_maskandscale(False)
+        return {name: dataset[name][...] for name in names if name in dataset.variables}
+
+
+def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) -> xr.Dataset:
+    designs = [*entries, *(design for design in plan.excluded if len(design) == len(plan.dims))]
+    labels = [_along(designs, place) for place in range(len(plan.dims))]
+    strains = sorted({strain for entry in entries.values() for strain in entry.strains})
+    cells_y, cells_x = np.max([entry.unit_cells for entry in entries.values()], axis=0)
+    sizes = {"applied_strain": len(strains), "cell_y": int(cells_y), "cell_x": int(cells_x)}
+    sizes |= {name: len(labels) for name, labels in FIXED_COORDINATES.items()}
+    grid = tuple(map(len, labels))
+    arrays: dict[str, np.ndarray] = {
+        name: np.full((*grid, *(sizes[dim] for dim in VARIABLES[name].dims)), np.nan)
+        for name in names
+        if name not in TEXT_VARIABLES
+    }
+    arrays["status"] = np.full(grid, Status.excluded, np.int8)
+    arrays |= {name: np.full(grid, "", dtype=object) for name in TEXT_VARIABLES}
+
+    places = [{label: k for k, label in enumerate(along)} for along in labels]
+    rank = {strain: k for k, strain in enumerate(strains)}
+    for design, entry in entries.items():
+        place = tuple(along[label] for along, label in zip(places, design, strict=True))
+        rows = [rank[strain] for strain in entry.strains]
+        for name, value in entry.values.items():
+            dims = VARIABLES[name].dims
+            if "applied_strain" not in dims:
+                arrays[name][place] = str(value) if name in TEXT_VARIABLES else value
+            else:
+                # Values of an old cube may be padded to more unit cells than the new one has.
+                extents = zip(dims[1:], np.shape(value)[1:], strict=True)
+                within = tuple(slice(0, min(size, sizes[dim])) for dim, size in extents)
+                arrays[name][place][(rows, *within)] = value[(slice(None), *within)]
+
+    variables: dict[str, Any] = {
+        name: ((*plan.dims, *VARIABLES[name].dims), array) for name, array in arrays.items()
+    }
+    coordinates = {
+        **dict(zip(plan.dims, labels, strict=True)),
+        "applied_strain": strains,
+        "cell_y": np.arange(sizes["cell_y"]),
+        "cell_x": np.arange(sizes["cell_x"]),
+        **fixed_coordinates({dim for name in names for dim in VARIABLES[name].dims}),
+    }
+    cube = described(xr.Dataset(variables, coordinates))
+    for name, coordinate in plan.coordinates.items():
+        cube[name].attrs |= coordinate.attributes
+    return cube
+
+
+def _along(designs: Sequence[Design], place: int) -> list[Label]:
+    """Labels along one dimension: numbers in ascending order, texts in order of appearance."""
+    labels = list(dict.fromkeys(design[place] for design in designs))
+    return labels if any(isinstance(label, str) for label in labels) else sorted(labels)

@@ -1,0 +1,163 @@
+"""Fields of schemas, derived from the tables that declare settings.
+
+A settings table such as :class:`.SolverSettings` declares the name, the
+range, the unit and the default of each of its settings. The schemas of parameter files
+and of workflows follow from it.
+"""
+
+import dataclasses
+from collections.abc import Callable, Collection
+from functools import cache
+from typing import Annotated, Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
+
+from pydantic import Field, PositiveFloat, ValidationError, create_model
+
+from knitlab.fabric.setting_types import Unit
+from knitlab.io.errors import BadInput, faults_of
+from knitlab.io.strict_model import StrictModel
+
+Types = dict[str, Any]
+"""Declared types of settings, with range and unit, by name."""
+Fields = dict[str, tuple[Any, Any]]
+"""Types and defaults of a schema's fields, by name."""
+Value = TypeVar("Value")
+UnitText = TypeVar("UnitText")
+Model = TypeVar("Model", bound=type[StrictModel])
+Table = TypeVar("Table")
+
+
+class ParameterValue(StrictModel, Generic[Value, UnitText]):
+    """A value with its unit and source."""
+
+    value: Value
+    unit: UnitText
+    source: str = Field(min_length=1)
+
+
+@dataclasses.dataclass(frozen=True)
+class FactorOn:
+    """Marks a setting that multiplies another quantity.
+
+    Attributes:
+        quantity: its name.
+    """
+
+    quantity: str
+
+
+def declared(table: type, without: Collection[str] = ()) -> Types:
+    """The settings that a table declares.
+
+    Args:
+        table: a dataclass.
+        without: fields that are not settings.
+    """
+    hints = get_type_hints(table, include_extras=True)
+    names = [field.name for field in dataclasses.fields(table)]
+    return {name: hints[name] for name in names if name not in without}
+
+
+def factors(quantities: Types) -> Types:
+    """A factor on each quantity."""
+    return {f"{name}_factor": Annotated[PositiveFloat, FactorOn(name)] for name in quantities}
+
+
+def parts(kind: Any) -> tuple[Any, ...]:
+    """A declared type and all its parts, including markers such as its unit."""
+    return kind, *(part for its in get_args(kind) for part in parts(its))
+
+
+def unit_of(kind: Any) -> str:
+    """Unit of a declared type [UDUNITS]."""
+    return next((part.symbol for part in parts(kind) if isinstance(part, Unit)), "1")
+
+
+def required(types: Types) -> Fields:
+    """Required fields."""
+    return {name: (_of_toml(kind), ...) for name, kind in types.items()}
+
+
+def optional(types: Types) -> Fields:
+    """Optional fields with the default None."""
+    return {name: (_of_toml(kind) | None, None) for name, kind in types.items()}
+
+
+def with_defaults(table: type) -> Fields:
+    """Fields with the defaults of a dataclass; fields without a default are required."""
+    defaults = {
+        field.name: ... if field.default is dataclasses.MISSING else field.default
+        for field in dataclasses.fields(table)
+    }
+    return {name: (_of_toml(kind), defaults[name]) for name, kind in declared(table).items()}
+
+
+def entries(types: Types) -> Fields:
+    """Tables ``{value, unit, source}`` of a parameter file."""
+    form: Any = ParameterValue
+    return {
+        name: (form[_of_toml(kind), _literal(unit_of(kind))], ...) for name, kind in types.items()
+    }
+
+
+def units(types: Types) -> Fields:
+    """The unit of each quantity."""
+    return {name: (_literal(unit_of(kind)), ...) for name, kind in types.items()}
+
+
+def with_fields(fields: Fields) -> Callable[[Model], Model]:
+    """Add fields to the schema that is declared below."""
+
+    def added(model: Model) -> Model:
+        derived: Any = create_model(
+            model.__name__,
+            __base__=model,
+            __module__=model.__module__,
+            __doc__=model.__doc__,
+            **dict[str, Any](fields),
+        )
+        return derived
+
+    return added
+
+
+def checked(name: str, table: Table, kind: type[Table]) -> Table:
+    """A table of settings, checked as a file of them is.
+
+    Args:
+        name: what the table is called, for messages.
+        table: the table.
+        kind: its dataclass, or one that this is derived from.
+
+    Raises:
+        BadInput: with every value that is out of range.
+    """
+    values = {
+        field: checked(f"{name}.{field}", value, type(value))
+        if dataclasses.is_dataclass(value)
+        else value
+        for field, value in ((field, getattr(table, field)) for field in declared(kind))
+    }
+    try:
+        # mypy takes the hash of an instance for that of its class.
+        read = _schema(kind).model_validate(values)  # type: ignore[arg-type]
+    except ValidationError as error:
+        raise BadInput(faults_of(error, name)) from error
+    return kind(**dict(read))
+
+
+@cache
+def _schema(table: type) -> type[StrictModel]:
+    return with_fields(required(declared(table)))(StrictModel)
+
+
+def _literal(text: str) -> Any:
+    form: Any = Literal
+    return form[text]
+
+
+def _of_toml(kind: Any) -> Any:
+    """A declared type, with lists for its tuples: TOML has no tuples, and schemas are strict."""
+    base, *markers = get_args(kind) if get_origin(kind) is Annotated else (kind,)
+    if get_origin(base) is not tuple:
+        return kind
+    return Annotated[(base, Field(strict=False), *markers)]

@@ -1,0 +1,120 @@
+"""The design space: the designs of a workflow, and which of them are possible."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.simulation.case import Label
+from knitlab.sweep.parameters import Parameters
+from knitlab.sweep.workflow import DesignSection, StripesSection
+
+Design = tuple[Label, ...]
+Pair = tuple[int, int]
+Source = Callable[[str], str]
+DEFAULT_SET = "paper"
+
+
+@dataclass(frozen=True)
+class DesignSpace:
+    """Designs of a sweep, on the grid of a cube.
+
+    Attributes:
+        designs: labels of those to simulate, ordered: (n_stripe, n_subunit) of a checkerboard,
+            (knit, n, boundary) of a pure stripe.
+        excluded: impossible combinations of a grid, with the reason.
+    """
+
+    designs: tuple[Design, ...]
+    excluded: dict[Design, str]
+
+
+def design_space(section: DesignSection, parameters: Parameters, source: Source) -> DesignSpace:
+    """Resolve a workflow's ``[design]``.
+
+    Impossible combinations of a grid are excluded.
+
+    Args:
+        section: the workflow's section.
+        parameters: the stripe tables and the named sets.
+        source: returns the origin of a ``section.key``, for messages.
+
+    Raises:
+        BadInput: if a set or a member of it does not exist, if a single design is impossible, or
+            if no design is left.
+    """
+    name, sets = section.set or DEFAULT_SET, parameters.designs.root
+    if name not in sets:
+        raise fault(source("design.set"), f"there is no set {name!r}; choose from {sorted(sets)}")
+    if section.n_stripe is not None and section.n_subunit is not None:
+        return _grid(section.n_stripe, section.n_subunit, parameters, source)
+    return _members(section, name, sets[name].pairs, source)
+
+
+def _grid(
+    n_stripe: tuple[int, ...], n_subunit: tuple[int, ...], parameters: Parameters, source: Source
+) -> DesignSpace:
+    pairs = sorted({(n, m) for n in n_stripe for m in n_subunit})
+    reasons = {pair: parameters.stripes.impossible(*pair) for pair in pairs}
+    excluded: dict[Design, str] = {pair: reason for pair, reason in reasons.items() if reason}
+    if len(excluded) == len(pairs):
+        asked = ", ".join(dict.fromkeys(map(source, ("design.n_stripe", "design.n_subunit"))))
+        raise BadInput(Fault(asked, reason) for reason in dict.fromkeys(excluded.values()))
+    kept = tuple(pair for pair in pairs if pair not in excluded)
+    return DesignSpace(kept, excluded)
+
+
+def _members(
+    section: DesignSection, name: str, pairs: tuple[Pair, ...], source: Source
+) -> DesignSpace:
+    faults = []
+    for key, place in (("n_stripe", 0), ("n_subunit", 1)):
+        wanted = getattr(section, key)
+        if wanted is None:
+            continue
+        members = {pair[place] for pair in pairs}
+        other = "n_subunit" if key == "n_stripe" else "n_stripe"
+        faults += [
+            Fault(
+                source(f"design.{key}"),
+                f"set {name!r} has no {key} = {value}; choose from {sorted(members)},"
+                f" or give {other} too for a grid of your own",
+            )
+            for value in wanted
+            if value not in members
+        ]
+        pairs = tuple(pair for pair in pairs if pair[place] in wanted)
+    if faults:
+        raise BadInput(faults)
+    return DesignSpace(tuple(sorted(pairs)), {})
+
+
+def stripe_space(section: StripesSection, parameters: Parameters, source: Source) -> DesignSpace:
+    """Resolve a workflow's ``[stripes]``: all stripes of the tables, or those of given sizes.
+
+    If only one knit has a stripe of some size, this size is excluded for the other knit.
+
+    Args:
+        section: the workflow's section.
+        parameters: the stripe tables.
+        source: returns the origin of a ``section.key``, for messages.
+
+    Raises:
+        BadInput: if no knit has a stripe of a given size.
+    """
+    there = {knit: sorted(map(int, parameters.stripes.table(knit).n)) for knit in section.knit}
+    sizes = sorted(set().union(*there.values()))
+    if section.n and (strangers := sorted(set(section.n) - set(sizes))):
+        problem = f"there is no stripe of n = {strangers}; choose from {sizes}"
+        raise fault(source("stripes.n"), problem)
+    asked = [
+        (knit, n, boundary)
+        for knit in dict.fromkeys(section.knit)
+        for n in sorted(set(section.n or sizes))
+        for boundary in dict.fromkeys(section.boundaries)
+    ]
+    excluded: dict[Design, str] = {
+        (knit, n, boundary): f"there is no {knit} stripe of n = {n}; choose from {there[knit]}"
+        for knit, n, boundary in asked
+        if n not in there[knit] and section.n
+    }
+    return DesignSpace(tuple(design for design in asked if design[1] in there[design[0]]), excluded)

@@ -1,0 +1,358 @@
+"""Parameters: schemas of ``params/*.toml``, each value with its unit and source."""
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    Field,
+    PositiveFloat,
+    PositiveInt,
+    RootModel,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
+
+from knitlab.dynamics.settings import DynamicsSettings
+from knitlab.equilibrium.settings import SolverSettings
+from knitlab.fabric.electrode_layout import ElectrodeLayout
+from knitlab.fabric.fabric import Sheet
+from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.plain import PlainKnit
+from knitlab.fabric.spring_curve import SpringCurve
+from knitlab.fabric.stripe import (
+    GARTER_STITCHES_PER_RIB_STITCH,
+    SPRING_LAWS,
+    Knit,
+    Stripe,
+    periods_per_patch,
+)
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, faults_of
+from knitlab.io.strict_model import StrictModel
+from knitlab.io.toml import read_checked, read_toml
+from knitlab.measure.capacitance.capacitor import Capacitor
+from knitlab.measure.knit_size import Gauge
+from knitlab.sweep.declared_fields import (
+    ParameterValue,
+    checked,
+    declared,
+    entries,
+    required,
+    units,
+    with_defaults,
+    with_fields,
+)
+from knitlab.sweep.patterns import Pattern, PatternFile
+
+Table = TypeVar("Table")
+QUANTITIES = declared(Stripe, without=("knit", "n", *SPRING_LAWS))
+
+
+@with_fields(units(QUANTITIES))
+class StripeUnits(StrictModel):
+    """Units of a stripe table."""
+
+    stiffening_strain: Literal["1"] | None = None
+
+
+class SpringCurveRow(StrictModel):
+    """The table of a :class:`~knitlab.fabric.spring_curve.SpringCurve`."""
+
+    strain: Annotated[tuple[float, ...], Field(strict=False)]
+    force: Annotated[tuple[float, ...], Field(strict=False)]
+
+    @model_validator(mode="after")
+    def _is_a_curve(self) -> "SpringCurveRow":
+        self.curve  # noqa: B018  (it raises)
+        return self
+
+    @property
+    def curve(self) -> SpringCurve:
+        """The curve of this table."""
+        return SpringCurve(self.strain, self.force)
+
+
+@with_fields(required(QUANTITIES))
+class StripeRow(StrictModel):
+    """Fitted values of one stripe (paper, Tables 1 and 2), and the law of its springs."""
+
+    stiffening_strain: PositiveFloat | None = None
+    spring_curve: SpringCurveRow | None = None
+
+    @classmethod
+    def of(cls, stripe: Stripe) -> "StripeRow":
+        """The row of a stripe.
+
+        Raises:
+            ValidationError: if a number of the stripe is out of range.
+        """
+        numbers = asdict(stripe)
+        return cls.model_validate({name: numbers[name] for name in (*QUANTITIES, *SPRING_LAWS)})
+
+    @model_validator(mode="after")
+    def _has_one_law(self) -> "StripeRow":
+        if self.stiffening_strain is not None and self.spring_curve is not None:
+            raise ValueError("has both stiffening_strain and spring_curve; give one")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _without_a_law_that_it_has_not(self, serialise: Any) -> dict[str, Any]:
+        return {name: value for name, value in serialise(self).items() if value is not None}
+
+
+def _stitches(text: str) -> str:
+    if not (text.isascii() and text.isdigit() and int(text) > 0):
+        raise ValueError(f"a stripe is named by its number of stitches, but is {text!r}")
+    return text
+
+
+class StripeTable(StrictModel):
+    """All stripes of one knit, by stitches across a stripe."""
+
+    source: str = Field(min_length=1)
+    unit: StripeUnits
+    n: dict[Annotated[str, AfterValidator(_stitches)], StripeRow] = Field(min_length=1)
+
+
+class StripeTables(StrictModel):
+    """``stripes.toml``."""
+
+    rib: StripeTable
+    garter: StripeTable
+
+    def table(self, knit: Knit) -> StripeTable:
+        """The stripes of one knit."""
+        return self.rib if knit == "rib" else self.garter
+
+    def stripe(self, knit: Knit, stitches: int) -> Stripe:
+        """One stripe of the table."""
+        row = self.table(knit).n[str(stitches)]
+        numbers = dict(row) | {"spring_curve": row.spring_curve and row.spring_curve.curve}
+        return Stripe(knit=knit, n=stitches, **numbers)
+
+    def with_stripes(self, stripes: Iterable[Stripe]) -> "StripeTables":
+        """The tables, to which stripes are added, or whose stripes they replace."""
+        tables = self
+        for stripe in stripes:
+            table = tables.table(stripe.knit)
+            rows = table.n | {str(stripe.n): StripeRow.of(stripe)}
+            changed = table.model_copy(update={"n": rows})
+            tables = tables.model_copy(update={str(stripe.knit): changed})
+        return tables
+
+    def impossible(self, n_stripe: int, n_subunit: int) -> str | None:
+        """Why a design is impossible with these stripes, or None if it is possible."""
+        ribs, garters = (sorted(map(int, table.n)) for table in (self.rib, self.garter))
+        pairing = [n for n in ribs if GARTER_STITCHES_PER_RIB_STITCH * n in garters]
+        if n_stripe not in pairing:
+            garter = f"garter stripe of {GARTER_STITCHES_PER_RIB_STITCH * n_stripe} to pair with"
+            missing = garter if n_stripe in ribs else "rib stripe"
+            return f"n_stripe = {n_stripe} has no {missing}; choose from {pairing}"
+        try:
+            periods_per_patch(n_stripe, n_subunit)
+        except ValueError as error:
+            return str(error)
+        return None
+
+
+class StripeFile(StrictModel):
+    """Stripes that a user adds or replaces, as ``knitlab calibrate`` writes them."""
+
+    rib: StripeTable | None = None
+    garter: StripeTable | None = None
+
+    def over(self, stripes: StripeTables) -> StripeTables:
+        """The stripes, to which those of this file are added, or which they replace."""
+        tables = {}
+        for knit, table in (("rib", stripes.rib), ("garter", stripes.garter)):
+            own: StripeTable | None = getattr(self, knit)
+            tables[knit] = table if own is None else own.model_copy(update={"n": table.n | own.n})
+        return StripeTables(**tables)
+
+
+@with_fields(with_defaults(ElectrodeLayout))
+class LayoutRow(StrictModel):
+    """A named :class:`~knitlab.fabric.electrode_layout.ElectrodeLayout`."""
+
+    source: str = Field(min_length=1)
+
+
+class ElectrodesFile(StrictModel):
+    """``electrodes.toml``: named layouts, and the entries of a capacitor."""
+
+    layouts: dict[str, LayoutRow]
+
+
+class DesignGrid(StrictModel):
+    """Every combination of the listed values."""
+
+    n_stripe: tuple[PositiveInt, ...] = Field(min_length=1, strict=False)
+    n_subunit: tuple[PositiveInt, ...] = Field(min_length=1, strict=False)
+
+
+class DesignSet(StrictModel):
+    """A named set of designs: several grids, each of which must be possible as a whole."""
+
+    unit: Literal["stitches"]
+    source: str = Field(min_length=1)
+    designs: tuple[DesignGrid, ...] = Field(min_length=1, strict=False)
+
+    @property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """The designs (n_stripe, n_subunit), in order."""
+        return tuple((n, m) for grid in self.designs for n in grid.n_stripe for m in grid.n_subunit)
+
+
+class DesignSets(RootModel[dict[str, DesignSet]]):
+    """``designs.toml``."""
+
+
+def _file(base: type[StrictModel], *tables: type) -> type[StrictModel]:
+    """Schema of a file that has an entry for each setting of some tables."""
+    for table in tables:
+        base = with_fields(entries(declared(table, without=("layout",))))(base)
+    return base
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Everything under ``params/``.
+
+    Attributes:
+        stripes: the stripe tables.
+        sheet: the walls.
+        plain: plain knit.
+        model: model options.
+        solver: settings of the equilibrium solver.
+        dynamics: settings of the dynamics.
+        capacitor: parameters of a capacitor, and its layout where none is named.
+        layouts: named layouts of electrodes.
+        gauge: size of a stitch.
+        designs: named sets of designs.
+        patterns: named patterns, each with the folder to which its paths are relative.
+        sources: source of each value, by the name of its setting.
+    """
+
+    stripes: StripeTables
+    sheet: Sheet
+    plain: PlainKnit
+    model: ModelOptions
+    solver: SolverSettings
+    dynamics: DynamicsSettings
+    capacitor: Capacitor
+    layouts: dict[str, ElectrodeLayout]
+    gauge: Gauge
+    designs: DesignSets
+    patterns: dict[str, tuple[Pattern, Path]]
+    sources: dict[str, str]
+
+    def with_tables(self, **given: object) -> "Parameters":
+        """The parameters with other tables of settings.
+
+        Args:
+            given: tables by the name of their attribute; None keeps that of the parameters.
+
+        Raises:
+            BadInput: with every value that is out of range, and every table of another kind.
+        """
+        faults, tables = ErrorCollector(), dict[str, Any]()
+        for name, table in given.items():
+            if table is None:
+                continue
+            kind = type(getattr(self, name))
+            with faults:
+                if not isinstance(table, kind):
+                    problem = f"is {table!r}; give knitlab.defaults().{name} or a changed copy"
+                    raise fault(name, problem)
+                tables[name] = checked(name, table, kind)
+        if faults.all:
+            raise BadInput(faults.all)
+        return replace(self, **tables)
+
+
+FILES: dict[str, type[BaseModel]] = {
+    "stripes": StripeTables,
+    "sheet": _file(StrictModel, Sheet),
+    "plain": _file(StrictModel, PlainKnit),
+    "reading": _file(StrictModel, ModelOptions),
+    "solver": _file(StrictModel, SolverSettings),
+    "dynamics": _file(StrictModel, DynamicsSettings),
+    "electrodes": _file(ElectrodesFile, Capacitor),
+    "gauge": _file(StrictModel, Gauge),
+    "designs": DesignSets,
+    "patterns": PatternFile,
+}
+"""Schemas of the parameter files, by name."""
+
+
+def read_stripe_file(path: Path, source: str) -> StripeFile:
+    """Read a file of stripes.
+
+    Args:
+        path: the file.
+        source: the setting that names the file, for messages.
+
+    Raises:
+        BadInput: with every fault of the file.
+    """
+    return read_checked(StripeFile, path, source)
+
+
+def read_parameters(folder: Path) -> Parameters:
+    """Read and check every file of a parameter folder.
+
+    Raises:
+        BadInput: with every fault of every file, each with its path.
+    """
+    faults = ErrorCollector()
+    read: dict[str, Any] = {}
+    for name, schema in FILES.items():
+        path = folder / f"{name}.toml"
+        with faults:
+            try:
+                read[name] = schema.model_validate(read_toml(path))
+            except ValidationError as error:
+                raise BadInput(faults_of(error, str(path))) from error
+    if "stripes" in read and "designs" in read:
+        # Sets can be checked against the stripes even if another file has faults.
+        faults.all += [
+            Fault(f"{folder / 'designs.toml'}: {name}", problem)
+            for name, members in read["designs"].root.items()
+            for pair in members.pairs
+            if (problem := read["stripes"].impossible(*pair))
+        ]
+    if faults.all:
+        raise BadInput(faults.all)
+    found = {
+        name: entry
+        for file in read.values()
+        for name, entry in file
+        if isinstance(entry, ParameterValue)
+    }
+    values = {name: entry.value for name, entry in found.items()}
+    layouts = {
+        name: ElectrodeLayout(**row.model_dump(exclude={"source"}))
+        for name, row in read["electrodes"].layouts.items()
+    }
+    return Parameters(
+        stripes=read["stripes"],
+        sheet=_table(Sheet, values),
+        plain=_table(PlainKnit, values),
+        model=_table(ModelOptions, values),
+        solver=_table(SolverSettings, values),
+        dynamics=_table(DynamicsSettings, values),
+        capacitor=_table(Capacitor, values | {"layout": ElectrodeLayout()}),
+        layouts=layouts,
+        gauge=_table(Gauge, values),
+        designs=read["designs"],
+        patterns={name: (entry, folder) for name, entry in read["patterns"].root.items()},
+        sources={name: entry.source for name, entry in found.items()},
+    )
+
+
+def _table(table: type[Table], values: dict[str, Any]) -> Table:
+    return table(**{name: values[name] for name in declared(table)})

@@ -1,0 +1,298 @@
+"""Named patterns: their schema, and the stripes and sizes of a design that follow from them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, PositiveInt, RootModel, model_validator
+
+from knitlab.fabric.grading import Grading
+from knitlab.fabric.pattern import KNIT_OF_LETTER, BadPattern, SingleFold, letters_of
+from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit, Stripe
+from knitlab.io.errors import fault
+from knitlab.io.strict_model import StrictModel
+from knitlab.io.toml import read_checked
+from knitlab.sweep.declared_fields import with_defaults, with_fields
+
+StripeOf = Callable[[Knit, int], Stripe]
+Counts = Annotated[tuple[PositiveInt, ...], Field(strict=False, min_length=1)]
+Letter = Literal["R", "G", "P"]
+
+
+@with_fields(with_defaults(SingleFold))
+class FoldEntry(StrictModel):
+    """A :class:`~knitlab.fabric.pattern.SingleFold`."""
+
+
+class Pattern(StrictModel):
+    """Repeated patches, with sizes and stripes that do not follow from n_stripe and n_subunit.
+
+    Patches are given as ``rows`` of letters, top course first, as a text file ``map`` of such rows,
+    or as an ``image`` with a pixel for each patch and the letter of each of its ``colours``. Lists
+    of rows begin at the top, lists of columns at the left. Unless the pattern gives
+    other values, a patch is n_subunit stitches wide and 2 n_subunit courses high, with ribs of
+    n_stripe stitches and garter stripes of 2 n_stripe courses.
+
+    Attributes:
+        source: what it is and where it comes from.
+        rows: letters of the patches: R for rib, G for garter, P for plain knit.
+        map: path of a text file of such rows, relative to the pattern's file.
+        image: path of an image, relative to the pattern's file.
+        colours: letter of each colour of the image, by its name such as ``#ff0000``.
+        column_stitches: width of each column of patches [stitches].
+        row_courses: height of each row of patches [courses].
+        column_periods: the same width in periods of the column's rib.
+        row_periods: the same height in periods of the row's garter stripe.
+        column_n_stripe: n_stripe of the rib of each column.
+        row_n_stripe: n_stripe of the garter stripe of each row, which has 2 n_stripe courses.
+        cell: patches of a unit cell along (y, x), between whose corners strains are measured; the
+            whole pattern by default.
+        folds: single folds, each a table with the keys of
+            :class:`~knitlab.fabric.pattern.SingleFold`.
+
+    Raises:
+        ValidationError: if keys are wrong; it lists them all.
+
+    Example:
+        >>> import knitlab as kl
+        >>> border = kl.Pattern(rows=("PPP", "PRP", "PPP"), column_stitches=(8, 16, 8))
+        >>> border.stitches(border.rows, n_stripe=4, n_subunit=16)
+        (96, 32)
+    """
+
+    source: str = Field(default="own pattern", min_length=1)
+    rows: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] | None = None
+    map: str | None = None
+    image: str | None = None
+    colours: dict[str, Letter] = Field(default_factory=dict)
+    column_stitches: Counts | None = None
+    row_courses: Counts | None = None
+    column_periods: Counts | None = None
+    row_periods: Counts | None = None
+    column_n_stripe: Counts | None = None
+    row_n_stripe: Counts | None = None
+    cell: Annotated[tuple[PositiveInt, PositiveInt] | None, Field(strict=False)] = None
+    folds: Annotated[tuple[FoldEntry, ...], Field(strict=False)] = ()
+
+    @model_validator(mode="after")
+    def _says_each_once(self) -> "Pattern":
+        given = [name for name in ("rows", "map", "image") if getattr(self, name) is not None]
+        if len(given) != 1:
+            found = f"has {' and '.join(given)}" if given else "has no patches"
+            raise ValueError(f"{found}; give one of rows, map and image")
+        if (self.image is None) != (not self.colours):
+            raise ValueError("an image needs colours, and colours an image; give both or none")
+        for one, other in (("column_stitches", "column_periods"), ("row_courses", "row_periods")):
+            if getattr(self, one) is not None and getattr(self, other) is not None:
+                raise ValueError(f"has both {one} and {other}; give one of them")
+        if self.rows is not None:
+            letters_of(self.rows)
+        return self
+
+    @property
+    def is_graded(self) -> bool:
+        """Whether rows or columns have sizes or stripes of their own."""
+        sizes = "column_stitches", "row_courses", "column_periods", "row_periods"
+        stripes = "column_n_stripe", "row_n_stripe"
+        return any(getattr(self, name) is not None for name in (*sizes, *stripes))
+
+    @property
+    def single_folds(self) -> tuple[SingleFold, ...]:
+        """The single folds."""
+        return tuple(SingleFold(**fold.model_dump()) for fold in self.folds)
+
+    def files(self, folder: Path) -> list[Path]:
+        """Files that the pattern reads, relative to a folder."""
+        return [folder / name for name in (self.map, self.image) if name is not None]
+
+    def patches(self, folder: Path) -> tuple[str, ...]:
+        """The rows of letters, top course first.
+
+        Args:
+            folder: folder to which paths are relative.
+
+        Raises:
+            BadInput: if its file cannot be read, or has another letter or colour.
+        """
+        if self.rows is not None:
+            return tuple(row.upper() for row in self.rows)
+        path = self.files(folder)[0]
+        try:
+            if self.map is not None:
+                lines = path.read_text(encoding="utf-8").splitlines()
+                rows = tuple(line.strip().upper() for line in lines if line.strip())
+            else:
+                rows = _letters_of_image(path, self.colours)
+            letters_of(rows)
+        except OSError as error:
+            problem = f"cannot be read ({error.strerror or error}); check the path"
+            raise fault(str(path), problem) from error
+        except UnicodeDecodeError as error:
+            raise fault(str(path), "is not a text file; give rows of letters") from error
+        except BadPattern as error:
+            raise fault(str(path), str(error)) from error
+        return rows
+
+    def grading(
+        self, rows: Sequence[str], n_stripe: int, n_subunit: int, stripe: StripeOf
+    ) -> Grading | None:
+        """Sizes and stripes of the rows and columns for one design; None if all are equal.
+
+        Args:
+            rows: the rows of letters.
+            n_stripe: n_stripe of rows and columns for which the pattern gives none [stitches].
+            n_subunit: n_subunit of rows and columns for which the pattern gives none [stitches].
+            stripe: returns the stripe of a knit and a number of stitches.
+
+        Raises:
+            BadPattern: if rows or columns cannot be knitted; it lists them all.
+        """
+        if not self.is_graded:
+            return None
+        problems: list[str] = []
+        columns = _Lines("column", "column", "stitches", len(rows[0]), 2, problems)
+        lines = _Lines("row", "row, from the top,", "courses", len(rows), 4, problems)
+        rib_n = columns.given(self.column_n_stripe, n_stripe, "column_n_stripe")
+        garter_n = lines.given(self.row_n_stripe, n_stripe, "row_n_stripe")
+        widths = columns.given(self.column_stitches, n_subunit, "column_stitches")
+        heights = lines.given(
+            self.row_courses, GARTER_STITCHES_PER_RIB_STITCH * n_subunit, "row_courses"
+        )
+        column_periods = columns.periods(widths, rib_n, self.column_periods, "column_periods")
+        row_periods = lines.periods(heights, garter_n, self.row_periods, "row_periods")
+        rib = columns.stripes("rib", rib_n, stripe)
+        garter = lines.stripes(
+            "garter", [GARTER_STITCHES_PER_RIB_STITCH * n for n in garter_n], stripe
+        )
+        if problems:
+            raise BadPattern(problems)
+        return Grading(tuple(row_periods), tuple(column_periods), tuple(garter), tuple(rib))
+
+    def stitches(self, rows: Sequence[str], n_stripe: int, n_subunit: int) -> tuple[int, int]:
+        """Courses and wales of the whole pattern.
+
+        Args:
+            rows: the rows of letters.
+            n_stripe: n_stripe of rows and columns for which the pattern gives none [stitches].
+            n_subunit: n_subunit of rows and columns for which the pattern gives none [stitches].
+        """
+        rib_n = self.column_n_stripe or (n_stripe,) * len(rows[0])
+        garter_n = self.row_n_stripe or (n_stripe,) * len(rows)
+        wales = self.column_stitches or (n_subunit,) * len(rows[0])
+        courses = self.row_courses or (2 * n_subunit,) * len(rows)
+        if self.column_periods is not None:
+            wales = tuple(2 * n * p for n, p in zip(rib_n, self.column_periods, strict=False))
+        if self.row_periods is not None:
+            courses = tuple(4 * n * p for n, p in zip(garter_n, self.row_periods, strict=False))
+        return sum(courses), sum(wales)
+
+
+class _Lines:
+    """The rows or the columns of a pattern while they are checked; problems are collected."""
+
+    def __init__(
+        self, name: str, place: str, unit: str, count: int, stripes: int, problems: list[str]
+    ) -> None:
+        self.name, self.place, self.unit, self.count = name, place, unit, count
+        self.stitches_a_period, self.problems = stripes, problems
+
+    def given(self, values: Sequence[int] | None, default: int, key: str) -> list[int]:
+        """Values of all lines; the default if no values are given, or not one for each line."""
+        if values is None:
+            return [default] * self.count
+        if len(values) != self.count:
+            self.problems.append(
+                f"{key} gives {len(values)} values, but the pattern has {self.count}"
+                f" {self.name}s; give one for each"
+            )
+            return [default] * self.count
+        return list(values)
+
+    def periods(
+        self, sizes: Sequence[int], n_stripe: Sequence[int], given: Sequence[int] | None, key: str
+    ) -> list[int]:
+        """Periods of all lines, computed from their sizes in stitches if they are not given."""
+        if given is not None:
+            return self.given(given, 1, key)
+        found = []
+        for number, (size, n) in enumerate(zip(sizes, n_stripe, strict=True), 1):
+            period = self.stitches_a_period * n
+            whole, rest = divmod(size, period)
+            if rest or not whole:
+                near = sorted({max(1, whole) * period, (whole + 1) * period})
+                stripes = size / (period / 2)
+                self.problems.append(
+                    f"{self.place} {number}: {size} {self.unit} are {stripes:g} stripes of n_stripe"
+                    f" {n}, and a patch holds an even number of them; take"
+                    f" {' or '.join(map(str, near))}"
+                )
+            found.append(max(1, whole))
+        return found
+
+    def stripes(self, knit: Knit, sizes: Sequence[int], stripe: StripeOf) -> list[Stripe]:
+        """The stripe of every line."""
+        found = []
+        for number, n in enumerate(sizes, 1):
+            try:
+                found.append(stripe(knit, n))
+            except KeyError:
+                self.problems.append(
+                    f"{self.place} {number}: there is no {knit} stripe of {n} {self.unit}; choose"
+                    " another n_stripe, or give its numbers in stripe_files"
+                )
+        return found
+
+
+def _letters_of_image(path: Path, colours: Mapping[str, str]) -> tuple[str, ...]:
+    # Slow to import, and only used for images.
+    from matplotlib.colors import to_hex
+    from matplotlib.image import imread
+
+    pixels = imread(path)
+    if pixels.ndim == 2:
+        pixels = np.repeat(pixels[..., None], 3, axis=-1)
+    if pixels.dtype.kind == "u":
+        pixels = pixels / 255
+    try:
+        letters = {to_hex(colour): letter for colour, letter in colours.items()}
+    except ValueError as error:
+        raise fault(str(path), f"{error}; name colours such as #ff0000") from error
+    rows = []
+    for y, line in enumerate(pixels, 1):
+        names = [to_hex(pixel[:3]) for pixel in line]
+        for x, name in enumerate(names, 1):
+            if name not in letters:
+                problem = f"pixel {x} of line {y} is {name}, which colours gives no letter"
+                raise fault(str(path), f"{problem}; it has {', '.join(letters)}")
+        rows.append("".join(letters[name] for name in names))
+    return tuple(rows)
+
+
+def is_pattern_name(text: str) -> bool:
+    """Whether text names a pattern, and is not a row of patches."""
+    return bool(set(text.upper()) - set(KNIT_OF_LETTER))
+
+
+class PatternFile(RootModel[dict[str, Pattern]]):
+    """``patterns.toml``: patterns by name."""
+
+    @model_validator(mode="after")
+    def _names_are_no_rows(self) -> "PatternFile":
+        for name in self.root:
+            if not is_pattern_name(name):
+                raise ValueError(f"{name!r} reads as a row of patches; choose another name")
+        return self
+
+
+def read_pattern_file(path: Path, source: str) -> dict[str, Pattern]:
+    """Patterns of a file, by name.
+
+    Args:
+        path: the file.
+        source: the setting that names the file, for messages.
+
+    Raises:
+        BadInput: with every fault of the file.
+    """
+    return read_checked(PatternFile, path, source).root

@@ -1,0 +1,181 @@
+"""Reproducing one case in this process, with details of every state."""
+
+import json
+import time
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from pydantic import ValidationError
+
+from knitlab.cube.case_file import case_path, read_case
+from knitlab.equilibrium.tensile_result import TensileTest
+from knitlab.io.errors import BadInput, fault
+from knitlab.io.fingerprint import code_fingerprint
+from knitlab.simulation.case import Case, case_of
+from knitlab.simulation.measurement import measured
+from knitlab.simulation.simulate import failure_reason, tensile_tests
+from knitlab.sweep.status import FAILURES, PLAN, earlier_failures, read_plan
+
+HEADER = (
+    f"{'strain':>8} {'outcome':>15} {'residual [N]':>13} {'iterations':>10} {'energy [N mm]':>14}"
+    f" {'nu':>9} {'force [N]':>10}"
+)
+AGREES = 1e-3
+"""Difference in Poisson's ratio, and in force over the largest force, up to which results agree."""
+MOST_NAMED = 5
+"""Largest number of identifiers that a message lists."""
+
+
+@dataclass(frozen=True)
+class RecordedCase:
+    """A case as recorded in a results folder.
+
+    Attributes:
+        case: the case.
+        case_id: the identifier that it is stored under, which may be that of another version.
+        folder: the results folder.
+    """
+
+    case: Case
+    case_id: str
+    folder: Path
+
+    @property
+    def kept(self) -> xr.Dataset | None:
+        """The contents of its case file, if it exists."""
+        if not case_path(self.folder, self.case_id).is_file():
+            return None
+        return read_case(self.folder, self.case_id)
+
+
+def find_case(results: Path, case_id: str) -> RecordedCase:
+    """The case with an identifier, from the plans, failures and case files under a folder.
+
+    Args:
+        results: folder that holds a folder of results for each workflow, or one of these.
+        case_id: its identifier, or the first characters of it.
+
+    Raises:
+        BadInput: if there is none, if several begin so, or if another version recorded it.
+    """
+    found: dict[str, tuple[Path, dict[str, Any]]] = {}
+    for folder in [results, *sorted(path for path in results.glob("*") if path.is_dir())]:
+        with suppress(BadInput, OSError):  # a folder that cannot be read holds no case
+            for name, record in _records(folder, case_id):
+                found.setdefault(name, (folder, record))
+    if case_id in found:
+        found = {case_id: found[case_id]}
+    if not found:
+        where = f"is in no {PLAN}, {FAILURES} or cases/ under {results}; name its results folder"
+        raise fault(case_id, where)
+    if len(found) > 1:
+        some = ", ".join(list(found)[:MOST_NAMED])
+        more = ", …" if len(found) > MOST_NAMED else ""
+        raise fault(case_id, f"{len(found)} cases begin so ({some}{more}); give more characters")
+    ((name, (folder, record)),) = found.items()
+    try:
+        return RecordedCase(case_of(record), name, folder)
+    except (ValidationError, KeyError, TypeError) as error:
+        raise fault(name, f"was recorded by another version of knitlab ({error})") from error
+
+
+def _records(folder: Path, begins: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Recorded cases of a results folder whose identifiers begin with ``begins``."""
+    planned: Mapping[str, Any] = {}
+    if (folder / PLAN).is_file():
+        planned = read_plan(folder)["cases"]
+    failed = {name: entry["case"] for name, entry in earlier_failures(folder).items()}
+    recorded = failed | dict(planned)
+    yield from ((key, dict(value)) for key, value in recorded.items() if key.startswith(begins))
+    for path in sorted(folder.glob("cases/*.nc")):
+        if path.stem.startswith(begins) and path.stem not in recorded:
+            yield path.stem, dict(json.loads(read_case(folder, path.stem).attrs["parameters"]))
+
+
+def reproduce(recorded: RecordedCase, say: Callable[[str], None]) -> bool:
+    """Run a case and report how every state was reached; no file is written.
+
+    Args:
+        recorded: the case.
+        say: called with each line of the report.
+
+    Returns:
+        Whether every state converged, and agrees with the case file if there is one.
+    """
+    case = recorded.case
+    say(f"{recorded.case_id}: {case.label}")
+    if case.case_id != recorded.case_id:
+        say(f"recorded by another version; its identifier is now {case.case_id}")
+    say(f"{case.mesh_shape.unknowns} unknowns, method {case.method}, code {code_fingerprint()}")
+    say(json.dumps(case.record))
+    began = time.perf_counter()
+
+    def report(_: str, states: float) -> None:
+        if states == int(states):
+            seconds = time.perf_counter() - began
+            say(f"state {states:.0f} of {len(case.applied_strain)}, {seconds:.1f} s")
+
+    try:
+        (test,) = tensile_tests([case], report)
+    except Exception:  # the report shows whatever it raises
+        say(traceback.format_exc().rstrip())
+        return False
+    results = measured(case, test)
+    for line in states_table(case, test, results):
+        say(line)
+    reason = failure_reason(case, test)
+    say(reason or f"all {len(test.states)} states converged")
+    kept = recorded.kept
+    if kept is None:
+        return not reason
+    agree, sentence = comparison(results, kept)
+    say(f"{sentence} {case_path(recorded.folder, recorded.case_id)}")
+    return agree and not reason
+
+
+def states_table(case: Case, test: TensileTest, results: xr.Dataset) -> list[str]:
+    """Table of how every state of a test was reached, and of its results, as lines of text."""
+    return [
+        HEADER,
+        *(
+            f"{strain:8g} {state.outcome.name:>15} {state.residual:13.2e} {state.iterations:10d}"
+            f" {float(state.energy.total):14.7g} {ratio:9.5f} {force:10.5g}"
+            for strain, state, ratio, force in zip(
+                case.applied_strain,
+                test.states,
+                results["poisson_ratio"].values,
+                results["reaction_force"].values,
+                strict=False,
+            )
+        ),
+    ]
+
+
+def comparison(results: xr.Dataset, kept: xr.Dataset) -> tuple[bool, str]:
+    """Whether results of a case agree with its case file, and a sentence with the differences.
+
+    Args:
+        results: new results of the case.
+        kept: contents of its case file.
+    """
+    ratio, kept_ratio = results["poisson_ratio"].values, kept["poisson_ratio"].values
+    force, kept_force = results["reaction_force"].values, kept["reaction_force"].values
+    same = bool((np.isfinite(force) == np.isfinite(kept_force)).all())
+    ratios = _largest(ratio - kept_ratio)
+    forces = _largest(force - kept_force) / max(_largest(kept_force), np.finfo(float).tiny)
+    agree = same and ratios <= AGREES and forces <= AGREES
+    verdict = "agrees with" if agree else "DOES NOT agree with"
+    differ = f"nu differs by at most {ratios:.1e}, force by {forces:.1e} of the largest"
+    missing = "" if same else ", and other states are missing"
+    return agree, f"{differ}{missing}: {verdict}"
+
+
+def _largest(values: np.ndarray) -> float:
+    known = np.abs(values[np.isfinite(values)])
+    return float(known.max()) if known.size else 0.0

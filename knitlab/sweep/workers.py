@@ -1,0 +1,317 @@
+"""Workers: batches are simulated in this process, or by dask, which is imported only then."""
+
+import logging
+import os
+import signal
+import threading
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING
+
+import dask
+
+from knitlab.fabric.threads import ONE_THREAD
+from knitlab.io.errors import CannotWrite, fault
+from knitlab.simulation.case import Case
+from knitlab.simulation.reporting import Progress
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+# One thread per worker, except for Task.threads; and a compiled program cached on disk must not
+# contain host callbacks.
+WORKER_ENVIRONMENT = ONE_THREAD | {
+    "EQX_ON_ERROR": "nan",
+    # Memory of large arrays is kept for the next ones, in threads too: glibc would return it to the
+    # system and get it back page by page, a sixth of the processor time of 249,000 nodes.
+    "MALLOC_ARENA_MAX": "1",
+    "MALLOC_MMAP_THRESHOLD_": str(2**32),
+    "MALLOC_TRIM_THRESHOLD_": str(2**34),
+}
+PROGRESS_TOPIC = "knitlab-progress"
+TIMED_OUT = ".timed-out-"
+"""Prefix of the marker files that workers leave in a results folder on a timeout."""
+TIME_IS_UP = 75
+"""Exit code of a worker that timed out."""
+
+ENDED = ("finished", "error")
+"""States of a dask task that has ended; it is in another one if its scheduler is gone."""
+
+Batch = Sequence[Case]
+Simulate = Callable[[Path, Batch, Progress], None]
+"""Simulates a batch and writes its case files; an importable function."""
+
+
+class SchedulerLost(Exception):
+    """The dask scheduler ended, or cannot be reached."""
+
+
+@dataclass(frozen=True)
+class BatchError:
+    """Why a batch has no results.
+
+    Attributes:
+        reason: the reason, as a sentence.
+        trace: traceback, if an exception was raised.
+        lost: whether its worker died.
+        cannot_write: the error, if its files could not be written.
+    """
+
+    reason: str
+    trace: str = ""
+    lost: bool = False
+    cannot_write: CannotWrite | None = None
+
+    @classmethod
+    def of(cls, error: BaseException) -> "BatchError":
+        """Describe an exception by its type, message and innermost frame."""
+        frames = traceback.extract_tb(error.__traceback__)
+        place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
+        return cls(
+            f"{type(error).__name__}: {error}{place}",
+            "".join(traceback.format_exception(error)),
+            cannot_write=error if isinstance(error, CannotWrite) else None,
+        )
+
+    @classmethod
+    def died(cls) -> "BatchError":
+        """A batch whose worker died."""
+        return cls("its worker died: it was killed, or it ran out of memory", lost=True)
+
+    @classmethod
+    def late(cls, seconds: float) -> "BatchError":
+        """A batch that timed out."""
+        return cls(f"it took longer than {seconds:g} s (case_timeout)")
+
+
+Pool = Callable[[Sequence[Batch]], Iterator[tuple[Batch, BatchError | None]]]
+"""Simulates batches and yields each when it ends, with its error if there was one."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """How every batch is simulated.
+
+    Attributes:
+        simulate: function that simulates a batch.
+        results: results folder of the workflow, as the workers see it.
+        case_timeout: longest time for each case of a batch, if any [s].
+        threads: number of threads that a worker on this machine may use for one large sample.
+    """
+
+    simulate: Simulate
+    results: Path
+    case_timeout: float | None = None
+    threads: int = 1
+
+    def limit(self, batch: Batch) -> float | None:
+        """Longest time for a batch [s]."""
+        return None if self.case_timeout is None else self.case_timeout * len(batch)
+
+    def marker(self, batch: Batch) -> Path:
+        """Marker file that a worker leaves when a batch times out."""
+        return self.results / f"{TIMED_OUT}{batch[0].case_id}"
+
+
+def in_process(task: Task, progress: Progress) -> Pool:
+    """A pool that simulates in this process, one batch after another."""
+
+    def simulated(batches: Sequence[Batch]) -> Iterator[tuple[Batch, BatchError | None]]:
+        for batch in batches:
+            try:
+                with _alarm(task.limit(batch)):
+                    task.simulate(task.results, batch, progress)
+            except TimeoutError:
+                yield batch, BatchError.late(task.limit(batch) or 0.0)
+            except Exception as error:  # whatever a batch raises must not end the sweep
+                yield batch, BatchError.of(error)
+            else:
+                yield batch, None
+
+    return simulated
+
+
+@contextmanager
+def _alarm(seconds: float | None) -> Iterator[None]:
+    """Raise TimeoutError after a time; a compiled program that is running is completed first."""
+
+    def ring(number: int, frame: FrameType | None) -> None:
+        raise TimeoutError
+
+    if seconds is None:
+        yield
+        return
+    before = signal.signal(signal.SIGALRM, ring)
+    # Repeatedly, because an exception raised in a callback may be lost.
+    signal.setitimer(signal.ITIMER_REAL, seconds, max(seconds, 1.0))
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@contextmanager
+def dask_pool(client: "Client", task: Task, progress: Progress) -> Iterator[Pool]:
+    """A pool on a dask cluster; progress is reported as events of the scheduler."""
+    from distributed import as_completed
+
+    def receive(event: tuple[float, tuple[str, float]]) -> None:
+        progress(*event[1])
+
+    def simulated(batches: Sequence[Batch]) -> Iterator[tuple[Batch, BatchError | None]]:
+        futures = {
+            client.submit(simulate_on_worker, task, batch, pure=False): batch for batch in batches
+        }
+        try:
+            for future in as_completed(list(futures)):
+                if future.status not in ENDED:
+                    raise SchedulerLost
+                batch, error = futures.pop(future), future.exception()
+                yield batch, _explained(task, batch, error) if error else None
+        finally:
+            client.cancel(list(futures), force=True)
+
+    client.subscribe_topic(PROGRESS_TOPIC, receive)
+    try:
+        yield simulated
+    finally:
+        with suppress(Exception):  # the scheduler may be gone already
+            client.unsubscribe_topic(PROGRESS_TOPIC)
+
+
+def _explained(task: Task, batch: Batch, error: BaseException) -> BatchError:
+    from distributed import KilledWorker
+
+    marker = task.marker(batch)
+    if not isinstance(error, KilledWorker):
+        return BatchError.of(error)
+    if not marker.exists():
+        return BatchError.died()
+    marker.unlink()
+    return BatchError.late(task.limit(batch) or 0.0)
+
+
+def simulate_on_worker(task: Task, batch: Batch) -> None:
+    """The dask task: simulate a batch and log its progress as events.
+
+    On a timeout the process exits, because a compiled program cannot be interrupted otherwise.
+    """
+    from distributed import get_worker
+
+    worker = get_worker()
+    if task.threads > 1:
+        # Not through the cluster's settings, which this process's own variables would override.
+        os.environ["OMP_NUM_THREADS"] = str(task.threads)
+
+    def progress(case_id: str, states: float) -> None:
+        worker.log_event(PROGRESS_TOPIC, (case_id, states))
+
+    def give_up() -> None:
+        task.marker(batch).touch()
+        os._exit(TIME_IS_UP)
+
+    limit = task.limit(batch)
+    watch = threading.Timer(limit, give_up) if limit else None
+    if watch:
+        watch.daemon = True
+        watch.start()
+    try:
+        # On a worker, xarray would request a lock from the scheduler for every variable it writes.
+        with dask.config.set(scheduler="synchronous"):
+            task.simulate(task.results, batch, progress)
+    finally:
+        if watch:
+            watch.cancel()
+
+
+@contextmanager
+def pool_of(
+    task: Task, workers: int, scheduler: str | None, dashboard: bool, progress: Progress
+) -> Iterator[Pool]:
+    """The pool for a run.
+
+    Args:
+        task: how every batch is simulated.
+        workers: number of processes to spawn on this machine; 0 simulates in this process.
+        scheduler: address of an existing dask scheduler; it overrides ``workers``.
+        dashboard: whether to open dask's dashboard, on this machine alone.
+        progress: called with a case's identifier and how many of its states are done.
+
+    Raises:
+        BadInput: if no scheduler answers at the address, or the system has no timers for
+            ``case_timeout``.
+    """
+    if scheduler is None and workers == 0:
+        if task.case_timeout is not None and not hasattr(signal, "setitimer"):
+            problem = "this system ends no case of this process in time; give workers = 1"
+            raise fault(f"case_timeout {task.case_timeout:g}", problem)
+        yield in_process(task, progress)
+        return
+    with (
+        _client(workers, scheduler, dashboard) as client,
+        dask_pool(client, task, progress) as pool,
+    ):
+        yield pool
+
+
+def connected(scheduler: str) -> "Client":
+    """A client of an existing scheduler.
+
+    Raises:
+        BadInput: if there is none at the address.
+    """
+    from distributed import Client
+
+    try:
+        return Client(scheduler, timeout=10)
+    except (OSError, ValueError) as error:
+        problem = f"no dask scheduler answers ({error}); check the address"
+        raise fault(f"scheduler {scheduler}", problem) from error
+
+
+@contextmanager
+def _client(workers: int, scheduler: str | None, dashboard: bool) -> Iterator["Client"]:
+    from distributed import Client, LocalCluster
+
+    if scheduler is not None:
+        with connected(scheduler) as client:
+            yield client
+        return
+    settings = {
+        "distributed.nanny.pre-spawn-environ": WORKER_ENVIRONMENT,
+        "distributed.worker.multiprocessing-method": "spawn",
+        "distributed.worker.daemon": False,
+        # A case that kills its worker would kill others; run_plan itself tries again, and alone.
+        "distributed.scheduler.allowed-failures": 0,
+        "distributed.scheduler.worker-saturation": 1.0,
+        # The plan makes sure that all workers fit; one that keeps its memory would pause for ever.
+        "distributed.worker.memory.pause": False,
+        # A worker that died is restarted, however long that takes: by default dask gives up after
+        # 15 s, and the run would wait for ever once the last worker is gone.
+        "distributed.deploy.lost-worker-timeout": "1 day",
+        "distributed.worker.preload": ["knitlab.sweep.quiet_worker"],
+    }
+    for name in ("distributed", "tornado"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    with (
+        dask.config.set(settings),
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            # Any free port, so that a second run on this machine causes no warning.
+            dashboard_address="127.0.0.1:0",
+            scheduler_kwargs={"dashboard": dashboard},
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        if dashboard:
+            logging.getLogger(__name__).warning("dashboard  %s", cluster.dashboard_link)
+        yield client

@@ -1,0 +1,270 @@
+"""Workflows: the schema of the TOML file that describes one sweep."""
+
+from typing import Annotated, Any, get_args
+
+from pydantic import (
+    BeforeValidator,
+    Field,
+    PositiveFloat,
+    PositiveInt,
+    field_validator,
+    model_validator,
+)
+
+from knitlab.dynamics.settings import DynamicsSettings
+from knitlab.equilibrium.settings import SolverSettings
+from knitlab.fabric.electrode_layout import ElectrodeLayout
+from knitlab.fabric.fabric import Sheet
+from knitlab.fabric.options import Boundary, ModelOptions
+from knitlab.fabric.pattern import letters_of
+from knitlab.fabric.plain import PlainKnit
+from knitlab.fabric.setting_types import Fraction
+from knitlab.fabric.stripe import Knit, Stripe
+from knitlab.io.strict_model import StrictModel
+from knitlab.io.suggestions import unknown
+from knitlab.measure.capacitance.capacitor import Capacitor
+from knitlab.measure.knit_size import Gauge
+from knitlab.simulation.case import Method
+from knitlab.simulation.stripe_changes import STIFFENING, STRIPE_QUANTITIES
+from knitlab.sweep.declared_fields import Types, declared, factors, optional, with_fields
+from knitlab.sweep.figure_names import FigureName
+from knitlab.sweep.patterns import is_pattern_name
+
+Sizes = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
+"""Numbers of stitches."""
+
+MOST_STEPS = 1000
+"""Largest number of strain steps of a test."""
+MOST_SIBLINGS = 100
+"""Largest number of siblings of a design."""
+
+
+def _known_figure(name: Any) -> Any:
+    known = get_args(FigureName)
+    if name not in known:
+        raise ValueError(unknown(str(name), known, "figure"))
+    return name
+
+
+Figure = Annotated[FigureName, BeforeValidator(_known_figure)]
+
+
+def even_strains(strain_max: float, strain_step: float) -> tuple[float, ...]:
+    """Multiples of a step from 0 to a largest strain, which is one of them."""
+    steps = round(strain_max / strain_step)
+    return tuple(round(step * strain_step, 12) for step in range(steps + 1))
+
+
+def _one_or_several(given: Any) -> Any:
+    return (given,) if isinstance(given, str) else given
+
+
+PatternText = Annotated[tuple[str, ...], Field(strict=False), BeforeValidator(_one_or_several)]
+"""Rows of patches, top course first, or the name of a pattern alone."""
+
+
+def pattern_name(rows: tuple[str, ...]) -> str | None:
+    """The name of a ``pattern``, or None if it is rows of patches."""
+    return rows[0] if len(rows) == 1 and is_pattern_name(rows[0]) else None
+
+
+class DesignSection(StrictModel):
+    """``[design]``: the designs, as a named set or as a grid, and the size of their samples.
+
+    ``pattern`` is rows of patches, top course first, or the name of a pattern of ``patterns.toml``
+    or of the ``pattern_files``; several names are a dimension of the cube.
+
+    With a set, ``n_stripe`` or ``n_subunit`` alone select members of the set; both together
+    replace it by their grid. The size of the sample is given in ``unit_cells``, or by ``needles``:
+    the sample then has as many unit cells as fit on that number of needles times ``scale``, and is
+    ``aspect`` times as long as wide.
+    """
+
+    set: str | None = None
+    n_stripe: Sizes | None = None
+    n_subunit: Sizes | None = None
+    pattern: PatternText = ("GR", "RG")
+    pattern_files: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    unit_cells: Annotated[tuple[PositiveInt, PositiveInt] | None, Field(strict=False)] = None
+    needles: PositiveInt | None = None
+    aspect: PositiveFloat = 2.0
+    scale: Fraction = 1.0
+
+    @field_validator("pattern")
+    @classmethod
+    def _is_a_patch_map(cls, rows: tuple[str, ...]) -> tuple[str, ...]:
+        if pattern_name(rows) is None:
+            letters_of(rows)
+        return rows
+
+    @model_validator(mode="after")
+    def _gives_one_sample_size(self) -> "DesignSection":
+        if self.needles is not None and self.unit_cells is not None:
+            raise ValueError("has both unit_cells and needles; give one of them")
+        if self.needles is None and {"aspect", "scale"} & self.model_fields_set:
+            raise ValueError("has aspect or scale but no needles to knit on; give needles")
+        return self
+
+
+class StripesSection(StrictModel):
+    """``[stripes]``: pure stripes, stretched across their ridges, instead of ``[design]``.
+
+    Each is simulated with every boundary, as a sheet of ``stripe_periods`` periods.
+    """
+
+    knit: Annotated[tuple[Knit, ...], Field(min_length=1, strict=False)] = ("rib", "garter")
+    n: Sizes | None = None
+    boundaries: Annotated[tuple[Boundary, ...], Field(min_length=1, strict=False)] = ("periodic",)
+    stripe_periods: PositiveInt = 1
+
+
+class ProtocolSection(StrictModel):
+    """``[protocol]``: the strains of the tensile test, and how its states are reached.
+
+    The strains are the multiples of ``strain_step`` and the ``further_strains``, up to
+    ``strain_max``. ``sensitivities`` adds the derivatives of Poisson's ratio and force with
+    respect to the stripe parameters, ``unloading`` the states of unloading at the same strains, and
+    ``robustness`` the spread of results over this number of siblings of each design, which are
+    slightly perturbed copies of the fabric; siblings are tested in equilibrium only.
+    """
+
+    method: Method = "equilibrium"
+    strain_max: Annotated[float, Field(ge=0)] = 0.45
+    strain_step: PositiveFloat = 0.03
+    further_strains: Annotated[tuple[PositiveFloat, ...], Field(strict=False)] = ()
+    sensitivities: bool = False
+    unloading: bool = False
+    robustness: Annotated[int, Field(ge=0, le=MOST_SIBLINGS)] = 0
+
+    @model_validator(mode="after")
+    def _has_these_in_equilibrium(self) -> "ProtocolSection":
+        for name in ("sensitivities", "unloading"):
+            if getattr(self, name) and self.method != "equilibrium":
+                raise ValueError(
+                    f"method = {self.method} gives no {name}; take method = equilibrium"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _is_a_whole_number_of_steps(self) -> "ProtocolSection":
+        steps = self.strain_max / self.strain_step
+        if abs(steps - round(steps)) > 1e-6:
+            raise ValueError(
+                f"strain_max = {self.strain_max:g} is not a whole multiple of strain_step ="
+                f" {self.strain_step:g}; change one"
+            )
+        if steps > MOST_STEPS:
+            raise ValueError(
+                f"strain_max / strain_step gives {steps:.3g} strains; give at most {MOST_STEPS}"
+            )
+        return self
+
+    @property
+    def applied_strain(self) -> tuple[float, ...]:
+        """All strains of the test, ascending from 0."""
+        further = {strain for strain in self.further_strains if strain <= self.strain_max}
+        return tuple(sorted(further.union(even_strains(self.strain_max, self.strain_step))))
+
+
+STRIPE_NUMBERS = {name: declared(Stripe)[name] for name in STRIPE_QUANTITIES}
+SHEET_NUMBERS = declared(Sheet)
+PLAIN_NUMBERS = declared(PlainKnit) | factors(declared(PlainKnit))
+
+
+def _of_knit(knit: Knit) -> Types:
+    numbers = {f"{knit}_{name}": kind for name, kind in STRIPE_NUMBERS.items()}
+    return numbers | factors(numbers)
+
+
+SPRING_LAW_CHANGES: Types = dict.fromkeys(
+    (STIFFENING, f"rib_{STIFFENING}", f"garter_{STIFFENING}"), PositiveFloat
+)
+CHANGES: Types = {
+    **factors(STRIPE_NUMBERS),
+    **_of_knit("rib"),
+    **_of_knit("garter"),
+    **SHEET_NUMBERS,
+    **factors(SHEET_NUMBERS),
+    **SPRING_LAW_CHANGES,
+}
+"""Parameters of stripes and sheet that may be replaced or multiplied, in the order of the
+fingerprint of stripes in a cube."""
+
+
+@with_fields(optional(CHANGES | PLAIN_NUMBERS | declared(ModelOptions)))
+class ModelSection(StrictModel):
+    """``[model]``: settings that replace ``reading.toml``, ``sheet.toml`` and ``stripes.toml``.
+
+    ``stripe_files`` contain stripes to add or replace, as ``knitlab calibrate`` writes them. Any
+    other setting may be a list, and is then a dimension of the cube. Factors multiply the values of
+    the tables or of other settings.
+    """
+
+    stripe_files: Annotated[tuple[str, ...], Field(strict=False)] = ()
+
+    @property
+    def changes(self) -> dict[str, float]:
+        """Values and factors that it gives for stripes, plain knit and sheet."""
+        return self.model_dump(include=set(CHANGES | PLAIN_NUMBERS), exclude_none=True)
+
+
+@with_fields(optional(declared(SolverSettings)))
+class SolverSection(StrictModel):
+    """``[solver]``: settings that replace ``solver.toml``; a list is a dimension."""
+
+
+@with_fields(optional(declared(DynamicsSettings)))
+class DynamicsSection(StrictModel):
+    """``[dynamics]``: settings that replace ``dynamics.toml``; a list is a dimension."""
+
+
+@with_fields(optional(declared(ElectrodeLayout) | declared(Capacitor, without=("layout",))))
+class ElectrodesSection(StrictModel):
+    """``[electrodes]``: the layout of a capacitor, and settings that replace ``electrodes.toml``.
+
+    The values of along, ridges, face, within, width, span and mask change the named layout, or
+    define a layout if none is named. A list of layouts, or of one other setting, is a dimension.
+    """
+
+    layout: str | None = None
+
+
+@with_fields(optional(declared(Gauge)))
+class GaugeSection(StrictModel):
+    """``[gauge]``: settings that replace ``gauge.toml``; a cube has one gauge."""
+
+
+class Workflow(StrictModel):
+    """A workflow file, with the overrides of ``--set`` applied."""
+
+    title: str = Field(min_length=1)
+    figures: Annotated[tuple[Figure, ...], Field(strict=False)] = ()
+    design: DesignSection | None = None
+    stripes: StripesSection | None = None
+    protocol: ProtocolSection = ProtocolSection()
+    model: ModelSection = ModelSection()
+    solver: SolverSection = SolverSection()
+    dynamics: DynamicsSection = DynamicsSection()
+    electrodes: ElectrodesSection | None = None
+    gauge: GaugeSection = GaugeSection()
+
+    @model_validator(mode="after")
+    def _is_of_one_kind(self) -> "Workflow":
+        if (self.design is None) == (self.stripes is None):
+            raise ValueError("needs either [design] or [stripes], and not both")
+        if self.stripes is not None and self.protocol.sensitivities:
+            raise ValueError("pure stripes have no sensitivities; leave out protocol.sensitivities")
+        return self
+
+
+SECTIONS: dict[str, type[StrictModel]] = {
+    "design": DesignSection,
+    "stripes": StripesSection,
+    "protocol": ProtocolSection,
+    "model": ModelSection,
+    "solver": SolverSection,
+    "dynamics": DynamicsSection,
+    "electrodes": ElectrodesSection,
+    "gauge": GaugeSection,
+}
+"""The tables of a workflow file."""

@@ -1,1 +1,0 @@
-"""Questions to cubes: selections, conditions, comparisons. Reads files only, never imports JAX."""

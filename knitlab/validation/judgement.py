@@ -1,0 +1,176 @@
+"""Judging claims by cubes; if several apply, the one nearest the paper's samples decides."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from knitlab.cube.cube_file import open_cube, swept_dims
+from knitlab.cube.selection import choices, refuse_others, selected, selections_along
+from knitlab.io.errors import fault
+from knitlab.validation.claims import Claim
+from knitlab.validation.finding import Finding
+from knitlab.validation.judged_samples import JudgedSamples, judged_samples, preference
+from knitlab.validation.margin import Grade, Verdict, signed
+
+QUARTER = (0.75, 1.25)
+"""Factors on thresholds chosen for knitlab, to test whether a verdict depends on them."""
+WOULD = {
+    Verdict.holds: "would hold",
+    Verdict.fails: "would fail",
+    Verdict.not_measured: "would not be measured",
+}
+Slice = tuple[Path, xr.Dataset]
+"""Path of a cube, and the cube at one value of every swept setting."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A claim and its verdict.
+
+    Attributes:
+        claim: the claim.
+        finding: the finding that decides it.
+        samples: the samples that it was judged on, cube by cube.
+        quarters: the verdicts with thresholds chosen for knitlab at the factors :data:`QUARTER`;
+            empty if the threshold is the paper's.
+        contrary: cubes with another verdict, and their findings.
+    """
+
+    claim: Claim
+    finding: Finding
+    samples: tuple[JudgedSamples, ...]
+    quarters: tuple[Verdict, ...] = ()
+    contrary: tuple[tuple[Path, Finding], ...] = ()
+
+    @property
+    def cubes(self) -> tuple[Path, ...]:
+        """Paths of the cubes that it was judged on."""
+        return tuple(each.cube for each in self.samples)
+
+    @property
+    def sensitivity(self) -> str:
+        """Effect of changing thresholds chosen for knitlab by a quarter, as text."""
+        now = self.finding.verdict
+        if now is Verdict.not_measured or not self.quarters:
+            return ""
+        changed = [
+            f"{WOULD[verdict]} at {factor - 1:+.0%}"
+            for factor, verdict in zip(QUARTER, self.quarters, strict=True)
+            if verdict is not now
+        ]
+        return ", ".join(changed) or "the same at -25% and at +25%"
+
+
+def judged(
+    claims: Sequence[Claim], cubes: Sequence[Path], selections: Mapping[str, Any] = {}
+) -> list[Judgement]:
+    """Judge claims by cubes.
+
+    If several cubes measure a claim, the one whose samples are nearest the paper's decides
+    (:func:`knitlab.validation.judged_samples.preference`), or the first of equal ones.
+
+    Args:
+        claims: the claims.
+        cubes: cubes, or results folders that hold one.
+        selections: one value of each swept setting, by its name.
+
+    Raises:
+        BadInput: if a cube cannot be read or has several values of a setting without a selection,
+            or if a selection is not of a swept setting.
+    """
+    whole = [(path, open_cube(path)) for path in cubes]
+    swept = sorted({dim for _, cube in whole for dim in swept_dims(cube)})
+    remedy = f"select along {', '.join(swept)}" if swept else "leave it out: there are none"
+    refuse_others(selections, swept, f"is not a swept setting of these cubes; {remedy}")
+    return judged_slices(
+        claims, [(path, _one_slice(path, cube, selections)) for path, cube in whole]
+    )
+
+
+def judged_slices(claims: Sequence[Claim], slices: Sequence[Slice]) -> list[Judgement]:
+    """Judge claims by open cubes; see :func:`judged`."""
+    return [
+        _by_all(claim, slices) if claim.compares_cubes else _by_nearest(claim, slices)
+        for claim in claims
+    ]
+
+
+def _by_nearest(claim: Claim, slices: Sequence[Slice]) -> Judgement:
+    """The judgement by the one cube whose samples are nearest the paper's."""
+    found = [(path, cube, claim.finding([cube])) for path, cube in slices]
+    path, cube, finding = min(found, key=lambda each: _rank(each[1], each[2]))
+    return Judgement(
+        claim,
+        finding,
+        (judged_samples(path, cube, finding.at),),
+        tuple(claim.finding([cube], factor).verdict for factor in QUARTER)
+        if claim.statement.knitlab
+        else (),
+        tuple(
+            (other, each)
+            for other, _, each in found
+            if each.verdict not in (finding.verdict, Verdict.not_measured)
+        ),
+    )
+
+
+def _rank(cube: xr.Dataset, finding: Finding) -> tuple[object, ...]:
+    nothing = finding.verdict is Verdict.not_measured
+    return nothing, finding.wanted == 0, *preference(cube, finding.at)
+
+
+def _by_all(claim: Claim, slices: Sequence[Slice]) -> Judgement:
+    """The judgement by all cubes together; it names only those that were used."""
+    finding = claim.finding([cube for _, cube in slices])
+    used = list(zip(finding.cubes, finding.at, strict=True))
+    samples = tuple(
+        judged_samples(*slices[number], [labels for each, labels in used if each == number])
+        for number in sorted(set(finding.cubes))
+    )
+    return Judgement(claim, finding, samples)
+
+
+def _one_slice(path: Path, cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
+    """The cube at one value of every swept setting, which stays as a coordinate."""
+    swept = swept_dims(cube)
+    cube = selected(cube, selections_along(selections, swept))
+    if several := [dim for dim in swept if cube.sizes[dim] > 1]:
+        raise fault(str(path), f"has swept settings; select {choices(cube, several)}")
+    return cube.isel(dict.fromkeys(swept, 0))
+
+
+def summary(judgements: Sequence[Judgement]) -> str:
+    """Numbers of claims that hold, are near misses, fail and are not measured, as text."""
+    counts = Counter(each.finding.grade for each in judgements)
+    near = counts[Grade.near_miss]
+    return (
+        f"{counts[Grade.holds]} hold, {near} near miss{'' if near == 1 else 'es'},"
+        f" {counts[Grade.fails]} fail, {counts[Grade.not_measured]} not measured"
+    )
+
+
+def listed(judgements: Sequence[Judgement]) -> str:
+    """The lines for a terminal: grade, margin, claim and measured values, and the summary."""
+    lines = [
+        f"{each.finding.grade.value:12}  {signed(each.finding.margin):>8}"
+        f"  {each.claim.name}: {each.finding.measured}"
+        for each in judgements
+    ]
+    return "\n".join([*lines, summary(judgements)])
+
+
+def contrary(found: Sequence[tuple[Path, Finding]], name: Callable[[Path], str]) -> str:
+    """Verdicts that differ from the deciding one, as text.
+
+    Args:
+        found: the cubes with another verdict, and their findings.
+        name: returns the name of a cube for its path.
+    """
+    return ", ".join(
+        f"{finding.verdict.value} at {signed(finding.margin)} on {finding.count} of {name(path)}"
+        for path, finding in found
+    )

@@ -1,0 +1,198 @@
+"""Tests of claims that every sample must satisfy on its own; the worst sample decides.
+
+Each is a function of a cube at one value of every swept setting. Its other arguments are the keys
+of a claim in ``params/claims.toml``: ``about`` selects the samples, ``of`` names the variable. It
+returns a :class:`~knitlab.validation.finding.Finding`, or raises
+:class:`~knitlab.validation.finding.NotMeasured`. Samples without a complete test are ignored.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import xarray as xr
+from pydantic import PositiveFloat
+
+from knitlab.measure.central import central
+from knitlab.validation.finding import Finding, Labels, NotMeasured
+from knitlab.validation.margin import above, below, within, worst
+from knitlab.validation.samples import (
+    Checkerboards,
+    PureStripes,
+    Samples,
+    checkerboards,
+    name_of,
+    one_sample,
+    stripes,
+    unit_of,
+)
+
+MOST_LISTED = 9
+"""Largest number of samples, or steps between them, whose values are listed."""
+FEWEST_POINTS = 3
+"""Fewest applied strains, or cells along a sample, for a curve."""
+Measured = tuple[float | None, str]
+"""Margin of one sample, and the measured value as text."""
+
+
+def value_within(
+    cube: xr.Dataset,
+    about: Checkerboards,
+    of: str,
+    lowest: float = -np.inf,
+    highest: float = np.inf,
+    slack: float = 0.0,
+) -> Finding:
+    """A value, or a whole curve over the applied strain, is between two limits.
+
+    A value equal to a limit of 0 is outside. If the paper's limits are approximate, a value may be
+    outside them by ``slack``.
+    """
+
+    def measure(sample: xr.Dataset) -> Measured:
+        values = sample[of].values[np.isfinite(sample[of].values)]
+        if not values.size:
+            return None, ""
+        ends = float(values.min()), float(values.max())
+        margin = worst(within(end, lowest - slack, highest + slack) for end in ends)
+        curve = sample[of].ndim > 0
+        return margin, f"{ends[0]:.2f} to {ends[1]:.2f}" if curve else f"{ends[0]:.3g}"
+
+    return _each(checkerboards(cube, about, of), measure)
+
+
+def less_than(cube: xr.Dataset, about: Checkerboards, of: str, than: str) -> Finding:
+    """The value ``of`` is less than the value ``than`` of the same sample."""
+
+    def measure(sample: xr.Dataset) -> Measured:
+        one, other = float(sample[of]), float(sample[than])
+        return below(one, other, strict=True), f"{one:.3g} to {other:.3g}{unit_of(of)}"
+
+    return _each(checkerboards(cube, about, of, than), measure)
+
+
+def rises_and_falls(
+    cube: xr.Dataset, about: Checkerboards, of: str, fall: PositiveFloat
+) -> Finding:
+    """A curve rises to a peak within the test, then falls by the fraction ``fall`` of the peak.
+
+    The fall of a curve without a peak within the test is 0.
+    """
+
+    def measure(sample: xr.Dataset) -> Measured:
+        curve = sample[of].dropna("applied_strain")
+        if curve.size < FEWEST_POINTS:
+            return None, ""
+        top = int(curve.values.argmax())
+        first, peak, last = (float(curve[place]) for place in (0, top, -1))
+        falls = (peak - last) / peak if peak > max(first, 0.0) else 0.0
+        strain = float(curve["applied_strain"][top])
+        return above(falls, fall), f"peak {peak:.3f} at {strain:.0%}, then {-falls:+.0%}"
+
+    return _each(checkerboards(cube, about, of), measure)
+
+
+def follows(cube: xr.Dataset, about: Checkerboards, of: str, tolerance: PositiveFloat) -> Finding:
+    """A strain rises with the applied strain and stays close to it.
+
+    The margin is the smaller of two: that of the largest departure, over the largest applied
+    strain, against ``tolerance``, and the smallest slope against the applied strain.
+    """
+
+    def measure(sample: xr.Dataset) -> Measured:
+        curve = sample[of].dropna("applied_strain")
+        if curve.size < FEWEST_POINTS:
+            return None, ""
+        applied = curve["applied_strain"]
+        off = float(abs(curve - applied).max() / applied.max())
+        slope = float((np.diff(curve) / np.diff(applied)).min())
+        margin = worst([below(off, tolerance), above(slope, 0, strict=True)])
+        return margin, f"off by {off:.1%}" + ("" if slope > 0 else ", not monotonic")
+
+    return _each(checkerboards(cube, about, of), measure)
+
+
+def largest_at_centre(
+    cube: xr.Dataset, about: Checkerboards, of: str, applied_strain: PositiveFloat
+) -> Finding:
+    """A local strain is positive at the centre, and larger there than elsewhere along the sample.
+
+    Both are compared at one ``applied_strain``.
+    """
+
+    def measure(sample: xr.Dataset) -> Measured:
+        field = sample[of].sel(applied_strain=applied_strain, method="nearest")
+        along = field.dropna("cell_y", how="all").mean("cell_x").values
+        if along.size < FEWEST_POINTS:
+            return None, ""
+        middle = central(along.size)
+        centre, beside = along[middle].max(), np.delete(along, middle).max()
+        scale = float(abs(along).max())
+        positive = above(along[middle].min(), 0, strict=True, scale=scale)
+        margin = worst([positive, above(centre, beside, scale=scale)])
+        return margin, f"{centre:.3f} in the central cells, {beside:.3f} beside them"
+
+    samples = checkerboards(cube, about, of)
+    if not np.isclose(cube["applied_strain"], applied_strain, 0, 1e-9).any():
+        raise NotMeasured(f"no applied strain of {applied_strain:g} in this cube")
+    return _each(samples, measure)
+
+
+def stripe_toe(
+    cube: xr.Dataset, about: PureStripes, softer_than: PositiveFloat, visible: bool
+) -> Finding:
+    """A force curve is J-shaped, or is not: much softer at its start than at its end.
+
+    It is if the ratio of the initial to the largest tangent is below ``softer_than``.
+    """
+
+    def measure(sample: xr.Dataset) -> Measured:
+        slopes = tangents(sample)
+        ratio = float(slopes[0] / slopes.max())
+        j_shaped = below(ratio, softer_than, strict=True)
+        return j_shaped if visible else above(ratio, softer_than), f"{ratio:.2f}"
+
+    return _each(stripes(cube, about, "row_force"), measure)
+
+
+def same_curves(
+    cube: xr.Dataset, about: PureStripes, one: str, other: str, tolerance: PositiveFloat
+) -> Finding:
+    """Two curves of a stripe differ by at most ``tolerance`` times the largest of ``other``."""
+
+    def measure(sample: xr.Dataset) -> Measured:
+        reference = sample[other].values
+        off = float(abs(sample[one].values - reference).max() / abs(reference).max())
+        return below(off, tolerance), f"{off:.1%}"
+
+    return _each(stripes(cube, about, one, other), measure)
+
+
+def tangents(stripe: xr.Dataset) -> np.ndarray:
+    """Slopes of force against applied strain, between the applied strains of a stripe [N]."""
+    return np.diff(stripe["row_force"].values) / np.diff(stripe["applied_strain"].values)
+
+
+def _each(samples: Samples, measure: Callable[[xr.Dataset], Measured]) -> Finding:
+    """The finding for samples that each must satisfy the claim."""
+    margins: dict[Labels, float] = {}
+    texts: dict[Labels, str] = {}
+    for labels in samples.complete:
+        margin, text = measure(one_sample(samples.cube, labels))
+        if margin is not None:
+            margins[labels], texts[labels] = margin, text
+    if not margins:
+        raise samples.too_few(0)
+    failing = [labels for labels, margin in margins.items() if margin < 0]
+    opening = f"{len(failing)} of {len(margins)} do not: " if failing else ""
+    shown = failing or list(margins)
+    first = sorted(shown, key=lambda labels: margins[labels])[:MOST_LISTED]
+    listed = ", ".join(f"{name_of(each)} {texts[each]}" for each in shown if each in first)
+    more = f" and {len(shown) - len(first)} more" if len(shown) > len(first) else ""
+    return Finding(
+        min(margins.values()),
+        opening + listed + more,
+        len(margins),
+        samples.wanted,
+        samples.counted,
+        tuple(margins),
+    )

@@ -1,0 +1,101 @@
+"""The second process finds the solutions of this process, and ends with its use."""
+
+import gc
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from knitlab.equilibrium import divided_system
+from knitlab.equilibrium.divided_system import DividedSystem, solve_subdomain
+from knitlab.equilibrium.domain_decomposition import subdomain_settings
+from knitlab.equilibrium.factorisation import one_thread_of_blas
+from knitlab.equilibrium.second_process import SecondProcess, SubdomainData, SubdomainTask
+from knitlab.equilibrium.stiffness import free_stiffness
+from knitlab.equilibrium.subdomains import subdomains_of
+from knitlab.equilibrium.system import System
+from knitlab.fabric.evaluation import Point
+from knitlab.fabric.threads import Threads
+from tests.fabrics import DEFAULT
+
+
+@pytest.fixture
+def divided(sample, small_subdomains):
+    """Arguments of the solution of four small subdomains."""
+    net, _, loading = sample
+    start = Point(loading.ahead([(0.0, loading.reference)], 0.05))
+    free = free_stiffness(net.shape, loading.free)
+    return start, free, 0.3, subdomain_settings(DEFAULT)
+
+
+def is_there(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@pytest.mark.slow
+def test_a_second_process_finds_the_same_solution(sample, divided):
+    (_, fabric, _), (at, free, longest, settings) = sample, divided
+    process = SecondProcess()
+    for number, subdomain in enumerate(subdomains_of(free)):
+        sent = SubdomainData(subdomain.free.shape, subdomain.free.places, subdomain.fabric(fabric))
+        # Sent twice, the second time only by its name.
+        for start in (at.unknowns, at.unknowns + 1e-3):
+            task = SubdomainTask((0, number), Point(start[subdomain.places]), longest, settings)
+            remote = process.solve(task, sent)
+            with one_thread_of_blas():
+                local = solve_subdomain(System(sent.shape, sent.fabric), subdomain.free, task)
+            assert remote.outcome is local.outcome
+            assert remote.iterations == local.iterations > 0
+            np.testing.assert_array_equal(remote.unknowns, local.unknowns)
+
+
+@pytest.mark.slow
+def test_subdomains_are_solved_though_a_second_process_dies(sample, divided, monkeypatch):
+    net, fabric, _ = sample
+    dead = []
+
+    class Dying(SecondProcess):
+        def solve(self, task, sent):
+            os.kill(self.pid, signal.SIGKILL)
+            state = super().solve(task, sent)
+            dead.append(state is None)
+            return state
+
+    alone = DividedSystem(net.shape, fabric).solve_subdomains(*divided)
+    monkeypatch.setattr(divided_system, "SecondProcess", Dying)
+    left = DividedSystem(net.shape, fabric, threads=Threads(2)).solve_subdomains(*divided)
+    np.testing.assert_array_equal(left[0].unknowns, alone[0].unknowns)
+    assert dead
+    assert all(dead)
+
+
+@pytest.mark.slow
+def test_a_second_process_ends_when_it_is_no_longer_referenced():
+    process = SecondProcess()
+    pid = process.pid
+    assert is_there(pid)
+    del process
+    gc.collect()
+    assert not is_there(pid)
+
+
+def test_a_second_process_ends_when_its_parent_is_killed():
+    script = (
+        "from knitlab.equilibrium.second_process import SecondProcess\n"
+        "process = SecondProcess()\nprint(process.pid, flush=True)\ninput()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        pid = int(process.stdout.readline())
+        assert is_there(pid)
+        process.kill()
+        # Both write to one pipe, which ends when the last of them has.
+        assert process.stdout.read() == ""

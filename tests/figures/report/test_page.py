@@ -1,0 +1,140 @@
+"""The page of claims: reliable claims, near misses, and one self-contained file."""
+
+import base64
+import re
+from html.parser import HTMLParser
+
+import pytest
+from click.testing import CliRunner
+
+from knitlab.cli import main
+from knitlab.cube.cube_file import write_cube
+from knitlab.figures.report.introduction import introduction, reliance
+from knitlab.figures.report.page import write_page
+from knitlab.validation.claims import TOPICS, read_claims
+from knitlab.validation.judgement import judged
+from tests.validation.test_claims import good_checkerboards, good_stripes
+
+
+@pytest.fixture(scope="module")
+def cubes(tmp_path_factory):
+    """Checkerboards that fail one claim, and stripes that miss one narrowly and fail another."""
+    folder = tmp_path_factory.mktemp("cubes")
+    boards, stripes = good_checkerboards(), good_stripes()
+    boards["poisson_ratio_min"].loc[{"n_stripe": 4, "n_subunit": 48}] = -0.1
+    stripes["zigzag_force"] *= 2
+    stripes["row_force"].loc[{"knit": "rib", "n": 8, "applied_strain": slice(0.04, 0.06)}] *= 5
+    write_cube(boards, folder / "boards.nc")
+    write_cube(stripes, folder / "stripes.nc")
+    return [folder / "boards.nc", folder / "stripes.nc"]
+
+
+@pytest.fixture(scope="module")
+def judgements(cubes):
+    return judged(read_claims(), cubes)
+
+
+class References(HTMLParser):
+    def __init__(self):
+        super().__init__()
+        self.found, self.anchors = [], set()
+
+    def handle_starttag(self, tag, attrs):
+        self.found += [value for name, value in attrs if name in ("src", "href")]
+        self.anchors |= {value for name, value in attrs if name == "id"}
+
+
+@pytest.mark.slow
+def test_an_html_page_is_one_file_that_needs_no_other(cubes, tmp_path):
+    page = tmp_path / "page.html"
+    ran = CliRunner().invoke(main, ["claims", str(cubes[1]), "-o", str(page)])
+    assert ran.exit_code == 0
+    assert list(tmp_path.iterdir()) == [page]
+    text = page.read_text()
+    parser = References()
+    parser.feed(text)
+    embedded = [each for each in parser.found if each.startswith("data:image/png;base64,")]
+    inside = [each.removeprefix("#") for each in parser.found if each.startswith("#")]
+    assert embedded
+    assert inside
+    assert len(embedded) + len(inside) == len(parser.found)
+    assert set(inside) <= parser.anchors
+    assert all(base64.b64decode(each.partition(",")[2])[1:4] == b"PNG" for each in embedded)
+    assert "url(" not in text
+
+
+@pytest.mark.slow
+def test_a_markdown_page_has_its_figures_in_a_folder(cubes, tmp_path):
+    page = tmp_path / "page.md"
+    ran = CliRunner().invoke(main, ["claims", str(cubes[1]), "-o", str(page)])
+    assert ran.exit_code == 0
+    assert "4 hold, 1 near miss, 1 fail, 33 not measured" in ran.output
+    figures = list((tmp_path / "page").glob("*.png"))
+    assert figures
+    assert all(f"page/{path.name}" in page.read_text() for path in figures)
+
+
+@pytest.mark.slow
+def test_the_page_begins_with_reliable_claims_and_separates_near_misses(cubes, tmp_path):
+    page = tmp_path / "page.md"
+    write_page(judged(read_claims(), cubes[1:]), page)
+    text = page.read_text()
+    heads = re.findall("^## (.*)$", text, re.MULTILINE)
+    assert heads == [
+        "What you may rely on, and what not",
+        "What holds",
+        "Near misses: they fail by at most 0.25",
+        "What fails by more than 0.25",
+        "What was not measured",
+    ]
+    parts = dict(zip(heads, re.split("^## .*$", text, flags=re.MULTILINE)[1:], strict=True))
+    assert "lower n is stiffer at first" in parts["Near misses: they fail by at most 0.25"]
+    failed = parts["What fails by more than 0.25"]
+    assert "for pure rib and garter the 3D model gives the same curves" in failed
+    assert "one more row of springs than of hinges" in failed
+    assert "one more row of springs than of hinges" not in parts["What holds"]
+
+
+@pytest.mark.slow
+def test_every_claim_is_reported_once_under_its_topic(judgements):
+    passages = introduction(judgements)
+    assert [passage.topic for passage in passages] == list(TOPICS)
+    said = {
+        passage.topic: " ".join(claims for _, claims in passage.sentences) for passage in passages
+    }
+    for each in judgements:
+        claim = each.claim
+        assert said[claim.statement.topic].count(f"“{claim.quoted}”") == 1
+    assert sum(text.count("“") for text in said.values()) == len(judgements)
+
+
+def test_reliable_claims_hold_by_a_large_margin(judgements):
+    for each in judgements:
+        margin, group = each.finding.margin, reliance(each)
+        assert (group == "not measured") == (margin is None)
+        if margin is not None:
+            assert (group in ("good", "reserved")) == (margin >= 0.25)
+            assert (group == "narrow") == (0 <= margin < 0.25)
+            assert (group == "near") == (-0.25 <= margin < 0)
+            assert (group == "gross") == (margin < -0.25)
+
+
+def test_claims_that_another_cube_contradicts_are_not_reliable(cubes, tmp_path):
+    boards = good_checkerboards().assign_attrs(reading_boundary="periodic")
+    boards["rib_width_centre"] += 10
+    write_cube(boards, tmp_path / "other.nc")
+    claims = [claim for claim in read_claims() if claim.name == "rib_centre_contracts_more"]
+    (alone,) = judged(claims, cubes)
+    (each,) = judged(claims, [*cubes, tmp_path / "other.nc"])
+    assert reliance(alone) == reliance(each) == "narrow"
+    assert each.contrary
+    assert "but it fails at -1.80 on 20 of 20 designs of" in introduction([each])[0].sentences[0][1]
+
+
+def test_rows_along_weft_and_warp_are_labelled(judgements):
+    twins = [each.claim for each in judgements if "_along_w" in each.claim.name]
+    assert len(twins) == 8
+    for claim in twins:
+        along = claim.statement.measured_along
+        assert f"_along_{along}" in claim.name
+        assert claim.quoted == f"{claim.statement.text} (here along the {along})"

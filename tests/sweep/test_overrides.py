@@ -1,0 +1,66 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from knitlab.io.errors import BadInput
+from knitlab.sweep.overrides import as_text, read_value
+from knitlab.sweep.plan import make_plan
+
+SETTINGS = {"n_stripe": 4, "n_subunit": [16], "boundary": "clamped"}
+
+
+@pytest.mark.parametrize(
+    ("settings", "overrides"),
+    [
+        ({"k_t_factor": [0.8, 1.0]}, ("k_t_factor=0.8,1.0",)),
+        ({"k_t_factor": np.array([0.8, 1.0])}, ("k_t_factor=0.8,1.0",)),
+        ({"z_max": np.float64(0.6)}, ("z_max=0.6",)),
+        ({"max_iterations": np.int64(100)}, ("max_iterations=100",)),
+        ({"unit_cells": (3, 2)}, ("unit_cells=3,2",)),
+        ({"unit_cells": [(1, 1), (3, 2)]}, ("unit_cells=[[1, 1], [3, 2]]",)),
+        ({"unloading": True, "further_strains": 0.23}, ("unloading=true", "further_strains=0.23")),
+        ({"model.hinges": ["all", "fold_lines"]}, ("hinges=all,fold_lines",)),
+        ({"pattern": ["RG", "GR"]}, ("pattern=RG,GR",)),
+        (
+            {"tolerance": 1e-10, "path_step": 0.1 + 0.2},
+            ("tolerance=1e-10", "path_step=0.30000000000000004"),
+        ),
+    ],
+)
+def test_python_values_make_the_plan_that_text_makes(settings, overrides):
+    text = ("n_stripe=4", "n_subunit=16", "boundary=clamped")
+    by_value = make_plan("periodic", SETTINGS | settings)
+    assert list(by_value.cases) == list(make_plan("periodic", (*text, *overrides)).cases)
+    assert list(make_plan("periodic", by_value.overrides).cases) == list(by_value.cases)
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["periodic", "a,b", "4", "true", "[1", " a", "", 'a "b"', "a\\b\nc", "größer", 0.1, 7, True],
+)
+def test_a_value_is_read_back_from_its_text(value):
+    ((key, _, text),) = (override.partition("=") for override in as_text({"key": value}))
+    assert key == "key"
+    assert read_value(text) == value
+    assert type(read_value(text)) is type(value)
+
+
+def test_a_path_is_converted_to_text():
+    assert as_text({"stripe_files": Path("a/b.toml")}) == ("stripe_files=a/b.toml",)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"n_strip": 4}, "n_strip=4: there is no setting 'n_strip'; did you mean 'n_stripe'"),
+        ({"k_wall": -1.0}, "k_wall=-1.0: .*greater than 0"),
+        ({"cell_size": ["flat", "loose"]}, "cell_size=.*: value 2: .*'flat' or 'relaxed'"),
+        ({"n_stripe": 4.5}, "n_stripe=4.5: value 1: .*integer"),
+        ({"z_max": None}, "settings z_max: is None; give a number, a text"),
+        ({"z_max": [1.0, {}]}, r"settings z_max: is \[1.0, {}\]; give a number, a text"),
+    ],
+)
+def test_an_invalid_python_value_is_named_with_its_key(settings, message):
+    with pytest.raises(BadInput, match=message):
+        make_plan("periodic", settings)
