@@ -8,8 +8,7 @@ import xarray as xr
 
 from knitlab.cube.design_status import Status
 from knitlab.cube.schema import VARIABLES, Variable, described
-from knitlab.equilibrium.state import State
-from knitlab.equilibrium.tensile_result import History, TensileTest
+from knitlab.equilibrium.state import History, State, TensileTest
 from knitlab.fabric.configuration import Configuration
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.measure.boundaries import Direction, boundary_wave

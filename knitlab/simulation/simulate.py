@@ -12,12 +12,9 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.case_file import write_case_file
-from knitlab.equilibrium.relaxation import relax_near
-from knitlab.equilibrium.runners import run_each
-from knitlab.equilibrium.starting_shape import imperfect_sheet, starts_from_periodic
-from knitlab.equilibrium.state import Outcome
-from knitlab.equilibrium.system import System
-from knitlab.equilibrium.tensile_result import TensileTest
+from knitlab.equilibrium.relaxation import imperfect_sheet, relax_near, starts_from_periodic
+from knitlab.equilibrium.state import Outcome, TensileTest
+from knitlab.equilibrium.system import run_each
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.fabric import Fabric
@@ -66,12 +63,6 @@ def _progress_of_all(
         progress(case.case_id, states)
 
 
-def tensile_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
-    """Tensile tests of cases of one mesh shape and method."""
-    by = dynamic_tests if cases[0].method == "dynamics" else equilibrium_tests
-    return by(cases, progress)
-
-
 def sibling_tests(cases: Sequence[Case], progress: Progress) -> list[list[SiblingTest]]:
     """Tests of the siblings of cases of one mesh shape, each case's in order."""
     tests: list[list[SiblingTest]] = [[] for _ in cases]
@@ -81,7 +72,7 @@ def sibling_tests(cases: Sequence[Case], progress: Progress) -> list[list[Siblin
         siblings = [sibling(case, number) for case in originals]
         names = {its.case_id: case for its, case in zip(siblings, originals, strict=True)}
         done = partial(_progress_of_sibling, progress, names, number)
-        found = equilibrium_tests(siblings, done, imperfection=number)
+        found = tensile_tests(siblings, done, imperfection=number)
         energies = branch_energies(originals, found)
         for place, case, test, energy in zip(places, siblings, found, energies, strict=True):
             tests[place].append(SiblingTest(case, test, energy))
@@ -122,56 +113,47 @@ def branch_energies(cases: Sequence[Case], tests: Sequence[TensileTest]) -> list
     ]
 
 
-def equilibrium_tests(
+def tensile_tests(
     cases: Sequence[Case],
     progress: Progress,
     imperfection: int | None = None,
 ) -> list[TensileTest]:
-    """Tensile tests of cases of one mesh shape by the equilibrium solver.
+    """Tensile tests of cases of one mesh shape and method.
 
     Args:
         cases: the cases.
         progress: called with a case's identifier and how many of its states are done.
-        imperfection: seed of the imperfections that they start from, if any.
+        imperfection: seed of the imperfections that they start from, if any; then the tests are
+            by equilibria, whatever the method.
     """
+    if cases[0].method == "dynamics" and imperfection is None:
+        return dynamic_tests(cases, progress)
     assembled = [case.assemble() for case in cases]
     found = starts(cases, assembled, imperfection)
     moved = relaxed_by_dynamics(cases, found, progress)
+    fabrics = [fabric for _, fabric in assembled]
+    reporters = [Reporter(partial(progress, case.case_id)) for case in cases]
     tests = [
         partial(
-            _reported_test,
-            reporter=Reporter(partial(progress, case.case_id)),
-            case=case,
+            stretch,
+            applied_strain=case.applied_strain,
+            settings=case.equilibrium_solver,
+            progress=reporter.done,
             start=start,
             folded=None if relaxed is None else relaxed.configuration,
+            unload=case.unloading,
+            contact=contact_of(case, fabric),
+            factorised=reporter.factorised,
         )
-        for case, start, relaxed in zip(cases, found, moved, strict=True)
+        for case, fabric, reporter, start, relaxed in zip(
+            cases, fabrics, reporters, found, moved, strict=True
+        )
     ]
-    ran = run_each(cases[0].mesh_shape, [fabric for _, fabric in assembled], tests)
+    ran = run_each(cases[0].mesh_shape, fabrics, tests)
     return [
         test if relaxed is None else after_motion(test, relaxed)
         for test, relaxed in zip(ran, moved, strict=True)
     ]
-
-
-def _reported_test(
-    system: System,
-    reporter: Reporter,
-    case: Case,
-    start: Configuration | None,
-    folded: Configuration | None,
-) -> TensileTest:
-    system.factorised = reporter.factorised
-    return stretch(
-        system,
-        case.applied_strain,
-        case.equilibrium_solver,
-        reporter.done,
-        start,
-        folded,
-        unload=case.unloading,
-        contact=contact_of(case, system.fabric),
-    )
 
 
 def relaxed_by_dynamics(

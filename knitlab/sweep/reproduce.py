@@ -14,7 +14,7 @@ import xarray as xr
 from pydantic import ValidationError
 
 from knitlab.cube.case_file import case_path, read_case
-from knitlab.equilibrium.tensile_result import TensileTest
+from knitlab.equilibrium.state import TensileTest
 from knitlab.io.errors import BadInput, fault
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.simulation.case import Case, case_of
