@@ -6,8 +6,7 @@ from typing import Any
 import pandas as pd
 
 from knitlab.validation.claims import read_claims
-from knitlab.validation.judgement import judged
-from knitlab.validation.records import records
+from knitlab.validation.judgement import judged, records
 
 
 def claims(*cubes: str | Path, output: str | Path | None = None, **selections: Any) -> pd.DataFrame:

@@ -77,8 +77,8 @@ def calibrate(
     measured = read_tension_curve(curve, width, thickness)
 
     from knitlab.fabric.spring_curve import SpringCurve
-    from knitlab.figures.calibration import calibration_figure
-    from knitlab.figures.saving import save
+    from knitlab.figures.figure_files import save
+    from knitlab.figures.fits import calibration_figure
     from knitlab.figures.style import print_style
     from knitlab.measure.calibration import calibrate as fit
     from knitlab.measure.calibration import report, report_comparison

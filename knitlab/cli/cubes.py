@@ -104,7 +104,7 @@ def draw_map(
     **shown: str | None,
 ) -> None:
     """Draw a figure of a cube, unless its file is up to date."""
-    from knitlab.figures.drawn import fingerprint_of_figure, is_drawn
+    from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn
 
     chosen = read_selections(selections)
     options = {name: value for name, value in shown.items() if value is not None}

@@ -64,8 +64,8 @@ def find(
     for reason, count in found.passed_over.items():
         click.echo(f"{count} designs {reason}", err=True)
     if output is not None and len(found.table):
-        from knitlab.figures.found import found_figure
-        from knitlab.figures.saving import save
+        from knitlab.figures.figure_files import save
+        from knitlab.figures.found_designs import found_figure
         from knitlab.figures.style import print_style
 
         with print_style():

@@ -107,8 +107,8 @@ def fit(
     cube = selected(open_cube(experiment), read_selections(selections))
 
     from knitlab.api.laboratory import fit as fit_test
-    from knitlab.figures.fit import Fitted, fit_figure
-    from knitlab.figures.saving import save
+    from knitlab.figures.figure_files import save
+    from knitlab.figures.fits import Fitted, fit_figure
     from knitlab.figures.style import print_style
     from knitlab.laboratory.fit_report import report, write_stripes
     from knitlab.sweep.plan import make_plan

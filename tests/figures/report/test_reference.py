@@ -9,20 +9,20 @@ from knitlab.figures.report.page import write_page
 from knitlab.validation.claims import read_claims
 from knitlab.validation.judgement import judged
 
-REFERENCE = Path(__file__).parents[2] / "results" / "reference"
+REFERENCE = Path(__file__).parents[3] / "results" / "reference"
 JUDGED = ("paper", "stripes", "relaxation", "sensor_stripes", "sensor")
 DRAWN = {
     "paper": ("auxetic", "curves", "tension", "wavelength"),
     "lengths": ("readings",),
-    "periodic": ("auxetic", "curves", "shape", "shapes", "network"),
+    "periodic": ("auxetic", "curves", "shape"),
     "preview": ("auxetic", "curves", "shape"),
     "readings": ("readings",),
     "readings_samples": ("readings",),
     "readings_stripes": ("readings",),
     "stripes": ("stripes", "departure"),
-    "sensor": ("sensor", "capacitors", "wedge", "electrodes"),
+    "sensor": ("sensor", "capacitors", "electrodes"),
     "sensor_contact": ("contact",),
-    "sensor_stripes": ("capacitors", "wedge"),
+    "sensor_stripes": ("capacitors",),
 }
 SMALLEST = ("preview", "periodic", "sensor_stripes")
 
