@@ -252,7 +252,7 @@ def _along_ridges(
     wale = layout.along == "wale"
     across, length = stitches[wale], pattern.grid[not wale]
     start, end = (fraction * length for fraction in layout.span)
-    strips = []
+    strips: list[tuple[Strip, ...]] = []
     for line in (lines[number - 1] for number in layout.ridges):
         stripe = pattern.cells_per_period / 2
         width = stripe if layout.width == "stripe" else layout.width / across[line]

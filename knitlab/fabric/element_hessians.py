@@ -93,7 +93,7 @@ def hinge_stiffness(
         jnp.pad(rest, spare).reshape(blocks, LANES),
         jnp.pad(stiffness, spare).reshape(blocks, LANES),
     )
-    return jax.lax.map(lambda block: _hinge_entries(*block, of), hinges)
+    return jax.lax.map(lambda block: _hinge_entries(block[0], block[1], block[2], of), hinges)
 
 
 def _hinge_entries(

@@ -73,8 +73,8 @@ def fold_from_normals(
 
 
 def by_hinge_vectors(
-    slopes: Sequence[Float[Array | np.ndarray, "3 *other element"]],
-    diagonals: Sequence[Vector],
+    slopes: Array | Sequence[Float[Array | np.ndarray, "3 *other element"]],
+    diagonals: Array | Sequence[Vector],
 ) -> Float[Array | np.ndarray, "5 3 *other element"]:
     """Derivatives with respect to a hinge's vectors, from those by its edge and two normals."""
     xp = array_library(slopes)

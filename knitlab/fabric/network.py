@@ -67,7 +67,8 @@ def cached_by_shape(
     shapes. In one cache for all, subdomains would evict the sample that they belong to, or samples
     that are no longer needed would fill the memory.
     """
-    large, small = lru_cache(LARGE_KEPT)(function), lru_cache(SMALL_KEPT)(function)
+    large: Callable[..., Result] = lru_cache(LARGE_KEPT)(function)
+    small: Callable[..., Result] = lru_cache(SMALL_KEPT)(function)
 
     @wraps(function)
     def cached(shape: MeshShape, *args: Others.args, **kwargs: Others.kwargs) -> Result:

@@ -14,11 +14,8 @@ from knitlab.fabric.stripe import Stripe
 
 CELLS_PER_PERIOD = 4
 """Grid cells along one period in the paper: two per stripe (Fig. 1F: grid of size w/4)."""
-KNIT_OF_LETTER: dict[str, Literal["rib", "garter", "plain"]] = {
-    "R": "rib",
-    "G": "garter",
-    "P": "plain",
-}
+Knit = Literal["rib", "garter", "plain"]
+KNIT_OF_LETTER: dict[str, Knit] = {"R": "rib", "G": "garter", "P": "plain"}
 
 Along = Literal["wale", "course"]
 """Direction of a line of the fabric: along a wale, up the warp, or along a course, in the weft."""
@@ -119,7 +116,7 @@ class PatchGrid:
         """Grid cells along (y, x)."""
         return int(self.row_borders[-1]), int(self.column_borders[-1])
 
-    def cells_of(self, knit: str) -> Bool[np.ndarray, "grid_y grid_x"]:
+    def cells_of(self, knit: Knit) -> Bool[np.ndarray, "grid_y grid_x"]:
         """Which grid cells lie in a patch of a knit."""
         of_patch = np.vectorize(KNIT_OF_LETTER.__getitem__, otypes=[object])(self.knit) == knit
         return of_patch[np.ix_(self.patch_of_row, self.patch_of_column)]

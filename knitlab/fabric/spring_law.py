@@ -64,9 +64,7 @@ class SpringCurve:
         return _spline(self)
 
 
-def _problems(
-    strain: Float[np.ndarray, " point"], force: Float[np.ndarray, " knot"]
-) -> list[str]:
+def _problems(strain: Float[np.ndarray, " point"], force: Float[np.ndarray, " knot"]) -> list[str]:
     if len(strain) != len(force) or len(strain) < 2:
         return [
             f"it has {len(strain)} strains and {len(force)} forces; give the same number of"

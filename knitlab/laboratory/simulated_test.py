@@ -18,7 +18,7 @@ from knitlab.equilibrium.state import State
 from knitlab.equilibrium.system import System
 from knitlab.equilibrium.tensile_result import TensileTest
 from knitlab.equilibrium.tensile_test import stretch
-from knitlab.fabric.evaluation import Point
+from knitlab.fabric.energy import Point
 from knitlab.fabric.stripe import Stripe
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.simulation.case import Case
