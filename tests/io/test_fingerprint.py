@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 import knitlab.sweep.survey as survey_module
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.io.fingerprint import (
     OF_NO_CASE,
     code_fingerprint,
