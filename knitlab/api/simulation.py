@@ -11,8 +11,7 @@ from tqdm.auto import tqdm
 
 from knitlab.api.design import Design
 from knitlab.api.single_design import of_design
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import described
+from knitlab.cube.schema import Status, described
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.fabric.fabric import Sheet
