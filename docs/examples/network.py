@@ -1,27 +1,30 @@
-"""The spring network of a unit cell, coloured by role (paper, Fig. 1F)."""
+"""Springs and folds of a unit cell, on the chart and on the fabric (paper, Fig. 1F).
+
+python docs/examples/network.py draws network.png beside it, of the kept case (4, 16) of periodic
+fabric. Hinges that rest flat are not drawn.
+"""
 
 import json
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
-from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
-from knitlab.cube.case_file import configurations
-from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.perspective import frame_sheet
-from knitlab.figures.style import TWO_COLUMNS
+from knitlab.fabric.layout import FabricLayout
+from knitlab.fabric.network import Elements
+from knitlab.figures.figure_files import save
+from knitlab.figures.sheets import design_text, frame_sheet
+from knitlab.figures.style import TWO_COLUMNS, print_style
+from knitlab.meshes.sheet import closed_nodes
+from knitlab.simulation.case import case_of
 
-if TYPE_CHECKING:
-    from knitlab.fabric.layout import FabricLayout
-    from knitlab.fabric.network import Elements
-
+CASES = Path(__file__).parents[2] / "results" / "reference" / "periodic" / "cases"
 ROLES: dict[str, dict[str, Any]] = {
     "diagonal spring": {"color": "0.75", "lw": 0.4},
     "weft spring": {"color": "#0072B2", "lw": 0.7},
@@ -30,96 +33,56 @@ ROLES: dict[str, dict[str, Any]] = {
     "valley fold": {"color": "black", "lw": 1.8, "ls": (0, (2, 1))},
 }
 """Line style of the elements, drawn in this order."""
-CELLS_PER_TICK = 4
-"""Grid cells in a period of the folds."""
-HEIGHT = 3.6
-"""Height of the figure [in]."""
 
 
-def spring_network(case: xr.Dataset) -> Figure:
-    """Springs and folds of a unit cell, on the chart and on the fabric (paper, Fig. 1F).
-
-    Hinges that rest flat are not drawn.
-
-    Args:
-        case: contents of a case file, with node positions.
-    """
-    # JAX is imported only when this figure is drawn.
-    from knitlab.fabric.fabric import Sheet
-    from knitlab.fabric.grading import recorded_pattern
-    from knitlab.fabric.layout import fabric_layout
-    from knitlab.fabric.network import MeshShape
-    from knitlab.fabric.options import ModelOptions
-    from knitlab.fabric.plain import PlainKnit
-    from knitlab.measure.cell_grid import CellGrid
-    from knitlab.measure.patches import central_cell
-
-    parameters = json.loads(case.attrs["parameters"])
-    options = ModelOptions(**parameters["reading"] | {"boundary": "periodic"})
-    pattern = recorded_pattern(parameters, (1, 1))
-    plain = PlainKnit(**parameters["plain"]) if parameters.get("plain") else None
-    lines = _by_role(fabric_layout(pattern, Sheet(**parameters["sheet"]), options, plain))
-
-    periodic = "length_x" in case
-    cells_y, cells_x = (case.sizes[dim] - (not periodic) for dim in ("node_y", "node_x"))
-    shape = MeshShape(cells_y, cells_x, periodic)
-    repeats = CellGrid.even(shape, tuple(parameters["unit_cells"]))
-    cell = central_cell(shape, repeats, configurations(case)[0])
-
-    figure = Figure(figsize=(TWO_COLUMNS, HEIGHT))
-    flat = figure.add_axes((0.06, 0.2, 0.36, 0.72))
-    scene = figure.add_axes((0.44, 0.1, 0.56, 0.86), projection="3d")
-    rows, columns = np.mgrid[: cell.shape[0], : cell.shape[1]]
-    _draw_flat(flat, np.stack([columns, rows], axis=-1), lines)
-    _draw_relaxed(scene, cell, lines)
-    design = f"n_stripe = {int(case['n_stripe'])}, n_subunit = {int(case['n_subunit'])}"
-    strain = float(case["applied_strain"][0])
-    flat.set_title(f"one unit cell as knitted, {design}")
-    scene.set_title(f"the same, pulled {strain:.0%}" if strain else "the same, relaxed", y=0.96)
-    handles = [Line2D([], [], label=role, **look) for role, look in ROLES.items()]
-    figure.legend(handles=handles[1:] + handles[:1], loc="lower center", ncols=5, frameon=False)
-    return figure
-
-
-def _by_role(layout: "FabricLayout") -> dict[str, np.ndarray]:
+def by_role(layout: FabricLayout) -> dict[str, np.ndarray]:
     """Grid indices (line, end, (y, x)) of the lines of every role, in a closed unit cell."""
-    springs, hinges = _ends(layout.net.springs), _ends(layout.net.hinges)
-    sense = layout.fold_sense * layout.hinged
+    net, sense = layout.net, layout.fold_sense
+    springs, hinges = ends(net.springs), ends(net.hinges)
     return {
-        "diagonal spring": springs[layout.spring_kind == 2],
-        "weft spring": springs[layout.spring_kind == 0],
-        "warp spring": springs[layout.spring_kind == 1],
+        "diagonal spring": springs[~(net.weft | net.warp)],
+        "weft spring": springs[net.weft],
+        "warp spring": springs[net.warp],
         "mountain fold": hinges[sense > 0],
         "valley fold": hinges[sense < 0],
     }
 
 
-def _ends(elements: "Elements") -> np.ndarray:
+def ends(elements: Elements) -> np.ndarray:
     """Grid indices of the first two nodes of elements; images lie beyond the periodic boundary."""
     shape = elements.shape
-    places = np.stack(np.divmod(elements.nodes[:, :2], shape.nodes_x), axis=-1)
-    return places + elements.images[:, :2, ::-1] * [shape.cells_y, shape.cells_x]
+    first = np.stack(np.divmod(elements.nodes[:, :2], shape.nodes_x), axis=-1)
+    return first + elements.images[:, :2, ::-1] * [shape.cells_y, shape.cells_x]
 
 
-def _draw_flat(axes: Axes, chart: np.ndarray, lines: dict[str, np.ndarray]) -> None:
-    for role, ends in lines.items():
-        axes.add_collection(LineCollection(list(_at(chart, ends)), **ROLES[role]))
-    axes.set(xlabel="x, weft [grid cells]", ylabel="y, warp [grid cells]", aspect="equal")
-    axes.autoscale_view()
-    axes.xaxis.set_major_locator(MultipleLocator(CELLS_PER_TICK))
-    axes.yaxis.set_major_locator(MultipleLocator(CELLS_PER_TICK))
-
-
-def _draw_relaxed(scene: Axes3D, cell: np.ndarray, lines: dict[str, np.ndarray]) -> None:
-    for role, ends in lines.items():
-        scene.add_collection3d(Line3DCollection(list(_at(cell, ends)), **ROLES[role]))
+def draw(case_file: xr.Dataset) -> Figure:
+    """One unit cell of periodic fabric, as knitted and relaxed."""
+    lines = by_role(case_of(json.loads(case_file.attrs["parameters"])).layout)
+    relaxed = closed_nodes(case_file.isel(applied_strain=[0]))[0]
+    rows, columns = np.mgrid[: relaxed.shape[0], : relaxed.shape[1]]
+    chart = np.stack([columns, rows], axis=-1)
+    figure = Figure(figsize=(TWO_COLUMNS, 3.6))
+    flat = figure.add_axes((0.06, 0.2, 0.36, 0.72))
+    scene = figure.add_axes((0.44, 0.1, 0.56, 0.86), projection="3d")
+    for role, line in lines.items():
+        at = line[..., 0], line[..., 1]
+        flat.add_collection(LineCollection(list(chart[at]), **ROLES[role]))
+        scene.add_collection3d(Line3DCollection(list(relaxed[at]), **ROLES[role]))
+    flat.set(xlabel="x, weft [grid cells]", ylabel="y, warp [grid cells]", aspect="equal")
+    flat.autoscale_view()
+    flat.xaxis.set_major_locator(MultipleLocator(4))
+    flat.yaxis.set_major_locator(MultipleLocator(4))
+    flat.set_title(f"one unit cell as knitted, {design_text(case_file)}")
     # Drawn in the order of the roles, not by depth: springs must not hide a fold.
     scene.computed_zorder = False
-    frame_sheet(scene, cell)
+    frame_sheet(scene, relaxed)
+    scene.set_title("the same, relaxed", y=0.96)
+    handles = [Line2D([], [], label=role, **look) for role, look in ROLES.items()]
+    figure.legend(handles=handles[1:] + handles[:1], loc="lower center", ncols=5)
+    return figure
 
 
-def _at(nodes: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    return nodes[ends[..., 0], ends[..., 1]]
-
-
-FIGURE = FigureKind(spring_network, needs="position", coordinates=("applied_strain",))
+if __name__ == "__main__":
+    (file,) = CASES.glob("4-16-*.nc")
+    with print_style():
+        save(draw(xr.load_dataset(file)), Path(__file__).with_suffix(".png"))

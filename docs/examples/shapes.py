@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
+from knitlab.figures.figure_files import save
 from knitlab.figures.sheets import draw_sheet, frame_sheet
 from knitlab.figures.style import TWO_COLUMNS, print_style
 from knitlab.meshes.sheet import closed_nodes
@@ -37,4 +38,4 @@ def draw(cases: list[xr.Dataset]) -> Figure:
 if __name__ == "__main__":
     files = sorted((REFERENCE / "periodic" / "cases").glob("*.nc"))
     with print_style():
-        draw([xr.load_dataset(file) for file in files]).savefig(Path(__file__).with_suffix(".png"))
+        save(draw([xr.load_dataset(file) for file in files]), Path(__file__).with_suffix(".png"))

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
 import knitlab as kl
+from knitlab.figures.figure_files import save
 from knitlab.figures.style import MARKERS, ONE_COLUMN, print_style, shades
 
 REFERENCE = Path(__file__).parents[2] / "results" / "reference"
@@ -43,4 +44,4 @@ def draw() -> Figure:
 
 if __name__ == "__main__":
     with print_style():
-        draw().savefig(Path(__file__).with_suffix(".png"))
+        save(draw(), Path(__file__).with_suffix(".png"))

@@ -76,7 +76,7 @@ def calibrate(
         raise fault("--spring-curve", problem)
     measured = read_tension_curve(curve, width, thickness)
 
-    from knitlab.fabric.spring_curve import SpringCurve
+    from knitlab.fabric.spring_law import SpringCurve
     from knitlab.figures.figure_files import save
     from knitlab.figures.fits import calibration_figure
     from knitlab.figures.style import print_style

@@ -21,7 +21,6 @@ from knitlab.cube.cube_file import (
     source_of,
     swept_dims,
 )
-from knitlab.cube.plain_cube import PlainCube
 from knitlab.cube.schema import DESIGN_DIMS, VARIABLES
 from knitlab.cube.selection import as_given, choices, refuse_others, selected, selections_along
 from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn, requested_figures, save
@@ -86,7 +85,7 @@ def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     files: list[Path] = []
     faults: list[Fault] = []
     cube = open_cube(folder)
-    requested = requested_figures(kinds, PlainCube.of(cube), folder)
+    requested = requested_figures(kinds, cube, folder)
     slices = {tuple(each.selections.items()) for each in requested if each.kind not in COMPARING}
     if len(slices) > MOST_SLICES:
         problem = f"{len(slices)} slices are too many to draw in a run; draw one by knitlab map"

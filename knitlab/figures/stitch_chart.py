@@ -15,8 +15,7 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from knitlab.figures.style import TWO_COLUMNS, Look
-from knitlab.knitting.chart import StitchChart
-from knitlab.knitting.knit_stitches import electrode_name
+from knitlab.knitting.chart import StitchChart, electrode_name
 
 if TYPE_CHECKING:
     from knitlab.knitting.specification import Prediction, Specification

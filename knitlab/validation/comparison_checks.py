@@ -12,8 +12,7 @@ import xarray as xr
 from pydantic import Field, PositiveFloat, PositiveInt
 from scipy import stats
 
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import DESIGN_DIMS
+from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.measure.linear_fit import LinearFit, common_slope_probability, linear_fit
 from knitlab.validation.margin import CheckResult, Labels, NotMeasured, above, below, worst
 from knitlab.validation.sample_checks import FEWEST_POINTS, MOST_LISTED, tangents

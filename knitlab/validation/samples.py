@@ -11,10 +11,8 @@ import numpy as np
 import xarray as xr
 from pydantic import Field, PositiveInt
 
-from knitlab.cube.cube_file import base_dims, is_measured, source_of
-from knitlab.cube.design_status import Status
-from knitlab.cube.plain_cube import READING, stated_options
-from knitlab.cube.schema import DESIGN_DIMS, SOURCE, STRIPE_DIMS, VARIABLES
+from knitlab.cube.cube_file import READING, base_dims, is_measured, model_options, source_of
+from knitlab.cube.schema import DESIGN_DIMS, SOURCE, STRIPE_DIMS, VARIABLES, Status
 from knitlab.io.strict_model import StrictModel
 from knitlab.validation.margin import CheckResult, Labels, NotMeasured
 
@@ -238,7 +236,7 @@ def unit_cells(cube: xr.Dataset, labels: Labels) -> tuple[int, int] | None:
 
 def _options(cube: xr.Dataset) -> str:
     """The model options as text, with swept settings and the gap between the walls."""
-    options = stated_options(cube.attrs)
+    options = model_options(cube)
     if z_max := _parameters(cube).get("sheet", {}).get("z_max"):
         options["z_max"] = z_max
     options |= {

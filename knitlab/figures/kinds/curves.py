@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from knitlab.cube.cube_file import is_measured, source_of
-from knitlab.cube.design_status import RUN, Status
+from knitlab.cube.schema import RUN, Status
 from knitlab.figures.curves import break_note, broken, line_style, snapped_before
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import TWO_COLUMNS, Colour, Look, shades

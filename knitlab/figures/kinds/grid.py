@@ -13,9 +13,8 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from knitlab.cube.cube_file import base_dims, design_dims
-from knitlab.cube.design_status import RUN, Status
 from knitlab.cube.reduced_columns import with_reduction
-from knitlab.cube.schema import COORDINATES, DESIGN_DIMS, FLAGS
+from knitlab.cube.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, Status
 from knitlab.cube.selection import choices
 from knitlab.figures.cells import EMPTY, MARKS, PERIODS_LABEL, marks_legend, written
 from knitlab.figures.figure_kind import FigureKind

@@ -63,7 +63,7 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
 def _by_face(state: xr.Dataset) -> np.ndarray:
     """The strain of its unit cell for every grid cell, face after face."""
     # JAX is imported only when this figure is drawn.
-    from knitlab.fabric.grading import recorded_pattern
+    from knitlab.fabric.pattern import recorded_pattern
 
     record = json.loads(state.attrs["parameters"])
     sample = recorded_pattern(record)

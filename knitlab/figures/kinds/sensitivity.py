@@ -5,7 +5,7 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.figures.cells import MARKS, cell, designs_of, marks_legend, remove_frame, written
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS, Look, number

@@ -8,8 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from knitlab.cube.design_status import RUN
-from knitlab.cube.schema import STRIPE_DIMS
+from knitlab.cube.schema import RUN, STRIPE_DIMS
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import TWO_COLUMNS, shades
 
