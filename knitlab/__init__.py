@@ -13,7 +13,7 @@ Example:
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from knitlab.xarray_accessor import register_accessor
+import knitlab.cube.query  # noqa: F401, registers cube.knitlab
 
 if TYPE_CHECKING:
     from knitlab import plot
@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from knitlab.sweep.patterns import Pattern
 
     __version__: str
-
-register_accessor()
 
 __all__ = [
     "BadInput",

@@ -2,43 +2,28 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any
 
 import pandas as pd
+import xarray as xr
 
+from knitlab.cube.comparison import compared
+from knitlab.cube.cube_file import open_cube
 from knitlab.cube.find import Found, find_designs
-from knitlab.cube.plain_cube import PlainCube, open_plain_cube
 from knitlab.cube.query import query_cubes
 from knitlab.cube.selection import refuse_others, selected, selections_along
 from knitlab.cube.target import Target, read_target
 from knitlab.io.errors import BadInput, ErrorCollector
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-Cube: TypeAlias = "str | Path | xr.Dataset"
+Cube = str | Path | xr.Dataset
 """A cube, its file, or the results folder that holds it."""
 Wanted = str | Mapping[str, Any] | Target
 """A target as text, as the table of a curve, or as an object."""
 
 
-def opened(cube: Cube) -> "xr.Dataset":
-    """A cube in memory.
-
-    Raises:
-        BadInput: if there is no such file, or it is not a cube.
-    """
-    from knitlab.cube.cube_file import open_cube
-
-    return open_cube(cube) if isinstance(cube, str | Path) else cube
-
-
-def _plain(cubes: Sequence[Cube]) -> list[PlainCube]:
-    # A file is read without xarray, whose import takes longer than a query.
-    return [
-        open_plain_cube(cube) if isinstance(cube, str | Path) else PlainCube.of(cube)
-        for cube in cubes
-    ]
+def opened(cube: Cube, *, lazily: bool = False) -> xr.Dataset:
+    """A cube, opened as by :func:`knitlab.open_cube` unless it is."""
+    return open_cube(cube, lazily=lazily) if isinstance(cube, str | Path) else cube
 
 
 def query(
@@ -66,7 +51,8 @@ def query(
         >>> table[["n_stripe", "n_subunit"]].iloc[0].tolist()
         [8, 64]
     """
-    return query_cubes(_plain(cubes), selections, where, sort, columns)
+    read = [opened(cube, lazily=True) for cube in cubes]
+    return query_cubes(read, selections, where, sort, columns)
 
 
 def find(
@@ -111,7 +97,7 @@ def find(
         [4, 16]
     """
     wanted, required = _targets(targets, "target"), _targets(subject_to, "subject_to")
-    return find_designs(_plain(cubes), wanted, required, most)
+    return find_designs([opened(cube, lazily=True) for cube in cubes], wanted, required, most)
 
 
 def _targets(given: Wanted | Sequence[Wanted], source: str) -> list[Target]:
@@ -139,8 +125,6 @@ def compare(simulation: Cube, /, *experiments: Cube, **selections: Any) -> pd.Da
     Raises:
         BadInput: if the cubes have no design in common, or a selection is at fault.
     """
-    from knitlab.cube.comparison import compared
-
     cubes = [opened(cube) for cube in (simulation, *experiments)]
     known = {str(name) for cube in cubes for name in cube.dims if name in cube.coords}
     remedy = f"select along {', '.join(sorted(known))}"

@@ -8,8 +8,7 @@ from typing import Any
 import xarray as xr
 
 from knitlab.api.cubes import Cube
-from knitlab.cube.cube_file import is_case, open_cube
-from knitlab.cube.plain_cube import cube_path
+from knitlab.cube.cube_file import cube_path, is_case, open_cube
 from knitlab.cube.selection import refuse_others
 from knitlab.io.errors import fault
 from knitlab.meshes.chosen_case import STRAIN, chosen_case, chosen_strains

@@ -16,8 +16,7 @@ from pydantic import ValidationError
 from tqdm.auto import tqdm
 
 from knitlab.cube.case_file import configurations
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import described
+from knitlab.cube.schema import Status, described
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.equilibrium.linear_response import NoDerivative
 from knitlab.equilibrium.settings import SolverSettings

@@ -44,7 +44,7 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     Exit code 1 if no candidate meets all targets.
     """
     from knitlab.api import design as api
-    from knitlab.cube.plain_cube import CUBE
+    from knitlab.cube.cube_file import CUBE
     from knitlab.cube.query import formatted
     from knitlab.inverse.summary import summary
 

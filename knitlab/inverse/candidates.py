@@ -10,8 +10,7 @@ import pandas as pd
 import tomli_w
 import xarray as xr
 
-from knitlab.cube.find import Found, find_designs, in_order
-from knitlab.cube.plain_cube import PlainCube
+from knitlab.cube.find import Found, find_designs
 from knitlab.cube.schema import described
 from knitlab.cube.strain_window import STRAIN
 from knitlab.inverse.objective import distance_of, violation_of
@@ -116,7 +115,7 @@ def completed(
 def ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
     """The candidates that meet the constraints, then the others; by their worst distance."""
     targets, constraints = request.targets, request.subject_to
-    found = find_designs([PlainCube.of(cube)], request.wanted)
+    found = find_designs([cube], request.wanted)
     reached, kept = found.reached[: len(targets)], found.reached[len(targets) :]
     worst = distance_of(targets, [each.worst for each in reached])
     violation = np.array(
@@ -135,7 +134,7 @@ def ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
     order = np.lexsort((worst, violation))
     return Found(
         table.iloc[order].reset_index(drop=True),
-        tuple(in_order(each, order) for each in found.reached),
+        tuple(each.in_order(order) for each in found.reached),
         found.passed_over,
     )
 

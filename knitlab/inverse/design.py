@@ -11,9 +11,8 @@ import pandas as pd
 import xarray as xr
 from tqdm import tqdm
 
-from knitlab.cube.cube_file import write_cube
+from knitlab.cube.cube_file import CUBE, write_cube
 from knitlab.cube.find import Found
-from knitlab.cube.plain_cube import CUBE
 from knitlab.inverse.candidates import (
     candidates_of,
     candidates_plan,

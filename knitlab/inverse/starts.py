@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import xarray as xr
+
+from knitlab.cube.cube_file import CUBE, open_cube
 from knitlab.cube.find import find_designs
-from knitlab.cube.plain_cube import CUBE, PlainCube, open_plain_cube
 from knitlab.cube.target import Target
 from knitlab.inverse.request import DesignRequest
 from knitlab.inverse.search_space import DesignLabels, SearchSpace
@@ -48,7 +50,7 @@ def starting_designs(
     """
     if len(space.designs) <= request.starts and not request.cubes:
         return Starts(space.designs)
-    cubes, simulations = [open_plain_cube(path) for path in request.cubes], 0
+    cubes, simulations = [open_cube(path, lazily=True) for path in request.cubes], 0
     if not cubes:
         cubes, simulations = _coarse_sweep(request, space, folder, options)
     if not targets:
@@ -67,7 +69,7 @@ def starting_designs(
 
 def _coarse_sweep(
     request: DesignRequest, space: SearchSpace, folder: Path, options: RunOptions
-) -> tuple[list[PlainCube], int]:
+) -> tuple[list[xr.Dataset], int]:
     labels = {
         dim: list(dict.fromkeys(along))
         for dim, along in zip(space.dims, zip(*space.designs, strict=True), strict=True)
@@ -75,4 +77,4 @@ def _coarse_sweep(
     plan = make_plan(space.workflow, {**space.settings, **(labels if request.choices else {})})
     if run_plan(plan, folder, options).stopped:
         raise KeyboardInterrupt
-    return [open_plain_cube(folder / CUBE)], len(plan.cases)
+    return [open_cube(folder / CUBE)], len(plan.cases)

@@ -11,10 +11,8 @@ import xarray as xr
 from jaxtyping import Float
 
 from knitlab.cube.common_settings import ATTRIBUTE, parameters_of
-from knitlab.cube.cube_file import design_dims, is_measured, open_cube, write_cube
-from knitlab.cube.design_status import Status
-from knitlab.cube.plain_cube import CUBE
-from knitlab.cube.schema import CYCLE, DESIGN_DIMS, SOURCE, VARIABLES, described
+from knitlab.cube.cube_file import CUBE, design_dims, is_measured, open_cube, write_cube
+from knitlab.cube.schema import CYCLE, DESIGN_DIMS, SOURCE, VARIABLES, Status, described
 from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import BadInput, fault
 from knitlab.io.fingerprint import code_fingerprint, file_digest, text_fingerprint

@@ -7,8 +7,7 @@ import xarray as xr
 
 from knitlab.cube.common_settings import parameters_of
 from knitlab.cube.cube_file import is_measured
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import CYCLE, DESIGN_DIMS
+from knitlab.cube.schema import CYCLE, DESIGN_DIMS, Status
 from knitlab.io.errors import fault
 from knitlab.laboratory.fit import MeasuredTest
 from knitlab.laboratory.simulated_test import QUANTITIES

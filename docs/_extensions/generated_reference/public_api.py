@@ -6,7 +6,7 @@ from types import ModuleType
 from typing import Any
 
 import knitlab
-from knitlab.cube.accessor import KnitlabAccessor
+from knitlab.cube.query import KnitlabAccessor
 from knitlab.fabric.options import ModelOptions
 
 
