@@ -15,7 +15,7 @@ from knitlab.api.single_design import (
     of_design,
     of_workflow,
 )
-from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.settings import ModelOptions
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.knitting.chart import Face, StitchChart
