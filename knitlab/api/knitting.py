@@ -9,7 +9,7 @@ import xarray as xr
 
 from knitlab.api.simulation import Design, case_of_design
 from knitlab.api.single_design import SingleDesign, is_cube, single_design
-from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.settings import ModelOptions
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.knitting.chart import Face, StitchChart

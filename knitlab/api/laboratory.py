@@ -1,6 +1,7 @@
 """Measurements: stripes from tension curves, laboratory records as cubes, fits to whole fabrics."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from knitlab.laboratory.description import RecordKind
 from knitlab.laboratory.experiment import Imported
 from knitlab.laboratory.experiment import import_records as import_kind
 from knitlab.laboratory.fit import Fit, NoFit, Step, fit_stripes
-from knitlab.laboratory.target import at_strains_of, case_for, target_of
+from knitlab.laboratory.target import case_for, target_of
 from knitlab.measure.calibration import Calibration, Law
 from knitlab.measure.calibration import calibrate as fit_zigzag
 from knitlab.sweep.plan import Plan, make_plan
@@ -32,7 +33,7 @@ def calibrate(strain: Curve, force: Curve, *, period: float, law: Law = "linear"
         force: force on one row of the network [N].
         period: relaxed peak-to-peak distance of the stripe [mm].
         law: of the springs: ``"linear"``, ``"stiffening"``, whose stiffening strain is fitted too,
-            or a :class:`~knitlab.fabric.spring_curve.SpringCurve`.
+            or a :class:`~knitlab.fabric.spring_law.SpringCurve`.
 
     Returns:
         The fitted numbers with their standard errors, 95 % intervals and correlations; its method
@@ -114,8 +115,9 @@ def fit(
     cube = opened(experiment)
     case = case_for(plan, cube)
     target = target_of(cube, case, model_error)
+    case = replace(case, applied_strain=(0.0, *target.applied_strain))
     try:
-        return fit_stripes(at_strains_of(case, target), target, looseness, starts=starts, step=step)
+        return fit_stripes(case, target, looseness, starts=starts, step=step)
     except NoFit as problem:
         remedy = "choose a smaller strain_max, or another sample"
         raise fault(plan.workflow, f"{problem}; {remedy}") from problem

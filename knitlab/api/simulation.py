@@ -20,9 +20,7 @@ from knitlab.cube.schema import Status, described
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.equilibrium.linear_response import NoDerivative
 from knitlab.equilibrium.settings import SolverSettings
-from knitlab.fabric.fabric import Sheet
-from knitlab.fabric.options import Boundary, ModelOptions
-from knitlab.fabric.plain import PlainKnit
+from knitlab.fabric.settings import Boundary, ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe
 from knitlab.inverse.trial import ShapeFunction, measure_of_strained, state_slopes
 from knitlab.io.errors import BadInput, Fault, fault, faults_of

@@ -84,7 +84,7 @@ def calibrate(
         raise fault("--spring-curve", "goes with --law tabulated; give both, or neither")
     measured = read_tension_curve(curve, width, thickness)
 
-    from knitlab.fabric.spring_curve import SpringCurve
+    from knitlab.fabric.spring_law import SpringCurve
     from knitlab.figures.calibration import calibration_figure
     from knitlab.measure.calibration import calibrate as fit
     from knitlab.measure.calibration import report, report_comparison
