@@ -27,7 +27,7 @@ from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.equilibrium.system import System, one_thread_of_blas
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.evaluation import COMPLETE, Evaluation, Point
+from knitlab.fabric.energy import COMPLETE, Evaluation, Point
 from knitlab.fabric.threads import Threads, allowed_threads
 from knitlab.simulation.case import Case
 

@@ -24,7 +24,7 @@ from knitlab.equilibrium.state import History, Outcome, State, TensileTest
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import Energy
 from knitlab.fabric.fabric import Fabric, flat_sheet
-from knitlab.fabric.inertia import Inertia, moved_mass, nodes_moved
+from knitlab.fabric.inertia import Inertia, moved_mass
 from knitlab.fabric.network import MeshShape, network
 
 Progress = Callable[[int, float], None]
@@ -209,7 +209,7 @@ def _body(shape: MeshShape, fabric: Fabric, inertia: Inertia, clamped: bool) -> 
         jnp.asarray(inverse),
         jnp.asarray(lengths),
         jnp.asarray(inertia.damping),
-        jnp.asarray(nodes_moved(shape).lengths),
+        jnp.array([shape.nodes_y, shape.nodes_x], float),
     )
 
 

@@ -4,8 +4,6 @@ XLA fuses operations on separate components into one loop over the grid. With th
 an axis of one array it would write every intermediate vector to memory.
 """
 
-from functools import reduce
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -90,4 +88,7 @@ def arctan2(y: Component, x: Component) -> Component:
 
 def _polynomial(coefficients: tuple[float, ...], of: Component) -> Component:
     """A polynomial by Horner's rule, highest power first; numbers and no array, for speed."""
-    return reduce(lambda value, coefficient: value * of + coefficient, coefficients)
+    value = coefficients[0] * of + coefficients[1]
+    for coefficient in coefficients[2:]:
+        value = value * of + coefficient
+    return value

@@ -21,7 +21,7 @@ from knitlab.equilibrium.subdomains import (
     subdomains_of,
 )
 from knitlab.equilibrium.system import KeptFactors, System
-from knitlab.fabric.evaluation import Point
+from knitlab.fabric.energy import Point
 from knitlab.fabric.fabric import Fabric
 
 

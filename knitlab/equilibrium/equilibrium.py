@@ -22,7 +22,7 @@ from knitlab.equilibrium.search import Search, SearchRules, minimise
 from knitlab.equilibrium.state import Outcome, State
 from knitlab.equilibrium.subdomains import worth_dividing
 from knitlab.equilibrium.system import System
-from knitlab.fabric.evaluation import Evaluation, Point
+from knitlab.fabric.energy import Evaluation, Point
 
 ROUNDS = 8
 """Rounds before extrapolation may begin; most samples converge within a few more."""

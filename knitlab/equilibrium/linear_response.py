@@ -15,7 +15,7 @@ from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.system import one_thread_of_blas
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.element_chunks import ChunkedFabric
-from knitlab.fabric.evaluation import COMPLETE
+from knitlab.fabric.energy import COMPLETE
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape
 

@@ -23,7 +23,7 @@ from knitlab.equilibrium.stiffness import FreeStiffness
 from knitlab.equilibrium.system import System
 from knitlab.equilibrium.walls import lowest_part, step_between_walls
 from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.evaluation import Evaluation, Point
+from knitlab.fabric.energy import Evaluation, Point
 
 if TYPE_CHECKING:
     from knitlab.fabric.barrier import Barrier

@@ -20,7 +20,7 @@ from knitlab.equilibrium.linear_algebra.symbolic_factorisation import planned
 from knitlab.equilibrium.stiffness import FreeStiffness
 from knitlab.equilibrium.subdomains import worth_dividing
 from knitlab.fabric.element_chunks import ChunkedFabric
-from knitlab.fabric.evaluation import Evaluation, Point
+from knitlab.fabric.energy import Evaluation, Point
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape
 from knitlab.fabric.threads import ALONE, Threads, allowed_threads

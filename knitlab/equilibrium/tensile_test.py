@@ -17,7 +17,7 @@ from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.subdomains import worth_dividing
 from knitlab.equilibrium.system import System
 from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.evaluation import Point, Stage
+from knitlab.fabric.energy import Point, Stage
 
 if TYPE_CHECKING:
     from knitlab.fabric.barrier import Barrier

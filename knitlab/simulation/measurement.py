@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import VARIABLES, Variable, described
+from knitlab.cube.schema import VARIABLES, Status, Variable, described
 from knitlab.equilibrium.state import History, State, TensileTest
 from knitlab.fabric.configuration import Configuration
 from knitlab.io.fingerprint import code_fingerprint

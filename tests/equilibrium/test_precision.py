@@ -13,7 +13,7 @@ from knitlab.equilibrium.search import NEARLY, SearchRules
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.system import System, one_thread_of_blas
 from knitlab.equilibrium.tensile_test import stretch
-from knitlab.fabric.evaluation import Point
+from knitlab.fabric.energy import Point
 from tests.fabrics import DEFAULT, FINE, PERIODIC, checkered, equations
 
 

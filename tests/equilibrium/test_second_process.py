@@ -16,7 +16,7 @@ from knitlab.equilibrium.second_process import SecondProcess
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.subdomains import subdomains_of
 from knitlab.equilibrium.system import System, one_thread_of_blas
-from knitlab.fabric.evaluation import Point
+from knitlab.fabric.energy import Point
 from knitlab.fabric.threads import ALONE, Threads
 from tests.fabrics import DEFAULT
 

@@ -14,8 +14,8 @@ from knitlab.equilibrium.settings import SolverSettings
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.walls import lowest_part, step_between_walls
 from knitlab.fabric.element_chunks import ChunkedFabric
-from knitlab.fabric.evaluation import COMPLETE, Point
-from knitlab.fabric.fabric import Sheet
+from knitlab.fabric.energy import COMPLETE, Point
+from knitlab.fabric.settings import Sheet
 from tests.fabrics import CLAMPED, DEFAULT, checkerboard, equations, patterned
 
 Z_MAX = 1.5
