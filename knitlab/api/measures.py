@@ -13,9 +13,8 @@ from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.fabric import Fabric
 from knitlab.inverse.quantities import Measure
 from knitlab.io.errors import BadInput, Fault, fault
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.simulation.case import Case, case_of
-from knitlab.simulation.stripe_sensitivity import adjoint_of
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of, logarithmic
 
 
 def evaluate(test: xr.Dataset, *, sensitivities: bool = True, **measures: Measure) -> xr.Dataset:

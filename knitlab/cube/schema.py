@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from knitlab.cube.capacitor_schema import CAPACITOR_VARIABLES
 from knitlab.cube.design_status import Status
 from knitlab.cube.variable import Variable
-from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
+from knitlab.measure.capacitance.sensor import CapacitorStatus
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -9,9 +9,8 @@ from jaxtyping import Array, Float
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape
-from knitlab.measure.cell_grid import CellGrid
-from knitlab.measure.sensitivity import quantities
-from knitlab.simulation.stripe_sensitivity import measured_by
+from knitlab.measure.unit_cells import CellGrid
+from knitlab.simulation.sensitivity import measured_by, quantities
 
 ALONG_STRAIN = ("poisson_ratio", "reaction_force", "mean_strain_xx", "mean_strain_yy")
 """Quantities along the applied strain."""

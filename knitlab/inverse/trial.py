@@ -25,10 +25,9 @@ from knitlab.inverse.quantities import OF_CLOTH, OF_DESIGN, Measures, of_relaxed
 from knitlab.inverse.request import PARAMETERS
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.measure.knit_size import Gauge
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.simulation.case import Case
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of, logarithmic
 from knitlab.simulation.simulate import simulated
-from knitlab.simulation.stripe_sensitivity import adjoint_of
 from knitlab.sweep.cube import known_in_advance
 from knitlab.sweep.gauge import sizes_of
 

@@ -30,7 +30,7 @@ from knitlab.laboratory.machine import (
 )
 from knitlab.laboratory.markers import along_pull, marker_values, read_marked
 from knitlab.laboratory.quantities import number
-from knitlab.measure.cycles import Cycle
+from knitlab.measure.records import Cycle
 from knitlab.sweep.defaults import defaults
 
 IMPORTS = "imports"

@@ -20,10 +20,8 @@ from knitlab.laboratory.records import (
     read_capacitance_log,
     read_tensile_log,
 )
-from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
-from knitlab.measure.capacitance.sensor import hysteresis, sensor_of
-from knitlab.measure.cycles import Cycle, cycles
-from knitlab.measure.resampling import resampled
+from knitlab.measure.capacitance.sensor import CapacitorStatus, hysteresis, sensor_of
+from knitlab.measure.records import Cycle, cycles, resampled
 
 Times = Float[np.ndarray, " record"]
 Values = dict[str, Any]

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from pydantic import Field, PositiveFloat, PositiveInt
 
-from knitlab.measure.linear_fit import LinearFit, common_slope_probability, linear_fit
+from knitlab.measure.fit_statistics import LinearFit, common_slope_probability, linear_fit
 from knitlab.validation.finding import Finding, NotMeasured
 from knitlab.validation.margin import above, below, worst
 from knitlab.validation.samples import Checkerboards, checkerboards

@@ -26,9 +26,8 @@ from knitlab.fabric.layout import FabricLayout, fabric_layout
 from knitlab.fabric.options import ModelOptions
 from knitlab.fabric.pattern import SingleFold
 from knitlab.fabric.plain import PlainKnit
-from knitlab.measure.cell_grid import CellGrid
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
-from knitlab.simulation.stripe_sensitivity import measured_by
+from knitlab.measure.unit_cells import CellGrid
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, logarithmic, measured_by
 from tests.fabrics import CLAMPED, FINE, PERIODIC, checkerboard, equations, stripe
 
 NAMES = (

@@ -19,7 +19,6 @@ from tests.sweep.stand_in import plan_of, write
 
 COMPUTES_NOTHING = {
     "measure/knit_size.py": "sizes of the cube only, recomputed for every cube",
-    "simulation/reporting.py": "progress",
     "io/capacitor_schema.py": "names and units",
     "io/case_file.py": "how files are written",
     "io/classic_file.py": "how files are written",

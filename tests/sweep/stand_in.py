@@ -20,9 +20,9 @@ from knitlab.cube.design_status import Status
 from knitlab.cube.schema import described
 from knitlab.fabric.threads import allowed_threads
 from knitlab.io.fingerprint import code_fingerprint
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.measure.wavelength import POINTS
 from knitlab.simulation.measurement import variables_of
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.run import RunOptions, run_plan
 from tests.file_events import await_changes, kill, pause_before_changes

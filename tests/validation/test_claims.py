@@ -10,7 +10,7 @@ from knitlab.cube.cube_file import write_cube
 from knitlab.cube.design_status import Status
 from knitlab.cube.schema import described
 from knitlab.io.errors import BadInput
-from knitlab.measure.linear_fit import common_slope_probability, linear_fit
+from knitlab.measure.fit_statistics import common_slope_probability, linear_fit
 from knitlab.validation.claims import read_claims
 from knitlab.validation.judgement import judged
 from knitlab.validation.margin import Verdict

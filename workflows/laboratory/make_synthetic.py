@@ -15,8 +15,7 @@ from knitlab.cube.case_file import configurations, read_case
 from knitlab.cube.cube_file import open_cube
 from knitlab.fabric.network import MeshShape
 from knitlab.laboratory.synthetic import Camera, Protocol, along_test, tracked, with_losses
-from knitlab.measure.cell_grid import CellGrid
-from knitlab.measure.corners import unit_cell_corners
+from knitlab.measure.unit_cells import CellGrid, unit_cell_corners
 
 STRIPES = {
     "rib_k_s_factor": 0.85,

@@ -21,8 +21,7 @@ from knitlab.figures.snaps import break_note, broken, snapped_before
 from knitlab.figures.sources import lines_of
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS
 from knitlab.io.errors import fault
-from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
-from knitlab.measure.capacitance.sensor import CENTRAL_PART
+from knitlab.measure.capacitance.sensor import CENTRAL_PART, CapacitorStatus
 
 SLOPE: dict[str, Any] = {"lw": 4, "alpha": 0.45, "solid_capstyle": "butt"}
 END: dict[str, Any] = {"marker": "|", "ms": 9, "mew": 1.5, "ls": ""}

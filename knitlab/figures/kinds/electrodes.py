@@ -103,7 +103,7 @@ def _draw_chart(axes: Axes, case: "Case") -> None:
 
 
 def _draw_relaxed(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
-    from knitlab.measure.grid_nodes import nodes_at
+    from knitlab.measure.unit_cells import nodes_at
 
     shape = case.mesh_shape
     rows, columns = np.arange(shape.cells_y + 1), np.arange(shape.cells_x + 1)

@@ -51,8 +51,7 @@ def spring_network(case: xr.Dataset) -> Figure:
     from knitlab.fabric.network import MeshShape
     from knitlab.fabric.options import ModelOptions
     from knitlab.fabric.plain import PlainKnit
-    from knitlab.measure.cell_grid import CellGrid
-    from knitlab.measure.patches import central_cell
+    from knitlab.measure.unit_cells import CellGrid, central_cell
 
     parameters = json.loads(case.attrs["parameters"])
     options = ModelOptions(**parameters["reading"] | {"boundary": "periodic"})

@@ -10,7 +10,7 @@ from knitlab.fabric.electrode_layout import ElectrodeLayout, place_electrodes
 from knitlab.fabric.pattern import patch_map
 from knitlab.measure.capacitance.boundary_elements import VACUUM_PERMITTIVITY
 from knitlab.measure.capacitance.capacitor import Capacitor, capacitances
-from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
+from knitlab.measure.capacitance.sensor import CapacitorStatus
 from tests.fabrics import CLAMPED, PERIODIC, cell_of, pure, stripe
 
 PERIODS = 2
