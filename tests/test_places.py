@@ -31,6 +31,6 @@ def test_a_run_passes_the_places_on_its_way_to_a_factorisation():
         f"knitlab.{file.removesuffix('.py').replace('/', '.')}.{function}"
         for file, function in calls_to_a_factorisation()
     }
-    way = "execution.run.run_plan", "simulation.simulate.simulate_batch"
-    way += "mechanics.tensile_test.stretch", "solvers.equilibrium.find_equilibrium"
+    way = "sweep.run.run_plan", "simulation.simulate.simulate_batch"
+    way += "equilibrium.tensile_test.stretch", "equilibrium.equilibrium.find_equilibrium"
     assert {f"knitlab.{place}" for place in way} <= passed & set(PLACES)

@@ -8,7 +8,7 @@ from typing import Any
 
 import xarray as xr
 
-from knitlab.cube.plain_cube import CUBE
+from knitlab.cube.cube_file import CUBE
 from knitlab.io.errors import Fault
 from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.plan import Plan, make_plan

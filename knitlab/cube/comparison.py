@@ -9,8 +9,7 @@ import xarray as xr
 
 from knitlab.cube.common_settings import parameters_of
 from knitlab.cube.cube_file import is_measured, source_of, swept_dims
-from knitlab.cube.design_status import RUN, Status
-from knitlab.cube.schema import CYCLE, DESIGN_DIMS, VARIABLES
+from knitlab.cube.schema import CYCLE, DESIGN_DIMS, RUN, VARIABLES, Status
 from knitlab.cube.selection import choices
 from knitlab.io.errors import fault
 

@@ -14,8 +14,9 @@ from knitlab.equilibrium.loading import drive_along, reaction_force
 from knitlab.equilibrium.state import State
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import energy
-from knitlab.fabric.fabric import Fabric, StripePair
+from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape, network
+from knitlab.fabric.stripe import StripePair
 from knitlab.measure.strain import central_mean, local_strain, mean_cell_size, poisson_ratio
 from knitlab.measure.unit_cells import CellGrid, unit_cell_corners
 from knitlab.simulation.case import Case
@@ -27,7 +28,7 @@ STRIPE_PARAMETERS = {
     for knit, side in (("rib", "weft"), ("garter", "warp"))
     for name in ("k_s", "k_t", "theta_0", "period")
 }
-"""Stripe and attribute of each parameter in a :class:`~knitlab.fabric.fabric.StripePair`, by its
+"""Stripe and attribute of each parameter in a :class:`~knitlab.fabric.stripe.StripePair`, by its
 name. The periods of rib and garter are the paper's w and h."""
 
 Quantity = Callable[[Configuration, Configuration, Fabric], Float[Array, "..."]]

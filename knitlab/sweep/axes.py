@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from knitlab.cube.variable import Variable
-from knitlab.fabric.electrode_layout import ElectrodeLayout
+from knitlab.cube.schema import Variable
+from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.simulation.case import Label
 from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.settings import PATTERN, SAMPLE_SIZE, Setting

@@ -6,16 +6,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import netCDF4
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.case_file import case_path
-from knitlab.cube.classic_file import read_classic
+from knitlab.cube.case_file import case_path, read_values
 from knitlab.cube.common_settings import ATTRIBUTE, parameters_of, shared
-from knitlab.cube.design_status import Status
-from knitlab.cube.plain_cube import READING, PlainCube, unmasked
-from knitlab.cube.schema import VARIABLES, described
+from knitlab.cube.cube_file import READING
+from knitlab.cube.schema import VARIABLES, Status, described
 from knitlab.io.provenance import provenance
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, Label
@@ -84,7 +81,7 @@ def build_cube(
         failed: identifiers of cases that this run could not compute.
         damaged: identifiers of cases whose files must not be read.
     """
-    known = {} if old is None else cells(PlainCube.of(old))
+    known = {} if old is None else cells(old)
     entries = {} if old is None else _old_entries(plan, old, known)
     for case_id, case in plan.cases.items():
         design = tuple(case.design.values())
@@ -176,18 +173,8 @@ def _empty_entry(case: Case, status: Status) -> Entry:
 
 def _read_entry(path: Path, case: Case, gauge: Gauge) -> Entry:
     wanted = {name for name, variable in variables_of(case).items() if variable.in_cube}
-    # A file of an earlier version may lack some.
-    stored = read_classic(path, wanted) or _read_other(path, wanted)
-    values = known_in_advance(case)
-    values |= {name: unmasked(name, its) for name, its in stored.items()}
+    values = known_in_advance(case) | read_values(path, wanted)
     return Entry(values | sizes_of(case, values, gauge), case.applied_strain)
-
-
-def _read_other(path: Path, names: Collection[str]) -> dict[str, np.ndarray]:
-    """Stored values of a case file of an earlier version, which is in the format of HDF5."""
-    with netCDF4.Dataset(path) as dataset:
-        dataset.set_auto_maskandscale(False)
-        return {name: dataset[name][...] for name in names if name in dataset.variables}
 
 
 def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) -> xr.Dataset:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.io.errors import BadInput
 from knitlab.io.fingerprint import package_fingerprint
 from knitlab.sweep.status import changed_inputs, folder_status, planned_designs, read_plan

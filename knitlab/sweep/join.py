@@ -9,9 +9,8 @@ import xarray as xr
 
 from knitlab.cube.case_file import read_case
 from knitlab.cube.common_settings import differences, parameters_of
-from knitlab.cube.cube_file import open_cube, write_cube
-from knitlab.cube.design_status import Status
-from knitlab.cube.plain_cube import CUBE, PlainCube
+from knitlab.cube.cube_file import CUBE, open_cube, write_cube
+from knitlab.cube.schema import Status
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, fault
 from knitlab.sweep.cube import build_cube
@@ -44,8 +43,8 @@ def previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
     except BadInput as error:
         problem = "cannot be read; remove it and run again: it is rebuilt from the case files"
         raise fault(str(path), problem) from error
-    check_dims(PlainCube.of(cube), plan.dims, path)
-    others = set(cells(PlainCube.of(cube))) - set(plan.designs.values())
+    check_dims(cube, plan.dims, path)
+    others = set(cells(cube)) - set(plan.designs.values())
     changed = differences(parameters_of(cube), plan.common)
     changed = tuple(change for change in changed if change.key[0] not in MAY_DIFFER)
     if others and changed:
@@ -141,8 +140,7 @@ def joined_again(plan: Plan, results: Path, simulated: Collection[str], failed: 
     """Write the cube and ``failures.jsonl`` after the last of several shards has ended."""
     # Others may have written both while this shard was running.
     old = previous_cube(plan, results / CUBE)
-    known = None if old is None else PlainCube.of(old)
-    states = survey(plan.designs, results, known, check=True)
+    states = survey(plan.designs, results, old, check=True)
     join(plan, results, old, states, simulated, failed)
 
 

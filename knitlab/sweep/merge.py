@@ -10,10 +10,8 @@ from typing import Any
 import xarray as xr
 
 from knitlab.cube.case_file import case_path, checksum_path
-from knitlab.cube.cube_file import write_cube
-from knitlab.cube.design_status import Status
-from knitlab.cube.joined_cubes import joined_cubes
-from knitlab.cube.plain_cube import CUBE, PlainCube
+from knitlab.cube.cube_file import CUBE, joined_cubes, write_cube
+from knitlab.cube.schema import Status
 from knitlab.io.atomic_write import atomic_write, clear_unfinished
 from knitlab.io.errors import fault
 from knitlab.io.lock import held
@@ -121,9 +119,8 @@ def _cube(
     designs: dict[str, Design] = {}
     for record in records:
         designs |= planned_designs(record)
-    known = None if joined is None else PlainCube.of(joined)
-    stored = {} if known is None else cells(known)
-    states = survey(designs, target, known, check=False)
+    stored = {} if joined is None else cells(joined)
+    states = survey(designs, target, joined, check=False)
     done = {
         case_id
         for case_id, design in designs.items()

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from knitlab.cube.common_settings import common_settings
-from knitlab.cube.variable import Variable
+from knitlab.cube.schema import Variable
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, ErrorCollector, Fault
 from knitlab.io.fingerprint import (

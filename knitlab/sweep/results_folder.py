@@ -10,8 +10,7 @@ import xarray as xr
 
 from knitlab.cube.case_file import StoredCase, case_path, check_case_file, read_code
 from knitlab.cube.common_settings import parameters_of
-from knitlab.cube.cube_file import is_measured, open_cube
-from knitlab.cube.plain_cube import CUBE, PlainCube
+from knitlab.cube.cube_file import CUBE, design_dims, is_measured, open_cube
 from knitlab.io.errors import fault
 from knitlab.sweep.status import PLAN, earlier_failures, read_plan
 from knitlab.sweep.survey import Cell, Design, cells
@@ -47,7 +46,7 @@ class ResultsFolder:
     @cached_property
     def cells(self) -> dict[Design, Cell]:
         """The designs of its cube."""
-        return {} if self.cube is None else cells(PlainCube.of(self.cube))
+        return {} if self.cube is None else cells(self.cube)
 
     @cached_property
     def failures(self) -> dict[str, dict[str, Any]]:
@@ -58,7 +57,7 @@ class ResultsFolder:
     def dims(self) -> tuple[str, ...] | None:
         """Dimensions of its designs."""
         if self.cube is not None:
-            return PlainCube.of(self.cube).design_dims
+            return design_dims(self.cube)
         return None if self.record is None else tuple(self.record["dims"])
 
     @property

@@ -10,8 +10,8 @@ import xarray as xr
 
 from knitlab.cube.case_file import case_path, read_case
 from knitlab.cube.common_settings import differences, parameters_of
-from knitlab.cube.design_status import Status
-from knitlab.cube.plain_cube import CUBE, PlainCube
+from knitlab.cube.cube_file import CUBE
+from knitlab.cube.schema import Status
 from knitlab.io.atomic_write import clear_unfinished
 from knitlab.io.errors import BadInput, Fault
 from knitlab.io.lock import gate, held, held_by_shard, running_shards
@@ -206,8 +206,7 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
     with held(results) if shard is None else held_by_shard(results, shard.number, shard.count):
         with gate(results):
             old = _begin(plan, results, shard)
-        known = None if old is None else PlainCube.of(old)
-        states = survey(part.designs, results, known, check=True)
+        states = survey(part.designs, results, old, check=True)
         missing = {
             case_id: part.cases[case_id]
             for case_id, state in states.items()

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from knitlab.cube.design_status import Status
-from knitlab.cube.plain_cube import CUBE, open_plain_cube
+from knitlab.cube.cube_file import CUBE, open_cube
+from knitlab.cube.schema import Status
 from knitlab.io.errors import fault
 from knitlab.io.fingerprint import code_fingerprint, digests
 from knitlab.sweep.shard_record import read_records
@@ -136,7 +136,7 @@ def folder_status(
     Raises:
         BadInput: if its ``cube.nc`` is not a cube.
     """
-    cube = open_plain_cube(folder / CUBE) if (folder / CUBE).exists() else None
+    cube = open_cube(folder / CUBE, lazily=True) if (folder / CUBE).exists() else None
     stored = {} if cube is None else cells(cube)
     failures = earlier_failures(folder)
     statuses = {}

@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from knitlab.cube.case_file import StoredCase, case_path, check_case_file, checksum_path, read_code
-from knitlab.cube.design_status import Status
-from knitlab.cube.plain_cube import PlainCube
+from knitlab.cube.cube_file import design_dims
+from knitlab.cube.schema import Status
 from knitlab.io.errors import fault
 from knitlab.io.fingerprint import code_fingerprint
 
@@ -54,13 +55,12 @@ class Cell:
         return self.status in (Status.ok, Status.not_converged)
 
 
-def cells(cube: PlainCube) -> dict[Design, Cell]:
+def cells(cube: xr.Dataset) -> dict[Design, Cell]:
     """The designs of a cube by their labels, without excluded combinations."""
-    labels = [cube.coordinates[dim].tolist() for dim in cube.design_dims]
+    labels = [cube[dim].values.tolist() for dim in design_dims(cube)]
+    status, case_id = cube["status"].values, cube["case_id"].values
     # Cubes of earlier versions have no code.
-    read = cube.read_several(["status", "case_id", *(["code"] if "code" in cube.dims else [])])
-    status, case_id = read["status"], read["case_id"]
-    code = read.get("code", np.full(status.shape, ""))
+    code = cube["code"].values if "code" in cube else np.full(status.shape, "")
     found = {}
     for place in zip(*map(np.ndarray.tolist, np.nonzero(status != Status.excluded)), strict=True):
         design = tuple(along[k] for along, k in zip(labels, place, strict=True))
@@ -70,22 +70,22 @@ def cells(cube: PlainCube) -> dict[Design, Cell]:
     return found
 
 
-def check_dims(cube: PlainCube, dims: tuple[str, ...], path: Path) -> None:
+def check_dims(cube: xr.Dataset, dims: tuple[str, ...], path: Path) -> None:
     """Check that a cube has the dimensions of a plan.
 
     Raises:
         BadInput: if it has others.
     """
-    if cube.design_dims != dims:
+    if design_dims(cube) != dims:
         raise fault(
             str(path),
-            f"has the dimensions {', '.join(cube.design_dims)}, but the workflow has"
+            f"has the dimensions {', '.join(design_dims(cube))}, but the workflow has"
             f" {', '.join(dims)}; name another results folder",
         )
 
 
 def survey(
-    cases: Mapping[str, Design], folder: Path, cube: PlainCube | None, check: bool
+    cases: Mapping[str, Design], folder: Path, cube: xr.Dataset | None, check: bool
 ) -> dict[str, CaseState]:
     """State of every planned case, by identifier.
 

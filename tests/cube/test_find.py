@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 import knitlab as kl
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.cube.target import parse_target
 
 STRAIN = np.array([0.0, 0.1, 0.2, 0.3])

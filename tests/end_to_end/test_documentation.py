@@ -9,7 +9,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+import knitlab as kl
 from knitlab.cli import main
+from knitlab.figures.report.page import write_page
+from knitlab.validation.claims import read_claims
+from knitlab.validation.judgement import judged
 
 ROOT = Path(__file__).parents[2]
 REFERENCE = ROOT / "results" / "reference"
@@ -20,6 +24,8 @@ PAGES = [
 ]
 READING_COMMANDS = ("query", "find", "knit", "claims", "export")
 """Commands that only read a cube, whose output can be compared without a simulation."""
+JUDGED = ("paper", "stripes", "relaxation", "sensor_stripes", "sensor")
+"""Kept cubes that the page of claims judges."""
 LEFT_OUT = "…"
 FILES = ("page ", "figure ", "mesh ", "knitout ", "chart ", "sheet ")
 """What begins a line that names a file."""
@@ -118,6 +124,24 @@ def test_tables_of_the_readme_and_of_every_kind_of_page_are_compared():
     compared = {str(Path(example.page).parent) for example in EXAMPLES}
     assert compared >= {".", "docs/tutorials", "docs/how-to"}
     assert len(EXAMPLES) >= 8
+
+
+@pytest.mark.slow
+def test_the_first_row_of_the_readme_is_computed_again(tmp_path):
+    query = next(example for example in examples("README.md") if example.words[0] == "query")
+    names, values = (line.split() for line in query.printed[:2])
+    printed = dict(zip(names, map(float, values), strict=True))
+    sizes = {name: int(printed.pop(name)) for name in ("n_stripe", "n_subunit")}
+    computed = kl.run("preview", **sizes, results=tmp_path).squeeze()
+    assert {name: float(computed[name]) for name in printed} == pytest.approx(printed, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_the_page_of_claims_is_that_of_the_kept_cubes(tmp_path):
+    cubes = [REFERENCE / name for name in JUDGED]
+    write_page(judged(read_claims(), cubes), tmp_path / "claims.md")
+    kept_page = (REFERENCE / "claims.md").read_text(encoding="utf-8")
+    assert (tmp_path / "claims.md").read_text(encoding="utf-8") == kept_page
 
 
 BLOCK = re.compile(r"^```(python|pycon)\n(.*?)^```$", re.MULTILINE | re.DOTALL)

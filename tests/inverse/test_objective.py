@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.cube.target import parse_target, read_target
 from knitlab.inverse.objective import Objective, aimed, check_targets
 from knitlab.inverse.request import checked_request, with_tolerance
