@@ -15,7 +15,7 @@ from pydantic import (
     ValidationError,
 )
 
-from knitlab.fabric.setting_types import Unit
+from knitlab.fabric.settings import Unit
 from knitlab.io.errors import BadInput, Fault, faults_of
 from knitlab.io.shipped import shipped
 from knitlab.io.strict_model import StrictModel

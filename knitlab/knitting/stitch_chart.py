@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import binary_dilation
 
-from knitlab.fabric.electrode_layout import BadLayout, ElectrodeLayout, ridge_lines
+from knitlab.fabric.electrodes import BadLayout, ElectrodeLayout, ridge_lines
 from knitlab.fabric.pattern import KNIT_OF_LETTER
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH
 from knitlab.io.errors import BadInput, Fault, fault

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from knitlab.cube.schema import Variable
-from knitlab.fabric.electrode_layout import ElectrodeLayout
+from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.simulation.case import Label
 from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.settings import PATTERN, SAMPLE_SIZE, Setting

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from knitlab.fabric.electrode_layout import BadLayout
+from knitlab.fabric.electrodes import BadLayout
 from knitlab.fabric.pattern import BadPattern
 from knitlab.fabric.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,

@@ -1,8 +1,7 @@
 """Contradicting settings: combinations that have no meaning, refused before anything runs."""
 
-from knitlab.fabric.distances import largest_thickness
-from knitlab.fabric.options import Boundary
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
+from knitlab.fabric.settings import Boundary, largest_thickness
 from knitlab.io.errors import fault
 from knitlab.simulation.case import Case
 from knitlab.sweep.design_space import Source

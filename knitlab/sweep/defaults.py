@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from knitlab.fabric.options import CellSize, GarterStart, ModelOptions
+from knitlab.fabric.settings import CellSize, GarterStart, ModelOptions
 from knitlab.io.shipped import shipped
 from knitlab.sweep.parameters import Parameters, read_parameters
 
@@ -36,7 +36,7 @@ def defaults() -> Parameters:
 class Model(ModelOptions):
     """Model options, by default those of ``params/reading.toml``.
 
-    The attributes are those of :class:`~knitlab.fabric.options.ModelOptions`, where they are
+    The attributes are those of :class:`~knitlab.fabric.settings.ModelOptions`, where they are
     described.
 
     Example:

@@ -19,11 +19,9 @@ from pydantic import (
 
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.equilibrium.settings import SolverSettings
-from knitlab.fabric.electrode_layout import ElectrodeLayout
-from knitlab.fabric.fabric import Sheet
-from knitlab.fabric.options import ModelOptions
-from knitlab.fabric.plain import PlainKnit
-from knitlab.fabric.spring_curve import SpringCurve
+from knitlab.fabric.electrodes import ElectrodeLayout
+from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
+from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
     SPRING_LAWS,
@@ -60,7 +58,7 @@ class StripeUnits(StrictModel):
 
 
 class SpringCurveRow(StrictModel):
-    """The table of a :class:`~knitlab.fabric.spring_curve.SpringCurve`."""
+    """The table of a :class:`~knitlab.fabric.spring_law.SpringCurve`."""
 
     strain: Annotated[tuple[float, ...], Field(strict=False)]
     force: Annotated[tuple[float, ...], Field(strict=False)]
@@ -176,7 +174,7 @@ class StripeFile(StrictModel):
 
 @with_fields(with_defaults(ElectrodeLayout))
 class LayoutRow(StrictModel):
-    """A named :class:`~knitlab.fabric.electrode_layout.ElectrodeLayout`."""
+    """A named :class:`~knitlab.fabric.electrodes.ElectrodeLayout`."""
 
     source: str = Field(min_length=1)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import knitlab
 from knitlab.cube.query import KnitlabAccessor
-from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.settings import ModelOptions
 
 
 def page() -> str:
