@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from knitlab.io.errors import BadInput
     from knitlab.measure.capacitance.capacitor import Capacitor
     from knitlab.measure.knit_size import Gauge
-    from knitlab.sweep.defaults import Model, defaults
+    from knitlab.sweep.parameters import Model, defaults
     from knitlab.sweep.patterns import Pattern
 
     __version__: str
@@ -92,7 +92,7 @@ _MODULES = {
     "DynamicsSettings": "knitlab.dynamics.settings",
     "ElectrodeLayout": "knitlab.fabric.electrode_layout",
     "Gauge": "knitlab.measure.knit_size",
-    "Model": "knitlab.sweep.defaults",
+    "Model": "knitlab.sweep.parameters",
     "NotAllOk": "knitlab.api.sweeps",
     "NotConverged": "knitlab.api.simulation",
     "Pattern": "knitlab.sweep.patterns",
@@ -103,7 +103,7 @@ _MODULES = {
     "calibrate": "knitlab.api.calibration",
     "claims": "knitlab.api.claims",
     "compare": "knitlab.api.comparison",
-    "defaults": "knitlab.sweep.defaults",
+    "defaults": "knitlab.sweep.parameters",
     "design": "knitlab.api.designing",
     "evaluate": "knitlab.api.measures",
     "explore": "knitlab.api.explorer",

@@ -23,9 +23,8 @@ from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Method
 from knitlab.simulation.simulate import simulated
-from knitlab.sweep.cube import known_in_advance
-from knitlab.sweep.defaults import defaults
-from knitlab.sweep.gauge import sizes_of, stated
+from knitlab.sweep.cube import known_in_advance, sizes_of, stated_gauge
+from knitlab.sweep.parameters import defaults
 from knitlab.sweep.workflow import ProtocolSection
 
 DEFAULT_STRAINS = tuple(round(0.03 * step, 2) for step in range(16))
@@ -120,7 +119,7 @@ def simulate(
     values = {str(name): array.values for name, array in results.data_vars.items()}
     sizes = sizes_of(case, values, resolved.gauge)
     results = results.assign(known_in_advance(case) | sizes)
-    results.attrs |= stated(resolved.gauge)
+    results.attrs |= stated_gauge(resolved.gauge)
     if results["status"] != Status.ok:
         warnings.warn(f"{case.label}: {results.attrs['reason']}", NotConverged, stacklevel=2)
     return described(results)

@@ -21,15 +21,14 @@ from knitlab.knitting.specification import Prediction
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
 from knitlab.sweep.cases import cases, electrode_problems
-from knitlab.sweep.defaults import defaults
+from knitlab.sweep.cube import gauge_of
 from knitlab.sweep.design_space import design_space
-from knitlab.sweep.gauge import ATTRIBUTES
-from knitlab.sweep.overrides import Overrides
-from knitlab.sweep.parameters import Parameters
+from knitlab.sweep.parameters import Parameters, defaults
 from knitlab.sweep.patterns import Pattern
 from knitlab.sweep.plan import Plan, make_plan
 from knitlab.sweep.reproduce import find_case
 from knitlab.sweep.workflow import DesignSection, ElectrodesSection, ProtocolSection, Workflow
+from knitlab.sweep.workflow_file import Overrides
 
 OWN_PATTERN = "own pattern"
 """Name of a pattern that is given as an object."""
@@ -155,9 +154,10 @@ def of_cube(cube: str | Path | xr.Dataset, selections: Mapping[str, Any]) -> Sin
             recorded nowhere.
     """
     dataset = cube if isinstance(cube, xr.Dataset) else open_cube(cube)
+    gauge = gauge_of(dataset.attrs) or defaults().gauge
     if is_case(dataset):
         case = case_of(json.loads(dataset.attrs["parameters"]))
-        return SingleDesign(case, _gauge(dataset.attrs), _prediction(dataset, case, "test"))
+        return SingleDesign(case, gauge, _prediction(dataset, case, "test"))
     dims = design_dims(dataset)
     kept = selected(dataset, selections).stack(design=dims)
     kept = kept.isel(design=np.flatnonzero(kept["case_id"].values != ""))
@@ -171,7 +171,7 @@ def of_cube(cube: str | Path | xr.Dataset, selections: Mapping[str, Any]) -> Sin
     folder = None if source is None else cube_path(source).parent
     name = str(dataset.attrs.get("workflow", "cube"))
     case = _recorded(str(design["case_id"].item()), folder, name)
-    return SingleDesign(case, _gauge(dataset.attrs), _prediction(design, case, name))
+    return SingleDesign(case, gauge, _prediction(design, case, name))
 
 
 def _bad_strains(strains: Sequence[float]) -> Iterator[Fault]:
@@ -217,13 +217,6 @@ def _recorded(case_id: str, folder: Path | None, workflow: str) -> Case:
             " folder, or name the workflow instead",
         )
     return cases[case_id]
-
-
-def _gauge(attributes: Mapping[Any, Any]) -> Gauge:
-    """The gauge that a cube states, by default that of the parameters."""
-    if not set(ATTRIBUTES.values()) <= set(attributes):
-        return defaults().gauge
-    return Gauge(**{name: float(attributes[its]) for name, its in ATTRIBUTES.items()})
 
 
 def _prediction(design: xr.Dataset, case: Case, source: str) -> Prediction | None:

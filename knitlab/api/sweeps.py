@@ -2,7 +2,6 @@
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +9,12 @@ import xarray as xr
 
 from knitlab.cube.plain_cube import CUBE
 from knitlab.io.errors import Fault
+from knitlab.sweep.batches import Shard
 from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.plan import Plan, make_plan
 from knitlab.sweep.reproduce import find_case
 from knitlab.sweep.reproduce import reproduce as run_alone
-from knitlab.sweep.run import Run, RunOptions, run_plan
-from knitlab.sweep.shard import Shard
+from knitlab.sweep.run import RunOptions, run_plan
 from knitlab.sweep.status import FolderStatus, workflow_status
 
 RESULTS = Path("results")
@@ -24,67 +23,6 @@ RESULTS = Path("results")
 
 class NotAllOk(UserWarning):
     """A run with cases that are not ok, stale or unfinished."""
-
-
-@dataclass(frozen=True)
-class WorkflowRun:
-    """The result of running a workflow.
-
-    Attributes:
-        plan: the plan.
-        folder: results folder of the workflow.
-        run: result of running the plan, with the cube.
-        figures: files of the figures that were drawn.
-        faults: why some figures could not be drawn.
-    """
-
-    plan: Plan
-    folder: Path
-    run: Run
-    figures: tuple[Path, ...] = ()
-    faults: tuple[Fault, ...] = ()
-
-    @property
-    def failures(self) -> list[str]:
-        """One line for each case that is not ok: its status, design and reason."""
-        return [
-            f"{entry['status']}: {self._label(entry)}: {entry['reason']}"
-            for entry in self.run.failures
-        ]
-
-    @property
-    def all_ok(self) -> bool:
-        """Whether every case is ok and was computed with the requested parameters."""
-        return not (self.run.failures or self.run.stale_parameters or self.run.stopped)
-
-    def _label(self, entry: dict[str, Any]) -> str:
-        return "  ".join(f"{name} {entry[name]}" for name in self.plan.dims)
-
-
-def run_workflow(
-    plan: Plan, results: Path, options: RunOptions, *, figures: bool = True
-) -> WorkflowRun:
-    """Simulate the missing cases of a plan, write its cube, and draw its figures.
-
-    Args:
-        plan: the plan.
-        results: folder that holds a folder of results for each workflow.
-        options: how to run it.
-        figures: whether to draw the workflow's figures; a shard draws none.
-
-    Raises:
-        BadInput: if another run holds the folder, or its cube has other dimensions.
-        CannotWrite: if the folder cannot be written; finished cases are kept.
-    """
-    folder = results / plan.workflow
-    done = run_plan(plan, folder, options)
-    if not figures or options.shard:
-        return WorkflowRun(plan, folder, done)
-    # Matplotlib is imported only to draw.
-    from knitlab.figures.drawing import draw_figures
-
-    drawn, faults = draw_figures(plan.figures, folder)
-    return WorkflowRun(plan, folder, done, tuple(drawn), tuple(faults))
 
 
 def run(
@@ -152,13 +90,19 @@ def run(
     made = plan(workflow, **settings)
     for warning in made.warnings:
         warnings.warn(warning, UserWarning, stacklevel=2)
-    done = run_workflow(made, Path(results), options, figures=figures)
-    for remark in [*done.failures, *done.run.remarks(done.folder), *map(str, done.faults)]:
+    folder = Path(results) / made.workflow
+    done = run_plan(made, folder, options)
+    faults: list[Fault] = []
+    if figures and shard is None:
+        # Matplotlib is imported only to draw.
+        from knitlab.figures.drawing import draw_figures
+
+        _, faults = draw_figures(made.figures, folder)
+    for remark in [*done.failure_lines(made.dims), *done.remarks(folder), *map(str, faults)]:
         warnings.warn(remark, NotAllOk, stacklevel=2)
-    cube = done.run.cube
     if shard is None:
-        cube.encoding["source"] = str(done.folder / CUBE)
-    return cube
+        done.cube.encoding["source"] = str(folder / CUBE)
+    return done.cube
 
 
 def merge(

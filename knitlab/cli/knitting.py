@@ -124,7 +124,7 @@ def _single_design(
 
 def _values(changes: tuple[str, ...]) -> dict[str, Any]:
     from knitlab.io.errors import BadInput, Fault
-    from knitlab.sweep.overrides import read_value
+    from knitlab.sweep.workflow_file import read_value
 
     malformed = [text for text in changes if "=" not in text]
     if malformed:

@@ -11,8 +11,7 @@ from knitlab.cube.design_status import Status
 from knitlab.cube.plain_cube import PlainCube
 from knitlab.cube.query import designs_of_all
 from knitlab.cube.strain_window import STRAIN, StrainWindow
-from knitlab.io.errors import fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import fault, unknown
 
 
 @dataclass(frozen=True)

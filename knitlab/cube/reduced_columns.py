@@ -9,8 +9,7 @@ import numpy as np
 
 from knitlab.cube.plain_cube import PlainCube
 from knitlab.cube.strain_window import REDUCTIONS, STRAIN, StrainWindow
-from knitlab.io.errors import fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import fault, unknown
 
 if TYPE_CHECKING:
     import xarray as xr  # slow to import

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from knitlab.cube.plain_cube import PlainCube
-from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, unknown
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -13,7 +13,7 @@ from knitlab.explorer.page import Content
 from knitlab.explorer.run_report import figures_of, run_of
 from knitlab.explorer.shapes import shape_of
 from knitlab.explorer.variables import STRAIN, variables_of
-from knitlab.sweep.status import earlier_failures
+from knitlab.sweep.results_folder import earlier_failures
 
 MEASURED = "It was measured, so that there is no shape."
 NOT_FROM_FILE = "The cube was not opened from a file, so that there is no shape."

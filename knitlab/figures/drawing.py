@@ -33,8 +33,7 @@ from knitlab.figures.drawn import (
 from knitlab.figures.figure_kind import Drawing, FigureKind
 from knitlab.figures.saving import save
 from knitlab.figures.style import print_style
-from knitlab.io.errors import BadInput, Fault, fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import BadInput, Fault, fault, unknown
 from knitlab.sweep.figure_names import COMPARING, FIGURE_NAMES, suffixes
 
 FIGURES: dict[str, FigureKind] = {

@@ -39,11 +39,11 @@ from knitlab.io.fingerprint import text_fingerprint
 from knitlab.io.lock import held
 from knitlab.measure.knit_size import ALONG_X, ALONG_Y, Gauge
 from knitlab.simulation.case import Case, Label
+from knitlab.sweep.cube import GAUGE_ATTRIBUTES
 from knitlab.sweep.declared_fields import declared
-from knitlab.sweep.gauge import ATTRIBUTES
-from knitlab.sweep.interruption import interrupted_by_signals
 from knitlab.sweep.plan import Plan, batched
 from knitlab.sweep.run import RunOptions, run_plan
+from knitlab.sweep.workers import interrupted_by_signals
 
 REQUEST = "request.json"
 WORST = "distance_worst"
@@ -264,7 +264,7 @@ def _candidates_plan(
         batches=batched(cases),
         excluded={},
         coordinates={},
-        overrides=(),
+        overrides={},
         inputs={},
         stripes=text_fingerprint(request.fingerprint),
         gauge=space.plan(space.designs[0], {}).gauge,
@@ -303,7 +303,9 @@ def _completed(
         varied = sizes | stitches
         completed = completed.assign({name: (dims, values) for name, values in varied.items()})
         completed.attrs = {
-            name: value for name, value in cube.attrs.items() if name not in ATTRIBUTES.values()
+            name: value
+            for name, value in cube.attrs.items()
+            if name not in GAUGE_ATTRIBUTES.values()
         }
     return completed
 

@@ -12,8 +12,7 @@ from knitlab.cube.strain_window import REDUCTIONS, STRAIN, gradient
 from knitlab.cube.target import Target, check_window
 from knitlab.inverse.quantities import ALONG_STRAIN, OF_DESIGN
 from knitlab.inverse.trial import Slopes, Trial
-from knitlab.io.errors import BadInput, ErrorCollector, Fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, unknown
 from knitlab.simulation.case import Case
 from knitlab.simulation.measurement import variables_of
 

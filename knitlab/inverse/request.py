@@ -12,10 +12,8 @@ from pydantic import Field, NonNegativeInt, PositiveInt, ValidationError
 
 from knitlab.cube.target import Target, read_target
 from knitlab.inverse.contradiction import contradictions
-from knitlab.io.errors import BadInput, ErrorCollector, Fault, faults_of
-from knitlab.io.strict_model import StrictModel
-from knitlab.io.suggestions import unknown
-from knitlab.io.toml import read_toml
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, faults_of, unknown
+from knitlab.io.toml import StrictModel, read_toml
 from knitlab.measure.knit_size import Gauge
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES

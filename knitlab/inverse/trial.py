@@ -29,8 +29,7 @@ from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import simulated
 from knitlab.simulation.stripe_sensitivity import adjoint_of
-from knitlab.sweep.cube import known_in_advance
-from knitlab.sweep.gauge import sizes_of
+from knitlab.sweep.cube import known_in_advance, sizes_of
 
 STRIPE_COUNT = len(STRIPE_PARAMETERS)
 Slopes = Float[np.ndarray, "strain parameter"]

@@ -8,8 +8,7 @@ from pydantic import Field, PositiveInt, ValidationError, model_validator
 from knitlab.cube.schema import SIMULATION
 from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import BadInput, Fault, faults_of
-from knitlab.io.strict_model import StrictModel
-from knitlab.io.toml import read_toml
+from knitlab.io.toml import StrictModel, read_toml
 from knitlab.laboratory.quantities import (
     CapacitanceColumn,
     ForceColumn,

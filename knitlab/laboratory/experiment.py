@@ -31,7 +31,7 @@ from knitlab.laboratory.machine import (
 from knitlab.laboratory.markers import along_pull, marker_values, read_marked
 from knitlab.laboratory.quantities import number
 from knitlab.measure.cycles import Cycle
-from knitlab.sweep.defaults import defaults
+from knitlab.sweep.parameters import defaults
 
 IMPORTS = "imports"
 LARGEST_AT_REST = 0.25

@@ -5,8 +5,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from knitlab.io.strict_model import StrictModel
 from knitlab.io.table_file import factor_of
+from knitlab.io.toml import StrictModel
 
 REMEDIES = {
     "mm": "of length, such as mm",

@@ -12,7 +12,7 @@ from pydantic import Field, PositiveInt
 from knitlab.cube.cube_file import base_dims
 from knitlab.cube.design_status import Status
 from knitlab.cube.schema import DESIGN_DIMS, STRIPE_DIMS, VARIABLES
-from knitlab.io.strict_model import StrictModel
+from knitlab.io.toml import StrictModel
 from knitlab.validation.finding import Labels, NotMeasured
 
 Design = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]

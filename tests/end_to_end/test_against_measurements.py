@@ -13,7 +13,7 @@ from knitlab.cube.design_status import Status
 from knitlab.fabric.fabric import cell_length
 from knitlab.fabric.options import ModelOptions
 from knitlab.fabric.stripe import Stripe
-from knitlab.io.curve_file import read_tension_curve
+from knitlab.io.table_file import read_tension_curve
 from knitlab.measure.calibration import calibrate
 
 ROOT = Path(__file__).parents[2]

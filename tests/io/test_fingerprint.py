@@ -5,7 +5,7 @@ import shutil
 
 import pytest
 
-import knitlab.sweep.survey as survey_module
+import knitlab.sweep.results_folder as survey_module
 from knitlab.cube.design_status import Status
 from knitlab.io.fingerprint import (
     OF_NO_CASE,
@@ -14,7 +14,7 @@ from knitlab.io.fingerprint import (
     fingerprint_of,
 )
 from knitlab.io.shipped import PACKAGE
-from knitlab.sweep.survey import CaseState, survey
+from knitlab.sweep.results_folder import CaseState, survey
 from tests.sweep.stand_in import plan_of, write
 
 COMPUTES_NOTHING = {

@@ -21,8 +21,7 @@ from knitlab.figures.grid_axis import GridAxis
 from knitlab.figures.periods import PERIODS, by_periods, has_periods
 from knitlab.figures.style import TWO_COLUMNS, number
 from knitlab.figures.value_colours import ValueColours
-from knitlab.io.errors import fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import fault, unknown
 
 MOST_COLUMNS, MOST_ROWS = 16, 24
 """Largest numbers of columns and rows whose cells still have room for a number."""

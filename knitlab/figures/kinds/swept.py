@@ -10,8 +10,7 @@ from knitlab.cube.reduced_columns import with_reduction
 from knitlab.cube.schema import FLAGS
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, number
-from knitlab.io.errors import fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import fault, unknown
 
 MARKERS = "os^Dv*PX"
 MOST = len(MARKERS)
