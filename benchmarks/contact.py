@@ -6,14 +6,14 @@ the machine hardly change. Nothing of it is a test: figures depend on the machin
 """
 
 import time
+from typing import Literal
 
 import click
 import numpy as np
 
 import knitlab as kl
-from knitlab.fabric.options import Contact
 
-CONTACT: tuple[Contact, ...] = ("none", "barrier")
+CONTACT: tuple[Literal["none", "barrier"], ...] = ("none", "barrier")
 
 
 @click.command()

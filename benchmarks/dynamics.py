@@ -22,7 +22,7 @@ import numpy as np
 import xarray as xr
 
 from benchmarks.solver.cube import machine, write_cube
-from knitlab.cube.plain_cube import CUBE
+from knitlab.cube.cube_file import CUBE
 from knitlab.dynamics.body import Motion
 from knitlab.dynamics.damped_test import on_grid
 from knitlab.dynamics.motion import leapfrog

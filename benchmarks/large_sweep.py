@@ -19,7 +19,7 @@ import click
 
 from benchmarks.command_line import COMMAND, processor_seconds
 from knitlab.cube.case_file import write_case_file
-from knitlab.cube.plain_cube import CUBE
+from knitlab.cube.cube_file import CUBE
 from knitlab.simulation.reporting import Progress
 from knitlab.sweep.batches import Shard, split
 from knitlab.sweep.merge import merge_folders

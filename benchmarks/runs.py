@@ -20,7 +20,7 @@ import xarray as xr
 
 from benchmarks.command_line import COMMAND, processor_seconds
 from benchmarks.solver.cube import machine, write_cube
-from knitlab.cube.plain_cube import CUBE
+from knitlab.cube.cube_file import CUBE
 from knitlab.fabric.threads import ONE_THREAD
 from knitlab.io.provenance import provenance
 

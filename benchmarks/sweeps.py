@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from benchmarks.command_line import COMMAND
-from knitlab.cube.plain_cube import CUBE
+from knitlab.cube.cube_file import CUBE
 from knitlab.sweep.plan import Plan, make_plan
 from knitlab.sweep.run import RunOptions, run_plan
 from tests.sweep.stand_in import simulate

@@ -33,9 +33,8 @@ if TYPE_CHECKING:
     from knitlab.cube.cube_file import open_cube
     from knitlab.dynamics.settings import DynamicsSettings
     from knitlab.equilibrium.settings import SolverSettings
-    from knitlab.fabric.electrode_layout import ElectrodeLayout
-    from knitlab.fabric.fabric import Sheet
-    from knitlab.fabric.plain import PlainKnit
+    from knitlab.fabric.electrodes import ElectrodeLayout
+    from knitlab.fabric.settings import PlainKnit, Sheet
     from knitlab.fabric.stripe import Stripe
     from knitlab.io.errors import BadInput
     from knitlab.measure.capacitance.capacitor import Capacitor

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import xarray as xr
 
-    from knitlab.cube.accessor import KnitlabAccessor
+    from knitlab.cube.query import KnitlabAccessor
 
 
 def register_accessor() -> None:
@@ -53,6 +53,6 @@ def _register(xarray: ModuleType) -> None:
 
 def _accessor(cube: "xr.Dataset") -> "KnitlabAccessor":
     # Modules that it needs may be those that import xarray just now.
-    from knitlab.cube.accessor import KnitlabAccessor
+    from knitlab.cube.query import KnitlabAccessor
 
     return KnitlabAccessor(cube)

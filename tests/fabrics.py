@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,12 +19,19 @@ from knitlab.equilibrium.system import System
 from knitlab.equilibrium.tensile_result import TensileTest
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.fabric import Fabric, Sheet
+from knitlab.fabric.element_hessians import (
+    ElementHessians,
+    hinge_stiffness,
+    spring_stiffness,
+    wall_stiffness,
+)
+from knitlab.fabric.energy import Energy, Evaluation, Stage, element_vectors, energy
+from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.inertia import inertia
 from knitlab.fabric.layout import assemble_fabric
 from knitlab.fabric.network import Network
-from knitlab.fabric.options import ModelOptions
-from knitlab.fabric.pattern import PatchGrid, patch_map
+from knitlab.fabric.pattern import PatchGrid, graded_pattern
+from knitlab.fabric.settings import ModelOptions, Sheet
 from knitlab.fabric.stripe import Knit, Stripe
 from knitlab.fabric.zigzag import tension
 from knitlab.io.shipped import shipped
@@ -57,6 +65,11 @@ EVERY_STRIPE = pytest.mark.parametrize(
     ],
 )
 """Parametrises a test by every stripe; all but two are marked slow."""
+
+
+def patch_map(rows: list[str], periods: int) -> PatchGrid:
+    """Equal patches, top course first."""
+    return graded_pattern(tuple(rows), periods)
 
 
 def patterned(
@@ -97,6 +110,39 @@ def equations(net: Network, fabric: Fabric) -> System:
     return system_of(net.shape, fabric)
 
 
+def staged(fabric: Fabric, stage: Stage) -> Fabric:
+    """The fabric at a stage of a continuation."""
+    acting = stage.fold * fabric.rest_fold, stage.wall * fabric.k_wall
+    return eqx.tree_at(lambda of: (of.rest_fold, of.k_wall), fabric, acting)
+
+
+def evaluate_whole(net: Network, fabric: Fabric, stage: Stage, unknowns: np.ndarray) -> Evaluation:
+    """Energy and gradient by automatic differentiation of the energy of the whole network."""
+
+    def total(at: jax.Array) -> tuple[jax.Array, Energy]:
+        parts = energy(net, staged(fabric, stage), Configuration.of(at, net.shape))
+        return parts.total, parts
+
+    gradient, parts = jax.grad(total, has_aux=True)(unknowns)
+    return Evaluation(parts, gradient)
+
+
+def whole_element_hessians(
+    net: Network, fabric: Fabric, stage: Stage, unknowns: np.ndarray
+) -> ElementHessians:
+    """Element Hessians of the whole network, computed without chunks."""
+    acting, at = staged(fabric, stage), Configuration.of(jnp.asarray(unknowns), net.shape)
+    springs, hinges = (element_vectors(each, at) for each in (net.springs, net.hinges))
+    heights = at.positions[..., 2].ravel()
+    return ElementHessians(
+        spring_stiffness(
+            springs[0], acting.rest_length, acting.stretch_stiffness, acting.spring_law
+        ),
+        hinge_stiffness(hinges, acting.rest_fold, acting.fold_stiffness, acting.fold_angle),
+        wall_stiffness(heights, acting.z_max, acting.k_wall),
+    )
+
+
 def relaxed(net: Network, fabric: Fabric, settings: SolverSettings = DEFAULT) -> State:
     return relax(equations(net, fabric), settings)
 
@@ -129,7 +175,9 @@ def moving(
     assembled = [checkered(*design, options, unit_cells) for design in designs]
     ratios = damping_ratios or [settings.damping_ratio] * len(designs)
     inertias = [
-        inertia(stripe("rib", n), stripe("garter", 2 * n), options, settings.surface_density, ratio)
+        inertia(
+            [stripe("rib", n)], [stripe("garter", 2 * n)], options, settings.surface_density, ratio
+        )
         for (n, _), ratio in zip(designs, ratios, strict=True)
     ]
     return MovingFabrics(

@@ -18,7 +18,8 @@ from jaxtyping import Array, Bool, Float, Int
 from benchmarks.solver.problem import Free, Problem, Search, Unknowns
 from benchmarks.solver.watch import GivenUp, Watch
 from knitlab.equilibrium.loading import all_free
-from knitlab.fabric.evaluation import COMPLETE, evaluate
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.energy import energy
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape, network
 
@@ -82,7 +83,10 @@ def _compiled(shape: MeshShape) -> Callable[..., tuple[_Motion, Array]]:
         motion: _Motion,
     ) -> tuple[_Motion, Array]:
         def force(position: Float[Array, " unknown"]) -> Float[Array, " unknown"]:
-            return jnp.where(free, -evaluate(net, fabric, COMPLETE, position).gradient, 0.0)
+            def total(unknowns: Float[Array, " unknown"]) -> Array:
+                return energy(net, fabric, Configuration.of(unknowns, shape)).total
+
+            return jnp.where(free, -jax.grad(total)(position), 0.0)
 
         # The first call has no force yet.
         motion = eqx.tree_at(lambda m: m.force, motion, force(motion.position))

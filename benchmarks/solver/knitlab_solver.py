@@ -29,7 +29,7 @@ from knitlab.equilibrium.stiffness import FreeStiffness
 from knitlab.equilibrium.system import System
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.evaluation import COMPLETE, Evaluation, Point
+from knitlab.fabric.energy import COMPLETE, Evaluation, Point
 from knitlab.fabric.threads import Threads, allowed_threads
 from knitlab.simulation.case import Case
 

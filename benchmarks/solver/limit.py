@@ -18,7 +18,7 @@ from knitlab.equilibrium.factorisation import factoriser, one_thread_of_blas
 from knitlab.equilibrium.loading import tensile
 from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.fabric.element_chunks import ChunkedFabric
-from knitlab.fabric.evaluation import COMPLETE
+from knitlab.fabric.energy import COMPLETE
 from knitlab.fabric.threads import Threads, allowed_threads
 from knitlab.simulation.simulate import starts
 

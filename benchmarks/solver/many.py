@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from benchmarks.command_line import COMMAND
 from benchmarks.solver.measurement import Measurement, Record
 from knitlab.cube.cube_file import open_cube
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 
 
 def measure(measurement: Measurement) -> Record:

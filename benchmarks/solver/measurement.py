@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from knitlab.fabric.options import Boundary
+from knitlab.fabric.settings import Boundary
 from knitlab.io.atomic_write import atomic_write
 from knitlab.simulation.case import Case
 from knitlab.sweep.plan import make_plan

@@ -7,7 +7,7 @@ from pathlib import Path
 from benchmarks.solver.limit import FACTORISATIONS
 from benchmarks.solver.measurement import Measurement
 from benchmarks.solver.methods import SOLVERS, SWEPT, TRIALS, installed
-from knitlab.fabric.options import Boundary
+from knitlab.fabric.settings import Boundary
 from knitlab.sweep.parameters import defaults
 
 COMPARED = ("1x1", "3x2", "5x3", "7x5")

@@ -11,7 +11,7 @@ from benchmarks.solver.watch import Watch
 from knitlab.equilibrium.loading import all_free, rigidly_aligned, tensile
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.element_chunks import ChunkedFabric
-from knitlab.fabric.evaluation import COMPLETE, Evaluation
+from knitlab.fabric.energy import COMPLETE, Evaluation
 from knitlab.fabric.fabric import Fabric, flat_sheet
 from knitlab.fabric.inertia import Inertia
 from knitlab.fabric.network import MeshShape, Network

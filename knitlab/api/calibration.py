@@ -23,7 +23,7 @@ def calibrate(strain: Curve, force: Curve, *, period: float, law: Law = "linear"
         force: force on one row of the network [N].
         period: relaxed peak-to-peak distance of the stripe [mm].
         law: of the springs: ``"linear"``, ``"stiffening"``, whose stiffening strain is fitted too,
-            or a :class:`~knitlab.fabric.spring_curve.SpringCurve`.
+            or a :class:`~knitlab.fabric.spring_law.SpringCurve`.
 
     Returns:
         The fitted numbers with their standard errors, 95 % intervals and correlations; its method

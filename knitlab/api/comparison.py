@@ -9,7 +9,6 @@ import xarray as xr
 
 from knitlab.cube.comparison import compared
 from knitlab.cube.cube_file import open_cube
-from knitlab.cube.plain_cube import PlainCube
 from knitlab.cube.query import query_cubes
 from knitlab.cube.selection import refuse_others, selected, selections_along
 
@@ -51,8 +50,7 @@ def query(
         >>> table[["n_stripe", "n_subunit"]].iloc[0].tolist()
         [8, 64]
     """
-    plain = [PlainCube.of(opened(cube)) for cube in cubes]
-    return query_cubes(plain, selections, where, sort, columns)
+    return query_cubes([opened(cube) for cube in cubes], selections, where, sort, columns)
 
 
 def compare(simulation: Cube, /, *experiments: Cube, **selections: Any) -> pd.DataFrame:

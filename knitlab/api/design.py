@@ -4,7 +4,7 @@ from dataclasses import KW_ONLY, dataclass
 
 from pydantic import ValidationError
 
-from knitlab.fabric.options import Boundary
+from knitlab.fabric.settings import Boundary
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe
 from knitlab.io.errors import BadInput, Fault, faults_of
 from knitlab.sweep.parameters import StripeRow

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from knitlab.cube.cube_file import open_cube
 from knitlab.cube.find import Found, find_designs
-from knitlab.cube.plain_cube import PlainCube, open_plain_cube
 from knitlab.cube.target import Target, read_target
 from knitlab.io.errors import BadInput, ErrorCollector
 
@@ -59,12 +59,10 @@ def find(
         [4, 16]
     """
     wanted, required = read_targets(targets, "target"), read_targets(subject_to, "subject_to")
-    # A file is read without xarray, whose import takes longer than the search.
-    plain = [
-        open_plain_cube(cube) if isinstance(cube, str | Path) else PlainCube.of(cube)
-        for cube in cubes
+    opened = [
+        open_cube(cube, lazily=True) if isinstance(cube, str | Path) else cube for cube in cubes
     ]
-    return find_designs(plain, wanted, required, most)
+    return find_designs(opened, wanted, required, most)
 
 
 def listed(given: Wanted | Sequence[Wanted]) -> list[Wanted]:

@@ -15,11 +15,10 @@ from knitlab.api.single_design import (
     of_design,
     of_workflow,
 )
-from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.settings import ModelOptions
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.knitting.chart import Face, StitchChart
-from knitlab.knitting.chart_table import chart_table
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import Machine, read_machine
 from knitlab.knitting.round_trip import RoundTrip, round_trip
@@ -101,7 +100,7 @@ class KnitSample:
             _save_figure(self.chart_figure(), path)
         else:
             with atomic_write(path) as temporary:
-                text = self.program if suffix == KNITOUT else chart_table(self.chart)
+                text = self.program if suffix == KNITOUT else self.chart.table()
                 temporary.write_text(text, encoding="utf-8", newline="\n")
         return path
 

@@ -1,5 +1,6 @@
 """Laboratory records: importing them as cubes, and fitting stripes to them."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ from knitlab.laboratory.description import RecordKind
 from knitlab.laboratory.experiment import Imported
 from knitlab.laboratory.experiment import import_records as import_kind
 from knitlab.laboratory.fit import Fit, NoFit, Step, fit_stripes
-from knitlab.laboratory.target import at_strains_of, case_for, target_of
+from knitlab.laboratory.target import case_for, target_of
 from knitlab.sweep.plan import Plan, make_plan
 
 
@@ -69,8 +70,9 @@ def fit(
     cube = opened(experiment)
     case = case_for(plan, cube)
     target = target_of(cube, case, model_error)
+    case = replace(case, applied_strain=(0.0, *target.applied_strain))
     try:
-        return fit_stripes(at_strains_of(case, target), target, looseness, starts=starts, step=step)
+        return fit_stripes(case, target, looseness, starts=starts, step=step)
     except NoFit as problem:
         remedy = "choose a smaller strain_max, or another sample"
         raise fault(plan.workflow, f"{problem}; {remedy}") from problem

@@ -11,13 +11,10 @@ from tqdm.auto import tqdm
 
 from knitlab.api.design import Design
 from knitlab.api.single_design import of_design
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import described
+from knitlab.cube.schema import Status, described
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.equilibrium.settings import SolverSettings
-from knitlab.fabric.fabric import Sheet
-from knitlab.fabric.options import ModelOptions
-from knitlab.fabric.plain import PlainKnit
+from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
 from knitlab.io.errors import BadInput, faults_of
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge

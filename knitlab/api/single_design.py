@@ -12,12 +12,11 @@ import xarray as xr
 from pydantic import ValidationError
 
 from knitlab.api.design import Design
-from knitlab.cube.cube_file import design_dims, is_case, open_cube
-from knitlab.cube.plain_cube import CUBE, cube_path
+from knitlab.cube.cube_file import CUBE, cube_path, design_dims, is_case, open_cube
 from knitlab.cube.selection import chosen_places, selected
 from knitlab.io.errors import BadInput, Fault, fault, faults_of
-from knitlab.knitting.patch_lines import is_turned
 from knitlab.knitting.specification import Prediction
+from knitlab.knitting.stitch_chart import is_turned
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
 from knitlab.sweep.cases import cases, electrode_problems

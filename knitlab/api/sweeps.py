@@ -7,7 +7,7 @@ from typing import Any
 
 import xarray as xr
 
-from knitlab.cube.plain_cube import CUBE
+from knitlab.cube.cube_file import CUBE
 from knitlab.io.errors import Fault
 from knitlab.sweep.batches import Shard
 from knitlab.sweep.merge import merge_folders

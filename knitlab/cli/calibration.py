@@ -76,7 +76,7 @@ def calibrate(
         raise fault("--spring-curve", problem)
     measured = read_tension_curve(curve, width, thickness)
 
-    from knitlab.fabric.spring_curve import SpringCurve
+    from knitlab.fabric.spring_law import SpringCurve
     from knitlab.figures.calibration import calibration_figure
     from knitlab.figures.saving import save
     from knitlab.figures.style import print_style

@@ -43,12 +43,12 @@ def query(
 
     Variables along the applied strain appear once it is selected: --select applied_strain=0.15
     """
-    from knitlab.cube.plain_cube import open_plain_cube
+    from knitlab.cube.cube_file import open_cube
     from knitlab.cube.query import formatted, query_cubes
 
     # A comma within brackets belongs to a reduction such as mean(poisson_ratio, 0.05:0.25).
     names = [name.strip() for name in re.split(r",(?![^(]*\))", columns)] if columns else None
-    opened = [open_plain_cube(cube) for cube in cubes]
+    opened = [open_cube(cube, lazily=True) for cube in cubes]
     table = query_cubes(opened, read_selections(selections), where, sort, names)
     click.echo(formatted(table, style))
 

@@ -32,7 +32,7 @@ def design(file: Path, results: Path, budget: str, workers: int, style: str) -> 
     """
     from knitlab.api.designing import design as design_for
     from knitlab.api.designing import draw
-    from knitlab.cube.plain_cube import CUBE
+    from knitlab.cube.cube_file import CUBE
     from knitlab.cube.query import formatted
     from knitlab.inverse.conflict import conflict_of
     from knitlab.inverse.summary import summary

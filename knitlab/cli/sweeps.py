@@ -156,7 +156,7 @@ def run(
     overrides = settings + scale
     if shard is None and _is_finished(workflow, overrides, results):
         return
-    from knitlab.cube.plain_cube import CUBE
+    from knitlab.cube.cube_file import CUBE
     from knitlab.sweep.batches import Shard
     from knitlab.sweep.plan import make_plan
     from knitlab.sweep.run import RunOptions, run_plan
@@ -202,7 +202,7 @@ def run(
 
 def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> bool:
     """Whether there is nothing to run or draw; if so, print what exists."""
-    from knitlab.cube.plain_cube import CUBE, open_plain_cube
+    from knitlab.cube.cube_file import CUBE, open_cube
     from knitlab.figures.drawn import fingerprint_of_figure, is_drawn, requested_figures
     from knitlab.sweep.status import finished_plan
 
@@ -210,7 +210,7 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
     if record is None:
         return False
     folder = results / record["workflow"]
-    figures = requested_figures(record["figures"], open_plain_cube(folder), folder)
+    figures = requested_figures(record["figures"], open_cube(folder, lazily=True), folder)
     for figure in figures:
         fingerprint = fingerprint_of_figure(figure.kind, [folder], figure.selections)
         if not all(is_drawn(output, fingerprint) for output in figure.outputs):
@@ -242,7 +242,7 @@ def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
     Each folder holds the results of a workflow, or is one that a run had as its results. Folders
     that contradict each other are refused.
     """
-    from knitlab.cube.plain_cube import CUBE
+    from knitlab.cube.cube_file import CUBE
     from knitlab.sweep.merge import merge_folders
 
     done = merge_folders(folders, results, any_code=any_code)

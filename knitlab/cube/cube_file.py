@@ -1,27 +1,87 @@
-"""Cube files: reading and writing cubes, and their dimensions."""
+"""Cube files: opening, writing and joining cubes, and the dimensions of their designs."""
 
+import json
+from collections.abc import Sequence
+from functools import reduce
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import xarray as xr
 
-from knitlab.cube.plain_cube import base_of, check_is_cube, cube_path, read_as_cube
-from knitlab.cube.schema import SIMULATION, SOURCE, VARIABLES, encoding
+from knitlab.cube.common_settings import ATTRIBUTE, parameters_of, shared
+from knitlab.cube.schema import (
+    DESIGN_DIMS,
+    SIMULATION,
+    SOURCE,
+    STRIPE_DIMS,
+    VARIABLES,
+    Status,
+    encoding,
+)
 from knitlab.io.atomic_write import atomic_write
+from knitlab.io.errors import fault
+
+CUBE = "cube.nc"
+READING = "reading_"
+"""Prefix of the attributes of a cube that state its model options."""
+PRECEDENCE = {
+    Status.excluded: 0,
+    Status.pending: 1,
+    Status.failed: 2,
+    Status.not_converged: 3,
+    Status.ok: 3,
+}
+"""Of several cubes, a design is taken from the one with the highest; the first of equals."""
 
 
-def open_cube(path: str | Path) -> xr.Dataset:
+def cube_path(path: str | Path) -> Path:
+    """The file of a cube, given this file or its folder."""
+    path = Path(path)
+    return path / CUBE if path.is_dir() else path
+
+
+def source_path(cube: xr.Dataset) -> Path | None:
+    """The folder of a cube, or its file if that has a name of its own; None if it has no file."""
+    if "source" not in cube.encoding:
+        return None
+    path = Path(cube.encoding["source"]).resolve()
+    return path.parent if path.name == CUBE else path
+
+
+def cube_name(cube: xr.Dataset) -> str:
+    """Name of the folder of a cube, or of its file; of a cube without one, that of its workflow."""
+    path = source_path(cube)
+    return path.name if path else str(cube.attrs.get("workflow", ""))
+
+
+def open_cube(path: str | Path, *, lazily: bool = False) -> xr.Dataset:
     """Read a knitlab cube into memory.
 
     Args:
         path: a ``cube.nc``, or the results folder that holds one.
+        lazily: whether each variable is read only when it is used.
 
     Raises:
         BadInput: if there is no such file, or it is not a cube.
     """
     path = cube_path(path)
-    with read_as_cube(path), xr.open_dataset(path, engine="netcdf4") as dataset:
-        cube = dataset.load()
-    check_is_cube(path, design_dims(cube) if {"status", "case_id"} <= set(cube) else None)
+    try:
+        cube = xr.open_dataset(path, engine="netcdf4")
+        if not lazily:
+            with cube:
+                cube.load()
+    except FileNotFoundError as error:
+        problem = "does not exist; run a workflow or import an experiment first"
+        raise fault(str(path), problem) from error
+    except (OSError, ValueError) as error:
+        raise fault(str(path), f"is not a netCDF file ({error}); give a cube.nc") from error
+    if not {"status", "case_id"} <= set(cube) or not base_dims(cube):
+        raise fault(
+            str(path),
+            f"is not a cube: it has no status along {' and '.join(DESIGN_DIMS)};"
+            " give a cube.nc or a results folder",
+        )
     return cube
 
 
@@ -41,8 +101,10 @@ def design_dims(cube: xr.Dataset) -> tuple[str, ...]:
 
 
 def base_dims(cube: xr.Dataset) -> tuple[str, ...]:
-    """The design dimensions of a checkerboard or of a pure stripe, without swept settings."""
-    return base_of(design_dims(cube))
+    """The design dimensions without swept settings; empty if it is no cube of fabrics."""
+    dims = design_dims(cube)
+    known = (base for base in (DESIGN_DIMS, STRIPE_DIMS) if dims[: len(base)] == base)
+    return next(known, ())
 
 
 def swept_dims(cube: xr.Dataset) -> tuple[str, ...]:
@@ -60,6 +122,16 @@ def is_measured(cube: xr.Dataset) -> bool:
     return source_of(cube) != SIMULATION
 
 
+def model_options(cube: xr.Dataset) -> dict[str, Any]:
+    """The model options that all designs of a cube share, by name."""
+    stated = {str(name): value for name, value in cube.attrs.items()}
+    return {
+        name.removeprefix(READING): value
+        for name, value in stated.items()
+        if name.startswith(READING)
+    }
+
+
 def is_case(dataset: xr.Dataset) -> bool:
     """Whether a dataset holds a single case, without design dimensions."""
     return not dataset["status"].dims
@@ -70,3 +142,48 @@ def as_cube(case: xr.Dataset) -> xr.Dataset:
     dims = [str(name) for name, each in case.coords.items() if not each.dims]
     names = [name for name in case.data_vars if VARIABLES[str(name)].in_cube]
     return case[names].expand_dims(dims)
+
+
+def joined_cubes(cubes: Sequence[xr.Dataset]) -> xr.Dataset:
+    """One cube with the designs of several along the same design dimensions.
+
+    A design with results is taken before one without; of several with results, that of the first
+    cube. The attributes are those of the first one; ``parameters`` are those that all share.
+    """
+    first, *others = cubes
+    return reduce(_joined, others, first.copy())
+
+
+def _joined(one: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
+    names = [name for name in VARIABLES if name in one or name in other]
+    kinds = {name: (one if name in one else other)[name].dtype for name in names}
+    empty = {name: "" if kind.kind in "OU" else np.nan for name, kind in kinds.items()}
+    both = xr.concat(
+        [one, other],
+        "cube",
+        data_vars="all",
+        coords="minimal",
+        compat="override",
+        join="outer",
+        fill_value=empty | {"status": int(Status.excluded)},
+        combine_attrs="override",
+    )
+    rank = xr.apply_ufunc(np.vectorize(PRECEDENCE.get, otypes=[int]), both["status"])
+    joined = both.isel(cube=rank.argmax("cube"))
+    joined = joined.reindex({dim: _labels(one[dim], other[dim]) for dim in design_dims(one)})
+    joined = xr.Dataset(
+        {
+            name: joined[name].transpose(*design_dims(one), *VARIABLES[name].dims).astype(kind)
+            for name, kind in kinds.items()
+        },
+        joined.coords,
+        one.attrs,
+    )
+    joined.attrs[ATTRIBUTE] = json.dumps(shared(parameters_of(one), parameters_of(other)))
+    return joined
+
+
+def _labels(one: xr.DataArray, other: xr.DataArray) -> list[Any]:
+    """All labels of a dimension: numbers in ascending order, texts in order of appearance."""
+    labels = list(dict.fromkeys([*one.values.tolist(), *other.values.tolist()]))
+    return labels if any(isinstance(label, str) for label in labels) else sorted(labels)

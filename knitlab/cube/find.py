@@ -1,19 +1,20 @@
 """Finding the designs of cubes that come closest to targets, without simulation."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 from jaxtyping import Float
 
-from knitlab.cube.candidates import Candidates
-from knitlab.cube.plain_cube import PlainCube
-from knitlab.cube.strain_window import REDUCTIONS, root_mean_square
+from knitlab.cube.cube_file import design_dims
+from knitlab.cube.query import designs_of_all
+from knitlab.cube.schema import Status
+from knitlab.cube.strain_window import REDUCTIONS, STRAIN, StrainWindow, root_mean_square
 from knitlab.cube.target import Target, check_window
-from knitlab.io.errors import fault
+from knitlab.io.errors import fault, unknown
 
-DISTANCE = "distance"
 COVERED = {True: "yes", False: "no", None: "unknown"}
 Numbers = Float[np.ndarray, " design"]
 
@@ -57,6 +58,16 @@ class Reached:
         wanted = [abs(bound) for bound in (self.target.low, self.target.high) if np.isfinite(bound)]
         return scatter or max(wanted) or 1.0
 
+    def in_order(self, order: np.ndarray) -> "Reached":
+        """The candidates in another order, or a subset of them."""
+        names = ("values", "obtained", "off_by", "worst")
+        return replace(
+            self,
+            **{name: getattr(self, name)[order] for name in names},
+            covered=tuple(self.covered[place] for place in order),
+            band=tuple(edge[order] for edge in self.band),
+        )
+
 
 @dataclass(frozen=True)
 class Found:
@@ -80,47 +91,48 @@ class Found:
 
 
 def find_designs(
-    cubes: Sequence[PlainCube],
+    cubes: Sequence[xr.Dataset],
     targets: Sequence[Target],
     subject_to: Sequence[Target] = (),
     most: int | None = None,
 ) -> Found:
-    """Rank the designs of cubes by their distance from targets.
+    """Rank the designs of cubes along the same dimensions by their distance from targets.
 
     The distance is the root mean square of the distances from each target, each over its
-    tolerance or, without one, over the scatter of that variable among the designs.
-
-    Args:
-        cubes: cubes of designs along the same dimensions.
-        targets: the targets.
-        subject_to: targets that must be met; other designs are left out.
-        most: largest number of designs to return, all by default.
+    tolerance or, without one, over the scatter of that variable among the designs. Designs that do
+    not meet the targets of ``subject_to`` are left out, and so are those after the first ``most``.
 
     Raises:
-        BadInput: if there is no target, or if the cubes lack the variable of one.
+        BadInput: if there is no target or no design that is ok, or if the cubes lack a variable.
     """
     if not targets:
         raise fault("targets", "none is given; give a target")
-    candidates = Candidates.of(cubes)
-    required = [reach(candidates, target) for target in subject_to]
-    allowed = np.ones(len(candidates.table), bool)
+    if not cubes:
+        raise fault("cubes", "none is given; name a cube or its results folder")
+    designs = designs_of_all(cubes)
+    ok = (designs["status"] == Status.ok.name).to_numpy()
+    if not ok.any():
+        raise fault("cubes", "hold no design that is ok; run a workflow first")
+    designs = designs[ok].reset_index(drop=True)
+    required = [_reached(cubes, designs, target) for target in subject_to]
+    reached = [_reached(cubes, designs, target) for target in targets]
+    allowed = np.ones(len(designs), bool)
     for constraint in required:
         allowed &= constraint.off_by == 0
-    reached = [reach(candidates, target) for target in targets]
-    parts = np.stack([each.off_by / each.scale for each in reached])
-    distance = np.sqrt(np.mean(parts**2, axis=0))
+    distances = np.stack([each.off_by / each.scale for each in reached])
+    distance = np.sqrt(np.mean(distances**2, axis=0))
     known = np.isfinite(distance)
     order = np.argsort(np.where(allowed & known, distance, np.inf), kind="stable")
     order = order[: int((allowed & known).sum())][:most]
     passed_over = {
-        "not ok": candidates.passed_over,
+        "not ok": int((~ok).sum()),
         "do not meet what they are subject to": int((~allowed).sum()),
         "have no value at the strains of a target": int((allowed & ~known).sum()),
     }
-    dims = [name for name in ("cube", "boundary") if name in candidates.table]
-    table = candidates.table[[*cubes[0].design_dims, *dims]].iloc[order].reset_index(drop=True)
-    table[DISTANCE] = distance[order]
-    ordered = tuple(in_order(each, order) for each in reached)
+    labels = [*design_dims(cubes[0]), *(name for name in ("cube", "boundary") if name in designs)]
+    table = designs[labels].iloc[order].reset_index(drop=True)
+    table["distance"] = distance[order]
+    ordered = tuple(each.in_order(order) for each in reached)
     for number, each in enumerate(ordered, start=1):
         table[f"value_{number}"] = each.obtained
         table[f"off_by_{number}"] = each.off_by
@@ -130,25 +142,20 @@ def find_designs(
     return Found(table, ordered, {reason: count for reason, count in passed_over.items() if count})
 
 
-def reach(candidates: Candidates, target: Target) -> Reached:
-    """Distances of candidates from a target.
-
-    Raises:
-        BadInput: if the cubes lack its variable, or it needs a window of strain.
-    """
+def _reached(cubes: Sequence[xr.Dataset], designs: pd.DataFrame, target: Target) -> Reached:
     source = f"target {target.text}"
-    check_window(target, candidates.lies_along_strain(target.name, source), source)
+    check_window(target, _lies_along_strain(cubes, designs, target.name, source), source)
     if target.window is None:
-        values = candidates.numbers(target.name)
-        none = np.zeros(0)
+        # NaN where a cube does not have it.
+        values, none = designs[target.name].to_numpy(float, na_value=np.nan), np.zeros(0)
         off_by = target.excess(values, none)
-        covered = _covered(target, none, [], len(values))
-        return Reached(target, none, values[:, None], values, off_by, off_by, covered)
-    at, curves = candidates.curves(target.name, target.window)
+        unknown_spread = (None,) * len(values)
+        return Reached(target, none, values[:, None], values, off_by, off_by, unknown_spread)
+    at, curves = _curves(cubes, target.name, target.window)
     band = [
-        candidates.curves(f"{target.name}_{side}", target.window)[1]
-        for side in ("low", "high")
-        if any(f"{target.name}_{side}" in cube.dims for cube in candidates.cubes)
+        _curves(cubes, name, target.window)[1]
+        for name in (f"{target.name}_low", f"{target.name}_high")
+        if any(name in cube for cube in cubes)
     ]
     read = [curves, *band]
     if target.reduction is None:
@@ -164,6 +171,41 @@ def reach(candidates: Candidates, target: Target) -> Reached:
     return Reached(target, at, curves, obtained, off_by, worst, covered, tuple(band))
 
 
+def _lies_along_strain(
+    cubes: Sequence[xr.Dataset], designs: pd.DataFrame, name: str, source: str
+) -> bool:
+    """Whether a variable is a curve along the applied strain, rather than one number."""
+    dims = [set(cube[name].dims) - set(design_dims(cube)) for cube in cubes if name in cube]
+    if not dims and name not in designs:
+        known = {str(variable) for cube in cubes for variable in cube.data_vars}
+        raise fault(source, unknown(name, sorted(known), "variable"))
+    if further := set().union(*dims) - {STRAIN}:
+        along = ", ".join(sorted(map(str, further)))
+        raise fault(source, f"{name} has the dimension {along}; give a variable of whole designs")
+    return any(STRAIN in along for along in dims)
+
+
+def _curves(
+    cubes: Sequence[xr.Dataset], name: str, window: StrainWindow
+) -> tuple[np.ndarray, np.ndarray]:
+    """Strains of a window, and the curves of all designs that are ok (design, strain) at these."""
+    read = []
+    for cube in cubes:
+        ok = cube["status"].values == Status.ok
+        strains = np.asarray(cube[STRAIN].values, float)
+        values = np.full((int(ok.sum()), len(strains)), np.nan)
+        if name in cube:
+            values = np.asarray(cube[name].values, float)[ok]
+        read.append(window.read(strains, values))
+    at = np.unique(np.concatenate([strains for strains, _ in read]))
+    # Curves are linear between the strains at which they were read, so interpolation is exact.
+    combined = [
+        np.array([np.interp(at, strains, row) for row in rows]).reshape(len(rows), len(at))
+        for strains, rows in read
+    ]
+    return at, np.concatenate(combined)
+
+
 def _covered(
     target: Target, at: np.ndarray, band: Sequence[np.ndarray], designs: int
 ) -> tuple[bool | None, ...]:
@@ -175,17 +217,3 @@ def _covered(
     known = np.isfinite(lowest).all(axis=1)
     overlaps = ((lowest <= high) & (highest >= low)).all(axis=1)
     return tuple(bool(a) if b else None for a, b in zip(overlaps, known, strict=True))
-
-
-def in_order(reached: Reached, order: np.ndarray) -> Reached:
-    """The candidates in another order, or a subset of them."""
-    return Reached(
-        reached.target,
-        reached.at,
-        reached.values[order],
-        reached.obtained[order],
-        reached.off_by[order],
-        reached.worst[order],
-        tuple(reached.covered[place] for place in order),
-        tuple(edge[order] for edge in reached.band),
-    )

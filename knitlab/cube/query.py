@@ -1,59 +1,123 @@
-"""Queries: the designs of a cube as a table, filtered, sorted and printed."""
+"""Queries: the designs of cubes as a table, filtered, sorted and printed."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 
-from knitlab.cube.design_status import Status
-from knitlab.cube.expression import holds, no_column
-from knitlab.cube.plain_cube import PlainCube
+from knitlab.cube.condition import holds, no_column
+from knitlab.cube.cube_file import cube_name, design_dims, model_options, source_path
 from knitlab.cube.reduced_columns import relabelled, with_columns
-from knitlab.cube.schema import FLAGS, INTEGERS, SIMULATION, SOURCE, VARIABLES
-from knitlab.cube.selection import chosen_places, refuse_others, selections_along
+from knitlab.cube.schema import FLAGS, INTEGERS, SIMULATION, SOURCE, VARIABLES, Status
+from knitlab.cube.selection import refuse_others, selected, selections_along
 from knitlab.io.errors import BadInput, Fault
 
 STRIPE_NUMBERS = [name for name, variable in VARIABLES.items() if variable.of == "stripes"]
 """Columns that are shown only on request."""
 
 
-def designs_table(cube: PlainCube, selections: Mapping[str, Any] = {}) -> pd.DataFrame:
+class KnitlabAccessor:
+    """Queries of an open cube, available as ``cube.knitlab``.
+
+    Args:
+        cube: a cube of results, see :func:`knitlab.open_cube`.
+    """
+
+    def __init__(self, cube: xr.Dataset) -> None:
+        self._cube = cube
+
+    def select(self, **selections: Any) -> xr.Dataset:
+        """The cube at selected values of its coordinates; all dimensions are kept.
+
+        Args:
+            selections: a value or a list of values for each coordinate: ``n_stripe=[4, 6]``.
+
+        Returns:
+            The slice of the cube.
+
+        Raises:
+            BadInput: with every selection that does not exist in the cube.
+
+        Example:
+            >>> import knitlab as kl
+            >>> cube = kl.open_cube("results/reference/periodic")
+            >>> cube.knitlab.select(n_stripe=8).sizes["n_stripe"]
+            1
+        """
+        return selected(self._cube, selections)
+
+    def query(
+        self,
+        where: str | None = None,
+        *,
+        sort: str | Sequence[str] | None = None,
+        columns: Sequence[str] | None = None,
+        **selections: Any,
+    ) -> pd.DataFrame:
+        """The designs of the cube as a table, one row for each.
+
+        Variables along the applied strain appear once it is selected.
+
+        Args:
+            where: expression over the columns that the rows must meet.
+            sort: column to sort by, or several; a leading minus sorts descending.
+            columns: columns to keep, by default all but the stripe parameters.
+            selections: a value or a list of values for each coordinate.
+
+        Returns:
+            The table, in the units of the cube's variables.
+
+        Raises:
+            BadInput: with every fault of these arguments.
+
+        Example:
+            >>> import knitlab as kl
+            >>> cube = kl.open_cube("results/reference/periodic")
+            >>> table = cube.knitlab.query("poisson_ratio < -0.6", applied_strain=0.15)
+            >>> table[["n_stripe", "n_subunit"]].values.tolist()
+            [[8, 48], [8, 64]]
+        """
+        return query_cubes([self._cube], selections, where, sort, columns)
+
+
+def query_cubes(
+    cubes: Sequence[xr.Dataset],
+    selections: Mapping[str, Any] = {},
+    where: str | None = None,
+    sort: str | Sequence[str] | None = None,
+    columns: Sequence[str] | None = None,
+) -> pd.DataFrame:
+    """The designs of cubes along the same dimensions as one table, filtered and sorted.
+
+    Columns may be reductions over a window of strain, such as ``mean(poisson_ratio, 0.05:0.25)``.
+
+    Raises:
+        BadInput: with every fault of the arguments.
+    """
+    keys = [sort] if isinstance(sort, str) else list(sort or ())
+    known = with_columns(cubes, [where or "", *keys, *(columns or ())])
+    table = designs_of_all(known, selections)
+    shown = None if columns is None else [relabelled(name) for name in columns]
+    return queried(table, where, [relabelled(key) for key in keys], shown)
+
+
+def designs_table(cube: xr.Dataset, selections: Mapping[str, Any] = {}) -> pd.DataFrame:
     """One row for each design, one column for each variable, without excluded combinations.
 
     Variables with further dimensions appear once all of these are selected, with a row for each
     selected value.
 
-    Args:
-        cube: the cube.
-        selections: a value, or a sequence of values, by coordinate.
-
     Raises:
         BadInput: if a selection is wrong.
     """
-    chosen = chosen_places(cube.coordinates, selections)
-    rows = [*cube.design_dims, *(name for name in chosen if name not in cube.design_dims)]
-    shown = [name for name, dims in cube.dims.items() if set(dims) <= set(rows)]
-    along = [name for name in rows if any(name in cube.dims[variable] for variable in shown)]
-    places = {name: chosen.get(name, range(len(cube.coordinates[name]))) for name in along}
-
-    read = cube.read_several(shown)
-
-    def sliced(name: str) -> np.ndarray:
-        values = np.asarray(read[name])
-        return values[np.ix_(*(places[dim] for dim in cube.dims[name]))] if values.ndim else values
-
-    # A row for each existing design, at each value of the other dimensions.
-    present = sliced("status") != Status.excluded
-    others = [len(places[name]) for name in along[present.ndim :]]
-    grid = np.broadcast_to(
-        present.reshape(present.shape + (1,) * len(others)), (*present.shape, *others)
-    )
-    index = dict(zip(along, np.nonzero(grid), strict=True))
-    columns = {name: cube.coordinates[name][list(places[name])][index[name]] for name in along}
-    columns |= {name: sliced(name)[tuple(index[dim] for dim in cube.dims[name])] for name in shown}
-    table = pd.DataFrame(columns)
-    table.attrs["dims"] = cube.dims
+    rows = [*design_dims(cube), *(name for name in selections if name not in design_dims(cube))]
+    shown = [name for name, each in cube.data_vars.items() if set(each.dims) <= set(rows)]
+    chosen = selected(cube, selections)[shown]
+    table = chosen.to_dataframe([name for name in rows if name in chosen.dims]).reset_index()
+    table = table[table["status"] != Status.excluded].reset_index(drop=True)
+    table.attrs["dims"] = {str(name): each.dims for name, each in cube.data_vars.items()}
     table.attrs["words"] = {name: [flag.name for flag in flags] for name, flags in FLAGS.items()}
     for name in FLAGS.keys() & set(table):
         names = {flag.value: flag.name for flag in FLAGS[name]}
@@ -63,51 +127,44 @@ def designs_table(cube: PlainCube, selections: Mapping[str, Any] = {}) -> pd.Dat
     return table
 
 
-def designs_of_all(cubes: Sequence[PlainCube], selections: Mapping[str, Any] = {}) -> pd.DataFrame:
-    """The concatenated tables of several cubes, with the source of each row.
+def designs_of_all(cubes: Sequence[xr.Dataset], selections: Mapping[str, Any] = {}) -> pd.DataFrame:
+    """The concatenated tables of cubes along the same dimensions, with the source of each row.
 
     A cube without a selected dimension, such as a simulation without cycles, is not sliced by it.
-
-    Args:
-        cubes: cubes of designs along the same dimensions.
-        selections: see :func:`designs_table`.
 
     Raises:
         BadInput: if a selection is wrong.
     """
     if len(cubes) == 1:
         return designs_table(cubes[0], selections)
-    known = {name for cube in cubes for name in cube.coordinates}
+    known = {str(name): None for cube in cubes for name in cube.indexes}
     remedy = f"select along {', '.join(known)}"
     refuse_others(selections, known, f"is not a coordinate of these cubes; {remedy}")
     tables = []
-    for cube, cube_name in zip(cubes, _distinct_names(cubes), strict=True):
-        table = designs_table(cube, selections_along(selections, cube.coordinates))
+    for cube, name in zip(cubes, _distinct_names(cubes), strict=True):
+        table = designs_table(cube, selections_along(selections, cube.indexes))
         source = table.pop(SOURCE) if SOURCE in table else SIMULATION
-        origin: dict[str, Any] = {SOURCE: source, "cube": cube_name} | _differing_options(
-            cube, cubes
-        )
-        for place, (name, value) in enumerate(origin.items(), start=len(cube.design_dims)):
-            if name not in table:
-                table.insert(place, name, value)
+        origin = {SOURCE: source, "cube": name} | _differing_options(cube, cubes)
+        for place, (column, value) in enumerate(origin.items(), start=len(design_dims(cube))):
+            if column not in table:
+                table.insert(place, column, value)
         tables.append(table)
     combined = pd.concat(tables, ignore_index=True)
-    combined.attrs = tables[0].attrs
-    combined.attrs["dims"] = {name: dims for cube in cubes for name, dims in cube.dims.items()}
+    dims = {name: dims for each in tables for name, dims in each.attrs["dims"].items()}
+    combined.attrs = tables[0].attrs | {"dims": dims}
     return combined
 
 
-def _distinct_names(cubes: Sequence[PlainCube]) -> list[str]:
+def _distinct_names(cubes: Sequence[xr.Dataset]) -> list[str]:
     """Names of cubes, with as many parent folders as distinguish those of one name."""
-    names = [cube.name for cube in cubes]
-    parts = [(cube.name,) if cube.path is None else cube.path.parts for cube in cubes]
+    names = [cube_name(cube) for cube in cubes]
+    paths = [source_path(cube) for cube in cubes]
+    parts = [path.parts if path else (name,) for path, name in zip(paths, names, strict=True)]
     for depth in range(2, max(map(len, parts))):
-        paths = {
-            name: {path for other, path in zip(names, parts, strict=True) if other == name}
-            for name in names
-        }
         names = [
-            "/".join(path[-depth:]) if len(paths[name]) > 1 else name
+            "/".join(path[-depth:])
+            if len({other for other, its in zip(parts, names, strict=True) if its == name}) > 1
+            else name
             for name, path in zip(names, parts, strict=True)
         ]
     # Names that are still equal are of one cube given twice, or of cubes in memory.
@@ -117,80 +174,34 @@ def _distinct_names(cubes: Sequence[PlainCube]) -> list[str]:
     ]
 
 
-def _differing_options(cube: PlainCube, cubes: Sequence[PlainCube]) -> dict[str, Any]:
+def _differing_options(cube: xr.Dataset, cubes: Sequence[xr.Dataset]) -> dict[str, Any]:
     """The boundary of a cube, and its model options that differ from those of others."""
-    differing = {
-        name
-        for name in {name for other in cubes for name in other.options}
-        if len({other.options.get(name) for other in cubes}) > 1
-    }
-    shown = sorted(differing | {"boundary"}, key=lambda name: (name != "boundary", name))
-    return {name: cube.options.get(name) for name in shown}
-
-
-def query_cubes(
-    cubes: Sequence[PlainCube],
-    selections: Mapping[str, Any] = {},
-    where: str | None = None,
-    sort: str | Sequence[str] | None = None,
-    columns: Sequence[str] | None = None,
-) -> pd.DataFrame:
-    """The designs of cubes as one table, filtered and sorted.
-
-    Columns may be reductions over a window of strain, such as ``mean(poisson_ratio, 0.05:0.25)``.
-
-    Args:
-        cubes: cubes of designs along the same dimensions.
-        selections: see :func:`designs_table`.
-        where: see :func:`queried`.
-        sort: see :func:`queried`.
-        columns: see :func:`queried`.
-
-    Raises:
-        BadInput: with every fault of these arguments.
-    """
-    keys = [sort] if isinstance(sort, str) else list(sort or ())
-    known = with_columns(cubes, [where or "", *keys, *(columns or ())])
-    table = designs_of_all(known, selections)
-    shown = None if columns is None else [relabelled(name) for name in columns]
-    return queried(table, where, [relabelled(key) for key in keys], shown)
+    options = [model_options(each) for each in cubes]
+    names = sorted({name for each in options for name in each} - {"boundary"})
+    differing = [name for name in names if len({each.get(name) for each in options}) > 1]
+    return {name: model_options(cube).get(name) for name in ("boundary", *differing)}
 
 
 def queried(
     table: pd.DataFrame,
     where: str | None = None,
-    sort: str | Sequence[str] | None = None,
+    sort: Sequence[str] = (),
     columns: Sequence[str] | None = None,
 ) -> pd.DataFrame:
-    """The rows for which an expression holds, sorted, with the requested columns.
-
-    Args:
-        table: a table of :func:`designs_table`.
-        where: expression over its columns, see :func:`~knitlab.cube.expression.holds`.
-        sort: column to sort by, or several, the first one first; a leading minus sorts descending.
-        columns: columns to keep, by default all but the stripe numbers.
+    """The rows for which a condition holds, sorted, with some columns, by default most.
 
     Raises:
-        BadInput: if the expression is at fault or a column does not exist.
+        BadInput: if the condition is at fault or a column does not exist.
     """
-    faults = [
-        Fault(f"columns {name}", no_column(name, table))
-        for name in columns or ()
-        if name not in table.columns
-    ]
-    keys = [sort] if isinstance(sort, str) else list(sort or ())
-    names = [key.removeprefix("-") for key in keys]
-    faults += [
-        Fault(f"sort {key}", no_column(name, table))
-        for key, name in zip(keys, names, strict=True)
-        if name not in table.columns
-    ]
-    if faults:
-        raise BadInput(faults)
+    names = [key.removeprefix("-") for key in sort]
+    asked = [(f"columns {name}", name) for name in columns or ()]
+    asked += [(f"sort {key}", name) for key, name in zip(sort, names, strict=True)]
+    if missing := [each for each in asked if each[1] not in table.columns]:
+        raise BadInput(Fault(source, no_column(name, table)) for source, name in missing)
     if where:
         table = table[holds(where, table)]
-    if keys:
-        ascending = [not key.startswith("-") for key in keys]
+    if sort:
+        ascending = [not key.startswith("-") for key in sort]
         table = table.sort_values(names, ascending=ascending, kind="stable")
     if columns:
         return table[list(dict.fromkeys(columns))]

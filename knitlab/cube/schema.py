@@ -1,15 +1,64 @@
 """The schema: every variable of a case and of a cube, with its dimensions, unit and meaning."""
 
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Literal
 
-from knitlab.cube.capacitor_schema import CAPACITOR_VARIABLES
-from knitlab.cube.design_status import Status
-from knitlab.cube.variable import Variable
 from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+class Status(IntEnum):
+    """Status of a design."""
+
+    pending = 0
+    ok = 1
+    not_converged = 2
+    failed = 3
+    excluded = 4
+
+
+RUN = (Status.ok, Status.not_converged)
+"""Statuses of designs that have results."""
+FLAGS: dict[str, type[IntEnum]] = {"status": Status, "capacitor_status": CapacitorStatus}
+"""Variables whose values are flags, and their flags."""
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One variable, as a case holds it; a cube adds the dimensions of its designs.
+
+    Attributes:
+        dims: its dimensions within a case.
+        units: unit in UDUNITS notation.
+        long_name: label for the axis of a figure.
+        description: further explanation, if the name needs one.
+        in_cube: whether cubes have it, rather than case files only.
+        of: which cases have it: all, or those by dynamics, of a pure stripe, of rib and garter
+            patches, with sensitivities, electrodes, unloading, siblings or contact, experiments,
+            candidates of a design. Variables of a ``design``, of its ``stripes`` or of ``cloth``
+            are in the cube only: case files state the first two among their parameters, and the
+            last follow from the gauge of the cube.
+    """
+
+    dims: tuple[str, ...]
+    units: str
+    long_name: str
+    description: str = ""
+    in_cube: bool = True
+    of: Literal[
+        "all", "dynamics", "stripe", "patches", "sensitivities", "capacitor", "unloading",
+        "robustness", "contact", "laboratory", "design", "stripes", "cloth", "candidate",
+    ] = "all"  # fmt: skip
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """Its CF attributes."""
+        described = {"description": self.description} if self.description else {}
+        return {"units": self.units, "long_name": self.long_name, **described}
 
 
 DESIGN_DIMS = ("n_stripe", "n_subunit")
@@ -85,44 +134,36 @@ _KNIT_WAVE = (
     f" where it crosses a single unit cell; {_BY_GAUGE}"
 )
 _KNIT_SAMPLE = f"knit cell times unit cells; missing for periodic fabric; {_BY_GAUGE}"
-
-
-def _of_cloth(long_name: str, description: str) -> Variable:
-    return Variable((), "mm", long_name, description, of="cloth")
-
-
-def _of_stripes(units: str, long_name: str, description: str = "") -> Variable:
-    return Variable((), units, long_name, description, of="stripes")
-
-
-def _of_patches(long_name: str, description: str, dims: tuple[str, ...] = ()) -> Variable:
-    return Variable(dims, "mm", long_name, description, of="patches")
-
-
-def _of_laboratory(
-    units: str, long_name: str, description: str = "", dims: tuple[str, ...] = _STATE
-) -> Variable:
-    return Variable(dims, units, long_name, description, of="laboratory")
-
-
-def _of_siblings(units: str, long_name: str) -> Variable:
-    return Variable(_STATE, units, long_name, _SIBLINGS, of="robustness")
-
-
 _SIBLINGS = (
     "over the case and its siblings that reached the strain. Siblings are imperfect sheets with"
     " each stripe parameter changed by up to 2 %; every second clamped one begins from the other"
     " start"
 )
 _SCATTER = "of the curve that is fitted to the records near a strain"
+_SENSING = (
+    "over the strains from applied_strain_opened to sensing_end: measured without a gap, and"
+    " unfolding not yet complete"
+)
+
+_number = partial(Variable, ())
+_curve = partial(Variable, _STATE)
+_derivative = partial(Variable, _PARAMETERS, description=_LOGARITHMIC, of="sensitivities")
+_of_stripes = partial(Variable, (), of="stripes")
+_of_cloth = partial(Variable, (), "mm", of="cloth")
+_of_patches = partial(Variable, (), "mm", of="patches")
+_of_siblings = partial(Variable, _STATE, description=_SIBLINGS, of="robustness")
+_of_laboratory = partial(Variable, _STATE, of="laboratory")
+_of_motion = partial(Variable, in_cube=False, of="dynamics")
+_sensor_number = partial(Variable, (), of="capacitor")
+_sensor_curve = partial(Variable, _STATE, of="capacitor")
 
 VARIABLES = {
-    "status": Variable((), "1", "status of the design"),
-    "case_id": Variable((), "1", "identifier of the case", "names its file under cases/"),
-    "code": Variable((), "1", "fingerprint of the code that computed the design"),
-    "periods": Variable((), "1", "stripe periods along a patch"),
-    "unit_cells_y": Variable((), "1", "unit cells along the warp", _SAMPLE, of="design"),
-    "unit_cells_x": Variable((), "1", "unit cells along the weft", _SAMPLE, of="design"),
+    "status": _number("1", "status of the design"),
+    "case_id": _number("1", "identifier of the case", "names its file under cases/"),
+    "code": _number("1", "fingerprint of the code that computed the design"),
+    "periods": _number("1", "stripe periods along a patch"),
+    "unit_cells_y": _number("1", "unit cells along the warp", _SAMPLE, of="design"),
+    "unit_cells_x": _number("1", "unit cells along the weft", _SAMPLE, of="design"),
     "rib_period": _of_stripes("mm", "period of the rib stripe", "the paper's w"),
     "rib_k_s": _of_stripes("N/mm", "extensional stiffness of the rib stripe"),
     "rib_theta_0": _of_stripes("rad", "rest angle of the rib stripe"),
@@ -133,128 +174,171 @@ VARIABLES = {
     "garter_k_t": _of_stripes("N", "torsional stiffness of the garter stripe"),
     "strain_xx": Variable(_CELLS, "1", "local transverse strain"),
     "strain_yy": Variable(_CELLS, "1", "local axial strain"),
-    "mean_strain_xx": Variable(
-        _STATE, "1", "mean transverse strain", "mean over the central unit cells"
-    ),
-    "mean_strain_yy": Variable(
-        _STATE, "1", "mean axial strain", "mean over the central unit cells"
-    ),
-    "poisson_ratio": Variable(
-        _STATE,
+    "mean_strain_xx": _curve("1", "mean transverse strain", "mean over the central unit cells"),
+    "mean_strain_yy": _curve("1", "mean axial strain", "mean over the central unit cells"),
+    "poisson_ratio": _curve(
         "1",
         "Poisson's ratio",
         "-mean_strain_xx / mean_strain_yy; undefined at zero strain, and where the central cells"
         " have taken less than a fifth of the applied strain",
     ),
-    "poisson_ratio_min": Variable(
-        (), "1", "lowest Poisson's ratio", "over all strains; missing unless all of them converged"
+    "poisson_ratio_min": _number(
+        "1", "lowest Poisson's ratio", "over all strains; missing unless all of them converged"
     ),
-    "applied_strain_at_min": Variable((), "1", "applied strain at the lowest Poisson's ratio"),
+    "applied_strain_at_min": _number("1", "applied strain at the lowest Poisson's ratio"),
     "knit_cell_x": _of_cloth("finished unit cell in cloth along the weft", _KNIT_CELL),
     "knit_cell_y": _of_cloth("finished unit cell in cloth along the warp", _KNIT_CELL),
     "knit_wavelength_x": _of_cloth("wavelength in cloth along the weft", _KNIT_WAVE),
     "knit_wavelength_y": _of_cloth("wavelength in cloth along the warp", _KNIT_WAVE),
     "knit_width": _of_cloth("finished width of the sample in cloth", _KNIT_SAMPLE),
     "knit_length": _of_cloth("finished length of the sample in cloth", _KNIT_SAMPLE),
-    "reaction_force": Variable(
-        _STATE, "N", "reaction force", "over the whole width of the sample or periodic cell"
+    "reaction_force": _curve(
+        "N", "reaction force", "over the whole width of the sample or periodic cell"
     ),
-    "poisson_ratio_sensitivity": Variable(
-        _PARAMETERS,
-        "1",
-        "logarithmic sensitivity of Poisson's ratio to a stripe parameter",
-        _LOGARITHMIC,
-        of="sensitivities",
+    "poisson_ratio_sensitivity": _derivative(
+        "1", "logarithmic sensitivity of Poisson's ratio to a stripe parameter"
     ),
-    "reaction_force_sensitivity": Variable(
-        _PARAMETERS,
-        "N",
-        "logarithmic sensitivity of the reaction force to a stripe parameter",
-        _LOGARITHMIC,
-        of="sensitivities",
+    "reaction_force_sensitivity": _derivative(
+        "N", "logarithmic sensitivity of the reaction force to a stripe parameter"
     ),
-    "energy_stretch": Variable(_STATE, "N mm", "energy of the extensional springs"),
-    "energy_fold": Variable(_STATE, "N mm", "energy of the torsional springs"),
-    "energy_wall": Variable(_STATE, "N mm", "energy of the wall penalty"),
-    "energy_contact": Variable(
-        _STATE, "N mm", "energy of the contact", "of the barrier between plies", of="contact"
+    "energy_stretch": _curve("N mm", "energy of the extensional springs"),
+    "energy_fold": _curve("N mm", "energy of the torsional springs"),
+    "energy_wall": _curve("N mm", "energy of the wall penalty"),
+    "energy_contact": _curve(
+        "N mm", "energy of the contact", "of the barrier between plies", of="contact"
     ),
-    "residual_force": Variable(_STATE, "N", "largest residual force on a free unknown"),
-    "iterations": Variable(
-        _STATE,
-        "1",
-        "steps of the solver, or time steps by dynamics",
-        "retried strain steps included",
+    "residual_force": _curve("N", "largest residual force on a free unknown"),
+    "iterations": _curve(
+        "1", "steps of the solver, or time steps by dynamics", "retried strain steps included"
     ),
-    "factorisations": Variable(
-        _STATE,
-        "1",
-        "factorisations",
-        "of the stiffness, for all of the steps",
-        in_cube=False,
+    "factorisations": _curve(
+        "1", "factorisations", "of the stiffness, for all of the steps", in_cube=False
     ),
-    "kinetic_energy_peak": Variable(
-        _STATE, "N mm", "largest kinetic energy on the way to a strain", of="dynamics"
+    "kinetic_energy_peak": _curve(
+        "N mm", "largest kinetic energy on the way to a strain", of="dynamics"
     ),
-    "kinetic_energy_left": Variable(
-        (),
+    "kinetic_energy_left": _number(
         "1",
         "kinetic energy left when relaxed",
         "at the end of the motion, over the largest while relaxing from the flat sheet",
         of="dynamics",
     ),
-    "relaxation_force_left": Variable(
-        (),
+    "relaxation_force_left": _number(
         "1",
         "force left when relaxed",
         "largest on a node at the end of the motion, over that on the flat sheet",
         of="dynamics",
     ),
-    "relaxation_time": Variable((), "ms", "duration of the relaxation", of="dynamics"),
-    "snapped": Variable(
-        _STATE,
+    "relaxation_time": _number("ms", "duration of the relaxation", of="dynamics"),
+    "snapped": _curve(
         "1",
         "whether the fabric snapped on the way to a strain",
         "1 where the fabric left its branch of equilibria: even in the smallest strain step, more"
         " than branch_limit of the work was lost; not looked for by dynamics",
     ),
-    "hinges_past_pi": Variable(
-        _STATE,
+    "hinges_past_pi": _curve(
         "1",
         "hinges folded past half a turn",
         "there the fabric passes through itself, which the model does not prevent",
     ),
-    "self_intersections": Variable(
-        _STATE,
+    "self_intersections": _curve(
         "1",
         "pairs of grid cells that pass through each other",
         "each cell as two triangles; in periodic fabric, each pair once per period. The model does"
         " not prevent it",
     ),
-    "row_force": Variable(
-        _STATE, "N", "force for one row of the sheet", "a row is one grid cell wide", of="stripe"
+    "row_force": _curve(
+        "N", "force for one row of the sheet", "a row is one grid cell wide", of="stripe"
     ),
-    "zigzag_force": Variable(
-        _STATE, "N", "force of the two-dimensional zigzag", "at its energy minimum", of="stripe"
+    "zigzag_force": _curve(
+        "N", "force of the two-dimensional zigzag", "at its energy minimum", of="stripe"
     ),
-    "zigzag_residual": Variable(
-        _STATE, "N", "largest residual force on a free node of the zigzag", of="stripe"
+    "zigzag_residual": _curve(
+        "N", "largest residual force on a free node of the zigzag", of="stripe"
     ),
-    "zigzag_iterations": Variable(_STATE, "1", "minimiser steps of the zigzag", of="stripe"),
-    **CAPACITOR_VARIABLES,
+    "zigzag_iterations": _curve("1", "minimiser steps of the zigzag", of="stripe"),
+    "capacitor_status": _sensor_curve(
+        "1",
+        "whether the capacitance can be measured",
+        "the capacitance is missing unless this is measured",
+    ),
+    "capacitance": _sensor_curve(
+        "pF", "capacitance", "between the electrodes; on periodic fabric, of electrode_length"
+    ),
+    "capacitance_ratio": _sensor_curve(
+        "1", "capacitance over that at applied_strain_opened", "C over C0"
+    ),
+    "mutual_capacitance": _sensor_curve(
+        "pF",
+        "mutual capacitance",
+        "minus C12 of Maxwell's matrix, as a guarded meter measures it, without leads; missing on"
+        " periodic fabric without a grounded plane, where it is the capacitance",
+    ),
+    "capacitance_error": _sensor_curve(
+        "1",
+        "estimated error of the capacitance over itself",
+        "from two panel sizes; standard error of a measured one",
+    ),
+    "capacitance_wedge": _sensor_curve(
+        "pF", "capacitance by the wedge integral", "a fast estimate, also for closed folds"
+    ),
+    "electrode_gap": _sensor_curve(
+        "mm",
+        "shortest distance between the electrodes",
+        "0 where they pass through each other; searched up to the size of a grid cell",
+    ),
+    "electrode_length": _sensor_number(
+        "mm", "relaxed length of the electrodes", "to which the capacitance applies"
+    ),
+    "fold_between": _sensor_curve(
+        "rad", "mean fold angle at and between the electrodes", "of the folds parallel to them"
+    ),
+    "applied_strain_opened": _sensor_number(
+        "1",
+        "applied strain at which sensing begins",
+        "the first strain of the longest interval in which the capacitance is measured",
+    ),
+    "applied_strain_unfolded": _sensor_number(
+        "1",
+        "applied strain at which unfolding is complete",
+        "fold_between has fallen to the fraction of its relaxed value given in electrodes.toml, or"
+        " to its minimum; missing if neither happens within the test",
+    ),
+    "sensing_end": _sensor_number("1", "applied strain at which sensing ends", _SENSING),
+    "sensitivity": _sensor_number(
+        "pF", "sensitivity", f"mean |dC/de| over the central 20 % of the strain range, {_SENSING}"
+    ),
+    "gauge_factor": _sensor_number(
+        "1", "gauge factor", f"change of capacitance over itself and over strain, {_SENSING}"
+    ),
+    "humidity_strain": _sensor_number(
+        "1",
+        "strain that reads like a change of the permittivity by 5 %",
+        f"at the mean slope of the capacitance, {_SENSING}",
+    ),
+    "linearity": _sensor_number("1", "R² of a straight line", _SENSING),
+    "working_range": _sensor_number(
+        "1",
+        "working range",
+        f"width of the widest strain window in which a line has the required R², {_SENSING}",
+    ),
+    "working_start": _sensor_number("1", "applied strain at which the working range begins"),
+    "working_slope": _sensor_number("pF", "slope of the line over the working range"),
+    "capacitance_unloading": _curve("pF", "capacitance during unloading", of="unloading"),
+    "hysteresis": _number(
+        "1",
+        "hysteresis of the capacitance",
+        "largest difference between loading and unloading, over the range of the capacitance",
+        of="unloading",
+    ),
     "poisson_ratio_low": _of_siblings("1", "lowest Poisson's ratio of the siblings"),
     "poisson_ratio_high": _of_siblings("1", "highest Poisson's ratio of the siblings"),
     "reaction_force_low": _of_siblings("N", "lowest reaction force of the siblings"),
     "reaction_force_high": _of_siblings("N", "highest reaction force of the siblings"),
-    "siblings": Variable(
-        _STATE,
-        "1",
-        "siblings that reached a strain",
-        "without the case itself",
-        of="robustness",
+    "siblings": _curve(
+        "1", "siblings that reached a strain", "without the case itself", of="robustness"
     ),
-    "relaxed_branches": Variable(
-        (),
+    "relaxed_branches": _number(
         "1",
         "distinct relaxed energies",
         "of the unperturbed fabric, relaxed from its start and from the shapes of its siblings",
@@ -275,30 +359,32 @@ VARIABLES = {
     "cells_lost": _of_laboratory(
         "1", "unit cells lost", "cells with a corner that is not seen; no mean includes them"
     ),
-    "distance": Variable(
-        (),
+    "distance": _number(
         "1",
         "distance from the targets of a design",
         "root mean square over the targets, each over its tolerance",
         of="candidate",
     ),
-    "distance_worst": Variable(
-        (),
+    "distance_worst": _number(
         "1",
         "distance from the targets within the spread",
         "the largest distance within the spread",
         of="candidate",
     ),
-    "relaxed_cell_x": Variable((), "mm", "relaxed unit cell along the weft"),
-    "relaxed_cell_y": Variable((), "mm", "relaxed unit cell along the warp"),
-    "flat_cell_x": Variable((), "mm", "flat unit cell along the weft"),
-    "flat_cell_y": Variable((), "mm", "flat unit cell along the warp"),
+    "relaxed_cell_x": _number("mm", "relaxed unit cell along the weft"),
+    "relaxed_cell_y": _number("mm", "relaxed unit cell along the warp"),
+    "flat_cell_x": _number("mm", "flat unit cell along the weft"),
+    "flat_cell_y": _number("mm", "flat unit cell along the warp"),
     "wavelength_x": _of_patches("wavelength of the boundary along the weft", _WAVE),
     "wavelength_y": _of_patches("wavelength of the boundary along the warp", _WAVE),
     "wave_amplitude_x": _of_patches("amplitude of the boundary along the weft", _WAVE),
     "wave_amplitude_y": _of_patches("amplitude of the boundary along the warp", _WAVE),
-    "boundary_x": _of_patches("offset of the boundary along the weft", _TRACED, _POINTS),
-    "boundary_y": _of_patches("offset of the boundary along the warp", _TRACED, _POINTS),
+    "boundary_x": Variable(
+        _POINTS, "mm", "offset of the boundary along the weft", _TRACED, of="patches"
+    ),
+    "boundary_y": Variable(
+        _POINTS, "mm", "offset of the boundary along the warp", _TRACED, of="patches"
+    ),
     "boundary_length_x": _of_patches("length of the boundary along the weft", _TRACED),
     "boundary_length_y": _of_patches("length of the boundary along the warp", _TRACED),
     "rib_width_centre": _of_patches("width of a rib patch at its centre", _ACROSS),
@@ -308,39 +394,29 @@ VARIABLES = {
     "position": Variable(
         ("applied_strain", "node_y", "node_x", "component"), "mm", "node position", in_cube=False
     ),
-    "length_x": Variable(_STATE, "mm", "length of the fabric along the weft", in_cube=False),
-    "length_y": Variable(_STATE, "mm", "length of the fabric along the warp", in_cube=False),
-    "kinetic_energy": Variable(("time",), "N mm", "kinetic energy", in_cube=False, of="dynamics"),
-    "potential_energy": Variable(("time",), "N mm", "elastic energy", in_cube=False, of="dynamics"),
-    "dissipated_work": Variable(
-        ("time",), "N mm", "work done against the drag", in_cube=False, of="dynamics"
+    "length_x": _curve("mm", "length of the fabric along the weft", in_cube=False),
+    "length_y": _curve("mm", "length of the fabric along the warp", in_cube=False),
+    "kinetic_energy": _of_motion(("time",), "N mm", "kinetic energy"),
+    "potential_energy": _of_motion(("time",), "N mm", "elastic energy"),
+    "dissipated_work": _of_motion(("time",), "N mm", "work done against the drag"),
+    "snapshot_position": _of_motion(
+        ("snapshot", "node_y", "node_x", "component"), "mm", "node position while relaxing"
     ),
-    "snapshot_position": Variable(
-        ("snapshot", "node_y", "node_x", "component"),
-        "mm",
-        "node position while relaxing",
-        in_cube=False,
-        of="dynamics",
+    "snapshot_length_x": _of_motion(
+        ("snapshot",), "mm", "length of periodic fabric along the weft"
     ),
-    "snapshot_length_x": Variable(
-        ("snapshot",),
-        "mm",
-        "length of periodic fabric along the weft",
-        in_cube=False,
-        of="dynamics",
-    ),
-    "snapshot_length_y": Variable(
-        ("snapshot",),
-        "mm",
-        "length of periodic fabric along the warp",
-        in_cube=False,
-        of="dynamics",
+    "snapshot_length_y": _of_motion(
+        ("snapshot",), "mm", "length of periodic fabric along the warp"
     ),
 }
-
-
-FLAGS: dict[str, type[IntEnum]] = {"status": Status, "capacitor_status": CapacitorStatus}
-"""Variables whose values are flags, and their flags."""
+INTEGERS = (
+    *("iterations", "factorisations", "hinges_past_pi", "self_intersections"),
+    *("siblings", "relaxed_branches", "periods", "unit_cells_y", "unit_cells_x"),
+    *("capacitor_status", "markers_lost", "cells_lost"),
+)
+"""Variables that are stored as integers."""
+MISSING = -1
+"""Their missing value."""
 
 
 def described(dataset: "xr.Dataset") -> "xr.Dataset":
@@ -357,34 +433,12 @@ def described(dataset: "xr.Dataset") -> "xr.Dataset":
     return dataset
 
 
-INTEGERS = (
-    "iterations",
-    "factorisations",
-    "hinges_past_pi",
-    "self_intersections",
-    "siblings",
-    "relaxed_branches",
-    "periods",
-    "unit_cells_y",
-    "unit_cells_x",
-    "capacitor_status",
-    "markers_lost",
-    "cells_lost",
-)
-"""Variables that are stored as integers."""
-MISSING = -1
-"""Their missing value."""
-
-
-def encoding(dataset: "xr.Dataset") -> dict[str, dict[str, object]]:
-    """NetCDF encoding of a case or cube: compressed, with integers stored as such."""
-    chosen: dict[str, dict[str, object]] = {}
-    for name in dataset.data_vars:
-        kind = dataset[name].dtype.kind
-        chosen[str(name)] = (
-            {"zlib": True, "complevel": 4} if kind in "fi" and dataset[name].ndim else {}
-        )
-    for name in INTEGERS:
-        if name in dataset:
-            chosen[name] |= {"dtype": "int32", "_FillValue": MISSING}
+def encoding(dataset: "xr.Dataset", compressed: bool = True) -> dict[str, dict[str, object]]:
+    """NetCDF encoding of a case or cube: integers stored as such, arrays compressed."""
+    chosen: dict[str, dict[str, object]] = {str(name): {} for name in dataset.data_vars}
+    for name, its in chosen.items():
+        if compressed and dataset[name].ndim and dataset[name].dtype.kind in "fi":
+            its |= {"zlib": True, "complevel": 4}
+        if name in INTEGERS:
+            its |= {"dtype": "int32", "_FillValue": MISSING}
     return chosen

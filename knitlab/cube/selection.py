@@ -1,31 +1,28 @@
-"""Selections: values of a cube's coordinates that slice it along them."""
+"""Selections: values of a cube's coordinates that slice it along them.
+
+A selection is a value, or a sequence of values, by coordinate.
+"""
 
 from collections.abc import Hashable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
-from knitlab.cube.plain_cube import PlainCube
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, unknown
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 MOST_CHOICES = 30
 """Largest number of values of a coordinate that a message lists."""
 
 
-def selected(cube: "xr.Dataset", selections: Mapping[str, Any]) -> "xr.Dataset":
+def selected(cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
     """Keep the selected values of coordinates; all dimensions are kept.
-
-    Args:
-        cube: the cube.
-        selections: a value, or a sequence of values, by coordinate.
 
     Raises:
         BadInput: with every selection that does not exist.
     """
-    return cube.isel(chosen_places(PlainCube.of(cube).coordinates, selections))
+    coordinates = {str(name): cube[name].values for name in cube.coords if name in cube.dims}
+    return cube.isel(chosen_places(coordinates, selections))
 
 
 def selections_along(selections: Mapping[str, Any], names: Iterable[Hashable]) -> dict[str, Any]:
@@ -40,15 +37,10 @@ def as_given(selections: Mapping[str, Any]) -> list[str]:
 
 
 def refuse_others(selections: Mapping[str, Any], known: Iterable[str], problem: str) -> None:
-    """Check the coordinates of selections.
-
-    Args:
-        selections: a value, or a sequence of values, by coordinate.
-        known: names of coordinates that may be selected.
-        problem: message about other coordinates.
+    """Check that selections are along known coordinates.
 
     Raises:
-        BadInput: with every selection along another coordinate.
+        BadInput: with every selection along another one, and the problem with it.
     """
     names = set(known)
     others = {name: value for name, value in selections.items() if name not in names}
@@ -56,7 +48,7 @@ def refuse_others(selections: Mapping[str, Any], known: Iterable[str], problem: 
         raise BadInput(Fault(f"selections {text}", problem) for text in as_given(others))
 
 
-def choices(cube: "xr.Dataset", dims: Iterable[str]) -> str:
+def choices(cube: xr.Dataset, dims: Iterable[str]) -> str:
     """The values of dimensions of a cube, as text."""
     return "; ".join(f"{dim} of {', '.join(map(str, cube[dim].values))}" for dim in dims)
 
@@ -64,11 +56,7 @@ def choices(cube: "xr.Dataset", dims: Iterable[str]) -> str:
 def chosen_places(
     coordinates: Mapping[str, np.ndarray], selections: Mapping[str, Any]
 ) -> dict[str, list[int]]:
-    """Indices of the selected values along their coordinates.
-
-    Args:
-        coordinates: values along every labelled dimension.
-        selections: a value, or a sequence of values, by coordinate.
+    """Indices of the selected values among the values along every coordinate.
 
     Raises:
         BadInput: with every selection that does not exist.
@@ -92,20 +80,19 @@ def _places(coordinates: Mapping[str, np.ndarray], name: str, value: Any) -> lis
     if name not in coordinates:
         raise fault(path, unknown(name, coordinates))
     present = coordinates[name]
-    words = present.dtype.kind in "UO"
+    words = present.dtype.kind not in "biuf"
     places = []
     for one in _values(value):
         try:
             matches = present == str(one) if words else np.isclose(present, float(one), 0, 1e-9)
         except (TypeError, ValueError, OverflowError):
             raise fault(path, f"{one!r} is not a number; give one") from None
-        found = np.flatnonzero(matches)
-        if not found.size:
+        if not matches.any():
             shown = [str(choice) if words else f"{choice:g}" for choice in present]
             more = ", …" if len(shown) > MOST_CHOICES else ""
-            choices = ", ".join(shown[:MOST_CHOICES]) + more
-            raise fault(path, f"the cube has no {name} = {one}; choose from {choices}")
-        places.append(int(found[0]))
+            listed = ", ".join(shown[:MOST_CHOICES]) + more
+            raise fault(path, f"the cube has no {name} = {one}; choose from {listed}")
+        places.append(int(matches.argmax()))
     if not places:
         raise fault(path, "has no value; give one")
     return list(dict.fromkeys(places))

@@ -28,7 +28,7 @@ from knitlab.dynamics.vectors import (
 from knitlab.fabric.energy import Energy
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape
-from knitlab.fabric.options import FoldAngle
+from knitlab.fabric.settings import FoldAngle
 from knitlab.fabric.spring_law import SpringLaw
 
 ALL, INNER = slice(None), slice(1, -1)

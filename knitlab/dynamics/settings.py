@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from knitlab.fabric.setting_types import Fraction, Unit
+from knitlab.fabric.settings import Fraction, Unit
 
 Integrator = Literal["leapfrog", "tsit5"]
 Ending = Literal["rest", "time", "steps"]

@@ -25,9 +25,10 @@ from knitlab.equilibrium.linear_response import LinearResponses
 from knitlab.equilibrium.loading import all_free, drive_along, free_under_tension, rigidly_aligned
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import energy
-from knitlab.fabric.fabric import Fabric, StripePair, flat_sheet
+from knitlab.fabric.fabric import Fabric, flat_sheet
 from knitlab.fabric.layout import FabricLayout
 from knitlab.fabric.network import MeshShape, network
+from knitlab.fabric.stripe import StripePair
 
 Unknowns = Float[Array, " unknown"]
 """A configuration, flattened [mm]."""

@@ -23,7 +23,7 @@ from knitlab.equilibrium.subdomains import (
 )
 from knitlab.equilibrium.system import System
 from knitlab.equilibrium.walls import Walls
-from knitlab.fabric.evaluation import Point
+from knitlab.fabric.energy import Point
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape
 from knitlab.fabric.threads import ALONE, Threads

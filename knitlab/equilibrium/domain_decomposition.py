@@ -27,7 +27,7 @@ from knitlab.equilibrium.equilibrium_search import Search, SearchRules
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.equilibrium.state import Outcome, State
 from knitlab.equilibrium.system import System
-from knitlab.fabric.evaluation import Evaluation, Point
+from knitlab.fabric.energy import Evaluation, Point
 
 PATIENCE = 20
 """Iterations for the whole sample after which subdomains are solved again."""

@@ -20,7 +20,7 @@ from knitlab.equilibrium.equilibrium_search import Search, SearchRules
 from knitlab.equilibrium.state import Outcome, State
 from knitlab.equilibrium.system import System
 from knitlab.equilibrium.wall_steps import step_between_walls
-from knitlab.fabric.evaluation import Point
+from knitlab.fabric.energy import Point
 
 LEAST_RAISED_SHIFT = 1e-6
 LARGEST_SHIFT = 1e6

@@ -13,7 +13,7 @@ from knitlab.equilibrium.system import System
 from knitlab.equilibrium.viscous import Drag
 from knitlab.equilibrium.walls import Walls
 from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.evaluation import Evaluation, Point
+from knitlab.fabric.energy import Evaluation, Point
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape
 

@@ -20,8 +20,7 @@ from knitlab.equilibrium.linear_algebra.symbolic_factorisation import (
     planned,
 )
 from knitlab.equilibrium.stiffness import FreeStiffness
-from knitlab.fabric.network import MeshShape
-from knitlab.fabric.shape_cache import cached_by_shape
+from knitlab.fabric.network import MeshShape, cached_by_shape
 from knitlab.fabric.threads import ALONE, Threads
 
 

@@ -14,7 +14,7 @@ from knitlab.equilibrium.loading import all_free
 from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.element_chunks import ChunkedFabric
-from knitlab.fabric.evaluation import COMPLETE
+from knitlab.fabric.energy import COMPLETE
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape
 

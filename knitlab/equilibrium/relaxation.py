@@ -15,7 +15,7 @@ from knitlab.equilibrium.state import State
 from knitlab.equilibrium.subdomains import worth_dividing
 from knitlab.equilibrium.system import System
 from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.evaluation import COMPLETE, Point, Stage
+from knitlab.fabric.energy import COMPLETE, Point, Stage
 from knitlab.fabric.fabric import Fabric, flat_sheet
 from knitlab.fabric.network import network
 

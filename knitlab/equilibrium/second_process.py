@@ -20,7 +20,7 @@ from jaxtyping import Int
 
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.equilibrium.state import State
-from knitlab.fabric.evaluation import Point
+from knitlab.fabric.energy import Point
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape
 from knitlab.fabric.threads import ONE_THREAD

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import NonNegativeFloat, PositiveFloat, PositiveInt
 
-from knitlab.fabric.setting_types import Fraction, Unit
+from knitlab.fabric.settings import Fraction, Unit
 
 Start = Literal["dynamics", "flat", "periodic"]
 

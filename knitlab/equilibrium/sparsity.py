@@ -16,11 +16,8 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from knitlab.fabric.element_stiffness import SPRING_ENTRIES
-from knitlab.fabric.evaluation import ElementHessians
-from knitlab.fabric.hinge_stiffness import HINGE_ENTRIES, LANES
-from knitlab.fabric.network import Elements, MeshShape, network
-from knitlab.fabric.shape_cache import cached_by_shape
+from knitlab.fabric.element_hessians import HINGE_ENTRIES, LANES, SPRING_ENTRIES, ElementHessians
+from knitlab.fabric.network import Elements, MeshShape, cached_by_shape, network
 from knitlab.fabric.threads import ALONE, Threads
 
 

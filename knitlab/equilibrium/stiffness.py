@@ -8,9 +8,8 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from knitlab.equilibrium.sparsity import MeshStiffness, mesh_stiffness
-from knitlab.fabric.evaluation import ElementHessians
-from knitlab.fabric.network import MeshShape
-from knitlab.fabric.shape_cache import cached_by_shape
+from knitlab.fabric.element_hessians import ElementHessians
+from knitlab.fabric.network import MeshShape, cached_by_shape
 from knitlab.fabric.threads import ALONE, Threads
 
 

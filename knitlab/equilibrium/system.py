@@ -16,7 +16,7 @@ from knitlab.equilibrium.factorisation import (
 )
 from knitlab.equilibrium.stiffness import FreeStiffness
 from knitlab.fabric.element_chunks import ChunkedFabric
-from knitlab.fabric.evaluation import Evaluation, Point
+from knitlab.fabric.energy import Evaluation, Point
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape
 from knitlab.fabric.threads import ALONE, Threads

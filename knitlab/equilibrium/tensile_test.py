@@ -21,7 +21,7 @@ from knitlab.equilibrium.system import System
 from knitlab.equilibrium.tensile_result import TensileTest
 from knitlab.equilibrium.viscous import Drag
 from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.evaluation import Point, Stage
+from knitlab.fabric.energy import Point, Stage
 
 if TYPE_CHECKING:
     from knitlab.fabric.barrier import Barrier

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.fabric.evaluation import Evaluation
+from knitlab.fabric.energy import Evaluation
 
 
 @dataclass(frozen=True, eq=False)

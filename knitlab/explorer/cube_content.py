@@ -6,9 +6,8 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.case_file import StoredCase, check_case_file, read_case
-from knitlab.cube.cube_file import design_dims, is_measured, source_of
-from knitlab.cube.design_status import Status
-from knitlab.cube.plain_cube import named_path
+from knitlab.cube.cube_file import cube_name, design_dims, is_measured, source_of
+from knitlab.cube.schema import Status
 from knitlab.explorer.page import Content
 from knitlab.explorer.run_report import figures_of, run_of
 from knitlab.explorer.shapes import shape_of
@@ -60,7 +59,7 @@ def cube_content(cube: xr.Dataset) -> Content:
             }
         )
     return {
-        "name": named_path(Path(source)).name if source else str(cube.attrs.get("workflow", "")),
+        "name": cube_name(cube),
         "title": str(cube.attrs.get("title", "")),
         "source": source_of(cube),
         "dims": [_dimension(cube, dim) for dim in dims],

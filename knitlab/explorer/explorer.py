@@ -6,7 +6,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.explorer.colours import colour_maps
 from knitlab.explorer.cube_content import cube_content
 from knitlab.explorer.page import Content, page_of

@@ -12,7 +12,7 @@ import xarray as xr
 from PIL import Image
 
 from knitlab.cube.cube_file import is_measured, source_of
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.explorer.page import Content
 from knitlab.sweep.results_folder import PLAN
 

@@ -54,7 +54,7 @@ def _content(
     case: xr.Dataset, nodes: np.ndarray, reached: np.ndarray, strains: np.ndarray
 ) -> Content:
     # JAX is imported only for this.
-    from knitlab.fabric.grading import recorded_pattern
+    from knitlab.fabric.pattern import recorded_pattern
 
     record = json.loads(case.attrs["parameters"])
     sample = recorded_pattern(record)

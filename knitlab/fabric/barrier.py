@@ -16,15 +16,18 @@ import scipy.sparse as sp
 from jaxtyping import Float, Int
 
 from knitlab.fabric.contact_mesh import contact_mesh
-from knitlab.fabric.distances import NEAR_RANGE, RANGE
-from knitlab.fabric.evaluation import Evaluation
+from knitlab.fabric.energy import Evaluation
 from knitlab.fabric.network import MeshShape
 from knitlab.fabric.pair_search import Kind, Pairs, PairSearch
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
+from knitlab.fabric.settings import CONTACT_RANGE
 
 # Workers have one thread each; the library would take all cores in every one of them.
 ipctk.set_num_threads(1)
 
+NEAR_RANGE = 0.1
+"""Distance over which the barrier acts between parts that are near on the grid, in thicknesses: it
+keeps them from passing through each other, and leaves the calibrated folds alone."""
 KEPT_PART = 0.5
 """Part of the collision-free step that is taken, so that the barrier is finite after it."""
 LEAST_FREE = 1e-12
@@ -57,7 +60,7 @@ class Barrier:
     def _use(self, band: int) -> None:
         self._mesh = contact_mesh(self._shape, band, self._cells_per_period)
         kinds = (
-            Kind(near=False, least=self._thickness, reach=RANGE * self._thickness),
+            Kind(near=False, least=self._thickness, reach=CONTACT_RANGE * self._thickness),
             Kind(near=True, least=0.0, reach=NEAR_RANGE * self._thickness),
         )
         self._searches = [PairSearch(self._mesh, kind, self._cell) for kind in kinds]
@@ -66,7 +69,7 @@ class Barrier:
         self, *configurations: Float[np.ndarray, " unknown"]
     ) -> list[Float[np.ndarray, "vertex 3"]]:
         """Vertices of the contact mesh, with a band of images that is wide enough for all."""
-        reach = (1 + RANGE) * self._thickness
+        reach = (1 + CONTACT_RANGE) * self._thickness
         while not all(self._mesh.suffices(unknowns, reach) for unknowns in configurations):
             self._use(2 * self._mesh.band)
         return [self._mesh.vertices(unknowns) for unknowns in configurations]

@@ -18,10 +18,12 @@ import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
 from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.distances import NEAR_CELLS
 from knitlab.fabric.network import MeshShape
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
 
+NEAR_CELLS = 2
+"""Nodes within this many of the paper's cells of each other, along both axes, are near. A fold at
+its rest angle brings them nearer than a thickness, without any force but that of its hinge."""
 TRIANGLES = np.array([[[0, 0], [0, 1], [1, 1]], [[1, 1], [1, 0], [0, 0]]])
 """Triangles of a cell by corner (y, x), as in :mod:`knitlab.measure.intersections`."""
 

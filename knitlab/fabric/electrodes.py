@@ -1,19 +1,41 @@
-"""Electrodes: conductors plated on a fabric, as rectangles of its flat chart.
+"""Electrodes: conductors plated on a fabric, as rectangles of its flat chart, and their layouts.
 
 The chart counts grid cells: x along the weft from the left edge, y along the warp from the bottom.
 """
 
 from dataclasses import dataclass
-from itertools import combinations, pairwise
-from typing import Literal
+from itertools import combinations, pairwise, product
+from typing import Annotated, Literal
 
 import numpy as np
+from jaxtyping import Bool, Float
+from pydantic import (
+    AfterValidator,
+    PositiveFloat,
+    PositiveInt,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
+from scipy.ndimage import label
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
-from knitlab.fabric.network import MeshShape
+from knitlab.fabric.fold_lines import Ridge, fold_senses
+from knitlab.fabric.network import MeshShape, mesh_shape
+from knitlab.fabric.pattern import Along, PatchGrid
+from knitlab.fabric.settings import ModelOptions, Position
 
-Along = Literal["wale", "course"]
-"""Direction of electrodes: along a wale, up the warp, or along a course, in the weft."""
 NAMES = ("A", "B")
+BARE = "."
+"""Letter of a mask where no electrode is plated."""
+SENSES = {"front": (1,), "back": (-1,), "both": (1, -1)}
+"""Sense of the folds that are ridges of a face."""
+SHARP = 1e-9
+"""Width of a ridge, relative to a stripe, where only its middle line is needed."""
+
+StitchCounts = tuple[Float[np.ndarray, " grid_y"], Float[np.ndarray, " grid_x"]]
+"""Courses in every row of grid cells, and wales in every column."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +53,6 @@ class Strip:
     top: float
 
     def __str__(self) -> str:
-        """Its place in words."""
         return (
             f"columns {self.left:g} to {self.right:g}, rows {self.bottom:g} to {self.top:g}"
             " (grid cells)"
@@ -41,6 +62,11 @@ class Strip:
     def extents(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Start and end along x, and along y."""
         return (self.left, self.right), (self.bottom, self.top)
+
+    @property
+    def area(self) -> float:
+        """Its area [grid cells]."""
+        return (self.right - self.left) * (self.top - self.bottom)
 
     def shared(self, other: "Strip") -> "Strip | None":
         """The intersection with another strip, possibly an edge or a corner; ``None`` if empty."""
@@ -52,10 +78,14 @@ class Strip:
         )
         return common if common.left <= common.right and common.bottom <= common.top else None
 
-    @property
-    def area(self) -> float:
-        """Its area [grid cells]."""
-        return (self.right - self.left) * (self.top - self.bottom)
+
+def split_by_cells(strip: Strip) -> list[Strip]:
+    """Parts of a strip, one for each grid cell that it covers."""
+    x, y = (
+        pairwise([low, *np.arange(np.floor(low) + 1, np.ceil(high)).tolist(), high])
+        for low, high in strip.extents
+    )
+    return [Strip(*columns, *rows) for columns, rows in product(x, y)]
 
 
 @dataclass(frozen=True)
@@ -78,63 +108,202 @@ class Electrodes:
 
     def faults(self, shape: MeshShape) -> list[str]:
         """All faults of the electrodes on a mesh, each with its place."""
-        found = []
+        faults = []
         for name, strips in zip(NAMES, self.strips, strict=True):
-            found += [
+            faults += [
                 f"electrode {name} extends beyond the fabric: {strip} of"
                 f" {shape.cells_x} × {shape.cells_y}"
                 for strip in strips
                 if self._leaves(strip, shape)
             ]
-            found += [
+            faults += [
                 f"electrode {name} overlaps itself: {common}"
                 for one, other in combinations(strips, 2)
                 for image in self._images(other, shape)
                 if (common := one.shared(image)) and common.area > 0
             ]
-        found += [
+        faults += [
             f"the electrodes touch, a short circuit: {common}"
-            for one in self.strips[0]
-            for other in self.strips[1]
+            for one, other in product(*self.strips)
             for image in self._images(other, shape)
             if (common := one.shared(image))
         ]
-        return found
+        return faults
 
     def _images(self, strip: Strip, shape: MeshShape) -> list[Strip]:
         """A strip and, on periodic fabric, its images before and after it along the electrodes."""
         if not shape.periodic:
             return [strip]
         x, y = (shape.cells_x, 0) if self.axis == 0 else (0, shape.cells_y)
+        (left, right), (bottom, top) = strip.extents
         return [
-            Strip(
-                strip.left + turn * x,
-                strip.right + turn * x,
-                strip.bottom + turn * y,
-                strip.top + turn * y,
-            )
+            Strip(left + turn * x, right + turn * x, bottom + turn * y, top + turn * y)
             for turn in (-1, 0, 1)
         ]
 
     def _leaves(self, strip: Strip, shape: MeshShape) -> bool:
-        for axis, (extent, cells) in enumerate(
-            zip(strip.extents, (shape.cells_x, shape.cells_y), strict=True)
-        ):
-            within = extent[0] >= 0 and extent[1] <= cells
-            around = extent[1] - extent[0] < cells
-            if not (within or (shape.periodic and axis != self.axis and around)):
+        for axis, cells in enumerate((shape.cells_x, shape.cells_y)):
+            low, high = strip.extents[axis]
+            around = shape.periodic and axis != self.axis and high - low < cells
+            if not (around or (low >= 0 and high <= cells)):
                 return True
         return False
 
 
-def split_by_cells(strip: Strip) -> list[Strip]:
-    """Parts of a strip, one for each grid cell that it covers."""
-    x, y = (
-        [low, *np.arange(np.floor(low) + 1, np.ceil(high)).tolist(), high]
-        for low, high in strip.extents
-    )
-    return [
-        Strip(left, right, bottom, top)
-        for left, right in pairwise(x)
-        for bottom, top in pairwise(y)
+class BadLayout(ValueError):
+    """A layout that is impossible on a fabric; ``problems`` has a sentence for each fault."""
+
+    def __init__(self, problems: list[str]) -> None:
+        super().__init__("; ".join(problems))
+        self.problems = problems
+
+
+def _width(value: object, number_or_stripe: ValidatorFunctionWrapHandler) -> object:
+    try:
+        return number_or_stripe(value)
+    except ValidationError as error:
+        problem = f"a width is a number of stitches above 0 or 'stripe', but is {value!r}"
+        raise ValueError(problem) from error
+
+
+def _mask(rows: tuple[str, ...]) -> tuple[str, ...]:
+    if len({len(row) for row in rows}) > 1 or "" in rows:
+        raise ValueError("a mask is a rectangle of letters; give rows of equal length")
+    if unknown := sorted(set("".join(rows).upper()) - {*NAMES, BARE}):
+        raise ValueError(f"a mask consists of A, B and '.', not {', '.join(unknown)}")
+    return rows
+
+
+@dataclass(frozen=True)
+class ElectrodeLayout:
+    """Where the two electrodes of a fabric lie: along two of its ridges, or as drawn in a mask.
+
+    Attributes:
+        along: direction of the electrodes. Ridges along a wale are folds of rib, and electrodes on
+            them continue through garter patches; ridges along a course are folds of garter.
+        ridges: numbers of the two ridges; 1 is the leftmost or lowest.
+        face: the face on which ridges are counted.
+        within: whether ridges are counted in the middle patch, or in the whole fabric.
+        width: of each electrode, centred on its ridge; ``"stripe"`` is a whole stripe [stitches].
+        span: start and end of the electrodes, relative to the length of the fabric; 0 and 1 for
+            periodic fabric.
+        mask: instead of ridges, a letter for each grid cell, A or B where it is plated and ``.``
+            where it is not, top course first.
+    """
+
+    along: Along = "wale"
+    ridges: tuple[PositiveInt, PositiveInt] = (1, 2)
+    face: Literal["front", "back", "both"] = "front"
+    within: Literal["patch", "fabric"] = "patch"
+    width: Annotated[PositiveFloat | Literal["stripe"], WrapValidator(_width)] = "stripe"
+    span: tuple[Position, Position] = (0.0, 1.0)
+    mask: Annotated[tuple[str, ...], AfterValidator(_mask)] = ()
+
+
+def place_electrodes(
+    layout: ElectrodeLayout, pattern: PatchGrid, options: ModelOptions, stitches: StitchCounts
+) -> Electrodes:
+    """The electrodes of a layout on a fabric; model options define where its folds lie.
+
+    Raises:
+        BadLayout: if the layout is impossible; it lists every fault with its place.
+    """
+    shape = mesh_shape(pattern, options.boundary)
+    if shape.periodic and layout.span != (0.0, 1.0):
+        raise BadLayout(["periodic fabric has no ends; remove span, or use boundary = clamped"])
+    if layout.mask:
+        strips = _drawn(layout, shape)
+    else:
+        strips = _along_ridges(layout, pattern, options, stitches)
+    electrodes = Electrodes((strips[0], strips[1]), layout.along)
+    if faults := electrodes.faults(shape):
+        raise BadLayout(faults)
+    return electrodes
+
+
+def ridge_lines(layout: ElectrodeLayout, pattern: PatchGrid, options: ModelOptions) -> list[int]:
+    """Grid lines of the ridges that a layout counts."""
+    like = pattern.cells_of("rib") if layout.along == "wale" else pattern.cells_of("garter").T
+    sharp = Ridge(pattern.cells_per_period, SHARP)
+    senses = fold_senses(like, options.fold_phase, options.boundary == "periodic", sharp)
+    if layout.along == "course" and options.garter_start == "valley":
+        senses = -senses
+    folded = np.asarray(np.isin(senses, SENSES[layout.face]).any(axis=0))
+    if layout.within == "patch":
+        borders = pattern.column_borders if layout.along == "wale" else pattern.row_borders
+        middle = (len(borders) - 2) // 2
+        folded[: borders[middle]], folded[borders[middle + 1] :] = False, False
+    return np.flatnonzero(folded).tolist()
+
+
+def _along_ridges(
+    layout: ElectrodeLayout, pattern: PatchGrid, options: ModelOptions, stitches: StitchCounts
+) -> list[tuple[Strip, ...]]:
+    lines = ridge_lines(layout, pattern, options)
+    if missing := sorted({number for number in layout.ridges if number > len(lines)}):
+        where = "its middle patch" if layout.within == "patch" else "the fabric"
+        raise BadLayout(
+            [
+                f"there is no ridge {number}: {where} has {len(lines)} on face {layout.face}; give"
+                " other ridges, or count them within the fabric"
+                for number in missing
+            ]
+        )
+    wale = layout.along == "wale"
+    across, length = stitches[wale], pattern.grid[not wale]
+    start, end = (fraction * length for fraction in layout.span)
+    strips: list[tuple[Strip, ...]] = []
+    for line in (lines[number - 1] for number in layout.ridges):
+        stripe = pattern.cells_per_period / 2
+        width = stripe if layout.width == "stripe" else layout.width / across[line]
+        low, high = line - width / 2, line + width / 2
+        strips.append((Strip(low, high, start, end) if wale else Strip(start, end, low, high),))
+    return strips
+
+
+def _drawn(layout: ElectrodeLayout, shape: MeshShape) -> list[tuple[Strip, ...]]:
+    drawing = np.array([list(row.upper()) for row in layout.mask[::-1]])
+    if drawing.shape != (shape.cells_y, shape.cells_x):
+        raise BadLayout(
+            [
+                f"the mask has {len(layout.mask)} rows of {len(layout.mask[0])} letters, the fabric"
+                f" {shape.cells_y} rows of {shape.cells_x} grid cells; draw one letter per cell"
+            ]
+        )
+    problems = [
+        problem for name in NAMES for problem in _broken(name, drawing == name, layout.along, shape)
     ]
+    if problems:
+        raise BadLayout(problems)
+    return [
+        tuple(
+            Strip(column, column + 1.0, row, row + 1.0)
+            for row, column in np.argwhere(drawing == name).astype(float).tolist()
+        )
+        for name in NAMES
+    ]
+
+
+def _broken(
+    name: str, plated: Bool[np.ndarray, "row column"], along: Along, shape: MeshShape
+) -> list[str]:
+    """Faults of a drawn electrode: not connected, or not continued across a periodic boundary."""
+    if not plated.any():
+        return [f"the mask has no letter {name}; draw both electrodes"]
+    pieces, count = label(plated)
+    if shape.periodic:
+        axis = 0 if along == "wale" else 1
+        first, last = pieces.take(0, axis), pieces.take(-1, axis)
+        meet = (first > 0) & (last > 0)
+        if not meet.any():
+            return [f"electrode {name} does not continue across the boundary of periodic fabric"]
+        ends = first[meet], last[meet]
+        graph = coo_array((np.ones(meet.sum()), ends), shape=(count + 1, count + 1))
+        # What is bare remains a component of its own.
+        with_bare, joined = connected_components(graph, directed=False)
+        pieces, count = joined[pieces], with_bare - 1
+    if count == 1:
+        return []
+    piece = pieces[plated]
+    row, column = np.argwhere(plated)[np.argmin(np.bincount(piece)[piece])]
+    return [f"electrode {name} is in {count} pieces, one of them at column {column}, row {row}"]

@@ -20,18 +20,26 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
-from knitlab.fabric.element_stiffness import (
+from knitlab.fabric.element_hessians import (
+    HINGE_ENTRIES,
+    LANES,
     SPRING_ENTRIES,
+    ElementHessians,
+    hinge_stiffness,
     spring_stiffness,
     wall_stiffness,
 )
-from knitlab.fabric.energy import Energy, hinge_energy, spring_energy, wall_energy
-from knitlab.fabric.evaluation import ElementHessians, Evaluation, Stage
+from knitlab.fabric.energy import (
+    Energy,
+    Evaluation,
+    Stage,
+    hinge_energy,
+    spring_energy,
+    wall_energy,
+)
 from knitlab.fabric.fabric import Fabric
-from knitlab.fabric.hinge_stiffness import HINGE_ENTRIES, LANES, hinge_stiffness
-from knitlab.fabric.network import Elements, MeshShape, network
-from knitlab.fabric.options import FoldAngle
-from knitlab.fabric.shape_cache import cached_by_shape
+from knitlab.fabric.network import Elements, MeshShape, cached_by_shape, network
+from knitlab.fabric.settings import FoldAngle
 from knitlab.fabric.spring_law import SpringLaw
 from knitlab.fabric.threads import ALONE, Threads
 
@@ -207,7 +215,7 @@ class ChunkedFabric:
         return cls(mesh_chunks, numbered, walls, fabric.fold_angle, threads)
 
     def evaluate(self, stage: Stage, unknowns: Float[np.ndarray, " unknown"]) -> Evaluation:
-        """Like :func:`~knitlab.fabric.evaluation.evaluate`, in NumPy arrays."""
+        """Like :func:`~knitlab.fabric.energy.evaluate`, in NumPy arrays."""
         evaluate_part = partial(self._evaluated, self._acting(stage), unknowns)
         energies, gradients = zip(
             *self.threads.each(evaluate_part, self.chunks.by_thread), strict=True
@@ -231,7 +239,7 @@ class ChunkedFabric:
     def element_hessians(
         self, stage: Stage, unknowns: Float[np.ndarray, " unknown"]
     ) -> ElementHessians:
-        """Like :func:`~knitlab.fabric.evaluation.element_hessians`, in NumPy arrays."""
+        """Like :func:`~knitlab.fabric.element_hessians.element_hessians`, in NumPy arrays."""
         count, net = self.chunks.count, network(self.chunks.shape)
         filled = ElementHessians(
             np.empty((len(SPRING_ENTRIES[0]), count * SPRINGS)),

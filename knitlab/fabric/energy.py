@@ -5,6 +5,7 @@ Units are mm, N and rad.
 
 from dataclasses import dataclass
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -15,7 +16,7 @@ from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.fold_angle import fold_from_rest
 from knitlab.fabric.network import Elements, Network
-from knitlab.fabric.options import FoldAngle
+from knitlab.fabric.settings import FoldAngle
 from knitlab.fabric.spring_law import LINEAR, SpringLaw
 
 
@@ -37,6 +38,38 @@ class Energy:
     def total(self) -> Float[Array, "*batch"]:
         """Sum of the parts: V or, while a viscous step is solved, the incremental potential."""
         return self.stretch + self.fold + self.wall + self.drag + self.contact
+
+
+class Stage(eqx.Module):
+    """Stage of a continuation from the flat sheet to the complete fabric.
+
+    Attributes:
+        fold: fraction of the rest fold angles; a fabric with 0 rests flat.
+        wall: fraction of the stiffness of the walls.
+    """
+
+    fold: Float[Array, ""] | float = 1.0
+    wall: Float[Array, ""] | float = 1.0
+
+
+COMPLETE = Stage()
+
+
+@dataclass(frozen=True)
+class Point:
+    """A configuration, flattened [mm], and a stage, at which a fabric is evaluated."""
+
+    unknowns: Float[np.ndarray, " unknown"]
+    stage: Stage = COMPLETE
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Evaluation:
+    """Energy [N mm] and its gradient, the negative force on every unknown [N]."""
+
+    energy: Energy
+    gradient: Float[Array, "*batch unknown"]
 
 
 def element_vectors(

@@ -2,9 +2,10 @@
 
 A cell is not plane. Its normal, the cross product of its diagonals, may therefore have a component
 along the edge. The paper does not state how this component is treated; the model option
-:attr:`~knitlab.fabric.options.ModelOptions.fold_angle` does.
+:attr:`~knitlab.fabric.settings.ModelOptions.fold_angle` does.
 """
 
+from collections.abc import Sequence
 from functools import partial
 
 import jax
@@ -12,10 +13,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from knitlab.fabric.array_library import array_library
-from knitlab.fabric.options import FoldAngle
+from knitlab.fabric.settings import FoldAngle
 
 Vector = Float[Array | np.ndarray, "3 *element"]
-AngleAndSlope = tuple[Float[Array | np.ndarray, " *element"], tuple[Vector, Vector, Vector]]
+AngleAndSlopes = tuple[Float[Array | np.ndarray, " *element"], tuple[Vector, Vector, Vector]]
 """A fold angle, and its derivatives with respect to the edge and to the normals beside it."""
 
 
@@ -53,20 +54,44 @@ def fold_and_slope(
     edge, *diagonals = vectors
     before = xp.cross(diagonals[0], diagonals[1], axis=0)
     after = xp.cross(diagonals[2], diagonals[3], axis=0)
-    angle, (by_edge, by_before, by_after) = _ANGLE[of](edge, before, after)
+    angle, slopes = fold_from_normals(edge, before, after, rest, of)
+    return angle, by_hinge_vectors(slopes, diagonals)
+
+
+def fold_from_normals(
+    edge: Vector,
+    before: Vector,
+    after: Vector,
+    rest: Float[Array | np.ndarray, " *element"],
+    of: FoldAngle,
+) -> AngleAndSlopes:
+    """The fold angle minus its rest value, from the edge and the normals beside it."""
+    xp = array_library(edge)
+    angle, slopes = _ANGLE[of](edge, before, after)
     angle = angle - rest
-    angle = angle - 2 * np.pi * xp.round(angle / (2 * np.pi))
-    slope = [
+    return angle - 2 * np.pi * xp.round(angle / (2 * np.pi)), slopes
+
+
+def by_hinge_vectors(
+    slopes: Array | Sequence[Float[Array | np.ndarray, "3 *other element"]],
+    diagonals: Array | Sequence[Vector],
+) -> Float[Array | np.ndarray, "5 3 *other element"]:
+    """Derivatives with respect to a hinge's vectors, from those by its edge and two normals."""
+    xp = array_library(slopes)
+    by_edge, by_before, by_after = slopes
+    others = (1,) * (by_edge.ndim - diagonals[0].ndim)
+    one, two, three, four = (each.reshape(3, *others, *each.shape[1:]) for each in diagonals)
+    by_vectors = [
         by_edge,
-        xp.cross(diagonals[1], by_before, axis=0),
-        xp.cross(by_before, diagonals[0], axis=0),
-        xp.cross(diagonals[3], by_after, axis=0),
-        xp.cross(by_after, diagonals[2], axis=0),
+        xp.cross(two, by_before, axis=0),
+        xp.cross(by_before, one, axis=0),
+        xp.cross(four, by_after, axis=0),
+        xp.cross(by_after, three, axis=0),
     ]
-    return angle, xp.stack(slope)
+    return xp.stack(by_vectors)
 
 
-def _between_whole_normals(edge: Vector, before: Vector, after: Vector) -> AngleAndSlope:
+def _between_whole_normals(edge: Vector, before: Vector, after: Vector) -> AngleAndSlopes:
     """φ = atan2(S, C) with S = (n1 × n2)·ê and C = n1·n2.
 
     With r² = S² + C² its slopes are φ_S = C/r² and φ_C = −S/r².
@@ -84,7 +109,7 @@ def _between_whole_normals(edge: Vector, before: Vector, after: Vector) -> Angle
     )
 
 
-def _across_edge(edge: Vector, before: Vector, after: Vector) -> AngleAndSlope:
+def _across_edge(edge: Vector, before: Vector, after: Vector) -> AngleAndSlopes:
     """The same with m = n − p ê, p = n·ê, instead of n.
 
     A normal turns about the edge, and φ with it, by t = ê × m/|m|² for each unit of n, and by

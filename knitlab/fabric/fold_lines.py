@@ -15,8 +15,8 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from knitlab.fabric.array_library import array_library
-from knitlab.fabric.options import FoldPhase, ModelOptions
 from knitlab.fabric.pattern import CELLS_PER_PERIOD, PatchGrid
+from knitlab.fabric.settings import FoldPhase, ModelOptions
 
 SENSE_BY_LINE = {
     "stripe_border": np.array([-1.0, 0.0, 1.0, 0.0]),

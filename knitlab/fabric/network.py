@@ -4,15 +4,24 @@ Nodes lie on a rectangular grid, numbered course by course from the bottom left.
 depends only on the mesh shape, so that designs of one shape share a compiled program.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache, wraps
+from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from knitlab.fabric.options import Boundary
 from knitlab.fabric.pattern import PatchGrid
-from knitlab.fabric.shape_cache import cached_by_shape
+from knitlab.fabric.settings import Boundary
+
+LARGE = 2048
+"""Number of nodes above which a mesh shape is large; no subdomain is."""
+LARGE_KEPT, SMALL_KEPT = 2, 32
+"""Results kept by a cache. A large sample needs two: of its relaxation and of its tensile test."""
+
+Others = ParamSpec("Others")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -47,6 +56,25 @@ class MeshShape:
 def mesh_shape(pattern: PatchGrid, boundary: Boundary) -> MeshShape:
     """Mesh shape of a pattern with a boundary."""
     return MeshShape(*pattern.grid, boundary == "periodic")
+
+
+def cached_by_shape(
+    function: Callable[Concatenate[MeshShape, Others], Result],
+) -> Callable[Concatenate[MeshShape, Others], Result]:
+    """Decorator that keeps the most recent results for mesh shapes, apart for small and for large.
+
+    What follows from a large shape may take a gigabyte, and a sample has subdomains of many small
+    shapes. In one cache for all, subdomains would evict the sample that they belong to, or samples
+    that are no longer needed would fill the memory.
+    """
+    large: Callable[..., Result] = lru_cache(LARGE_KEPT)(function)
+    small: Callable[..., Result] = lru_cache(SMALL_KEPT)(function)
+
+    @wraps(function)
+    def cached(shape: MeshShape, *args: Others.args, **kwargs: Others.kwargs) -> Result:
+        return (large if shape.nodes > LARGE else small)(shape, *args, **kwargs)
+
+    return cached
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +134,8 @@ class Network:
             before it and e, f of the cell after it (c and e beside a, d and f beside b).
         wale: which hinges have an edge along y, as rib ridges have; the others have an edge along
             x, as garter ridges have.
+        spring_cells: the two grid cells (y, x) beside every spring; twice the same cell for a
+            diagonal and at an edge.
         hinge_cells: grid cell (y, x) after each hinge's edge.
     """
 
@@ -115,6 +145,7 @@ class Network:
     warp: Bool[np.ndarray, " spring"]
     hinges: Elements
     wale: Bool[np.ndarray, " hinge"]
+    spring_cells: Int[np.ndarray, "spring 2 2"]
     hinge_cells: Int[np.ndarray, "hinge 2"]
 
 
@@ -125,23 +156,31 @@ def network(shape: MeshShape) -> Network:
     rows, columns = np.arange(shape.nodes_y), np.arange(shape.nodes_x)
     first_line = 0 if shape.periodic else 1
 
-    def elements(incidence: np.ndarray, *places: np.ndarray) -> Elements:
-        turns, wrapped = np.divmod(np.concatenate(places), (shape.nodes_y, shape.nodes_x))
+    def elements(incidence: np.ndarray, *indices: np.ndarray) -> Elements:
+        turns, wrapped = np.divmod(np.concatenate(indices), (shape.nodes_y, shape.nodes_x))
         nodes = wrapped[..., 0] * shape.nodes_x + wrapped[..., 1]
         return Elements(nodes, turns[..., ::-1], incidence, shape)
 
-    weft = _places((rows, cells[1]), [(0, 0), (0, 1)])
-    warp = _places((cells[0], columns), [(0, 0), (1, 0)])
-    rising = _places(cells, [(0, 0), (1, 1)])
-    falling = _places(cells, [(0, 1), (1, 0)])
+    weft = _at_every((rows, cells[1]), [(0, 0), (0, 1)])
+    warp = _at_every((cells[0], columns), [(0, 0), (1, 0)])
+    rising = _at_every(cells, [(0, 0), (1, 1)])
+    falling = _at_every(cells, [(0, 1), (1, 0)])
     spring_kind = np.repeat([0, 1, 2], [len(weft), len(warp), len(rising) + len(falling)])
+    beside_springs = np.concatenate(
+        [
+            _at_every((rows, cells[1]), [(-1, 0), (0, 0)]),
+            _at_every((cells[0], columns), [(0, -1), (0, 0)]),
+            *[_at_every(cells, [(0, 0), (0, 0)])] * 2,
+        ]
+    )
+    size = np.array([shape.cells_y, shape.cells_x])
 
     after_wale = cells[0], cells[1][first_line:]
-    wale = _places(after_wale, [(0, 0), (1, 0), (0, -1), (1, -1), (0, 1), (1, 1)])
+    wale = _at_every(after_wale, [(0, 0), (1, 0), (0, -1), (1, -1), (0, 1), (1, 1)])
     # The edge points to −x so that, as for a wale hinge, a mountain has a positive angle.
     after_course = cells[0][first_line:], cells[1]
-    course = _places(after_course, [(0, 1), (0, 0), (-1, 1), (-1, 0), (1, 1), (1, 0)])
-    hinge_cells = [_places(after, [(0, 0)])[:, 0] for after in (after_wale, after_course)]
+    course = _at_every(after_course, [(0, 1), (0, 0), (-1, 1), (-1, 0), (1, 1), (1, 0)])
+    hinge_cells = [_at_every(after, [(0, 0)])[:, 0] for after in (after_wale, after_course)]
 
     return Network(
         shape=shape,
@@ -150,13 +189,17 @@ def network(shape: MeshShape) -> Network:
         warp=spring_kind == 1,
         hinges=elements(HINGE_VECTORS, wale, course),
         wale=np.arange(len(wale) + len(course)) < len(wale),
+        # At an edge there is a cell only on one side.
+        spring_cells=beside_springs % size
+        if shape.periodic
+        else np.clip(beside_springs, 0, size - 1),
         hinge_cells=np.concatenate(hinge_cells),
     )
 
 
-def _places(
+def _at_every(
     origins: tuple[np.ndarray, np.ndarray], offsets: list[tuple[int, int]]
 ) -> Int[np.ndarray, "element node 2"]:
-    """Grid places (y, x) of an element's nodes, for an element at every row and column."""
+    """Rows and columns of the nodes of an element, for one at every row and column."""
     grid = np.stack(np.meshgrid(*origins, indexing="ij"), axis=-1)
     return grid.reshape(-1, 1, 2) + np.array(offsets)

@@ -1,21 +1,21 @@
 """Patterns: which patch is rib, garter or plain knit, how large it is, and which stripe it has."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Annotated, Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Int
-from pydantic import Field
+from pydantic import Field, TypeAdapter
 
-from knitlab.fabric.setting_types import RestAngle
+from knitlab.fabric.settings import RestAngle
+from knitlab.fabric.stripe import Stripe
 
 CELLS_PER_PERIOD = 4
 """Grid cells along one period in the paper: two per stripe (Fig. 1F: grid of size w/4)."""
-
 Knit = Literal["rib", "garter", "plain"]
 KNIT_OF_LETTER: dict[str, Knit] = {"R": "rib", "G": "garter", "P": "plain"}
-LETTERS = "R for rib, G for garter and P for plain knit"
 
 Along = Literal["wale", "course"]
 """Direction of a line of the fabric: along a wale, up the warp, or along a course, in the weft."""
@@ -24,11 +24,7 @@ Patches = Annotated[float, Field(ge=0)]
 
 
 class BadPattern(ValueError):
-    """A pattern that cannot be knitted.
-
-    Attributes:
-        problems: a sentence for each fault, with its place.
-    """
+    """A pattern that cannot be knitted; ``problems`` has a sentence for each fault."""
 
     def __init__(self, problems: Sequence[str]) -> None:
         super().__init__("; ".join(problems))
@@ -43,10 +39,10 @@ class SingleFold:
         along: direction of the line.
         at: its position: patches from the left edge of the pattern to a line along a wale, from
             the lower edge to a line along a course. It must be on a grid line.
+        theta_0: its interior rest angle; π is flat [rad].
+        sense: mountain or valley.
         start, end: start and end of the line, in patches; without ``end`` it ends at the edge of
             the pattern.
-        sense: mountain or valley.
-        theta_0: its interior rest angle; π is flat [rad].
     """
 
     along: Along
@@ -61,23 +57,11 @@ class SingleFold:
         """The signed fold angle at rest, positive for a mountain [rad]."""
         return (np.pi - self.theta_0) * (1 if self.sense == "mountain" else -1)
 
-
-@dataclass(frozen=True)
-class GridFold:
-    """A single fold on the grid.
-
-    Attributes:
-        along: direction of the fold.
-        line: the grid line on which it lies.
-        start, end: grid lines at its start and end.
-        rest_fold: signed fold angle at rest [rad].
-    """
-
-    along: Along
-    line: int
-    start: int
-    end: int
-    rest_fold: float
+    def moved(self, up: int, right: int, rows: int, columns: int) -> "SingleFold":
+        """The fold of a pattern of rows × columns, in a repeat so many patches up and right."""
+        across, along, length = (right, up, rows) if self.along == "wale" else (up, right, columns)
+        end = length if self.end is None else self.end
+        return replace(self, at=self.at + across, start=self.start + along, end=end + along)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,15 +85,10 @@ class PatchGrid:
     knit: np.ndarray
     row_periods: Int[np.ndarray, " patch_y"]
     column_periods: Int[np.ndarray, " patch_x"]
-    row_stripe: Int[np.ndarray, " patch_y"] = field(default_factory=lambda: np.zeros(0, int))
-    column_stripe: Int[np.ndarray, " patch_x"] = field(default_factory=lambda: np.zeros(0, int))
+    row_stripe: Int[np.ndarray, " patch_y"]
+    column_stripe: Int[np.ndarray, " patch_x"]
     folds: tuple[SingleFold, ...] = ()
     cells_per_period: int = CELLS_PER_PERIOD
-
-    def __post_init__(self) -> None:
-        for name, count in zip(("row_stripe", "column_stripe"), self.knit.shape, strict=True):
-            if not len(getattr(self, name)):
-                object.__setattr__(self, name, np.zeros(count, int))
 
     @property
     def patch_of_row(self) -> Int[np.ndarray, " grid_y"]:
@@ -145,11 +124,6 @@ class PatchGrid:
     def tiled(self, repeats: tuple[int, int]) -> "PatchGrid":
         """The pattern repeated along (y, x)."""
         rows, columns = self.knit.shape
-        folds = [
-            _moved(fold, turn_y * rows, turn_x * columns, rows, columns)
-            for turn_y, turn_x in np.ndindex(repeats)
-            for fold in self.folds
-        ]
         along_y, along_x = repeats
         return replace(
             self,
@@ -158,61 +132,64 @@ class PatchGrid:
             column_periods=np.tile(self.column_periods, along_x),
             row_stripe=np.tile(self.row_stripe, along_y),
             column_stripe=np.tile(self.column_stripe, along_x),
-            folds=tuple(folds),
+            folds=tuple(
+                fold.moved(turn_y * rows, turn_x * columns, rows, columns)
+                for turn_y, turn_x in np.ndindex(repeats)
+                for fold in self.folds
+            ),
         )
 
-    def grid_folds(self) -> tuple[GridFold, ...]:
-        """The single folds on the grid.
+    def grid_folds(self) -> list[tuple[SingleFold, int, int, int]]:
+        """The single folds, each with its grid line and the grid lines at its start and end.
 
         Raises:
             BadPattern: if folds lie outside the pattern or between grid lines; it lists them all.
         """
         problems: list[str] = []
-        found = []
+        on_grid = []
         for number, fold in enumerate(self.folds, 1):
             across, length = self.column_borders, self.row_borders
             if fold.along == "course":
                 across, length = length, across
             end = len(length) - 1 if fold.end is None else fold.end
-            lines: list[int] = []
-            for name, place, borders in (
+            lines = []
+            for name, at, borders in (
                 ("at", fold.at, across),
                 ("start", fold.start, length),
                 ("end", end, length),
             ):
-                line = _grid_line(place, borders)
+                line = _grid_line(at, borders)
                 if isinstance(line, str):
-                    problems.append(f"fold {number}: {name} = {place:g} {line}")
+                    problems.append(f"fold {number}: {name} = {at:g} {line}")
                 else:
                     lines.append(line)
-            if len(lines) < 3:
-                continue
-            line, start, last = lines
-            if start >= last:
-                problems.append(f"fold {number}: start = {fold.start:g} is not below end = {end:g}")
-            found.append(GridFold(fold.along, line, start, last, fold.rest_fold))
+            if len(lines) == 3:
+                line, start, last = lines
+                if start >= last:
+                    problem = f"start = {fold.start:g} is not below end = {end:g}"
+                    problems.append(f"fold {number}: {problem}")
+                on_grid.append((fold, line, start, last))
         if problems:
             raise BadPattern(problems)
-        return tuple(found)
+        return on_grid
 
 
-def patch_map(rows: Sequence[str], periods: int) -> PatchGrid:
-    """Pattern of equal patches from text, top course first.
-
-    Args:
-        rows: a letter for each patch: ``R`` for rib, ``G`` for garter, ``P`` for plain knit.
-        periods: P, periods of a stripe across a patch.
-
-    Raises:
-        BadPattern: if the rows differ in length, are empty, or hold another letter.
-    """
-    knit = letters_of(rows)
-    height, width = knit.shape
-    return PatchGrid(knit, np.full(height, periods), np.full(width, periods))
+def _grid_line(at: float, borders: Int[np.ndarray, " border"]) -> int | str:
+    """Grid line at a position in patches, or the fault of this position."""
+    if not 0 <= at <= len(borders) - 1:
+        return f"lies outside the pattern, which has {len(borders) - 1} patches there"
+    patch = min(int(at), len(borders) - 2)
+    cells = int(borders[patch + 1] - borders[patch])
+    line = (at - patch) * cells
+    if abs(line - round(line)) > 1e-6:
+        near = sorted({int(line), int(line) + 1})
+        lines = " or ".join(f"{patch + k / cells:g}" for k in near)
+        return f"lies between grid lines; use {lines}"
+    return int(borders[patch]) + round(line)
 
 
 def letters_of(rows: Sequence[str]) -> np.ndarray:
-    """Letters (row, column) of a patch map, lowest row first.
+    """Letters (row, column) of a patch map, lowest row first, from text with the top course first.
 
     Raises:
         BadPattern: if the rows differ in length, are empty, or hold another letter.
@@ -224,7 +201,7 @@ def letters_of(rows: Sequence[str]) -> np.ndarray:
         raise BadPattern([f"{problem} (from the top, {lengths} patches)" if rows else problem])
     problems = [
         f"patch map, row {row} from the top, column {column}: {letter!r} is not a knit;"
-        f" use {LETTERS}"
+        " use R for rib, G for garter and P for plain knit"
         for row, letters in enumerate(rows, 1)
         for column, letter in enumerate(letters, 1)
         if letter.upper() not in KNIT_OF_LETTER
@@ -234,22 +211,82 @@ def letters_of(rows: Sequence[str]) -> np.ndarray:
     return np.array([list(row.upper()) for row in rows[::-1]])
 
 
-def _moved(fold: SingleFold, up: int, right: int, rows: int, columns: int) -> SingleFold:
-    across, along = (right, up) if fold.along == "wale" else (up, right)
-    length = rows if fold.along == "wale" else columns
-    end = length if fold.end is None else fold.end
-    return replace(fold, at=fold.at + across, start=fold.start + along, end=end + along)
+@dataclass(frozen=True)
+class Grading:
+    """Sizes and stripes of every row and column of a pattern, rows from the top.
+
+    Attributes:
+        row_periods: height of each row of patches, in periods of its garter stripe.
+        column_periods: width of each column of patches, in periods of its rib stripe.
+        row_stripes: the garter stripe of each row.
+        column_stripes: the rib stripe of each column.
+    """
+
+    row_periods: tuple[int, ...]
+    column_periods: tuple[int, ...]
+    row_stripes: tuple[Stripe, ...]
+    column_stripes: tuple[Stripe, ...]
+
+    @property
+    def weft(self) -> tuple[Stripe, ...]:
+        """The different rib stripes, in the order of the columns."""
+        return tuple(dict.fromkeys(self.column_stripes))
+
+    @property
+    def warp(self) -> tuple[Stripe, ...]:
+        """The different garter stripes, in the order of the rows from below."""
+        return tuple(dict.fromkeys(self.row_stripes[::-1]))
 
 
-def _grid_line(place: float, borders: Int[np.ndarray, " border"]) -> int | str:
-    """Grid line at a position in patches, or the fault of this position."""
-    if not 0 <= place <= len(borders) - 1:
-        return f"lies outside the pattern, which has {len(borders) - 1} patches there"
-    patch = min(int(place), len(borders) - 2)
-    cells = int(borders[patch + 1] - borders[patch])
-    line = (place - patch) * cells
-    if abs(line - round(line)) > 1e-6:
-        near = sorted({int(line), int(line) + 1})
-        places = " or ".join(f"{patch + k / cells:g}" for k in near)
-        return f"lies between grid lines; use {places}"
-    return int(borders[patch]) + round(line)
+@lru_cache(maxsize=256)
+def graded_pattern(
+    rows: tuple[str, ...],
+    periods: int,
+    repeats: tuple[int, int] = (1, 1),
+    grading: Grading | None = None,
+    folds: tuple[SingleFold, ...] = (),
+    cells_per_period: int = CELLS_PER_PERIOD,
+) -> PatchGrid:
+    """The pattern of a whole fabric.
+
+    Args:
+        rows: letters of the repeated patches, top course first.
+        periods: P of every patch, if they are not graded.
+        repeats: number of repeats along (y, x).
+        grading: sizes and stripes of the rows and columns, if they are graded.
+        folds: single folds of the repeated patches.
+        cells_per_period: grid cells along one period.
+
+    Raises:
+        BadPattern: if the rows are not a map of patches.
+    """
+    knit = letters_of(rows)
+    if grading is None:
+        height, width = knit.shape
+        sizes = np.full(height, periods), np.full(width, periods)
+        stripes = np.zeros(height, int), np.zeros(width, int)
+    else:
+        sizes = np.array(grading.row_periods[::-1]), np.array(grading.column_periods)
+        stripes = (
+            np.array([grading.warp.index(stripe) for stripe in grading.row_stripes[::-1]]),
+            np.array([grading.weft.index(stripe) for stripe in grading.column_stripes]),
+        )
+    return PatchGrid(knit, *sizes, *stripes, folds, cells_per_period).tiled(repeats)
+
+
+def recorded_pattern(
+    record: Mapping[str, Any], repeats: tuple[int, int] | None = None
+) -> PatchGrid:
+    """The pattern of a whole fabric, from the record of its case as read from JSON.
+
+    ``repeats`` along (y, x) are by default those of the case.
+    """
+    along_y, along_x = repeats or record["unit_cells"]
+    return graded_pattern(
+        tuple(record["pattern"]),
+        record["periods"],
+        (along_y, along_x),
+        TypeAdapter(Grading | None).validate_python(record.get("grading")),
+        TypeAdapter(tuple[SingleFold, ...]).validate_python(record.get("folds", ())),
+        record["reading"].get("cells_per_period", CELLS_PER_PERIOD),
+    )

@@ -5,137 +5,173 @@ the stiffness at small strain for every law. Laws are functions of strain and no
 one law applies to springs of every length, including diagonals.
 """
 
-from abc import abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly
 
 from knitlab.fabric.array_library import array_library
-from knitlab.fabric.spring_curve import SpringCurve
 
 Each = Float[Array | np.ndarray, "*#spring"]
 """A value of every spring, or one of all springs."""
 
 
+@dataclass(frozen=True)
+class SpringCurve:
+    """A measured curve: force against strain of a spring, as a table.
+
+    Only its shape matters: it is scaled to slope 1 at rest, so that k_s is still the stiffness at
+    small strain. A table that starts at rest is continued into compression as an odd function.
+
+    Attributes:
+        strain: of the spring, increasing, above −1 and including 0 [1].
+        force: at each strain, increasing, 0 at rest, in any unit.
+
+    Raises:
+        ValueError: if the table is invalid; it lists every fault.
+
+    Example:
+        >>> curve = SpringCurve((0.0, 0.1, 0.2), (0.0, 1.0, 3.0))
+        >>> spline = curve.spline
+        >>> round(float(spline(0.1)), 12), round(float(spline(0.2)), 12)
+        (0.1, 0.3)
+    """
+
+    strain: tuple[float, ...]
+    force: tuple[float, ...]
+
+    def __repr__(self) -> str:
+        return f"<SpringCurve: {len(self.strain)} points>"
+
+    def __post_init__(self) -> None:
+        if problems := _problems(np.asarray(self.strain, float), np.asarray(self.force, float)):
+            raise ValueError("; ".join(problems))
+
+    @property
+    def spline(self) -> PPoly:
+        """Force over k_s times rest length, as a function of strain [1].
+
+        The monotone cubic of Fritsch and Butland (:class:`scipy.interpolate.PchipInterpolator`)
+        has continuous first derivatives, so that the energy is smooth to second order. The end
+        slopes are those of the last chords, and beyond the table the force is linear.
+        """
+        return _spline(self)
+
+
+def _problems(strain: Float[np.ndarray, " point"], force: Float[np.ndarray, " knot"]) -> list[str]:
+    if len(strain) != len(force) or len(strain) < 2:
+        return [
+            f"it has {len(strain)} strains and {len(force)} forces; give the same number of"
+            " both, at least two"
+        ]
+    if not (np.isfinite(strain).all() and np.isfinite(force).all()):
+        return ["it has numbers that are not finite; remove them"]
+    problems = []
+    for name, values in (("strain", strain), ("force", force)):
+        falls = np.flatnonzero(np.diff(values) <= 0)
+        if len(falls):
+            step = falls[0]
+            problems.append(
+                f"its {name} does not increase from {values[step]:g} to {values[step + 1]:g} at"
+                f" point {step + 2}; give increasing values"
+            )
+    if strain[0] <= -1:
+        problems.append(f"its strain begins at {strain[0]:g}; give strains above -1")
+    rest = np.flatnonzero(strain == 0)
+    if not len(rest) or force[rest[0]] != 0:
+        problems.append("it does not contain zero strain and zero force; give the point 0, 0")
+    elif rest[0] == len(strain) - 1:
+        problems.append("it ends at rest; give points in tension")
+    return problems
+
+
+@lru_cache(maxsize=64)
+def _spline(curve: SpringCurve) -> PPoly:
+    strain, force = np.array(curve.strain), np.array(curve.force)
+    if strain[0] == 0:
+        strain = np.concatenate([-strain[:0:-1], strain])
+        force = np.concatenate([-force[:0:-1], force])
+    chords = np.diff(force) / np.diff(strain)
+    slopes = PchipInterpolator(strain, force).derivative()(strain)
+    slopes[0], slopes[-1] = chords[0], chords[-1]
+    at_rest = slopes[strain == 0]
+    # Two added points with the end slope continue the curve as a line.
+    beyond = force[[0, -1]] + np.array([-1.0, 1.0]) * slopes[[0, -1]]
+    return CubicHermiteSpline(
+        np.array([strain[0] - 1, *strain, strain[-1] + 1]),
+        np.array([beyond[0], *force, beyond[1]]) / at_rest,
+        np.array([slopes[0], *slopes, slopes[-1]]) / at_rest,
+    )
+
+
 class SpringLaw(eqx.Module):
     """The law of some springs; its parameters, if it has any, are along the first axis.
 
-    All its results are divided by the stiffness k_s.
+    Without parameters f = e: the paper's linear springs (Eq. 1). A spring with a stiffening strain
+    e_s has f = e + e³/e_s², cubic hardening (Duffing's): at e_s the force is twice that of a linear
+    spring. This law is smooth, stiffens in compression as in tension, so that no cell of the
+    network softens when it is crushed, and its energy does not overflow in a long step of a solver,
+    as that of an exponential law would.
+
+    Attributes:
+        rate: 1/e_s² of stiffening springs, 0 of the others; None if all are linear [1].
+        shares: 1 where a spring has a measured curve, else 0.
+        curves: the measured curves.
     """
 
-    @abstractmethod
+    rate: Float[Array | np.ndarray, "*spring"] | None = None
+    shares: Float[Array | np.ndarray, "*spring curve"] | None = None
+    curves: tuple[SpringCurve, ...] = eqx.field(static=True, default=())
+
     def stored(self, length: Each, rest_length: Each) -> Each:
-        """Energy over k_s [mm²]."""
+        """Energy over k_s: ℓ0² times the integral of f over strain [mm²]."""
+        return self._derivative(-1, length, rest_length)
 
-    @abstractmethod
     def pull(self, length: Each, rest_length: Each) -> Each:
-        """Force over k_s [mm]."""
+        """Force over k_s: ℓ0 f [mm]."""
+        return self._derivative(0, length, rest_length)
 
-    @abstractmethod
     def slope(self, length: Each, rest_length: Each) -> Each:
-        """Derivative of the force with respect to length, over k_s [1]."""
+        """Derivative of the force with respect to length, over k_s: f′ [1]."""
+        return self._derivative(1, length, rest_length)
 
     def pull_over_length(self, length: Each, rest_length: Each) -> Each:
         """Force over k_s and length: stiffness across the spring, over k_s [1]."""
+        if self.rate is None:
+            return 1 - rest_length / length
         return self.pull(length, rest_length) / length
 
     def of(self, springs: Int[Array | np.ndarray, "*spring"]) -> "SpringLaw":
         """The law of some of the springs, by their indices."""
         return jax.tree.map(lambda numbers: numbers[springs], self)
 
-
-class Linear(SpringLaw):
-    """f = e: the paper's springs (Eq. 1)."""
-
-    def stored(self, length: Each, rest_length: Each) -> Each:
-        """½ (ℓ − ℓ0)² [mm²]."""
-        return 0.5 * (length - rest_length) ** 2
-
-    def pull(self, length: Each, rest_length: Each) -> Each:
-        """ℓ − ℓ0 [mm]."""
-        return length - rest_length
-
-    def slope(self, length: Each, rest_length: Each) -> Each:
-        """1."""
-        return jnp.ones_like(length)
-
-    def pull_over_length(self, length: Each, rest_length: Each) -> Each:
-        """1 − ℓ0/ℓ [1]."""
-        return 1 - rest_length / length
-
-
-LINEAR = Linear()
-
-
-class Stiffening(SpringLaw):
-    """f = e + e³/e_s²: the cubic hardening spring (Duffing's).
-
-    At the stiffening strain e_s the force is twice that of a linear spring. The law is
-    a polynomial and thus smooth. It stiffens in compression as in tension, so that no cell of the
-    network softens when it is crushed, and its energy does not overflow in a long step of a solver,
-    as that of an exponential law would. With e_s → ∞ it is linear.
-
-    Attributes:
-        rate: 1/e_s², 0 for a linear spring [1].
-    """
-
-    rate: Float[Array | np.ndarray, "*spring"]
-
-    def stored(self, length: Each, rest_length: Each) -> Each:
-        """½ (ℓ − ℓ0)² (1 + ½ e²/e_s²) [mm²]."""
+    def _derivative(self, order: int, length: Each, rest_length: Each) -> Each:
+        """A derivative of the force over k_s with respect to length; order −1 is the energy."""
         stretch = length - rest_length
-        return 0.5 * stretch**2 * (1 + 0.5 * self.rate * (stretch / rest_length) ** 2)
-
-    def pull(self, length: Each, rest_length: Each) -> Each:
-        """(ℓ − ℓ0) (1 + e²/e_s²) [mm]."""
-        stretch = length - rest_length
-        return stretch * (1 + self.rate * (stretch / rest_length) ** 2)
-
-    def slope(self, length: Each, rest_length: Each) -> Each:
-        """1 + 3 e²/e_s² [1]."""
-        return 1 + 3 * self.rate * ((length - rest_length) / rest_length) ** 2
-
-
-class Tabulated(SpringLaw):
-    """Springs of which some have measured curves; the others are linear or stiffening.
-
-    Attributes:
-        rate: 1/e_s² of stiffening springs, 0 of the others [1].
-        shares: 1 where a spring has the curve, else 0.
-        curves: the curves.
-    """
-
-    rate: Float[Array | np.ndarray, "*spring"]
-    shares: Float[Array | np.ndarray, "*spring curve"]
-    curves: tuple[SpringCurve, ...] = eqx.field(static=True)
-
-    def stored(self, length: Each, rest_length: Each) -> Each:
-        """Energy over k_s: ℓ0² times the integral of f over strain [mm²]."""
-        return rest_length**2 * self._of_shape(-1, (length - rest_length) / rest_length)
-
-    def pull(self, length: Each, rest_length: Each) -> Each:
-        """ℓ0 f [mm]."""
-        return rest_length * self._of_shape(0, (length - rest_length) / rest_length)
-
-    def slope(self, length: Each, rest_length: Each) -> Each:
-        """f′ [1]."""
-        return self._of_shape(1, (length - rest_length) / rest_length)
-
-    def _of_shape(self, order: int, strain: Each) -> Each:
-        """A derivative of f with respect to strain; order −1 is the integral."""
-        linear, cubic = {
-            -1: (0.5 * strain**2, 0.25 * strain**4),
-            0: (strain, strain**3),
-            1: (jnp.ones_like(strain), 3 * strain**2),
+        linear, cubic, scale = {
+            -1: (0.5 * stretch**2, 0.5, rest_length**2),
+            0: (stretch, 1.0, rest_length),
+            1: (jnp.ones_like(stretch), 3.0, 1.0),
         }[order]
-        total = (1 - self.shares.sum(-1)) * linear + self.rate * cubic
-        for place, curve in enumerate(self.curves):
-            total = total + self.shares[..., place] * _on_curve(curve, order, strain)
-        return total
+        if self.rate is None:
+            return linear
+        strain = stretch / rest_length
+        factor = 1 + cubic * self.rate * strain**2
+        if self.shares is None:
+            return linear * factor
+        value = linear * (factor - self.shares.sum(-1))
+        for number, curve in enumerate(self.curves):
+            value = value + scale * self.shares[..., number] * _on_curve(curve, order, strain)
+        return value
+
+
+LINEAR = SpringLaw()
 
 
 def _on_curve(curve: SpringCurve, order: int, strain: Each) -> Each:
@@ -152,21 +188,16 @@ def _on_curve(curve: SpringCurve, order: int, strain: Each) -> Each:
 
 
 def spring_law(
-    stiffening_strains: Sequence[Float[Array | np.ndarray, ""] | None],
+    stiffening_strains: Sequence[Float[Array | np.ndarray, ""] | float | None],
     curves: Sequence[SpringCurve | None],
 ) -> SpringLaw:
-    """One law object for several springs, each with a law of its own.
-
-    Args:
-        stiffening_strains: e_s of each spring, or None [1].
-        curves: measured curve of each spring, or None.
-    """
+    """The law of several springs, each with a stiffening strain [1], a measured curve, or None."""
     if all(given is None for given in (*stiffening_strains, *curves)):
         return LINEAR
-    xp = array_library(stiffening_strains)
     rates = [np.zeros(()) if strain is None else 1 / strain**2 for strain in stiffening_strains]
+    rate = array_library(stiffening_strains).stack(rates)
     known = tuple(dict.fromkeys(curve for curve in curves if curve is not None))
     if not known:
-        return Stiffening(xp.stack(rates))
-    shares = [[float(curve == each) for each in known] for curve in curves]
-    return Tabulated(xp.stack(rates), np.array(shares), known)
+        return SpringLaw(rate)
+    shares = np.array([[float(curve == each) for each in known] for curve in curves])
+    return SpringLaw(rate, shares, known)

@@ -1,13 +1,18 @@
 """Calibrated stripes: the four fitted parameters of one n × n rib or garter fabric."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Float
 from pydantic import PositiveFloat
 
-from knitlab.fabric.setting_types import RestAngle, Unit
-from knitlab.fabric.spring_curve import SpringCurve
+from knitlab.fabric.array_library import array_library
+from knitlab.fabric.settings import ModelOptions, RestAngle, Unit
+from knitlab.fabric.spring_law import SpringCurve
 
 Knit = Literal["rib", "garter"]
 SpringKind = Literal["linear", "stiffening"] | SpringCurve
@@ -47,7 +52,6 @@ class Stripe:
     spring_curve: SpringCurve | None = None
 
     def __post_init__(self) -> None:
-        """Refuse a stripe with two laws."""
         if self.stiffening_strain is not None and self.spring_curve is not None:
             raise ValueError(
                 f"{self.knit} {self.n} has both stiffening_strain and spring_curve; give one"
@@ -61,14 +65,74 @@ class Stripe:
         return "linear" if self.stiffening_strain is None else "stiffening"
 
     @property
-    def fold(self) -> float:
-        """Magnitude of the rest fold angle, π − θ0 [rad]."""
-        return math.pi - self.theta_0
-
-    @property
     def contraction(self) -> float:
         """Relaxed over flat length of the pure stripe, sin(θ0/2); exact, with zero energy."""
         return math.sin(self.theta_0 / 2)
+
+
+class StripeNumbers(eqx.Module):
+    """The parameters of one stripe, or of several along an axis, as variables of derivatives.
+
+    Attributes:
+        k_s, k_t, theta_0, period: those of a :class:`Stripe`.
+        stiffening_strain: infinite for stripes with another law, None if all have another law.
+        spring_curves: measured curve of the springs of each stripe, None for another law.
+    """
+
+    k_s: Float[Array | np.ndarray, "*quantity"]
+    k_t: Float[Array | np.ndarray, "*quantity"]
+    theta_0: Float[Array | np.ndarray, "*quantity"]
+    period: Float[Array | np.ndarray, "*quantity"]
+    stiffening_strain: Float[Array | np.ndarray, "*quantity"] | None = None
+    spring_curves: tuple[SpringCurve | None, ...] = eqx.field(static=True, default=(None,))
+
+    @classmethod
+    def of(cls, stripes: Sequence[Stripe]) -> "StripeNumbers":
+        """The parameters of stripes."""
+        shape = () if len(stripes) == 1 else (len(stripes),)
+
+        def numbers(values: Sequence[float]) -> Float[np.ndarray, "*stripe"]:
+            return np.array(values, float).reshape(shape)
+
+        strains = [stripe.stiffening_strain for stripe in stripes]
+        return cls(
+            k_s=numbers([stripe.k_s for stripe in stripes]),
+            k_t=numbers([stripe.k_t for stripe in stripes]),
+            theta_0=numbers([stripe.theta_0 for stripe in stripes]),
+            period=numbers([stripe.period for stripe in stripes]),
+            stiffening_strain=numbers([strain or np.inf for strain in strains])
+            if any(strains)
+            else None,
+            spring_curves=tuple(stripe.spring_curve for stripe in stripes),
+        )
+
+
+class StripePair(eqx.Module):
+    """The stripes of a fabric; also a derivative with respect to each of their parameters.
+
+    A graded fabric has several stripes of each knit, along an axis of the parameters.
+
+    Attributes:
+        weft: the rib stripes, whose period is w; of a pure stripe fabric, that stripe.
+        warp: the garter stripes, whose period is h; of a pure stripe fabric, that stripe.
+    """
+
+    weft: StripeNumbers
+    warp: StripeNumbers
+
+    @classmethod
+    def of(cls, weft: Sequence[Stripe], warp: Sequence[Stripe]) -> "StripePair":
+        """The parameters of rib and garter stripes."""
+        return cls(StripeNumbers.of(weft), StripeNumbers.of(warp))
+
+
+def cell_length(
+    stripe: Stripe | StripeNumbers, options: ModelOptions
+) -> Float[Array | np.ndarray, "*stripe"]:
+    """Flat length of a grid cell across a stripe's ridges, by the option ``cell_size`` [mm]."""
+    xp = array_library(stripe)
+    length = xp.asarray(options.length_scale * stripe.period / options.cells_per_period)
+    return length if options.cell_size == "flat" else length / xp.sin(stripe.theta_0 / 2)
 
 
 def periods_per_patch(n_stripe: int, n_subunit: int) -> int:

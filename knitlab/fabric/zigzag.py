@@ -14,15 +14,15 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from knitlab.fabric.fabric import cell_length
-from knitlab.fabric.options import ModelOptions
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
-from knitlab.fabric.spring_curve import SpringCurve
-from knitlab.fabric.spring_law import LINEAR, Linear, SpringLaw, spring_law
-from knitlab.fabric.stripe import Stripe
+from knitlab.fabric.settings import ModelOptions
+from knitlab.fabric.spring_law import LINEAR, SpringCurve, SpringLaw, spring_law
+from knitlab.fabric.stripe import Stripe, cell_length
 
-AS_CALIBRATED = ModelOptions(cell_size="relaxed", hinge_stiffness="per_edge", length_scale=1.0)
+AS_CALIBRATED = ModelOptions(cell_size="relaxed")
 """The model options with which a measured curve is fitted."""
+LARGEST_LOG_TILT = 40.0
+"""Largest −log(tilt / relaxed tilt) in the search for the root."""
 
 
 class Zigzag(eqx.Module):
@@ -51,10 +51,7 @@ class Zigzag(eqx.Module):
 def zigzag(stripe: Stripe, options: ModelOptions = AS_CALIBRATED) -> Zigzag:
     """The zigzag of a calibrated stripe: one row of its pure sheet.
 
-    Args:
-        stripe: parameters of the stripe.
-        options: model options; by default those of a calibration, with which w or h is the relaxed
-            period.
+    By default the options are those of a calibration, with which w or h is the relaxed period.
     """
     cell = cell_length(stripe, replace(options, cells_per_period=4))
     k_t = stripe.k_t * (cell if options.hinge_stiffness == "per_length" else 1.0)
@@ -71,12 +68,7 @@ def zigzag(stripe: Stripe, options: ModelOptions = AS_CALIBRATED) -> Zigzag:
 def law_of_one(
     stiffening_strain: Float[Array, ""] | float | None, curve: SpringCurve | None
 ) -> SpringLaw:
-    """The law of the springs of one stripe.
-
-    Args:
-        stiffening_strain: e_s, or None [1].
-        curve: a measured curve, or None.
-    """
+    """The law of the springs of one stripe, with a stiffening strain [1], a curve, or neither."""
     strain = None if stiffening_strain is None else jnp.asarray(stiffening_strain, float)
     return spring_law([strain], [curve]).of(np.array(0))
 
@@ -109,50 +101,6 @@ def chain_energy(chain: Zigzag, nodes: Float[Array, "node 2"]) -> Float[Array, "
     return stretch + 0.5 * chain.k_t * jnp.sum((turn - rest) ** 2)
 
 
-def force_at(chain: Zigzag, tilt: Float[Array, ""]) -> Float[Array, ""]:
-    """Tension of a zigzag of linear springs whose segments are tilted from the line of force [N].
-
-    The moment of the force about a fold balances the hinge, k_t (θ − θ0) = F ℓ cos(θ/2), with
-    θ = π − 2 tilt and the stretched spring ℓ = cell + F sin(θ/2) / k_s: a quadratic in F.
-    """
-    sine, cosine = jnp.sin(tilt), jnp.cos(tilt)
-    moment = chain.k_t * (jnp.pi - 2 * tilt - chain.theta_0)
-    half = chain.cell * sine
-    # This form of the root has no cancellation if the springs hardly stretch.
-    return 2 * moment / (half + jnp.sqrt(half**2 + 4 * sine * cosine * moment / chain.k_s))
-
-
-def period_at(chain: Zigzag, tilt: Float[Array, ""]) -> Float[Array, ""]:
-    """Peak-to-peak distance under that tension, 4 ℓ sin(θ/2) [mm]; see :func:`force_at`."""
-    length = chain.cell + force_at(chain, tilt) * jnp.cos(tilt) / chain.k_s
-    return CELLS_PER_PERIOD * length * jnp.cos(tilt)
-
-
-def length_at(chain: Zigzag, tilt: Float[Array, ""], strain: Float[Array, ""]) -> Float[Array, ""]:
-    """Length of a spring at a tilt and a strain of the period [mm]."""
-    return chain.period * (1 + strain) / (CELLS_PER_PERIOD * jnp.cos(tilt))
-
-
-def imbalance(chain: Zigzag, tilt: Float[Array, ""], strain: Float[Array, ""]) -> Float[Array, ""]:
-    """Residual of the balance between a spring of any law and its fold [1].
-
-    The tension F is that of the spring, F cos(tilt) = k_s ℓ0 f, and that of the fold,
-    F ℓ sin(tilt) = k_t (θ − θ0). Eliminating F gives k_t (θ − θ0) − k_s ℓ0 f ℓ tan(tilt) = 0,
-    which is divided by k_t. The residual is negative at the relaxed tilt and positive for tilt → 0.
-    """
-    length = length_at(chain, tilt, strain)
-    pull = chain.k_s * chain.law.pull(length, chain.cell)
-    return jnp.pi - 2 * tilt - chain.theta_0 - pull * length * jnp.tan(tilt) / chain.k_t
-
-
-def force_from_moment(
-    chain: Zigzag, tilt: Float[Array, ""], strain: Float[Array, ""]
-) -> Float[Array, ""]:
-    """Tension that holds the folds open at a tilt and a strain of the period [N]."""
-    moment = chain.k_t * (jnp.pi - 2 * tilt - chain.theta_0)
-    return moment / (length_at(chain, tilt, strain) * jnp.sin(tilt))
-
-
 def tension(chain: Zigzag, strain: Float[Array, " point"]) -> Float[Array, " point"]:
     """Tension of a zigzag at strains of its period, in closed form except for one root [N].
 
@@ -160,36 +108,39 @@ def tension(chain: Zigzag, strain: Float[Array, " point"]) -> Float[Array, " poi
     k_t / (k_s cell²) is small; it is at most 0.07 for the paper's stripes. The tension is
     differentiable with respect to the parameters of the zigzag and to the strain, which must not be
     negative.
+
+    The root is the tilt of the segments from the line of force, with θ = π − 2 tilt: there the
+    tension of the spring of length ℓ, F cos(tilt) = k_s ℓ0 f, is that of the fold,
+    F ℓ sin(tilt) = k_t (θ − θ0).
     """
-    relaxed_tilt = (jnp.pi - chain.theta_0) / 2
-    linear = isinstance(chain.law, Linear)
 
-    def excess(part: Array, of: tuple[Zigzag, Array]) -> Array:
-        numbers, target = of
+    def length(of: Zigzag, tilt: Array, strain: Array) -> Array:
+        return of.period * (1 + strain) / (CELLS_PER_PERIOD * jnp.cos(tilt))
+
+    def tilt_at(of: Zigzag, log_tilt: Array) -> Array:
         # Solved for the logarithm of the tilt: at large strain it falls by orders of magnitude.
-        tilt = jnp.exp(-part) * (jnp.pi - numbers.theta_0) / 2
-        if linear:
-            return period_at(numbers, tilt) / numbers.period - 1 - target
-        return imbalance(numbers, tilt, target)
+        return jnp.exp(-log_tilt) * (jnp.pi - of.theta_0) / 2
 
-    def tilt_at(target: Array) -> Array:
+    def imbalance(log_tilt: Array, at: tuple[Zigzag, Array]) -> Array:
+        of, strain = at
+        tilt = tilt_at(of, log_tilt)
+        stretched = length(of, tilt, strain)
+        pull = of.k_s * of.law.pull(stretched, of.cell)
+        # Negative at the relaxed tilt and positive for tilt → 0.
+        return jnp.pi - 2 * tilt - of.theta_0 - pull * stretched * jnp.tan(tilt) / of.k_t
+
+    def force(strain: Array) -> Array:
         found: optx.Solution = optx.root_find(
-            excess,
+            imbalance,
             optx.Bisection(rtol=1e-14, atol=1e-14),  # type: ignore[call-arg]
             jnp.asarray(1.0),
-            args=(chain, target),
+            args=(chain, strain),
             options={"lower": -1e-9, "upper": LARGEST_LOG_TILT},
             max_steps=200,
             throw=False,
         )
-        return jnp.exp(-found.value) * relaxed_tilt
-
-    def force(target: Array) -> Array:
-        tilt = tilt_at(target)
-        return force_at(chain, tilt) if linear else force_from_moment(chain, tilt, target)
+        tilt = tilt_at(chain, found.value)
+        moment = chain.k_t * (jnp.pi - 2 * tilt - chain.theta_0)
+        return moment / (length(chain, tilt, strain) * jnp.sin(tilt))
 
     return jax.vmap(force)(strain)
-
-
-LARGEST_LOG_TILT = 40.0
-"""Largest −log(tilt / relaxed tilt) in the search for the root."""

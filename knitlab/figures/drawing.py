@@ -21,7 +21,6 @@ from knitlab.cube.cube_file import (
     source_of,
     swept_dims,
 )
-from knitlab.cube.plain_cube import PlainCube
 from knitlab.cube.schema import DESIGN_DIMS, VARIABLES
 from knitlab.cube.selection import as_given, choices, refuse_others, selected, selections_along
 from knitlab.figures.drawn import (
@@ -93,7 +92,7 @@ def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     saved: list[Path] = []
     faults: list[Fault] = []
     cube = open_cube(folder)
-    requested = requested_figures(kinds, PlainCube.of(cube), folder)
+    requested = requested_figures(kinds, cube, folder)
     slices = {
         tuple(figure.selections.items()) for figure in requested if figure.kind not in COMPARING
     }

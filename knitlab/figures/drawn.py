@@ -1,7 +1,4 @@
-"""Drawn figures: the files of a figure, and whether they are up to date.
-
-Imports neither matplotlib nor xarray, so that a run with nothing to do is fast.
-"""
+"""Drawn figures: the files of a figure, and whether they are up to date."""
 
 import hashlib
 import itertools
@@ -11,7 +8,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from knitlab.cube.plain_cube import PlainCube, base_of, cube_path
+import xarray as xr
+
+from knitlab.cube.cube_file import cube_path, swept_dims
 from knitlab.cube.selection import as_given
 from knitlab.io.fingerprint import DIGITS, file_digest, package_fingerprint
 from knitlab.sweep.figure_names import COMPARING, suffixes
@@ -39,7 +38,9 @@ class RequestedFigure:
     outputs: tuple[Path, ...]
 
 
-def requested_figures(kinds: Iterable[str], cube: PlainCube, folder: Path) -> list[RequestedFigure]:
+def requested_figures(
+    kinds: Iterable[str], cube: xr.Dataset, folder: Path
+) -> list[RequestedFigure]:
     """The figures of a workflow, one for each value of swept settings unless it compares them.
 
     Args:
@@ -47,8 +48,8 @@ def requested_figures(kinds: Iterable[str], cube: PlainCube, folder: Path) -> li
         cube: cube of the workflow.
         folder: results folder of the workflow.
     """
-    swept = cube.design_dims[len(base_of(cube.design_dims)) :]
-    values = itertools.product(*(cube.coordinates[dim] for dim in swept))
+    swept = swept_dims(cube)
+    values = itertools.product(*(cube[dim].values for dim in swept))
     slices: list[dict[str, Any]] = [dict(zip(swept, each, strict=True)) for each in values]
     found = []
     for kind in kinds:

@@ -4,8 +4,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.cube_file import base_dims
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import DESIGN_DIMS
+from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.figures.sources import missing_values
 
 PERIODS = "periods"

@@ -6,8 +6,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.cube_file import is_measured
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import DESIGN_DIMS
+from knitlab.cube.schema import DESIGN_DIMS, Status
 
 
 def lines_of(cube: xr.Dataset) -> str:

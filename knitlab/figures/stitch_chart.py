@@ -12,8 +12,7 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from knitlab.figures.style import TWO_COLUMNS
-from knitlab.knitting.chart import StitchChart
-from knitlab.knitting.knit_stitches import electrode_name
+from knitlab.knitting.chart import StitchChart, electrode_name
 
 FRONT, BACK = "white", "0.68"
 ELECTRODES = {1: ("#FAD7A0", "#DC7633"), 2: ("#AED6F1", "#2471A3")}

@@ -4,8 +4,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Bool, Float
 
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import DESIGN_DIMS
+from knitlab.cube.schema import DESIGN_DIMS, Status
 
 Design = tuple[int, int]
 

@@ -24,9 +24,9 @@ def contradictions(targets: Sequence[Target]) -> Iterator[tuple[Target, Target]]
         targets: with their tolerances.
 
     Example:
-        >>> from knitlab.cube.target import parse_target
-        >>> low = parse_target("poisson_ratio < -0.3 @ 0.05:0.25")
-        >>> high = parse_target("poisson_ratio > -0.2 @ 0.2:0.4")
+        >>> from knitlab.cube.target import read_target
+        >>> low = read_target("poisson_ratio < -0.3 @ 0.05:0.25")
+        >>> high = read_target("poisson_ratio > -0.2 @ 0.2:0.4")
         >>> [other.text for _, other in contradictions([low, high])]
         ['poisson_ratio > -0.2 @ 0.2:0.4']
     """

@@ -12,9 +12,8 @@ import pandas as pd
 import xarray as xr
 from tqdm import tqdm
 
-from knitlab.cube.cube_file import write_cube
-from knitlab.cube.find import Found, find_designs, in_order
-from knitlab.cube.plain_cube import CUBE, PlainCube
+from knitlab.cube.cube_file import CUBE, write_cube
+from knitlab.cube.find import Found, find_designs
 from knitlab.cube.schema import described
 from knitlab.cube.strain_window import STRAIN
 from knitlab.cube.target import Target
@@ -313,7 +312,7 @@ def _completed(
 def _ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
     """The candidates that meet the constraints, then the others; by their worst distance."""
     wanted, held = request.targets, request.subject_to
-    found = find_designs([PlainCube.of(cube)], [*wanted, *held])
+    found = find_designs([cube], [*wanted, *held])
     reached, constraints = found.reached[: len(wanted)], found.reached[len(wanted) :]
 
     worst = distance_of(wanted, [each.worst for each in reached])
@@ -330,7 +329,7 @@ def _ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
         table.insert(list(table.columns).index(WORST) + 1, "violation", violation)
     return Found(
         table.iloc[order].reset_index(drop=True),
-        tuple(in_order(each, order) for each in found.reached),
+        tuple(each.in_order(order) for each in found.reached),
         found.passed_over,
     )
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
+import xarray as xr
 
+from knitlab.cube.cube_file import CUBE, open_cube
 from knitlab.cube.find import find_designs
-from knitlab.cube.plain_cube import CUBE, PlainCube, open_plain_cube
 from knitlab.inverse.request import DesignRequest
 from knitlab.inverse.search_space import DesignLabels, SearchSpace
 from knitlab.io.errors import fault
@@ -57,7 +58,7 @@ def starting_designs(
     """
     if len(space.designs) <= request.starts and not request.cubes:
         return Starts(space.designs)
-    cubes, simulated = [open_plain_cube(path) for path in request.cubes], 0
+    cubes, simulated = [open_cube(path, lazily=True) for path in request.cubes], 0
     if not cubes:
         cubes, simulated = _coarse_sweep(request, space, folder, options)
     known = [each for each in (*request.targets, *request.subject_to) if each.name not in own]
@@ -89,7 +90,7 @@ def _labels(table: pd.DataFrame, dims: Sequence[str]) -> list[DesignLabels]:
 
 def _coarse_sweep(
     request: DesignRequest, space: SearchSpace, folder: Path, options: RunOptions
-) -> tuple[list[PlainCube], int]:
+) -> tuple[list[xr.Dataset], int]:
     labels = {
         dim: list(dict.fromkeys(along))
         for dim, along in zip(space.dims, zip(*space.designs, strict=True), strict=True)
@@ -97,4 +98,4 @@ def _coarse_sweep(
     plan = make_plan(space.workflow, {**space.settings, **(labels if request.choices else {})})
     if run_plan(plan, folder, options).stopped:
         raise KeyboardInterrupt
-    return [open_plain_cube(folder / CUBE)], len(plan.cases)
+    return [open_cube(folder / CUBE)], len(plan.cases)

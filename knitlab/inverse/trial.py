@@ -18,7 +18,7 @@ from knitlab.cube.case_file import (
     read_code,
     write_case_file,
 )
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.cube.strain_window import STRAIN, without_gap_at_zero
 from knitlab.fabric.configuration import Configuration
 from knitlab.inverse.quantities import OF_CLOTH, OF_DESIGN, Measures, of_relaxed, of_strained

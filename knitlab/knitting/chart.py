@@ -4,12 +4,52 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import pandas as pd
 from jaxtyping import Bool, Int
-
-from knitlab.knitting.knit_stitches import KnitStitches
 
 Face = Literal["front", "back"]
 """A face of the fabric."""
+
+
+def electrode_name(number: int) -> str:
+    """Name of an electrode by its number in a chart, from 1."""
+    return "AB"[number - 1]
+
+
+@dataclass(frozen=True, eq=False)
+class KnitStitches:
+    """The stitches of a fabric, course 0 knitted first and wale 0 leftmost, seen from the front.
+
+    ``front`` is whether a stitch is knitted on the front bed; ``conductor`` is the number of the
+    electrode that it is plated for, negative where the conductor lies on the back of the fabric, 0
+    where it is not plated.
+    """
+
+    front: Bool[np.ndarray, "course wale"]
+    conductor: Int[np.ndarray, "course wale"]
+
+    def in_words(self, course: int, wale: int) -> str:
+        """A stitch in words, by its indices from 0."""
+        knit = f"a {'front' if self.front[course, wale] else 'back'} knit"
+        number = int(self.conductor[course, wale])
+        if not number:
+            return knit
+        face = "front" if number > 0 else "back"
+        return f"{knit} of electrode {electrode_name(abs(number))}, conductor on the {face}"
+
+    def difference(self, other: "KnitStitches") -> str | None:
+        """The first stitch that differs from the others', in words; None if all are equal."""
+        if self.front.shape != other.front.shape:
+            here, there = (
+                "{} courses of {} wales".format(*each.front.shape) for each in (self, other)
+            )
+            return f"there are {there}, not {here}"
+        differs = (self.front != other.front) | (self.conductor != other.conductor)
+        if not differs.any():
+            return None
+        course, wale = np.argwhere(differs)[0].tolist()
+        here, there = (each.in_words(course, wale) for each in (self, other))
+        return f"course {course + 1}, wale {wale + 1} is {there}, not {here}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +107,9 @@ class StitchChart:
         return self.repeats == (1, 1) and not self.periodic
 
     @property
-    def electrodes(self) -> tuple[int, ...]:
+    def electrodes(self) -> list[int]:
         """Numbers of the electrodes that it has."""
-        return tuple(np.unique(self.plated[self.plated > 0]).tolist())
+        return np.unique(self.plated[self.plated > 0]).tolist()
 
     @property
     def transfers(self) -> int:
@@ -79,5 +119,17 @@ class StitchChart:
     @property
     def stitches(self) -> KnitStitches:
         """Bed and conductor of every stitch."""
-        on_back = np.array([0, *(face == "back" for face in self.plated_face)], bool)
-        return KnitStitches(self.front, np.where(on_back[self.plated], -self.plated, self.plated))
+        sign = np.array([1, *(1 if face == "front" else -1 for face in self.plated_face)])
+        return KnitStitches(self.front, sign[self.plated] * self.plated)
+
+    def table(self) -> str:
+        """The chart as comma-separated text, the last course first, as the fabric is seen.
+
+        Each wale of a course has ``k`` for a stitch of the front bed (knit) and ``p`` for one of
+        the back bed (purl), with the letter of its electrode if it is plated.
+        """
+        letters = np.where(self.front, "k", "p").astype(object)
+        for number in self.electrodes:
+            letters[self.plated == number] += electrode_name(number)
+        rows = pd.DataFrame(letters, range(1, self.courses + 1), range(1, self.wales + 1))
+        return rows[::-1].to_csv(index_label="course", lineterminator="\n")

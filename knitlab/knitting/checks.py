@@ -7,13 +7,14 @@ by the body's yarn and one conductor. What the machine does with its yarn is not
 kickbacks, rollers and collisions of carriers are left to its back end.
 """
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-from knitlab.knitting.knit_stitches import FormedStitch
+from knitlab.knitting.knit_graph import FormedStitch
 from knitlab.knitting.knitout import VERSION
 from knitlab.knitting.machine import Machine
-from knitlab.knitting.operations import Needle, Operation, headers, operations
+from knitlab.knitting.operations import OF_CARRIERS, Needle, Operation, headers, operations
 
 MOST_STITCHES_HELD = 2
 """Stitches that a needle may hold: a loop and a tuck, or two loops that a bind-off joins."""
@@ -23,13 +24,7 @@ MOST_CARRIERS = 2
 
 @dataclass(frozen=True)
 class ProgramFault:
-    """A fault of a program.
-
-    Attributes:
-        line: where, from 1.
-        operation: the operation there.
-        problem: what is wrong, and what to do.
-    """
+    """A fault of a program: its line, from 1, the operation there, and the problem and remedy."""
 
     line: int
     operation: str
@@ -41,49 +36,35 @@ class ProgramFault:
 
 @dataclass(frozen=True)
 class Checked:
-    """What a check found.
-
-    Attributes:
-        findings: faults, by their lines.
-        graph: the stitches that the program forms, in order.
-    """
+    """Faults of a program by their lines, and the stitches that it forms, in order."""
 
     findings: tuple[ProgramFault, ...]
     graph: tuple[FormedStitch, ...]
 
 
 def check(text: str, machine: Machine) -> Checked:
-    """Follow a program on a machine.
-
-    Args:
-        text: the program.
-        machine: the machine.
-    """
+    """Follow a program on a machine."""
     state = _State(machine)
-    state.findings += _header_findings(text, machine)
+    state.findings += _header_faults(text, machine)
     for operation in operations(text):
         state.follow(operation)
     state.finish()
     return Checked(tuple(sorted(state.findings, key=lambda each: each.line)), tuple(state.graph))
 
 
-def _header_findings(text: str, machine: Machine) -> list[ProgramFault]:
-    lines = text.split("\n")
-    found = []
+def _header_faults(text: str, machine: Machine) -> Iterator[ProgramFault]:
+    lines, stated = text.split("\n"), headers(text)
     if lines[0] != f";!knitout-{VERSION}":
         problem = f"a file begins with ;!knitout-{VERSION}; make that its first line"
-        found.append(ProgramFault(1, lines[0], problem))
-    stated = headers(text)
+        yield ProgramFault(1, lines[0], problem)
     wanted = " ".join(map(str, range(1, machine.carriers.carriers + 1)))
-    if stated.get("Carriers") != wanted:
-        given = stated.get("Carriers", "missing")
+    if (given := stated.get("Carriers", "missing")) != wanted:
         problem = f"the header Carriers is {given}; back ends want all of them, {wanted}"
-        found.append(ProgramFault(1, ";;Carriers", problem))
+        yield ProgramFault(1, ";;Carriers", problem)
     end = len(stated) + 1
     if any(line.startswith(";;") for line in lines[end:]):
         problem = "the header ends here, and more of it follows; take the line out"
-        found.append(ProgramFault(end + 1, lines[end] or "blank line", problem))
-    return found
+        yield ProgramFault(end + 1, lines[end] or "blank line", problem)
 
 
 @dataclass
@@ -103,14 +84,16 @@ class _State:
     def follow(self, operation: Operation) -> None:
         """Take the state on by an operation."""
         self.now = operation
+        opcode = operation.opcode
         if operation.is_extension:
             return
-        follow = FOLLOW.get(operation.opcode)
-        if follow is None:
+        if opcode not in FOLLOW:
             self._report(f"is not followed by this check; use {', '.join(FOLLOW)}")
-        elif not _is_complete(operation):
+            return
+        syntax, follow = FOLLOW[opcode]
+        if not re.fullmatch(syntax, " ".join(operation.parameters)):
             self._report("lacks a direction, a needle, a carrier or a number; complete it")
-        else:
+        elif self._in_range(operation.needles) and (opcode not in OF_CARRIERS or self._carrier()):
             follow(self)
 
     def finish(self) -> None:
@@ -139,14 +122,17 @@ class _State:
         shift = -self.racking if needle.front else self.racking
         return Needle(not needle.front, needle.number + shift)
 
-    def _yarns(self, needle: Needle) -> tuple[int, ...] | None:
-        """The carriers of a stitch, after their checks; None if they are not valid."""
-        words = self.now.carriers
+    def _are_carriers(self, words: tuple[str, ...]) -> bool:
         last = self.machine.carriers.carriers
-        if not all(word.isdigit() and 1 <= int(word) <= last for word in words):
+        return all(word.isdigit() and 1 <= int(word) <= last for word in words)
+
+    def _yarns(self, needle: Needle) -> tuple[int, ...]:
+        """The carriers of a stitch, after their checks; none if they are not valid."""
+        if not self._are_carriers(self.now.carriers):
+            last = self.machine.carriers.carriers
             self._report(f"names a carrier that is not one of 1 to {last}; correct it")
-            return None
-        carriers = tuple(map(int, words))
+            return ()
+        carriers = tuple(map(int, self.now.carriers))
         if len(carriers) > MOST_CARRIERS or len(set(carriers)) < len(carriers):
             self._report(f"has {len(carriers)} carriers; take one or {MOST_CARRIERS}")
         for carrier in carriers:
@@ -169,8 +155,6 @@ class _State:
 
     def _knit(self) -> None:
         (needle,) = self.now.needles
-        if not self._in_range((needle,)):
-            return
         carriers = self._yarns(needle)
         through = self.held.pop(needle, [])
         across = self._opposite(needle)
@@ -181,23 +165,20 @@ class _State:
             )
         elif not through:
             self._report("knits on a needle without a loop; cast on there, or drop no loop before")
-        if carriers:
-            self._check_plating(carriers)
-            self._form(needle, carriers, tuple(through))
+        self._check_plating(carriers)
+        self._form(needle, carriers, tuple(through))
 
     def _tuck(self) -> None:
         (needle,) = self.now.needles
-        if not self._in_range((needle,)):
-            return
         carriers = self._yarns(needle)
         if len(self.held.get(needle, [])) >= MOST_STITCHES_HELD:
             self._report(f"{needle} holds {MOST_STITCHES_HELD} loops already; knit them first")
-        if carriers:
-            self._form(needle, carriers, ())
+        self._form(needle, carriers, ())
 
     def _form(self, needle: Needle, carriers: tuple[int, ...], through: tuple[int, ...]) -> None:
-        self.held.setdefault(needle, []).append(len(self.graph))
-        self.graph.append(FormedStitch(needle.number, needle.front, carriers, through))
+        if carriers:
+            self.held.setdefault(needle, []).append(len(self.graph))
+            self.graph.append(FormedStitch(needle.number, needle.front, carriers, through))
 
     def _check_plating(self, carriers: tuple[int, ...]) -> None:
         body = self.machine.carriers.body_carrier
@@ -209,8 +190,6 @@ class _State:
 
     def _transfer(self) -> None:
         source, target = self.now.needles
-        if not self._in_range((source, target)):
-            return
         if self._opposite(source) != target:
             self._report(
                 f"{source} is opposite {self._opposite(source)} at racking {self.racking}; rack"
@@ -225,8 +204,6 @@ class _State:
 
     def _drop(self) -> None:
         (needle,) = self.now.needles
-        if not self._in_range((needle,)):
-            return
         for number in self.held.pop(needle, []):
             for carrier in self.graph[number].carriers:
                 if carrier in self.active:
@@ -236,31 +213,28 @@ class _State:
                     )
 
     def _carrier(self) -> int | None:
-        """The one carrier of an operation; None if it is not valid."""
-        word = self.now.carriers[0]
-        last = self.machine.carriers.carriers
-        if len(self.now.carriers) > 1 or not word.isdigit() or not 1 <= int(word) <= last:
-            self._report(f"takes one carrier of 1 to {last}; correct it")
-            return None
-        return int(word)
+        """The one carrier of an operation of the hook; None if it is not valid."""
+        if len(self.now.carriers) == 1 and self._are_carriers(self.now.carriers):
+            return int(self.now.carriers[0])
+        self._report(f"takes one carrier of 1 to {self.machine.carriers.carriers}; correct it")
+        return None
 
-    def _inhook(self) -> None:
-        carrier = self._carrier()
-        if carrier is None:
-            return
-        if carrier in self.active:
-            self._report(f"carrier {carrier} is in action already; take the line out")
+    def _check_hook_is_free(self) -> None:
         if self.hooked is not None:
             self._report(
                 f"the hook still holds carrier {self.hooked}; put releasehook {self.hooked} before"
             )
+
+    def _inhook(self) -> None:
+        carrier = int(self.now.carriers[0])
+        if carrier in self.active:
+            self._report(f"carrier {carrier} is in action already; take the line out")
+        self._check_hook_is_free()
         self.active.add(carrier)
         self.hooked, self.hook_from = carrier, None
 
     def _releasehook(self) -> None:
-        carrier = self._carrier()
-        if carrier is None:
-            return
+        carrier = int(self.now.carriers[0])
         if carrier != self.hooked:
             self._report(f"the hook does not hold carrier {carrier}; take the line out")
         elif self.hook_from is None:
@@ -268,51 +242,33 @@ class _State:
         self.hooked = self.hook_from = None
 
     def _outhook(self) -> None:
-        carrier = self._carrier()
-        if carrier is None:
-            return
+        carrier = int(self.now.carriers[0])
         if carrier not in self.active:
             self._report(f"carrier {carrier} is not in action; take the line out")
-        if self.hooked is not None:
-            self._report(
-                f"the hook still holds carrier {self.hooked}; put releasehook {self.hooked} before"
-            )
+        self._check_hook_is_free()
         self.active.discard(carrier)
         self.hooked = self.hook_from = None
 
     def _rack(self) -> None:
         largest = self.machine.bed.largest_racking
         try:
-            racking = int(self.now.parameters[0])
+            self.racking = int(self.now.parameters[0])
         except ValueError:
             self._report("racks by a part of a needle, which this check does not follow; use whole")
             return
-        if abs(racking) > largest:
+        if abs(self.racking) > largest:
             self._report(f"racks by more than {largest} needles; move the loops in steps")
-        self.racking = racking
 
 
-FOLLOW: dict[str, Callable[[_State], None]] = {
-    "knit": _State._knit,
-    "tuck": _State._tuck,
-    "xfer": _State._transfer,
-    "drop": _State._drop,
-    "inhook": _State._inhook,
-    "releasehook": _State._releasehook,
-    "outhook": _State._outhook,
-    "rack": _State._rack,
+NEEDLE = r"[fb]-?\d+"
+FOLLOW: dict[str, tuple[str, Callable[[_State], None]]] = {
+    "knit": (rf"[-+] {NEEDLE} .+", _State._knit),
+    "tuck": (rf"[-+] {NEEDLE} .+", _State._tuck),
+    "xfer": (f"{NEEDLE} {NEEDLE}", _State._transfer),
+    "drop": (NEEDLE, _State._drop),
+    "inhook": (".+", _State._inhook),
+    "releasehook": (".+", _State._releasehook),
+    "outhook": (".+", _State._outhook),
+    "rack": (".+", _State._rack),
 }
-"""What follows each operation."""
-
-
-def _is_complete(operation: Operation) -> bool:
-    """Whether an operation has the parameters that it needs."""
-    needles = len(operation.needles)
-    words = len(operation.parameters)
-    if operation.opcode in ("knit", "tuck"):
-        return needles == 1 and words >= 3 and operation.direction in ("-", "+")
-    if operation.opcode == "xfer":
-        return needles == 2 and words == 2
-    if operation.opcode == "drop":
-        return needles == 1 and words == 1
-    return words >= 1
+"""Of each operation the syntax of its parameters, and what follows it."""

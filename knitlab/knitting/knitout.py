@@ -6,7 +6,7 @@ The subset is ``inhook``, ``releasehook``, ``outhook``, ``tuck``, ``knit``, ``xf
 inserting hook brings yarn in from the right.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import groupby, pairwise
 
 import numpy as np
@@ -15,18 +15,15 @@ from jaxtyping import Bool
 from knitlab.io.errors import fault
 from knitlab.knitting.chart import StitchChart
 from knitlab.knitting.machine import Machine
-from knitlab.knitting.writer import LEFTWARD, RIGHTWARD, Direction, KnitoutWriter, opposite
+from knitlab.knitting.operations import Needle
 
 VERSION = 2
 """Version of the language that version 0.6 of its specification describes."""
+LEFTWARD, RIGHTWARD = "-", "+"
 
 
 def knitout(chart: StitchChart, machine: Machine) -> str:
     """The text of a knitout file that knits a chart.
-
-    Args:
-        chart: the chart.
-        machine: the machine.
 
     Raises:
         BadInput: if the chart is wider than the machine.
@@ -38,11 +35,11 @@ def knitout(chart: StitchChart, machine: Machine) -> str:
             f"is wider than the {machine.bed.needles} needles of {machine.bed.model}; take"
             f" {machine.bed.needles // repeat} repeats of {repeat} wales, or another machine",
         )
-    return "\n".join([*_header(chart, machine), *_Program(chart, machine).lines()]) + "\n"
+    return "\n".join([*_header(chart, machine), *_Program(chart, machine).whole()]) + "\n"
 
 
 def _header(chart: StitchChart, machine: Machine) -> Iterator[str]:
-    carriers, stitches, yarns = machine.carriers, machine.stitches, machine.yarns
+    carriers, yarns = machine.carriers, machine.yarns
     yield f";!knitout-{VERSION}"
     yield f";;Machine: {machine.bed.model}"
     yield f";;Gauge: {machine.bed.needles_per_inch}"
@@ -57,131 +54,169 @@ def _header(chart: StitchChart, machine: Machine) -> Iterator[str]:
     yield f";;X-Design: {' '.join(chart.title.split())}"
     yield f";;X-Chart: {chart.courses} courses {chart.wales} wales"
     for use in ("waste", "body", "plated"):
-        number, size = (getattr(stitches, f"{use}_stitch_{what}") for what in ("number", "size"))
+        number, size = (
+            getattr(machine.stitches, f"{use}_stitch_{what}") for what in ("number", "size")
+        )
         yield f";;X-Stitch-Number-{number}: {use} {size}"
 
 
 class _Program:
-    """The operations that knit a chart."""
+    """The lines of a program, and the state of the machine after them.
+
+    The inserting hook parks to the right of the first stitch of its carrier, and no carrier may
+    pass it. It is released as late as that allows, so that the end of the yarn is held by as many
+    stitches as possible.
+    """
 
     def __init__(self, chart: StitchChart, machine: Machine) -> None:
         self.chart, self.machine = chart, machine
         self.needles = range(1, chart.wales + 1)
-        self.out = KnitoutWriter()
+        self.lines = [f"x-speed-number {machine.stitches.speed_number}"]
         self.on_front = np.ones(chart.wales, bool)
-        self.direction: Direction = LEFTWARD
+        self.direction = LEFTWARD
+        self.stitch_number: int | None = None
+        self.active: set[int] = set()
+        self.hooked: int | None = None
+        self.hook_from: int | None = None
 
-    def lines(self) -> list[str]:
+    def whole(self) -> list[str]:
         """The lines of the whole program."""
-        sections = self.machine.sections
-        self.out.lines.append(f"x-speed-number {self.machine.stitches.speed_number}")
+        sections, carriers = self.machine.sections, self.machine.carriers
+        all_front = np.ones(self.chart.wales, bool)
         if sections.waste_courses:
-            self._waste()
-            self._draw_thread()
-        self._cast_on()
+            # 1 × 1 rib lies flat and gives the rollers something to hold.
+            self.on_front = np.arange(self.chart.wales) % 2 == 0
+            self._band("waste", carriers.waste_carrier, sections.waste_courses, casts_on=True)
+            self._move_to(all_front)
+            # When this is drawn out, the sample parts from its waste.
+            self._band("draw thread", carriers.draw_carrier, 1)
+        self.lines.append(";cast-on")
+        self._take_stitch_size("body")
+        self._bring_in(carriers.body_carrier)
+        self._tucks(carriers.body_carrier)
+        self._plain_courses(sections.setup_courses, carriers.body_carrier)
         self._body()
         if sections.end == "bind_off":
             self._bind_off()
-        else:
-            self._drop()
-        return self.out.lines
+            return self.lines
+        self._bring_out(carriers.body_carrier)
+        if sections.waste_courses:
+            self._band("waste", carriers.waste_carrier, sections.waste_courses)
+        held = map(Needle, self.on_front, self.needles)
+        return [*self.lines, ";drop", *(f"drop {needle}" for needle in held)]
 
-    def _towards(self, direction: Direction) -> range:
+    def _towards(self, direction: str) -> range:
         """All needles in the order that the carriage passes them."""
         return self.needles if direction == RIGHTWARD else self.needles[::-1]
 
+    def _turn(self) -> None:
+        self.direction = RIGHTWARD if self.direction == LEFTWARD else LEFTWARD
+
+    def _take_stitch_size(self, use: str) -> None:
+        number = getattr(self.machine.stitches, f"{use}_stitch_number")
+        if number != self.stitch_number:
+            self.lines.append(f"x-stitch-number {number}")
+            self.stitch_number = number
+
+    def _bring_in(self, carrier: int) -> None:
+        """Bring a carrier in by the inserting hook; its next stitch must go leftwards."""
+        self._release_hook()
+        self.lines.append(f"inhook {carrier}")
+        self.hooked = carrier
+        self.active.add(carrier)
+
+    def _release_hook(self) -> None:
+        if self.hooked is not None:
+            self.lines.append(f"releasehook {self.hooked}")
+            self.hooked = self.hook_from = None
+
+    def _bring_out(self, carrier: int) -> None:
+        self._release_hook()
+        self.lines.append(f"outhook {carrier}")
+        self.active.remove(carrier)
+
+    def _form(self, opcode: str, direction: str, number: int, carriers: Sequence[int]) -> None:
+        """Knit or tuck on the needle that holds a wale."""
+        if self.hook_from is not None and number >= self.hook_from:
+            self._release_hook()
+        elif self.hooked in carriers and self.hook_from is None:
+            self.hook_from = number + 1
+        needle = Needle(bool(self.on_front[number - 1]), number)
+        self.lines.append(f"{opcode} {direction} {needle} {' '.join(map(str, carriers))}")
+
     def _tucks(self, carrier: int) -> None:
         """A cast-on of tucks on every second needle leftwards, and on the rest rightwards."""
-        last = self.needles[-1]
         for direction, parity in ((LEFTWARD, 0), (RIGHTWARD, 1)):
             for number in self._towards(direction):
-                if (last - number) % 2 == parity:
-                    self.out.tuck(direction, bool(self.on_front[number - 1]), number, [carrier])
-        self.out.release()
+                if (self.chart.wales - number) % 2 == parity:
+                    self._form("tuck", direction, number, [carrier])
+        self._release_hook()
 
     def _plain_courses(self, count: int, carrier: int) -> None:
         """Courses over all wales, on the needles that hold them."""
         for _ in range(count):
             for number in self._towards(self.direction):
-                front = bool(self.on_front[number - 1])
-                self.out.knit(self.direction, front, number, [carrier])
-            self.direction = opposite(self.direction)
+                self._form("knit", self.direction, number, [carrier])
+            self._turn()
 
     def _move_to(self, front: Bool[np.ndarray, " wale"]) -> None:
         """Transfer the wales whose bed changes, and no other."""
+        self._release_hook()
         for to_front in (False, True):
             moved = np.flatnonzero((self.on_front != front) & (front == to_front)) + 1
-            self.out.transfer(to_front, moved.tolist())
-        self.on_front = front.copy()
+            self.lines += [
+                f"xfer {Needle(not to_front, number)} {Needle(to_front, number)}"
+                for number in moved.tolist()
+            ]
+        self.on_front = front
 
-    def _waste(self) -> None:
-        """Waste in 1 × 1 rib, which lies flat and gives the rollers something to hold."""
-        carrier = self.machine.carriers.waste_carrier
-        self.out.comment("waste")
-        self.out.stitch_number(self.machine.stitches.waste_stitch_number)
-        self.on_front = np.arange(self.chart.wales) % 2 == 0
-        self.out.bring_in(carrier)
-        self._tucks(carrier)
-        self._plain_courses(self.machine.sections.waste_courses, carrier)
-        self.out.bring_out(carrier)
-        self._move_to(np.ones(self.chart.wales, bool))
-
-    def _draw_thread(self) -> None:
-        """One course of a thread that parts the sample from its waste when it is drawn out."""
-        carrier = self.machine.carriers.draw_carrier
-        self.out.comment("draw thread")
-        self.out.bring_in(carrier)
-        self._plain_courses(1, carrier)
-        self.out.bring_out(carrier)
+    def _band(self, name: str, carrier: int, courses: int, *, casts_on: bool = False) -> None:
+        """Plain courses of a yarn that is brought in and taken out again, leftwards first."""
+        self.lines.append(f";{name}")
+        self._take_stitch_size("waste")
+        self._bring_in(carrier)
+        if casts_on:
+            self._tucks(carrier)
         self.direction = LEFTWARD
-
-    def _cast_on(self) -> None:
-        carrier = self.machine.carriers.body_carrier
-        self.out.comment("cast-on")
-        self.out.stitch_number(self.machine.stitches.body_stitch_number)
-        self.out.bring_in(carrier)
-        self._tucks(carrier)
-        self._plain_courses(self.machine.sections.setup_courses, carrier)
+        self._plain_courses(courses, carrier)
+        self._bring_out(carrier)
+        self.direction = LEFTWARD
 
     def _body(self) -> None:
         chart = self.chart
         last_course = {
-            number: int(np.flatnonzero((chart.plated == number).any(axis=1))[-1])
+            number: np.flatnonzero((chart.plated == number).any(axis=1))[-1]
             for number in chart.electrodes
         }
         for course in range(chart.courses):
-            self.out.comment(f"course {course + 1}")
+            self.lines.append(f";course {course + 1}")
             self._move_to(chart.front[course])
             self._course(course)
             for electrode, last in last_course.items():
                 if course == last:
-                    self.out.bring_out(self.machine.carrier_of(electrode))
-            self.direction = opposite(self.direction)
+                    self._bring_out(self.machine.carrier_of(electrode))
+            self._turn()
 
     def _course(self, course: int) -> None:
         """One course, with a pass for every run of stitches of the same carriers."""
         plated = self.chart.plated[course]
-        stitches = self.machine.stitches
         for electrode, run in groupby(
             self._towards(self.direction), key=lambda number: int(plated[number - 1])
         ):
             numbers = list(run)
-            self.out.stitch_number(
-                stitches.plated_stitch_number if electrode else stitches.body_stitch_number
-            )
-            if electrode and not self.out.is_in(self.machine.carrier_of(electrode)):
+            self._take_stitch_size("plated" if electrode else "body")
+            if electrode and self.machine.carrier_of(electrode) not in self.active:
                 self._bring_in_conductor(self.machine.carrier_of(electrode), numbers)
             for number in numbers:
-                front = bool(self.on_front[number - 1])
-                carriers = self._carriers(electrode, front)
-                self.out.knit(self.direction, front, number, carriers)
+                carriers = self._carriers(electrode, self.on_front[number - 1])
+                self._form("knit", self.direction, number, carriers)
 
     def _bring_in_conductor(self, carrier: int, numbers: list[int]) -> None:
         """Bring a conductor in; before stitches rightwards, by tucks leftwards on their needles."""
-        self.out.bring_in(carrier)
+        self._bring_in(carrier)
         if self.direction == RIGHTWARD:
             for number in numbers[::-1][::2]:
-                self.out.tuck(LEFTWARD, bool(self.on_front[number - 1]), number, [carrier])
+                self._form("tuck", LEFTWARD, number, [carrier])
 
     def _carriers(self, electrode: int, front: bool) -> list[int]:
         """Carriers of a stitch.
@@ -198,35 +233,23 @@ class _Program:
 
     def _bind_off(self) -> None:
         """A chain: every loop is moved onto its neighbour, and knitted with it."""
-        carrier = [self.machine.carriers.body_carrier]
-        self.out.comment("bind-off")
-        self.out.stitch_number(self.machine.stitches.body_stitch_number)
+        carrier = self.machine.carriers.body_carrier
+        self.lines.append(";bind-off")
+        self._take_stitch_size("body")
         self._move_to(np.ones(self.chart.wales, bool))
         order = self._towards(self.direction)
-        self.out.knit(self.direction, True, order[0], carrier)
+        self._form("knit", self.direction, order[0], [carrier])
         for number, following in pairwise(order):
-            self.out.rack(0)
-            self.out.transfer(False, [number])
-            self.out.move(False, number, following)
-            self.out.rack(0)
-            self.out.knit(self.direction, True, following, carrier)
+            # At racking R, back needle B is opposite front needle B + R.
+            self.lines += [
+                f"xfer f{number} b{number}",
+                f"rack {following - number}",
+                f"xfer b{number} f{following}",
+                "rack 0",
+            ]
+            self._form("knit", self.direction, following, [carrier])
         for _ in range(self.machine.sections.bind_off_tail):
-            self.direction = opposite(self.direction)
-            self.out.knit(self.direction, True, order[-1], carrier)
-        self.out.bring_out(*carrier)
-        self.out.drop(True, order[-1])
-
-    def _drop(self) -> None:
-        """Waste on the live loops, and that is dropped."""
-        self.out.bring_out(self.machine.carriers.body_carrier)
-        carrier = self.machine.carriers.waste_carrier
-        if self.machine.sections.waste_courses:
-            self.out.comment("waste")
-            self.out.stitch_number(self.machine.stitches.waste_stitch_number)
-            self.out.bring_in(carrier)
-            self.direction = LEFTWARD
-            self._plain_courses(self.machine.sections.waste_courses, carrier)
-            self.out.bring_out(carrier)
-        self.out.comment("drop")
-        for number in self.needles:
-            self.out.drop(bool(self.on_front[number - 1]), number)
+            self._turn()
+            self._form("knit", self.direction, order[-1], [carrier])
+        self._bring_out(carrier)
+        self.lines.append(f"drop f{order[-1]}")

@@ -1,7 +1,7 @@
 """The knitting machine of ``params/machine.toml``: beds, carriers, stitch numbers and speeds."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,14 +15,13 @@ from pydantic import (
     ValidationError,
 )
 
-from knitlab.fabric.setting_types import Unit
+from knitlab.fabric.settings import Unit
 from knitlab.io.errors import BadInput, Fault, faults_of, unknown
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import StrictModel, read_checked
-from knitlab.sweep.declared_fields import ParameterValue, declared, entries, with_fields
+from knitlab.sweep.declared_fields import declared, entries, with_fields
 
 MILLIMETRES_PER_INCH = 25.4
-FILE = "machine.toml"
 
 
 def _word(text: str) -> str:
@@ -44,14 +43,7 @@ StitchNumber = Annotated[int, Field(ge=0, le=100)]
 
 @dataclass(frozen=True)
 class Bed:
-    """The needle beds.
-
-    Attributes:
-        model: the machine's name.
-        needles: on each bed.
-        needles_per_inch: gauge [1/inch].
-        largest_racking: needles by which the back bed moves at most.
-    """
+    """The two needle beds; the back bed moves by at most ``largest_racking`` needles."""
 
     model: Word
     needles: PositiveInt
@@ -61,16 +53,11 @@ class Bed:
 
 @dataclass(frozen=True)
 class Carriers:
-    """Which yarn carrier does what.
+    """The count of yarn carriers, and the number of each that is used, from 1.
 
-    Attributes:
-        carriers: carriers that there are.
-        waste_carrier, draw_carrier, body_carrier: numbers of the carriers of waste, draw thread and
-            body.
-        electrode_carriers: those of the conductors of electrodes A and B.
-        plating: whether a plated stitch names the carrier of the yarn on the face of its loop
-            first, or that on its reverse.
-        longest_float: needles that a float may pass without a remark.
+    ``electrode_carriers`` are those of the conductors of electrodes A and B. ``plating`` is whether
+    a plated stitch names the carrier of the yarn on the face of its loop first, or that on its
+    reverse. A float past more than ``longest_float`` needles has a remark.
     """
 
     carriers: PositiveInt
@@ -84,11 +71,7 @@ class Carriers:
 
 @dataclass(frozen=True)
 class Yarns:
-    """What the carriers are threaded with.
-
-    Attributes:
-        body_yarn, conductive_yarn, waste_yarn: names of the yarns.
-    """
+    """Names of the yarns that the carriers are threaded with."""
 
     body_yarn: Word
     conductive_yarn: Word
@@ -97,13 +80,7 @@ class Yarns:
 
 @dataclass(frozen=True)
 class MachineStitches:
-    """Stitch sizes, and the rows of the machine's table that hold them.
-
-    Attributes:
-        body_stitch_size, plated_stitch_size, waste_stitch_size: sizes in the machine's unit.
-        body_stitch_number, plated_stitch_number, waste_stitch_number: rows of its stitch table.
-        speed_number: row of its speed table.
-    """
+    """Stitch sizes in the machine's unit, and the rows of its stitch and speed tables."""
 
     body_stitch_size: PositiveInt
     plated_stitch_size: PositiveInt
@@ -118,11 +95,9 @@ class MachineStitches:
 class Sections:
     """What is knitted before and after the chart.
 
-    Attributes:
-        waste_courses: of the waste section at the beginning, and at the end of a dropped one.
-        setup_courses: plain courses between the cast-on and the chart.
-        end: how the last course ends.
-        bind_off_tail: stitches on the last needle of a bind-off.
+    ``waste_courses`` are knitted at the beginning, and at the end of a dropped sample;
+    ``setup_courses``, plain, between the cast-on and the chart; ``bind_off_tail`` is the number of
+    stitches on the last needle of a bind-off.
     """
 
     waste_courses: EvenCount
@@ -133,14 +108,7 @@ class Sections:
 
 @dataclass(frozen=True)
 class MachineTime:
-    """What the time of a sample is estimated from.
-
-    Attributes:
-        knitting_speed, transfer_speed: of the carriage [m/s].
-        turn_time: to turn the carriage [s].
-        racking_time: to move the back bed [s].
-        carrier_time: to bring a carrier in or out [s].
-    """
+    """Speeds of the carriage, and times to turn it, to rack, and to move a carrier in or out."""
 
     knitting_speed: Annotated[PositiveFloat, Unit("m/s")]
     transfer_speed: Annotated[PositiveFloat, Unit("m/s")]
@@ -151,16 +119,7 @@ class MachineTime:
 
 @dataclass(frozen=True)
 class Machine:
-    """A knitting machine and how it is used.
-
-    Attributes:
-        bed: its needle beds.
-        carriers: its carriers.
-        yarns: its yarns.
-        stitches: its stitch sizes.
-        sections: what is knitted around a chart.
-        time: its speeds.
-    """
+    """A knitting machine and how it is used; its fields are the tables of ``machine.toml``."""
 
     bed: Bed
     carriers: Carriers
@@ -183,33 +142,15 @@ class Machine:
         return self.carriers.electrode_carriers[electrode - 1]
 
 
-TABLES: dict[str, type] = {
-    "bed": Bed,
-    "carriers": Carriers,
-    "yarns": Yarns,
-    "stitches": MachineStitches,
-    "sections": Sections,
-    "time": MachineTime,
-}
-"""The tables of ``machine.toml``."""
-
-
-def _schema(name: str, table: type) -> tuple[type[StrictModel], Any]:
-    schema = type(name, (StrictModel,), {"__doc__": table.__doc__, "__module__": __name__})
-    return with_fields(entries(declared(table)))(schema), ...
-
-
-@with_fields({name: _schema(name, table) for name, table in TABLES.items()})
-class MachineFile(StrictModel):
-    """``machine.toml``."""
+TABLES = declared(Machine)
+MACHINE_FILE = with_fields(
+    {name: (with_fields(entries(declared(TABLES[name])))(StrictModel), ...) for name in TABLES}
+)(StrictModel)
+"""Schema of ``machine.toml``."""
 
 
 def read_machine(changes: Mapping[str, Any] | None = None, folder: Path | None = None) -> Machine:
-    """The machine of a parameter folder.
-
-    Args:
-        changes: values that replace those of the file, by their names.
-        folder: where ``machine.toml`` lies; by default knitlab's own.
+    """The machine of a parameter folder, by default knitlab's own, with some values changed.
 
     Raises:
         BadInput: with everything that is wrong in the file and in the changes.
@@ -218,48 +159,39 @@ def read_machine(changes: Mapping[str, Any] | None = None, folder: Path | None =
         >>> read_machine({"end": "drop"}).sections.end
         'drop'
     """
-    path = (folder or shipped("params")) / FILE
-    read: Any = read_checked(MachineFile, path, "machine")
-    values: dict[str, Any] = {}
-    for name in TABLES:
-        for key, entry in getattr(read, name):
-            if isinstance(entry, ParameterValue):
-                values[key] = entry.value
-    changes = changes or {}
-    faults = [
-        Fault(f"machine {name}", unknown(name, values, "setting of the machine"))
-        for name in changes
-        if name not in values
-    ]
-    faults += _faults({**values, **{k: v for k, v in changes.items() if k in values}})
+    file = read_checked(MACHINE_FILE, (folder or shipped("params")) / "machine.toml", "machine")
+    values = {key: entry.value for name in TABLES for key, entry in getattr(file, name)}
+    faults = []
+    for name, value in (changes or {}).items():
+        if name in values:
+            values[name] = value
+        else:
+            faults.append(Fault(f"machine {name}", unknown(name, values, "setting of the machine")))
+    tables = {}
+    for name, table in TABLES.items():
+        try:
+            tables[name] = TypeAdapter(table).validate_python(
+                {k: values[k] for k in declared(table)}
+            )
+        except ValidationError as error:
+            faults += [Fault(f"machine {each.path}", each.problem) for each in faults_of(error, "")]
+    if len(tables) == len(TABLES):
+        faults += _carrier_faults(tables["carriers"])
     if faults:
         raise BadInput(faults)
-    values |= changes
-    values["electrode_carriers"] = tuple(values["electrode_carriers"])
-    made = {
-        name: table(**{field.name: values[field.name] for field in fields(table)})
-        for name, table in TABLES.items()
-    }
-    return Machine(**made)
+    return Machine(**tables)
 
 
-def _faults(values: Mapping[str, Any]) -> list[Fault]:
-    found: list[Fault] = []
-    for table in TABLES.values():
-        for name, kind in declared(table).items():
-            try:
-                TypeAdapter(kind).validate_python(values[name])
-            except ValidationError as error:
-                found += faults_of(error, f"machine {name}")
-    if found:
-        return found
-    used = {
-        name: values[name] for name in ("waste_carrier", "draw_carrier", "body_carrier")
-    } | dict(zip(("electrode A", "electrode B"), values["electrode_carriers"], strict=True))
-    for name, number in used.items():
-        if number > values["carriers"]:
-            problem = f"is carrier {number}, and there are {values['carriers']}; name one of these"
-            found.append(Fault(f"machine {name}", problem))
+def _carrier_faults(carriers: Carriers) -> list[Fault]:
+    electrodes = zip(("electrode A", "electrode B"), carriers.electrode_carriers, strict=True)
+    names = ("waste_carrier", "draw_carrier", "body_carrier")
+    used = {name: getattr(carriers, name) for name in names} | dict(electrodes)
+    problem = "is carrier {}, and there are {}; name one of these"
+    found = [
+        Fault(f"machine {name}", problem.format(number, carriers.carriers))
+        for name, number in used.items()
+        if number > carriers.carriers
+    ]
     if len(set(used.values())) < len(used):
         problem = f"two of {used} are one carrier; give each its own"
         found.append(Fault("machine carriers", problem))

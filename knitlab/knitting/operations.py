@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
+DIRECTED = ("knit", "tuck")
+OF_CARRIERS = ("inhook", "releasehook", "outhook")
+
 
 class Needle(NamedTuple):
-    """A needle.
-
-    Attributes:
-        front: whether it is on the front bed.
-        number: its number.
-    """
+    """A needle of the front or the back bed."""
 
     front: bool
     number: int
@@ -22,22 +20,11 @@ class Needle(NamedTuple):
         return f"{'f' if self.front else 'b'}{self.number}"
 
 
-DIRECTED = ("knit", "tuck")
-OF_CARRIERS = ("inhook", "releasehook", "outhook")
-NEEDLE = re.compile(r"([fb])(-?\d+)")
-
-
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """One operation of a program.
+    """An operation on a line of a program, from 1: its first word, and the words after that.
 
-    Attributes:
-        line: its line in the file, from 1.
-        opcode: its first word.
-        parameters: the words after that.
-        direction: direction of the carriage, if it has one.
-        needles: the needles that it names.
-        carriers: the carriers that it names.
+    ``direction`` of the carriage, ``needles`` and ``carriers`` are those that it names, if any.
     """
 
     line: int
@@ -70,12 +57,12 @@ def operations(text: str) -> Iterator[Operation]:
 
 
 def _needles(words: Sequence[str]) -> tuple[Needle, ...]:
-    return tuple(found for word in words if (found := _needle(word)))
+    return tuple(needle for word in words if (needle := _needle(word)))
 
 
 @lru_cache(maxsize=4096)
 def _needle(word: str) -> Needle | None:
-    match = NEEDLE.fullmatch(word)
+    match = re.fullmatch(r"([fb])(-?\d+)", word)
     return Needle(match[1] == "f", int(match[2])) if match else None
 
 

@@ -1,26 +1,37 @@
-"""The round trip: a program must knit the chart that it was written from."""
+"""The round trip: a program must knit the chart that it was written from.
 
+It is followed by knitlab's own check, and run by ``knitout-interpreter``, an optional extra, whose
+knit graph is read back. The grammar of the interpreter refuses extensions (``x-…``), the headers of
+yarns, and machines but one, so that it is given a copy without these.
+"""
+
+import warnings
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any
 
-from knitlab.knitting import interpreter
 from knitlab.knitting.chart import StitchChart
 from knitlab.knitting.checks import check
-from knitlab.knitting.knit_stitches import NotAChart, stitches_of
+from knitlab.knitting.knit_graph import FormedStitch, NotAChart, stitches_of
 from knitlab.knitting.machine import Machine
-from knitlab.knitting.operations import operations
+from knitlab.knitting.operations import headers, operations
 
 MOST_OPERATIONS = 20_000
 """Operations up to which the interpreter runs by default; it takes about 1 ms for each."""
+KNOWN_MACHINE = "SWG091N2"
+"""The only machine of the interpreter."""
+KNOWN_HEADERS = ("Gauge", "Carriers", "Position")
+
+
+class Refused(Exception):
+    """A program that the interpreter refuses; its message is the interpreter's."""
 
 
 @dataclass(frozen=True)
 class RoundTrip:
-    """What the checks of a program found.
-
-    Attributes:
-        faults: what is wrong, with the line where there is one.
-        notes: what was checked, and what was not.
-    """
+    """What the checks of a program found: ``faults``, and ``notes`` of what was checked."""
 
     faults: tuple[str, ...]
     notes: tuple[str, ...]
@@ -31,42 +42,100 @@ def round_trip(
 ) -> RoundTrip:
     """Check a program, and compare what it knits with the chart.
 
-    Args:
-        program: the program.
-        chart: the chart that it is to knit.
-        machine: the machine.
-        interpret: whether ``knitout-interpreter`` runs it too; by default if it is installed and
-            the program is short enough for that to take less than a minute.
+    The interpreter runs it too if ``interpret``; by default if it is installed and the program is
+    short enough for that to take less than a minute.
     """
     checked = check(program, machine)
     faults = [str(finding) for finding in checked.findings]
     count = f"{len(checked.graph)} stitches with waste, cast-on and end"
-    try:
-        different = chart.stitches.difference(
-            stitches_of(checked.graph, chart.front.shape, machine)
-        )
-        faults += [f"knits another chart: {different}"] if different else []
-    except NotAChart as error:
-        faults.append(f"knits no chart: {error}")
+    faults += _differences(checked.graph, chart, machine)
     notes = [f"own checks: {count}, {len(faults)} faults"]
     length = sum(1 for _ in operations(program))
-    if interpret is False or not interpreter.is_installed():
+    if interpret is False or not is_installed():
         notes.append("interpreter: not run; install it by pip install knitlab[knitting]")
     elif interpret is None and length > MOST_OPERATIONS:
         notes.append(f"interpreter: not run, as {length} operations take long; take fewer repeats")
     else:
-        found = _interpreted(program, chart, machine)
+        try:
+            found = _differences(interpreted(program), chart, machine)
+        except Refused as error:
+            found = [f"refuses it: {error}"]
         notes.append(f"interpreter: {count}, {len(found)} faults")
-        faults += found
+        faults += [f"the interpreter {each}" for each in found]
     return RoundTrip(tuple(faults), tuple(notes))
 
 
-def _interpreted(program: str, chart: StitchChart, machine: Machine) -> list[str]:
+def _differences(graph: Sequence[FormedStitch], chart: StitchChart, machine: Machine) -> list[str]:
     try:
-        graph = interpreter.interpreted(program)
         different = chart.stitches.difference(stitches_of(graph, chart.front.shape, machine))
-    except interpreter.Refused as error:
-        return [f"the interpreter refuses it: {error}"]
     except NotAChart as error:
-        return [f"the interpreter knits no chart: {error}"]
-    return [f"the interpreter knits another chart: {different}"] if different else []
+        return [f"knits no chart: {error}"]
+    return [f"knits another chart: {different}"] if different else []
+
+
+def is_installed() -> bool:
+    """Whether the interpreter is there."""
+    return find_spec("knitout_interpreter") is not None
+
+
+def stripped(text: str) -> str:
+    """A program without what the grammar of the interpreter refuses; lines keep their numbers."""
+    first, *lines = text.split("\n")
+    count = len(headers(text))
+    kept = [first]
+    for line in lines[:count]:
+        name = line[2:].partition(":")[0]
+        kept.append(line if name in KNOWN_HEADERS else "")
+        if name == "Machine":
+            kept[-1] = f";;Machine: {KNOWN_MACHINE}"
+    for line in lines[count:]:
+        operation = line.partition(";")[0].strip()
+        kept.append("" if operation.startswith("x-") else operation)
+    return "\n".join(kept)
+
+
+def interpreted(text: str) -> list[FormedStitch]:
+    """The stitches of the knit graph that the interpreter builds of a program, in order.
+
+    Raises:
+        Refused: if the interpreter refuses the program, or warns of a stitch on an empty needle, or
+            if loops are left on the needles.
+    """
+    from knitout_interpreter.knitout_execution import Knitout_Executer
+    from knitout_interpreter.knitout_language.Knitout_Parser import parse_knitout
+    from virtual_knitting_machine.knitting_machine_warnings.Needle_Warnings import (
+        Knit_on_Empty_Needle_Warning,
+    )
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        warnings.simplefilter("error", Knit_on_Empty_Needle_Warning)
+        try:
+            executer: Any = Knitout_Executer(parse_knitout(stripped(text)))
+        except Exception as error:  # it raises errors of many kinds, and its warnings
+            raise Refused(" ".join(str(error).split()) or type(error).__name__) from error
+    if left := executer.knitting_machine.all_loops():
+        raise Refused(f"{len(left)} needles hold loops at the end, one of them {left[0]}")
+    return _formed(executer.resulting_knit_graph)
+
+
+def _formed(graph: Any) -> list[FormedStitch]:
+    """Stitches of a graph: loops that one operation formed on a needle, together."""
+    parents: dict[int, list[int]] = defaultdict(list)
+    pulled_to_front: dict[int, bool] = {}
+    for parent, child, direction in graph.stitch_iter:
+        parents[child.loop_count_on_machine].append(parent.loop_count_on_machine)
+        pulled_to_front[child.loop_count_on_machine] = direction.name == "BtF"
+    stitches: list[FormedStitch] = []
+    stitch_of_loop: dict[int, int] = {}
+    for loop in sorted(graph.sorted_loops, key=lambda each: int(each.loop_count_on_machine)):
+        number, needle = loop.loop_count_on_machine, loop.source_needle
+        carriers: tuple[int, ...] = (int(loop.yarn.carrier.carrier_id),)
+        through = tuple(sorted({stitch_of_loop[each] for each in parents[number]}))
+        if stitches and through and stitches[-1].through == through:
+            # A second yarn of the same operation.
+            carriers = (*stitches.pop().carriers, *carriers)
+        front = pulled_to_front.get(number, needle.is_front)
+        stitches.append(FormedStitch(needle.position, front, carriers, through))
+        stitch_of_loop[number] = len(stitches) - 1
+    return stitches

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.knitting.chart import StitchChart
-from knitlab.knitting.knit_stitches import electrode_name
+from knitlab.knitting.chart import StitchChart, electrode_name
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import Machine
 from knitlab.knitting.operations import operations
@@ -44,16 +43,10 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class Specification:
-    """What it takes to knit a sample.
+    """What it takes to knit a sample: passes and time of its program, floats and sizes.
 
-    Attributes:
-        chart: its chart.
-        machine: the machine.
-        gauge: size of a stitch before the fabric folds.
-        duration: passes and time of the whole program.
-        unplated: the same without its electrodes.
-        floats: the most needles that each carrier's yarn passes, by carrier.
-        prediction: what is to be expected of it, if a cube is given.
+    ``unplated`` is the duration without its electrodes; ``floats`` are the most needles that each
+    carrier's yarn passes.
     """
 
     chart: StitchChart
@@ -78,30 +71,18 @@ class Specification:
         """Width and length in cloth as it folds, if they are predicted [mm]."""
         if self.prediction is None:
             return None
-        width, length = (
-            size * part
-            for size, part in zip(self.flat_size, self.prediction.contraction, strict=True)
-        )
-        return width, length
+        (width, length), (along_x, along_y) = self.flat_size, self.prediction.contraction
+        return width * along_x, length * along_y
 
     @property
     def carriers(self) -> list[tuple[int, str, str]]:
         """The carriers in use: number, yarn and what it knits."""
-        carriers, yarns, sections = (
-            self.machine.carriers,
-            self.machine.yarns,
-            self.machine.sections,
-        )
+        carriers, yarns = self.machine.carriers, self.machine.yarns
         used = [(carriers.body_carrier, yarns.body_yarn, "body")]
-        used += [
-            (
-                self.machine.carrier_of(number),
-                yarns.conductive_yarn,
-                f"electrode {electrode_name(number)}, on the {self.chart.plated_face[number - 1]}",
-            )
-            for number in self.chart.electrodes
-        ]
-        if sections.waste_courses:
+        for number in self.chart.electrodes:
+            use = f"electrode {electrode_name(number)}, on the {self.chart.plated_face[number - 1]}"
+            used.append((self.machine.carrier_of(number), yarns.conductive_yarn, use))
+        if self.machine.sections.waste_courses:
             used.append((carriers.waste_carrier, yarns.waste_yarn, "waste"))
             used.append((carriers.draw_carrier, "draw-thread", "draw thread"))
         return sorted(used)
@@ -109,15 +90,14 @@ class Specification:
     @property
     def remarks(self) -> list[str]:
         """What deserves a look before it is knitted."""
-        most = self.machine.carriers.longest_float
-        found = [
+        remarks = [
             f"the yarn of carrier {carrier} floats past {passed} needles"
             for carrier, passed in self.floats.items()
-            if passed > most
+            if passed > self.machine.carriers.longest_float
         ]
         if self.prediction is not None and self.prediction.passes_through_itself:
-            found.append("the relaxed shape passes through itself: its size is uncertain")
-        return found
+            remarks.append("the relaxed shape passes through itself: its size is uncertain")
+        return remarks
 
     def rows(self) -> Iterator[tuple[str, str]]:
         """Names and values of its lines."""
@@ -128,7 +108,8 @@ class Specification:
         if chart.is_whole_sample:
             yield "repeats", "none: it is a whole sample"
         else:
-            yield "repeats", f"{along_y} × {along_x} (warp × weft) of {_size(chart.repeat)}"
+            size = "{} courses and {} wales".format(*chart.repeat)
+            yield "repeats", f"{along_y} × {along_x} (warp × weft) of {size}"
         yield "machine", f"{bed.model}, {bed.needles} needles, {bed.needles_per_inch} an inch"
         yield "needles", f"{chart.wales}, 1 to {chart.wales} on both beds"
         yield "courses", str(chart.courses)
@@ -151,8 +132,8 @@ class Specification:
         yield "machine time", f"about {_minutes(time.seconds)}"
         if plated:
             more, passes = time.seconds - self.unplated.seconds, time.passes - self.unplated.passes
-            part = more / self.unplated.seconds
-            yield "plating adds", f"{_minutes(more)} ({part:.0%} more) and {passes} passes"
+            fraction = more / self.unplated.seconds
+            yield "plating adds", f"{_minutes(more)} ({fraction:.0%} more) and {passes} passes"
         yield "size flat", _millimetres(self.flat_size)
         if self.relaxed_size is not None:
             yield "size relaxed", _millimetres(self.relaxed_size)
@@ -165,14 +146,7 @@ def specification(
     program: str | None = None,
     prediction: Prediction | None = None,
 ) -> Specification:
-    """The specification of a chart.
-
-    Args:
-        chart: the chart.
-        machine: the machine.
-        gauge: size of a stitch.
-        program: its knitout, if it is written already.
-        prediction: what is to be expected of it.
+    """The specification of a chart, and of its knitout if that is written already.
 
     Raises:
         BadInput: if the chart is wider than the machine.
@@ -183,10 +157,6 @@ def specification(
         bare = replace(chart, plated=np.zeros_like(chart.plated))
         unplated = duration(operations(knitout(bare, machine)), machine)
     return Specification(chart, machine, gauge, time, unplated, longest_floats(listed), prediction)
-
-
-def _size(size: tuple[int, int]) -> str:
-    return f"{size[0]} courses and {size[1]} wales"
 
 
 def _minutes(seconds: float) -> str:

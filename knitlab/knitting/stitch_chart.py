@@ -14,17 +14,18 @@ folds of the model run along the middles of these stripes and point to these sid
 ``"stripe_border"`` they run where a front stripe meets a back stripe, and the chart is the same.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Int
+from scipy.ndimage import binary_dilation
 
+from knitlab.fabric.electrodes import BadLayout, ElectrodeLayout, ridge_lines
 from knitlab.fabric.pattern import KNIT_OF_LETTER
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH
-from knitlab.io.errors import fault
+from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.knitting.chart import Face, StitchChart
-from knitlab.knitting.patch_lines import PatchLines, is_turned, patch_lines
-from knitlab.knitting.plating import plated_faces, plated_stitches
 from knitlab.simulation.case import Case
 
 ASPECT = 2.0
@@ -67,18 +68,18 @@ def stitch_chart(
             " rest angle; take a pattern of rib, garter and plain knit alone",
         )
     turned = is_turned(case)
-    unit = patch_lines(replace(case, unit_cells=(1, 1)))
+    unit = _patch_lines(replace(case, unit_cells=(1, 1)))
     repeat = unit[0].count, unit[1].count
     if needles is not None:
         repeats = _filling(needles, repeat[::-1] if turned else repeat)
         repeats = repeats[::-1] if turned else repeats
     case = replace(case, unit_cells=repeats or case.unit_cells)
-    rows, columns = patch_lines(case)
+    rows, columns = _patch_lines(case)
     chart = StitchChart(
         title=case.label,
         front=_front_stitches(case, rows, columns),
-        plated=plated_stitches(case, (rows.at_grid_lines, columns.at_grid_lines)),
-        plated_face=plated_faces(case, face),
+        plated=_plated_stitches(case, (rows, columns)),
+        plated_face=_plated_faces(case, face),
         knit=np.vectorize(KNIT_OF_LETTER.__getitem__)(case.sample.knit),
         row_borders=rows.borders,
         column_borders=columns.borders,
@@ -86,6 +87,24 @@ def stitch_chart(
         periodic=case.options.boundary == "periodic",
     )
     return _turned(chart) if turned else chart
+
+
+def is_turned(case: Case) -> bool:
+    """Whether the chart of a case is turned: pure rib has its ridges along x in the model."""
+    return case.pure and case.weft.knit == "rib"
+
+
+def _turned(chart: StitchChart) -> StitchChart:
+    """A chart of pure rib with its ridges along the wales."""
+    return replace(
+        chart,
+        front=chart.front.T,
+        plated=chart.plated.T,
+        knit=np.full(chart.knit.T.shape, "rib"),
+        row_borders=chart.column_borders,
+        column_borders=chart.row_borders,
+        repeat=chart.repeat[::-1],
+    )
 
 
 def _filling(needles: int, repeat: tuple[int, int]) -> tuple[int, int]:
@@ -104,8 +123,75 @@ def _filling(needles: int, repeat: tuple[int, int]) -> tuple[int, int]:
     return max(1, round(length / courses)), along_x
 
 
+@dataclass(frozen=True, eq=False)
+class _PatchLines:
+    """The rows of patches of a fabric in courses, or its columns in wales.
+
+    ``stripe`` is the courses or wales across a stripe, and ``periods`` the number of periods of two
+    stripes, in each row or column; ``borders`` are the courses or wales at which they begin and
+    end, ``patch`` the row or column that each course or wale lies in.
+    """
+
+    stripe: Int[np.ndarray, " patch"]
+    periods: Int[np.ndarray, " patch"]
+    cells_per_period: int
+
+    @cached_property
+    def borders(self) -> Int[np.ndarray, " border"]:
+        return np.concatenate([[0], np.cumsum(2 * self.stripe * self.periods)])
+
+    @property
+    def count(self) -> int:
+        return int(self.borders[-1])
+
+    @cached_property
+    def patch(self) -> Int[np.ndarray, " stitch"]:
+        return np.repeat(np.arange(len(self.periods)), np.diff(self.borders))
+
+    @property
+    def in_first_stripe(self) -> Bool[np.ndarray, " stitch"]:
+        """Whether each course or wale lies in the first, third, … stripe of its patch."""
+        place = np.arange(self.count) - self.borders[self.patch]
+        return place // self.stripe[self.patch] % 2 == 0
+
+    def stitches_between(self, start: float, end: float) -> Int[np.ndarray, " stitch"]:
+        """Whole courses or wales between two grid coordinates, which may lie beyond its edges."""
+        cells = self.cells_per_period * self.periods
+        sizes = np.repeat(2 * self.stripe / self.cells_per_period, cells)
+        lines = np.concatenate([[0], np.cumsum(sizes)])
+        first, last = (
+            place // len(sizes) * lines[-1]
+            + np.interp(place % len(sizes), np.arange(len(lines)), lines)
+            for place in (start, end)
+        )
+        low, high = int(np.floor(first + 0.5)), int(np.floor(last + 0.5))
+        return np.arange(low, max(high, low + 1))
+
+
+def _patch_lines(case: Case) -> tuple[_PatchLines, _PatchLines]:
+    """The rows and the columns of patches of a case.
+
+    A pure stripe, which the model gives as many grid cells along its ridges as across them, takes
+    a stripe's length of stitches for the same number of cells, by the stitch's shape of 1:2.
+    """
+    sample, grading = case.sample, case.grading
+    warp = (case.warp,) if grading is None else grading.warp
+    weft = (case.weft,) if grading is None else grading.weft
+    rows = np.array([stripe.n for stripe in warp])[sample.row_stripe]
+    columns = np.array([stripe.n for stripe in weft])[sample.column_stripe]
+    if is_turned(case):
+        columns = columns * GARTER_STITCHES_PER_RIB_STITCH
+    elif case.pure:
+        columns = np.maximum(1, columns // GARTER_STITCHES_PER_RIB_STITCH)
+    cells = sample.cells_per_period
+    return (
+        _PatchLines(rows, sample.row_periods, cells),
+        _PatchLines(columns, sample.column_periods, cells),
+    )
+
+
 def _front_stitches(
-    case: Case, rows: PatchLines, columns: PatchLines
+    case: Case, rows: _PatchLines, columns: _PatchLines
 ) -> Bool[np.ndarray, "course wale"]:
     knit = case.sample.knit[np.ix_(rows.patch, columns.patch)]
     back_first = case.options.garter_start == "mountain" and not case.pure
@@ -115,14 +201,51 @@ def _front_stitches(
     )
 
 
-def _turned(chart: StitchChart) -> StitchChart:
-    """A chart of pure rib with its ridges along the wales."""
-    return replace(
-        chart,
-        front=chart.front.T,
-        plated=chart.plated.T,
-        knit=np.full(chart.knit.T.shape, "rib"),
-        row_borders=chart.column_borders,
-        column_borders=chart.row_borders,
-        repeat=chart.repeat[::-1],
-    )
+def _plated_stitches(
+    case: Case, lines: tuple[_PatchLines, _PatchLines]
+) -> Int[np.ndarray, "course wale"]:
+    """Numbers of the electrodes that stitches are plated for, 0 where they are not.
+
+    Edges of electrodes are rounded to whole stitches; one narrower than a stitch takes one. On
+    periodic fabric, one that crosses the seam goes on at the other edge.
+
+    Raises:
+        BadInput: if the electrodes do not fit the fabric, or touch once they are whole stitches.
+    """
+    rows, columns = lines
+    plated = np.zeros((rows.count, columns.count), int)
+    if case.capacitor is None:
+        return plated
+    try:
+        electrodes = case.electrodes
+    except BadLayout as error:
+        raise BadInput(Fault("layout", problem) for problem in error.problems) from error
+    for number, strips in enumerate(electrodes.strips, start=1):
+        for strip in strips:
+            across, along = strip.extents
+            courses, wales = rows.stitches_between(*along), columns.stitches_between(*across)
+            plated[np.ix_(courses % rows.count, wales % columns.count)] = number
+    touching = binary_dilation(plated == 1, np.ones((3, 3))) & (plated == 2)
+    if touching.any():
+        course, wale = np.argwhere(touching)[0].tolist()
+        raise fault(
+            "layout",
+            f"electrodes A and B touch at course {course + 1}, wale {wale + 1}, as whole stitches;"
+            " take a smaller width, or ridges farther apart",
+        )
+    return plated
+
+
+def _plated_faces(case: Case, face: Face | None) -> tuple[Face, Face]:
+    """The faces of the fabric that the conductors of electrodes A and B lie on."""
+    layout = ElectrodeLayout() if case.capacitor is None else case.capacitor.layout
+    if face is not None:
+        return face, face
+    if layout.face != "both":
+        return layout.face, layout.face
+    if layout.mask:
+        return "front", "back"
+    lines = ridge_lines(layout, case.sample, case.options)
+    mountains = ridge_lines(replace(layout, face="front"), case.sample, case.options)
+    of_a, of_b = (lines[number - 1] in mountains for number in layout.ridges)
+    return "front" if of_a else "back", "front" if of_b else "back"

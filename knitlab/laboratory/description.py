@@ -1,41 +1,100 @@
 """Descriptions: the TOML file that describes an experiment: its sample and its records."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, PositiveInt, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    Field,
+    NonNegativeInt,
+    PositiveFloat,
+    PositiveInt,
+    ValidationError,
+    model_validator,
+)
 
 from knitlab.cube.schema import SIMULATION
 from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import BadInput, Fault, faults_of
+from knitlab.io.table_file import factor_of
 from knitlab.io.toml import StrictModel, read_toml
-from knitlab.laboratory.quantities import (
-    CapacitanceColumn,
-    ForceColumn,
-    Frequency,
-    Length,
-    LengthColumn,
-    PlainColumn,
-    Time,
-    TimeColumn,
-)
 from knitlab.sweep.workflow import MOST_STEPS, even_strains
 
 Towards = Literal["right", "left", "up", "down"]
 RecordKind = Literal["markers", "tensile", "capacitance"]
 UPRIGHT = ("up", "down")
+UNITS = {
+    "mm": "of length, such as mm",
+    "s": "of time, such as s",
+    "Hz": "of frequency, such as Hz",
+    "N": "of force, such as N",
+    "pF": "of capacitance, such as pF",
+}
+"""Units that knitlab uses, and for each the units that may be given instead."""
+
+
+class MeasuredQuantity(StrictModel):
+    """A number and its unit."""
+
+    unit: str = Field(min_length=1)
+    value: float
+
+
+class Column(StrictModel):
+    """A column of a table by its header, and its unit."""
+
+    unit: str = Field(min_length=1)
+    column: str = Field(min_length=1)
+
+
+class PlainColumn(StrictModel):
+    """A column of a table that needs no unit."""
+
+    column: str = Field(min_length=1)
+
+
+def conversion(unit: str, target: str) -> float:
+    """Factor that converts numbers in a unit to one of :data:`UNITS`.
+
+    Raises:
+        ValueError: if the unit has another dimension.
+    """
+    factor, faults = factor_of("", unit, target, UNITS[target])
+    if faults:
+        raise ValueError(faults[0].problem)
+    return factor
+
+
+def number(quantity: MeasuredQuantity, target: str) -> float:
+    """A quantity as a number in one of :data:`UNITS`."""
+    return quantity.value * conversion(quantity.unit, target)
+
+
+def _in(target: str, *, positive: bool = False) -> AfterValidator:
+    def checked(stated: Any) -> Any:
+        conversion(stated.unit, target)
+        if positive and not stated.value > 0:
+            raise ValueError(f"is {stated.value:g}; give one above 0")
+        return stated
+
+    return AfterValidator(checked)
+
+
+Length = Annotated[MeasuredQuantity, _in("mm", positive=True)]
+Time = Annotated[MeasuredQuantity, _in("s")]
+TwoCounts = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]
+"""Counts along (y, x)."""
 
 
 class SampleTable(StrictModel):
     """``[sample]``: the relaxed fabric between the clamps.
 
-    ``unit_cells`` are counted along (y, x); ``length`` is the length between the clamps, relative
-    to which the extension is the applied strain.
+    ``length`` is the length between the clamps, relative to which the extension is the strain.
     """
 
     n_stripe: PositiveInt
     n_subunit: PositiveInt
-    unit_cells: Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]
+    unit_cells: TwoCounts
     length: Length
     width: Length
 
@@ -52,10 +111,10 @@ class ProtocolTable(StrictModel):
     cycle. The first ``skip_cycles``, in which a sample is conditioned, are ignored.
     """
 
-    strain_max: Annotated[float, Field(gt=0)]
-    strain_step: Annotated[float, Field(gt=0)]
+    strain_max: PositiveFloat
+    strain_step: PositiveFloat
     least_turn: Annotated[float, Field(gt=0, lt=1)] = 0.1
-    skip_cycles: Annotated[int, Field(ge=0)] = 0
+    skip_cycles: NonNegativeInt = 0
 
     @model_validator(mode="after")
     def _is_a_whole_number_of_steps(self) -> "ProtocolTable":
@@ -88,17 +147,17 @@ class TensileTable(StrictModel):
     """``[tensile]``: the log of the machine, whose clock is the reference for all records."""
 
     file: str = Field(min_length=1)
-    time: TimeColumn
-    extension: LengthColumn
-    force: ForceColumn
+    time: Annotated[Column, _in("s")]
+    extension: Annotated[Column, _in("mm")]
+    force: Annotated[Column, _in("N")]
     trigger: PlainColumn | None = None
 
 
 class CapacitanceTable(RecordedTable):
     """``[capacitance]``: the log of an LCR meter."""
 
-    time: TimeColumn
-    capacitance: CapacitanceColumn
+    time: Annotated[Column, _in("s")]
+    capacitance: Annotated[Column, _in("pF")]
     trigger: PlainColumn | None = None
 
     @model_validator(mode="after")
@@ -128,22 +187,18 @@ class MarkersTable(RecordedTable):
     turned: Annotated[float, Field(ge=-180, le=180)] = 0.0
     align: Literal["pull", "picture"] = "pull"
     places: str | None = None
-    markers_per_cell: Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)] = (1, 1)
+    markers_per_cell: TwoCounts = (1, 1)
     relaxed_frames: PositiveInt = 1
-    frame_rate: Frequency | None = None
-    strain_per_frame: Annotated[float, Field(gt=0)] | None = None
+    frame_rate: Annotated[MeasuredQuantity, _in("Hz", positive=True)] | None = None
+    strain_per_frame: PositiveFloat | None = None
 
     @model_validator(mode="after")
-    def _has_two_axes(self) -> "MarkersTable":
+    def _has_axes_and_strains(self) -> "MarkersTable":
         if (self.weft in UPRIGHT) == (self.warp in UPRIGHT):
             raise ValueError(
                 f"weft = {self.weft} and warp = {self.warp} are parallel; give perpendicular"
                 " directions"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _has_strains(self) -> "MarkersTable":
         if (self.frame_rate is None) == (self.strain_per_frame is None):
             raise ValueError(
                 "needs either frame_rate with starts, or strain_per_frame, to determine its strains"
@@ -179,9 +234,9 @@ class Description(StrictModel):
             )
         if self.tensile is None and self.capacitance is not None:
             raise ValueError("[capacitance] needs [tensile], for its strains; add it")
-        if self.markers and self.markers.frame_rate is not None and self.tensile is None:
+        if self.tensile is None and self.markers is not None and self.markers.frame_rate:
             raise ValueError("[markers] with frame_rate needs [tensile], for its strains; add it")
-        triggered = self.capacitance is not None and self.capacitance.trigger is not None
+        triggered = self.capacitance is not None and self.capacitance.trigger
         if triggered and self.tensile is not None and self.tensile.trigger is None:
             raise ValueError("[capacitance] has a trigger, so [tensile] needs one; add it")
         return self

@@ -15,17 +15,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm, qmc
 
 from knitlab.equilibrium.linear_response import NoDerivative
-from knitlab.laboratory.simulated_test import (
-    QUANTITIES,
-    SimulatedTest,
-    simulated_test,
-    with_factors,
-)
+from knitlab.laboratory.simulated_test import SimulatedTest, simulated_test, with_factors
+from knitlab.laboratory.target import Curves, MeasuredTest
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.simulation.case import Case
 
@@ -51,34 +47,10 @@ AT_BOUND = 1e-3
 INSIDE = 0.9
 """Fraction of the distance to a bound within which starts are placed."""
 
-Curves = Float[np.ndarray, "quantity strain"]
 Factors = dict[str, float]
+Logarithms = Float[np.ndarray, " name"]
+"""Logarithms of the factors on the parameters."""
 Step = Callable[[int, float], None]
-
-
-@dataclass(frozen=True)
-class MeasuredTest:
-    """A measured test.
-
-    Attributes:
-        applied_strain: positive, ascending [1].
-        values: values of :data:`~knitlab.laboratory.simulated_test.QUANTITIES`, NaN where not
-            measured; the force is over the width of the simulated sample.
-        errors: standard errors of the values, positive.
-    """
-
-    applied_strain: tuple[float, ...]
-    values: Curves
-    errors: Curves
-
-    def __repr__(self) -> str:
-        values, strains = int(self.measured.sum()), len(self.applied_strain)
-        return f"<MeasuredTest: {values} values at {strains} strains>"
-
-    @property
-    def measured(self) -> Bool[np.ndarray, "quantity strain"]:
-        """Whether each value is measured."""
-        return np.isfinite(self.values)
 
 
 @dataclass(frozen=True)
@@ -86,7 +58,6 @@ class Fit:
     """A fit to a whole fabric.
 
     Attributes:
-        names: names of the fitted parameters.
         before: the case with the tabulated stripes.
         after: the case with the fitted stripes.
         factors: fitted over tabulated value, by parameter.
@@ -102,7 +73,6 @@ class Fit:
         warnings: reasons to doubt the fit.
     """
 
-    names: tuple[str, ...]
     before: Case
     after: Case
     factors: Factors
@@ -136,7 +106,7 @@ def fit_stripes(
     """Fit stripe parameters to a measured test.
 
     Args:
-        case: the simulated sample, with the tabulated stripes.
+        case: the simulated sample, with the tabulated stripes, at the strains of the target.
         target: the measured test.
         looseness: relative standard deviation of the prior: 0.2 for 20 %.
         names: parameters to fit, of :data:`STRIPE_PARAMETERS`.
@@ -148,52 +118,34 @@ def fit_stripes(
         NoFit: if the test with the tabulated stripes does not converge.
     """
     search = _Search(case, target, looseness, tuple(names), step)
-    first = search.begin(np.zeros(len(names)))
+    tables = np.zeros(len(names))
+    first = search.begin(tables)
     if first is None:
         raise NoFit("the test with the tabulated stripes does not converge at every strain")
     lower, upper = search.bounds
     quantiles = qmc.Halton(len(names), rng=0).random(starts)
     others = np.clip(looseness * norm.ppf(quantiles[1:]), lower * INSIDE, upper * INSIDE)
-    best: _Found | None = None
-    for start in (np.zeros(len(names)), *others):
-        if start.any() and search.begin(start) is None:
-            continue
-        found = search.found(start)
-        if best is None or found.cost < best.cost:
-            best = found
-        if search.met(found.chi_squared):
+    best = last = search.from_start(tables)
+    for start in others:
+        if search.is_met(last.chi_squared):
             break
-    if best is None:
-        raise NoFit("no test from a start converged")
+        if search.begin(start) is not None:
+            last = search.from_start(start)
+            best = min(best, last, key=lambda optimum: optimum.cost)
     return search.concluded(first, best)
 
 
-def _bounds(case: Case, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper bounds of the logarithms of the factors."""
-    upper = np.full(len(names), np.log(LARGEST_FACTOR))
-    for place, name in enumerate(names):
-        side, quantity = STRIPE_PARAMETERS[name]
-        if quantity == "theta_0":
-            upper[place] = np.log(LARGEST_REST_ANGLE / getattr(getattr(case, side), quantity))
-    return np.full(len(names), -np.log(LARGEST_FACTOR)), upper
-
-
 @dataclass(frozen=True)
-class _Found:
-    """Result of a search from one start.
+class _Optimum:
+    """Result of the last search from one start, and the test there.
 
-    Attributes:
-        result: result of the last search on a branch.
-        fitted: the test at its end.
-        confirmed: the test repeated from the flat sheet; ``None`` if it did not converge.
-        room: distance of every parameter from its nearest bound.
-        chi_squared: χ² of the confirmed test, or infinite.
+    ``confirmed`` is that test repeated from the flat sheet, None if it does not converge;
+    ``chi_squared`` is of that, or infinite.
     """
 
     result: OptimizeResult
     fitted: SimulatedTest
     confirmed: SimulatedTest | None
-    room: Float[np.ndarray, " name"]
     chi_squared: float
 
     @property
@@ -209,144 +161,132 @@ class _Search:
     def __init__(
         self, case: Case, target: MeasuredTest, looseness: float, names: tuple[str, ...], step: Step
     ) -> None:
-        self.case = case
-        self.target, self.looseness, self.names, self.step = target, looseness, names, step
-        self.places = [list(STRIPE_PARAMETERS).index(name) for name in names]
-        self.bounds = _bounds(case, names)
+        self.case, self.target, self.looseness = case, target, looseness
+        self.names, self.step = names, step
+        self.columns = [list(STRIPE_PARAMETERS).index(name) for name in names]
+        upper = np.full(len(names), np.log(LARGEST_FACTOR))
+        for column, (side, quantity) in enumerate(map(STRIPE_PARAMETERS.__getitem__, names)):
+            if quantity == "theta_0":
+                upper[column] = np.log(LARGEST_REST_ANGLE / getattr(case, side).theta_0)
+        self.bounds = np.full(len(names), -np.log(LARGEST_FACTOR)), upper
         self.tests = self.without_derivatives = 0
         self.near: SimulatedTest | None = None
         self.point = b""
 
-    def begin(self, logarithms: Float[np.ndarray, " name"]) -> SimulatedTest | None:
-        """Simulate a test from the relaxed state; the search continues from it."""
+    def factors(self, logarithms: Logarithms) -> Factors:
+        return self.by_name(np.exp(logarithms))
+
+    def by_name(self, values: Float[np.ndarray, " name"]) -> Factors:
+        return dict(zip(self.names, values.tolist(), strict=True))
+
+    def begin(self, logarithms: Logarithms) -> SimulatedTest | None:
+        """Simulate a test from the flat sheet; the search continues from it."""
         self.near = simulated_test(with_factors(self.case, self.factors(logarithms)))
         self.point = logarithms.tobytes()
         self.tests += 1
         return self.near
 
-    def found(self, point: Float[np.ndarray, " name"]) -> _Found:
-        """Search from a start whose test is already simulated."""
-        confirmed: SimulatedTest | None = None
-        for _ in range(MOST_SEARCHES):
-            result = self._on_branch(point)
-            point, fitted = result.x, self.converged(result.x)
-            confirmed = self.begin(point)
-            chi_squared = np.inf if confirmed is None else self.chi_squared(confirmed)
-            if confirmed is None or self.same(fitted, confirmed) or self.met(chi_squared):
-                break
-        lower, upper = self.bounds
-        room = np.minimum(point - lower, upper - point)
-        return _Found(result, fitted, confirmed, room, chi_squared)
-
-    def _on_branch(self, point: Float[np.ndarray, " name"]) -> OptimizeResult:
-        return least_squares(
-            self.residuals,
-            point,
-            jac=self.jacobian,
-            bounds=self.bounds,
-            method="trf",
-            x_scale=self.looseness,
-            ftol=TOLERANCE,
-            xtol=TOLERANCE,
-            gtol=None,
-            max_nfev=MOST_TESTS,
-        )
-
-    def same(self, one: SimulatedTest, other: SimulatedTest) -> bool:
-        """Whether two tests have the same states."""
-        difference = self.misfit(one.values) - self.misfit(other.values)
-        return bool(np.abs(difference).max() < SAME_STATES)
-
-    def factors(self, logarithms: Float[np.ndarray, " name"]) -> Factors:
-        return dict(zip(self.names, np.exp(logarithms).tolist(), strict=True))
-
-    def test(self, logarithms: Float[np.ndarray, " name"]) -> SimulatedTest | None:
-        """The test with these logarithms of factors; if it converges, later ones start from it."""
+    def test(self, logarithms: Logarithms) -> SimulatedTest | None:
+        """A test that starts from the last one; if it converges, later ones start from it."""
         if logarithms.tobytes() == self.point:
             return self.near
-        found = simulated_test(with_factors(self.case, self.factors(logarithms)), self.near)
+        test = simulated_test(with_factors(self.case, self.factors(logarithms)), self.near)
         self.tests += 1
-        if found is not None:
-            self.near, self.point = found, logarithms.tobytes()
-        return found
+        if test is not None:
+            self.near, self.point = test, logarithms.tobytes()
+        return test
 
-    def converged(self, logarithms: Float[np.ndarray, " name"]) -> SimulatedTest:
+    def converged(self, logarithms: Logarithms) -> SimulatedTest:
         """The test at a point where a test has already converged."""
-        found = self.test(logarithms)
-        if found is None:
+        test = self.test(logarithms)
+        if test is None:
             raise TypeError("the search reached a point where no test converged")
-        return found
+        return test
 
-    def residuals(self, logarithms: Float[np.ndarray, " name"]) -> Float[np.ndarray, " row"]:
-        found = self.test(logarithms)
-        rows = int(self.target.measured.sum()) + len(self.names)
-        if found is None:
-            return np.full(rows, np.inf)
-        misfit = self.misfit(found.values)
-        self.step(self.tests, float(misfit @ misfit))
-        return np.append(misfit, logarithms / self.looseness)
+    def from_start(self, point: Logarithms) -> _Optimum:
+        """Search from a start whose test is already simulated."""
+        for _ in range(MOST_SEARCHES):
+            result = least_squares(
+                self.residuals,
+                point,
+                jac=self.jacobian,
+                bounds=self.bounds,
+                method="trf",
+                x_scale=self.looseness,
+                ftol=TOLERANCE,
+                xtol=TOLERANCE,
+                gtol=None,
+                max_nfev=MOST_TESTS,
+            )
+            point, fitted = result.x, self.converged(result.x)
+            confirmed = self.begin(point)
+            chi_squared = np.inf if confirmed is None else self.target.chi_squared(confirmed.values)
+            if confirmed is None or self.is_same(fitted, confirmed) or self.is_met(chi_squared):
+                break
+        return _Optimum(result, fitted, confirmed, chi_squared)
 
-    def chi_squared(self, test: SimulatedTest) -> float:
-        misfit = self.misfit(test.values)
-        return float(misfit @ misfit)
+    def residuals(self, logarithms: Logarithms) -> Float[np.ndarray, " row"]:
+        test = self.test(logarithms)
+        if test is None:
+            return np.full(int(self.target.measured.sum()) + len(self.names), np.inf)
+        self.step(self.tests, self.target.chi_squared(test.values))
+        return np.append(self.target.misfit(test.values), logarithms / self.looseness)
 
-    def met(self, chi_squared: float) -> bool:
-        return chi_squared <= GOOD_MATCH * int(self.target.measured.sum())
-
-    def misfit(self, values: Curves) -> Float[np.ndarray, " row"]:
-        return ((values - self.target.values) / self.target.errors)[self.target.measured]
-
-    def jacobian(self, logarithms: Float[np.ndarray, " name"]) -> Float[np.ndarray, "row name"]:
-        found = self.converged(logarithms)
+    def jacobian(self, logarithms: Logarithms) -> Float[np.ndarray, "row name"]:
+        test = self.converged(logarithms)
         try:
-            slopes = found.slopes()[..., self.places]
+            slopes = test.slopes()[..., self.columns]
         except NoDerivative:
             # The next step then depends on the prior alone, and the fit has a warning.
             self.without_derivatives += 1
-            slopes = np.zeros((*found.values.shape, len(self.names)))
+            slopes = np.zeros((*test.values.shape, len(self.names)))
         rows = (slopes / self.target.errors[..., None])[self.target.measured]
         return np.concatenate([rows, np.eye(len(self.names)) / self.looseness])
 
-    def concluded(self, first: SimulatedTest, best: _Found) -> Fit:
-        """The fit of the best search.
+    def is_same(self, one: SimulatedTest, other: SimulatedTest) -> bool:
+        """Whether two tests have the same states."""
+        difference = self.target.misfit(one.values) - self.target.misfit(other.values)
+        return bool(np.abs(difference).max() < SAME_STATES)
 
-        Args:
-            first: the test with the tabulated stripes.
-            best: the best result.
-        """
+    def is_met(self, chi_squared: float) -> bool:
+        return chi_squared <= GOOD_MATCH * int(self.target.measured.sum())
+
+    def concluded(self, first: SimulatedTest, best: _Optimum) -> Fit:
+        """The fit of the best search, after the first test, with the tabulated stripes."""
         slopes = best.result.jac
         covariance = np.linalg.inv(slopes.T @ slopes)
         errors = np.sqrt(np.diag(covariance))
-        after = best.confirmed or best.fitted
+        curves = first.values, (best.confirmed or best.fitted).values
+        before, after = (self.target.chi_squared(each) for each in curves)
         factors = self.factors(best.result.x)
-        learned = 1 - (errors / self.looseness) ** 2
         return Fit(
-            names=self.names,
             before=self.case,
             after=with_factors(self.case, factors),
             factors=factors,
-            standard_errors=dict(zip(self.names, errors.tolist(), strict=True)),
-            learned=dict(zip(self.names, learned.tolist(), strict=True)),
+            standard_errors=self.by_name(errors),
+            learned=self.by_name(1 - (errors / self.looseness) ** 2),
             correlations=covariance / np.outer(errors, errors),
             target=self.target,
-            curves=(first.values, after.values),
-            chi_squared=(self.chi_squared(first), self.chi_squared(after)),
+            curves=curves,
+            chi_squared=(before, after),
             tests=self.tests,
             converged=bool(best.result.success and best.confirmed is not None),
-            warnings=tuple(self._warnings(best, self.chi_squared(after))),
+            warnings=tuple(self._warnings(best, after)),
         )
 
-    def _warnings(self, best: _Found, chi_squared: float) -> Iterator[str]:
+    def _warnings(self, best: _Optimum, chi_squared: float) -> Iterator[str]:
         if not best.result.success:
             yield f"the search did not converge in {self.tests} tests; do not use it"
-        for name, left in zip(self.names, best.room, strict=True):
+        lower, upper = self.bounds
+        room = np.minimum(best.result.x - lower, upper - best.result.x)
+        for name, left in zip(self.names, room, strict=True):
             if left < AT_BOUND:
                 yield f"{name} is at a bound of the search"
         if self.without_derivatives:
             yield f"{self.without_derivatives} tests had a state without derivatives, at a snap"
         if best.confirmed is None:
             yield "the fitted fabric, tested from the flat sheet, does not converge; do not use it"
-        elif not (self.same(best.fitted, best.confirmed) or self.met(best.chi_squared)):
+        elif not (self.is_same(best.fitted, best.confirmed) or self.is_met(best.chi_squared)):
             yield (
                 f"the fabric has several states, and {MOST_SEARCHES} searches reached others than"
                 " a test of their result; the match is that of the test, and the standard errors"
@@ -358,11 +298,3 @@ class _Search:
                 f"the difference from the test is {np.sqrt(spread):.1f} times its errors; the"
                 " standard errors do not include this"
             )
-
-
-def root_mean_square(curves: Curves, target: MeasuredTest) -> dict[str, float]:
-    """Root mean square difference from a measured test, by quantity, in its unit."""
-    difference = np.where(target.measured, curves - target.values, 0.0)
-    count = np.maximum(target.measured.sum(axis=1), 1)
-    mean_square = (difference**2).sum(axis=1) / count
-    return dict(zip(QUANTITIES, np.sqrt(mean_square).tolist(), strict=True))

@@ -9,11 +9,10 @@ import tomli_w
 from knitlab.cube.schema import VARIABLES
 from knitlab.fabric.stripe import Stripe
 from knitlab.io.atomic_write import atomic_write
-from knitlab.laboratory.fit import Fit, root_mean_square
+from knitlab.laboratory.fit import Fit
 from knitlab.laboratory.simulated_test import QUANTITIES
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.measure.stripe_file import ENTRY_UNITS, row_units, stripe_row
-from knitlab.simulation.case import Case
 
 HEADER = f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  from test"
 ALIKE = 0.9
@@ -23,55 +22,45 @@ ALIKE = 0.9
 def report(fit: Fit) -> list[str]:
     """The fit as lines of text."""
     lines = [HEADER]
-    for name in fit.names:
-        before, after = (_value(case, name) for case in (fit.before, fit.after))
-        error = after * fit.standard_errors[name]
-        unit = ENTRY_UNITS[STRIPE_PARAMETERS[name][1]]
+    for name, factor in fit.factors.items():
+        side, quantity = STRIPE_PARAMETERS[name]
+        before, after = (getattr(getattr(case, side), quantity) for case in (fit.before, fit.after))
         lines.append(
-            f"{name:15s} {before:9.4g} {after:9.4g} {error:8.2g}  {fit.factors[name]:6.3f}"
-            f"  {fit.learned[name]:4.0%}  [{unit}]"
+            f"{name:15s} {before:9.4g} {after:9.4g} {after * fit.standard_errors[name]:8.2g}"
+            f"  {factor:6.3f}  {fit.learned[name]:4.0%}  [{ENTRY_UNITS[quantity]}]"
         )
-    for one, other in itertools.combinations(range(len(fit.names)), 2):
-        if abs(fit.correlations[one, other]) > ALIKE:
+    for (row, one), (column, other) in itertools.combinations(enumerate(fit.factors), 2):
+        if abs(correlation := fit.correlations[row, column]) > ALIKE:
             lines.append(
-                f"{fit.names[one]} and {fit.names[other]} are hard to tell apart: correlation"
-                f" {fit.correlations[one, other]:+.2f}"
+                f"{one} and {other} are hard to tell apart: correlation {correlation:+.2f}"
             )
-    first, last = (root_mean_square(curves, fit.target) for curves in fit.curves)
-    for place, name in enumerate(QUANTITIES):
-        if fit.target.measured[place].any():
-            unit = VARIABLES[name].units
+    first, last = map(fit.target.root_mean_square, fit.curves)
+    for name, measured in zip(QUANTITIES, fit.target.measured, strict=True):
+        if measured.any():
             lines.append(
                 f"{VARIABLES[name].long_name}: RMS difference {first[name]:.3g} before,"
-                f" {last[name]:.3g} after [{unit}]"
+                f" {last[name]:.3g} after [{VARIABLES[name].units}]"
             )
+    before, after = fit.chi_squared
     count = int(fit.target.measured.sum())
     lines.append(
-        f"chi² {fit.chi_squared[0]:.4g} before, {fit.chi_squared[1]:.4g} after, over {count}"
-        f" values; {fit.tests} tests"
+        f"chi² {before:.4g} before, {after:.4g} after, over {count} values; {fit.tests} tests"
     )
     return lines
-
-
-def _value(case: Case, name: str) -> float:
-    side, quantity = STRIPE_PARAMETERS[name]
-    return float(getattr(getattr(case, side), quantity))
 
 
 def write_stripes(path: Path, fit: Fit, experiment: Path) -> None:
     """Write both fitted stripes in the form of ``params/stripes.toml``, for ``stripe_files``.
 
-    Args:
-        path: the file.
-        fit: the fit.
-        experiment: the cube that it was fitted to, which is named as the source.
+    The cube of the experiment is named as their source.
     """
     table: dict[str, Any] = {}
     for side in ("weft", "warp"):
         stripe: Stripe = getattr(fit.after, side)
-        names = [name for name in fit.names if STRIPE_PARAMETERS[name][0] == side]
         errors = ", ".join(
-            f"{STRIPE_PARAMETERS[name][1]} {fit.standard_errors[name]:.1%}" for name in names
+            f"{STRIPE_PARAMETERS[name][1]} {error:.1%}"
+            for name, error in fit.standard_errors.items()
+            if STRIPE_PARAMETERS[name][0] == side
         )
         warnings = "".join(f"; {warning}" for warning in fit.warnings)
         row = stripe_row(stripe)

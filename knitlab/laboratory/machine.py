@@ -1,4 +1,4 @@
-"""Machine curves of each cycle, on one clock, interpolated to the applied strains."""
+"""Logs of a tensile tester and an LCR meter, on one clock, resampled to the applied strains."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -7,64 +7,102 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.io.errors import fault
+from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.table_file import numbers_of, read_table
 from knitlab.laboratory.description import (
     CapacitanceTable,
+    Column,
     Description,
+    PlainColumn,
     TensileTable,
-)
-from knitlab.laboratory.quantities import number
-from knitlab.laboratory.records import (
-    CapacitanceLog,
-    TensileLog,
-    read_capacitance_log,
-    read_tensile_log,
+    conversion,
+    number,
 )
 from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
 from knitlab.measure.capacitance.sensor import hysteresis, sensor_of
 from knitlab.measure.cycles import Cycle, cycles
 from knitlab.measure.resampling import resampled
+from knitlab.sweep.parameters import defaults
 
-Times = Float[np.ndarray, " record"]
+EXAMPLE = "write a header and below it rows of numbers, all as long as the header"
+FEWEST_POINTS = 3
+UNITS = {"time": "s", "extension": "mm", "force": "N", "capacitance": "pF"}
+"""Units of the columns of a log."""
+
+Record = Float[np.ndarray, " record"]
 Values = dict[str, Any]
+"""Values by variable name."""
+Imports = tuple[list[Values], list[str]]
+"""Values of every cycle, and a summary in lines of text."""
 
 
 @dataclass(frozen=True)
 class Pulls:
-    """A tensile test as recorded by the machine.
+    """A tensile test: its log by the machine's clock, with extension [mm] and force [N].
 
-    Attributes:
-        log: log of the machine.
-        length: relaxed length between the clamps [mm].
-        cycles: cycles of the test.
+    ``length`` is the relaxed length between the clamps [mm]; ``triggered`` the time at which the
+    trigger rose, if there is one.
     """
 
-    log: TensileLog
+    time: Record
+    extension: Record
+    force: Record
+    triggered: float | None
     length: float
     cycles: list[Cycle]
 
-    def strain(self, time: Times) -> Times:
+    def strain(self, time: Record) -> Record:
         """Applied strain at times of the machine's clock; NaN before and after its log."""
-        extension = np.interp(time, self.log.time, self.log.extension, left=np.nan, right=np.nan)
+        extension = np.interp(time, self.time, self.extension, left=np.nan, right=np.nan)
         return extension / self.length
 
+    @property
+    def summary(self) -> str:
+        """How many cycles there are."""
+        count = len(self.cycles)
+        return f"{count} cycle{'s' if count > 1 else ''} of the machine"
 
-def read_pulls(folder: Path, description: Description, table: TensileTable) -> Pulls:
+
+def read_tensile(folder: Path, description: Description) -> Imports:
+    """Reaction force in every cycle.
+
+    Raises:
+        BadInput: if the file is at fault, or its first cycle does not span the applied strains.
+    """
+    pulls = read_pulls(folder, description)
+    strains = np.array(description.protocol.applied_strain)
+
+    def values_of(cycle: Cycle) -> Values:
+        pulled = cycle.loaded(pulls.time)
+        strain = pulls.extension[pulled] / pulls.length
+        force, error, _ = resampled(strains, strain, pulls.force[pulled])
+        return {
+            "reaction_force": force,
+            "reaction_force_error": error,
+            "force_per_width": force / number(description.sample.width, "mm"),
+        }
+
+    return [values_of(cycle) for cycle in pulls.cycles], [pulls.summary]
+
+
+def read_pulls(folder: Path, description: Description) -> Pulls:
     """Read a tensile test and check that its first cycle spans the applied strains.
 
     Raises:
         BadInput: if the file is at fault, or the cycle does not span them.
     """
+    table, protocol = description.tensile, description.protocol
+    if table is None:
+        raise TypeError("the description has no tensile test")
     path, length = folder / table.file, number(description.sample.length, "mm")
-    log = read_tensile_log(path, table)
-    protocol = description.protocol
-    found = cycles(log.time, log.extension, protocol.least_turn)[protocol.skip_cycles :]
+    log, triggered = _read_log(path, table)
+    found = cycles(log["time"], log["extension"], protocol.least_turn)[protocol.skip_cycles :]
     place = f"{path}: column {table.extension.column}"
     if not found:
         after = f" after {protocol.skip_cycles} cycles" if protocol.skip_cycles else ""
         raise fault(place, f"never rises{after}; give a test in which the sample is pulled")
-    pulled = found[0].loaded(log.time)
-    strain = log.extension[pulled] / length
+    pulled = found[0].loaded(log["time"])
+    strain, force = log["extension"][pulled] / length, log["force"][pulled]
     requested = protocol.applied_strain
     if strain.max() < requested[1]:
         raise fault(
@@ -84,76 +122,64 @@ def read_pulls(folder: Path, description: Description, table: TensileTable) -> P
             f"ends at an applied strain of {strain.max():.3g} in its first cycle, but strain_max is"
             f" {requested[-1]:g}; reduce strain_max, or give skip_cycles",
         )
-    if np.ptp(log.force[pulled]) > 0 and np.corrcoef(strain, log.force[pulled])[0, 1] < 0:
+    if np.ptp(force) > 0 and np.corrcoef(strain, force)[0, 1] < 0:
         raise fault(
             f"{path}: column {table.force.column}",
             "falls as the sample is pulled; give tension as positive",
         )
-    return Pulls(log, length, found)
+    return Pulls(**log, triggered=triggered, length=length, cycles=found)
 
 
-def force_values(pulls: Pulls, cycle: Cycle, description: Description) -> Values:
-    """Reaction force in one cycle, by variable name."""
-    strains = np.array(description.protocol.applied_strain)
-    pulled = cycle.loaded(pulls.log.time)
-    force, error, _ = resampled(
-        strains, pulls.log.extension[pulled] / pulls.length, pulls.log.force[pulled]
-    )
-    return {
-        "reaction_force": force,
-        "reaction_force_error": error,
-        "force_per_width": force / number(description.sample.width, "mm"),
-    }
-
-
-def read_capacitance(
-    folder: Path, table: CapacitanceTable, pulls: Pulls
-) -> tuple[CapacitanceLog, Times]:
-    """Read the log of an LCR meter, and the machine's time of each of its records.
+def read_capacitance(folder: Path, description: Description) -> Imports:
+    """Capacitance and its measures as a strain sensor, in every cycle.
 
     Raises:
-        BadInput: if the file is at fault, or does not overlap with the machine's log.
+        BadInput: if a file is at fault, or the logs do not overlap.
     """
+    table, pulls = description.capacitance, read_pulls(folder, description)
+    if table is None:
+        raise TypeError("the description has no capacitance")
     path = folder / table.file
-    log = read_capacitance_log(path, table)
+    log, triggered = _read_log(path, table)
+    lowest = log["capacitance"].min()
+    if not lowest > 0:
+        raise fault(
+            f"{path}: column {table.capacitance.column}",
+            f"goes down to {lowest:g} pF, but a capacitance is above 0; correct its zero",
+        )
     if table.starts is not None:
-        time = log.time + number(table.starts, "s")
-    elif log.triggered is not None and pulls.log.triggered is not None:
-        time = log.time + (pulls.log.triggered - log.triggered)
+        time = log["time"] + number(table.starts, "s")
+    elif triggered is not None and pulls.triggered is not None:
+        time = log["time"] + (pulls.triggered - triggered)
     else:
         raise TypeError("a description without starts has triggers")
-    first, last = pulls.log.time[[0, -1]]
+    first, last = pulls.time[[0, -1]]
     if not ((time >= first) & (time <= last)).any():
         raise fault(
             f"{path}: column {table.time.column}",
             f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, which ran from"
             f" {first:g} s to {last:g} s; correct starts or the trigger",
         )
-    return log, time
+    strains, strain = np.array(description.protocol.applied_strain), pulls.strain(time)
+    values = [
+        _capacitance_values(strains, strain, time, log["capacitance"], cycle)
+        for cycle in pulls.cycles
+    ]
+    shift = f"the meter's clock is {time[0] - log['time'][0]:+.3g} s from the machine's"
+    return values, [pulls.summary, shift]
 
 
-def capacitance_values(
-    log: CapacitanceLog,
-    time: Times,
-    pulls: Pulls,
-    cycle: Cycle,
+def _capacitance_values(
     strains: Float[np.ndarray, " strain"],
-    least_linearity: float,
+    strain: Record,
+    time: Record,
+    capacitances: Record,
+    cycle: Cycle,
 ) -> Values:
-    """Capacitance of one cycle from the log of an LCR meter, by variable name.
-
-    Args:
-        log: of the meter.
-        time: of its records, by the machine's clock [s].
-        pulls: the test.
-        cycle: the cycle.
-        strains: applied strains that are requested for [1].
-        least_linearity: R² that the working range must have.
-    """
-    strain = pulls.strain(time)
+    """Capacitance of one cycle at ``strains``, from a log with strain and time of the machine."""
     seen = np.isfinite(strain)
     loading, unloading = (seen & phase(time) for phase in (cycle.loaded, cycle.unloaded))
-    capacitance, error, _ = resampled(strains, strain[loading], log.capacitance[loading])
+    capacitance, error, _ = resampled(strains, strain[loading], capacitances[loading])
     finite = np.isfinite(capacitance)
     values: Values = {
         "capacitance": capacitance,
@@ -161,16 +187,61 @@ def capacitance_values(
         "capacitor_status": np.where(finite, CapacitorStatus.measured, np.nan),
     }
     if cycle.end > cycle.turn:
-        back = resampled(strains, strain[unloading], log.capacitance[unloading]).values
-        values["capacitance_unloading"] = back
-        values["hysteresis"] = hysteresis(capacitance, back)
+        back = resampled(strains, strain[unloading], capacitances[unloading]).values
+        values |= {"capacitance_unloading": back, "hysteresis": hysteresis(capacitance, back)}
     if finite.any():
         values |= {
             "capacitance_ratio": capacitance / capacitance[finite][0],
             "applied_strain_opened": strains[finite][0],
             "sensing_end": strains[finite][-1],
         }
-    sensor = sensor_of(strains[finite], capacitance[finite], least_linearity)
-    if sensor is not None:
-        values |= asdict(sensor)
-    return values
+    sensor = sensor_of(strains[finite], capacitance[finite], defaults().capacitor.linearity)
+    return values if sensor is None else values | asdict(sensor)
+
+
+def _read_log(
+    path: Path, table: TensileTable | CapacitanceTable
+) -> tuple[dict[str, Record], float | None]:
+    """Columns of a log in :data:`UNITS`, and the time at which its trigger rose, if it has one.
+
+    Raises:
+        BadInput: with every fault of the file.
+    """
+    headers, rows = read_table(path, EXAMPLE)
+    headers = [header.strip() for header in headers]
+    values, faults = {}, list[Fault]()
+    for name in (*UNITS, "trigger"):
+        column: Column | PlainColumn | None = getattr(table, name, None)
+        if column is None:
+            continue
+        places = [place for place, header in enumerate(headers) if header == column.column]
+        if len(places) != 1:
+            problem = "occurs twice; keep one"
+            if not places:
+                problem = f"is missing; the file has {', '.join(headers)}"
+            faults.append(Fault(f"{path}: column {column.column}", problem))
+            continue
+        numbers, wrong = numbers_of(path, column.column, rows[places[0]])
+        factor = conversion(column.unit, UNITS[name]) if isinstance(column, Column) else 1.0
+        values[name] = numbers * factor
+        faults += wrong
+    if faults:
+        raise BadInput(faults)
+    if len(rows) < FEWEST_POINTS:
+        raise fault(str(path), f"has {len(rows)} rows; give at least {FEWEST_POINTS}")
+    time = values["time"]
+    if (falls := np.flatnonzero(np.diff(time) <= 0)).size:
+        at = falls[0]
+        raise fault(
+            f"{path}: column {table.time.column}",
+            f"does not rise from point {at + 1} to point {at + 2} ({time[at]:g} s to"
+            f" {time[at + 1]:g} s); sort the rows, and keep one of each time",
+        )
+    if table.trigger is None:
+        return values, None
+    levels = values.pop("trigger")
+    risen = levels > (levels.min() + levels.max()) / 2
+    if risen[0] or not risen.any():
+        problem = "does not begin low and rise; give starts instead"
+        raise fault(f"{path}: column {table.trigger.column}", problem)
+    return values, float(time[risen.argmax()])

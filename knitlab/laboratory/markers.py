@@ -3,14 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from knitlab.io.errors import fault
-from knitlab.laboratory.description import MarkersTable, SampleTable
-from knitlab.laboratory.quantities import number
+from knitlab.laboratory.description import Description, MarkersTable, SampleTable, number
+from knitlab.laboratory.machine import Imports, Values, read_pulls
 from knitlab.laboratory.trajectories import grid_of, in_fabric_axes, read_trajectories
 from knitlab.measure.marker_grid import MarkerGrid
 from knitlab.measure.resampling import resampled
@@ -23,6 +22,10 @@ from knitlab.measure.strain import (
     poisson_ratio_of_test,
 )
 
+LARGEST_AT_REST = 0.25
+"""Largest strain of the reference shape, as a fraction of the first applied strain."""
+LEAST_FOLLOWED = 0.02
+"""Axial strain at the centre over applied strain, below which a sample counts as unloaded."""
 PULLED_MARGIN = 0.1
 """Frames within this fraction of the largest strain count as fully pulled."""
 AGREEING = np.radians(6)
@@ -38,16 +41,11 @@ LARGEST_SIZE_RATIO = 1.6
 
 @dataclass(frozen=True)
 class MarkedSample:
-    """The corners of a sample's unit cells in every frame, along the fabric's axes.
+    """The corners of a sample's unit cells, along the fabric's axes; NaN if a marker is lost [mm].
 
-    Attributes:
-        relaxed: corners before the test [mm].
-        corners: corners in every frame; NaN where the marker is lost [mm].
-        grid: grid position of every marker.
-        relaxed_frames: number of frames that the relaxed shape is averaged over.
-        unit_cells: unit cells of the sample along (y, x), with or without markers.
-        turn: rotation of the fabric in the picture, anticlockwise, relative to the description
-            [rad].
+    The relaxed shape is the mean of ``relaxed_frames``. ``unit_cells`` of the sample along (y, x)
+    may have no markers. ``turn`` is the rotation of the fabric in the picture, anticlockwise,
+    relative to the description [rad].
     """
 
     relaxed: Float[np.ndarray, "corner_y corner_x 2"]
@@ -73,13 +71,79 @@ class MarkedSample:
         return "; ".join(parts)
 
 
-def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> MarkedSample:
-    """Read the markers of a description.
+def read_markers(folder: Path, description: Description) -> Imports:
+    """Strains and Poisson's ratio in every cycle.
 
-    Args:
-        folder: folder of the description.
-        table: its markers.
-        sample: its sample.
+    Raises:
+        BadInput: if the files are at fault, or contradict the sample or the machine's log.
+    """
+    table, requested = description.markers, description.protocol.applied_strain
+    if table is None:
+        raise TypeError("the description has no markers")
+    path = folder / table.file
+    marked = read_marked(folder, table, description.sample)
+    frames, summary = np.arange(len(marked.corners)), []
+    if table.strain_per_frame is not None:
+        strain, spans = frames * table.strain_per_frame, [frames]
+        if strain[-1] < requested[-1] * (1 - 1e-9):
+            raise fault(
+                str(path),
+                f"ends at an applied strain of {strain[-1]:.3g}, but strain_max is"
+                f" {requested[-1]:g}; reduce strain_max",
+            )
+    elif table.frame_rate is not None and table.starts is not None:
+        pulls = read_pulls(folder, description)
+        time = number(table.starts, "s") + frames / number(table.frame_rate, "Hz")
+        strain = pulls.strain(time)
+        seen = np.isfinite(strain)
+        spans = [np.flatnonzero(cycle.loaded(time) & seen) for cycle in pulls.cycles]
+        if not len(spans[0]):
+            first = pulls.cycles[0]
+            raise fault(
+                str(path),
+                f"runs from {time[0]:g} s to {time[-1]:g} s by the machine's clock, and does not"
+                f" cover the first pull, from {first.start:g} s to {first.turn:g} s; correct starts"
+                " or frame_rate",
+            )
+        summary.append(pulls.summary)
+    else:
+        raise TypeError("the description has no times for its frames")
+    pulled = np.nanmax(np.abs(strain[: table.relaxed_frames]), initial=0.0)
+    if pulled > LARGEST_AT_REST * requested[1]:
+        raise fault(
+            f"{path}: relaxed_frames {table.relaxed_frames}",
+            f"already reach a strain of {pulled:.3g}; give fewer, or correct starts or"
+            " strain_per_frame",
+        )
+    if table.align == "pull":
+        marked = along_pull(path, marked, strain)
+    values = [marker_values(marked, requested, strain[span], span) for span in spans]
+    _check_follows(path, values[0], requested)
+    if not np.isfinite(values[0]["mean_strain_yy"]).any():
+        summary.append("no central unit cell keeps its markers, so there are no mean strains")
+    return values, [marked.summary, *summary]
+
+
+def _check_follows(path: Path, values: Values, requested: Sequence[float]) -> None:
+    """Check that the fabric is strained if and only if the machine pulls it.
+
+    Raises:
+        BadInput: if not.
+    """
+    mean = values["mean_strain_yy"]
+    if abs(mean[0]) > max(requested[1] / 2, 5 * np.nan_to_num(values["mean_strain_yy_error"][0])):
+        raise fault(
+            str(path),
+            f"shows an axial strain of {mean[0]:.3g} where the applied strain is 0; correct starts"
+            " or relaxed_frames",
+        )
+    if np.isfinite(mean).any() and np.nanmax(np.abs(mean)) < LEAST_FOLLOWED * requested[-1]:
+        problem = "shows markers that do not move while the sample is pulled; correct starts"
+        raise fault(str(path), problem)
+
+
+def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> MarkedSample:
+    """The markers of a description that lies in a folder.
 
     Raises:
         BadInput: if the files are at fault, or do not fit the sample.
@@ -155,11 +219,6 @@ def along_pull(
     pull for any unit cell. But the camera may move, or both clamps. Rows of markers always separate
     along the pull, but less exactly. So the drift is used where it agrees with the separation.
 
-    Args:
-        path: file of the markers, for the message.
-        marked: the markers.
-        strain: applied strain in every frame; NaN where it is unknown.
-
     Raises:
         BadInput: if the pull is across the warp, or its direction is ambiguous.
     """
@@ -207,43 +266,28 @@ def marker_values(
     requested: Sequence[float],
     strain: Float[np.ndarray, " frame"],
     frames: np.ndarray,
-) -> dict[str, Any]:
-    """Strains and Poisson's ratio of a pull from its markers, by variable name.
-
-    Args:
-        marked: the markers.
-        requested: requested applied strains.
-        strain: applied strain of the frames of this pull.
-        frames: indices of these frames.
-
-    Raises:
-        BadInput: if every unit cell lost a marker.
-    """
-    strains = np.asarray(requested)
-    values: dict[str, Any] = {}
-    errors = {}
-    for name, field in zip(
-        ("xx", "yy"), local_strain(marked.relaxed, marked.corners[frames]), strict=True
-    ):
+) -> Values:
+    """Strains and Poisson's ratio at the requested strains, from some frames at given strains."""
+    strains, corners = np.asarray(requested), marked.corners[frames]
+    values: Values = {}
+    for name, field in zip(("xx", "yy"), local_strain(marked.relaxed, corners), strict=True):
         mean = resampled(strains, strain, np.asarray(central_mean(field)))
         # The relaxed shape is a mean of a few frames, each with the same noise.
         noise = mean.noise[np.isfinite(mean.noise)]
         of_relaxed = np.median(noise) / np.sqrt(marked.relaxed_frames) if len(noise) else 0.0
-        errors[name] = np.hypot(mean.errors, of_relaxed)
         values |= {
             f"strain_{name}": resampled(strains, strain, np.asarray(field)).values,
             f"mean_strain_{name}": mean.values,
-            f"mean_strain_{name}_error": errors[name],
+            f"mean_strain_{name}_error": np.hypot(mean.errors, of_relaxed),
         }
     across, along = values["mean_strain_xx"], values["mean_strain_yy"]
     ratio = poisson_ratio_of_test(across, along)
+    error = np.hypot(values["mean_strain_xx_error"], ratio * values["mean_strain_yy_error"])
     cell_x, cell_y = mean_cell_size(marked.relaxed)
-    lost = np.isnan(marked.corners[frames]).any(axis=-1).sum(axis=(1, 2)).astype(float)
+    lost = np.isnan(corners).any(axis=-1).sum(axis=(1, 2)).astype(float)
     values |= {
         "poisson_ratio": ratio,
-        "poisson_ratio_error": np.where(
-            np.isnan(ratio), np.nan, np.hypot(errors["xx"], ratio * errors["yy"]) / np.abs(along)
-        ),
+        "poisson_ratio_error": np.where(np.isnan(ratio), np.nan, error / np.abs(along)),
         "relaxed_cell_x": float(cell_x),
         "relaxed_cell_y": float(cell_y),
         "markers_lost": np.round(resampled(strains, strain, lost).values),

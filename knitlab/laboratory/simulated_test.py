@@ -18,7 +18,7 @@ from knitlab.equilibrium.state import State
 from knitlab.equilibrium.system import System
 from knitlab.equilibrium.tensile_result import TensileTest
 from knitlab.equilibrium.tensile_test import stretch
-from knitlab.fabric.evaluation import Point
+from knitlab.fabric.energy import Point
 from knitlab.fabric.stripe import Stripe
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.simulation.case import Case
@@ -33,10 +33,7 @@ QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")
 class SimulatedTest:
     """A test of a case all of whose states converged.
 
-    Attributes:
-        case: the case.
-        test: its states.
-        values: values of :data:`QUANTITIES` at every strain except the relaxed one.
+    ``values`` are those of :data:`QUANTITIES` at every strain except the relaxed one.
     """
 
     case: Case
@@ -50,23 +47,17 @@ class SimulatedTest:
             NoDerivative: if a state is not a stable equilibrium.
         """
         case, (relaxed, *strained) = self.case, self.test.states
-        stripes = case.stripe_pair
         adjoint = adjoint_of(case, relaxed.configuration)
         measure = measured_by(case.mesh_shape, case.cell_grid, QUANTITIES)
-        found = [
-            logarithmic(adjoint.of_strained(strain, state.configuration, measure), stripes)
+        slopes = [
+            logarithmic(adjoint.of_strained(strain, state.configuration, measure), case.stripe_pair)
             for strain, state in zip(case.applied_strain[1:], strained, strict=True)
         ]
-        return np.stack(found, axis=1)
+        return np.stack(slopes, axis=1)
 
 
 def with_factors(case: Case, factors: Mapping[str, float]) -> Case:
-    """A case with scaled stripe parameters.
-
-    Args:
-        case: the case.
-        factors: factors by name of :data:`STRIPE_PARAMETERS`.
-    """
+    """A case with stripe parameters scaled by factors, by name of :data:`STRIPE_PARAMETERS`."""
 
     def scaled(side: str, stripe: Stripe) -> Stripe:
         numbers = {
@@ -82,10 +73,8 @@ def with_factors(case: Case, factors: Mapping[str, float]) -> Case:
 def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTest | None:
     """Test a case; ``None`` if a state does not converge.
 
-    Args:
-        case: the case.
-        near: a test with almost the same stripes, whose states are the initial guesses for the
-            same strains; without it the test starts from the flat sheet, as in a sweep.
+    The states of ``near``, a test with almost the same stripes, are the initial guesses for the
+    same strains; without it the test starts from the flat sheet, as in a sweep.
     """
     net, fabric = case.assemble()
     if near is None:
@@ -101,16 +90,12 @@ def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTe
     else:
         search = partial(_retested, case=case, near=near)
     (test,) = run_each(case.mesh_shape, [fabric], [search])
-    if test.loading is None or not all(state.converged for state in test.states):
+    converged = test.loading is not None and all(state.converged for state in test.states)
+    if not converged or len(test.states) < len(case.applied_strain):
         return None
     measure = measured_by(case.mesh_shape, case.cell_grid, QUANTITIES)
-    relaxed, *strained = test.states
-    if len(strained) < len(case.applied_strain) - 1:
-        return None
-    first = jax.tree.map(jnp.asarray, relaxed.configuration)
-    values = [
-        measure(first, jax.tree.map(jnp.asarray, state.configuration), fabric) for state in strained
-    ]
+    relaxed, *strained = (jax.tree.map(jnp.asarray, state.configuration) for state in test.states)
+    values = [measure(relaxed, state, fabric) for state in strained]
     return SimulatedTest(case, test, np.array(values).T)
 
 

@@ -1,16 +1,15 @@
 """The target of a fit: an imported test, scaled to the sample of a workflow."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
+from jaxtyping import Bool, Float
 
 from knitlab.cube.common_settings import parameters_of
 from knitlab.cube.cube_file import is_measured
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import CYCLE, DESIGN_DIMS
+from knitlab.cube.schema import CYCLE, DESIGN_DIMS, Status
 from knitlab.io.errors import fault
-from knitlab.laboratory.fit import MeasuredTest
 from knitlab.laboratory.simulated_test import QUANTITIES
 from knitlab.simulation.case import Case
 from knitlab.sweep.plan import Plan
@@ -19,15 +18,52 @@ FEWEST_STRAINS = 3
 NO_ERROR = 1.0
 """Error of a missing value, which does not affect the misfit."""
 
+Curves = Float[np.ndarray, "quantity strain"]
+"""Values of :data:`~knitlab.laboratory.simulated_test.QUANTITIES`."""
+
+
+@dataclass(frozen=True)
+class MeasuredTest:
+    """A measured test at positive, ascending strains.
+
+    The values are NaN where not measured, and the force is over the width of the simulated sample;
+    the errors are positive standard errors.
+    """
+
+    applied_strain: tuple[float, ...]
+    values: Curves
+    errors: Curves
+
+    def __repr__(self) -> str:
+        values, strains = int(self.measured.sum()), len(self.applied_strain)
+        return f"<MeasuredTest: {values} values at {strains} strains>"
+
+    @property
+    def measured(self) -> Bool[np.ndarray, "quantity strain"]:
+        """Whether each value is measured."""
+        return np.isfinite(self.values)
+
+    def misfit(self, curves: Curves) -> Float[np.ndarray, " value"]:
+        """Differences of curves from the measured values, in standard errors."""
+        return ((curves - self.values) / self.errors)[self.measured]
+
+    def chi_squared(self, curves: Curves) -> float:
+        """χ² of curves."""
+        misfit = self.misfit(curves)
+        return float(misfit @ misfit)
+
+    def root_mean_square(self, curves: Curves) -> dict[str, float]:
+        """Root mean square difference of curves from the measured ones, in their units."""
+        difference = np.where(self.measured, curves - self.values, 0.0)
+        mean_square = (difference**2).sum(axis=1) / self.measured.sum(axis=1).clip(1)
+        return dict(zip(QUANTITIES, np.sqrt(mean_square).tolist(), strict=True))
+
 
 def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> MeasuredTest:
     """The measured curves of an experiment, scaled to the sample of a case.
 
-    Args:
-        experiment: cube of the experiment.
-        case: the simulated sample; the force is scaled to its number of unit cells across.
-        model_error: fraction of the largest value of a curve that is added in quadrature to its
-            standard errors, for the error of the model.
+    The force is scaled to its number of unit cells across. ``model_error`` is the fraction of the
+    largest value of a curve that is added in quadrature to its standard errors.
 
     Raises:
         BadInput: if it is not a single test with markers or force.
@@ -37,7 +73,7 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Measure
         raise fault("fit", f"takes one cycle; select {CYCLE}=1")
     strains = cell["applied_strain"].values
     across = case.unit_cells[1] / parameters_of(experiment)["unit_cells"][1]
-    values, errors = (np.full((len(QUANTITIES), len(strains)), np.nan) for _ in range(2))
+    values, errors = np.full((2, len(QUANTITIES), len(strains)), np.nan)
     for place, name in enumerate(QUANTITIES):
         if name not in cell:
             continue
@@ -50,13 +86,11 @@ def target_of(experiment: xr.Dataset, case: Case, model_error: float) -> Measure
         raise fault(
             "fit", f"needs at least {FEWEST_STRAINS} strains; import markers or the tensile test"
         )
-    if not (errors[:, pulled][np.isfinite(values[:, pulled])] > 0).all():
+    values, errors = values[:, pulled], errors[:, pulled]
+    if not (errors[np.isfinite(values)] > 0).all():
         raise fault("model_error 0", "leaves values without an error; give one above 0")
-    return MeasuredTest(
-        tuple(strains[pulled].tolist()),
-        values[:, pulled],
-        np.nan_to_num(errors[:, pulled], nan=NO_ERROR),
-    )
+    errors = np.nan_to_num(errors, nan=NO_ERROR)
+    return MeasuredTest(tuple(strains[pulled].tolist()), values, errors)
 
 
 def case_for(plan: Plan, experiment: xr.Dataset) -> Case:
@@ -68,14 +102,10 @@ def case_for(plan: Plan, experiment: xr.Dataset) -> Case:
     if not is_measured(experiment):
         raise fault("fit", "needs an experiment, and this cube was simulated; import one")
     wanted = {dim: int(experiment[dim].values[0]) for dim in DESIGN_DIMS}
-    cases = [
-        case
-        for case in plan.cases.values()
-        if all(case.design.get(dim) == label for dim, label in wanted.items())
-    ]
-    named = f"({wanted['n_stripe']}, {wanted['n_subunit']})"
+    cases = [case for case in plan.cases.values() if wanted.items() <= case.design.items()]
     if len(cases) != 1:
         remedy = "one value of each setting" if cases else "n_stripe and n_subunit"
+        named = f"({wanted['n_stripe']}, {wanted['n_subunit']})"
         problem = f"must have one case of {named}, and has {len(cases)}; set {remedy}"
         raise fault(plan.workflow, problem)
     (case,) = cases
@@ -84,8 +114,3 @@ def case_for(plan: Plan, experiment: xr.Dataset) -> Case:
     if int(experiment["status"].values.flat[0]) != Status.ok:
         raise fault("fit", "needs an experiment that is ok, and this one is not; import it again")
     return replace(case, capacitor=None, sensitivities=False, unloading=False)
-
-
-def at_strains_of(case: Case, target: MeasuredTest) -> Case:
-    """The case at the strains of a target."""
-    return replace(case, applied_strain=(0.0, *target.applied_strain))

@@ -1,4 +1,4 @@
-"""Trajectories of tracked points, from pixels to the axes of the fabric."""
+"""Trajectories of tracked points, from pixels to the axes of the fabric, and their grid."""
 
 from pathlib import Path
 
@@ -8,8 +8,7 @@ from numpy.lib.format import MAGIC_PREFIX
 
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.table_file import numbers_of, read_table
-from knitlab.laboratory.description import MarkersTable, Towards
-from knitlab.laboratory.quantities import number
+from knitlab.laboratory.description import MarkersTable, Towards, number
 from knitlab.measure.marker_grid import MarkerGrid, NoGrid, find_grid, grid_of_places
 
 Trajectories = Float[np.ndarray, "frame marker 2"]
@@ -26,42 +25,32 @@ IN_PICTURE: dict[Towards, tuple[float, float]] = {
 
 
 def read_trajectories(path: Path) -> Trajectories:
-    """Read trajectories in pixels; NaN where a marker is lost.
-
-    Args:
-        path: an ``.npy`` array (frame, marker, 2), or a CSV table of frame, marker, x and y.
+    """Trajectories in pixels, of an ``.npy`` array or a CSV table; NaN where a marker is lost.
 
     Raises:
         BadInput: with every fault of the file.
     """
-    if path.suffix == ".npy":
-        tracks = _read_array(path)
-    elif path.suffix == ".csv":
-        tracks = _read_rows(path)
-    else:
+    if path.suffix not in READERS:
         raise fault(str(path), "has no suffix .npy or .csv; give one of these")
+    tracks = READERS[path.suffix](path)
+    lost = np.isnan(tracks)
+    empty = np.flatnonzero(lost.all(axis=(1, 2)))
     if np.isinf(tracks).any():
         frame, marker, _ = np.argwhere(np.isinf(tracks))[0]
-        raise fault(
-            str(path),
-            f"is infinite for marker {marker} in frame {frame}; write NaN where it is lost",
-        )
-    half_known = np.isnan(tracks).any(axis=2) != np.isnan(tracks).all(axis=2)
-    if half_known.any():
+        problem = f"is infinite for marker {marker} in frame {frame}; write NaN where it is lost"
+    elif (half_known := lost[..., 0] != lost[..., 1]).any():
         frame, marker = np.argwhere(half_known)[0]
-        raise fault(
-            str(path), f"has only one coordinate of marker {marker} in frame {frame}; correct it"
-        )
-    empty = np.flatnonzero(np.isnan(tracks).all(axis=(1, 2)))
-    if len(empty):
+        problem = f"has only one coordinate of marker {marker} in frame {frame}; correct it"
+    elif len(empty):
         listed = ", ".join(map(str, empty[:MOST_MISSING_LISTED]))
         more = ", …" if len(empty) > MOST_MISSING_LISTED else ""
-        raise fault(
-            str(path),
+        problem = (
             f"shows no marker in {len(empty)} frames ({listed}{more}); track them again, or cut"
-            " them off",
+            " them off"
         )
-    return tracks
+    else:
+        return tracks
+    raise fault(str(path), problem)
 
 
 def _read_array(path: Path) -> Trajectories:
@@ -73,13 +62,11 @@ def _read_array(path: Path) -> Trajectories:
     except OSError as error:
         raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
     except (ValueError, EOFError) as error:
-        problem = (
-            "holds pickled objects, which may execute code; save a plain array of floats"
-            if "allow_pickle" in str(error)
-            else f"is not a complete .npy array ({error}); save it with numpy.save"
-        )
+        problem = f"is not a complete .npy array ({error}); save it with numpy.save"
+        if "allow_pickle" in str(error):
+            problem = "holds pickled objects, which may execute code; save a plain array of floats"
         raise fault(str(path), problem) from error
-    if not isinstance(tracks, np.ndarray) or tracks.dtype.kind not in "fiu":
+    if tracks.dtype.kind not in "fiu":
         raise fault(str(path), "holds no array of numbers; save one with numpy.save")
     if tracks.ndim != 3 or tracks.shape[2] != 2:
         raise fault(
@@ -92,26 +79,28 @@ def _read_array(path: Path) -> Trajectories:
 
 def _read_rows(path: Path) -> Trajectories:
     """Rows may be in any order; a marker without a row in a frame is lost there."""
-    table = _columns(path, ("frame", "marker", "x", "y"), FRAMES, lost=("x", "y"))
-    frame, marker = _whole(path, "frame", table["frame"]), _whole(path, "marker", table["marker"])
-    names, place = np.unique(marker, return_inverse=True)
-    frames, when = np.unique(frame, return_inverse=True)
+    table = _columns(path, ("frame", "marker", "x", "y"), FRAMES)
+    frames, frame = np.unique(_whole(path, "frame", table), return_inverse=True)
+    markers, marker = np.unique(_whole(path, "marker", table), return_inverse=True)
     if frames[0] > 1:
         problem = f"begins with frame {frames[0]}; number the frames from 0 or 1, the first in time"
         raise fault(f"{path}: column frame", problem)
     if len(gap := np.setdiff1d(np.arange(frames[0], frames[-1] + 1), frames)):
         raise fault(f"{path}: column frame", f"skips {gap[0]}; number the frames consecutively")
-    tracks = np.full((len(frames), len(names), 2), np.nan)
-    pairs = np.unique(np.stack([when, place], axis=1), axis=0)
-    if len(pairs) < len(when):
+    if len(np.unique(np.stack([frame, marker], axis=1), axis=0)) < len(frame):
         raise fault(str(path), "has a marker twice in one frame; keep one row")
-    tracks[when, place] = np.stack([table["x"], table["y"]], axis=1)
+    tracks = np.full((len(frames), len(markers), 2), np.nan)
+    tracks[frame, marker] = np.stack([table["x"], table["y"]], axis=1)
     return tracks
 
 
+READERS = {".npy": _read_array, ".csv": _read_rows}
+
+
 def _columns(
-    path: Path, names: tuple[str, ...], example: str, lost: tuple[str, ...] = ()
+    path: Path, names: tuple[str, ...], example: str
 ) -> dict[str, Float[np.ndarray, " row"]]:
+    """Columns of a table; x and y may be empty, which is NaN."""
     headers, rows = read_table(path, example)
     headers = [header.strip().lower() for header in headers]
     faults = [
@@ -126,20 +115,17 @@ def _columns(
     columns = {}
     for name in names:
         text = rows[headers.index(name)]
-        if name in lost:
-            text = text.mask(text.str.strip().str.lower().isin(["", "nan"]))
-            columns[name] = np.full(len(text), np.nan)
-            given = text.notna().to_numpy()
-            columns[name][given], found = numbers_of(path, name, text[given])
-        else:
-            columns[name], found = numbers_of(path, name, text)
-        faults += found
+        given = ~(text.str.strip().str.lower().isin(["", "nan"]) & (name in ("x", "y")))
+        columns[name] = np.full(len(text), np.nan)
+        columns[name][given], wrong = numbers_of(path, name, text[given])
+        faults += wrong
     if faults:
         raise BadInput(faults)
     return columns
 
 
-def _whole(path: Path, name: str, values: Float[np.ndarray, " row"]) -> np.ndarray:
+def _whole(path: Path, name: str, table: dict[str, Float[np.ndarray, " row"]]) -> np.ndarray:
+    values = table[name]
     bad = np.flatnonzero((values % 1 != 0) | (values < 0))
     if len(bad):
         problem = f"has {values[bad[0]]:g} at point {bad[0] + 1}; count from 0 up"
@@ -148,12 +134,7 @@ def _whole(path: Path, name: str, values: Float[np.ndarray, " row"]) -> np.ndarr
 
 
 def in_fabric_axes(tracks: Trajectories, table: MarkersTable) -> Trajectories:
-    """Trajectories along the x and y of the fabric, by the directions of the description [mm].
-
-    Args:
-        tracks: trajectories in pixels.
-        table: pixel size and orientation.
-    """
+    """Trajectories in pixels along the x and y of the fabric, by the description [mm]."""
     axes = np.array([IN_PICTURE[table.weft], IN_PICTURE[table.warp]])
     turn = np.radians(table.turned)
     # In pixels y points down, so that an anticlockwise rotation has the opposite sense.
@@ -162,12 +143,7 @@ def in_fabric_axes(tracks: Trajectories, table: MarkersTable) -> Trajectories:
 
 
 def grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | None) -> MarkerGrid:
-    """The grid of markers, found in the first frame or read from a table.
-
-    Args:
-        path: file of the trajectories, for the message.
-        first: the first frame.
-        places: table of grid positions, if there is one.
+    """The grid of markers, found in the first frame of ``path`` or read from a table of places.
 
     Raises:
         BadInput: if they are not on a grid, or the table is at fault.
@@ -176,13 +152,13 @@ def grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | Non
         if places is None:
             return find_grid(first)
         table = _columns(places, ("marker", "row", "column"), PLACES)
-        marker, row, column = (_whole(places, name, table[name]) for name in table)
+        marker, row, column = (_whole(places, name, table) for name in table)
         if marker.max() >= len(first):
             raise fault(
                 f"{places}: column marker",
                 f"names marker {marker.max()}, but there are {len(first)}, counted from 0",
             )
-        rows, columns = (np.full(len(first), -1) for _ in range(2))
+        rows, columns = np.full((2, len(first)), -1)
         rows[marker], columns[marker] = row, column
         return grid_of_places(rows, columns)
     except NoGrid as error:

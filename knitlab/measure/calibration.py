@@ -14,8 +14,8 @@ from jaxtyping import Array, Float
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import t as student_t
 
-from knitlab.fabric.options import CellSize
-from knitlab.fabric.spring_curve import SpringCurve
+from knitlab.fabric.settings import CellSize
+from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.stripe import Knit, Stripe
 from knitlab.fabric.zigzag import Zigzag, law_of_one, tension
 from knitlab.measure.information import Comparison, compare

@@ -13,7 +13,7 @@ from typing import Annotated
 
 from pydantic import PositiveFloat
 
-from knitlab.fabric.setting_types import Unit
+from knitlab.fabric.settings import Unit
 
 ALONG_X = ("knit_cell_x", "knit_wavelength_x", "knit_width")
 ALONG_Y = ("knit_cell_y", "knit_wavelength_y", "knit_length")

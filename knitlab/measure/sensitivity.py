@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.fabric import Fabric, StripePair
+from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape
+from knitlab.fabric.stripe import StripePair
 from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.corners import unit_cell_corners
 from knitlab.measure.strain import central_mean, local_strain, mean_cell_size, poisson_ratio
@@ -71,5 +72,5 @@ STRIPE_PARAMETERS = {
     for knit, side in (("rib", "weft"), ("garter", "warp"))
     for name in ("k_s", "k_t", "theta_0", "period")
 }
-"""Stripe and attribute of each parameter in a :class:`~knitlab.fabric.fabric.StripePair`, by its
+"""Stripe and attribute of each parameter in a :class:`~knitlab.fabric.stripe.StripePair`, by its
 name. The periods of rib and garter are the paper's w and h."""

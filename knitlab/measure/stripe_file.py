@@ -5,7 +5,7 @@ from typing import Any
 
 import tomli_w
 
-from knitlab.fabric.options import CellSize
+from knitlab.fabric.settings import CellSize
 from knitlab.fabric.stripe import Knit, Stripe
 from knitlab.io.atomic_write import atomic_write
 from knitlab.measure.calibration import UNITS, Calibration

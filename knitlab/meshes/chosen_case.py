@@ -9,8 +9,7 @@ import xarray as xr
 
 from knitlab.cube.case_file import StoredCase, check_case_file, read_case
 from knitlab.cube.cube_file import design_dims, is_measured, source_of
-from knitlab.cube.design_status import Status
-from knitlab.cube.plain_cube import PlainCube
+from knitlab.cube.schema import Status
 from knitlab.cube.selection import (
     choices,
     chosen_places,
@@ -97,8 +96,7 @@ def chosen_strains(
     if not reached.any():
         raise fault(title, f"has no shape: {reason or 'it did not relax'}; choose another design")
     everything = np.flatnonzero(reached).tolist() if several else [0]
-    coordinates = PlainCube.of(case_file).coordinates
-    places = chosen_places(coordinates, along)[STRAIN] if along else everything
+    places = chosen_places({STRAIN: strains}, along)[STRAIN] if along else everything
     if missing := [place for place in places if not reached[place]]:
         highest = strains[reached].max()
         raise fault(

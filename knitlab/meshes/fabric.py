@@ -101,7 +101,7 @@ def _check_repeats(case_file: xr.Dataset, repeats: tuple[int, int]) -> None:
 
 def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarray]:
     """Fields that are the same at every strain."""
-    from knitlab.fabric.grading import recorded_pattern
+    from knitlab.fabric.pattern import recorded_pattern
 
     along_y, along_x = case.unit_cells
     pattern = recorded_pattern(case.record, (repeats[0] * along_y, repeats[1] * along_x))

@@ -134,7 +134,7 @@ def fold_angle_at_nodes(
     )
     total = np.zeros((len(angles), shape.nodes_y, shape.nodes_x))
     edges = np.zeros((shape.nodes_y, shape.nodes_x))
-    folded = layout.hinged & (layout.fold_sense != 0)
+    folded = layout.fold_sense != 0
     for wale, (up, right) in ((True, (1, 0)), (False, (0, 1))):
         # A hinge turns about the left or the lower side of its cell.
         kind = np.flatnonzero(folded & (net.wale == wale))

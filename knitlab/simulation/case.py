@@ -13,17 +13,14 @@ from pydantic import TypeAdapter
 
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.equilibrium.settings import SolverSettings
-from knitlab.fabric.electrode_layout import StitchCounts, place_electrodes
-from knitlab.fabric.electrodes import Electrodes
-from knitlab.fabric.fabric import Fabric, Sheet, StripePair
-from knitlab.fabric.grading import Grading, graded_pattern
-from knitlab.fabric.inertia import Inertia, graded_inertia, inertia
+from knitlab.fabric.electrodes import Electrodes, StitchCounts, place_electrodes
+from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.inertia import Inertia, inertia
 from knitlab.fabric.layout import FabricLayout, fabric_layout
 from knitlab.fabric.network import MeshShape, Network, mesh_shape
-from knitlab.fabric.options import ModelOptions
-from knitlab.fabric.pattern import BadPattern, PatchGrid, SingleFold
-from knitlab.fabric.plain import PlainKnit
-from knitlab.fabric.stripe import SpringKind, Stripe
+from knitlab.fabric.pattern import BadPattern, Grading, PatchGrid, SingleFold, graded_pattern
+from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
+from knitlab.fabric.stripe import SpringKind, Stripe, StripePair
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.central import central
@@ -206,8 +203,8 @@ class Case:
     def stripe_pair(self) -> StripePair:
         """The numbers of its stripes: of each knit one, or several along an axis."""
         if self.grading is None:
-            return StripePair.of(self.weft, self.warp)
-        return StripePair.of_several(self.grading.weft, self.grading.warp)
+            return StripePair.of([self.weft], [self.warp])
+        return StripePair.of(self.grading.weft, self.grading.warp)
 
     def with_stripes(
         self, rib: Callable[[Stripe], Stripe], garter: Callable[[Stripe], Stripe]
@@ -331,9 +328,9 @@ class Case:
         """
         density, ratio = self.motion.surface_density, self.motion.damping_ratio
         if self.grading is None:
-            return inertia(self.weft, self.warp, self.options, density, ratio)
+            return inertia([self.weft], [self.warp], self.options, density, ratio)
         stripes = self.grading.weft, self.grading.warp
-        return graded_inertia(self.sample, *stripes, self.options, density, ratio)
+        return inertia(*stripes, self.options, density, ratio, self.sample)
 
 
 def by_test(named: Iterable[tuple[Name, Case]]) -> list[list[Name]]:

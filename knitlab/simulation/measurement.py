@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import VARIABLES, Variable, described
+from knitlab.cube.schema import VARIABLES, Status, Variable, described
 from knitlab.equilibrium.state import State
 from knitlab.equilibrium.tensile_result import History, TensileTest
 from knitlab.fabric.configuration import Configuration

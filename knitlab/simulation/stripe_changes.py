@@ -5,8 +5,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any, TypeVar
 
-from knitlab.fabric.fabric import Sheet
-from knitlab.fabric.plain import PlainKnit
+from knitlab.fabric.settings import PlainKnit, Sheet
 from knitlab.fabric.stripe import Stripe
 from knitlab.io.errors import fault
 

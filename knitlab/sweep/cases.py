@@ -8,10 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from knitlab.fabric.distances import largest_thickness
-from knitlab.fabric.electrode_layout import BadLayout
-from knitlab.fabric.options import Boundary
+from knitlab.fabric.electrodes import BadLayout
 from knitlab.fabric.pattern import CELLS_PER_PERIOD, BadPattern
+from knitlab.fabric.settings import Boundary, largest_thickness
 from knitlab.fabric.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
     Knit,

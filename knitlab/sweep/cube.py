@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.case_file import case_path, read_case
-from knitlab.cube.classic_file import read_classic
+from knitlab.cube.case_file import case_path, read_values
 from knitlab.cube.common_settings import ATTRIBUTE, parameters_of, shared
-from knitlab.cube.design_status import Status
-from knitlab.cube.plain_cube import READING, PlainCube, unmasked
-from knitlab.cube.schema import VARIABLES, described
+from knitlab.cube.cube_file import READING
+from knitlab.cube.schema import VARIABLES, Status, described
 from knitlab.io.provenance import provenance
 from knitlab.measure.knit_size import ALONG_X, ALONG_Y, Gauge, at_gauge, knit_sizes
 from knitlab.simulation.case import Case, Label
@@ -68,7 +66,7 @@ def build_cube(
         damaged: identifiers of cases whose files must not be read.
         failed: identifiers of cases that could not be computed.
     """
-    known = {} if old is None else cells(PlainCube.of(old))
+    known = {} if old is None else cells(old)
     entries = {} if old is None else _old_entries(plan, old, known)
     for case_id, case in plan.cases.items():
         design = tuple(case.design.values())
@@ -153,13 +151,7 @@ def known_in_advance(case: Case) -> Values:
 
 def _read_entry(path: Path, case: Case, gauge: Gauge) -> Entry:
     wanted = {name for name, variable in variables_of(case).items() if variable.in_cube}
-    values = known_in_advance(case)
-    # A file of an earlier version may lack some, or be in the format of HDF5.
-    if stored := read_classic(path, wanted):
-        values |= {name: unmasked(name, its) for name, its in stored.items()}
-    else:
-        dataset = read_case(path.parent.parent, path.stem)
-        values |= {name: dataset[name].values for name in wanted & set(dataset)}
+    values = known_in_advance(case) | read_values(path, wanted)
     return Entry(values | sizes_of(case, values, gauge), case.applied_strain)
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Generic, Literal, TypeVar, get_args, get_orig
 
 from pydantic import Field, PositiveFloat, ValidationError, create_model
 
-from knitlab.fabric.setting_types import Unit
+from knitlab.fabric.settings import Unit
 from knitlab.io.errors import BadInput, faults_of
 from knitlab.io.toml import StrictModel
 

@@ -18,10 +18,15 @@ from knitlab.cube.case_file import (
     read_code,
 )
 from knitlab.cube.common_settings import differences, parameters_of
-from knitlab.cube.cube_file import is_measured, open_cube, write_cube
-from knitlab.cube.design_status import Status
-from knitlab.cube.joined_cubes import joined_cubes
-from knitlab.cube.plain_cube import CUBE, PlainCube
+from knitlab.cube.cube_file import (
+    CUBE,
+    design_dims,
+    is_measured,
+    joined_cubes,
+    open_cube,
+    write_cube,
+)
+from knitlab.cube.schema import Status
 from knitlab.io.atomic_write import atomic_write, clear_unfinished
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.lock import held
@@ -118,13 +123,13 @@ class FolderContents:
     @cached_property
     def cells(self) -> dict[Design, Cell]:
         """The designs of its cube."""
-        return {} if self.cube is None else cells(PlainCube.of(self.cube))
+        return {} if self.cube is None else cells(self.cube)
 
     @property
     def dims(self) -> tuple[str, ...]:
         """Dimensions of its designs; empty if it does not state any."""
         if self.cube is not None:
-            return PlainCube.of(self.cube).design_dims
+            return design_dims(self.cube)
         return () if self.record is None else tuple(self.record["dims"])
 
     @property
@@ -233,7 +238,7 @@ def _joined(merged: Sequence[FolderContents], target: Path) -> xr.Dataset:
         return old
     plan = joined_plan(records, str(target))
     plan.write(target / PLAN)
-    stored = {} if old is None else cells(PlainCube.of(old))
+    stored = {} if old is None else cells(old)
     states = survey(plan.designs, target, stored, check=False)
     failed = {
         case_id

@@ -18,11 +18,9 @@ from pydantic import (
 
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.equilibrium.settings import SolverSettings
-from knitlab.fabric.electrode_layout import ElectrodeLayout
-from knitlab.fabric.fabric import Sheet
-from knitlab.fabric.options import CellSize, GarterStart, ModelOptions
-from knitlab.fabric.plain import PlainKnit
-from knitlab.fabric.spring_curve import SpringCurve
+from knitlab.fabric.electrodes import ElectrodeLayout
+from knitlab.fabric.settings import CellSize, GarterStart, ModelOptions, PlainKnit, Sheet
+from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
     SPRING_LAWS,
@@ -58,7 +56,7 @@ class StripeUnits(StrictModel):
 
 
 class SpringCurveRow(StrictModel):
-    """The table of a :class:`~knitlab.fabric.spring_curve.SpringCurve`."""
+    """The table of a :class:`~knitlab.fabric.spring_law.SpringCurve`."""
 
     strain: Annotated[tuple[float, ...], Field(strict=False)]
     force: Annotated[tuple[float, ...], Field(strict=False)]
@@ -174,7 +172,7 @@ class StripeFile(StrictModel):
 
 @with_fields(with_defaults(ElectrodeLayout))
 class LayoutRow(StrictModel):
-    """A named :class:`~knitlab.fabric.electrode_layout.ElectrodeLayout`."""
+    """A named :class:`~knitlab.fabric.electrodes.ElectrodeLayout`."""
 
     source: str = Field(min_length=1)
 
@@ -358,7 +356,7 @@ def defaults() -> Parameters:
 class Model(ModelOptions):
     """Model options, by default those of ``params/reading.toml``.
 
-    The attributes are those of :class:`~knitlab.fabric.options.ModelOptions`, where they are
+    The attributes are those of :class:`~knitlab.fabric.settings.ModelOptions`, where they are
     described.
 
     Example:

@@ -7,8 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, PositiveInt, RootModel, model_validator
 
-from knitlab.fabric.grading import Grading
-from knitlab.fabric.pattern import KNIT_OF_LETTER, BadPattern, SingleFold, letters_of
+from knitlab.fabric.pattern import KNIT_OF_LETTER, BadPattern, Grading, SingleFold, letters_of
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit, Stripe
 from knitlab.io.errors import fault
 from knitlab.io.toml import StrictModel

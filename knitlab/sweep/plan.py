@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from knitlab.cube.common_settings import common_settings
-from knitlab.cube.variable import Variable
+from knitlab.cube.schema import Variable
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault
 from knitlab.io.fingerprint import (

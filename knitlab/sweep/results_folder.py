@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from knitlab.cube.case_file import StoredCase, case_path, check_case_file, checksum_path, read_code
-from knitlab.cube.design_status import RUN, Status
-from knitlab.cube.plain_cube import PlainCube
+from knitlab.cube.cube_file import design_dims
+from knitlab.cube.schema import RUN, Status
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.io.fingerprint import code_fingerprint, digests
@@ -58,11 +59,10 @@ class Cell:
         return self.status in RUN
 
 
-def cells(cube: PlainCube) -> dict[Design, Cell]:
+def cells(cube: xr.Dataset) -> dict[Design, Cell]:
     """The designs of a cube by their labels, without excluded combinations."""
-    labels = [cube.coordinates[dim].tolist() for dim in cube.design_dims]
-    read = cube.read_several(["status", "case_id", "code"])
-    status, case_id, code = read["status"], read["case_id"], read["code"]
+    labels = [cube[dim].values.tolist() for dim in design_dims(cube)]
+    status, case_id, code = (cube[name].values for name in ("status", "case_id", "code"))
     found = {}
     for place in zip(*map(np.ndarray.tolist, np.nonzero(status != Status.excluded)), strict=True):
         design = tuple(along[k] for along, k in zip(labels, place, strict=True))

@@ -10,9 +10,8 @@ import xarray as xr
 
 from knitlab.cube.case_file import case_path, read_case
 from knitlab.cube.common_settings import differences, parameters_of
-from knitlab.cube.cube_file import open_cube, write_cube
-from knitlab.cube.design_status import Status
-from knitlab.cube.plain_cube import CUBE, PlainCube
+from knitlab.cube.cube_file import CUBE, design_dims, open_cube, write_cube
+from knitlab.cube.schema import Status
 from knitlab.io.atomic_write import clear_unfinished
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.io.fingerprint import code_fingerprint
@@ -278,7 +277,7 @@ def _previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
     except BadInput as error:
         problem = "cannot be read; remove it and run again: it is rebuilt from the case files"
         raise fault(str(path), problem) from error
-    dims = PlainCube.of(cube).design_dims
+    dims = design_dims(cube)
     if dims != plan.dims:
         raise fault(
             str(path),
@@ -301,7 +300,7 @@ def _previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
 
 
 def _cells(cube: xr.Dataset | None) -> dict[Design, Cell]:
-    return {} if cube is None else cells(PlainCube.of(cube))
+    return {} if cube is None else cells(cube)
 
 
 def _others_run(results: Path, shard: Shard) -> bool:

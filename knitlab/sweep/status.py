@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from knitlab.cube.design_status import Status
-from knitlab.cube.plain_cube import CUBE, open_plain_cube
+from knitlab.cube.cube_file import CUBE, open_cube
+from knitlab.cube.schema import Status
 from knitlab.io.errors import BadInput
 from knitlab.io.fingerprint import package_fingerprint
 from knitlab.sweep.results_folder import (
@@ -103,7 +103,7 @@ def folder_status(
     Raises:
         BadInput: if its ``cube.nc`` is not a cube.
     """
-    stored = cells(open_plain_cube(folder / CUBE)) if (folder / CUBE).exists() else {}
+    stored = cells(open_cube(folder / CUBE, lazily=True)) if (folder / CUBE).exists() else {}
     failures = earlier_failures(folder)
     statuses = {}
     for case_id, state in survey(designs, folder, stored, check).items():

@@ -14,12 +14,9 @@ from pydantic import (
 
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.equilibrium.settings import SolverSettings
-from knitlab.fabric.electrode_layout import ElectrodeLayout
-from knitlab.fabric.fabric import Sheet
-from knitlab.fabric.options import Boundary, ModelOptions
+from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.fabric.pattern import letters_of
-from knitlab.fabric.plain import PlainKnit
-from knitlab.fabric.setting_types import Fraction
+from knitlab.fabric.settings import Boundary, Fraction, ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import Knit, Stripe
 from knitlab.io.errors import unknown
 from knitlab.io.toml import StrictModel

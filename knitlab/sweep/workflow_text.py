@@ -8,8 +8,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from knitlab.cube.variable import Variable
-from knitlab.fabric.electrode_layout import ElectrodeLayout
+from knitlab.cube.schema import Variable
+from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.io.errors import BadInput, Fault, faults_of, unknown
 from knitlab.io.toml import read_toml
 from knitlab.simulation.case import Label

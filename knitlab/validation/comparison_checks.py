@@ -13,8 +13,7 @@ from pydantic import Field, PositiveFloat, PositiveInt
 from scipy import stats
 
 from knitlab.cube.cube_file import base_dims
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import DESIGN_DIMS
+from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.validation.finding import Finding, Labels, NotMeasured
 from knitlab.validation.judged_samples import preference
 from knitlab.validation.margin import above, below, worst

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.cube_file import base_dims, is_measured, source_of
-from knitlab.cube.plain_cube import READING, stated_options
+from knitlab.cube.cube_file import READING, base_dims, is_measured, model_options, source_of
 from knitlab.cube.schema import SOURCE
 from knitlab.validation.finding import Labels
 from knitlab.validation.samples import one_sample
@@ -114,7 +113,7 @@ def preference(cube: xr.Dataset, at: Sequence[Labels]) -> tuple[bool, int, float
 
 def _options(cube: xr.Dataset) -> str:
     """The model options as text, with swept settings and the gap between the walls."""
-    options = stated_options(cube.attrs)
+    options = model_options(cube)
     if z_max := _parameters(cube).get("sheet", {}).get("z_max"):
         options["z_max"] = z_max
     swept = {

@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.cube_file import base_dims, swept_dims
-from knitlab.cube.design_status import Status
-from knitlab.cube.plain_cube import stated_options
-from knitlab.cube.schema import DESIGN_DIMS
+from knitlab.cube.cube_file import base_dims, model_options, swept_dims
+from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.validation.claims import Claim, read_claims
 from knitlab.validation.finding import Finding
 from knitlab.validation.judgement import judged_slices
@@ -137,7 +135,7 @@ def options_of(cube: xr.Dataset) -> Options:
         "drag": solver.get("drag", 0.0),
         **{name: motion[name] for name in OF_MOTION if name in motion},
         **parameters.get("sheet", {}),
-        **stated_options(cube.attrs),
+        **model_options(cube),
         **{str(key): each.item() for key, each in cube.coords.items() if not each.dims},
     }
     if not stated["drag"]:

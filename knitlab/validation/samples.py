@@ -10,8 +10,7 @@ import xarray as xr
 from pydantic import Field, PositiveInt
 
 from knitlab.cube.cube_file import base_dims
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import DESIGN_DIMS, STRIPE_DIMS, VARIABLES
+from knitlab.cube.schema import DESIGN_DIMS, STRIPE_DIMS, VARIABLES, Status
 from knitlab.io.toml import StrictModel
 from knitlab.validation.finding import Labels, NotMeasured
 

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 import knitlab as kl
 from knitlab.cli import main
 from knitlab.cube.case_file import case_path, checksum_path, read_case, write_case_file
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.io.errors import BadInput
 from tests.meshes.made_up import CASE_ID, PREVIEW, kept_file
 

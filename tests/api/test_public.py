@@ -8,7 +8,7 @@ import sys
 import pytest
 
 import knitlab
-from knitlab.cube.accessor import KnitlabAccessor
+from knitlab.cube.query import KnitlabAccessor
 from knitlab.sweep.figure_names import FIGURE_NAMES
 
 PUBLIC = {name: getattr(knitlab, name) for name in knitlab.__all__ if not name.startswith("_")}

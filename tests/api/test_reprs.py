@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import knitlab as kl
-from knitlab.fabric.spring_curve import SpringCurve
+from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.zigzag import tension, zigzag
 from knitlab.inverse.request import checked_request
 from tests.laboratory.recorded import Laboratory

@@ -3,8 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import described
+from knitlab.cube.schema import Status, described
 
 STRAINS = [0.0, 0.1, 0.2]
 LOWEST = {(2, 16): 0.05, (4, 16): -0.8, (4, 32): -0.4}

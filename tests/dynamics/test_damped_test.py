@@ -14,7 +14,7 @@ from knitlab.fabric.energy import energy
 from knitlab.fabric.fabric import flat_sheet
 from knitlab.fabric.inertia import Inertia, inertia
 from knitlab.fabric.network import network
-from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.settings import ModelOptions
 from tests.fabrics import (
     CLAMPED,
     EVERY_STRIPE,
@@ -38,7 +38,7 @@ STRAINS = [0.0, 0.05, 0.1]
 
 def of_pure(of, options, settings):
     net, fabric = pure(of, options)
-    own = inertia(of, of, options, settings.surface_density, settings.damping_ratio)
+    own = inertia([of], [of], options, settings.surface_density, settings.damping_ratio)
     return MovingFabrics(net.shape, [fabric], [own], settings)
 
 

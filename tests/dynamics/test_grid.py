@@ -12,13 +12,12 @@ from hypothesis import strategies as st
 from knitlab.dynamics.damped_test import on_grid
 from knitlab.dynamics.grid import GridFabric
 from knitlab.fabric.energy import energy
-from knitlab.fabric.fabric import StripePair, flat_sheet
-from knitlab.fabric.grading import Grading, graded_pattern
+from knitlab.fabric.fabric import flat_sheet
 from knitlab.fabric.layout import assemble_fabric, fabric_layout
-from knitlab.fabric.options import ModelOptions
-from knitlab.fabric.pattern import SingleFold
-from knitlab.fabric.plain import PlainKnit
-from knitlab.fabric.spring_curve import SpringCurve
+from knitlab.fabric.pattern import Grading, SingleFold, graded_pattern
+from knitlab.fabric.settings import ModelOptions, PlainKnit
+from knitlab.fabric.spring_law import SpringCurve
+from knitlab.fabric.stripe import StripePair
 from tests.fabrics import SHEET, checkerboard, off_grid, shaken, stripe
 
 CURVE = SpringCurve((0.0, 0.02, 0.05, 0.1, 0.2), (0.0, 1.0, 4.0, 13.0, 40.0))
@@ -53,7 +52,7 @@ def graded(options):
         plain_stretch_weft=0.9, plain_stretch_warp=2.5, plain_bend_weft=0.02, plain_bend_warp=0.05
     )
     layout = fabric_layout(pattern, SHEET, options, plain)
-    return layout.net, layout.fabric(StripePair.of_several(grading.weft, grading.warp))
+    return layout.net, layout.fabric(StripePair.of(grading.weft, grading.warp))
 
 
 def assert_equals_the_network(net, fabric, seeds):

@@ -19,7 +19,7 @@ from knitlab.fabric.energy import energy
 from knitlab.fabric.fabric import Fabric, flat_sheet
 from knitlab.fabric.inertia import moved_mass
 from knitlab.fabric.network import MeshShape, network
-from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.settings import ModelOptions
 from tests.fabrics import CLAMPED, PERIODIC, moving, shaken
 
 SETTINGS = DynamicsSettings(damping_ratio=0.015)

@@ -9,10 +9,9 @@ import pytest
 import xarray as xr
 
 from knitlab.cube.case_file import StoredCase, check_case_file
-from knitlab.cube.design_status import Status
-from knitlab.fabric.fabric import cell_length
-from knitlab.fabric.options import ModelOptions
-from knitlab.fabric.stripe import Stripe
+from knitlab.cube.schema import Status
+from knitlab.fabric.settings import ModelOptions
+from knitlab.fabric.stripe import Stripe, cell_length
 from knitlab.io.table_file import read_tension_curve
 from knitlab.measure.calibration import calibrate
 

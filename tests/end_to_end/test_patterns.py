@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import knitlab as kl
 from knitlab.cube.case_file import read_case
-from knitlab.fabric.grading import recorded_pattern
+from knitlab.fabric.pattern import recorded_pattern
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.run import RunOptions, run_plan
 

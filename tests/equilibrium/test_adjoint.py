@@ -19,13 +19,12 @@ from knitlab.equilibrium.linear_response import NoDerivative, rigid_motions
 from knitlab.equilibrium.loading import all_free, rigidly_aligned, tensile
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.evaluation import Point
-from knitlab.fabric.fabric import Fabric, Sheet, StripePair, flat_sheet
-from knitlab.fabric.grading import Grading, graded_pattern
+from knitlab.fabric.energy import Point
+from knitlab.fabric.fabric import Fabric, flat_sheet
 from knitlab.fabric.layout import FabricLayout, fabric_layout
-from knitlab.fabric.options import ModelOptions
-from knitlab.fabric.pattern import SingleFold
-from knitlab.fabric.plain import PlainKnit
+from knitlab.fabric.pattern import Grading, SingleFold, graded_pattern
+from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
+from knitlab.fabric.stripe import StripePair
 from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.simulation.stripe_sensitivity import measured_by
@@ -106,7 +105,7 @@ def pulled(
     sheet: Sheet = WALLS_FAR,
 ) -> Pulled:
     layout = fabric_layout(checkerboard(1, unit_cells), sheet, options)
-    stripes = StripePair.of(stripe("rib", n_stripe), stripe("garter", 2 * n_stripe))
+    stripes = StripePair.of([stripe("rib", n_stripe)], [stripe("garter", 2 * n_stripe)])
     return pulled_fabric(layout, stripes, unit_cells, sheet)
 
 
@@ -191,7 +190,7 @@ def test_derivatives_of_graded_fabric_are_those_of_differences(cells_per_period)
         plain_stretch_weft=0.9, plain_stretch_warp=2.5, plain_bend_weft=0.02, plain_bend_warp=0.05
     )
     layout = fabric_layout(pattern, WALLS_FAR, options, plain)
-    stripes = StripePair.of_several(grading.weft, grading.warp)
+    stripes = StripePair.of(grading.weft, grading.warp)
     graded = pulled_fabric(layout, stripes, (1, 1), WALLS_FAR)
     assert_agree(graded.sensitivities(), by_differences(graded))
 

@@ -34,8 +34,7 @@ from knitlab.equilibrium.subdomains import (
 )
 from knitlab.equilibrium.walls import Walls
 from knitlab.fabric.element_chunks import ChunkedFabric
-from knitlab.fabric.energy import Energy
-from knitlab.fabric.evaluation import COMPLETE, Evaluation, Point
+from knitlab.fabric.energy import COMPLETE, Energy, Evaluation, Point
 from knitlab.fabric.threads import ALONE, Threads
 from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered, equations
 

@@ -13,7 +13,7 @@ from knitlab.equilibrium.loading import tensile
 from knitlab.equilibrium.relaxation import relax
 from knitlab.equilibrium.system import System
 from knitlab.equilibrium.tensile_test import stretch
-from knitlab.fabric.evaluation import Point
+from knitlab.fabric.energy import Point
 from tests.fabrics import DEFAULT, FINE, PERIODIC, checkered, equations
 
 

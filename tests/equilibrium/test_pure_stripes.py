@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import root
 
-from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.settings import ModelOptions
 from knitlab.fabric.zigzag import zigzag
 from tests.fabrics import (
     CLAMPED,

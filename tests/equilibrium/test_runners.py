@@ -11,7 +11,7 @@ from knitlab.equilibrium import runners
 from knitlab.equilibrium.runners import run_each
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.equilibrium.tensile_test import stretch
-from knitlab.fabric.evaluation import Point
+from knitlab.fabric.energy import Point
 from knitlab.fabric.fabric import flat_sheet
 from tests.fabrics import PERIODIC, checkered
 

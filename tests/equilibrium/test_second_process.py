@@ -17,7 +17,7 @@ from knitlab.equilibrium.second_process import SecondProcess, SubdomainData, Sub
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.subdomains import subdomains_of
 from knitlab.equilibrium.system import System
-from knitlab.fabric.evaluation import Point
+from knitlab.fabric.energy import Point
 from knitlab.fabric.threads import Threads
 from tests.fabrics import DEFAULT
 

@@ -19,12 +19,12 @@ from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.element_chunks import ChunkedFabric
-from knitlab.fabric.energy import energy
-from knitlab.fabric.evaluation import COMPLETE, element_hessians, evaluate
-from knitlab.fabric.fabric import Sheet, StripePair, flat_sheet
+from knitlab.fabric.energy import COMPLETE, energy
+from knitlab.fabric.fabric import flat_sheet
 from knitlab.fabric.layout import assemble_fabric, fabric_layout
-from knitlab.fabric.options import ModelOptions
-from knitlab.fabric.spring_curve import SpringCurve
+from knitlab.fabric.settings import ModelOptions, Sheet
+from knitlab.fabric.spring_law import SpringCurve
+from knitlab.fabric.stripe import StripePair
 from knitlab.fabric.zigzag import Zigzag, law_of_one, tension, zigzag
 from knitlab.measure.zigzag_tension import pull_chain
 from tests.equilibrium.test_adjoint import Pulled, assert_agree, by_differences
@@ -35,10 +35,12 @@ from tests.fabrics import (
     SHEET,
     checkerboard,
     equations,
+    evaluate_whole,
     moving,
     shaken,
     stretched,
     stripe,
+    whole_element_hessians,
 )
 
 CURVE = SpringCurve((0.0, 0.02, 0.05, 0.1, 0.2), (0.0, 1.0, 4.0, 13.0, 40.0))
@@ -75,7 +77,7 @@ def test_gradient_and_stiffness_are_those_of_differences(law):
     slope = (stored(at + step * toward) - stored(at - step * toward)) / (2 * step)
     assert float(gradient(at) @ toward) == pytest.approx(float(slope), rel=1e-7)
 
-    lower = free.lower(free.entries(element_hessians(net, fabric, COMPLETE, at))).toarray()
+    lower = free.lower(free.entries(whole_element_hessians(net, fabric, COMPLETE, at))).toarray()
     matrix = lower + np.tril(lower, -1).T
     slopes = (gradient(at + step * toward) - gradient(at - step * toward)) / (2 * step)
     np.testing.assert_allclose(
@@ -91,11 +93,11 @@ def test_chunks_of_elements_give_what_the_whole_network_gives(rib, garter):
     stripes = stripes[0], replace(stripes[1], **LAWS.get(garter, {}))
     net, fabric = assemble_fabric(checkerboard(3), *stripes, SHEET, CLAMPED)
     at = np.asarray(shaken(flat_sheet(net, fabric), 0.05).flattened())
-    chunked, whole = ChunkedFabric.of(net.shape, fabric), evaluate(net, fabric, COMPLETE, at)
+    chunked, whole = ChunkedFabric.of(net.shape, fabric), evaluate_whole(net, fabric, COMPLETE, at)
     parts = chunked.evaluate(COMPLETE, at)
     assert float(parts.energy.total) == pytest.approx(float(whole.energy.total), rel=1e-12)
     np.testing.assert_allclose(parts.gradient, whole.gradient, atol=1e-11)
-    hessians = element_hessians(net, fabric, COMPLETE, jnp.asarray(at))
+    hessians = whole_element_hessians(net, fabric, COMPLETE, jnp.asarray(at))
     found = chunked.element_hessians(COMPLETE, at)
     np.testing.assert_allclose(found.springs, hessians.springs, rtol=1e-9, atol=1e-11)
 
@@ -122,7 +124,7 @@ def test_a_tensile_test_does_the_work_that_its_fabric_stores(law):
 @EVERY_LAW
 def test_derivatives_are_those_of_differences(law):
     layout = fabric_layout(checkerboard(1), Sheet(6.0, 100.0), ENDLESS)
-    stripes = StripePair.of(*pair(4, law))
+    stripes = StripePair.of(*([each] for each in pair(4, law)))
     fabric, strain = layout.fabric(stripes), 0.3
     test = stretch(equations(layout.net, fabric), [0, 0.1, 0.2, strain], FINE)
     relaxed, *_, strained = (state.configuration for state in test.states)

@@ -8,30 +8,30 @@ import pytest
 from knitlab.equilibrium.loading import all_free, tensile
 from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.element_stiffness import SPRING_ENTRIES, spring_stiffness
+from knitlab.fabric.element_hessians import (
+    HINGE_ENTRIES,
+    SPRING_ENTRIES,
+    hinge_stiffness,
+    spring_stiffness,
+)
 from knitlab.fabric.energy import (
+    COMPLETE,
+    Stage,
     element_vectors,
     energy,
     hinge_energy,
     spring_energy,
 )
-from knitlab.fabric.evaluation import (
-    COMPLETE,
-    Stage,
-    element_hessians,
-    staged,
-)
 from knitlab.fabric.fabric import Fabric, flat_sheet
-from knitlab.fabric.hinge_stiffness import HINGE_ENTRIES, hinge_stiffness
 from knitlab.fabric.network import HINGE_VECTORS, Network
-from knitlab.fabric.options import ModelOptions
-from tests.fabrics import checkered, shaken
+from knitlab.fabric.settings import ModelOptions
+from tests.fabrics import checkered, shaken, staged, whole_element_hessians
 
 
 def whole_stiffness(
     free: FreeStiffness, net: Network, fabric: Fabric, stage: Stage, at: jax.Array
 ) -> np.ndarray:
-    lower = free.lower(free.entries(element_hessians(net, fabric, stage, at))).toarray()
+    lower = free.lower(free.entries(whole_element_hessians(net, fabric, stage, at))).toarray()
     return lower + np.tril(lower, -1).T
 
 

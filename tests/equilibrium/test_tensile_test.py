@@ -13,10 +13,9 @@ from knitlab.equilibrium.state import Outcome
 from knitlab.equilibrium.tensile_test import _Path, stretch
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.element_chunks import ChunkedFabric
-from knitlab.fabric.evaluation import COMPLETE
+from knitlab.fabric.energy import COMPLETE
 from knitlab.fabric.fabric import flat_sheet
-from knitlab.fabric.options import ModelOptions
-from knitlab.fabric.pattern import patch_map
+from knitlab.fabric.settings import ModelOptions
 from tests.fabrics import (
     CLAMPED,
     DEFAULT,
@@ -25,6 +24,7 @@ from tests.fabrics import (
     SHEET,
     checkered,
     equations,
+    patch_map,
     patterned,
     periodic_poisson_ratio,
     relaxed,

@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.element_chunks import ChunkedFabric
-from knitlab.fabric.evaluation import COMPLETE
-from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.energy import COMPLETE
+from knitlab.fabric.settings import ModelOptions
 from tests.fabrics import FINE, checkered, equations
 
 READING = ModelOptions(boundary="clamped")

@@ -11,8 +11,8 @@ from knitlab.equilibrium.relaxation import relax
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.equilibrium.wall_steps import step_between_walls
 from knitlab.fabric.element_chunks import ChunkedFabric
-from knitlab.fabric.evaluation import COMPLETE, Point
-from knitlab.fabric.fabric import Sheet
+from knitlab.fabric.energy import COMPLETE, Point
+from knitlab.fabric.settings import Sheet
 from tests.fabrics import CLAMPED, DEFAULT, checkerboard, equations, patterned
 
 Z_MAX = 1.5

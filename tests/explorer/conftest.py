@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from knitlab.cube.cube_file import open_cube, write_cube
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.explorer.explorer import write_explorer
 from knitlab.io.shipped import PACKAGE
 

@@ -11,7 +11,7 @@ from PIL import Image
 
 from knitlab.cube.case_file import StoredCase, read_case
 from knitlab.cube.cube_file import open_cube
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.explorer.cube_content import WHY_NOT, cube_content
 from knitlab.explorer.run_report import MOST_FIGURES, figures_of
 from knitlab.explorer.shapes import MOST_NODES, shape_of

@@ -9,7 +9,7 @@ from scipy.ndimage import zoom
 
 from knitlab.cube.case_file import write_case_file
 from knitlab.cube.cube_file import open_cube, write_cube
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.explorer.explorer import write_explorer
 from tests.explorer.conftest import PREVIEW, started
 from tests.explorer.test_browser import Page

@@ -6,15 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.fabric.barrier import Barrier
+from knitlab.fabric.barrier import NEAR_RANGE, Barrier
 from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.distances import NEAR_RANGE, RANGE
-from knitlab.fabric.energy import Energy
-from knitlab.fabric.evaluation import Evaluation
+from knitlab.fabric.energy import Energy, Evaluation
 from knitlab.fabric.network import MeshShape
+from knitlab.fabric.settings import CONTACT_RANGE
 
 CELL, THICKNESS, PRESSURE = 0.4, 0.1, 2.0
-GAPS = st.floats(THICKNESS * 1.02, THICKNESS * (1 + RANGE) * 0.99)
+GAPS = st.floats(THICKNESS * 1.02, THICKNESS * (1 + CONTACT_RANGE) * 0.99)
 
 
 def barrier_on(shape):
@@ -40,7 +39,7 @@ def two_plies(gap, rows=6, columns=5):
 def logarithmic(gap):
     """The barrier of squared distances, and its derivative by the gap."""
     excess = gap**2 - THICKNESS**2
-    largest = (THICKNESS * (1 + RANGE)) ** 2 - THICKNESS**2
+    largest = (THICKNESS * (1 + CONTACT_RANGE)) ** 2 - THICKNESS**2
     value = -((excess - largest) ** 2) * np.log(excess / largest)
     slope = -2 * (excess - largest) * np.log(excess / largest) - (excess - largest) ** 2 / excess
     return value, slope * 2 * gap
@@ -60,7 +59,7 @@ def test_plies_repel_each_other_as_the_logarithmic_barrier_of_their_distance(one
 
 
 def test_plies_further_apart_than_the_range_do_not_feel_each_other():
-    shape, unknowns = two_plies(THICKNESS * (1 + RANGE) * 1.001)
+    shape, unknowns = two_plies(THICKNESS * (1 + CONTACT_RANGE) * 1.001)
     barrier = barrier_on(shape)
     energy, gradient = evaluated(barrier, unknowns)
     assert energy == 0

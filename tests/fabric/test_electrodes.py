@@ -7,17 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.fabric.electrode_layout import (
+from knitlab.fabric.electrodes import (
     BadLayout,
     ElectrodeLayout,
+    Electrodes,
+    Strip,
     place_electrodes,
     ridge_lines,
+    split_by_cells,
 )
-from knitlab.fabric.electrodes import Electrodes, Strip, split_by_cells
 from knitlab.fabric.network import MeshShape
-from knitlab.fabric.options import ModelOptions
-from knitlab.fabric.pattern import patch_map
-from tests.fabrics import CLAMPED, PERIODIC, checkerboard
+from knitlab.fabric.settings import ModelOptions
+from tests.fabrics import CLAMPED, PERIODIC, checkerboard, patch_map
 
 
 def stitches(pattern):

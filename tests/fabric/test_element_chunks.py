@@ -6,11 +6,11 @@ import pytest
 
 from knitlab.fabric import element_chunks
 from knitlab.fabric.element_chunks import HEIGHTS, ChunkedFabric, chunks_of
-from knitlab.fabric.evaluation import Stage, element_hessians, evaluate
+from knitlab.fabric.energy import Stage
 from knitlab.fabric.fabric import flat_sheet
-from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.settings import ModelOptions
 from knitlab.fabric.threads import ALONE, Threads
-from tests.fabrics import checkered, shaken
+from tests.fabrics import checkered, evaluate_whole, shaken, whole_element_hessians
 
 PART = Stage(fold=0.7, wall=0.3)
 SHEETS = [("clamped", 1), ("clamped", 4), ("periodic", 1), ("periodic", 4)]
@@ -38,8 +38,8 @@ def test_energy_forces_and_hessians_equal_those_without_chunks(boundary, periods
     at[2:-2:6] += float(fabric.z_max)
     chunked = ChunkedFabric.of(net.shape, fabric)
     pairs = [
-        (chunked.evaluate(PART, at), evaluate(net, fabric, PART, at)),
-        (chunked.element_hessians(PART, at), element_hessians(net, fabric, PART, at)),
+        (chunked.evaluate(PART, at), evaluate_whole(net, fabric, PART, at)),
+        (chunked.element_hessians(PART, at), whole_element_hessians(net, fabric, PART, at)),
     ]
     for found, whole in pairs:
         for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(whole), strict=True):
@@ -79,6 +79,6 @@ def test_threads_share_all_chunks_and_give_identical_results(shared):
         pairs = (jax.tree.leaves(method(of, PART, at)) for of in (alone, threads))
         for one, other in zip(*pairs, strict=True):
             assert np.array_equal(one, other)
-    whole = jax.tree.leaves(evaluate(net, fabric, PART, at))
+    whole = jax.tree.leaves(evaluate_whole(net, fabric, PART, at))
     for one, other in zip(jax.tree.leaves(alone.evaluate(PART, at)), whole, strict=True):
         assert np.allclose(one, other, rtol=1e-12, atol=1e-12)

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from knitlab.fabric.fabric import cell_length
-from knitlab.fabric.options import ModelOptions
-from knitlab.fabric.stripe import periods_per_patch
+from knitlab.fabric.settings import ModelOptions
+from knitlab.fabric.stripe import cell_length, periods_per_patch
 from tests.fabrics import CLAMPED, cell_of, checkerboard, checkered, patterned, stripe
 
 

@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.fabric.fold_lines import Ridge, fold_senses, fold_stiffness_factors
-from knitlab.fabric.options import ModelOptions
-from knitlab.fabric.pattern import patch_map
-from tests.fabrics import EVERY_STRIPE, FINE, pure, relaxed, stripe
+from knitlab.fabric.settings import ModelOptions
+from tests.fabrics import EVERY_STRIPE, FINE, patch_map, pure, relaxed, stripe
 
 FINER = st.sampled_from([8, 16])
 FRACTIONS = st.floats(0.05, 1.0)

@@ -8,12 +8,11 @@ import pytest
 from knitlab.equilibrium.relaxation import relax
 from knitlab.fabric.barrier import Barrier
 from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.distances import RANGE
-from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.settings import CONTACT_RANGE, ModelOptions
 from knitlab.measure.intersections import self_intersections
 from tests.fabrics import DEFAULT, cell_of, equations, pure, stripe
 
-THICKNESS, PERIODS, ROOM = 0.1, 2, 1 + RANGE
+THICKNESS, PERIODS, ROOM = 0.1, 2, 1 + CONTACT_RANGE
 SHUT = 0.05
 """Rest angle at which flanks would lie on each other [rad]."""
 

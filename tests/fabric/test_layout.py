@@ -11,12 +11,11 @@ from hypothesis import strategies as st
 
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import energy
-from knitlab.fabric.fabric import StripePair, flat_sheet
-from knitlab.fabric.grading import Grading, graded_pattern
+from knitlab.fabric.fabric import flat_sheet
 from knitlab.fabric.layout import fabric_layout
-from knitlab.fabric.options import ModelOptions
-from knitlab.fabric.pattern import BadPattern, SingleFold
-from knitlab.fabric.plain import PlainKnit
+from knitlab.fabric.pattern import BadPattern, Grading, SingleFold, graded_pattern
+from knitlab.fabric.settings import ModelOptions, PlainKnit
+from knitlab.fabric.stripe import StripePair
 from tests.fabrics import CLAMPED, FINE, PERIODIC, SHEET, relaxed, shaken, stripe
 
 PLAIN = PlainKnit(
@@ -50,9 +49,9 @@ def assembled(rows, grading=None, options=FLAT, repeats=(1, 1), folds=(), period
         tuple(rows), periods, repeats, grading, tuple(folds), options.cells_per_period
     )
     layout = fabric_layout(pattern, SHEET, options, PLAIN)
-    pair = StripePair.of(RIB[4], GARTER[4])
+    pair = StripePair.of([RIB[4]], [GARTER[4]])
     if grading is not None:
-        pair = StripePair.of_several(grading.weft, grading.warp)
+        pair = StripePair.of(grading.weft, grading.warp)
     return layout, layout.fabric(pair)
 
 
@@ -78,13 +77,13 @@ def test_rows_and_columns_take_the_numbers_of_their_own_stripes():
     # Rows count from the top: the lowest has garter 4, two periods high.
     np.testing.assert_allclose(fabric.cell_y, [1.03 / 4] * 8 + [2.6 / 4] * 4)
     np.testing.assert_allclose(fabric.cell_x, [1.41 / 4] * 12 + [1.93 / 4] * 4)
-    weft, warp = layout.spring_kind == 0, layout.spring_kind == 1
-    columns, rows = layout.spring_cells[:, 0, 1], layout.spring_cells[:, 0, 0]
+    weft, warp = layout.net.weft, layout.net.warp
+    columns, rows = layout.net.spring_cells[:, 0, 1], layout.net.spring_cells[:, 0, 0]
     np.testing.assert_allclose(
         fabric.stretch_stiffness[weft], np.where(columns < 12, 0.817, 0.562)[weft]
     )
     np.testing.assert_allclose(fabric.stretch_stiffness[warp], np.where(rows < 8, 4.24, 1.16)[warp])
-    diagonal = layout.spring_kind == 2
+    diagonal = ~(weft | warp)
     smaller = np.minimum(np.where(columns < 12, 0.817, 0.562), np.where(rows < 8, 4.24, 1.16))
     np.testing.assert_allclose(fabric.stretch_stiffness[diagonal], smaller[diagonal])
 
@@ -92,7 +91,7 @@ def test_rows_and_columns_take_the_numbers_of_their_own_stripes():
 def test_a_hinge_between_two_stripes_is_half_of_each_in_series():
     grading = graded(["RR"], [4], [4, 8], [1], [1, 1])
     layout, fabric = assembled(["RR"], grading)
-    border = (layout.hinge_kind == 0) & (layout.hinge_cells[:, 1] == [0, 4]).all(axis=1)
+    border = layout.net.wale & (layout.net.hinge_cells == [0, 4]).all(axis=1)
     one, other = 0.0178, 0.0048
     compliance = 0.5 / one + 0.5 / other
     assert float(fabric.fold_stiffness[border][0]) == pytest.approx(1 / compliance)
@@ -254,5 +253,5 @@ def test_energy_of_any_graded_pattern_does_not_change_with_a_rigid_motion(drawn,
     moved = Configuration(shape.positions + jnp.array([0.3, -0.2, 0.1]), shape.lengths)
     assert stored(layout, fabric, moved) == pytest.approx(stored(layout, fabric, shape), rel=1e-9)
     # Folds lie within patches of their own knit.
-    plain = layout.plain_cells[tuple(layout.hinge_cells[:, 1].T)]
+    plain = layout.plain_cells[tuple(layout.net.hinge_cells.T)]
     assert not np.asarray(fabric.rest_fold)[plain].any()

@@ -5,8 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from knitlab.fabric.fold_lines import fold_senses
-from knitlab.fabric.pattern import patch_map
-from tests.fabrics import checkerboard
+from tests.fabrics import checkerboard, patch_map
 
 LINES = hnp.arrays(bool, st.tuples(st.integers(1, 3), st.integers(1, 6))).map(
     lambda patches: np.repeat(patches, 4, axis=1)

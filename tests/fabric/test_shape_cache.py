@@ -1,7 +1,6 @@
 """Results that follow from mesh shapes are kept apart for small and for large shapes."""
 
-from knitlab.fabric.network import MeshShape
-from knitlab.fabric.shape_cache import LARGE_KEPT, SMALL_KEPT, cached_by_shape
+from knitlab.fabric.network import LARGE_KEPT, SMALL_KEPT, MeshShape, cached_by_shape
 
 LARGE = MeshShape(100, 100, periodic=False)
 

@@ -10,11 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.fabric.element_stiffness import SPRING_ENTRIES, spring_stiffness
+from knitlab.fabric.element_hessians import SPRING_ENTRIES, spring_stiffness
 from knitlab.fabric.energy import spring_energy
 from knitlab.fabric.layout import assemble_fabric
-from knitlab.fabric.spring_curve import SpringCurve
-from knitlab.fabric.spring_law import LINEAR, Stiffening, Tabulated
+from knitlab.fabric.spring_law import LINEAR, SpringCurve, SpringLaw
 from knitlab.fabric.zigzag import law_of_one
 from tests.fabrics import PERIODIC, SHEET, checkerboard, stripe
 
@@ -22,10 +21,10 @@ CURVE = SpringCurve((0.0, 0.05, 0.1, 0.2, 0.4), (0.0, 1.0, 2.5, 9.0, 40.0))
 BOTH_WAYS = SpringCurve((-0.5, -0.1, 0.0, 0.1, 0.3), (-2.0, -1.0, 0.0, 1.0, 7.0))
 LAWS = {
     "linear": LINEAR,
-    "stiffening": Stiffening(jnp.array(1 / 0.2**2)),
-    "tabulated": Tabulated(jnp.array(0.0), jnp.array([1.0]), (CURVE,)),
-    "both ways": Tabulated(jnp.array(0.0), jnp.array([1.0]), (BOTH_WAYS,)),
-    "mixed": Tabulated(jnp.array(3.0), jnp.array([0.0, 0.0]), (CURVE, BOTH_WAYS)),
+    "stiffening": SpringLaw(jnp.array(1 / 0.2**2)),
+    "tabulated": SpringLaw(jnp.array(0.0), jnp.array([1.0]), (CURVE,)),
+    "both ways": SpringLaw(jnp.array(0.0), jnp.array([1.0]), (BOTH_WAYS,)),
+    "mixed": SpringLaw(jnp.array(3.0), jnp.array([0.0, 0.0]), (CURVE, BOTH_WAYS)),
 }
 EVERY_LAW = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
 REST, STIFFNESS = jnp.array(0.7), 3.0
@@ -105,7 +104,7 @@ def test_a_straight_table_is_the_linear_law(strain, slope):
     curve = SpringCurve(strain, tuple(slope * at for at in strain))
     spline, where = curve.spline, np.linspace(-3, 20, 60)
     np.testing.assert_allclose(spline(where), where, rtol=1e-9, atol=1e-9)
-    law = Tabulated(jnp.array(0.0), jnp.array([1.0]), (curve,))
+    law = SpringLaw(jnp.array(0.0), jnp.array([1.0]), (curve,))
     length = jnp.linspace(0.1, 3, 7)
     np.testing.assert_allclose(law.pull(length, REST), length - REST, atol=1e-9)
     np.testing.assert_allclose(law.stored(length, REST), 0.5 * (length - REST) ** 2, atol=1e-9)
@@ -123,7 +122,7 @@ def test_the_spline_of_any_growing_table_grows(strain, force):
 @given(st.floats(-0.9, 2.0))
 def test_stiffening_springs_become_linear_as_their_strain_grows(strain):
     length, at_most = at(strain), abs(strain) ** 3 / 100**2
-    found = float(Stiffening(jnp.array(1 / 100**2)).pull(length, REST))
+    found = float(SpringLaw(jnp.array(1 / 100**2)).pull(length, REST))
     assert found == pytest.approx(float(length - REST), abs=float(REST) * at_most + 1e-12)
 
 

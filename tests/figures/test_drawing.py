@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.figures.drawing import draw, draw_figure
 from knitlab.figures.kinds.auxetic import auxetic_map
 from knitlab.figures.kinds.curves import tension_curves

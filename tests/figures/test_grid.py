@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import knitlab as kl
 from knitlab.cli import main
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.figures.drawing import draw
 from knitlab.figures.grid_axis import GridAxis
 from knitlab.figures.periods import by_periods

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.figures.kinds.swept import swept_values
 from knitlab.io.errors import BadInput
 from tests.cube.artificial_cubes import made_up_cube

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from knitlab.cube.design_status import Status
-from knitlab.cube.target import parse_target, read_target
+from knitlab.cube.schema import Status
+from knitlab.cube.target import read_target
 from knitlab.inverse.objective import Objective, aimed, check_targets
 from knitlab.inverse.request import checked_request, with_tolerance
 from knitlab.inverse.search_space import search_space
@@ -105,7 +105,7 @@ def test_targets_that_a_test_cannot_have_are_refused(text, message):
     space = search_space(checked_request("sleeve", {"targets": ["poisson_ratio < 0 @ 0.1"]}))
     case, _ = space.case(space.designs[0], np.zeros(0))
     with pytest.raises(BadInput, match=message):
-        check_targets([parse_target(text)], [], case)
+        check_targets([read_target(text)], [], case)
 
 
 def thickness(shape):

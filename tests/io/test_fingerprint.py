@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 import knitlab.sweep.results_folder as survey_module
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.io.fingerprint import (
     OF_NO_CASE,
     code_fingerprint,
@@ -18,22 +18,18 @@ from knitlab.sweep.results_folder import CaseState, survey
 from tests.sweep.stand_in import plan_of, write
 
 COMPUTES_NOTHING = {
+    "cube/case_file.py": "how files are written",
+    "cube/schema.py": "names and units",
     "measure/knit_size.py": "sizes of the cube only, recomputed for every cube",
     "simulation/reporting.py": "progress",
-    "io/capacitor_schema.py": "names and units",
-    "io/case_file.py": "how files are written",
-    "io/classic_file.py": "how files are written",
-    "io/design_status.py": "names of flags",
     "io/errors.py": "messages",
     "io/atomic_write.py": "how files are written",
     "io/fingerprint.py": "this fingerprint",
     "io/normalised_code.py": "this fingerprint",
     "io/suggestions.py": "messages",
     "io/provenance.py": "who computed",
-    "io/schema.py": "names and units",
     "io/shipped.py": "where files lie",
     "io/strict_model.py": "how settings are read",
-    "io/variable.py": "names and units",
     "__init__.py": "enables float64, without which no test passes",
 }
 """Modules that the simulation imports and whose code changes no number, and why."""
@@ -95,7 +91,7 @@ def package(tmp_path_factory):
 @pytest.mark.parametrize("name", computing_files(PACKAGE))
 def test_an_edited_module_makes_results_stale(name, package, results, monkeypatch):
     folder, designs = results
-    assert set(survey(designs, folder, None, check=True).values()) == {CaseState.done}
+    assert set(survey(designs, folder, {}, check=True).values()) == {CaseState.done}
     module = package / name
     before = module.read_text(encoding="utf-8")
     try:
@@ -104,10 +100,10 @@ def test_an_edited_module_makes_results_stale(name, package, results, monkeypatc
     finally:
         module.write_text(before, encoding="utf-8")
     monkeypatch.setattr(survey_module, "code_fingerprint", lambda: edited)
-    assert set(survey(designs, folder, None, check=True).values()) == {CaseState.stale_code}
+    assert set(survey(designs, folder, {}, check=True).values()) == {CaseState.stale_code}
 
 
-@pytest.mark.parametrize("name", ["tables/query.py", "measure/knit_size.py"])
+@pytest.mark.parametrize("name", ["cube/query.py", "measure/knit_size.py"])
 def test_an_edited_module_that_computes_nothing_leaves_them(name, package):
     (package / name).write_text("EDITED = True\n", encoding="utf-8")
     assert fingerprint_of(package) == code_fingerprint()

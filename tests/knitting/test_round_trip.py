@@ -10,11 +10,10 @@ from hypothesis import strategies as st
 import knitlab as kl
 from knitlab.io.shipped import shipped
 from knitlab.knitting.checks import check
-from knitlab.knitting.interpreter import interpreted, stripped
-from knitlab.knitting.knit_stitches import stitches_of
+from knitlab.knitting.knit_graph import stitches_of
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import read_machine
-from knitlab.knitting.round_trip import MOST_OPERATIONS, round_trip
+from knitlab.knitting.round_trip import MOST_OPERATIONS, interpreted, round_trip, stripped
 from knitlab.knitting.stitch_chart import stitch_chart
 from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.patterns import Pattern
@@ -146,14 +145,14 @@ def test_the_copy_for_the_interpreter_keeps_the_number_of_every_line():
 def test_the_interpreter_is_not_asked_of_long_programs(monkeypatch):
     monkeypatch.setattr("knitlab.knitting.round_trip.MOST_OPERATIONS", 10)
     assert MOST_OPERATIONS > 10
-    monkeypatch.setattr("knitlab.knitting.interpreter.is_installed", lambda: True)
+    monkeypatch.setattr("knitlab.knitting.round_trip.is_installed", lambda: True)
     chart, machine = chart_of_arrays(np.ones((2, 3))), read_machine()
     found = round_trip(knitout(chart, machine), chart, machine)
     assert found.notes[1].startswith("interpreter: not run,")
 
 
 def test_an_installation_without_the_interpreter_says_how_to_get_it(monkeypatch):
-    monkeypatch.setattr("knitlab.knitting.interpreter.is_installed", lambda: False)
+    monkeypatch.setattr("knitlab.knitting.round_trip.is_installed", lambda: False)
     chart, machine = chart_of_arrays(np.ones((2, 3))), read_machine()
     found = round_trip(knitout(chart, machine), chart, machine)
     assert found.notes[1].endswith("install it by pip install knitlab[knitting]")

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import tomli_w
 
-from knitlab.laboratory.synthetic import Camera, Protocol, tracked
+from workflows.laboratory.make_synthetic import Camera, Protocol, tracked
 
 LENGTH, WIDTH = 80.0, 45.0
 """Of the sample [mm]: 4 × 3 unit cells of 15 mm × 20 mm."""

@@ -10,7 +10,6 @@ from knitlab.cli import main
 from knitlab.cube.cube_file import open_cube
 from knitlab.cube.schema import COORDINATES, VARIABLES
 from knitlab.laboratory.experiment import import_records
-from knitlab.laboratory.synthetic import tracked
 from knitlab.measure.capacitance.sensor import mean_slope
 from tests.figures.test_sensor import with_electrodes
 from tests.laboratory.recorded import (
@@ -23,6 +22,7 @@ from tests.laboratory.recorded import (
     Laboratory,
     positions,
 )
+from workflows.laboratory.make_synthetic import tracked
 
 KINDS = ("markers", "tensile", "capacitance")
 

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
-from knitlab.laboratory.fit import FITTED, MeasuredTest, NoFit, fit_stripes, root_mean_square
+from knitlab.laboratory.fit import FITTED, NoFit, fit_stripes
 from knitlab.laboratory.fit_report import report, write_stripes
 from knitlab.laboratory.simulated_test import QUANTITIES, simulated_test, with_factors
-from knitlab.laboratory.target import at_strains_of, case_for, target_of
+from knitlab.laboratory.target import MeasuredTest, case_for, target_of
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.plan import make_plan
@@ -76,7 +76,7 @@ def test_the_match_is_as_good_as_the_noise(fit):
     values = int(fit.target.measured.sum())
     assert before > 100 * values
     assert after < 2 * values
-    apart = [root_mean_square(curves, fit.target) for curves in fit.curves]
+    apart = [fit.target.root_mean_square(curves) for curves in fit.curves]
     for name in ("mean_strain_xx", "reaction_force"):
         assert apart[1][name] < 0.2 * apart[0][name]
     assert fit.converged
@@ -195,7 +195,7 @@ def experiment(case, truth, **changes):
 def test_a_target_has_the_size_of_the_sample_and_the_requested_errors(case, truth):
     cube = experiment(case, truth)
     target = target_of(cube, case, model_error=0.01)
-    assert at_strains_of(case, target).applied_strain == STRAINS
+    assert target.applied_strain == STRAINS[1:]
     # The experiment is two unit cells wide, the case one.
     np.testing.assert_allclose(target.values[:2], truth.values[:2])
     np.testing.assert_allclose(target.values[2], truth.values[2] / 2)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from knitlab.fabric.options import ModelOptions
+from knitlab.fabric.settings import ModelOptions
 from knitlab.fabric.zigzag import zigzag
 from knitlab.measure.calibration import FITTED, calibrate
 from tests.fabrics import EVERY_STRIPE, compiled_tension, stripe

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.network import MeshShape, mesh_shape
-from knitlab.fabric.pattern import patch_map
 from knitlab.measure.grid_nodes import nodes_at
 from knitlab.measure.intersections import self_intersections
+from tests.fabrics import patch_map
 
 TRIANGLES = [[0, 1, 2], [2, 3, 0]]
 

@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.fabric.network import mesh_shape
-from knitlab.fabric.pattern import patch_map
 from knitlab.measure.overlapping_boxes import overlapping_boxes
+from tests.fabrics import patch_map
 
 Pair = tuple[int, int, int, int]
 

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from scipy.signal import lfilter
 
 from knitlab.cli import main
-from knitlab.fabric.spring_curve import SpringCurve
+from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.zigzag import tension, zigzag
 from knitlab.io.table_file import read_tension_curve
 from knitlab.measure.calibration import calibrate

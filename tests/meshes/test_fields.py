@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from knitlab.fabric.electrode_layout import ElectrodeLayout
+from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.io.errors import BadInput
 from knitlab.meshes.fabric import fabric_meshes
 from knitlab.meshes.fields import APPLIED_STRAIN, ELECTRODE, FOLD_ANGLE, HEIGHT, KNIT, PATCH, PLATED

@@ -5,8 +5,7 @@ from dataclasses import replace
 import pytest
 import xarray as xr
 
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import VARIABLES
+from knitlab.cube.schema import VARIABLES, Status
 from knitlab.equilibrium.linear_response import LinearResponses, NoDerivative
 from knitlab.fabric.configuration import Configuration
 from knitlab.io.errors import BadInput

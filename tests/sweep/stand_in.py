@@ -16,8 +16,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.case_file import StoredCase, check_case_file, write_case_file
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import described
+from knitlab.cube.schema import Status, described
 from knitlab.fabric.threads import allowed_threads
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.measure.sensitivity import STRIPE_PARAMETERS

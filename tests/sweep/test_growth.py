@@ -10,7 +10,7 @@ import xarray as xr
 import knitlab
 import knitlab.sweep.results_folder as survey_module
 from knitlab.cube.case_file import case_path, write_case_file
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.figures.drawing import draw_figure, draw_figures
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped

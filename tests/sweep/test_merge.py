@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 
 from knitlab.cube.case_file import StoredCase, case_path, check_case_file, write_case_file
-from knitlab.cube.joined_cubes import joined_cubes
+from knitlab.cube.cube_file import joined_cubes
 from knitlab.io.errors import BadInput
 from knitlab.sweep.batches import Shard
 from knitlab.sweep.merge import merge_folders

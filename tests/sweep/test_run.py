@@ -8,8 +8,7 @@ import pytest
 import xarray as xr
 
 from knitlab.cube.case_file import case_path
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import COORDINATES, VARIABLES
+from knitlab.cube.schema import COORDINATES, VARIABLES, Status
 from knitlab.io.errors import BadInput
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.run import RunOptions, run_plan

@@ -10,7 +10,7 @@ import xarray as xr
 
 import knitlab
 from knitlab.cube.cube_file import open_cube, write_cube
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.io.errors import BadInput
 from knitlab.io.provenance import provenance
 from knitlab.sweep.plan import make_plan

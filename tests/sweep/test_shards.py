@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.io.errors import BadInput
 from knitlab.io.lock import held, running_shards
 from knitlab.sweep.batches import Shard

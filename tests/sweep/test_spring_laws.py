@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 import pytest
 
 import knitlab as kl
-from knitlab.fabric.spring_curve import SpringCurve
+from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.stripe import SPRING_LAWS
 from knitlab.io.errors import BadInput
 from knitlab.simulation.case import case_of

@@ -17,7 +17,7 @@ from distributed import LocalCluster
 
 import knitlab.sweep.results_folder as survey_module
 from knitlab.cube.case_file import StoredCase, case_path, check_case_file
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.io.errors import BadInput, CannotWrite
 from knitlab.io.lock import held
 from knitlab.sweep.plan import make_plan

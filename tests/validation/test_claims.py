@@ -7,8 +7,7 @@ from click.testing import CliRunner
 
 from knitlab.cli import main
 from knitlab.cube.cube_file import write_cube
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import described
+from knitlab.cube.schema import Status, described
 from knitlab.io.errors import BadInput
 from knitlab.measure.linear_fit import common_slope_probability, linear_fit
 from knitlab.validation.claims import read_claims

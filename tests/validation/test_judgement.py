@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from knitlab.cube.cube_file import write_cube
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.io.errors import BadInput
 from knitlab.validation import sample_checks
 from knitlab.validation.claims import CHECKS, read_claims

@@ -14,8 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from knitlab.cube.cube_file import base_dims, is_measured, source_of
-from knitlab.cube.design_status import RUN
-from knitlab.cube.schema import DESIGN_DIMS
+from knitlab.cube.schema import DESIGN_DIMS, RUN
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.snaps import break_note, broken, snapped_before
 from knitlab.figures.sources import lines_of

@@ -8,8 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import PercentFormatter
 
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import DESIGN_DIMS
+from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.labels import Label, place_labels
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from knitlab.cube.cube_file import is_measured, source_of
-from knitlab.cube.design_status import RUN, Status
+from knitlab.cube.schema import RUN, Status
 from knitlab.figures.cells import values_of
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.snaps import break_note, broken, snapped_before

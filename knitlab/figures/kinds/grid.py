@@ -11,9 +11,8 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from knitlab.cube.cube_file import design_dims
-from knitlab.cube.design_status import Status
 from knitlab.cube.reduced_columns import with_reduction
-from knitlab.cube.schema import COORDINATES, FLAGS
+from knitlab.cube.schema import COORDINATES, FLAGS, Status
 from knitlab.cube.selection import choices
 from knitlab.figures.cells import EMPTY, MARKS, PERIODS_LABEL, ink_on, marks_legend, text_note
 from knitlab.figures.figure_kind import FigureKind

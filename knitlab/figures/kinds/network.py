@@ -45,12 +45,10 @@ def spring_network(case: xr.Dataset) -> Figure:
         case: contents of a case file, with node positions.
     """
     # JAX is imported only when this figure is drawn.
-    from knitlab.fabric.fabric import Sheet
-    from knitlab.fabric.grading import recorded_pattern
     from knitlab.fabric.layout import fabric_layout
     from knitlab.fabric.network import MeshShape
-    from knitlab.fabric.options import ModelOptions
-    from knitlab.fabric.plain import PlainKnit
+    from knitlab.fabric.pattern import recorded_pattern
+    from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
     from knitlab.measure.cell_grid import CellGrid
     from knitlab.measure.patches import central_cell
 
@@ -84,11 +82,11 @@ def spring_network(case: xr.Dataset) -> Figure:
 def _by_role(layout: "FabricLayout") -> dict[str, np.ndarray]:
     """Grid indices (line, end, (y, x)) of the lines of every role, in a closed unit cell."""
     springs, hinges = _ends(layout.net.springs), _ends(layout.net.hinges)
-    sense = layout.fold_sense * layout.hinged
+    sense, net = layout.fold_sense, layout.net
     return {
-        "diagonal spring": springs[layout.spring_kind == 2],
-        "weft spring": springs[layout.spring_kind == 0],
-        "warp spring": springs[layout.spring_kind == 1],
+        "diagonal spring": springs[~(net.weft | net.warp)],
+        "weft spring": springs[net.weft],
+        "warp spring": springs[net.warp],
         "mountain fold": hinges[sense > 0],
         "valley fold": hinges[sense < 0],
     }

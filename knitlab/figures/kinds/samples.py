@@ -79,7 +79,7 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
 def _by_face(case: xr.Dataset, field: np.ndarray) -> np.ndarray:
     """The value of its unit cell for every grid cell, face after face."""
     # JAX is imported only when this figure is drawn.
-    from knitlab.fabric.grading import recorded_pattern
+    from knitlab.fabric.pattern import recorded_pattern
 
     record = json.loads(case.attrs["parameters"])
     sample = recorded_pattern(record)

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from knitlab.cube.cube_file import is_measured
-from knitlab.cube.design_status import Status
 from knitlab.cube.reduced_columns import with_reduction
+from knitlab.cube.schema import Status
 from knitlab.figures.cells import (
     DESIGN_NOTE,
     EMPTY,

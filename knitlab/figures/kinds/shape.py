@@ -38,7 +38,7 @@ def fabric_shape(case: xr.Dataset) -> Figure:
         case: contents of a case file, with node positions; its first strain is shown.
     """
     # JAX is imported only when this figure is drawn.
-    from knitlab.fabric.grading import recorded_pattern
+    from knitlab.fabric.pattern import recorded_pattern
 
     parameters = json.loads(case.attrs["parameters"])
     nodes = whole_sheet(case)

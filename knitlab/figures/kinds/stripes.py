@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import STRIPE_DIMS
+from knitlab.cube.schema import STRIPE_DIMS, Status
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import SEQUENCE_COLOURS, TWO_COLUMNS
 

@@ -5,9 +5,8 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from knitlab.cube.cube_file import base_dims, swept_dims
-from knitlab.cube.design_status import Status
 from knitlab.cube.reduced_columns import with_reduction
-from knitlab.cube.schema import FLAGS
+from knitlab.cube.schema import FLAGS, Status
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, number
 from knitlab.io.errors import fault, unknown

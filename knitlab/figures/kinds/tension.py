@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from knitlab.cube.cube_file import is_measured, source_of
-from knitlab.cube.design_status import Status
+from knitlab.cube.schema import Status
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import TWO_COLUMNS
 from knitlab.figures.value_colours import ValueColours

@@ -6,8 +6,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.cube.design_status import Status
-from knitlab.cube.schema import DESIGN_DIMS
+from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS
 from knitlab.io.errors import fault

@@ -9,11 +9,10 @@ from jaxtyping import Bool, Float, Int
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.electrode_layout import ElectrodeLayout
-from knitlab.fabric.electrodes import Electrodes
+from knitlab.fabric.electrodes import ElectrodeLayout, Electrodes
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape, Network
-from knitlab.fabric.setting_types import Fraction, Unit
+from knitlab.fabric.settings import Fraction, Unit
 from knitlab.measure.capacitance.boundary_elements import (
     STATES_AT_ONCE,
     Surroundings,

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.electrode_layout import ElectrodeLayout, place_electrodes
-from knitlab.fabric.pattern import patch_map
+from knitlab.fabric.electrodes import ElectrodeLayout, place_electrodes
 from knitlab.measure.capacitance.boundary_elements import VACUUM_PERMITTIVITY
 from knitlab.measure.capacitance.capacitor import Capacitor, capacitances
 from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
-from tests.fabrics import CLAMPED, PERIODIC, cell_of, pure, stripe
+from tests.fabrics import CLAMPED, PERIODIC, cell_of, patch_map, pure, stripe
 
 PERIODS = 2
 RIDGES = ElectrodeLayout(along="course")

@@ -1,0 +1,141 @@
+"""Settings of a fabric: model options, sheet and plain knit, and the types of all settings.
+
+``z_max: Annotated[PositiveFloat, Unit("mm")]`` in a table such as :class:`Sheet` is the only
+declaration of that setting, with its range and unit: parameter files, workflows, sweeps and the
+documentation derive from it (:mod:`knitlab.sweep.settings`).
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import Field, PositiveFloat
+
+
+@dataclass(frozen=True)
+class Unit:
+    """The unit of a setting, as UDUNITS text; a setting without unit is dimensionless."""
+
+    symbol: str
+
+
+Fraction = Annotated[float, Field(gt=0, le=1)]
+"""A fraction, above 0 and at most 1."""
+Position = Annotated[float, Field(ge=0, le=1)]
+"""A position along a length, from 0 at its start to 1 at its end."""
+RestAngle = Annotated[float, Field(gt=0, lt=math.pi), Unit("rad")]
+"""Interior angle of a fold, below π, which is flat [rad]."""
+
+CellSize = Literal["flat", "relaxed"]
+FoldPhase = Literal["stripe_centre", "stripe_border"]
+GarterStart = Literal["mountain", "valley"]
+FoldAngle = Literal["whole_normals", "across_edge"]
+Boundary = Literal["clamped", "periodic"]
+
+
+@dataclass(frozen=True)
+class ModelOptions:
+    """One combination of model options: what the paper leaves open, recorded with every result.
+
+    Attributes:
+        cell_size: ``"flat"`` makes a grid cell w/4 × h/4 (Sec. "3D model"); ``"relaxed"`` makes
+            it w/(4 sin(θ0/2)) × h/(4 sin(θ0/2)), so that the folded period is the measured one
+            (Sec. "2D model" and the table captions).
+        fold_phase: ``"stripe_centre"`` folds at the odd grid lines of a run of like patches,
+            ``"stripe_border"`` at the even ones.
+        hinges: ``"fold_lines"`` puts hinges only across the fold direction inside like patches
+            (rest angles π and θ0 alternately); ``"all"`` adds every other interior edge, flat at
+            rest, with the k_t of its direction: rib for edges along y, garter along x.
+        hinge_stiffness: with ``"per_edge"`` each edge has k_t, with ``"per_length"``
+            k_t × edge length, as its tabulated unit, N, suggests.
+        garter_start: sense of the first fold of a garter patch; the first fold of a rib patch is a
+            mountain, and folds alternate. In a periodic checkerboard with folds at stripe
+            centres, whose number in a patch is even, both values give the same fabric.
+        fold_angle: definition of the angle between two cells about their shared edge. A cell is
+            not plane, and its normal may have a component along the edge. ``"whole_normals"`` is
+            atan2((n1 × n2)·ê, n1·n2), which is discontinuous where both arguments vanish;
+            ``"across_edge"`` uses the components of the normals across the edge, so that a
+            rotation of a cell about the edge changes the fold angle by the same angle.
+        length_scale: factor on the periods of the stripes, and thus on every grid length [1].
+        cells_per_period: grid cells along one period, 4 in the paper; on a finer grid folds are
+            rounded (:mod:`~knitlab.fabric.fold_lines`).
+        ridge_fraction: part of a stripe that its rounded ridge covers; without effect on the
+            paper's grid [1].
+        contact: ``"none"`` lets a fabric pass through itself; with ``"barrier"`` its parts keep a
+            distance of its thickness (:mod:`knitlab.fabric.barrier`).
+        boundary: ``"clamped"`` sample or ``"periodic"`` fabric without edges.
+    """
+
+    cell_size: CellSize = "flat"
+    fold_phase: FoldPhase = "stripe_border"
+    hinges: Literal["fold_lines", "all"] = "all"
+    hinge_stiffness: Literal["per_edge", "per_length"] = "per_edge"
+    garter_start: GarterStart = "mountain"
+    fold_angle: FoldAngle = "whole_normals"
+    length_scale: PositiveFloat = 1.0
+    cells_per_period: Literal[4, 8, 16] = 4
+    ridge_fraction: Fraction = 0.5
+    contact: Literal["none", "barrier"] = "none"
+    boundary: Boundary = "clamped"
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """The walls between which every fabric lies, and its thickness.
+
+    Attributes:
+        z_max: half the gap between the walls [mm].
+        k_wall: penalty stiffness of the walls [N/mm].
+        thickness: distance that the middle surfaces of two plies keep; used with contact only [mm].
+        contact_pressure: pressure scale at which they do [N/mm²].
+    """
+
+    z_max: Annotated[PositiveFloat, Unit("mm")]
+    k_wall: Annotated[PositiveFloat, Unit("N/mm")]
+    thickness: Annotated[PositiveFloat, Unit("mm")] = 0.1
+    contact_pressure: Annotated[PositiveFloat, Unit("N/mm^2")] = 1.0
+
+
+@dataclass(frozen=True)
+class PlainKnit:
+    """Stiffness of plain knit (stockinette) as a continuous sheet, which is flat at rest.
+
+    It does not depend on the grid: a spring along the weft of a cell a × b has
+    k_s = ``plain_stretch_weft`` · b / a, and a hinge between two cells along the weft has
+    k_t = ``plain_bend_weft`` · b / a; the same holds along the warp. Diagonals have the smaller
+    k_s, as in all patches.
+
+    Attributes:
+        plain_stretch_weft: force along the weft per unit of width and strain, without diagonals
+            [N/mm].
+        plain_stretch_warp: the same along the warp [N/mm].
+        plain_bend_weft: moment per unit of width and curvature along the weft [N mm].
+        plain_bend_warp: the same along the warp [N mm].
+    """
+
+    plain_stretch_weft: Annotated[PositiveFloat, Unit("N/mm")]
+    plain_stretch_warp: Annotated[PositiveFloat, Unit("N/mm")]
+    plain_bend_weft: Annotated[PositiveFloat, Unit("N mm")]
+    plain_bend_warp: Annotated[PositiveFloat, Unit("N mm")]
+
+
+CONTACT_RANGE = 0.25
+"""Distance beyond one thickness over which the contact barrier acts, in thicknesses."""
+
+
+def largest_thickness(cell: float, theta_0: float) -> float:
+    """Thickness from which on the contact barrier would act in folds at their rest angles [mm].
+
+    Nearest to each other of parts that are not near on the grid are the cell beside a fold and, on
+    its other side, the next cell but one. In a fold at rest their distance is cell × sin(θ0), or a
+    cell in a blunt one.
+
+    Args:
+        cell: shortest side of a grid cell of the paper's grid [mm].
+        theta_0: sharpest rest angle [rad].
+
+    Example:
+        >>> round(largest_thickness(0.35, 0.77), 3)
+        0.195
+    """
+    return cell * math.sin(min(theta_0, math.pi / 2)) / (1 + CONTACT_RANGE)
