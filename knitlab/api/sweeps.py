@@ -8,7 +8,6 @@ from typing import Any
 import xarray as xr
 
 from knitlab.cube.cube_file import CUBE
-from knitlab.io.errors import Fault
 from knitlab.sweep.batches import Shard
 from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.plan import Plan, make_plan
@@ -92,13 +91,14 @@ def run(
         warnings.warn(warning, UserWarning, stacklevel=2)
     folder = Path(results) / made.workflow
     done = run_plan(made, folder, options)
-    faults: list[Fault] = []
+    remarks = done.remarks(made.dims, folder)
     if figures and shard is None:
         # Matplotlib is imported only to draw.
         from knitlab.figures.drawing import draw_figures
 
         _, faults = draw_figures(made.figures, folder)
-    for remark in [*done.failure_lines(made.dims), *done.remarks(folder), *map(str, faults)]:
+        remarks += map(str, faults)
+    for remark in remarks:
         warnings.warn(remark, NotAllOk, stacklevel=2)
     if shard is None:
         done.cube.encoding["source"] = str(folder / CUBE)
@@ -142,11 +142,7 @@ def merge(
 
 
 def plan(workflow: str | Path, **settings: Any) -> Plan:
-    """Resolve a workflow and its settings into the cases that it would run.
-
-    Args:
-        workflow: name of a shipped workflow, or path of a TOML file.
-        settings: settings to replace, see :func:`run`.
+    """Resolve a workflow and settings, as for :func:`run`, into the cases that it would run.
 
     Returns:
         The plan, with its ``cases``, ``excluded`` designs, and ``batches`` with estimates of

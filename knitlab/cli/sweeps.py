@@ -2,17 +2,18 @@
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from knitlab.cli.options import (
+    FOLDER,
     MOST_LINES,
+    PATH,
     SOME_CASE_NOT_OK,
-    Command,
-    explains_bad_input,
+    echo_problem,
     results_option,
     set_option,
     workers_option,
@@ -23,26 +24,19 @@ if TYPE_CHECKING:
     from knitlab.sweep.plan import Plan
 
 
-def workflow_options(command: Command) -> Command:
+def workflow_options(command: Callable[..., None]) -> Callable[..., None]:
     """Add the argument and options that name a workflow and its results."""
-    for option in (
-        results_option,
-        click.option(
-            "--scale",
-            type=click.FloatRange(min=0, max=1, min_open=True),
-            callback=lambda _, __, scale: () if scale is None else (f"scale={scale:g}",),
-            help="Fraction of the needles that a sample is knitted on; short for --set scale=.",
-        ),
-        set_option,
-        click.argument("workflow"),
-    ):
-        command = option(command)
-    return command
+    scale_option = click.option(
+        "--scale",
+        type=click.FloatRange(min=0, max=1, min_open=True),
+        callback=lambda _, __, scale: () if scale is None else (f"scale={scale:g}",),
+        help="Fraction of the needles that a sample is knitted on; short for --set scale=.",
+    )
+    return click.argument("workflow")(set_option(scale_option(results_option(command))))
 
 
 @click.command()
 @workflow_options
-@explains_bad_input
 def plan(workflow: str, results: Path, settings: tuple[str, ...], scale: tuple[str, ...]) -> None:
     """Resolve WORKFLOW into plan.json and show what it would run."""
     from knitlab.io.lock import held
@@ -69,7 +63,8 @@ def plan(workflow: str, results: Path, settings: tuple[str, ...], scale: tuple[s
             click.echo(f"  … and {len(batch.cases) - MOST_LINES} more")
     if len(made.batches) > MOST_LINES:
         click.echo(f"… and {len(made.batches) - MOST_LINES} more batches")
-    _echo_excluded(made)
+    for design, reason in made.excluded.items():
+        _echo_excluded(made.dims, design, reason)
     strains = made.applied_strain
     time = _duration(sum(batch.estimated_seconds for batch in made.batches))
     click.echo(
@@ -94,14 +89,9 @@ def _echo_warnings(made: "Plan") -> None:
         click.echo(f"warning: {warning}", err=True)
 
 
-def _echo_excluded(made: "Plan") -> None:
-    for design, reason in made.excluded.items():
-        click.echo(_excluded(made.dims, design, reason))
-
-
-def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
-    labels = zip(dims, design, strict=False)
-    return f"excluded: {'  '.join(f'{name} {label}' for name, label in labels)}: {reason}"
+def _echo_excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> None:
+    labels = "  ".join(f"{dim} {label}" for dim, label in zip(dims, design, strict=False))
+    click.echo(f"excluded: {labels}: {reason}")
 
 
 @click.command()
@@ -112,13 +102,11 @@ def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
     "--retries",
     type=click.IntRange(min=0),
     default=0,
-    show_default=True,
     help="How often to repeat a batch that raised an error.",
 )
 @click.option(
     "--keep-going/--fail-fast",
     default=True,
-    show_default=True,
     help="Whether to continue after a case that is not ok.",
 )
 @click.option(
@@ -134,20 +122,14 @@ def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
     help="Run one part of the plan, as 3/40, beside processes that run the others.",
 )
 @click.option("--dashboard", is_flag=True, help="Open dask's dashboard on this machine.")
-@explains_bad_input
 def run(
     workflow: str,
     results: Path,
     settings: tuple[str, ...],
     scale: tuple[str, ...],
-    workers: int | None,
-    scheduler: str | None,
-    retries: int,
     keep_going: bool,
-    case_timeout: float | None,
-    refresh: bool,
     shard: str | None,
-    dashboard: bool,
+    **options: Any,
 ) -> None:
     """Simulate the missing cases of WORKFLOW, build its cube and draw its figures.
 
@@ -164,26 +146,17 @@ def run(
     part = None if shard is None else Shard.of(shard)
     made = make_plan(workflow, overrides)
     _echo_warnings(made)
-    options = RunOptions(
-        workers=workers,
-        scheduler=scheduler,
-        retries=retries,
-        fail_fast=not keep_going,
-        case_timeout=case_timeout,
-        refresh=refresh,
-        shard=part,
-        dashboard=dashboard,
-        show_progress=True,
-    )
+    chosen = RunOptions(fail_fast=not keep_going, shard=part, show_progress=True, **options)
     folder = results / made.workflow
-    done = run_plan(made, folder, options)
+    done = run_plan(made, folder, chosen)
     drawn: list[Path] = []
     faults: list[Fault] = []
     if part is None:
         from knitlab.figures.drawing import draw_figures
 
         drawn, faults = draw_figures(made.figures, folder)
-    _echo_excluded(made)
+    for design, reason in made.excluded.items():
+        _echo_excluded(made.dims, design, reason)
     of_shard = f" in shard {part}" if part else ""
     click.echo(f"{len(done.simulated)} cases simulated, {len(done.reused)} already there{of_shard}")
     if done.joined:
@@ -193,8 +166,8 @@ def run(
     for path in drawn:
         click.echo(f"figure  {path}")
     for fault in faults:
-        click.echo(f"knitlab: {fault}", err=True)
-    for line in (*done.failure_lines(made.dims), *done.remarks(folder)):
+        echo_problem(fault)
+    for line in done.remarks(made.dims, folder):
         click.echo(line, err=True)
     if not done.all_ok:
         sys.exit(SOME_CASE_NOT_OK)
@@ -216,7 +189,7 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
         if not all(is_drawn(output, fingerprint) for output in figure.outputs):
             return False
     for *design, reason in record["excluded"]:
-        click.echo(_excluded(record["dims"], design, reason))
+        _echo_excluded(record["dims"], design, reason)
     click.echo(f"0 cases simulated, {len(record['cases'])} already there")
     click.echo(f"cube    {folder / CUBE}")
     for output in (output for figure in figures for output in figure.outputs):
@@ -225,17 +198,15 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
 
 
 @click.command()
-@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("folders", nargs=-1, required=True, type=PATH)
 @click.option(
     "-o",
     "--results",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=FOLDER,
     default=Path("results"),
-    show_default=True,
     help="Folder that holds a folder of results for each workflow; what is there is kept.",
 )
 @click.option("--any-code", is_flag=True, help="Join results of different code.")
-@explains_bad_input
 def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
     """Join the results in FOLDERS, as of shards that ran on several machines.
 
@@ -260,7 +231,6 @@ def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
 @results_option
 @click.option("--check", is_flag=True, help="Compare every case file with its checksum.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, for scripts.")
-@explains_bad_input
 def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
     """Show the status of the cases of the last plan of WORKFLOW.
 
@@ -287,7 +257,6 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
 @click.command()
 @click.argument("case_id")
 @results_option
-@explains_bad_input
 def reproduce(case_id: str, results: Path) -> None:
     """Run one case in this process, and show how every state was reached.
 
@@ -298,3 +267,6 @@ def reproduce(case_id: str, results: Path) -> None:
 
     if not reproduce_case(case_id, results=results, report=click.echo):
         sys.exit(SOME_CASE_NOT_OK)
+
+
+COMMANDS = (plan, run, merge, status, reproduce)

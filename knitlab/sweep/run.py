@@ -161,17 +161,16 @@ class Run:
         """Whether every case is ok and was computed with the requested parameters."""
         return not (self.failures or self.stale_parameters or self.stopped)
 
-    def failure_lines(self, dims: Sequence[str]) -> list[str]:
-        """One line for each case that is not ok: its status, design along these and reason."""
-        return [
-            f"{entry['status']}: {'  '.join(f'{name} {entry[name]}' for name in dims)}:"
-            f" {entry['reason']}"
-            for entry in self.failures
-        ]
+    def remarks(self, dims: Sequence[str], folder: Path) -> list[str]:
+        """One line for each case that is not ok, then those on damaged, stale and unfinished ones.
 
-    def remarks(self, folder: Path) -> list[str]:
-        """Remarks about damaged, failed, stale and unfinished cases, one line each."""
-        lines = [
+        Dimensions of the plan and the folder are named in them.
+        """
+        lines = []
+        for entry in self.failures:
+            label = "  ".join(f"{name} {entry[name]}" for name in dims)
+            lines.append(f"{entry['status']}: {label}: {entry['reason']}")
+        lines += [
             f"damaged: {case_path(folder, case_id)} was not as it had been written"
             for case_id in self.in_state(CaseState.damaged)
         ]
