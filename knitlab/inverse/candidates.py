@@ -99,13 +99,9 @@ def completed(
     if gauge_varies:
         unknown = np.full(cube["status"].shape, np.nan)
         cube = cube.assign({name: (dims, unknown.copy()) for name in declared(Gauge)})
-        cube = cube.drop_attrs(deep=False).assign_attrs(
-            {
-                name: value
-                for name, value in cube.attrs.items()
-                if name not in GAUGE_ATTRIBUTES.values()
-            }
-        )
+        stated = set(GAUGE_ATTRIBUTES.values())
+        others = {name: value for name, value in cube.attrs.items() if name not in stated}
+        cube = cube.drop_attrs(deep=False).assign_attrs(others)
     for number, labels, _, case, gauge in candidates:
         trial = run_trial(folder / TRIALS, case, gauge, own)
         values: dict[str, Any] = {name: trial.values(name) for name, _ in own}

@@ -140,7 +140,7 @@ def verdicts(tmp_path):
             paths.append(tmp_path / name / "cube.nc")
             paths[-1].parent.mkdir(exist_ok=True)
             write_cube(cube, paths[-1])
-        return {each.claim.name: each.finding.verdict for each in judged(read_claims(), paths)}
+        return {each.claim.name: each.result.verdict for each in judged(read_claims(), paths)}
 
     return judge
 
