@@ -18,7 +18,7 @@ import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from knitlab.api.comparison import Cube, opened
+from knitlab.api.cubes import Cube, opened
 from knitlab.figures.drawing import FIGURES, draw
 from knitlab.figures.figure_kind import Drawing
 

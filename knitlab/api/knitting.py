@@ -7,14 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from knitlab.api.design import Design
-from knitlab.api.single_design import (
-    SingleDesign,
-    is_cube,
-    of_cube,
-    of_design,
-    of_workflow,
-)
+from knitlab.api.simulation import Design, case_of_design
+from knitlab.api.single_design import SingleDesign, is_cube, single_design
 from knitlab.fabric.settings import ModelOptions
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
@@ -77,7 +71,7 @@ class KnitSample:
 
     def sheet_figure(self) -> "Figure":
         """The specification sheet as a matplotlib figure, one page A4."""
-        from knitlab.figures.specification_sheet import specification_sheet
+        from knitlab.figures.stitch_chart import specification_sheet
         from knitlab.figures.style import print_style
 
         with print_style():
@@ -174,24 +168,25 @@ def knit(
             )
         parameters = defaults().with_tables(**tables)
         plated = capacitor is not None
-        found = of_design(design, [0.0], parameters, ProtocolSection(), electrodes=plated)
+        case = case_of_design(design, [0.0], parameters, ProtocolSection(), electrodes=plated)
+        single = SingleDesign(case, parameters.gauge)
     elif given := [name for name, table in tables.items() if table is not None]:
         raise fault(", ".join(given), "is of a Design; leave it out of a workflow or a cube")
     elif isinstance(design, xr.Dataset) or is_cube(design):
-        found = of_cube(design, settings)
+        single = single_design(design, (), settings)
     else:
-        found = of_workflow(str(design), settings)
-    return knitted(found, repeats, needles, face, machine)
+        single = single_design(design, settings, {})
+    return knitted(single, repeats, needles, face, machine)
 
 
 def knitted(
     design: SingleDesign,
-    repeats: tuple[int, int] | None = None,
-    needles: int | None = None,
-    face: Face | None = None,
-    machine: Mapping[str, Any] | None = None,
+    repeats: tuple[int, int] | None,
+    needles: int | None,
+    face: Face | None,
+    machine: Mapping[str, Any] | None,
 ) -> KnitSample:
-    """A resolved design as it is knitted; arguments and errors as of :func:`knit`."""
+    """A single design as it is knitted; arguments and errors as of :func:`knit`."""
     if repeats is not None and needles is not None:
         raise fault("repeats", "and needles both set the size; give one of them")
     if repeats is not None and (len(repeats) != 2 or min(repeats) < 1):
@@ -201,12 +196,8 @@ def knitted(
         raise fault("face", f"is of electrodes, and {design.case.label} has none; leave it out")
     chart = stitch_chart(design.case, repeats, needles, face)
     program = knitout(chart, used)
-    return KnitSample(
-        chart,
-        used,
-        program,
-        specification(chart, used, design.gauge, program, design.prediction),
-    )
+    needed = specification(chart, used, design.gauge, program, design.prediction)
+    return KnitSample(chart, used, program, needed)
 
 
 def check_output(path: Path) -> None:
@@ -222,7 +213,7 @@ def check_output(path: Path) -> None:
 
 
 def _save_figure(figure: "Figure", path: Path) -> None:
-    from knitlab.figures.drawing import save
+    from knitlab.figures.figure_files import save
     from knitlab.figures.style import print_style
 
     with print_style():

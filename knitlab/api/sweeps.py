@@ -28,7 +28,7 @@ class NotAllOk(UserWarning):
 
 @dataclass(frozen=True)
 class WorkflowRun:
-    """The result of running a workflow.
+    """The result of running a workflow: its plan, its folder, and what was run and drawn.
 
     Attributes:
         plan: the plan.
@@ -45,20 +45,18 @@ class WorkflowRun:
     faults: tuple[Fault, ...] = ()
 
     @property
-    def failures(self) -> list[str]:
-        """One line for each case that is not ok: its status, design and reason."""
-        return [
-            f"{entry['status']}: {self._label(entry)}: {entry['reason']}"
-            for entry in self.run.failures
-        ]
-
-    @property
     def all_ok(self) -> bool:
         """Whether every case is ok and was computed with the requested parameters."""
         return not (self.run.failures or self.run.stale_parameters or self.run.stopped)
 
-    def _label(self, entry: dict[str, Any]) -> str:
-        return "  ".join(f"{name} {entry[name]}" for name in self.plan.dims)
+    @property
+    def remarks(self) -> list[str]:
+        """One line for each case that is not ok, with its reason, then those of the run."""
+        failures = []
+        for entry in self.run.failures:
+            label = "  ".join(f"{name} {entry[name]}" for name in self.plan.dims)
+            failures.append(f"{entry['status']}: {label}: {entry['reason']}")
+        return failures + self.run.remarks(self.folder)
 
 
 def run_workflow(
@@ -153,7 +151,7 @@ def run(
     for warning in made.warnings:
         warnings.warn(warning, UserWarning, stacklevel=2)
     done = run_workflow(made, Path(results), options, figures=figures)
-    for remark in [*done.failures, *done.run.remarks(done.folder), *map(str, done.faults)]:
+    for remark in [*done.remarks, *map(str, done.faults)]:
         warnings.warn(remark, NotAllOk, stacklevel=2)
     cube = done.run.cube
     if shard is None:
@@ -198,11 +196,7 @@ def merge(
 
 
 def plan(workflow: str | Path, **settings: Any) -> Plan:
-    """Resolve a workflow and its settings into the cases that it would run.
-
-    Args:
-        workflow: name of a shipped workflow, or path of a TOML file.
-        settings: settings to replace, see :func:`run`.
+    """Resolve a workflow and settings, as for :func:`run`, into the cases that it would run.
 
     Returns:
         The plan, with its ``cases``, ``excluded`` designs, and ``batches`` with estimates of

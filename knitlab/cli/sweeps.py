@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from knitlab.cli.options import (
+    FOLDER,
     MOST_LINES,
+    PATH,
     SOME_CASE_NOT_OK,
-    Command,
-    explains_bad_input,
+    echo_problem,
     results_option,
     set_option,
     workers_option,
@@ -23,33 +24,24 @@ if TYPE_CHECKING:
     from knitlab.sweep.plan import Plan
 
 
-def workflow_options(command: Command) -> Command:
+def workflow_options(command: Callable[..., None]) -> Callable[..., None]:
     """Add the argument and options that name a workflow and its results."""
 
     @wraps(command)
-    def scaled(
-        *arguments: Any, settings: tuple[str, ...], scale: float | None, **options: Any
-    ) -> None:
+    def scaled(settings: tuple[str, ...], scale: float | None, **options: Any) -> None:
         added = () if scale is None else (f"scale={scale:g}",)
-        command(*arguments, settings=(*settings, *added), **options)
+        command(settings=(*settings, *added), **options)
 
-    for option in (
-        results_option,
-        click.option(
-            "--scale",
-            type=click.FloatRange(min=0, max=1, min_open=True),
-            help="Fraction of the needles that a sample is knitted on; short for --set scale=.",
-        ),
-        set_option,
-        click.argument("workflow"),
-    ):
-        scaled = option(scaled)
-    return scaled
+    scale_option = click.option(
+        "--scale",
+        type=click.FloatRange(min=0, max=1, min_open=True),
+        help="Fraction of the needles that a sample is knitted on; short for --set scale=.",
+    )
+    return click.argument("workflow")(set_option(scale_option(results_option(scaled))))
 
 
 @click.command()
 @workflow_options
-@explains_bad_input
 def plan(workflow: str, results: Path, settings: tuple[str, ...]) -> None:
     """Resolve WORKFLOW into plan.json and show what it would run."""
     from knitlab.io.lock import held
@@ -75,7 +67,8 @@ def plan(workflow: str, results: Path, settings: tuple[str, ...]) -> None:
             click.echo(f"  … and {len(batch.cases) - MOST_LINES} more")
     if len(made.batches) > MOST_LINES:
         click.echo(f"… and {len(made.batches) - MOST_LINES} more batches")
-    _echo_excluded(made)
+    for design, reason in made.excluded.items():
+        _echo_excluded(made.dims, design, reason)
     strains = made.applied_strain
     time = _duration(sum(batch.estimated_seconds for batch in made.batches))
     click.echo(
@@ -100,14 +93,9 @@ def _echo_warnings(made: "Plan") -> None:
         click.echo(f"warning: {warning}", err=True)
 
 
-def _echo_excluded(made: "Plan") -> None:
-    for design, reason in made.excluded.items():
-        click.echo(_excluded(made.dims, design, reason))
-
-
-def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
-    labels = zip(dims, design, strict=False)
-    return f"excluded: {'  '.join(f'{name} {label}' for name, label in labels)}: {reason}"
+def _echo_excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> None:
+    labels = "  ".join(f"{dim} {label}" for dim, label in zip(dims, design, strict=False))
+    click.echo(f"excluded: {labels}: {reason}")
 
 
 @click.command()
@@ -118,13 +106,11 @@ def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
     "--retries",
     type=click.IntRange(min=0),
     default=0,
-    show_default=True,
     help="How often to repeat a batch that raised an error.",
 )
 @click.option(
     "--keep-going/--fail-fast",
     default=True,
-    show_default=True,
     help="Whether to continue after a case that is not ok.",
 )
 @click.option(
@@ -140,19 +126,13 @@ def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
     help="Run one part of the plan, as 3/40, beside processes that run the others.",
 )
 @click.option("--dashboard", is_flag=True, help="Open dask's dashboard on this machine.")
-@explains_bad_input
 def run(
     workflow: str,
     results: Path,
     settings: tuple[str, ...],
-    workers: int | None,
-    scheduler: str | None,
-    retries: int,
     keep_going: bool,
-    case_timeout: float | None,
-    refresh: bool,
     shard: str | None,
-    dashboard: bool,
+    **options: Any,
 ) -> None:
     """Simulate the missing cases of WORKFLOW, build its cube and draw its figures.
 
@@ -169,19 +149,10 @@ def run(
     part = None if shard is None else Shard.of(shard)
     made = make_plan(workflow, settings)
     _echo_warnings(made)
-    options = RunOptions(
-        workers=workers,
-        scheduler=scheduler,
-        retries=retries,
-        fail_fast=not keep_going,
-        case_timeout=case_timeout,
-        refresh=refresh,
-        shard=part,
-        dashboard=dashboard,
-        show_progress=True,
-    )
-    done = run_workflow(made, results, options)
-    _echo_excluded(made)
+    chosen = RunOptions(fail_fast=not keep_going, shard=part, show_progress=True, **options)
+    done = run_workflow(made, results, chosen)
+    for design, reason in made.excluded.items():
+        _echo_excluded(made.dims, design, reason)
     of_shard = f" in shard {part}" if part else ""
     click.echo(
         f"{len(done.run.simulated)} cases simulated, {len(done.run.reused)} already there{of_shard}"
@@ -193,8 +164,8 @@ def run(
     for path in done.figures:
         click.echo(f"figure  {path}")
     for fault in done.faults:
-        click.echo(f"knitlab: {fault}", err=True)
-    for line in (*done.failures, *done.run.remarks(done.folder)):
+        echo_problem(fault)
+    for line in done.remarks:
         click.echo(line, err=True)
     if not done.all_ok:
         sys.exit(SOME_CASE_NOT_OK)
@@ -203,7 +174,7 @@ def run(
 def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> bool:
     """Whether there is nothing to run or draw; if so, print what exists."""
     from knitlab.cube.cube_file import CUBE, open_cube
-    from knitlab.figures.drawn import fingerprint_of_figure, is_drawn, requested_figures
+    from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn, requested_figures
     from knitlab.sweep.finished import finished_plan
 
     record = finished_plan(workflow, settings, results)
@@ -216,7 +187,7 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
         if not all(is_drawn(output, fingerprint) for output in figure.outputs):
             return False
     for *design, reason in record["excluded"]:
-        click.echo(_excluded(record["dims"], design, reason))
+        _echo_excluded(record["dims"], design, reason)
     click.echo(f"0 cases simulated, {len(record['cases'])} already there")
     click.echo(f"cube    {folder / CUBE}")
     for output in (output for figure in figures for output in figure.outputs):
@@ -225,17 +196,15 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
 
 
 @click.command()
-@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("folders", nargs=-1, required=True, type=PATH)
 @click.option(
     "-o",
     "--results",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=FOLDER,
     default=Path("results"),
-    show_default=True,
     help="Folder that holds a folder of results for each workflow; what is there is kept.",
 )
 @click.option("--any-code", is_flag=True, help="Join results of different code.")
-@explains_bad_input
 def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
     """Join the results in FOLDERS, as of shards that ran on several machines.
 
@@ -260,7 +229,6 @@ def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
 @results_option
 @click.option("--check", is_flag=True, help="Compare every case file with its checksum.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, for scripts.")
-@explains_bad_input
 def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
     """Show the status of the cases of the last plan of WORKFLOW.
 
@@ -287,7 +255,6 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
 @click.command()
 @click.argument("case_id")
 @results_option
-@explains_bad_input
 def reproduce(case_id: str, results: Path) -> None:
     """Run one case in this process, and show how every state was reached.
 
@@ -298,3 +265,6 @@ def reproduce(case_id: str, results: Path) -> None:
 
     if not reproduce_case(case_id, results=results, report=click.echo):
         sys.exit(SOME_CASE_NOT_OK)
+
+
+COMMANDS = (plan, run, merge, status, reproduce)

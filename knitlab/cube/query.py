@@ -18,6 +18,7 @@ STRIPE_NUMBERS = [name for name, variable in VARIABLES.items() if variable.of ==
 """Columns that are shown only on request."""
 
 
+@xr.register_dataset_accessor("knitlab")
 class KnitlabAccessor:
     """Queries of an open cube, available as ``cube.knitlab``.
 

@@ -1,14 +1,14 @@
 """Starts of a design: the nearest known designs, of cubes or of a coarse sweep."""
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
-import pandas as pd
 import xarray as xr
 
 from knitlab.cube.cube_file import CUBE, open_cube
 from knitlab.cube.find import find_designs
+from knitlab.cube.target import Target
 from knitlab.inverse.request import DesignRequest
 from knitlab.inverse.search_space import DesignLabels, SearchSpace
 from knitlab.io.errors import fault
@@ -19,15 +19,8 @@ from knitlab.sweep.settings import PATTERN
 PAPERS_PATTERN = "checkerboard"
 
 
-@dataclass(frozen=True)
-class Starts:
-    """Where the searches of a design start.
-
-    Attributes:
-        designs: at most as many as the request wants, the nearest to the targets first.
-        simulations: number of simulations of the coarse sweep, if there was one.
-        unknown: allowed designs of which no cube has results; they are not considered.
-    """
+class Starts(NamedTuple):
+    """Designs to refine, the nearest first; simulations of a coarse sweep; designs in no cube."""
 
     designs: tuple[DesignLabels, ...]
     simulations: int = 0
@@ -37,20 +30,19 @@ class Starts:
 def starting_designs(
     request: DesignRequest,
     space: SearchSpace,
+    targets: Sequence[Target],
     folder: Path,
     options: RunOptions,
-    own: Collection[str] = (),
 ) -> Starts:
-    """The designs nearest to the targets before refinement, the nearest first.
-
-    Constraints are treated as further targets, as refining may fulfil them.
+    """At most as many designs as the request wants, the nearest to targets before refinement.
 
     Args:
         request: the request.
         space: the search space.
+        targets: its targets and constraints, which refining may fulfil, of variables that cubes
+            have.
         folder: folder of the trials, which also holds the coarse sweep.
         options: how to run the coarse sweep if no cube is given.
-        own: names of own measures, which no cube has; their targets are ignored here.
 
     Raises:
         KeyboardInterrupt: if the coarse sweep is interrupted.
@@ -58,34 +50,21 @@ def starting_designs(
     """
     if len(space.designs) <= request.starts and not request.cubes:
         return Starts(space.designs)
-    cubes, simulated = [open_cube(path, lazily=True) for path in request.cubes], 0
+    cubes, simulations = [open_cube(path, lazily=True) for path in request.cubes], 0
     if not cubes:
-        cubes, simulated = _coarse_sweep(request, space, folder, options)
-    known = [each for each in (*request.targets, *request.subject_to) if each.name not in own]
-    if not known:
-        return Starts(space.designs[: request.starts], simulated)
-    found = find_designs(cubes, known).table
-    known_designs = list(dict.fromkeys(_labels(found, space.dims)))
-    allowed = [design for design in known_designs if design in space.designs]
-    unknown = [design for design in space.designs if design not in known_designs]
+        cubes, simulations = _coarse_sweep(request, space, folder, options)
+    if not targets:
+        return Starts(space.designs[: request.starts], simulations)
+    table = find_designs(cubes, targets).table
+    if PATTERN not in table:
+        table = table.assign(**{PATTERN: PAPERS_PATTERN})
+    known: list[DesignLabels] = [*map(tuple, table[[*space.dims]].to_numpy(object).tolist())]
+    allowed = [design for design in dict.fromkeys(known) if design in space.designs]
+    unknown = tuple(design for design in space.designs if design not in known)
     if not allowed:
         labels = ", ".join(map(str, space.designs))
-        problem = f"have none of the allowed designs; simulate {labels} first"
-        raise fault("cubes", problem)
-    return Starts(tuple(allowed[: request.starts]), simulated, tuple(unknown))
-
-
-def _labels(table: pd.DataFrame, dims: Sequence[str]) -> list[DesignLabels]:
-    """Labels of the designs of a table; one that names no pattern is of the paper's."""
-    columns = [
-        table[dim].astype(str)
-        if dim == PATTERN and dim in table
-        else [PAPERS_PATTERN] * len(table)
-        if dim == PATTERN
-        else table[dim].astype(int)
-        for dim in dims
-    ]
-    return list(zip(*columns, strict=True))
+        raise fault("cubes", f"have none of the allowed designs; simulate {labels} first")
+    return Starts(tuple(allowed[: request.starts]), simulations, unknown)
 
 
 def _coarse_sweep(
