@@ -19,8 +19,7 @@ from knitlab.cube.selection import choices
 from knitlab.figures.cells import EMPTY, MARKS, PERIODS_LABEL, marks_legend, written
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import TWO_COLUMNS, ValueColours, number
-from knitlab.io.errors import fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import fault, unknown
 
 PERIODS = "periods"
 MOST_COLUMNS, MOST_ROWS = 16, 24
