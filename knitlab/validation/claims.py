@@ -9,11 +9,9 @@ from typing import Any, Literal, get_args
 import xarray as xr
 from pydantic import Field, ValidationError, create_model
 
-from knitlab.io.errors import BadInput, Fault, faults_of
+from knitlab.io.errors import BadInput, Fault, faults_of, unknown
 from knitlab.io.shipped import shipped
-from knitlab.io.strict_model import StrictModel
-from knitlab.io.suggestions import unknown
-from knitlab.io.toml import read_toml
+from knitlab.io.toml import StrictModel, read_toml
 from knitlab.validation import comparison_checks, sample_checks
 from knitlab.validation.margin import CheckResult, NotMeasured
 

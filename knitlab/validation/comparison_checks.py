@@ -13,7 +13,7 @@ from pydantic import Field, PositiveFloat, PositiveInt
 from scipy import stats
 
 from knitlab.cube.schema import DESIGN_DIMS, Status
-from knitlab.measure.linear_fit import LinearFit, common_slope_probability, linear_fit
+from knitlab.measure.fit_statistics import LinearFit, common_slope_probability, linear_fit
 from knitlab.validation.margin import CheckResult, Labels, NotMeasured, above, below, worst
 from knitlab.validation.sample_checks import FEWEST_POINTS, MOST_LISTED, tangents
 from knitlab.validation.samples import (

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 from pydantic import PositiveFloat
 
-from knitlab.measure.central import central
+from knitlab.measure.unit_cells import central
 from knitlab.validation.margin import (
     CheckResult,
     Labels,

@@ -13,7 +13,7 @@ from pydantic import Field, PositiveInt
 
 from knitlab.cube.cube_file import READING, base_dims, is_measured, model_options, source_of
 from knitlab.cube.schema import DESIGN_DIMS, SOURCE, STRIPE_DIMS, VARIABLES, Status
-from knitlab.io.strict_model import StrictModel
+from knitlab.io.toml import StrictModel
 from knitlab.validation.margin import CheckResult, Labels, NotMeasured
 
 Design = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]

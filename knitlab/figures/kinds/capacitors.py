@@ -18,8 +18,7 @@ from knitlab.figures.curves import break_note, broken, line_style, snapped_befor
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
-from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
-from knitlab.measure.capacitance.sensor import CENTRAL_PART
+from knitlab.measure.capacitance.sensor import CENTRAL_PART, CapacitorStatus
 
 SLOPE: Look = {"lw": 4, "alpha": 0.45, "solid_capstyle": "butt"}
 END: Look = {"marker": "|", "ms": 9, "mew": 1.5, "ls": ""}

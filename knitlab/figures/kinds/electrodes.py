@@ -16,7 +16,7 @@ from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.sheets import FABRIC, draw_sheet, frame_sheet, state_text
 from knitlab.figures.style import TWO_COLUMNS
 from knitlab.io.errors import fault
-from knitlab.meshes.sheet import closed_nodes
+from knitlab.meshes.fabric import closed_nodes
 
 if TYPE_CHECKING:
     from knitlab.simulation.case import Case

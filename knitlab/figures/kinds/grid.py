@@ -23,8 +23,7 @@ from knitlab.figures.cells import (
 )
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import TWO_COLUMNS, ValueColours, number
-from knitlab.io.errors import fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import fault, unknown
 
 PERIODS = "periods"
 MOST_COLUMNS, MOST_ROWS = 16, 24

@@ -9,8 +9,7 @@ from knitlab.cube.reduced_columns import with_reduction
 from knitlab.cube.schema import FLAGS, Status
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
-from knitlab.io.errors import fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import fault, unknown
 
 ROW, MARGIN, SMALLEST = 0.16, 1.1, 2.4
 """Height of the row of a design, of what is around the rows, and of the smallest figure [in]."""

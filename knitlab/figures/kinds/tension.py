@@ -14,7 +14,7 @@ from knitlab.figures.cells import designs_of
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import TWO_COLUMNS, Look, ValueColours
 from knitlab.io.errors import fault
-from knitlab.measure.central import central
+from knitlab.measure.unit_cells import central
 
 SHOWN_STRAIN = 0.23
 PAPER_DESIGNS = ((8, 48), (4, 16), (4, 32))

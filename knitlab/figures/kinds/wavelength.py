@@ -9,7 +9,7 @@ from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
-from knitlab.measure.linear_fit import linear_fit
+from knitlab.measure.fit_statistics import linear_fit
 from knitlab.measure.wavelength import spectrum
 
 DIRECTIONS = {"x": "weft x", "y": "warp y"}
