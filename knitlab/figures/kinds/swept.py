@@ -25,9 +25,6 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
         cube: a cube with one swept setting; select one value of every other.
         of: the variable, or a reduction of one along the strain, as in queries:
             ``slope(capacitance, 0.1:0.3)``.
-
-    Raises:
-        BadInput: if no setting is swept or several are, or ``of`` is not a number of a design.
     """
     cube, of = with_reduction(cube, of)
     if of not in cube.data_vars:
