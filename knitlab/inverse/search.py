@@ -20,7 +20,7 @@ from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, Fault
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.simulation.case import Case
-from knitlab.simulation.reporting import Progress
+from knitlab.simulation.tensile_tests import Progress
 from knitlab.sweep.workers import BatchError, Task, pool_of
 
 TRIALS, SEARCHES = "trials", "searches"

@@ -9,7 +9,7 @@ from knitlab.cli import main
 from knitlab.cube.cube_file import write_cube
 from knitlab.cube.schema import Status, described
 from knitlab.io.errors import BadInput
-from knitlab.measure.linear_fit import common_slope_probability, linear_fit
+from knitlab.measure.fit_statistics import common_slope_probability, linear_fit
 from knitlab.validation.claims import read_claims
 from knitlab.validation.judgement import judged
 from knitlab.validation.margin import Verdict
@@ -145,7 +145,7 @@ def verdicts(tmp_path):
     return judge
 
 
-LABORATORY = [each.name for each in read_claims() if each.statement.test == "laboratory"]
+LABORATORY = [each.name for each in read_claims() if each.test == "laboratory"]
 
 
 @pytest.mark.slow

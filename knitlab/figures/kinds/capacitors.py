@@ -18,8 +18,7 @@ from knitlab.figures.curves import break_note, broken, line_style, snapped_befor
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
-from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
-from knitlab.measure.capacitance.sensor import CENTRAL_PART
+from knitlab.measure.capacitance.sensor import CENTRAL_PART, CapacitorStatus
 
 SLOPE: Look = {"lw": 4, "alpha": 0.45, "solid_capstyle": "butt"}
 END: Look = {"marker": "|", "ms": 9, "mew": 1.5, "ls": ""}
@@ -28,8 +27,6 @@ INK = "0.3"
 DASHES = ("-", "--", "-.", (0, (1, 1)))
 PAPER_STRIPES = (("rib", 4), ("garter", 4))
 PAPER_CHECKERBOARDS = ((4, 16), (4, 32))
-HEIGHT = 3.1
-"""Height of the figure [in]."""
 
 
 class Sample(NamedTuple):
@@ -45,9 +42,6 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     Shows those of the paper's four samples that the cubes hold, and all measured ones. Thick lines
     mark the central 20 % over which the slope is averaged; dots are unloading. There is no curve
     where electrodes touch or the model passes through itself.
-
-    Raises:
-        BadInput: if no cube holds one of the samples with electrodes.
     """
     samples = [sample for cube in cubes for sample in _samples(cube)]
     if not samples:
@@ -56,7 +50,7 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
             "shows 4 × 4 rib and garter, (4, 16) and (4, 32) with electrodes, and no cube has one;"
             " give cubes of the workflows sensor and sensor_stripes",
         )
-    figure = Figure(figsize=(TWO_COLUMNS, HEIGHT), layout="constrained")
+    figure = Figure(figsize=(TWO_COLUMNS, 3.1), layout="constrained")
     ratios, absolute, slopes = figure.subplots(1, 3, width_ratios=(1.3, 1.3, 0.9))
     cells = [sample.cell for sample in samples]
     any_measured = any(map(is_measured, cells))
