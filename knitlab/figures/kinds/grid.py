@@ -13,7 +13,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from knitlab.cube.cube_file import base_dims, design_dims
-from knitlab.cube.reduced_columns import with_reduction
+from knitlab.cube.reduced_columns import with_columns
 from knitlab.cube.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, Status
 from knitlab.cube.selection import choices
 from knitlab.figures.cells import EMPTY, MARKS, PERIODS_LABEL, marks_legend, written
@@ -60,7 +60,7 @@ def value_grid(
     Raises:
         BadInput: if there is no such variable or dimension, or another one has several values.
     """
-    cube, of = with_reduction(cube, of)
+    (cube,) = with_columns([cube], [of])
     if of not in cube.data_vars:
         raise fault("of", unknown(of, map(str, cube.data_vars), "variable"))
     if of in FLAGS or cube[of].dtype.kind not in "iuf":
