@@ -13,7 +13,7 @@ from knitlab.cube.cube_file import cube_name, design_dims, is_measured, source_o
 from knitlab.cube.schema import FLAGS, INTEGERS, Status
 from knitlab.explorer.run_report import figures_of, run_of
 from knitlab.explorer.shapes import shape_of
-from knitlab.sweep.status import earlier_failures
+from knitlab.sweep.results_folder import earlier_failures
 
 STRAIN = "applied_strain"
 EXPANDED = ("stripe_parameter",)

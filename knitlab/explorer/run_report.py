@@ -14,7 +14,7 @@ from PIL import Image
 from knitlab.cube.common_settings import parameters_of
 from knitlab.cube.cube_file import is_measured, source_of
 from knitlab.cube.schema import Status
-from knitlab.sweep.status import PLAN
+from knitlab.sweep.results_folder import PLAN
 
 PROVENANCE = {
     "source": "code",
@@ -109,7 +109,7 @@ def _planned(folder: Path | None) -> Iterator[list[str]]:
     except (OSError, ValueError):
         return
     if overrides := plan.get("overrides"):
-        yield ["overridden", ", ".join(map(str, overrides))]
+        yield ["overridden", ", ".join(f"{name}={value}" for name, value in overrides.items())]
 
 
 def _flat(table: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, str]]:

@@ -33,9 +33,6 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     """Shape of a fabric seen from the technical face; relaxed, or at ``applied_strain``.
 
     Colour is height, white lines are patch borders.
-
-    Args:
-        case: contents of a case file, with node positions; its first strain is shown.
     """
     # JAX is imported only when this figure is drawn.
     from knitlab.fabric.pattern import recorded_pattern
