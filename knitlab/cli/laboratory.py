@@ -192,7 +192,7 @@ def fit(
 
     from knitlab.api import laboratory as api
     from knitlab.figures.fits import Fitted, fit_figure
-    from knitlab.laboratory.fit_report import report, write_stripes
+    from knitlab.laboratory.fit import report, write_stripes
     from knitlab.sweep.plan import make_plan
 
     def report_step(tests: int, chi_squared: float) -> None:
