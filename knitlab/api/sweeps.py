@@ -28,15 +28,7 @@ class NotAllOk(UserWarning):
 
 @dataclass(frozen=True)
 class WorkflowRun:
-    """The result of running a workflow: its plan, its folder, and what was run and drawn.
-
-    Attributes:
-        plan: the plan.
-        folder: results folder of the workflow.
-        run: result of running the plan, with the cube.
-        figures: files of the figures that were drawn.
-        faults: why some figures could not be drawn.
-    """
+    """A workflow that was run into its results folder, its figures, and why some are missing."""
 
     plan: Plan
     folder: Path
@@ -62,13 +54,7 @@ class WorkflowRun:
 def run_workflow(
     plan: Plan, results: Path, options: RunOptions, *, figures: bool = True
 ) -> WorkflowRun:
-    """Simulate the missing cases of a plan, write its cube, and draw its figures.
-
-    Args:
-        plan: the plan.
-        results: folder that holds a folder of results for each workflow.
-        options: how to run it.
-        figures: whether to draw the workflow's figures; a shard draws none.
+    """Simulate the missing cases of a plan, write its cube, and draw its figures unless of a shard.
 
     Raises:
         BadInput: if another run holds the folder, or its cube has other dimensions.
