@@ -20,7 +20,7 @@ from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
 from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import COMPLETE
 from knitlab.fabric.threads import Threads, allowed_threads
-from knitlab.simulation.simulate import starts
+from knitlab.simulation.tensile_tests import starts
 
 TIMED, LONG = 5, 30.0
 """Times that a part is done after a first that is not counted, and time after which no more [s]."""
@@ -88,7 +88,7 @@ def measure(measurement: Measurement) -> Record:
     """Time the parts of one iteration with one method of factorisation."""
     case = measurement.case()
     net, fabric = case.assemble()
-    (start,) = starts([case], [(net, fabric)])
+    (start,) = starts([case])
     if start is None:
         raise RuntimeError("periodic fabric did not relax")
     shape, unknowns = net.shape, np.asarray(start.flattened())

@@ -18,7 +18,7 @@ from knitlab.equilibrium.state import State
 from knitlab.fabric.configuration import Configuration
 from knitlab.measure.intersections import self_intersections
 from knitlab.simulation.case import Case
-from knitlab.simulation.simulate import equilibrium_tests
+from knitlab.simulation.tensile_tests import equilibrium_tests
 
 DESIGNS = (8, 32), (6, 24)
 STARTS = "dynamics", "flat", "periodic"

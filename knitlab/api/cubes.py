@@ -155,8 +155,7 @@ def claims(*cubes: str | Path, output: str | Path | None = None, **selections: A
         39
     """
     from knitlab.validation.claims import read_claims
-    from knitlab.validation.judgement import judged
-    from knitlab.validation.records import records
+    from knitlab.validation.judgement import judged, records
 
     judgements = judged(read_claims(), [Path(cube) for cube in cubes], selections)
     if output is not None:

@@ -138,9 +138,8 @@ def draw(designed: Designed) -> list[Path]:
     Returns:
         The files, in ``figures/`` of its folder.
     """
-    from knitlab.figures.found import found_figure
-    from knitlab.figures.pareto import pareto_figure
-    from knitlab.figures.saving import save
+    from knitlab.figures.figure_files import save
+    from knitlab.figures.found_designs import found_figure, pareto_figure
     from knitlab.figures.style import print_style
 
     files = []

@@ -90,7 +90,7 @@ class KnitSample:
 
     def sheet_figure(self) -> "Figure":
         """The specification sheet as a matplotlib figure, one page A4."""
-        from knitlab.figures.specification_sheet import specification_sheet
+        from knitlab.figures.stitch_chart import specification_sheet
         from knitlab.figures.style import print_style
 
         with print_style():
@@ -232,7 +232,7 @@ def check_output(path: Path) -> None:
 
 
 def _save_figure(figure: "Figure", path: Path) -> None:
-    from knitlab.figures.drawing import save
+    from knitlab.figures.figure_files import save
     from knitlab.figures.style import print_style
 
     with print_style():

@@ -26,10 +26,9 @@ from knitlab.inverse.trial import ShapeFunction, measure_of_strained, state_slop
 from knitlab.io.errors import BadInput, Fault, fault, faults_of
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.simulation.case import Case, Method, case_of
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of
 from knitlab.simulation.simulate import simulated
-from knitlab.simulation.stripe_sensitivity import adjoint_of
 from knitlab.sweep.cases import cases, electrode_problems
 from knitlab.sweep.cube import known_in_advance
 from knitlab.sweep.defaults import defaults

@@ -100,8 +100,8 @@ def find(
     for reason, count in found.passed_over.items():
         click.echo(f"{count} designs {reason}", err=True)
     if output is not None and len(found.table):
-        from knitlab.figures.found import found_figure
-        from knitlab.figures.saving import save
+        from knitlab.figures.figure_files import save
+        from knitlab.figures.found_designs import found_figure
         from knitlab.figures.style import print_style
 
         with print_style():
@@ -153,7 +153,7 @@ def draw_map(
     **shown: str | None,
 ) -> None:
     """Draw a figure of a cube, unless its file is up to date."""
-    from knitlab.figures.drawn import fingerprint_of_figure, is_drawn
+    from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn
 
     options = {name: value for name, value in shown.items() if value is not None}
     with suppress(OSError):  # draw_figure explains why a cube cannot be read

@@ -85,7 +85,7 @@ def calibrate(
     measured = read_tension_curve(curve, width, thickness)
 
     from knitlab.fabric.spring_law import SpringCurve
-    from knitlab.figures.calibration import calibration_figure
+    from knitlab.figures.fits import calibration_figure
     from knitlab.measure.calibration import calibrate as fit
     from knitlab.measure.calibration import report, report_comparison
     from knitlab.measure.stripe_file import write_stripe_file
@@ -191,7 +191,7 @@ def fit(
     cube = selected(open_cube(experiment), selections)
 
     from knitlab.api import laboratory as api
-    from knitlab.figures.fit import Fitted, fit_figure
+    from knitlab.figures.fits import Fitted, fit_figure
     from knitlab.laboratory.fit_report import report, write_stripes
     from knitlab.sweep.plan import make_plan
 

@@ -131,7 +131,7 @@ def check_toml(output: Path) -> None:
 
 def draw_beside(output: Path, draw: Callable[[], "Figure"]) -> None:
     """Save a figure beside a file, as PDF and PNG."""
-    from knitlab.figures.saving import save
+    from knitlab.figures.figure_files import save
     from knitlab.figures.style import print_style
 
     with print_style():

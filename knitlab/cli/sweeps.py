@@ -174,7 +174,7 @@ def run(
 def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> bool:
     """Whether there is nothing to run or draw; if so, print what exists."""
     from knitlab.cube.cube_file import CUBE, open_cube
-    from knitlab.figures.drawn import fingerprint_of_figure, is_drawn, requested_figures
+    from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn, requested_figures
     from knitlab.sweep.finished import finished_plan
 
     record = finished_plan(workflow, settings, results)

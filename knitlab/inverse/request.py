@@ -15,7 +15,7 @@ from knitlab.io.strict_model import StrictModel
 from knitlab.io.suggestions import unknown
 from knitlab.io.toml import read_toml
 from knitlab.measure.knit_size import Gauge
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.patterns import is_pattern_name

@@ -10,8 +10,8 @@ from jaxtyping import Float
 from knitlab.inverse.request import CHOICES, PARAMETERS, DesignRequest
 from knitlab.io.errors import fault
 from knitlab.measure.knit_size import Gauge
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.simulation.case import Case
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 from knitlab.sweep.plan import Plan, make_plan
 
 ROUND_OFF = 1e-9

@@ -27,12 +27,17 @@ from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape
 from knitlab.inverse.request import PARAMETERS
 from knitlab.io.fingerprint import code_fingerprint
-from knitlab.measure.cell_grid import CellGrid
 from knitlab.measure.knit_size import Gauge
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic, quantities
+from knitlab.measure.unit_cells import CellGrid
 from knitlab.simulation.case import Case
+from knitlab.simulation.sensitivity import (
+    STRIPE_PARAMETERS,
+    adjoint_of,
+    logarithmic,
+    measured_by,
+    quantities,
+)
 from knitlab.simulation.simulate import simulated
-from knitlab.simulation.stripe_sensitivity import adjoint_of, measured_by
 from knitlab.sweep.cube import known_in_advance
 from knitlab.sweep.gauge import sizes_of
 

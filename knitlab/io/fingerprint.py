@@ -29,17 +29,14 @@ COMPUTING = (
 OF_NO_CASE = (
     "fabric/compiled_programs.py",
     "measure/calibration.py",
-    "measure/cycles.py",
-    "measure/information.py",
+    "measure/fit_statistics.py",
     "measure/knit_size.py",
-    "measure/linear_fit.py",
     "measure/marker_grid.py",
-    "measure/resampling.py",
+    "measure/records.py",
     "measure/stripe_file.py",
-    "simulation/reporting.py",
 )
-"""Modules of these that compute nothing of a case: they serve measured fabrics and cubes, keep
-programs, or report progress."""
+"""Modules of these that compute nothing of a case: they serve measured fabrics and cubes, or keep
+programs."""
 DIGITS = 12
 
 

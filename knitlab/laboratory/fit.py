@@ -22,8 +22,8 @@ from scipy.stats import norm, qmc
 from knitlab.equilibrium.linear_response import NoDerivative
 from knitlab.laboratory.simulated_test import SimulatedTest, simulated_test, with_factors
 from knitlab.laboratory.target import Curves, MeasuredTest
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.simulation.case import Case
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 
 FITTED = tuple(name for name in STRIPE_PARAMETERS if not name.endswith("period"))
 """Parameters fitted by default: all but the periods, which can be measured directly."""

@@ -11,8 +11,8 @@ from knitlab.fabric.stripe import Stripe
 from knitlab.io.atomic_write import atomic_write
 from knitlab.laboratory.fit import Fit
 from knitlab.laboratory.simulated_test import QUANTITIES
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.measure.stripe_file import ENTRY_UNITS, row_units, stripe_row
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 
 HEADER = f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  from test"
 ALIKE = 0.9

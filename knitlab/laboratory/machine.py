@@ -18,10 +18,8 @@ from knitlab.laboratory.description import (
     conversion,
     number,
 )
-from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
-from knitlab.measure.capacitance.sensor import hysteresis, sensor_of
-from knitlab.measure.cycles import Cycle, cycles
-from knitlab.measure.resampling import resampled
+from knitlab.measure.capacitance.sensor import CapacitorStatus, hysteresis, sensor_of
+from knitlab.measure.records import Cycle, cycles, resampled
 from knitlab.sweep.defaults import defaults
 
 EXAMPLE = "write a header and below it rows of numbers, all as long as the header"

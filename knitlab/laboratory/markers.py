@@ -12,7 +12,7 @@ from knitlab.laboratory.description import Description, MarkersTable, SampleTabl
 from knitlab.laboratory.machine import Imports, Values, read_pulls
 from knitlab.laboratory.trajectories import grid_of, in_fabric_axes, read_trajectories
 from knitlab.measure.marker_grid import MarkerGrid
-from knitlab.measure.resampling import resampled
+from knitlab.measure.records import resampled
 from knitlab.measure.strain import (
     central_mean,
     lattice_vectors,
@@ -293,8 +293,4 @@ def marker_values(
         "markers_lost": np.round(resampled(strains, strain, lost).values),
         "cells_lost": np.isnan(values["strain_xx"]).sum(axis=(1, 2)).astype(float),
     }
-    lowest = lowest_poisson_ratio(strains, ratio)
-    if lowest is not None:
-        values["poisson_ratio_min"] = lowest.ratio
-        values["applied_strain_at_min"] = lowest.applied_strain
-    return values
+    return values | lowest_poisson_ratio(strains, ratio)

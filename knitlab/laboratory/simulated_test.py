@@ -20,10 +20,9 @@ from knitlab.equilibrium.tensile_result import TensileTest
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.energy import Point
 from knitlab.fabric.stripe import Stripe
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
 from knitlab.simulation.case import Case
-from knitlab.simulation.simulate import relaxed_by_dynamics, starts
-from knitlab.simulation.stripe_sensitivity import adjoint_of, measured_by
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of, logarithmic, measured_by
+from knitlab.simulation.tensile_tests import relaxed_by_dynamics, starts
 
 QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")
 """Quantities measured in a test, in this order."""
@@ -76,9 +75,9 @@ def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTe
     The states of ``near``, a test with almost the same stripes, are the initial guesses for the
     same strains; without it the test starts from the flat sheet, as in a sweep.
     """
-    net, fabric = case.assemble()
+    _, fabric = case.assemble()
     if near is None:
-        (start,) = starts([case], [(net, fabric)])
+        (start,) = starts([case])
         (moved,) = relaxed_by_dynamics([case], [start], lambda name, states: None)
         search = partial(
             stretch,

@@ -43,13 +43,7 @@ def write_stripe_file(
 ) -> None:
     """Write a fitted stripe in the form of ``params/stripes.toml``.
 
-    Args:
-        path: the file.
-        knit: rib or garter.
-        stitches: across a stripe, n.
-        calibration: the fit.
-        curve: the file that it was fitted to, which is named as the source.
-        cell_size: the model option on which the tabulated period depends.
+    The file of the curve is named as the source. The tabulated period depends on ``cell_size``.
     """
     errors = ", ".join(
         f"{name} {error:.2g} {UNITS[name]}" for name, error in calibration.standard_errors.items()

@@ -24,7 +24,7 @@ def closed_nodes(
     # What knows the nodes of a fabric imports JAX.
     from knitlab.cube.case_file import configurations
     from knitlab.fabric.network import MeshShape
-    from knitlab.measure.grid_nodes import nodes_at
+    from knitlab.measure.unit_cells import nodes_at
 
     periodic = is_periodic(case_file)
     cells_y, cells_x = (case_file.sizes[dim] - (not periodic) for dim in ("node_y", "node_x"))

@@ -15,8 +15,8 @@ from knitlab.io.shipped import shipped
 from knitlab.io.strict_model import StrictModel
 from knitlab.io.suggestions import unknown
 from knitlab.io.toml import read_toml
-from knitlab.validation import comparison_checks, line_checks, sample_checks
-from knitlab.validation.finding import Finding, NotMeasured
+from knitlab.validation import comparison_checks, sample_checks
+from knitlab.validation.margin import CheckResult, NotMeasured
 
 CLAIMS = "claims.toml"
 Topic = Literal[
@@ -25,12 +25,12 @@ Topic = Literal[
 TOPICS: tuple[Topic, ...] = get_args(Topic)
 
 
-def laboratory(cube: xr.Dataset, needs: str) -> Finding:
+def laboratory(cube: xr.Dataset, needs: str) -> CheckResult:
     """A comparison with measurements that are not in the paper's text."""
     raise NotMeasured(f"needs {needs}")
 
 
-CHECKS: dict[str, Callable[..., Finding]] = {
+CHECKS: dict[str, Callable[..., CheckResult]] = {
     check.__name__: check
     for check in (
         comparison_checks.lowest_of_all,
@@ -40,9 +40,9 @@ CHECKS: dict[str, Callable[..., Finding]] = {
         comparison_checks.stripe_order,
         comparison_checks.trades_off,
         laboratory,
-        line_checks.common_slope,
-        line_checks.departs_most,
-        line_checks.linear,
+        comparison_checks.common_slope,
+        comparison_checks.departs_most,
+        comparison_checks.linear,
         sample_checks.follows,
         sample_checks.largest_at_centre,
         sample_checks.less_than,
@@ -81,13 +81,7 @@ class Statement(StrictModel):
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement of the paper and its test.
-
-    Attributes:
-        name: its name.
-        statement: the statement of the paper.
-        arguments: arguments of the test besides cubes.
-    """
+    """A statement of the paper, and the arguments of its test besides cubes."""
 
     name: str
     statement: Statement
@@ -109,11 +103,11 @@ class Claim:
         """Whether its samples may be in several cubes."""
         return "cubes" in inspect.signature(CHECKS[self.statement.test]).parameters
 
-    def finding(self, cubes: Sequence[xr.Dataset], factor: float = 1.0) -> Finding:
-        """Test the claim on cubes.
+    def check(self, cubes: Sequence[xr.Dataset], factor: float = 1.0) -> CheckResult:
+        """Check the claim on cubes at one value of every swept setting.
 
         Args:
-            cubes: cubes at one value of every swept setting; one, unless it compares cubes.
+            cubes: the cubes; one, unless it compares cubes.
             factor: factor on the arguments that were chosen for knitlab.
         """
         own = {name: factor * number for name, number in self.statement.knitlab.items()}
@@ -121,7 +115,7 @@ class Claim:
         try:
             return CHECKS[self.statement.test](where, **{**self.arguments, **own})
         except NotMeasured as error:
-            return error.finding
+            return error.result
 
 
 def read_claims(path: Path | None = None) -> list[Claim]:

@@ -1,22 +1,26 @@
-"""The samples of a cube that a claim is about, and which of them have a complete test."""
+"""The samples of a cube that a claim is about, and how like the paper's they are."""
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
 from pydantic import Field, PositiveInt
 
-from knitlab.cube.cube_file import base_dims
-from knitlab.cube.schema import DESIGN_DIMS, STRIPE_DIMS, VARIABLES, Status
+from knitlab.cube.cube_file import READING, base_dims, is_measured, model_options, source_of
+from knitlab.cube.schema import DESIGN_DIMS, SOURCE, STRIPE_DIMS, VARIABLES, Status
 from knitlab.io.strict_model import StrictModel
-from knitlab.validation.finding import Labels, NotMeasured
+from knitlab.validation.margin import CheckResult, Labels, NotMeasured
 
 Design = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]
-BOUNDARY = "periodic"
+STRIPE_BOUNDARY = "periodic"
 """Boundary of the pure stripes of claims: the paper computes them without ends."""
+PAPER_BOUNDARY = "clamped"
+"""Boundary of the paper's own samples."""
 
 
 class Checkerboards(StrictModel):
@@ -50,7 +54,7 @@ class PureStripes(StrictModel):
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples that a claim is about.
+    """Samples of a cube that a claim is about: ``wanted`` many, of which some are complete.
 
     Attributes:
         cube: the cube of the samples.
@@ -66,26 +70,24 @@ class Samples:
 
     def values(self, of: Callable[[xr.Dataset], float]) -> dict[Labels, float]:
         """A number for each complete sample, without samples for which it is not finite."""
-        found = {labels: of(one_sample(self.cube, labels)) for labels in self.complete}
-        return {labels: value for labels, value in found.items() if np.isfinite(value)}
+        values = {labels: of(one_sample(self.cube, labels)) for labels in self.complete}
+        return {labels: value for labels, value in values.items() if np.isfinite(value)}
+
+    def result(self, margin: float | None, text: str, at: Sequence[Labels]) -> CheckResult:
+        """The result of a check that was judged on some of the samples."""
+        return CheckResult(margin, text, len(at), self.wanted, self.counted, tuple(at))
 
     def too_few(self, measured: int) -> NotMeasured:
         """The exception for too few measured samples."""
-        count = f"{measured} of {self.wanted} {self.counted}"
-        none = f"none of the {self.counted}"
-        return NotMeasured(f"{count if measured else none} measured", self.wanted, self.counted)
+        count = f"{measured} of {self.wanted}" if measured else "none of the"
+        return NotMeasured(f"{count} {self.counted} measured", self.wanted, self.counted)
 
 
 def checkerboards(cube: xr.Dataset, about: Checkerboards, *variables: str) -> Samples:
-    """The checkerboards of a cube that a claim is about.
-
-    Args:
-        cube: the cube, at one value of every swept setting.
-        about: which of them.
-        variables: names of variables that the cube must have.
+    """The checkerboards that a claim is about, of a cube at one value of every swept setting.
 
     Raises:
-        NotMeasured: if the cube has no checkerboards, or lacks a variable.
+        NotMeasured: if the cube has no checkerboards, or lacks one of the variables.
     """
     statuses = _statuses(cube, DESIGN_DIMS, "checkerboards", variables)
     asked: tuple[Labels, ...] = about.designs or tuple(
@@ -105,10 +107,10 @@ def stripes(cube: xr.Dataset, about: PureStripes, *variables: str) -> Samples:
     statuses = {
         labels: status
         for labels, status in _statuses(cube, STRIPE_DIMS, "pure stripes", variables).items()
-        if labels[-1] == BOUNDARY
+        if labels[-1] == STRIPE_BOUNDARY
     }
     if not statuses:
-        raise NotMeasured(f"no {BOUNDARY} pure stripes in this cube")
+        raise NotMeasured(f"no {STRIPE_BOUNDARY} pure stripes in this cube")
     asked = [
         (knit, n, boundary)
         for (knit, n, boundary), status in statuses.items()
@@ -128,8 +130,13 @@ def _statuses(
         raise NotMeasured(f"no {kind} in this cube")
     if missing := sorted(set(variables) - set(map(str, cube.data_vars))):
         raise NotMeasured(f"no {', '.join(missing)} in this cube")
-    labels = product(*(cube[dim].values.tolist() for dim in dims))
-    return dict(zip(labels, cube["status"].values.ravel().tolist(), strict=True))
+    return by_labels(cube["status"])
+
+
+def by_labels(variable: xr.DataArray) -> dict[Labels, Any]:
+    """The values of a variable of designs, by the labels of each."""
+    labels = product(*(variable[dim].values.tolist() for dim in variable.dims))
+    return dict(zip(labels, variable.values.ravel().tolist(), strict=True))
 
 
 def one_sample(cube: xr.Dataset, labels: Labels) -> xr.Dataset:
@@ -147,3 +154,102 @@ def unit_of(variable: str) -> str:
     """The unit of a variable, to follow a number; empty for a plain number."""
     unit = VARIABLES[variable].units
     return "" if unit == "1" else f" {unit}"
+
+
+@dataclass(frozen=True)
+class JudgedSamples:
+    """Samples of a cube that a claim was judged on.
+
+    Attributes:
+        cube: path of the cube.
+        boundary: clamped or periodic; empty if the cube does not state it.
+        size: their unit cells, along weft × warp: one size, or smallest and largest.
+        options: model options, as text.
+        experiment: name of the experiment, if it is one.
+    """
+
+    cube: Path
+    boundary: str
+    size: str
+    options: str
+    experiment: str = ""
+
+    @classmethod
+    def of(cls, path: Path, cube: xr.Dataset, at: Sequence[Labels]) -> "JudgedSamples":
+        """Describe the samples ``at`` of a cube at one value of every swept setting."""
+        sizes = sorted(
+            {size for labels in at if (size := unit_cells(cube, labels)) is not None},
+            key=lambda size: (size[0] * size[1], size),
+        )
+        ends = [f"{cells_x} × {cells_y}" for cells_x, cells_y in (*sizes[:1], *sizes[-1:])]
+        boundaries = dict.fromkeys(boundary_of(cube, labels) for labels in at)
+        return cls(
+            path,
+            ", ".join(filter(None, boundaries)),
+            " to ".join(dict.fromkeys(ends)),
+            _options(cube),
+            source_of(cube) if is_measured(cube) else "",
+        )
+
+
+def preference(cube: xr.Dataset, at: Sequence[Labels]) -> tuple[bool, int, float]:
+    """Sort key for cubes by the similarity of their samples ``at`` to those of the paper.
+
+    Samples with the boundary of the paper's come first, then more of the wanted samples before
+    fewer, then larger ones, by their mean number of unit cells.
+    """
+    sizes = [unit_cells(cube, labels) or (0, 0) for labels in at]
+    mean = float(np.mean([cells_x * cells_y for cells_x, cells_y in sizes])) if sizes else 0.0
+    another = any(boundary_of(cube, labels) != PAPER_BOUNDARY for labels in at)
+    return another, -len(at), -mean
+
+
+def boundary_of(cube: xr.Dataset, labels: Labels) -> str:
+    """The boundary of one sample; an experiment's is clamped. Empty if the cube has none."""
+    if is_measured(cube):
+        return "clamped"
+    along = dict(zip(base_dims(cube), labels, strict=True))
+    if "boundary" in along:
+        return str(along["boundary"])
+    swept = cube.coords.get("boundary")
+    return str(cube.attrs.get(f"{READING}boundary", "") if swept is None else swept.item())
+
+
+def unit_cells(cube: xr.Dataset, labels: Labels) -> tuple[int, int] | None:
+    """Unit cells of one sample along (weft, warp).
+
+    They are taken from the variables ``unit_cells_x`` and ``unit_cells_y``, else counted in the
+    local strains, else taken from the parameters of the cube.
+    """
+    names = [each for each in ("unit_cells_x", "unit_cells_y", "strain_xx") if each in cube]
+    sample = one_sample(cube[["status", *names]], labels)
+    stated = [float(sample[name]) for name in ("unit_cells_x", "unit_cells_y") if name in sample]
+    if len(stated) == 2 and np.isfinite(stated).all():
+        return int(stated[0]), int(stated[1])
+    if "strain_xx" in sample:
+        strained = sample["strain_xx"].notnull().any("applied_strain")
+        if strained.any():
+            return int(strained.any("cell_y").sum()), int(strained.any("cell_x").sum())
+    cells = _parameters(cube).get("unit_cells")
+    return (int(cells[1]), int(cells[0])) if cells else None
+
+
+def _options(cube: xr.Dataset) -> str:
+    """The model options as text, with swept settings and the gap between the walls."""
+    options = model_options(cube)
+    if z_max := _parameters(cube).get("sheet", {}).get("z_max"):
+        options["z_max"] = z_max
+    options |= {
+        str(name): each.item()
+        for name, each in cube.coords.items()
+        if not each.dims and name != SOURCE and name not in base_dims(cube)
+    }
+    options.pop("boundary", None)
+    return ", ".join(
+        f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
+        for name, value in options.items()
+    )
+
+
+def _parameters(cube: xr.Dataset) -> dict[str, Any]:
+    return json.loads(cube.attrs.get("parameters", "{}"))

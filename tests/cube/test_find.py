@@ -148,7 +148,7 @@ def test_curves_can_be_reduced_in_queries():
 
 
 def test_a_figure_shows_targets_and_designs():
-    from knitlab.figures.found import found_figure
+    from knitlab.figures.found_designs import found_figure
 
     found = kl.find(cube(), targets=[CURVE, "knit_cell_x < 10"], most=3)
     curves, sizes = found_figure(found).axes

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from knitlab.cli import main
 from knitlab.figures.drawing import draw_figure
-from knitlab.figures.drawn import is_drawn
+from knitlab.figures.figure_files import is_drawn
 from knitlab.sweep.finished import finished_plan
 
 SETTINGS = ("n_stripe=4", "n_subunit=8", "strain_max=0.06", "robustness=0")

@@ -25,9 +25,8 @@ from knitlab.fabric.layout import FabricLayout, fabric_layout
 from knitlab.fabric.pattern import Grading, SingleFold, graded_pattern
 from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import StripePair
-from knitlab.measure.cell_grid import CellGrid
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
-from knitlab.simulation.stripe_sensitivity import measured_by
+from knitlab.measure.unit_cells import CellGrid
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, logarithmic, measured_by
 from tests.fabrics import CLAMPED, FINE, PERIODIC, checkerboard, equations, stripe
 
 NAMES = (

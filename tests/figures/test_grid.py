@@ -11,8 +11,7 @@ import knitlab as kl
 from knitlab.cli import main
 from knitlab.cube.schema import Status
 from knitlab.figures.drawing import draw
-from knitlab.figures.grid_axis import GridAxis
-from knitlab.figures.periods import by_periods
+from knitlab.figures.kinds.grid import GridAxis, by_periods
 from knitlab.io.errors import BadInput
 from tests.cube.artificial_cubes import STATUS, STRAINS, made_up_cube
 

@@ -9,9 +9,7 @@ from hypothesis import strategies as st
 
 from knitlab.cli import main
 from knitlab.figures.kinds.capacitors import capacitors_figure
-from knitlab.figures.kinds.sensor import sensor_map
-from knitlab.figures.kinds.wedge import wedge_figure
-from knitlab.figures.trade_off import pareto_front, values_of_designs
+from knitlab.figures.kinds.sensor import PAPER, pareto_front, sensor_map, values_of_designs
 from knitlab.io.errors import BadInput
 from tests.cube.artificial_cubes import made_up_cube
 from tests.figures.test_drawing import values_written
@@ -45,7 +43,7 @@ def with_electrodes() -> xr.Dataset:
 
 
 def test_the_front_is_of_designs_that_are_ok():
-    figures = values_of_designs(with_electrodes(), "sensitivity", "working_range")
+    figures = values_of_designs([with_electrodes()], PAPER)
     assert set(figures) == {(2, 16), (4, 16), (4, 32)}
     assert pareto_front(figures) == [(4, 16), (2, 16)]
 
@@ -80,13 +78,6 @@ def test_the_papers_checkerboards_are_drawn_with_their_slopes():
     names = [line.get_label() for line in curves.lines if line.get_label().startswith("(")]
     assert names == ["(4, 16)", "(4, 32)"]
     assert [patch.get_height() for patch in slopes.patches] == [2.0, 1.0]
-
-
-def test_the_wedge_integral_is_compared_state_by_state():
-    (axes,) = wedge_figure([with_electrodes()]).axes
-    points = [line.get_ydata() for line in axes.lines if len(line.get_xdata()) > 2]
-    assert len(points) == 3
-    np.testing.assert_allclose(np.concatenate(points), 0.1)
 
 
 @pytest.mark.parametrize("draw", [sensor_map, lambda cube: capacitors_figure([cube])])

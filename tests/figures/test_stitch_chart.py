@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from knitlab.figures.specification_sheet import A4, specification_sheet
 from knitlab.figures.stitch_chart import (
+    A4,
     BACK,
     ELECTRODES,
     FRONT,
     drawn_part,
+    specification_sheet,
     stitch_chart_figure,
     title_of,
 )

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from knitlab.inverse.request import checked_request
 from knitlab.inverse.search_space import search_space
 from knitlab.io.errors import BadInput
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 
 VARY = {
     "n_stripe": [4, 8],

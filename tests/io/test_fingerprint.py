@@ -21,7 +21,6 @@ COMPUTES_NOTHING = {
     "cube/case_file.py": "how files are written",
     "cube/schema.py": "names and units",
     "measure/knit_size.py": "sizes of the cube only, recomputed for every cube",
-    "simulation/reporting.py": "progress",
     "io/errors.py": "messages",
     "io/atomic_write.py": "how files are written",
     "io/fingerprint.py": "this fingerprint",

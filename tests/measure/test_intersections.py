@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.network import MeshShape, mesh_shape
-from knitlab.measure.grid_nodes import nodes_at
 from knitlab.measure.intersections import self_intersections
+from knitlab.measure.unit_cells import nodes_at
 from tests.fabrics import patch_map
 
 TRIANGLES = [[0, 1, 2], [2, 3, 0]]

@@ -8,8 +8,8 @@ import pytest
 import knitlab as kl
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.network import MeshShape
-from knitlab.measure.grid_nodes import nodes_at
 from knitlab.measure.intersections import self_intersections
+from knitlab.measure.unit_cells import nodes_at
 from knitlab.simulation.case import case_of
 
 PERIODIC = kl.Design(n_stripe=4, n_subunit=16, boundary="periodic")

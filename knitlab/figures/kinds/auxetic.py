@@ -6,27 +6,15 @@ import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
 
-from knitlab.figures.cells import (
-    DESIGN_NOTE,
-    EMPTY,
-    PERIODS_LABEL,
-    CellStyle,
-    draw_cells,
-    marks_legend,
-    measured_note,
-    remove_frame,
-    row_count,
-    text_note,
-    values_of,
-)
+from knitlab.figures.cells import EMPTY, PERIODS_LABEL, draw_map, marks_legend, row_count
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import TWO_COLUMNS, number
-from knitlab.figures.value_colours import ValueColours
 from knitlab.io.errors import fault
 
 LARGE_SPREAD = 0.05
 """Spread of Poisson's ratio over the siblings of a design above which the map states it."""
 SPREAD_NOTE = "spread: difference in ν between slightly different fabrics, docs/how-to/spread.md"
+NO_RATIO = "no ratio: not stretched, or a single clamped cell"
 
 
 def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
@@ -42,41 +30,32 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
     """
     if not any("poisson_ratio_min" in cube for cube in cubes):
         raise fault("auxetic", "shows Poisson's ratio, and there is none; import markers")
-    strain = _only_strain(cubes)
-    name = "poisson_ratio_min" if strain is None else "poisson_ratio"
-    if strain is not None:
+    strains = np.unique(np.concatenate([cube["applied_strain"].values for cube in cubes]))
+    lowest = len(strains) > 1 or strains[0] == 0
+    if not lowest:
         cubes = [cube.isel(applied_strain=0) for cube in cubes]
-    colours = ValueColours.of(values_of(cubes, name), signed=True)
 
     def text(value: float, design: xr.Dataset) -> str:
         shown = number(value)
-        if strain is None:
+        if lowest:
             shown += f"\nat {float(design['applied_strain_at_min']):.0%}"
         spread = _spread(design)
         return f"{shown}\nspread {spread:.2f}" if spread > LARGE_SPREAD else shown
 
-    rows = row_count(cubes)
-    figure = Figure(figsize=(TWO_COLUMNS, max(2.4, 1.2 + 0.5 * rows)), layout="constrained")
+    height = max(2.4, 1.2 + 0.5 * row_count(cubes))
+    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
     axes = figure.add_subplot()
-    marked, gaps = draw_cells(axes, cubes, CellStyle(name, colours, text))
+    name = "poisson_ratio_min" if lowest else "poisson_ratio"
+    label = "lowest Poisson's ratio ν" if lowest else f"Poisson's ratio ν at {strains[0]:.0%}"
+    label += "\n(negative: auxetic)"
+    marked, gaps = draw_map(figure, axes, cubes, name, label, text, signed=True)
     axes.set_xlabel(PERIODS_LABEL)
-    remove_frame(axes)
-    what = "lowest Poisson's ratio ν" if strain is None else f"Poisson's ratio ν at {strain:.0%}"
-    colours.bar(figure, axes, pad=0.01, label=f"{what}\n(negative: auxetic)")
-    said = "lowest ν, and the applied strain there" if strain is None else "ν"
-    notes = [*measured_note(cubes), text_note(f"{DESIGN_NOTE}, {said}")]
-    if gaps:
-        notes.append(text_note(EMPTY))
+    said = "lowest ν, and the applied strain there" if lowest else "ν"
+    notes = [f"in each cell: (n_stripe, n_subunit), {said}", *([EMPTY] if gaps else [])]
     if any(_spread(cube) > LARGE_SPREAD for cube in cubes):
-        notes.append(text_note(SPREAD_NOTE))
-    marks_legend(figure, marked, notes=notes)
+        notes.append(SPREAD_NOTE)
+    marks_legend(figure, marked, NO_RATIO, notes, cubes)
     return figure
-
-
-def _only_strain(cubes: Sequence[xr.Dataset]) -> float | None:
-    """The one applied strain that all cubes hold, if they hold no more."""
-    strains = np.unique(np.concatenate([cube["applied_strain"].values for cube in cubes]))
-    return float(strains[0]) if len(strains) == 1 and strains[0] > 0 else None
 
 
 def _spread(cube: xr.Dataset) -> float:

@@ -9,8 +9,9 @@ from matplotlib.patches import Patch
 
 from knitlab.cube.schema import STRIPE_DIMS
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.kinds.stripes import SHEETS, coloured_stripes, stripe_panels
+from knitlab.figures.kinds.stripes import coloured_stripes, stripe_panels
 
+LINES = {"periodic": "-", "clamped": "--"}
 SHADE = "0.93"
 SHOWN = (-7, 30)
 """Range of departures that is drawn [%]."""
@@ -25,33 +26,32 @@ def stripe_departure(cube: xr.Dataset) -> Figure:
     applied strain every sheet stays within 5 %.
     """
     figure, panels = stripe_panels(cube)
-    boundaries = list(map(str, cube["boundary"].values))
+    lines = {boundary: LINES[boundary] for boundary in cube["boundary"].values}
     for axes, knit in zip(panels, cube["knit"].values, strict=True):
         axes.axhspan(-100 * AGREEMENT, 100 * AGREEMENT, color=SHADE, lw=0)
         axes.axhline(0, color="0.7", lw=0.6)
-        for colour, stripe in coloured_stripes(cube, str(knit)):
+        for colour, stripe in coloured_stripes(cube, knit):
             departure = (stripe["row_force"] / stripe["zigzag_force"] - 1)[:, 1:]
-            for boundary in boundaries:
-                line = 100 * departure.sel(boundary=boundary)
-                axes.plot(line["applied_strain"], line, ls=SHEETS[boundary]["ls"], color=colour)
-            agreed = _agreed_strain(departure)
-            axes.plot([], [], color=colour, label=f"{int(stripe['n'])}: {agreed:.0%}")
+            for boundary, line in lines.items():
+                curve = 100 * departure.sel(boundary=boundary)
+                axes.plot(curve["applied_strain"], curve, ls=line, color=colour)
+            label = f"{int(stripe['n'])}: {_agreed_strain(departure):.0%}"
+            axes.plot([], [], color=colour, label=label)
         axes.set(ylabel="force beyond the zigzag's [%]", ylim=SHOWN)
         # The curves fill the panel.
         axes.legend(
             title=f"stripe $n$,\nwithin {AGREEMENT:.0%}\nto a strain of",
             loc="center left",
             bbox_to_anchor=(1.0, 0.5),
-            frameon=False,
             handlelength=1.5,
             title_fontsize="small",
         )
     handles: list[Artist] = [
-        Line2D([], [], color="0.3", ls=SHEETS[boundary]["ls"], label=SHEETS[boundary]["label"])
-        for boundary in boundaries
+        Line2D([], [], color="0.3", ls=line, label=f"3D sheet, {boundary}")
+        for boundary, line in lines.items()
     ]
     handles.append(Patch(color=SHADE, label=f"within {AGREEMENT:.0%}"))
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), frameon=False)
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     return figure
 
 

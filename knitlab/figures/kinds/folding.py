@@ -5,17 +5,12 @@ from matplotlib.animation import FuncAnimation
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
+from knitlab.figures.figure_files import FRAMES_PER_SECOND
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.perspective import (
-    design_text,
-    draw_sheet,
-    frame_sheet,
-    snapshot_nodes,
-    time_text,
-)
+from knitlab.figures.kinds.relaxation import snapshot_nodes
+from knitlab.figures.sheets import design_text, draw_sheet, frame_sheet
 from knitlab.figures.style import ONE_COLUMN
 
-FRAMES_PER_SECOND = 15
 LAST_FRAME_HELD = 20
 """Frames for which the film rests on the relaxed shape."""
 
@@ -31,15 +26,14 @@ def folding_animation(case: xr.Dataset) -> FuncAnimation:
     nodes = snapshot_nodes(case)
     figure = Figure(figsize=(ONE_COLUMN * 1.3, ONE_COLUMN), dpi=120)
     scene = figure.add_axes((0, 0, 1, 0.92), projection="3d")
-    last = len(nodes) - 1
 
     def frame(number: int) -> list[Artist]:
-        place = min(number, last)
+        snapshot = min(number, len(nodes) - 1)
         scene.clear()
-        draw_sheet(scene, nodes[place])
+        draw_sheet(scene, nodes[snapshot])
         frame_sheet(scene, nodes)
-        when = time_text(float(case["snapshot"][place]))
-        figure.suptitle(f"{design_text(case)}, {when}", fontsize=8)
+        time = float(case["snapshot"][snapshot])
+        figure.suptitle(f"{design_text(case)}, {time:.2g} ms", fontsize=8)
         return []
 
     frames = len(nodes) + LAST_FRAME_HELD

@@ -1,28 +1,28 @@
 """A grid: any variable of a cube over any two of its dimensions."""
 
+from dataclasses import dataclass
 from textwrap import fill
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from knitlab.cube.cube_file import design_dims
+from knitlab.cube.cube_file import base_dims, design_dims
 from knitlab.cube.reduced_columns import with_reduction
-from knitlab.cube.schema import COORDINATES, FLAGS, Status
+from knitlab.cube.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, Status
 from knitlab.cube.selection import choices
-from knitlab.figures.cells import EMPTY, MARKS, PERIODS_LABEL, ink_on, marks_legend, text_note
+from knitlab.figures.cells import EMPTY, MARKS, PERIODS_LABEL, marks_legend, written
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.grid_axis import GridAxis
-from knitlab.figures.periods import PERIODS, by_periods, has_periods
-from knitlab.figures.style import TWO_COLUMNS, number
-from knitlab.figures.value_colours import ValueColours
+from knitlab.figures.style import TWO_COLUMNS, ValueColours, number
 from knitlab.io.errors import fault
 from knitlab.io.suggestions import unknown
 
+PERIODS = "periods"
 MOST_COLUMNS, MOST_ROWS = 16, 24
 """Largest numbers of columns and rows whose cells still have room for a number."""
 ROW, MARGIN = 0.3, 1.3
@@ -31,6 +31,10 @@ LOWEST, HIGHEST = 2.4, 6.5
 """Limits of the height of the figure [in]."""
 LETTERS = 26
 """Letters on a line of an upright label."""
+MOST_NAMED = 16
+"""Largest number of values of an axis that have a tick each."""
+STEADY = 1e-6
+"""Relative difference of steps, or of ratios, that counts as none."""
 NO_VALUE = "no value there"
 
 
@@ -61,43 +65,65 @@ def value_grid(
         raise fault("of", unknown(of, map(str, cube.data_vars), "variable"))
     if of in FLAGS or cube[of].dtype.kind not in "iuf":
         raise fault("of", f"{of} is not a number; choose a variable with a unit")
-    if PERIODS in (x, y) or (x is y is None and has_periods(cube) and _varies_by_design(cube, of)):
-        if not has_periods(cube):
+    has_periods = base_dims(cube) == DESIGN_DIMS
+    # Along n_subunit most places would be empty where both numbers of a design vary.
+    both = has_periods and all(cube.sizes[n] > 1 and n in cube[of].dims for n in DESIGN_DIMS)
+    if PERIODS in (x, y) or (x is y is None and both):
+        if not has_periods:
             raise fault("x" if x == PERIODS else "y", "pure stripes have no P; choose n")
-        units = cube[of].attrs
+        attributes = cube[of].attrs
         cube = by_periods(cube if of != PERIODS else cube.rename({PERIODS: "P"}))
         of = "P" if of == PERIODS else of
-        cube[of].attrs |= units
+        cube[of].attrs |= attributes
     x, y = _axes(cube[of], x, y)
     values, status, fixed = _plane(cube, x, y, of)
     used = status != Status.excluded
-    kept = {dim: used.any(other).values for dim, other in ((x, y), (y, x))}
     if not used.any():
         raise fault("grid", "no design of this selection was planned; choose others")
+    kept = {dim: used.any(other).values for dim, other in ((x, y), (y, x))}
     values, status = values.isel(kept), status.isel(kept)
     across, up = (GridAxis.of(values[dim].values) for dim in (x, y))
-    figure, axes = _figure(len(up.centres))
+    height = min(max(LOWEST, MARGIN + ROW * len(up.centres)), HIGHEST)
+    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
+    axes = figure.add_subplot()
     colours = ValueColours.of(values.values)
-    marked, gaps = _draw(axes, values, status, across, up, colours)
-    axes.set(**across.settings("x"), **up.settings("y"))
+    marked = _draw(axes, values, status, across, up, colours)
     axes.set(xlabel=_axis_label(cube, x), ylabel=_upright(_axis_label(cube, y)))
-    for axis, of_axis in ((across, axes.xaxis), (up, axes.yaxis)):
-        if axis.whole and not axis.named:
-            of_axis.set_major_locator(MaxNLocator(integer=True))
+    across.apply(axes, "x")
+    up.apply(axes, "y")
     axes.minorticks_off()
     axes.tick_params(length=0 if across.named and up.named else 2)
     axes.spines[:].set_visible(False)
     unit = values.attrs.get("units", "1")
-    label = f"{values.attrs.get('long_name', of)} [{unit}]"
-    colours.bar(figure, axes, pad=0.01, label=_upright(label))
-    marks_legend(figure, marked, NO_VALUE, [text_note(EMPTY)] if gaps else [])
+    label = _upright(f"{values.attrs.get('long_name', of)} [{unit}]")
+    colours.bar(figure, axes, pad=0.01, label=label)
+    notes = [EMPTY] if Status.excluded in marked else []
+    marks_legend(figure, marked - {Status.excluded}, NO_VALUE, notes)
     figure.suptitle(", ".join([of, *fixed]), fontsize="small")
     return figure
 
 
-def _varies_by_design(cube: xr.Dataset, of: str) -> bool:
-    """Whether both numbers of a design vary, so that n_subunit would leave most places empty."""
-    return all(cube.sizes[dim] > 1 and dim in cube[of].dims for dim in ("n_stripe", "n_subunit"))
+def by_periods(cube: xr.Dataset) -> xr.Dataset:
+    """A cube of checkerboards with the dimension ``periods`` in place of ``n_subunit``.
+
+    P = n_subunit / (2 n_stripe), so that every n_stripe has designs at the same few P.
+    """
+    cube = cube.drop_vars(PERIODS, errors="ignore")
+    planned = cube["status"] != Status.excluded
+    planned = planned.any([dim for dim in planned.dims if dim not in DESIGN_DIMS])
+    # P of what no n_stripe has as a design would be an empty column.
+    families = []
+    for n_stripe in cube["n_stripe"].values:
+        family = cube.sel(n_stripe=[n_stripe], n_subunit=planned.sel(n_stripe=n_stripe).values)
+        periods = family["n_subunit"].values / (2 * n_stripe)
+        family = family.assign_coords({PERIODS: ("n_subunit", periods)})
+        families.append(family.swap_dims(n_subunit=PERIODS))
+    wanted = np.unique(np.concatenate([family[PERIODS].values for family in families]))
+    missing: dict[str, object] = {str(name): np.nan for name in cube.data_vars}
+    missing |= {"status": Status.excluded, "case_id": "", "code": ""}
+    missing = {name: value for name, value in missing.items() if name in cube}
+    families = [family.reindex({PERIODS: wanted}, fill_value=missing) for family in families]
+    return xr.concat(families, "n_stripe", coords="different", compat="equals")
 
 
 def _axes(variable: xr.DataArray, x: str | None, y: str | None) -> tuple[str, str]:
@@ -111,12 +137,10 @@ def _axes(variable: xr.DataArray, x: str | None, y: str | None) -> tuple[str, st
         if dim is not None and dim not in dims:
             raise fault(option, unknown(dim, dims, f"dimension of {variable.name}"))
     free = [dim for dim in dims if variable.sizes[dim] > 1 and dim not in (x, y)]
-    if x is None and y is None:
+    if len(free) == (x is None) + (y is None):
         # n_stripe, the first, goes up.
-        x, y = (free[1], free[0]) if len(free) == 2 else (None, None)
-    elif x is None or y is None:
-        other = free[0] if len(free) == 1 else None
-        x, y = x or other, y or other
+        y = free.pop(0) if y is None else y
+        x = free.pop(0) if x is None else x
     if x is None or y is None:
         among = ", ".join(free or dims)
         problem = f"{variable.name} varies along {among}; give x and y, and select one value of"
@@ -136,17 +160,77 @@ def _plane(
     """
     others = [str(dim) for dim in cube[of].dims if dim not in (x, y)]
     if several := [dim for dim in others if cube.sizes[dim] > 1]:
-        unlabelled = [dim for dim in several if dim not in cube.coords]
-        if unlabelled:
+        if unlabelled := [dim for dim in several if dim not in cube.coords]:
             raise fault(of, f"has several values along {', '.join(unlabelled)}; make these x and y")
         raise fault("grid", f"shows two dimensions; select {choices(cube, several)}")
-    status = cube["status"]
+    plane = cube[of].isel(dict.fromkeys(others, 0)).transpose(y, x)
     # A grid that shows no dimension of the designs shows one of them.
-    plane = cube[[of]].isel(dict.fromkeys(others, 0))[of].transpose(y, x)
     flat = [dim for dim in design_dims(cube) if dim not in (x, y)]
-    status = status.isel(dict.fromkeys(flat, 0)).broadcast_like(plane).transpose(y, x)
+    status = cube["status"].isel(dict.fromkeys(flat, 0)).broadcast_like(plane).transpose(y, x)
     fixed = [f"{dim} = {_text(cube[dim].values[0])}" for dim in others if dim in cube.coords]
     return plane, status, fixed
+
+
+@dataclass(frozen=True)
+class GridAxis:
+    """The axis of a grid of cells.
+
+    Attributes:
+        edges: edges of the cells.
+        centres: centres of the cells.
+        labels: text of every value.
+        scale: ``linear`` or ``log``.
+        whole: whether ticks are whole numbers, if not every value has one.
+    """
+
+    edges: Float[np.ndarray, " edge"]
+    centres: Float[np.ndarray, " cell"]
+    labels: list[str]
+    scale: str = "linear"
+    whole: bool = False
+
+    @classmethod
+    def of(cls, values: np.ndarray) -> "GridAxis":
+        """The axis of the values of a dimension; numbers are in ascending order.
+
+        Numbers at even steps have a linear scale, those at a constant ratio a logarithmic one.
+        Text, and a few numbers at any distances, are categories: cells of one width.
+        """
+        labels = [_text(value, "g") for value in values]
+        whole = values.dtype.kind in "iu"
+        if values.dtype.kind in "iuf" and len(values) > 2:
+            numbers = values.astype(float)
+            if _is_even(numbers):
+                return cls(_edges(numbers), numbers, labels, whole=whole)
+            if (numbers > 0).all() and _is_even(np.log(numbers)):
+                return cls(np.exp(_edges(np.log(numbers))), numbers, labels, "log")
+            if len(values) > MOST_NAMED:
+                return cls(_edges(numbers), numbers, labels)
+        return cls(np.arange(len(labels) + 1) - 0.5, np.arange(len(labels), dtype=float), labels)
+
+    @property
+    def named(self) -> bool:
+        """Whether every value has a tick."""
+        return len(self.labels) <= MOST_NAMED
+
+    def apply(self, axes: Axes, name: str) -> None:
+        """Set scale, limits and ticks of the axis ``x`` or ``y``."""
+        axes.set(**{f"{name}scale": self.scale, f"{name}lim": (self.edges[0], self.edges[-1])})
+        if self.named:
+            axes.set(**{f"{name}ticks": self.centres, f"{name}ticklabels": self.labels})
+        elif self.whole:
+            getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(integer=True))
+
+
+def _is_even(numbers: np.ndarray) -> bool:
+    steps = np.diff(numbers)
+    return bool(np.ptp(steps) <= STEADY * np.abs(steps).max())
+
+
+def _edges(centres: np.ndarray) -> np.ndarray:
+    """Edges halfway between centres."""
+    middles = (centres[:-1] + centres[1:]) / 2
+    return np.concatenate([[2 * centres[0] - middles[0]], middles, [2 * centres[-1] - middles[-1]]])
 
 
 def _draw(
@@ -156,38 +240,29 @@ def _draw(
     across: GridAxis,
     up: GridAxis,
     colours: ValueColours,
-) -> tuple[set[Status], bool]:
-    """Draw the cells, and return the statuses marked and whether there are empty places."""
-    written = len(across.centres) <= MOST_COLUMNS and len(up.centres) <= MOST_ROWS
+) -> set[Status]:
+    """Draw the cells, and return the statuses of those without a value."""
+    large = len(across.centres) <= MOST_COLUMNS and len(up.centres) <= MOST_ROWS
     marked: set[Status] = set()
-    gaps = False
-    line = 1.0 if written else 0.2
     for row, column in np.ndindex(values.shape):
         code, value = Status(int(status[row, column])), float(values[row, column])
+        valid = code in RUN and np.isfinite(value)
+        if not valid:
+            marked.add(code)
         if code is Status.excluded:
-            gaps = True
             continue
         left, right = across.edges[column : column + 2].tolist()
         low, high = up.edges[row : row + 2].tolist()
-        place = Rectangle((left, low), right - left, high - low, lw=line)
-        axes.add_patch(place)
-        if code in (Status.ok, Status.not_converged) and np.isfinite(value):
+        look: dict[str, Any] = MARKS[code]
+        if valid:
             colour = colours(value)
-            place.set(facecolor=colour, edgecolor="white" if written else colour)
-            if written:
-                middle = float(across.centres[column]), float(up.centres[row])
-                look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6}
-                axes.text(*middle, _text(value), color=ink_on(colour), **look)
-        else:
-            marked.add(code)
-            place.set(**MARKS[code])
-    return marked, gaps
-
-
-def _figure(rows: int) -> tuple[Figure, Axes]:
-    height = min(max(LOWEST, MARGIN + ROW * rows), HIGHEST)
-    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
-    return figure, figure.add_subplot()
+            look = {"facecolor": colour, "edgecolor": "white" if large else colour}
+        cell = Rectangle((left, low), right - left, high - low, lw=1.0 if large else 0.2, **look)
+        axes.add_patch(cell)
+        if valid and large:
+            middle = float(across.centres[column]), float(up.centres[row])
+            written(axes, middle, _text(value), colour, fontsize=6)
+    return marked
 
 
 def _upright(label: str) -> str:
@@ -207,8 +282,8 @@ def _axis_label(cube: xr.Dataset, dim: str) -> str:
     return f"{dim} [{unit}]" if cube[dim].dtype.kind in "iuf" else dim
 
 
-def _text(value: float | str) -> str:
-    return value if isinstance(value, str) else number(float(value), ".3g")
+def _text(value: Any, form: str = ".3g") -> str:
+    return value if isinstance(value, str) else number(float(value), form)
 
 
 FIGURE = FigureKind(

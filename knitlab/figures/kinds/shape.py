@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.plan_view import draw_faces, faces_of
+from knitlab.figures.sheets import design_text, draw_faces, faces_of, state_text
 from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS
 from knitlab.meshes.sheet import closed_nodes, is_periodic
 
@@ -41,46 +41,34 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     from knitlab.fabric.pattern import recorded_pattern
 
     parameters = json.loads(case.attrs["parameters"])
-    nodes = whole_sheet(case)
-    periodic = parameters["reading"]["boundary"] == "periodic"
-    along_y, along_x = parameters["unit_cells"]
+    periodic = is_periodic(case)
     repeats = PERIODIC_REPEATS if periodic else 1
+    nodes = closed_nodes(case.isel(applied_strain=[0]), (repeats, repeats))[0]
+    along_y, along_x = parameters["unit_cells"]
     repeat = len(parameters["pattern"]), len(parameters["pattern"][0])
     sample = recorded_pattern(parameters, (repeats * along_y, repeats * along_x))
 
     faces = faces_of(nodes)
     heights = faces[:, :, 2].mean(axis=1)
     norm = mpl.colors.Normalize(heights.min(), heights.max())
-    colours = mpl.colormaps[SEQUENCE_COLOURS](norm(heights))
     extent = np.ptp(nodes[..., :2], axis=(0, 1))
     height = ONE_COLUMN * min(1.6, 0.8 * extent[1] / extent[0]) + 0.7
     figure = Figure(figsize=(ONE_COLUMN * 1.2, height), layout="constrained")
     axes = figure.add_subplot()
-    draw_faces(axes, faces, colours)
+    draw_faces(axes, faces, mpl.colormaps[SEQUENCE_COLOURS](norm(heights)))
     borders = (*nodes[sample.row_borders], *nodes[:, sample.column_borders].swapaxes(0, 1))
-    axes.add_collection(
-        LineCollection([line[:, :2] for line in borders], colors="white", lw=BORDER)
-    )
+    lines = LineCollection([line[:, :2] for line in borders], colors="white", lw=BORDER)
+    axes.add_collection(lines)
     _name_patches(axes, nodes, sample, repeat)
-    design = f"n_stripe = {int(case['n_stripe'])}, n_subunit = {int(case['n_subunit'])}"
-    strain = float(case["applied_strain"][0])
-    state = f"pulled {strain:.0%}" if strain else "relaxed"
     notes = ["white lines: patch borders", *([LETTERS] if max(repeat) > MOST_NAMES else [])]
     crossing = int(case["self_intersections"][0]) if "self_intersections" in case else 0
     if crossing:
         notes.insert(0, f"passes through itself: {crossing} pairs of cells")
-    title = [design, f"{'periodic, ' if periodic else ''}{state}", "; ".join(notes)]
-    axes.set_title("\n".join(title), fontsize=7)
-    figure.colorbar(
-        mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS), ax=axes, label="height z [mm]", shrink=0.8
-    )
+    state = ("periodic, " if periodic else "") + state_text(float(case["applied_strain"][0]))
+    axes.set_title("\n".join([design_text(case), state, "; ".join(notes)]), fontsize=7)
+    colours = mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS)
+    figure.colorbar(colours, ax=axes, label="height z [mm]", shrink=0.8)
     return figure
-
-
-def whole_sheet(case: xr.Dataset) -> np.ndarray:
-    """Nodes (y, x, component) at the first strain; periodic fabric is repeated and closed."""
-    repeats = PERIODIC_REPEATS if is_periodic(case) else 1
-    return closed_nodes(case.isel(applied_strain=[0]), (repeats, repeats))[0]
 
 
 def _name_patches(
@@ -89,21 +77,21 @@ def _name_patches(
     """Write the knit on the patches of the repeat of the pattern nearest the middle."""
     from knitlab.fabric.pattern import KNIT_OF_LETTER
 
-    first = [
+    large = max(repeat) <= MOST_NAMES
+    first_row, first_column = (
         size * ((whole // size - 1) // 2)
         for size, whole in zip(repeat, sample.knit.shape, strict=True)
-    ]
-    rows, columns = sample.row_borders, sample.column_borders
-    large = max(repeat) <= MOST_NAMES
-    for patch_y, patch_x in np.ndindex(repeat):
-        row, column = first[0] + patch_y, first[1] + patch_x
+    )
+    rows, columns = (
+        (borders[:-1] + borders[1:]) // 2 for borders in (sample.row_borders, sample.column_borders)
+    )
+    for y, x in np.ndindex(repeat):
+        row, column = first_row + y, first_column + x
         letter = str(sample.knit[row, column])
-        x, y, _ = nodes[
-            (rows[row] + rows[row + 1]) // 2, (columns[column] + columns[column + 1]) // 2
-        ]
+        across, along = nodes[rows[row], columns[column], :2]
         axes.text(
-            x,
-            y,
+            across,
+            along,
             KNIT_OF_LETTER[letter] if large else letter,
             ha="center",
             va="center",

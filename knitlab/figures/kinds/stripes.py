@@ -3,21 +3,20 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import matplotlib as mpl
-import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from knitlab.cube.schema import STRIPE_DIMS, Status
+from knitlab.cube.schema import RUN, STRIPE_DIMS
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.style import SEQUENCE_COLOURS, TWO_COLUMNS
+from knitlab.figures.style import TWO_COLUMNS, shades
 
 SHEETS: dict[str, dict[str, Any]] = {
-    "periodic": {"label": "3D sheet, periodic", "marker": "o", "ms": 2.5, "ls": "-"},
-    "clamped": {"label": "3D sheet, clamped", "marker": "s", "ms": 5, "ls": "--"},
+    "periodic": {"marker": "o", "ms": 2.5, "fillstyle": "full", "ls": ""},
+    "clamped": {"marker": "s", "ms": 5, "fillstyle": "none", "ls": ""},
 }
+"""Marks of the sheets, by their boundary."""
 EVERY = 4
 """Strain steps between the points of a sheet, so that the lines stay visible."""
 
@@ -25,27 +24,24 @@ EVERY = 4
 def stripe_tension(cube: xr.Dataset) -> Figure:
     """Tension curves of pure stripes: zigzag as lines, sheet as points (paper, Fig. 1D, E)."""
     figure, panels = stripe_panels(cube)
-    boundaries = list(map(str, cube["boundary"].values))
+    sheets = {boundary: SHEETS[boundary] for boundary in cube["boundary"].values}
     for axes, knit in zip(panels, cube["knit"].values, strict=True):
-        for colour, stripe in coloured_stripes(cube, str(knit)):
+        for colour, stripe in coloured_stripes(cube, knit):
             zigzag = stripe["zigzag_force"].max("boundary")
             axes.plot(cube["applied_strain"], zigzag, color=colour, label=str(int(stripe["n"])))
-            for boundary in boundaries:
+            for boundary, look in sheets.items():
                 points = stripe["row_force"].sel(boundary=boundary)[::EVERY]
-                filling = colour if boundary == "periodic" else "none"
-                marker = SHEETS[boundary]["marker"]
-                size = SHEETS[boundary]["ms"]
-                axes.plot(
-                    points["applied_strain"], points, marker, ms=size, mfc=filling, color=colour
-                )
+                axes.plot(points["applied_strain"], points, color=colour, **look)
         axes.set(ylabel="force for one row [N]", ylim=(0, None))
-        axes.legend(title="stripe $n$", loc="upper left", frameon=False)
-    handles = [Line2D([], [], color="0.3", label="2D zigzag")]
-    for boundary in boundaries:
-        filling = "0.3" if boundary == "periodic" else "none"
-        style = SHEETS[boundary] | {"ls": ""}
-        handles.append(Line2D([], [], color="0.3", mfc=filling, **style))
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), frameon=False)
+        axes.legend(title="stripe $n$", loc="upper left")
+    handles = [
+        Line2D([], [], color="0.3", label="2D zigzag"),
+        *(
+            Line2D([], [], color="0.3", label=f"3D sheet, {boundary}", **look)
+            for boundary, look in sheets.items()
+        ),
+    ]
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     return figure
 
 
@@ -62,10 +58,8 @@ def stripe_panels(cube: xr.Dataset) -> tuple[Figure, Sequence[Axes]]:
 def coloured_stripes(cube: xr.Dataset, knit: str) -> Iterator[tuple[Any, xr.Dataset]]:
     """The stripes of a knit that have results, each with a colour."""
     family = cube.sel(knit=knit).transpose("n", "boundary", ...)
-    run = family["status"].isin([Status.ok, Status.not_converged]).values.any(axis=1)
-    sizes = family["n"].values[run]
-    shades = mpl.colormaps[SEQUENCE_COLOURS](np.linspace(0, 0.8, max(len(sizes), 1)))
-    for n, colour in zip(sizes, shades, strict=False):
+    family = family.isel(n=family["status"].isin(RUN).any("boundary").values)
+    for n, colour in zip(family["n"].values, shades(family.sizes["n"]), strict=True):
         yield colour, family.sel(n=n)
 
 

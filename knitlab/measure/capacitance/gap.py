@@ -1,9 +1,14 @@
-"""Gaps: distances between surfaces of panels, and whether they pass through each other."""
+"""Gaps: distances between electrodes of panels, and whether these pass through each other."""
+
+import itertools
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
+from knitlab.measure.intersections import TOUCHING, pass_through
+
+Panels = Float[np.ndarray, "_ 4 3"]
 Triangles = Float[np.ndarray, "_ 3 3"]
 Points = Float[np.ndarray, "... 3"]
 
@@ -14,7 +19,7 @@ FLAT = 1e-12
 
 
 def gap_between(
-    panels: Float[np.ndarray, "panel 4 3"],
+    panels: Panels,
     electrode: Int[np.ndarray, " panel"],
     reach: float,
     period: Float[np.ndarray, "3"] | None = None,
@@ -27,49 +32,43 @@ def gap_between(
         reach: largest distance that is searched; the result is not larger [mm].
         period: of periodic electrodes, from one image to the next [mm].
     """
-    triangles = panels[:, HALVES].reshape(-1, 3, 3)
-    owner = np.repeat(electrode, len(HALVES))
-    others = _with_images(triangles[owner == 1], period)
-    one, other = _near(triangles[owner == 0], others, reach)
-    if not len(one):
-        return reach
-    if passes_through(one, other).any():
+    others = _with_images(panels[electrode == 1], period)
+    one, other = _near(panels[electrode == 0], others, reach)
+    if _through(one, other).any():
         return 0.0
-    return min(reach, float(triangle_distance(one, other).min()))
+    return min(
+        float(triangle_distance(one[:, half], other[:, half_of_other]).min(initial=reach))
+        for half, half_of_other in itertools.product(HALVES, HALVES)
+    )
 
 
-def crosses_itself(
-    panels: Float[np.ndarray, "panel 4 3"], period: Float[np.ndarray, "3"] | None = None
-) -> bool:
-    """Whether panels of a surface that are not neighbours pass through each other.
-
-    Args:
-        panels: corners of the panels; neighbours have a corner in common.
-        period: of a periodic surface, from one image to the next [mm].
-    """
-    triangles = panels[:, HALVES].reshape(-1, 3, 3)
-    one, other = _near(triangles, _with_images(triangles, period), 0.0)
-    size = np.ptp(triangles, axis=1).max()
-    corners = np.linalg.norm(one[:, :, None] - other[:, None], axis=-1)
-    disjoint = corners.min(axis=(1, 2)) > 1e-9 * size
-    return bool(passes_through(one[disjoint], other[disjoint]).any())
+def crosses_itself(panels: Panels, period: Float[np.ndarray, "3"] | None = None) -> bool:
+    """Whether panels of a surface, which may be periodic, pass through each other."""
+    return bool(_through(*_near(panels, _with_images(panels, period), 0.0)).any())
 
 
-def _with_images(triangles: Triangles, period: Float[np.ndarray, "3"] | None) -> Triangles:
+def _through(one: Panels, other: Panels) -> Bool[np.ndarray, " pair"]:
+    size = np.ptp(one, axis=1).max(initial=0.0)
+    return pass_through(np.moveaxis(one, 0, -1), np.moveaxis(other, 0, -1), TOUCHING * size)
+
+
+def _with_images(panels: Panels, period: Float[np.ndarray, "3"] | None) -> Panels:
     if period is None:
-        return triangles
-    return np.concatenate([triangles + turn * period for turn in (-1, 0, 1)])
+        return panels
+    return np.concatenate([panels + turn * period for turn in (-1, 0, 1)])
 
 
-def _near(one: Triangles, other: Triangles, reach: float) -> tuple[Triangles, Triangles]:
-    """Pairs of triangles that may be within reach of each other."""
-    trees, radii = [], []
-    for triangles in (one, other):
-        centre = triangles.mean(axis=1)
-        trees.append(cKDTree(centre))
-        radii.append(np.linalg.norm(triangles - centre[:, None], axis=-1).max())
-    found = trees[0].sparse_distance_matrix(trees[1], reach + sum(radii), output_type="coo_matrix")
-    return one[found.row], other[found.col]
+def _near(one: Panels, other: Panels, reach: float) -> tuple[Panels, Panels]:
+    """Pairs of panels that may be within reach of each other."""
+    centres = one.mean(axis=1), other.mean(axis=1)
+    radii = [
+        np.linalg.norm(panels - centre[:, None], axis=-1).max()
+        for panels, centre in zip((one, other), centres, strict=True)
+    ]
+    near = cKDTree(centres[0]).sparse_distance_matrix(
+        cKDTree(centres[1]), reach + sum(radii), output_type="coo_matrix"
+    )
+    return one[near.row], other[near.col]
 
 
 def triangle_distance(one: Triangles, other: Triangles) -> Float[np.ndarray, " pair"]:
@@ -77,30 +76,15 @@ def triangle_distance(one: Triangles, other: Triangles) -> Float[np.ndarray, " p
 
     It is that between two edges, or between a corner and a face.
     """
-    found = [
+    distances = [
         segment_distance(one[:, a], one[:, b], other[:, c], other[:, d])
         for a, b in EDGES
         for c, d in EDGES
     ]
     for corner in range(3):
-        found.append(_distance_to_face(one[:, corner], other))
-        found.append(_distance_to_face(other[:, corner], one))
-    return np.min(found, axis=0)
-
-
-def passes_through(one: Triangles, other: Triangles) -> Bool[np.ndarray, " pair"]:
-    """Whether an edge of either triangle passes through the other."""
-    through = np.zeros(len(one), dtype=bool)
-    for edges, faces in ((one, other), (other, one)):
-        normal = _normal(faces)
-        for a, b in EDGES:
-            start, step = edges[:, a], edges[:, b] - edges[:, a]
-            climb = _dot(step, normal)
-            steep = np.abs(climb) > FLAT * _length(step) * _length(normal)
-            part = _dot(faces[:, 0] - start, normal) / np.where(steep, climb, 1)
-            meets = steep & (part >= 0) & (part <= 1)
-            through |= meets & _over_face(start + part[:, None] * step, faces)
-    return through
+        distances.append(_distance_to_face(one[:, corner], other))
+        distances.append(_distance_to_face(other[:, corner], one))
+    return np.min(distances, axis=0)
 
 
 def segment_distance(
@@ -116,33 +100,18 @@ def segment_distance(
     t = (b * np.clip(s, 0, 1) + e) / np.maximum(c, tiny)
     t = np.clip(t, 0, 1)
     s = np.clip((b * t - d) / np.maximum(a, tiny), 0, 1)
-    return _length(between + s[..., None] * along - t[..., None] * beside)
+    return np.linalg.norm(between + s[..., None] * along - t[..., None] * beside, axis=-1)
 
 
 def _distance_to_face(point: Points, face: Triangles) -> Float[np.ndarray, " pair"]:
     """Height above a triangle; infinite beside it."""
-    normal = _normal(face)
-    size = _length(normal)
+    normal = np.cross(face[:, 1] - face[:, 0], face[:, 2] - face[:, 0])
+    size = np.linalg.norm(normal, axis=-1)
     height = np.abs(_dot(point - face[:, 0], normal)) / np.where(size > 0, size, 1)
-    return np.where((size > 0) & _over_face(point, face), height, np.inf)
-
-
-def _over_face(point: Points, face: Triangles) -> Bool[np.ndarray, " pair"]:
-    normal = _normal(face)
-    inside = np.ones(len(face), dtype=bool)
-    for a, b in EDGES:
-        side = np.cross(face[:, b] - face[:, a], point - face[:, a])
-        inside &= _dot(side, normal) >= 0
-    return inside
-
-
-def _normal(triangles: Triangles) -> Points:
-    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    sides = [np.cross(face[:, b] - face[:, a], point - face[:, a]) for a, b in EDGES]
+    above = np.all([_dot(side, normal) >= 0 for side in sides], axis=0)
+    return np.where((size > 0) & above, height, np.inf)
 
 
 def _dot(one: Points, other: Points) -> Float[np.ndarray, "..."]:
     return (one * other).sum(axis=-1)
-
-
-def _length(vector: Points) -> Float[np.ndarray, "..."]:
-    return np.sqrt(_dot(vector, vector))

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from knitlab.measure.capacitance.sensor import (
     hysteresis,
-    longest_run,
     mean_slope,
     sensing_range,
     sensor_of,
@@ -119,9 +118,9 @@ def test_unfolding_that_continues_is_not_complete():
 
 def test_the_sensing_range_is_the_longest_without_a_gap():
     able = np.array([True, False, True, True, True, False, True, True])
-    assert np.flatnonzero(longest_run(able)).tolist() == [2, 3, 4]
-    assert not longest_run(np.zeros(3, dtype=bool)).any()
-    assert longest_run(np.ones(3, dtype=bool)).all()
+    for usable, longest in ((able, [2, 3, 4]), (able & False, []), (able | True, [*range(8)])):
+        curve = np.where(usable, 1.0, np.nan)
+        assert np.flatnonzero(sensing_range(np.arange(8.0), curve, 9.0)).tolist() == longest
 
 
 def test_the_sensing_range_ends_at_unfolding_and_needs_a_capacitance():

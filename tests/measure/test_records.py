@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from knitlab.measure.cycles import cycles
-from knitlab.measure.resampling import resampled
+from knitlab.measure.records import cycles, resampled
 
 RESTS = np.array([[1, 1, 5], [5, 1, 1], [1, 1, 1]])
 """Time at rest at a reversal, which with noise may be detected anywhere within it."""

@@ -1,8 +1,7 @@
-"""Robustness: siblings of a case that differ from it slightly, and how far their results spread."""
+"""Siblings of a case, which differ from it slightly, and how far their results spread."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from knitlab.simulation.case import Case
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 
 STRIPE_TOLERANCE = 0.02
-"""Largest part by which a stripe number of a sibling is larger or smaller."""
+"""Largest fraction by which a stripe number of a sibling is larger or smaller."""
 SAME_BRANCH = 1e-6
 """Relative difference up to which two relaxed energies are of one branch."""
 SPREAD = ("poisson_ratio", "reaction_force")
@@ -39,16 +38,14 @@ class SiblingTest:
 
 
 def sibling(case: Case, number: int) -> Case:
-    """A sibling of a case: stripe numbers up to 2 % larger or smaller, every second another start.
+    """A sibling of a case, by its number from 1 on.
 
-    Args:
-        case: the case.
-        number: of the sibling, from 1 on; two in turn differ the opposite way.
+    Stripe numbers are up to 2 % larger or smaller, and every second one has another start.
     """
     pair, second = divmod(number - 1, 2)
-    parts = np.random.default_rng(pair).uniform(-1, 1, size=(2, len(STRIPE_QUANTITIES)))
+    changes = np.random.default_rng(pair).uniform(-1, 1, size=(2, len(STRIPE_QUANTITIES)))
     # The second of a pair differs the other way, so that a spread is not to one side by chance.
-    factors = 1 + STRIPE_TOLERANCE * (-parts if second else parts)
+    rib, garter = 1 + STRIPE_TOLERANCE * (-changes if second else changes)
     solver = case.solver
     if case.options.boundary == "clamped" and number % 2 and case.method == "equilibrium":
         settings = case.equilibrium_solver
@@ -56,7 +53,7 @@ def sibling(case: Case, number: int) -> Case:
         solver = replace(settings, start=other)
     changed = replace(
         case.with_stripes(
-            partial(_scaled, factors=factors[0]), partial(_scaled, factors=factors[1])
+            lambda stripe: _scaled(stripe, rib), lambda stripe: _scaled(stripe, garter)
         ),
         solver=solver,
         sensitivities=False,
@@ -82,13 +79,8 @@ def spread(
 ) -> dict[str, Any]:
     """Lowest and highest results of a case and its siblings, under the registry's names.
 
-    A sibling counts at the strains that it reached.
-
-    Args:
-        values: results of the case.
-        siblings: those of its siblings.
-        energies: relaxed energy of the case, then those that its siblings led it to; NaN for
-            what did not converge [N mm].
+    A sibling counts at the strains that it reached. Energies are the relaxed one of the case, then
+    those that its siblings led it to; NaN for what did not converge [N mm].
     """
     found: dict[str, Any] = {"relaxed_branches": float(branches(energies))}
     for name in SPREAD:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.simulation.robustness import branches, sibling, spread
+from knitlab.simulation.siblings import branches, sibling, spread
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.run import RunOptions, run_plan
 

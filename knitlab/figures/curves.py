@@ -1,4 +1,4 @@
-"""Curves with a break wherever the fabric snapped to another shape."""
+"""Curves over the applied strain: dashed if measured, broken where the fabric snaps."""
 
 from collections.abc import Iterable
 
@@ -7,7 +7,14 @@ import xarray as xr
 from jaxtyping import Bool, Float
 from matplotlib.lines import Line2D
 
-NOTE = "break: the fabric snaps there"
+from knitlab.cube.cube_file import is_measured
+
+BREAK = "break: the fabric snaps there"
+
+
+def line_style(cube: xr.Dataset) -> str:
+    """Line style of a cube: dashed if it is measured, as in the paper."""
+    return "--" if is_measured(cube) else "-"
 
 
 def snapped_before(design: xr.Dataset) -> Bool[np.ndarray, " strain"]:
@@ -23,10 +30,6 @@ def broken(
     """Curves with a missing value before every strain on the way to which the fabric snapped.
 
     Drawn as a line they break there: what lies between was not an equilibrium.
-
-    Args:
-        snapped: whether the fabric snapped on the way to a strain.
-        curves: strains, values, edges of bands and the like.
     """
     before = np.flatnonzero(snapped)
     before = before[before > 0]
@@ -38,4 +41,4 @@ def break_note(designs: Iterable[xr.Dataset]) -> list[Line2D]:
     if not any(snapped_before(design)[1:].any() for design in designs):
         return []
     # A piece of line, a gap and a piece of line in the width of a handle.
-    return [Line2D([], [], color="0.3", ls=(0, (4.2, 3.3)), label=NOTE)]
+    return [Line2D([], [], color="0.3", ls=(0, (4.2, 3.3)), label=BREAK)]

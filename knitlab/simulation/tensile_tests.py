@@ -1,0 +1,249 @@
+"""Tensile tests of cases of one mesh shape and of their siblings, by equilibria or dynamics."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from knitlab.equilibrium.relaxation import relax_near
+from knitlab.equilibrium.runners import run_each
+from knitlab.equilibrium.starting_shape import imperfect_sheet, starts_from_periodic
+from knitlab.equilibrium.system import System
+from knitlab.equilibrium.tensile_result import TensileTest
+from knitlab.equilibrium.tensile_test import stretch
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.fabric import Fabric
+from knitlab.io.errors import fault
+from knitlab.simulation.case import Case
+from knitlab.simulation.siblings import SiblingTest, sibling
+
+if TYPE_CHECKING:
+    from knitlab.dynamics.damped_test import MovingFabrics, Relaxed
+    from knitlab.fabric.barrier import Barrier
+
+Progress = Callable[[str, float], None]
+"""Function of a case's identifier and of the number of its finished states, with a fraction."""
+SECONDS_BETWEEN_REPORTS = 1.0
+USUAL_FACTORISATIONS = 20
+"""Number of factorisations after which half of a state is reported as done."""
+
+
+def tensile_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
+    """Tensile tests of cases of one mesh shape and method."""
+    by = dynamic_tests if cases[0].method == "dynamics" else equilibrium_tests
+    return by(cases, progress)
+
+
+def equilibrium_tests(
+    cases: Sequence[Case], progress: Progress, imperfection: int | None = None
+) -> list[TensileTest]:
+    """Tensile tests by the equilibrium solver, from imperfections by this seed if any."""
+    sheets = starts(cases, imperfection)
+    moved = relaxed_by_dynamics(cases, sheets, progress)
+    searches = [
+        partial(_reported_test, case=case, start=start, moved=relaxed, progress=progress)
+        for case, start, relaxed in zip(cases, sheets, moved, strict=True)
+    ]
+    return run_each(cases[0].mesh_shape, [case.assemble()[1] for case in cases], searches)
+
+
+def _reported_test(
+    system: System,
+    case: Case,
+    start: Configuration | None,
+    moved: "Relaxed | None",
+    progress: Progress,
+) -> TensileTest:
+    reporter = Reporter(partial(progress, case.case_id))
+    system.factorised = reporter.factorised
+    test = stretch(
+        system,
+        case.applied_strain,
+        case.equilibrium_solver,
+        reporter.done,
+        start,
+        None if moved is None else moved.configuration,
+        unload=case.unloading,
+        contact=contact_of(case, system.fabric),
+    )
+    if moved is None:
+        return test
+    first, *others = test.states
+    peak = float(moved.history.kinetic.max())
+    first = replace(first, iterations=first.iterations + moved.steps, kinetic_peak=peak)
+    return replace(test, states=[first, *others], history=moved.history)
+
+
+class Reporter:
+    """Reports finished states, and fractions of the next one.
+
+    The number of factorisations of a state is not known beforehand. The fraction that is reported
+    after n factorisations is n / (n + 20), which increases for any number.
+
+    Args:
+        report: called with the number of finished states.
+    """
+
+    def __init__(self, report: Callable[[float], None]) -> None:
+        self._report = report
+        self._states = self._factorisations = 0
+        self._last = time.monotonic()
+
+    def done(self, states: int) -> None:
+        """Report a number of finished states."""
+        self._states, self._factorisations = states, 0
+        self._report(states)
+
+    def factorised(self) -> None:
+        """Count a factorisation, and report the fraction at most once a second."""
+        self._factorisations += 1
+        now = time.monotonic()
+        if now - self._last >= SECONDS_BETWEEN_REPORTS:
+            self._last = now
+            fraction = self._factorisations / (self._factorisations + USUAL_FACTORISATIONS)
+            self._report(self._states + fraction)
+
+
+def starts(cases: Sequence[Case], imperfection: int | None = None) -> list[Configuration | None]:
+    """What samples of one mesh shape relax from; ``None`` for the flat sheet [mm].
+
+    That is an imperfect sheet, by a seed, or a tiling of relaxed periodic fabric.
+    """
+    found: list[Configuration | None] = [None] * len(cases)
+    if imperfection is not None:
+        found = [imperfect_sheet(*case.assemble(), imperfection) for case in cases]
+    tiled_places = [
+        place
+        for place, case in enumerate(cases)
+        if not case.mesh_shape.periodic and case.equilibrium_solver.start == "periodic"
+    ]
+    if not tiled_places:
+        return found
+    cells = [cases[place].periodic_cell for place in tiled_places]
+    tiled = starts_from_periodic(
+        [cases[place].assemble() for place in tiled_places],
+        [cell.assemble() for cell in cells],
+        [cell.equilibrium_solver for cell in cells],
+        imperfection,
+        [contact_of(cell, cell.assemble()[1]) for cell in cells],
+    )
+    for place, start in zip(tiled_places, tiled, strict=True):
+        if start is None:
+            continue
+        contact = contact_of(cases[place], cases[place].assemble()[1])
+        if contact is None or contact.holds(np.asarray(start.flattened())):
+            found[place] = start
+    return found
+
+
+def contact_of(case: Case, fabric: Fabric) -> "Barrier | None":
+    """The contact of the fabric of a case; ``None`` if it may pass through itself.
+
+    Raises:
+        BadInput: if the library of the contact is not installed.
+    """
+    if case.options.contact == "none":
+        return None
+    if find_spec("ipctk") is None:
+        raise fault("contact = barrier", "needs the package ipctk; pip install 'knitlab[contact]'")
+    from knitlab.fabric.barrier import Barrier
+
+    return Barrier(
+        case.mesh_shape,
+        case.sheet.thickness,
+        case.sheet.contact_pressure,
+        (float(np.mean(fabric.cell_x)), float(np.mean(fabric.cell_y))),
+        case.options.cells_per_period,
+    )
+
+
+def relaxed_by_dynamics(
+    cases: Sequence[Case], sheets: Sequence[Configuration | None], progress: Progress
+) -> "list[Relaxed | None]":
+    """What samples of one mesh shape relax to by dynamics; ``None`` for all others.
+
+    They relax from ``sheets``, or the flat sheet for ``None`` [mm].
+    """
+    found: list[Relaxed | None] = [None] * len(cases)
+    places = [place for place, case in enumerate(cases) if case.relaxes_by_dynamics]
+    if not places:
+        return found
+    from knitlab.dynamics.damped_test import relax_by_dynamics
+
+    relaxed = relax_by_dynamics(
+        moving_fabrics([cases[place] for place in places]),
+        lambda number, fraction: progress(cases[places[number]].case_id, fraction),
+        [sheets[place] for place in places],
+    )
+    for place, its in zip(places, relaxed, strict=True):
+        found[place] = its
+    return found
+
+
+def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
+    """Tensile tests by damped dynamics, all cases in one vmapped program."""
+    from knitlab.dynamics.damped_test import stretch_by_dynamics
+
+    return stretch_by_dynamics(
+        moving_fabrics(cases),
+        [case.applied_strain for case in cases],
+        lambda place, done: progress(cases[place].case_id, done),
+    )
+
+
+def moving_fabrics(cases: Sequence[Case]) -> "MovingFabrics":
+    """Cases of one mesh shape and the same settings of the dynamics, as a batch."""
+    from knitlab.dynamics.damped_test import MovingFabrics
+
+    return MovingFabrics(
+        cases[0].mesh_shape,
+        [case.assemble()[1] for case in cases],
+        [case.inertia() for case in cases],
+        cases[0].motion,
+    )
+
+
+def sibling_tests(cases: Sequence[Case], progress: Progress) -> list[list[SiblingTest]]:
+    """Tests of the siblings of cases of one mesh shape, each case's in order."""
+    tests: list[list[SiblingTest]] = [[] for _ in cases]
+    for number in range(1, max(case.robustness for case in cases) + 1):
+        places = [place for place, case in enumerate(cases) if case.robustness >= number]
+        originals = [cases[place] for place in places]
+        siblings = [sibling(case, number) for case in originals]
+        names = {its.case_id: case for its, case in zip(siblings, originals, strict=True)}
+        report = partial(_report_of_sibling, progress, number, names)
+        found = equilibrium_tests(siblings, report, imperfection=number)
+        energies = _branch_energies(originals, found)
+        for place, case, test, energy in zip(places, siblings, found, energies, strict=True):
+            tests[place].append(SiblingTest(case, test, energy))
+    return tests
+
+
+def _report_of_sibling(
+    progress: Progress, number: int, cases: dict[str, Case], sibling_id: str, states: float
+) -> None:
+    case = cases[sibling_id]
+    progress(case.case_id, number * len(case.applied_strain) + states)
+
+
+def _branch_energies(cases: Sequence[Case], tests: Sequence[TensileTest]) -> list[float]:
+    """Energies of cases, relaxed from the relaxed shapes of siblings; NaN if not in equilibrium."""
+    fabrics = [case.assemble()[1] for case in cases]
+    searches = [
+        partial(
+            relax_near,
+            settings=case.equilibrium_solver,
+            start=test.states[0].configuration,
+            contact=contact_of(case, fabric),
+        )
+        for case, fabric, test in zip(cases, fabrics, tests, strict=True)
+    ]
+    relaxed = run_each(cases[0].mesh_shape, fabrics, searches)
+    return [
+        float(state.energy.total) if state.converged and test.states[0].converged else np.nan
+        for state, test in zip(relaxed, tests, strict=True)
+    ]
