@@ -16,9 +16,8 @@ from pydantic import (
 from knitlab.cube.schema import SIMULATION
 from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import BadInput, Fault, faults_of
-from knitlab.io.strict_model import StrictModel
 from knitlab.io.table_file import factor_of
-from knitlab.io.toml import read_toml
+from knitlab.io.toml import StrictModel, read_toml
 from knitlab.sweep.workflow import MOST_STEPS, even_strains
 
 Towards = Literal["right", "left", "up", "down"]
@@ -55,11 +54,7 @@ class PlainColumn(StrictModel):
 
 
 def conversion(unit: str, target: str) -> float:
-    """Factor that converts numbers in a unit to one of :data:`UNITS`.
-
-    Raises:
-        ValueError: if the unit has another dimension.
-    """
+    """Factor that converts numbers in a unit to one of :data:`UNITS`."""
     factor, faults = factor_of("", unit, target, UNITS[target])
     if faults:
         raise ValueError(faults[0].problem)
@@ -244,11 +239,7 @@ class Description(StrictModel):
 
 
 def read_description(path: Path, kind: RecordKind) -> Description:
-    """Read a description that lists records of a kind.
-
-    Raises:
-        BadInput: with every fault of the file.
-    """
+    """Read a description that lists records of a kind."""
     try:
         description = Description.model_validate(read_toml(path))
     except ValidationError as error:
