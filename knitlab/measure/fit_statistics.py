@@ -27,10 +27,7 @@ class Comparison:
     neighbouring residuals of each fit as an additional parameter. Both fits are least-squares fits;
     they are not fitted again with correlated noise.
 
-    Attributes:
-        autocorrelation: ρ of the simpler fit and of the other.
-        gain: AICc of the simpler fit minus that of the other, if residuals are independent.
-        gain_if_correlated: the same if neighbours are correlated.
+    A gain is the AICc of the simpler fit minus that of the other; ρ is given in the same order.
     """
 
     autocorrelation: tuple[float, float]
@@ -76,13 +73,9 @@ def _aicc(residuals: Points, parameters: int) -> float:
 
 @dataclass(frozen=True)
 class LinearFit:
-    """A least-squares line y = intercept + slope × x.
+    """A least-squares line y = intercept + slope × x through points, with its R².
 
-    Attributes:
-        slope, intercept: parameters of the line.
-        slope_halfwidth: half the 95 % confidence interval of the slope, by Student's t.
-        r_squared: fraction of the variance of y that the line explains.
-        x, y: the points.
+    ``slope_halfwidth`` is half the 95 % confidence interval of the slope, by Student's t.
     """
 
     slope: float

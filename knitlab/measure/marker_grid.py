@@ -46,12 +46,9 @@ class NoGrid(ValueError):
 
 @dataclass(frozen=True)
 class MarkerGrid:
-    """Rows and columns of markers in a grid.
+    """The marker at each grid position, −1 if it is missing, and those that are not on the grid.
 
-    Attributes:
-        marker: marker at each grid position, rows along the warp, columns along the weft; −1 if
-            it is missing.
-        strays: markers that are not on the grid.
+    Rows follow the warp, columns the weft.
     """
 
     marker: Int[np.ndarray, "row column"]
@@ -91,11 +88,9 @@ def grid_of_places(
 
 
 def find_grid(points: Points) -> MarkerGrid:
-    """Find the grid that points form.
+    """Find the grid of markers at points (x, y), NaN if not seen, that run along weft and warp.
 
-    Args:
-        points: positions (x, y) of the markers, along the weft and the warp to within 45°; NaN if
-            a marker is not seen [mm].
+    Directions may be off by up to 45°.
 
     Raises:
         NoGrid: if there are too few points, or they form no grid.

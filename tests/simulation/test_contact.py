@@ -8,7 +8,7 @@ import pytest
 import knitlab as kl
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.network import MeshShape
-from knitlab.measure.intersections import self_intersections
+from knitlab.measure.surfaces import self_intersections
 from knitlab.measure.unit_cells import nodes_at
 from knitlab.simulation.case import case_of
 
