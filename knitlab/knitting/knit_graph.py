@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from knitlab.knitting.chart import KnitStitches
+from knitlab.knitting.chart import Face, stitch_in_words
 from knitlab.knitting.machine import Machine
 
 
@@ -30,8 +30,8 @@ class FormedStitch:
 
 def stitches_of(
     graph: Sequence[FormedStitch], size: tuple[int, int], machine: Machine
-) -> KnitStitches:
-    """Read the knit graph of a program as the stitches of a chart of (courses, wales).
+) -> np.ndarray:
+    """Read the knit graph of a program as the stitches of a chart, in words, (course, wale).
 
     Every wale must be one chain of stitches of the body's yarn, each pulled through the one before
     at the same position, and every course must be finished before the next begins.
@@ -58,21 +58,11 @@ def stitches_of(
     late = np.flatnonzero(made[1:].min(axis=1) < made[:-1].max(axis=1))
     if len(late):
         raise NotAChart(f"course {late[0] + 2} begins before course {late[0] + 1} is finished")
-    stitches = [[graph[number] for number in course] for course in made]
-    return KnitStitches(
-        np.array([[stitch.front for stitch in course] for course in stitches]),
-        np.array([[_conductor(stitch, machine) for stitch in course] for course in stitches]),
-    )
+    return np.array([[_in_words(graph[number], machine) for number in course] for course in made])
 
 
 def _check_counts(counts: dict[int, int], courses: int, machine: Machine) -> None:
-    """Check that every wale has as many stitches as the chart has courses, and no more.
-
-    A bind-off knits one more in each, and its tail in the last.
-
-    Raises:
-        NotAChart: if not.
-    """
+    """Check the stitches of wales; a bind-off knits one more in each, and its tail in the last."""
     bound_off = machine.sections.end == "bind_off"
     tail = machine.sections.bind_off_tail if bound_off else 0
     more = {wale: count - courses - bound_off for wale, count in counts.items()}
@@ -84,18 +74,18 @@ def _check_counts(counts: dict[int, int], courses: int, machine: Machine) -> Non
         raise NotAChart(f"wale {wrong[0]} has {count} stitches, not {courses}")
 
 
-def _conductor(stitch: FormedStitch, machine: Machine) -> int:
-    """Number of the electrode of a stitch, negative where its conductor lies on the back."""
+def _in_words(stitch: FormedStitch, machine: Machine) -> str:
     conductors = [each for each in stitch.carriers if each != machine.carriers.body_carrier]
     if not conductors:
-        return 0
+        return stitch_in_words(stitch.front, 0, "front")
     carrier, *others = conductors
     if others or carrier not in machine.carriers.electrode_carriers:
         raise NotAChart(
             f"needle {stitch.position} knits carriers {' and '.join(map(str, stitch.carriers))},"
             " which are not a yarn of the body and one conductor"
         )
-    number = machine.carriers.electrode_carriers.index(carrier) + 1
+    electrode = machine.carriers.electrode_carriers.index(carrier) + 1
     named_first = stitch.carriers[0] == carrier
     on_loop_face = named_first == (machine.carriers.plating == "face_first")
-    return number if on_loop_face == stitch.front else -number
+    face: Face = "front" if on_loop_face == stitch.front else "back"
+    return stitch_in_words(stitch.front, electrode, face)

@@ -188,13 +188,14 @@ def _carrier_faults(carriers: Carriers) -> list[Fault]:
     electrodes = zip(("electrode A", "electrode B"), carriers.electrode_carriers, strict=True)
     names = ("waste_carrier", "draw_carrier", "body_carrier")
     used = {name: getattr(carriers, name) for name in names} | dict(electrodes)
-    problem = "is carrier {}, and there are {}; name one of these"
-    found = [
-        Fault(f"machine {name}", problem.format(number, carriers.carriers))
+    count = carriers.carriers
+    faults = [
+        Fault(f"machine {name}", f"is carrier {number}, and there are {count}; name one of these")
         for name, number in used.items()
-        if number > carriers.carriers
+        if number > count
     ]
     if len(set(used.values())) < len(used):
-        problem = f"two of {used} are one carrier; give each its own"
-        found.append(Fault("machine carriers", problem))
-    return found
+        faults.append(
+            Fault("machine carriers", f"two of {used} are one carrier; give each its own")
+        )
+    return faults

@@ -3,11 +3,11 @@
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import NamedTuple
 
 DIRECTED = ("knit", "tuck")
 OF_CARRIERS = ("inhook", "releasehook", "outhook")
+NEEDLE = re.compile(r"([fb])(-?\d+)")
 
 
 class Needle(NamedTuple):
@@ -57,13 +57,8 @@ def operations(text: str) -> Iterator[Operation]:
 
 
 def _needles(words: Sequence[str]) -> tuple[Needle, ...]:
-    return tuple(needle for word in words if (needle := _needle(word)))
-
-
-@lru_cache(maxsize=4096)
-def _needle(word: str) -> Needle | None:
-    match = re.fullmatch(r"([fb])(-?\d+)", word)
-    return Needle(match[1] == "f", int(match[2])) if match else None
+    matches = (NEEDLE.fullmatch(word) for word in words)
+    return tuple(Needle(match[1] == "f", int(match[2])) for match in matches if match)
 
 
 def headers(text: str) -> dict[str, str]:

@@ -30,11 +30,6 @@ class CarriagePass(NamedTuple):
     first: int
     last: int
 
-    @property
-    def width(self) -> int:
-        """Needles that it passes."""
-        return abs(self.last - self.first) + 1
-
 
 @dataclass(frozen=True)
 class Duration:
@@ -92,18 +87,19 @@ def duration(program: Iterable[Operation], machine: Machine) -> Duration:
     listed = list(program)
     passes, time = carriage_passes(listed), machine.time
     kinds = Counter(each.kind for each in passes)
-    opcodes = Counter(each.opcode for each in listed)
+    opcodes = Counter(operation.opcode for operation in listed)
+    needles: Counter[str] = Counter()
+    for each in passes:
+        needles[each.kind] += abs(each.last - each.first) + 1
     returns = [
         abs(following.first - before.last)
         for before, following in pairwise(passes)
         if before.kind == following.kind == "knit" and before.direction == following.direction
     ]
-    knitted = sum(returns) + sum(each.width for each in passes if each.kind != "transfer")
-    transferred = sum(each.width for each in passes if each.kind == "transfer")
     metres = machine.pitch / 1000
     seconds = (
-        metres * knitted / time.knitting_speed
-        + metres * transferred / time.transfer_speed
+        metres * (sum(returns) + needles["knit"] + needles["drop"]) / time.knitting_speed
+        + metres * needles["transfer"] / time.transfer_speed
         + time.turn_time * (len(passes) + len(returns))
         + time.racking_time * opcodes["rack"]
         + time.carrier_time * sum(opcodes[opcode] for opcode in CARRIER_CHANGES)

@@ -67,7 +67,7 @@ def round_trip(
 
 def _differences(graph: Sequence[FormedStitch], chart: StitchChart, machine: Machine) -> list[str]:
     try:
-        different = chart.stitches.difference(stitches_of(graph, chart.front.shape, machine))
+        different = chart.difference(stitches_of(graph, chart.front.shape, machine))
     except NotAChart as error:
         return [f"knits no chart: {error}"]
     return [f"knits another chart: {different}"] if different else []

@@ -16,16 +16,11 @@ from knitlab.measure.knit_size import Gauge
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What a cube says of a design.
+    """What a cube, named ``source``, says of a design.
 
-    Attributes:
-        source: name of the cube.
-        sample: what the cube simulated: periodic fabric, or a sample of some size between clamps.
-        passes_through_itself: whether the relaxed shape does, so that its size is uncertain.
-        contraction: relaxed over flat length of its unit cells along (x, y).
-        applied_strain: strains of its test.
-        poisson_ratio: Poisson's ratio at these.
-        low, high: its range over the siblings of the design, missing values if it has none.
+    ``sample`` is what it simulated, periodic fabric or a sample of some size between clamps;
+    ``contraction`` is the relaxed over the flat length of its unit cells along (x, y); ``low`` and
+    ``high`` are the range of Poisson's ratio over the siblings of the design, NaN if it has none.
     """
 
     source: str

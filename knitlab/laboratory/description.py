@@ -55,11 +55,7 @@ class PlainColumn(StrictModel):
 
 
 def conversion(unit: str, target: str) -> float:
-    """Factor that converts numbers in a unit to one of :data:`UNITS`.
-
-    Raises:
-        ValueError: if the unit has another dimension.
-    """
+    """Factor that converts numbers in a unit to one of :data:`UNITS`."""
     factor, faults = factor_of("", unit, target, UNITS[target])
     if faults:
         raise ValueError(faults[0].problem)
@@ -244,11 +240,7 @@ class Description(StrictModel):
 
 
 def read_description(path: Path, kind: RecordKind) -> Description:
-    """Read a description that lists records of a kind.
-
-    Raises:
-        BadInput: with every fault of the file.
-    """
+    """Read a description that lists records of a kind."""
     try:
         description = Description.model_validate(read_toml(path))
     except ValidationError as error:

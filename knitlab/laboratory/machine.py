@@ -62,11 +62,7 @@ class Pulls:
 
 
 def read_tensile(folder: Path, description: Description) -> Imports:
-    """Reaction force in every cycle.
-
-    Raises:
-        BadInput: if the file is at fault, or its first cycle does not span the applied strains.
-    """
+    """Reaction force in every cycle."""
     pulls = read_pulls(folder, description)
     strains = np.array(description.protocol.applied_strain)
 
@@ -84,11 +80,7 @@ def read_tensile(folder: Path, description: Description) -> Imports:
 
 
 def read_pulls(folder: Path, description: Description) -> Pulls:
-    """Read a tensile test and check that its first cycle spans the applied strains.
-
-    Raises:
-        BadInput: if the file is at fault, or the cycle does not span them.
-    """
+    """Read a tensile test and check that its first cycle spans the applied strains."""
     table, protocol = description.tensile, description.protocol
     if table is None:
         raise TypeError("the description has no tensile test")
@@ -129,11 +121,7 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
 
 
 def read_capacitance(folder: Path, description: Description) -> Imports:
-    """Capacitance and its measures as a strain sensor, in every cycle.
-
-    Raises:
-        BadInput: if a file is at fault, or the logs do not overlap.
-    """
+    """Capacitance and its measures as a strain sensor, in every cycle."""
     table, pulls = description.capacitance, read_pulls(folder, description)
     if table is None:
         raise TypeError("the description has no capacitance")
@@ -200,11 +188,7 @@ def _capacitance_values(
 def _read_log(
     path: Path, table: TensileTable | CapacitanceTable
 ) -> tuple[dict[str, Record], float | None]:
-    """Columns of a log in :data:`UNITS`, and the time at which its trigger rose, if it has one.
-
-    Raises:
-        BadInput: with every fault of the file.
-    """
+    """Columns of a log in :data:`UNITS`, and the time at which its trigger rose, if it has one."""
     headers, rows = read_table(path, EXAMPLE)
     headers = [header.strip() for header in headers]
     values, faults = {}, list[Fault]()

@@ -66,7 +66,7 @@ def own_reading(program, chart, machine):
 @given(charts(), machines)
 def test_any_chart_is_knitted_without_a_fault_and_read_back_as_it_was(chart, machine):
     _, stitches = own_reading(knitout(chart, machine), chart, machine)
-    assert chart.stitches.difference(stitches) is None
+    assert chart.difference(stitches) is None
 
 
 @interpreter
