@@ -122,9 +122,9 @@ class Calibration:
 
     def compared_with(self, simpler: "Calibration") -> Comparison:
         """Comparison of this law with a simpler one that was fitted to the same curve."""
-        counts = len(simpler.values), len(self.values)
         order = np.argsort(self.strain, kind="stable")
-        return compare(simpler.residuals[order], self.residuals[order], counts)
+        residuals = simpler.residuals[order], self.residuals[order]
+        return compare(*residuals, (len(simpler.values), len(self.values)))
 
 
 def calibrate(period: float, strain: Points, force: Points, law: Law = "linear") -> Calibration:
@@ -208,19 +208,18 @@ def report(calibration: Calibration) -> list[str]:
         f" {UNITS[name]}, 95 %: {low:.5g} to {high:.5g}"
         for name, (low, high) in calibration.intervals.items()
     ]
-    lines += [
-        f"correlation of {first} and {second}: {calibration.correlations[one, other]:+.4f}"
-        for (one, first), (other, second) in itertools.combinations(
-            enumerate(calibration.values), 2
-        )
-    ]
+    pairs = zip(
+        itertools.combinations(calibration.values, 2),
+        calibration.correlations[np.triu_indices(len(calibration.values), 1)],
+        strict=True,
+    )
+    lines += [f"correlation of {one} and {other}: {value:+.4f}" for (one, other), value in pairs]
     tried, agreeing = calibration.starts
-    points = len(calibration.strain)
-    return [
-        *lines,
-        f"misfit   {calibration.misfit:.2g} N rms over {points} points;"
-        f" {agreeing} of {tried} starts agree, {calibration.iterations} steps",
-    ]
+    lines.append(
+        f"misfit   {calibration.misfit:.2g} N rms over {len(calibration.strain)} points;"
+        f" {agreeing} of {tried} starts agree, {calibration.iterations} steps"
+    )
+    return lines
 
 
 def report_comparison(calibration: Calibration, linear: Calibration) -> list[str]:

@@ -26,7 +26,7 @@ Record = Float[np.ndarray, " record"]
 
 @dataclass(frozen=True)
 class Cycle:
-    """Times at which a cycle begins loading, turns and ends, which is at ``turn`` if not unloaded."""
+    """Times at which a cycle starts, turns to unloading and ends; at ``turn`` without unloading."""
 
     start: float
     turn: float
