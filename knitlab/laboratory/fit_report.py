@@ -2,16 +2,11 @@
 
 import itertools
 from pathlib import Path
-from typing import Any
-
-import tomli_w
 
 from knitlab.cube.schema import VARIABLES
-from knitlab.fabric.stripe import Stripe
-from knitlab.io.atomic_write import atomic_write
 from knitlab.laboratory.fit import Fit
 from knitlab.laboratory.simulated_test import QUANTITIES
-from knitlab.measure.stripe_file import ENTRY_UNITS, row_units, stripe_row
+from knitlab.measure.calibration import ENTRY_UNITS, write_stripe_table
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 
 HEADER = f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  from test"
@@ -54,20 +49,14 @@ def write_stripes(path: Path, fit: Fit, experiment: Path) -> None:
 
     The cube of the experiment is named as their source.
     """
-    table: dict[str, Any] = {}
+    stripes = []
     for side in ("weft", "warp"):
-        stripe: Stripe = getattr(fit.after, side)
         errors = ", ".join(
             f"{STRIPE_PARAMETERS[name][1]} {error:.1%}"
             for name, error in fit.standard_errors.items()
             if STRIPE_PARAMETERS[name][0] == side
         )
         warnings = "".join(f"; {warning}" for warning in fit.warnings)
-        row = stripe_row(stripe)
-        table[stripe.knit] = {
-            "source": f"knitlab fit {experiment}; standard errors {errors or 'none'}{warnings}",
-            "unit": row_units(row),
-            "n": {str(stripe.n): row},
-        }
-    with atomic_write(path) as temporary:
-        temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
+        source = f"knitlab fit {experiment}; standard errors {errors or 'none'}{warnings}"
+        stripes.append((getattr(fit.after, side), source))
+    write_stripe_table(path, stripes)

@@ -21,11 +21,9 @@ class Comparison:
 
     AICc = n ln(S/n) + 2K + 2K(K + 1)/(n − K − 1), with the sum S of squares of n residuals and K
     parameters, including the noise (Hurvich and Tsai, Biometrika 76, 297, 1989). This assumes
-    independent residuals. Those of a measured curve are not independent, because the error of a
-    model varies smoothly; a curve of many points then seems to justify any parameter. AICc is
-    therefore also computed from the innovations r_i − ρ r_(i−1), with the autocorrelation ρ of
-    neighbouring residuals of each fit as an additional parameter. Both fits are least-squares fits;
-    they are not fitted again with correlated noise.
+    independent residuals, but the error of a model varies smoothly: a curve of many points then
+    seems to justify any parameter. AICc is therefore also computed from the innovations
+    r_i − ρ r_(i−1), with the autocorrelation ρ of neighbours as a parameter more.
 
     A gain is the AICc of the simpler fit minus that of the other; ρ is given in the same order.
     """

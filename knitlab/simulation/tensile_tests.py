@@ -78,13 +78,10 @@ def _reported_test(
 
 
 class Reporter:
-    """Reports finished states, and fractions of the next one.
+    """Reports the number of finished states, with a fraction of the next one.
 
     The number of factorisations of a state is not known beforehand. The fraction that is reported
     after n factorisations is n / (n + 20), which increases for any number.
-
-    Args:
-        report: called with the number of finished states.
     """
 
     def __init__(self, report: Callable[[float], None]) -> None:
@@ -100,9 +97,8 @@ class Reporter:
     def factorised(self) -> None:
         """Count a factorisation, and report the fraction at most once a second."""
         self._factorisations += 1
-        now = time.monotonic()
-        if now - self._last >= SECONDS_BETWEEN_REPORTS:
-            self._last = now
+        if time.monotonic() - self._last >= SECONDS_BETWEEN_REPORTS:
+            self._last = time.monotonic()
             fraction = self._factorisations / (self._factorisations + USUAL_FACTORISATIONS)
             self._report(self._states + fraction)
 
