@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from knitlab.io.errors import BadInput
     from knitlab.measure.capacitance.capacitor import Capacitor
     from knitlab.measure.knit_size import Gauge
-    from knitlab.sweep.defaults import Model, defaults
+    from knitlab.sweep.parameters import Model, defaults
     from knitlab.sweep.patterns import Pattern
 
     __version__: str
@@ -93,7 +93,7 @@ _NAMES_OF_MODULES = {
     "io.errors": ("BadInput",),
     "measure.capacitance.capacitor": ("Capacitor",),
     "measure.knit_size": ("Gauge",),
-    "sweep.defaults": ("Model", "defaults"),
+    "sweep.parameters": ("Model", "defaults"),
     "sweep.patterns": ("Pattern",),
 }
 """Names by their modules, which are imported when a name is first used: a query needs no JAX."""

@@ -21,7 +21,7 @@ from knitlab.fabric.network import Elements
 from knitlab.figures.figure_files import save
 from knitlab.figures.sheets import design_text, frame_sheet
 from knitlab.figures.style import TWO_COLUMNS, print_style
-from knitlab.meshes.sheet import closed_nodes
+from knitlab.meshes.fabric import closed_nodes
 from knitlab.simulation.case import case_of
 
 CASES = Path(__file__).parents[2] / "results" / "reference" / "periodic" / "cases"

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from knitlab.figures.figure_files import save
 from knitlab.figures.sheets import draw_sheet, frame_sheet
 from knitlab.figures.style import TWO_COLUMNS, print_style
-from knitlab.meshes.sheet import closed_nodes
+from knitlab.meshes.fabric import closed_nodes
 
 REFERENCE = Path(__file__).parents[2] / "results" / "reference"
 NOTE = "(n_stripe, n_subunit); size along weft and warp, and height"

@@ -13,8 +13,7 @@ from knitlab.cube.selection import refuse_others
 from knitlab.io.errors import fault
 from knitlab.meshes.chosen_case import STRAIN, chosen_case, chosen_strains
 from knitlab.meshes.fabric import fabric_meshes
-from knitlab.meshes.formats import FORMATS, write_mesh
-from knitlab.meshes.series import SERIES, write_series
+from knitlab.meshes.formats import FORMATS, SERIES, write_mesh, write_series
 from knitlab.meshes.solid import solid_of
 from knitlab.meshes.surface import SurfaceMesh
 

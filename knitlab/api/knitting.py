@@ -20,8 +20,8 @@ from knitlab.knitting.specification import Specification, specification
 from knitlab.knitting.stitch_chart import stitch_chart
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
-from knitlab.sweep.defaults import defaults
 from knitlab.sweep.figure_names import STILL_SUFFIXES, check_still
+from knitlab.sweep.parameters import defaults
 from knitlab.sweep.workflow import ProtocolSection
 
 if TYPE_CHECKING:

@@ -30,11 +30,9 @@ from knitlab.simulation.case import Case, Method, case_of
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of
 from knitlab.simulation.simulate import simulated
 from knitlab.sweep.cases import cases, electrode_problems
-from knitlab.sweep.cube import known_in_advance
-from knitlab.sweep.defaults import defaults
+from knitlab.sweep.cube import known_in_advance, sizes_of, stated_gauge
 from knitlab.sweep.design_space import design_space
-from knitlab.sweep.gauge import sizes_of, stated
-from knitlab.sweep.parameters import Parameters, StripeRow
+from knitlab.sweep.parameters import Parameters, StripeRow, defaults
 from knitlab.sweep.patterns import Pattern
 from knitlab.sweep.workflow import DesignSection, ElectrodesSection, ProtocolSection, Workflow
 
@@ -198,7 +196,7 @@ def simulate(
     values = {str(name): array.values for name, array in results.data_vars.items()}
     sizes = sizes_of(case, values, parameters.gauge)
     results = results.assign(known_in_advance(case) | sizes)
-    results.attrs |= stated(parameters.gauge)
+    results.attrs |= stated_gauge(parameters.gauge)
     if results["status"] != Status.ok:
         warnings.warn(f"{case.label}: {results.attrs['reason']}", NotConverged, stacklevel=2)
     return described(results)

@@ -16,11 +16,11 @@ from knitlab.knitting.specification import Prediction
 from knitlab.knitting.stitch_chart import is_turned
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
-from knitlab.sweep.defaults import defaults
-from knitlab.sweep.gauge import ATTRIBUTES
-from knitlab.sweep.overrides import Overrides
+from knitlab.sweep.cube import gauge_of
+from knitlab.sweep.parameters import defaults
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.reproduce import find_case
+from knitlab.sweep.workflow_file import Overrides
 
 MOST_NAMED = 6
 """Designs that a message lists."""
@@ -81,9 +81,10 @@ def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
     Its case is read from the plan or the case file beside the cube. Where there is neither, the
     workflow of the cube is planned again, which finds the case by its identifier.
     """
+    gauge = gauge_of(cube.attrs) or defaults().gauge
     if is_case(cube):
         case = case_of(json.loads(cube.attrs["parameters"]))
-        return SingleDesign(case, _gauge(cube.attrs), _prediction(cube, case, "test"))
+        return SingleDesign(case, gauge, _prediction(cube, case, "test"))
     dims = design_dims(cube)
     kept = selected(cube, selections).stack(design=dims)
     kept = kept.isel(design=np.flatnonzero(kept["case_id"].values != ""))
@@ -97,7 +98,7 @@ def _of_cube(cube: xr.Dataset, selections: Mapping[str, Any]) -> SingleDesign:
     folder = None if source is None else cube_path(source).parent
     name = str(cube.attrs.get("workflow", "cube"))
     case = _recorded(str(design["case_id"].item()), folder, name)
-    return SingleDesign(case, _gauge(cube.attrs), _prediction(design, case, name))
+    return SingleDesign(case, gauge, _prediction(design, case, name))
 
 
 def _check_is_one(whole: str, designs: Sequence[str]) -> None:
@@ -120,13 +121,6 @@ def _recorded(case_id: str, folder: Path | None, workflow: str) -> Case:
         "is recorded in no plan and no case file beside the cube; run its workflow into that"
         " folder, or name the workflow instead",
     )
-
-
-def _gauge(attributes: Mapping[Any, Any]) -> Gauge:
-    """The gauge that a cube states, by default that of the parameters."""
-    if not set(ATTRIBUTES.values()) <= set(attributes):
-        return defaults().gauge
-    return Gauge(**{name: float(attributes[its]) for name, its in ATTRIBUTES.items()})
 
 
 def _prediction(design: xr.Dataset, case: Case, source: str) -> Prediction | None:

@@ -75,8 +75,8 @@ def calibrate(
     network, or the stress with the row's --width. Measure until the folds are open and the springs
     stretch, to about 200 % strain: below that the three cannot be determined separately.
     """
-    from knitlab.io.curve_file import read_tension_curve
     from knitlab.io.errors import fault
+    from knitlab.io.table_file import read_tension_curve
 
     output = output or Path(f"{knit}-{stitches}.toml")
     check_toml(output)
@@ -88,7 +88,7 @@ def calibrate(
     from knitlab.figures.fits import calibration_figure
     from knitlab.measure.calibration import calibrate as fit
     from knitlab.measure.calibration import report, report_comparison, write_stripe_file
-    from knitlab.sweep.defaults import defaults
+    from knitlab.sweep.parameters import defaults
 
     springs: Any = law
     if spring_curve is not None:
@@ -191,7 +191,7 @@ def fit(
 
     from knitlab.api import laboratory as api
     from knitlab.figures.fits import Fitted, fit_figure
-    from knitlab.laboratory.fit_report import report, write_stripes
+    from knitlab.laboratory.fit import report, write_stripes
     from knitlab.sweep.plan import make_plan
 
     def report_step(tests: int, chi_squared: float) -> None:

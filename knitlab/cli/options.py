@@ -110,7 +110,7 @@ def read_machine_values(texts: tuple[str, ...]) -> dict[str, Any]:
     Raises:
         BadInput: with every text that is not ``KEY=VALUE``.
     """
-    from knitlab.sweep.overrides import read_value
+    from knitlab.sweep.workflow_file import read_value
 
     if malformed := [text for text in texts if "=" not in text]:
         problem = "is not KEY=VALUE; give both"

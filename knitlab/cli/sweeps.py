@@ -3,7 +3,6 @@
 import json
 import sys
 from collections.abc import Callable, Sequence
-from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,34 +20,31 @@ from knitlab.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from knitlab.io.errors import Fault
     from knitlab.sweep.plan import Plan
 
 
 def workflow_options(command: Callable[..., None]) -> Callable[..., None]:
     """Add the argument and options that name a workflow and its results."""
-
-    @wraps(command)
-    def scaled(settings: tuple[str, ...], scale: float | None, **options: Any) -> None:
-        added = () if scale is None else (f"scale={scale:g}",)
-        command(settings=(*settings, *added), **options)
-
     scale_option = click.option(
         "--scale",
         type=click.FloatRange(min=0, max=1, min_open=True),
+        callback=lambda _, __, scale: () if scale is None else (f"scale={scale:g}",),
         help="Fraction of the needles that a sample is knitted on; short for --set scale=.",
     )
-    return click.argument("workflow")(set_option(scale_option(results_option(scaled))))
+    return click.argument("workflow")(set_option(scale_option(results_option(command))))
 
 
 @click.command()
 @workflow_options
-def plan(workflow: str, results: Path, settings: tuple[str, ...]) -> None:
+def plan(workflow: str, results: Path, settings: tuple[str, ...], scale: tuple[str, ...]) -> None:
     """Resolve WORKFLOW into plan.json and show what it would run."""
     from knitlab.io.lock import held
     from knitlab.sweep.plan import make_plan
-    from knitlab.sweep.status import PLAN, folder_status
+    from knitlab.sweep.results_folder import PLAN
+    from knitlab.sweep.status import folder_status
 
-    made = make_plan(workflow, settings)
+    made = make_plan(workflow, settings + scale)
     _echo_warnings(made)
     folder = results / made.workflow
     with held(folder):
@@ -130,6 +126,7 @@ def run(
     workflow: str,
     results: Path,
     settings: tuple[str, ...],
+    scale: tuple[str, ...],
     keep_going: bool,
     shard: str | None,
     **options: Any,
@@ -138,34 +135,39 @@ def run(
 
     The last of several shards to end builds the cube; then run WORKFLOW without it for the figures.
     """
-    if shard is None and _is_finished(workflow, settings, results):
+    overrides = settings + scale
+    if shard is None and _is_finished(workflow, overrides, results):
         return
-    from knitlab.api.sweeps import run_workflow
     from knitlab.cube.cube_file import CUBE
+    from knitlab.sweep.batches import Shard
     from knitlab.sweep.plan import make_plan
-    from knitlab.sweep.run import RunOptions
-    from knitlab.sweep.shard import Shard
+    from knitlab.sweep.run import RunOptions, run_plan
 
     part = None if shard is None else Shard.of(shard)
-    made = make_plan(workflow, settings)
+    made = make_plan(workflow, overrides)
     _echo_warnings(made)
     chosen = RunOptions(fail_fast=not keep_going, shard=part, show_progress=True, **options)
-    done = run_workflow(made, results, chosen)
+    folder = results / made.workflow
+    done = run_plan(made, folder, chosen)
+    drawn: list[Path] = []
+    faults: list[Fault] = []
+    if part is None:
+        from knitlab.figures.drawing import draw_figures
+
+        drawn, faults = draw_figures(made.figures, folder)
     for design, reason in made.excluded.items():
         _echo_excluded(made.dims, design, reason)
     of_shard = f" in shard {part}" if part else ""
-    click.echo(
-        f"{len(done.run.simulated)} cases simulated, {len(done.run.reused)} already there{of_shard}"
-    )
-    if done.run.joined:
-        click.echo(f"cube    {done.folder / CUBE}")
+    click.echo(f"{len(done.simulated)} cases simulated, {len(done.reused)} already there{of_shard}")
+    if done.joined:
+        click.echo(f"cube    {folder / CUBE}")
     else:
         click.echo("other shards still run; the last one to end writes the cube")
-    for path in done.figures:
+    for path in drawn:
         click.echo(f"figure  {path}")
-    for fault in done.faults:
+    for fault in faults:
         echo_problem(fault)
-    for line in done.remarks:
+    for line in done.remarks(made.dims, folder):
         click.echo(line, err=True)
     if not done.all_ok:
         sys.exit(SOME_CASE_NOT_OK)
@@ -175,7 +177,7 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
     """Whether there is nothing to run or draw; if so, print what exists."""
     from knitlab.cube.cube_file import CUBE, open_cube
     from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn, requested_figures
-    from knitlab.sweep.finished import finished_plan
+    from knitlab.sweep.status import finished_plan
 
     record = finished_plan(workflow, settings, results)
     if record is None:

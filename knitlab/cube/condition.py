@@ -16,8 +16,7 @@ import pandas as pd
 
 from knitlab.cube.reduced_columns import reduced_columns
 from knitlab.cube.schema import VARIABLES
-from knitlab.io.errors import fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import fault, unknown
 
 OPERATIONS: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.Lt: operator.lt,

@@ -9,8 +9,7 @@ import xarray as xr
 
 from knitlab.cube.cube_file import design_dims
 from knitlab.cube.strain_window import REDUCTIONS, STRAIN, StrainWindow
-from knitlab.io.errors import fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import fault, unknown
 
 _CALL = re.compile(
     rf"\b(?P<reduction>{'|'.join(REDUCTIONS)})\s*\(\s*(?P<name>\w+)\s*,\s*(?P<window>[^()]*?)\s*\)"

@@ -11,8 +11,8 @@ from pydantic import Field, PositiveFloat, ValidationError, model_validator
 
 from knitlab.cube.strain_window import REDUCTIONS, STRAIN, StrainWindow
 from knitlab.io.errors import BadInput, fault, faults_of
-from knitlab.io.strict_model import StrictModel
 from knitlab.io.table_file import numbers_of, read_table
+from knitlab.io.toml import StrictModel
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _SUBJECT = r"(?:(?P<reduction>[a-z]+)\s*\(\s*(?P<reduced>\w+)\s*\)|(?P<name>[A-Za-z]\w*))"

@@ -81,27 +81,25 @@ def draw_map(
     for (n_stripe, p), designs in cells.items():
         row, column = stripes.index(n_stripe), periods.index(p)
         border = row - 0.5 + (MEASURED_HEIGHT if len(designs) > 1 else 0)
-        for design, bottom, top in zip(
-            designs, (border, row - 0.5), (row + 0.5, border), strict=False
-        ):
+        spans = (border, row + 0.5), (row - 0.5, border)
+        for design, (bottom, top) in zip(designs, spans, strict=False):
             status = Status(int(design["status"]))
             value = float(design[name]) if name in design else np.nan
             valid = status is Status.ok and np.isfinite(value)
             colour = colours(value) if valid else WHITE
-            look: Look = {"facecolor": colour, "edgecolor": "white"} if valid else MARKS[status]
-            cell(axes, row, column, bottom=bottom, top=top, **look)
             if design is designs[0]:
                 _name_design(axes, row, column, design, colour)
             if not valid:
+                cell(axes, row, column, (bottom, top), **MARKS[status])
                 marked.add(status)
                 continue
-            if is_measured(design):
-                corner, size = (column - 0.5 + INSET, bottom + INSET), top - bottom - 2 * INSET
-                frame = MEASURED | {"edgecolor": ink_on(colour)}
-                axes.add_patch(Rectangle(corner, 1 - 2 * INSET, size, fill=False, **frame))
             size = VALUE_SIZE if len(designs) == 1 else SMALL_VALUE_SIZE
-            middle = column, (bottom + top) / 2
-            written(axes, middle, text(value, design), colour, fontsize=size, linespacing=0.95)
+            look: Look = {"fontsize": size, "linespacing": 0.95}
+            value_cell(axes, row, column, colour, text(value, design), (bottom, top), **look)
+            if is_measured(design):
+                corner, height = (column - 0.5 + INSET, bottom + INSET), top - bottom - 2 * INSET
+                frame = MEASURED | {"edgecolor": ink_on(colour)}
+                axes.add_patch(Rectangle(corner, 1 - 2 * INSET, height, fill=False, **frame))
     axes.set(
         xlim=(-0.5, len(periods) - 0.5),
         ylim=(-0.5, len(stripes) - 0.5),
@@ -151,23 +149,31 @@ def _name_design(axes: Axes, row: int, column: int, design: xr.Dataset, colour: 
 
 
 def cell(
+    axes: Axes, row: float, column: float, span: tuple[float, float] | None = None, **look: Any
+) -> None:
+    """Draw one cell, a unit wide, and a unit high unless its bottom and top are given."""
+    bottom, top = span or (row - 0.5, row + 0.5)
+    look = {"linewidth": 1.5} | look
+    axes.add_patch(Rectangle((column - 0.5, bottom), 1, top - bottom, **look))
+
+
+def value_cell(
     axes: Axes,
     row: float,
     column: float,
-    bottom: float | None = None,
-    top: float | None = None,
-    **style: Any,
+    colour: Colour,
+    text: str,
+    span: tuple[float, float] | None = None,
+    large: bool = True,
+    **letters: Any,
 ) -> None:
-    """Draw one cell, a unit wide, and a unit high unless ``bottom`` and ``top`` are given."""
-    low, high = row - 0.5 if bottom is None else bottom, row + 0.5 if top is None else top
-    axes.add_patch(Rectangle((column - 0.5, low), 1, high - low, **{"linewidth": 1.5, **style}))
-
-
-def written(
-    axes: Axes, middle: tuple[float, float], text: str, colour: Colour, **look: Any
-) -> None:
-    """Write a text in the middle of a cell of a colour."""
-    axes.text(*middle, text, ha="center", va="center", color=ink_on(colour), zorder=4, **look)
+    """Draw a cell in the colour of its value, with a text; many small cells have no borders."""
+    edge = {"edgecolor": "white"} if large else {"edgecolor": colour, "linewidth": 0.2}
+    cell(axes, row, column, span, facecolor=colour, **edge)
+    middle = row if span is None else sum(span) / 2
+    look: Look = {"ha": "center", "va": "center", "color": ink_on(colour), "zorder": 4}
+    if text:
+        axes.text(column, middle, text, **look, **letters)
 
 
 def remove_frame(axes: Axes) -> None:

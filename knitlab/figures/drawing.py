@@ -26,8 +26,7 @@ from knitlab.cube.selection import as_given, choices, refuse_others, selected, s
 from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn, requested_figures, save
 from knitlab.figures.figure_kind import Drawing, FigureKind
 from knitlab.figures.style import print_style
-from knitlab.io.errors import BadInput, Fault, fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import BadInput, Fault, fault, unknown
 from knitlab.sweep.figure_names import COMPARING, FIGURE_NAMES, suffixes
 
 FIGURES: dict[str, FigureKind] = {

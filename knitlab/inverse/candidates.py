@@ -23,8 +23,8 @@ from knitlab.io.fingerprint import text_fingerprint
 from knitlab.io.toml import read_toml
 from knitlab.measure.knit_size import ALONG_X, ALONG_Y, Gauge
 from knitlab.simulation.case import Case
+from knitlab.sweep.cube import GAUGE_ATTRIBUTES
 from knitlab.sweep.declared_fields import declared
-from knitlab.sweep.gauge import ATTRIBUTES
 from knitlab.sweep.plan import Plan, batched
 from knitlab.sweep.settings import SETTINGS
 from knitlab.sweep.workflow_file import workflow_file
@@ -76,7 +76,7 @@ def candidates_plan(
         batches=batched(cases),
         excluded={},
         coordinates={},
-        overrides=(),
+        overrides={},
         inputs={},
         stripes=text_fingerprint(request.text),
         gauge=space.plan(space.designs[0], {}).gauge,
@@ -99,9 +99,9 @@ def completed(
     if gauge_varies:
         unknown = np.full(cube["status"].shape, np.nan)
         cube = cube.assign({name: (dims, unknown.copy()) for name in declared(Gauge)})
-        cube = cube.drop_attrs(deep=False).assign_attrs(
-            {name: value for name, value in cube.attrs.items() if name not in ATTRIBUTES.values()}
-        )
+        stated = set(GAUGE_ATTRIBUTES.values())
+        others = {name: value for name, value in cube.attrs.items() if name not in stated}
+        cube = cube.drop_attrs(deep=False).assign_attrs(others)
     for number, labels, _, case, gauge in candidates:
         trial = run_trial(folder / TRIALS, case, gauge, own)
         values: dict[str, Any] = {name: trial.values(name) for name, _ in own}

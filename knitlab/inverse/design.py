@@ -32,8 +32,8 @@ from knitlab.inverse.trial import ShapeFunctions
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.io.lock import held
-from knitlab.sweep.interruption import interrupted_by_signals
 from knitlab.sweep.run import RunOptions, run_plan
+from knitlab.sweep.workers import interrupted_by_signals
 
 REQUEST = "request.json"
 BUDGET = 60

@@ -12,8 +12,7 @@ from knitlab.cube.strain_window import REDUCTIONS, STRAIN, gradient
 from knitlab.cube.target import Target, check_window
 from knitlab.inverse.targets import scale_of
 from knitlab.inverse.trial import ALONG_STRAIN, OF_DESIGN, ShapeFunctions, Slopes, Trial
-from knitlab.io.errors import BadInput, ErrorCollector, Fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, unknown
 from knitlab.simulation.case import Case
 from knitlab.simulation.measurement import variables_of
 

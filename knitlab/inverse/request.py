@@ -10,10 +10,8 @@ from pydantic import BeforeValidator, Field, NonNegativeInt, PositiveInt, Valida
 
 from knitlab.cube.target import Target, read_target
 from knitlab.inverse.targets import contradictions, with_tolerance
-from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, faults_of
-from knitlab.io.strict_model import StrictModel
-from knitlab.io.suggestions import unknown
-from knitlab.io.toml import read_toml
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, faults_of, unknown
+from knitlab.io.toml import StrictModel, read_toml
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES

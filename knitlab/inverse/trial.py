@@ -38,8 +38,7 @@ from knitlab.simulation.sensitivity import (
     quantities,
 )
 from knitlab.simulation.simulate import simulated
-from knitlab.sweep.cube import known_in_advance
-from knitlab.sweep.gauge import sizes_of
+from knitlab.sweep.cube import known_in_advance, sizes_of
 
 ALONG_STRAIN = ("poisson_ratio", "reaction_force", "mean_strain_xx", "mean_strain_yy")
 """Quantities along the applied strain that have derivatives."""

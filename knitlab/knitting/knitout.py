@@ -15,7 +15,7 @@ from jaxtyping import Bool
 from knitlab.io.errors import fault
 from knitlab.knitting.chart import StitchChart
 from knitlab.knitting.machine import Machine
-from knitlab.knitting.operations import Needle
+from knitlab.knitting.program import Needle
 
 VERSION = 2
 """Version of the language that version 0.6 of its specification describes."""

@@ -16,11 +16,9 @@ from pydantic import (
 )
 
 from knitlab.fabric.settings import Unit
-from knitlab.io.errors import BadInput, Fault, faults_of
+from knitlab.io.errors import BadInput, Fault, faults_of, unknown
 from knitlab.io.shipped import shipped
-from knitlab.io.strict_model import StrictModel
-from knitlab.io.suggestions import unknown
-from knitlab.io.toml import read_checked
+from knitlab.io.toml import StrictModel, read_checked
 from knitlab.sweep.declared_fields import declared, entries, with_fields
 
 MILLIMETRES_PER_INCH = 25.4

@@ -9,8 +9,7 @@ from jaxtyping import Float
 from knitlab.knitting.chart import StitchChart, electrode_name
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import Machine
-from knitlab.knitting.operations import operations
-from knitlab.knitting.passes import Duration, duration, longest_floats
+from knitlab.knitting.program import Duration, duration, longest_floats, operations
 from knitlab.measure.knit_size import Gauge
 
 

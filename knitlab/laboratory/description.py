@@ -16,9 +16,8 @@ from pydantic import (
 from knitlab.cube.schema import SIMULATION
 from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import BadInput, Fault, faults_of
-from knitlab.io.strict_model import StrictModel
 from knitlab.io.table_file import factor_of
-from knitlab.io.toml import read_toml
+from knitlab.io.toml import StrictModel, read_toml
 from knitlab.sweep.workflow import MOST_STEPS, even_strains
 
 Towards = Literal["right", "left", "up", "down"]

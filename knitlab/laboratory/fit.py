@@ -11,9 +11,11 @@ sheet, as in a sweep; if that test reaches other states, the search continues fr
 branch matches the test, the search is repeated from stripe parameters drawn from the prior.
 """
 
+import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from operator import attrgetter
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -21,9 +23,16 @@ from jaxtyping import Float
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm, qmc
 
+from knitlab.cube.schema import VARIABLES
 from knitlab.equilibrium.linear_response import NoDerivative
-from knitlab.laboratory.simulated_test import SimulatedTest, simulated_test, with_factors
+from knitlab.laboratory.simulated_test import (
+    QUANTITIES,
+    SimulatedTest,
+    simulated_test,
+    with_factors,
+)
 from knitlab.laboratory.target import Curves, MeasuredTest
+from knitlab.measure.calibration import ENTRY_UNITS, write_stripe_table
 from knitlab.simulation.case import Case
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 
@@ -48,6 +57,8 @@ POOR_FIT = 4.0
 AT_BOUND = 1e-3
 INSIDE = 0.9
 """Fraction of the distance to a bound within which starts are placed."""
+ALIKE = 0.9
+"""Correlation above which two parameters are reported as hard to separate."""
 
 Factors = dict[str, float]
 Logarithms = Float[np.ndarray, " name"]
@@ -285,3 +296,51 @@ class _Search:
                 f"the difference from the test is {np.sqrt(spread):.1f} times its errors; the"
                 " standard errors do not include this"
             )
+
+
+def report(fit: Fit) -> list[str]:
+    """The fit as lines of text."""
+    lines = [f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  from test"]
+    for name, factor in fit.factors.items():
+        side, quantity = STRIPE_PARAMETERS[name]
+        before, after = (getattr(getattr(case, side), quantity) for case in (fit.before, fit.after))
+        lines.append(
+            f"{name:15s} {before:9.4g} {after:9.4g} {after * fit.standard_errors[name]:8.2g}"
+            f"  {factor:6.3f}  {fit.learned[name]:4.0%}  [{ENTRY_UNITS[quantity]}]"
+        )
+    for (row, one), (column, other) in itertools.combinations(enumerate(fit.factors), 2):
+        if abs(correlation := fit.correlations[row, column]) > ALIKE:
+            lines.append(
+                f"{one} and {other} are hard to tell apart: correlation {correlation:+.2f}"
+            )
+    first, last = map(fit.target.root_mean_square, fit.curves)
+    for name, measured in zip(QUANTITIES, fit.target.measured, strict=True):
+        if measured.any():
+            lines.append(
+                f"{VARIABLES[name].long_name}: RMS difference {first[name]:.3g} before,"
+                f" {last[name]:.3g} after [{VARIABLES[name].units}]"
+            )
+    before, after = fit.chi_squared
+    count = int(fit.target.measured.sum())
+    lines.append(
+        f"chi² {before:.4g} before, {after:.4g} after, over {count} values; {fit.tests} tests"
+    )
+    return lines
+
+
+def write_stripes(path: Path, fit: Fit, experiment: Path) -> None:
+    """Write both fitted stripes in the form of ``params/stripes.toml``, for ``stripe_files``.
+
+    The cube of the experiment is named as their source.
+    """
+    stripes = []
+    for side in ("weft", "warp"):
+        errors = ", ".join(
+            f"{STRIPE_PARAMETERS[name][1]} {error:.1%}"
+            for name, error in fit.standard_errors.items()
+            if STRIPE_PARAMETERS[name][0] == side
+        )
+        warnings = "".join(f"; {warning}" for warning in fit.warnings)
+        source = f"knitlab fit {experiment}; standard errors {errors or 'none'}{warnings}"
+        stripes.append((getattr(fit.after, side), source))
+    write_stripe_table(path, stripes)

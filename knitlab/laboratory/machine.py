@@ -20,7 +20,7 @@ from knitlab.laboratory.description import (
 )
 from knitlab.measure.capacitance.sensor import CapacitorStatus, hysteresis, sensor_values
 from knitlab.measure.records import Cycle, cycles, resampled
-from knitlab.sweep.defaults import defaults
+from knitlab.sweep.parameters import defaults
 
 EXAMPLE = "write a header and below it rows of numbers, all as long as the header"
 FEWEST_POINTS = 3

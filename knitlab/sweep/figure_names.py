@@ -1,7 +1,6 @@
 """Names and formats of the figures that a workflow can name. Imports no library."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
 
 from knitlab.io.errors import fault
 from knitlab.io.shipped import PACKAGE
@@ -10,10 +9,6 @@ FIGURE_NAMES = tuple(
     sorted(path.stem for path in (PACKAGE / "figures" / "kinds").glob("[a-z]*.py"))
 )
 """One for each file of :mod:`knitlab.figures.kinds`, which are not imported here."""
-if TYPE_CHECKING:
-    FigureName = str
-else:
-    FigureName = Literal[FIGURE_NAMES]
 COMPARING = ("contact", "grid", "readings", "swept")
 """Figures that accept a cube with several values of its swept settings."""
 FILMS = ("folding",)

@@ -10,13 +10,17 @@ from pydantic import Field, PositiveInt, RootModel, model_validator
 from knitlab.fabric.pattern import KNIT_OF_LETTER, BadPattern, Grading, SingleFold, letters_of
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit, Stripe
 from knitlab.io.errors import fault
-from knitlab.io.strict_model import StrictModel
-from knitlab.io.toml import read_checked
+from knitlab.io.toml import StrictModel
 from knitlab.sweep.declared_fields import with_defaults, with_fields
 
 StripeOf = Callable[[Knit, int], Stripe]
 Counts = Annotated[tuple[PositiveInt, ...], Field(strict=False, min_length=1)]
 Letter = Literal["R", "G", "P"]
+OF_LINES = (
+    *("column_stitches", "row_courses", "column_periods", "row_periods"),
+    *("column_n_stripe", "row_n_stripe"),
+)
+"""Keys that give each row or column its own size or stripe."""
 
 
 @with_fields(with_defaults(SingleFold))
@@ -92,9 +96,7 @@ class Pattern(StrictModel):
     @property
     def is_graded(self) -> bool:
         """Whether rows or columns have sizes or stripes of their own."""
-        sizes = "column_stitches", "row_courses", "column_periods", "row_periods"
-        stripes = "column_n_stripe", "row_n_stripe"
-        return any(getattr(self, name) is not None for name in (*sizes, *stripes))
+        return any(getattr(self, name) is not None for name in OF_LINES)
 
     @property
     def single_folds(self) -> tuple[SingleFold, ...]:
@@ -106,10 +108,7 @@ class Pattern(StrictModel):
         return [folder / name for name in (self.map, self.image) if name is not None]
 
     def patches(self, folder: Path) -> tuple[str, ...]:
-        """The rows of letters, top course first.
-
-        Args:
-            folder: folder to which paths are relative.
+        """The rows of letters, top course first; paths are relative to the folder.
 
         Raises:
             BadInput: if its file cannot be read, or has another letter or colour.
@@ -136,13 +135,9 @@ class Pattern(StrictModel):
     def grading(
         self, rows: Sequence[str], n_stripe: int, n_subunit: int, stripe: StripeOf
     ) -> Grading | None:
-        """Sizes and stripes of the rows and columns for one design; None if all are equal.
+        """Sizes and stripes of the rows and columns of letters; None if all are equal.
 
-        Args:
-            rows: the rows of letters.
-            n_stripe: n_stripe of rows and columns for which the pattern gives none [stitches].
-            n_subunit: n_subunit of rows and columns for which the pattern gives none [stitches].
-            stripe: returns the stripe of a knit and a number of stitches.
+        A row or column for which the pattern gives no n_stripe or n_subunit has those of a design.
 
         Raises:
             BadPattern: if rows or columns cannot be knitted; it lists them all.
@@ -169,13 +164,7 @@ class Pattern(StrictModel):
         return Grading(tuple(row_periods), tuple(column_periods), tuple(garter), tuple(rib))
 
     def stitches(self, rows: Sequence[str], n_stripe: int, n_subunit: int) -> tuple[int, int]:
-        """Courses and wales of the whole pattern.
-
-        Args:
-            rows: the rows of letters.
-            n_stripe: n_stripe of rows and columns for which the pattern gives none [stitches].
-            n_subunit: n_subunit of rows and columns for which the pattern gives none [stitches].
-        """
+        """Courses and wales of the whole pattern, of given rows of letters and one design."""
         rib_n = self.column_n_stripe or (n_stripe,) * len(rows[0])
         garter_n = self.row_n_stripe or (n_stripe,) * len(rows)
         wales = self.column_stitches or (n_subunit,) * len(rows[0])
@@ -282,16 +271,3 @@ class PatternFile(RootModel[dict[str, Pattern]]):
             if not is_pattern_name(name):
                 raise ValueError(f"{name!r} reads as a row of patches; choose another name")
         return self
-
-
-def read_pattern_file(path: Path, source: str) -> dict[str, Pattern]:
-    """Patterns of a file, by name.
-
-    Args:
-        path: the file.
-        source: the setting that names the file, for messages.
-
-    Raises:
-        BadInput: with every fault of the file.
-    """
-    return read_checked(PatternFile, path, source).root

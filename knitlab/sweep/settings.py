@@ -11,11 +11,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, get_origin
 
+from pydantic import TypeAdapter
+
 from knitlab.io.shipped import shipped
 from knitlab.sweep.declared_fields import FactorOn, parts, unit_of
 from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.patterns import is_pattern_name
-from knitlab.sweep.type_words import in_words
 from knitlab.sweep.workflow import SECTIONS
 
 SWEPT_SECTIONS = ("model", "solver", "dynamics", "electrodes")
@@ -24,6 +25,15 @@ SAMPLE_SIZE = "unit_cells"
 """The setting of ``[design]`` that may be a list too, of pairs."""
 PATTERN = "pattern"
 """The setting of ``[design]`` that may be a list of names."""
+TABLES = ("model", "sheet", "plain", "solver", "dynamics", "capacitor", "gauge")
+"""Tables of the parameters whose fields are settings."""
+LIMITS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
+TYPE_NAMES = {
+    "integer": "whole number",
+    "number": "number",
+    "boolean": "true or false",
+    "string": "text",
+}
 
 
 @dataclass(frozen=True)
@@ -103,12 +113,6 @@ class SettingRow:
 def settings_table(parameter_folder: Path | None = None) -> tuple[SettingRow, ...]:
     """Every setting of a workflow, with its range, unit, default and source.
 
-    Args:
-        parameter_folder: folder of the parameter files; by default knitlab's own.
-
-    Returns:
-        A row for each setting, in the order of the sections.
-
     Raises:
         BadInput: with every fault of the parameter files.
 
@@ -118,26 +122,32 @@ def settings_table(parameter_folder: Path | None = None) -> tuple[SettingRow, ..
         ('model', 'number > 0', 'N/mm', 100.0)
     """
     parameters = read_parameters(parameter_folder or shipped("params"))
-    tables = (
-        parameters.model,
-        parameters.sheet,
-        parameters.plain,
-        parameters.solver,
-        parameters.dynamics,
-        parameters.capacitor,
-        parameters.gauge,
-    )
-    defaults = {name: value for table in tables for name, value in asdict(table).items()}
+    stated: dict[str, Any] = {}
+    for table in TABLES:
+        stated |= asdict(getattr(parameters, table))
     return tuple(
         SettingRow(
             section=setting.section,
             name=setting.name,
-            values=in_words(setting.kind),
+            values=_in_words(TypeAdapter(setting.kind).json_schema()),
             unit=setting.unit,
-            default=defaults[setting.name]
-            if setting.name in parameters.sources
-            else setting.default,
+            default=stated[setting.name] if setting.name in parameters.sources else setting.default,
             source=parameters.sources.get(setting.name, ""),
         )
         for setting in SETTINGS.values()
     )
+
+
+def _in_words(schema: dict[str, Any]) -> str:
+    """The possible values of a type with this JSON schema."""
+    if "anyOf" in schema:
+        return " or ".join(_in_words(one) for one in schema["anyOf"] if one.get("type") != "null")
+    if "const" in schema or "enum" in schema:
+        values = schema.get("enum", [schema.get("const")])
+        return " or ".join(f'"{each}"' if isinstance(each, str) else str(each) for each in values)
+    if schema["type"] == "array":
+        members = schema.get("prefixItems")
+        several = f"{len(members)} of" if members else "list of"
+        return f"{several}: {_in_words(members[0] if members else schema['items'])}"
+    limits = [f"{sign} {schema[key]:g}" for key, sign in LIMITS.items() if key in schema]
+    return " ".join([TYPE_NAMES[schema["type"]], " and ".join(limits)]).strip()

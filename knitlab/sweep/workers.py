@@ -1,4 +1,7 @@
-"""Workers: batches are simulated in this process, or by dask, which is imported only then."""
+"""Workers: batches are simulated in this process, or by dask, which is imported only then.
+
+Signals that end a process are handled like Ctrl-C.
+"""
 
 import logging
 import os
@@ -38,6 +41,15 @@ TIMED_OUT = ".timed-out-"
 TIME_IS_UP = 75
 """Exit code of a worker that timed out."""
 
+ENDING = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+"""Ctrl-C; what a batch system or ``kill`` sends; and, where it exists, a closed terminal."""
+QUIET = """import logging, signal
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+logging.getLogger("distributed").setLevel(logging.CRITICAL)
+"""
+"""Run by dask's workers at their start: they ignore Ctrl-C and log nothing, which the run does."""
 ENDED = ("finished", "error")
 """States of a dask task that has ended; it is in another one if its scheduler is gone."""
 
@@ -77,16 +89,6 @@ class BatchError:
             cannot_write=error if isinstance(error, CannotWrite) else None,
         )
 
-    @classmethod
-    def died(cls) -> "BatchError":
-        """A batch whose worker died."""
-        return cls("its worker died: it was killed, or it ran out of memory", lost=True)
-
-    @classmethod
-    def late(cls, seconds: float) -> "BatchError":
-        """A batch that timed out."""
-        return cls(f"it took longer than {seconds:g} s (case_timeout)")
-
 
 Pool = Callable[[Sequence[Batch]], Iterator[tuple[Batch, BatchError | None]]]
 """Simulates batches and yields each when it ends, with its error if there was one."""
@@ -112,6 +114,10 @@ class Task:
         """Longest time for a batch [s]."""
         return None if self.case_timeout is None else self.case_timeout * len(batch)
 
+    def late(self, batch: Batch) -> BatchError:
+        """The error of a batch that timed out."""
+        return BatchError(f"it took longer than {self.limit(batch):g} s (case_timeout)")
+
     def marker(self, batch: Batch) -> Path:
         """Marker file that a worker leaves when a batch times out."""
         return self.results / f"{TIMED_OUT}{batch[0].case_id}"
@@ -126,7 +132,7 @@ def in_process(task: Task, progress: Progress) -> Pool:
                 with _alarm(task.limit(batch)):
                     task.simulate(task.results, batch, progress)
             except TimeoutError:
-                yield batch, BatchError.late(task.limit(batch) or 0.0)
+                yield batch, task.late(batch)
             except Exception as error:  # whatever a batch raises must not end the sweep
                 yield batch, BatchError.of(error)
             else:
@@ -191,9 +197,9 @@ def _explained(task: Task, batch: Batch, error: BaseException) -> BatchError:
     if not isinstance(error, KilledWorker):
         return BatchError.of(error)
     if not marker.exists():
-        return BatchError.died()
+        return BatchError("its worker died: it was killed, or it ran out of memory", lost=True)
     marker.unlink()
-    return BatchError.late(task.limit(batch) or 0.0)
+    return task.late(batch)
 
 
 def simulate_on_worker(task: Task, batch: Batch) -> None:
@@ -233,14 +239,10 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
 def pool_of(
     task: Task, workers: int, scheduler: str | None, dashboard: bool, progress: Progress
 ) -> Iterator[Pool]:
-    """The pool for a run.
+    """The pool for a run: processes that are spawned on this machine, or with 0 this process.
 
-    Args:
-        task: how every batch is simulated.
-        workers: number of processes to spawn on this machine; 0 simulates in this process.
-        scheduler: address of an existing dask scheduler; it overrides ``workers``.
-        dashboard: whether to open dask's dashboard, on this machine alone.
-        progress: called with a case's identifier and how many of its states are done.
+    An existing dask scheduler overrides ``workers``. Dask's dashboard is opened on this machine
+    alone.
 
     Raises:
         BadInput: if no scheduler answers at the address, or the system has no timers for
@@ -294,7 +296,7 @@ def _client(workers: int, scheduler: str | None, dashboard: bool) -> Iterator["C
         # A worker that died is restarted, however long that takes: by default dask gives up after
         # 15 s, and the run would wait for ever once the last worker is gone.
         "distributed.deploy.lost-worker-timeout": "1 day",
-        "distributed.worker.preload": ["knitlab.sweep.quiet_worker"],
+        "distributed.worker.preload": [QUIET],
     }
     for name in ("distributed", "tornado"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -315,3 +317,26 @@ def _client(workers: int, scheduler: str | None, dashboard: bool) -> Iterator["C
         if dashboard:
             logging.getLogger(__name__).warning("dashboard  %s", cluster.dashboard_link)
         yield client
+
+
+@contextmanager
+def interrupted_by_signals() -> Iterator[None]:
+    """Raise KeyboardInterrupt on any signal that asks a process to end.
+
+    A signal that is ignored stays ignored, such as Ctrl-C in a shell's background or a closed
+    terminal under ``nohup``. Outside the main thread this does nothing, as Python installs signal
+    handlers only there.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {
+        number: signal.signal(number, signal.default_int_handler)
+        for number in ENDING
+        if signal.getsignal(number) is not signal.SIG_IGN
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -22,10 +22,8 @@ from knitlab.validation.samples import (
     PureStripes,
     Samples,
     by_labels,
-    checkerboards,
     name_of,
     preference,
-    stripes,
     unit_of,
 )
 
@@ -47,7 +45,7 @@ def monotonic(
     direction: Direction,
 ) -> CheckResult:
     """A value, or the largest of a curve, rises or falls along n_stripe or n_subunit."""
-    samples = checkerboards(cube, about, of)
+    samples = Samples.of(cube, about, of)
     values = samples.values(lambda sample: float(sample[of].max()))
     return _trend(samples, values, DESIGN_DIMS.index(along), direction)
 
@@ -72,7 +70,7 @@ def stripe_order(
         first = int(np.argmax(slopes >= stiffened * slopes.max()))
         return float(stripe["applied_strain"].values[first : first + 2].mean())
 
-    samples = stripes(cube, about, "row_force")
+    samples = Samples.of(cube, about, "row_force")
     return _trend(samples, samples.values(value), 1, direction)
 
 
@@ -103,12 +101,12 @@ def _trend(
         )
     elif len(values) <= MOST_LISTED:
         text += ": " + ", ".join(f"{name_of(each)} {values[each]:.3g}" for each in ordered)
-    return samples.result(worst(margins.values()), text, list(values))
+    return samples.result(worst(margins.values()), text, values)
 
 
 def lowest_of_all(cube: xr.Dataset, about: Checkerboards, of: str, design: Design) -> CheckResult:
     """A design has the lowest value of all designs with a complete test."""
-    samples = checkerboards(cube, about, of)
+    samples = Samples.of(cube, about, of)
     values = samples.values(lambda sample: float(sample[of]))
     if design not in values:
         raise samples.too_few(0)
@@ -118,12 +116,12 @@ def lowest_of_all(cube: xr.Dataset, about: Checkerboards, of: str, design: Desig
     spread = float(np.ptp([*values.values()]))
     margin = above(values[next_to] - values[design], 0, strict=True, scale=spread)
     text = f"{design} {values[design]:.3f}, lowest of the others {next_to} {values[next_to]:.3f}"
-    return samples.result(margin, text, list(values))
+    return samples.result(margin, text, values)
 
 
 def spread(cube: xr.Dataset, about: Checkerboards, of: str, least: PositiveFloat) -> CheckResult:
     """The largest value exceeds the smallest by more than the fraction ``least`` of it."""
-    samples = checkerboards(cube, about, of)
+    samples = Samples.of(cube, about, of)
     values = samples.values(lambda sample: float(sample[of]))
     if len(values) < 2:
         raise samples.too_few(len(values))
@@ -131,7 +129,7 @@ def spread(cube: xr.Dataset, about: Checkerboards, of: str, least: PositiveFloat
     scale = least * abs(smallest)
     margin = above(largest, smallest + scale, strict=True, scale=scale)
     text = f"{smallest:.3g} to {largest:.3g}{unit_of(of)} over {len(values)} designs"
-    return samples.result(margin, text, list(values))
+    return samples.result(margin, text, values)
 
 
 def trades_off(
@@ -145,7 +143,7 @@ def trades_off(
 
     The correlation must be significant at the level ``significant``.
     """
-    samples = checkerboards(cube, about, of, against)
+    samples = Samples.of(cube, about, of, against)
     ones = samples.values(lambda sample: float(sample[of]))
     others = samples.values(lambda sample: float(sample[against]))
     pairs = {labels: (ones[labels], others[labels]) for labels in ones if labels in others}
@@ -154,7 +152,7 @@ def trades_off(
     rank, probability = stats.spearmanr(list(pairs.values()))
     margin = below(rank, -weakest_significant(len(pairs), significant))
     text = f"rank correlation {rank:+.2f} over {len(pairs)} designs (p = {probability:.2g})"
-    return samples.result(margin, text, list(pairs))
+    return samples.result(margin, text, pairs)
 
 
 def weakest_significant(count: int, significant: float) -> float:
@@ -249,7 +247,7 @@ def _lines(
     Raises:
         NotMeasured: if there are fewer than ``fewest``, or one that is ``needed`` is missing.
     """
-    samples = checkerboards(cube, Checkerboards(n_stripe=n_stripe), of)
+    samples = Samples.of(cube, Checkerboards(n_stripe=n_stripe), of)
     values = samples.values(lambda sample: float(sample[of]))
     points = {n: [(float(m), v) for (k, m), v in values.items() if k == n] for n in n_stripe}
     lines = {
@@ -272,3 +270,16 @@ def _slopes(lines: Lines) -> str:
         f"n_stripe {n}: {line.slope:.3f} ± {line.slope_halfwidth:.3f} mm a stitch"
         for n, line in lines.items()
     )
+
+
+CHECKS = (
+    common_slope,
+    departs_most,
+    linear,
+    lowest_of_all,
+    monotonic,
+    sample_order,
+    spread,
+    stripe_order,
+    trades_off,
+)

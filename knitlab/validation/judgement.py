@@ -106,9 +106,7 @@ def _by_nearest(claim: Claim, slices: Sequence[Slice]) -> Judgement:
         claim,
         result,
         (JudgedSamples.of(path, cube, result.at),),
-        tuple(claim.check([cube], factor).verdict for factor in QUARTER)
-        if claim.statement.knitlab
-        else (),
+        tuple(claim.check([cube], factor).verdict for factor in QUARTER) if claim.knitlab else (),
         tuple(
             (other, each)
             for other, _, each in found
@@ -185,11 +183,11 @@ def records(judgements: Sequence[Judgement]) -> list[dict[str, Any]]:
 
 
 def _record(each: Judgement) -> dict[str, Any]:
-    statement, result = each.claim.statement, each.result
+    claim, result = each.claim, each.result
     samples = each.samples if result.at else ()
     return {
-        "claim": each.claim.name,
-        "topic": statement.topic,
+        "claim": claim.name,
+        "topic": claim.topic,
         "verdict": result.verdict.value,
         "grade": result.grade.value,
         "margin": result.margin,
@@ -197,14 +195,14 @@ def _record(each: Judgement) -> dict[str, Any]:
         "judged": result.judged,
         "wanted": result.wanted,
         "counted": result.counted,
-        "text": statement.text,
-        "measured_along": statement.measured_along or "",
-        "place": statement.place,
-        "threshold_of": each.claim.threshold_of,
-        "ours": ", ".join(statement.knitlab),
+        "text": claim.text,
+        "measured_along": claim.measured_along or "",
+        "place": claim.place,
+        "threshold_of": claim.threshold_of,
+        "ours": ", ".join(claim.knitlab),
         "change": each.sensitivity,
-        "why_not": (statement.why_not or "") if result.verdict is Verdict.fails else "",
-        "figure": statement.figure or "",
+        "why_not": (claim.why_not or "") if result.verdict is Verdict.fails else "",
+        "figure": claim.figure or "",
         "cube": ", ".join(map(str, each.cubes)),
         "boundary": _joined(sample.boundary for sample in samples),
         "unit_cells": _joined(sample.size for sample in samples),

@@ -26,10 +26,8 @@ from knitlab.validation.samples import (
     Checkerboards,
     PureStripes,
     Samples,
-    checkerboards,
     name_of,
     one_sample,
-    stripes,
     unit_of,
 )
 
@@ -64,7 +62,7 @@ def value_within(
         curve = sample[of].ndim > 0
         return margin, f"{ends[0]:.2f} to {ends[1]:.2f}" if curve else f"{ends[0]:.3g}"
 
-    return _each(checkerboards(cube, about, of), measure)
+    return _each(Samples.of(cube, about, of), measure)
 
 
 def less_than(cube: xr.Dataset, about: Checkerboards, of: str, than: str) -> CheckResult:
@@ -74,7 +72,7 @@ def less_than(cube: xr.Dataset, about: Checkerboards, of: str, than: str) -> Che
         one, other = float(sample[of]), float(sample[than])
         return below(one, other, strict=True), f"{one:.3g} to {other:.3g}{unit_of(of)}"
 
-    return _each(checkerboards(cube, about, of, than), measure)
+    return _each(Samples.of(cube, about, of, than), measure)
 
 
 def rises_and_falls(
@@ -95,7 +93,7 @@ def rises_and_falls(
         strain = float(curve["applied_strain"][top])
         return above(falls, fall), f"peak {peak:.3f} at {strain:.0%}, then {-falls:+.0%}"
 
-    return _each(checkerboards(cube, about, of), measure)
+    return _each(Samples.of(cube, about, of), measure)
 
 
 def follows(
@@ -117,7 +115,7 @@ def follows(
         margin = worst([below(off, tolerance), above(slope, 0, strict=True)])
         return margin, f"off by {off:.1%}" + ("" if slope > 0 else ", not monotonic")
 
-    return _each(checkerboards(cube, about, of), measure)
+    return _each(Samples.of(cube, about, of), measure)
 
 
 def largest_at_centre(
@@ -140,7 +138,7 @@ def largest_at_centre(
         margin = worst([positive, above(centre, beside, scale=scale)])
         return margin, f"{centre:.3f} in the central cells, {beside:.3f} beside them"
 
-    samples = checkerboards(cube, about, of)
+    samples = Samples.of(cube, about, of)
     if not np.isclose(cube["applied_strain"], applied_strain, 0, 1e-9).any():
         raise NotMeasured(f"no applied strain of {applied_strain:g} in this cube")
     return _each(samples, measure)
@@ -160,7 +158,7 @@ def stripe_toe(
         j_shaped = below(ratio, softer_than, strict=True)
         return j_shaped if visible else above(ratio, softer_than), f"{ratio:.2f}"
 
-    return _each(stripes(cube, about, "row_force"), measure)
+    return _each(Samples.of(cube, about, "row_force"), measure)
 
 
 def same_curves(
@@ -173,7 +171,7 @@ def same_curves(
         off = float(abs(sample[one].values - reference).max() / abs(reference).max())
         return below(off, tolerance), f"{off:.1%}"
 
-    return _each(stripes(cube, about, one, other), measure)
+    return _each(Samples.of(cube, about, one, other), measure)
 
 
 def tangents(stripe: xr.Dataset) -> np.ndarray:
@@ -197,4 +195,15 @@ def _each(samples: Samples, measure: Callable[[xr.Dataset], Measured]) -> CheckR
     first = sorted(shown, key=lambda labels: margins[labels])[:MOST_LISTED]
     listed = ", ".join(texts[labels] for labels in shown if labels in first)
     more = f" and {len(shown) - len(first)} more" if len(shown) > len(first) else ""
-    return samples.result(min(margins.values()), opening + listed + more, list(margins))
+    return samples.result(min(margins.values()), opening + listed + more, margins)
+
+
+CHECKS = (
+    follows,
+    largest_at_centre,
+    less_than,
+    rises_and_falls,
+    same_curves,
+    stripe_toe,
+    value_within,
+)

@@ -1,11 +1,11 @@
 """The samples of a cube that a claim is about, and how like the paper's they are."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import xarray as xr
@@ -13,7 +13,7 @@ from pydantic import Field, PositiveInt
 
 from knitlab.cube.cube_file import READING, base_dims, is_measured, model_options, source_of
 from knitlab.cube.schema import DESIGN_DIMS, SOURCE, STRIPE_DIMS, VARIABLES, Status
-from knitlab.io.strict_model import StrictModel
+from knitlab.io.toml import StrictModel
 from knitlab.validation.margin import CheckResult, Labels, NotMeasured
 
 Design = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]
@@ -33,10 +33,21 @@ class Checkerboards(StrictModel):
         at_least: number of designs in the paper.
     """
 
+    dims: ClassVar = DESIGN_DIMS
+    kind: ClassVar = "checkerboards"
+    counted: ClassVar = "designs"
     designs: Annotated[tuple[Design, ...], Field(strict=False)] = ()
     n_stripe: Annotated[tuple[PositiveInt, ...], Field(strict=False)] = ()
     without: Annotated[tuple[Design, ...], Field(strict=False)] = ()
     at_least: PositiveInt = 1
+
+    def among(self, planned: Iterable[Labels]) -> list[Labels]:
+        """The designs that the claim is about, of those that are planned."""
+        if self.designs:
+            return list(self.designs)
+        stripes = self.n_stripe
+        planned = [labels for labels in planned if not stripes or labels[0] in stripes]
+        return [labels for labels in planned if labels not in self.without]
 
 
 class PureStripes(StrictModel):
@@ -47,9 +58,21 @@ class PureStripes(StrictModel):
         at_least: number of stripes in the paper.
     """
 
+    dims: ClassVar = STRIPE_DIMS
+    kind: ClassVar = f"{STRIPE_BOUNDARY} pure stripes"
+    counted: ClassVar = "stripes"
     smallest: dict[str, int] = Field(default_factory=dict)
     largest: dict[str, int] = Field(default_factory=dict)
     at_least: PositiveInt = 1
+
+    def among(self, planned: Iterable[Labels]) -> list[Labels]:
+        """The stripes that the claim is about, of those that are planned."""
+        return [
+            (knit, n, boundary)
+            for knit, n, boundary in planned
+            if boundary == STRIPE_BOUNDARY
+            and self.smallest.get(str(knit), 0) <= int(n) <= self.largest.get(str(knit), int(n))
+        ]
 
 
 @dataclass(frozen=True)
@@ -64,73 +87,42 @@ class Samples:
     """
 
     cube: xr.Dataset
-    complete: tuple[Labels, ...]
+    complete: list[Labels]
     wanted: int
     counted: str
+
+    @classmethod
+    def of(cls, cube: xr.Dataset, about: Checkerboards | PureStripes, *variables: str) -> "Samples":
+        """The samples that a claim is about, of a cube at one value of every swept setting.
+
+        Raises:
+            NotMeasured: if the cube has no such samples, or lacks one of the variables.
+        """
+        if base_dims(cube) != about.dims:
+            raise NotMeasured(f"no {about.kind} in this cube")
+        if missing := sorted(set(variables) - set(map(str, cube.data_vars))):
+            raise NotMeasured(f"no {', '.join(missing)} in this cube")
+        statuses = by_labels(cube["status"])
+        planned = [labels for labels, status in statuses.items() if status != Status.excluded]
+        asked = about.among(planned)
+        complete = [labels for labels in asked if statuses.get(labels) == Status.ok]
+        wanted = max(about.at_least, len(asked))
+        return cls(cube[["status", *variables]], complete, wanted, about.counted)
 
     def values(self, of: Callable[[xr.Dataset], float]) -> dict[Labels, float]:
         """A number for each complete sample, without samples for which it is not finite."""
         values = {labels: of(one_sample(self.cube, labels)) for labels in self.complete}
         return {labels: value for labels, value in values.items() if np.isfinite(value)}
 
-    def result(self, margin: float | None, text: str, at: Sequence[Labels]) -> CheckResult:
+    def result(self, margin: float | None, text: str, at: Iterable[Labels]) -> CheckResult:
         """The result of a check that was judged on some of the samples."""
-        return CheckResult(margin, text, len(at), self.wanted, self.counted, tuple(at))
+        at = tuple(at)
+        return CheckResult(margin, text, len(at), self.wanted, self.counted, at)
 
     def too_few(self, measured: int) -> NotMeasured:
         """The exception for too few measured samples."""
         count = f"{measured} of {self.wanted}" if measured else "none of the"
         return NotMeasured(f"{count} {self.counted} measured", self.wanted, self.counted)
-
-
-def checkerboards(cube: xr.Dataset, about: Checkerboards, *variables: str) -> Samples:
-    """The checkerboards that a claim is about, of a cube at one value of every swept setting.
-
-    Raises:
-        NotMeasured: if the cube has no checkerboards, or lacks one of the variables.
-    """
-    statuses = _statuses(cube, DESIGN_DIMS, "checkerboards", variables)
-    asked: tuple[Labels, ...] = about.designs or tuple(
-        labels
-        for labels, status in statuses.items()
-        if status != Status.excluded
-        and (not about.n_stripe or labels[0] in about.n_stripe)
-        and labels not in about.without
-    )
-    complete = tuple(labels for labels in asked if statuses.get(labels) == Status.ok)
-    wanted = len(asked) if about.designs else max(about.at_least, len(asked))
-    return Samples(cube[["status", *variables]], complete, wanted, "designs")
-
-
-def stripes(cube: xr.Dataset, about: PureStripes, *variables: str) -> Samples:
-    """The pure stripes of a cube that a claim is about; see :func:`checkerboards`."""
-    statuses = {
-        labels: status
-        for labels, status in _statuses(cube, STRIPE_DIMS, "pure stripes", variables).items()
-        if labels[-1] == STRIPE_BOUNDARY
-    }
-    if not statuses:
-        raise NotMeasured(f"no {STRIPE_BOUNDARY} pure stripes in this cube")
-    asked = [
-        (knit, n, boundary)
-        for (knit, n, boundary), status in statuses.items()
-        if status != Status.excluded
-        and about.smallest.get(str(knit), 0) <= int(n) <= about.largest.get(str(knit), int(n))
-    ]
-    complete = tuple(labels for labels in asked if statuses[labels] == Status.ok)
-    wanted = max(about.at_least, len(asked))
-    return Samples(cube[["status", *variables]], complete, wanted, "stripes")
-
-
-def _statuses(
-    cube: xr.Dataset, dims: tuple[str, ...], kind: str, variables: tuple[str, ...]
-) -> dict[Labels, int]:
-    """The status of every sample of a cube, by its labels."""
-    if base_dims(cube) != dims:
-        raise NotMeasured(f"no {kind} in this cube")
-    if missing := sorted(set(variables) - set(map(str, cube.data_vars))):
-        raise NotMeasured(f"no {', '.join(missing)} in this cube")
-    return by_labels(cube["status"])
 
 
 def by_labels(variable: xr.DataArray) -> dict[Labels, Any]:

@@ -5,8 +5,7 @@ import pytest
 
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import read_machine
-from knitlab.knitting.operations import operations
-from knitlab.knitting.passes import carriage_passes, duration, longest_floats
+from knitlab.knitting.program import carriage_passes, duration, longest_floats, operations
 from knitlab.knitting.specification import specification
 from knitlab.measure.knit_size import Gauge
 from tests.knitting.charts import chart_of_arrays

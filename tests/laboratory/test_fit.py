@@ -10,8 +10,7 @@ from knitlab.equilibrium.tensile_test import stretch
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
-from knitlab.laboratory.fit import FITTED, NoFit, fit_stripes
-from knitlab.laboratory.fit_report import report, write_stripes
+from knitlab.laboratory.fit import FITTED, NoFit, fit_stripes, report, write_stripes
 from knitlab.laboratory.simulated_test import QUANTITIES, simulated_test, with_factors
 from knitlab.laboratory.target import MeasuredTest, case_for, target_of
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS

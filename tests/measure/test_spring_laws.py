@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 from knitlab.cli import main
 from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.zigzag import tension, zigzag
-from knitlab.io.curve_file import read_tension_curve
+from knitlab.io.table_file import read_tension_curve
 from knitlab.measure.calibration import calibrate
 from knitlab.measure.fit_statistics import compare
 from tests.fabrics import stripe

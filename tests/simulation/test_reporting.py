@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from knitlab.simulation import tensile_tests
 from knitlab.simulation.tensile_tests import Reporter
-from knitlab.sweep.estimate import RELAXATION_STEPS, work
+from knitlab.sweep.batches import RELAXATION_STEPS, work
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.progress import ProgressBar
 

@@ -145,7 +145,7 @@ def verdicts(tmp_path):
     return judge
 
 
-LABORATORY = [each.name for each in read_claims() if each.statement.test == "laboratory"]
+LABORATORY = [each.name for each in read_claims() if each.test == "laboratory"]
 
 
 @pytest.mark.slow

@@ -53,7 +53,7 @@ CUBES = {"good": good_checkerboards(), "bad": bad_checkerboards()}
 EACH = [
     name
     for name, claim in CLAIMS.items()
-    if CHECKS[claim.statement.test].__module__ == sample_checks.__name__
+    if CHECKS[claim.test].__module__ == sample_checks.__name__
     and isinstance(claim.arguments["about"], Checkerboards)
 ]
 

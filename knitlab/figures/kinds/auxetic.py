@@ -24,9 +24,6 @@ def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
     hatched by status, so that a failure never looks like a value; measured ones have a dashed
     frame. Where ν of the siblings of a design differs by more than 0.05 at any strain, the map
     states the difference.
-
-    Raises:
-        BadInput: if no cube has Poisson's ratio.
     """
     if not any("poisson_ratio_min" in cube for cube in cubes):
         raise fault("auxetic", "shows Poisson's ratio, and there is none; import markers")

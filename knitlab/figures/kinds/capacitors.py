@@ -27,8 +27,6 @@ INK = "0.3"
 DASHES = ("-", "--", "-.", (0, (1, 1)))
 PAPER_STRIPES = (("rib", 4), ("garter", 4))
 PAPER_CHECKERBOARDS = ((4, 16), (4, 32))
-HEIGHT = 3.1
-"""Height of the figure [in]."""
 
 
 class Sample(NamedTuple):
@@ -44,9 +42,6 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     Shows those of the paper's four samples that the cubes hold, and all measured ones. Thick lines
     mark the central 20 % over which the slope is averaged; dots are unloading. There is no curve
     where electrodes touch or the model passes through itself.
-
-    Raises:
-        BadInput: if no cube holds one of the samples with electrodes.
     """
     samples = [sample for cube in cubes for sample in _samples(cube)]
     if not samples:
@@ -55,7 +50,7 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
             "shows 4 × 4 rib and garter, (4, 16) and (4, 32) with electrodes, and no cube has one;"
             " give cubes of the workflows sensor and sensor_stripes",
         )
-    figure = Figure(figsize=(TWO_COLUMNS, HEIGHT), layout="constrained")
+    figure = Figure(figsize=(TWO_COLUMNS, 3.1), layout="constrained")
     ratios, absolute, slopes = figure.subplots(1, 3, width_ratios=(1.3, 1.3, 0.9))
     cells = [sample.cell for sample in samples]
     any_measured = any(map(is_measured, cells))

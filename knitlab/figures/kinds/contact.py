@@ -36,9 +36,6 @@ def contact_effect(cube: xr.Dataset) -> Figure:
 
     Args:
         cube: with designs without contact and with it, as a sweep of ``contact`` gives.
-
-    Raises:
-        BadInput: if it does not hold both, or no design is ok in both.
     """
     if "contact" not in cube.dims or {*CONTACT} - {*map(str, cube["contact"].values)}:
         raise fault(

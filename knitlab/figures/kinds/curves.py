@@ -19,8 +19,6 @@ from knitlab.io.errors import fault
 
 BAND = 0.25
 """Opacity of a band."""
-HEIGHT = 4.9
-"""Height of the figure [in]."""
 ROWS = {
     "mean_strain_xx": "transverse strain\nmean $\\varepsilon_{xx}$ [1]",
     "mean_strain_yy": "axial strain\nmean $\\varepsilon_{yy}$ [1]",
@@ -34,9 +32,6 @@ def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
     Colour encodes P, the periods in a patch, in every column. Measured curves are dashed, with a
     band of two standard errors; the band of a simulated curve is the range of its siblings. A curve
     breaks where the fabric snaps; a test that did not reach its last strain ends in a cross.
-
-    Raises:
-        BadInput: if no design has been simulated or measured.
     """
     if not any(name in cube for cube in cubes for name in ROWS):
         raise fault("curves", "shows strains, and no cube has any; import markers")
@@ -46,7 +41,7 @@ def tension_curves(cubes: Sequence[xr.Dataset]) -> Figure:
     stripes = sorted({int(n) for cube in cubes for n in cube["n_stripe"].values})
     periods = np.unique([float(design["periods"]) for design in designs])
     colours = dict(zip(periods, shades(len(periods)), strict=True))
-    figure = Figure(figsize=(TWO_COLUMNS, HEIGHT), layout="constrained")
+    figure = Figure(figsize=(TWO_COLUMNS, 4.9), layout="constrained")
     grid = figure.subplots(len(ROWS), len(stripes), sharex=True, sharey="row", squeeze=False)
     for column, n_stripe in zip(grid.T, stripes, strict=True):
         for design in designs:

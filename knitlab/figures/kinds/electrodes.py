@@ -16,7 +16,7 @@ from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.sheets import FABRIC, draw_sheet, frame_sheet, state_text
 from knitlab.figures.style import TWO_COLUMNS
 from knitlab.io.errors import fault
-from knitlab.meshes.sheet import closed_nodes
+from knitlab.meshes.fabric import closed_nodes
 
 if TYPE_CHECKING:
     from knitlab.simulation.case import Case
@@ -24,22 +24,13 @@ if TYPE_CHECKING:
 COLOURS = ("#D55E00", "#0072B2")
 SHADES = {"R": "0.82", "G": "0.94", "P": "1.0"}
 """Grey of every knit, by its letter."""
-HEIGHT = 3.6
-"""Height of the figure [in]."""
 CELLS_PER_TICK, MOST_TICKS = 4, 12
 FINE_PARTS, COARSE_PARTS, FEW_CELLS = 4, 2, 24
 """Subdivisions of a grid cell along each direction: fine up to this many cells, else coarse."""
 
 
 def electrodes_figure(case_file: xr.Dataset) -> Figure:
-    """Where the electrodes run, on the chart and on the fabric, relaxed or at ``applied_strain``.
-
-    Args:
-        case_file: contents of a case file, with node positions.
-
-    Raises:
-        BadInput: if the case has no electrodes.
-    """
+    """Where electrodes run, on the chart and on the fabric, relaxed or at ``applied_strain``."""
     # JAX is imported only when this figure is drawn.
     from knitlab.fabric.pattern import KNIT_OF_LETTER
     from knitlab.simulation.case import case_of
@@ -48,7 +39,7 @@ def electrodes_figure(case_file: xr.Dataset) -> Figure:
     if not parameters.get("capacitor"):
         raise fault("electrodes", "this case has no electrodes; run a workflow with [electrodes]")
     case = case_of(parameters)
-    figure = Figure(figsize=(TWO_COLUMNS, HEIGHT))
+    figure = Figure(figsize=(TWO_COLUMNS, 3.6))
     chart = figure.add_axes((0.06, 0.2, 0.36, 0.7))
     _draw_chart(chart, case)
     design = ", ".join(f"{name} = {value}" for name, value in case.design.items())

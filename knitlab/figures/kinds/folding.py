@@ -19,9 +19,6 @@ def folding_animation(case: xr.Dataset) -> FuncAnimation:
     """Film of a fabric that folds as it relaxes.
 
     Frames are evenly spaced in the logarithm of time.
-
-    Args:
-        case: contents of a case file with the history of its relaxation.
     """
     nodes = snapshot_nodes(case)
     figure = Figure(figsize=(ONE_COLUMN * 1.3, ONE_COLUMN), dpi=120)

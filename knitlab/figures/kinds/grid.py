@@ -1,26 +1,29 @@
 """A grid: any variable of a cube over any two of its dimensions."""
 
-from dataclasses import dataclass
 from textwrap import fill
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
-from matplotlib.ticker import MaxNLocator
 
 from knitlab.cube.cube_file import base_dims, design_dims
 from knitlab.cube.reduced_columns import with_reduction
 from knitlab.cube.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, Status
 from knitlab.cube.selection import choices
-from knitlab.figures.cells import EMPTY, MARKS, PERIODS_LABEL, marks_legend, written
+from knitlab.figures.cells import (
+    EMPTY,
+    MARKS,
+    PERIODS_LABEL,
+    cell,
+    marks_legend,
+    remove_frame,
+    value_cell,
+)
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import TWO_COLUMNS, ValueColours, number
-from knitlab.io.errors import fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import fault, unknown
 
 PERIODS = "periods"
 MOST_COLUMNS, MOST_ROWS = 16, 24
@@ -33,8 +36,6 @@ LETTERS = 26
 """Letters on a line of an upright label."""
 MOST_NAMED = 16
 """Largest number of values of an axis that have a tick each."""
-STEADY = 1e-6
-"""Relative difference of steps, or of ratios, that counts as none."""
 NO_VALUE = "no value there"
 
 
@@ -56,9 +57,6 @@ def value_grid(
         y: dimension up, or ``periods``.
         of: the variable, or a reduction of one along the strain, as in queries:
             ``slope(capacitance, 0.1:0.3)``.
-
-    Raises:
-        BadInput: if there is no such variable or dimension, or another one has several values.
     """
     cube, of = with_reduction(cube, of)
     if of not in cube.data_vars:
@@ -82,23 +80,23 @@ def value_grid(
         raise fault("grid", "no design of this selection was planned; choose others")
     kept = {dim: used.any(other).values for dim, other in ((x, y), (y, x))}
     values, status = values.isel(kept), status.isel(kept)
-    across, up = (GridAxis.of(values[dim].values) for dim in (x, y))
-    height = min(max(LOWEST, MARGIN + ROW * len(up.centres)), HIGHEST)
+    rows, columns = values.shape
+    height = min(max(LOWEST, MARGIN + ROW * rows), HIGHEST)
     figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
     axes = figure.add_subplot()
     colours = ValueColours.of(values.values)
-    marked = _draw(axes, values, status, across, up, colours)
+    marked, gaps = _draw(axes, values, status, colours)
+    axes.set(xlim=(-0.5, columns - 0.5), ylim=(-0.5, rows - 0.5))
     axes.set(xlabel=_axis_label(cube, x), ylabel=_upright(_axis_label(cube, y)))
-    across.apply(axes, "x")
-    up.apply(axes, "y")
-    axes.minorticks_off()
-    axes.tick_params(length=0 if across.named and up.named else 2)
-    axes.spines[:].set_visible(False)
+    for axis, dim in ((axes.xaxis, x), (axes.yaxis, y)):
+        named = slice(None, None, 1 + (values.sizes[dim] - 1) // MOST_NAMED)
+        labels = [_text(value, "g") for value in values[dim].values]
+        axis.set_ticks(range(len(labels))[named], labels[named])
+    remove_frame(axes)
     unit = values.attrs.get("units", "1")
     label = _upright(f"{values.attrs.get('long_name', of)} [{unit}]")
     colours.bar(figure, axes, pad=0.01, label=label)
-    notes = [EMPTY] if Status.excluded in marked else []
-    marks_legend(figure, marked - {Status.excluded}, NO_VALUE, notes)
+    marks_legend(figure, marked, NO_VALUE, [EMPTY] if gaps else [])
     figure.suptitle(", ".join([of, *fixed]), fontsize="small")
     return figure
 
@@ -127,11 +125,7 @@ def by_periods(cube: xr.Dataset) -> xr.Dataset:
 
 
 def _axes(variable: xr.DataArray, x: str | None, y: str | None) -> tuple[str, str]:
-    """The two dimensions of the grid: those asked for, or those with more than one value.
-
-    Raises:
-        BadInput: if one does not exist, both are one, or it is not clear which are meant.
-    """
+    """The two dimensions of the grid: those asked for, or those with more than one value."""
     dims = [str(dim) for dim in variable.dims]
     for option, dim in (("x", x), ("y", y)):
         if dim is not None and dim not in dims:
@@ -153,11 +147,7 @@ def _axes(variable: xr.DataArray, x: str | None, y: str | None) -> tuple[str, st
 def _plane(
     cube: xr.Dataset, x: str, y: str, of: str
 ) -> tuple[xr.DataArray, xr.DataArray, list[str]]:
-    """Values and status over (y, x), and the value of every other dimension as text.
-
-    Raises:
-        BadInput: if another dimension has several values.
-    """
+    """Values and status over (y, x), and the value of every other dimension as text."""
     others = [str(dim) for dim in cube[of].dims if dim not in (x, y)]
     if several := [dim for dim in others if cube.sizes[dim] > 1]:
         if unlabelled := [dim for dim in several if dim not in cube.coords]:
@@ -171,98 +161,22 @@ def _plane(
     return plane, status, fixed
 
 
-@dataclass(frozen=True)
-class GridAxis:
-    """The axis of a grid of cells.
-
-    Attributes:
-        edges: edges of the cells.
-        centres: centres of the cells.
-        labels: text of every value.
-        scale: ``linear`` or ``log``.
-        whole: whether ticks are whole numbers, if not every value has one.
-    """
-
-    edges: Float[np.ndarray, " edge"]
-    centres: Float[np.ndarray, " cell"]
-    labels: list[str]
-    scale: str = "linear"
-    whole: bool = False
-
-    @classmethod
-    def of(cls, values: np.ndarray) -> "GridAxis":
-        """The axis of the values of a dimension; numbers are in ascending order.
-
-        Numbers at even steps have a linear scale, those at a constant ratio a logarithmic one.
-        Text, and a few numbers at any distances, are categories: cells of one width.
-        """
-        labels = [_text(value, "g") for value in values]
-        whole = values.dtype.kind in "iu"
-        if values.dtype.kind in "iuf" and len(values) > 2:
-            numbers = values.astype(float)
-            if _is_even(numbers):
-                return cls(_edges(numbers), numbers, labels, whole=whole)
-            if (numbers > 0).all() and _is_even(np.log(numbers)):
-                return cls(np.exp(_edges(np.log(numbers))), numbers, labels, "log")
-            if len(values) > MOST_NAMED:
-                return cls(_edges(numbers), numbers, labels)
-        return cls(np.arange(len(labels) + 1) - 0.5, np.arange(len(labels), dtype=float), labels)
-
-    @property
-    def named(self) -> bool:
-        """Whether every value has a tick."""
-        return len(self.labels) <= MOST_NAMED
-
-    def apply(self, axes: Axes, name: str) -> None:
-        """Set scale, limits and ticks of the axis ``x`` or ``y``."""
-        axes.set(**{f"{name}scale": self.scale, f"{name}lim": (self.edges[0], self.edges[-1])})
-        if self.named:
-            axes.set(**{f"{name}ticks": self.centres, f"{name}ticklabels": self.labels})
-        elif self.whole:
-            getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(integer=True))
-
-
-def _is_even(numbers: np.ndarray) -> bool:
-    steps = np.diff(numbers)
-    return bool(np.ptp(steps) <= STEADY * np.abs(steps).max())
-
-
-def _edges(centres: np.ndarray) -> np.ndarray:
-    """Edges halfway between centres."""
-    middles = (centres[:-1] + centres[1:]) / 2
-    return np.concatenate([[2 * centres[0] - middles[0]], middles, [2 * centres[-1] - middles[-1]]])
-
-
 def _draw(
-    axes: Axes,
-    values: xr.DataArray,
-    status: xr.DataArray,
-    across: GridAxis,
-    up: GridAxis,
-    colours: ValueColours,
-) -> set[Status]:
-    """Draw the cells, and return the statuses of those without a value."""
-    large = len(across.centres) <= MOST_COLUMNS and len(up.centres) <= MOST_ROWS
+    axes: Axes, values: xr.DataArray, status: xr.DataArray, colours: ValueColours
+) -> tuple[set[Status], bool]:
+    """Draw the cells, and return the statuses marked and whether there are empty places."""
+    rows, columns = values.shape
+    large = columns <= MOST_COLUMNS and rows <= MOST_ROWS
     marked: set[Status] = set()
     for row, column in np.ndindex(values.shape):
         code, value = Status(int(status[row, column])), float(values[row, column])
-        valid = code in RUN and np.isfinite(value)
-        if not valid:
+        if code in RUN and np.isfinite(value):
+            text = _text(value) if large else ""
+            value_cell(axes, row, column, colours(value), text, large=large, fontsize=6)
+        elif code is not Status.excluded:
+            cell(axes, row, column, linewidth=1.0 if large else 0.2, **MARKS[code])
             marked.add(code)
-        if code is Status.excluded:
-            continue
-        left, right = across.edges[column : column + 2].tolist()
-        low, high = up.edges[row : row + 2].tolist()
-        look: dict[str, Any] = MARKS[code]
-        if valid:
-            colour = colours(value)
-            look = {"facecolor": colour, "edgecolor": "white" if large else colour}
-        cell = Rectangle((left, low), right - left, high - low, lw=1.0 if large else 0.2, **look)
-        axes.add_patch(cell)
-        if valid and large:
-            middle = float(across.centres[column]), float(up.centres[row])
-            written(axes, middle, _text(value), colour, fontsize=6)
-    return marked
+    return marked, bool((status == Status.excluded).any())
 
 
 def _upright(label: str) -> str:

@@ -35,14 +35,8 @@ def readings_figure(cubes: Sequence[tuple[Path, xr.Dataset]]) -> Figure:
     Claims are rows, sets of options are columns, and each cell gives the margin of a claim. Sets
     are ranked by :func:`.ranked_options`; the best :data:`MOST` are
     shown.
-
-    Args:
-        cubes: paths and cubes.
-
-    Raises:
-        BadInput: if the cubes decide no claim.
     """
-    claims = sorted(read_claims(), key=lambda claim: TOPICS.index(claim.statement.topic))
+    claims = sorted(read_claims(), key=lambda claim: TOPICS.index(claim.topic))
     ranked = ranked_options(cubes, claims)
     shown = ranked[:MOST]
     names = [

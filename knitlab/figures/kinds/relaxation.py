@@ -16,11 +16,7 @@ BEFORE_FIRST = 0.7
 
 
 def relaxation_figure(case: xr.Dataset) -> Figure:
-    """Kinetic energy against time, and snapshots (paper, Fig. "unit simulation").
-
-    Args:
-        case: contents of a case file with the history of its relaxation.
-    """
+    """Kinetic energy against time, and snapshots (paper, Fig. "unit simulation")."""
     nodes = snapshot_nodes(case)
     chosen = _chosen_snapshots(nodes)
     figure = Figure(figsize=(TWO_COLUMNS, 4.2))

@@ -27,12 +27,6 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     Each is shown relaxed and at the recorded strain nearest 0.23, or at one or two selected values
     of ``applied_strain``, all at one scale. Shading is
     slope; colour is the local transverse strain of the unit cell.
-
-    Args:
-        cases: contents of case files, with node positions.
-
-    Raises:
-        BadInput: if they are not samples between clamps.
     """
     if any("length_x" in case for case in cases):
         raise fault("samples", "shows samples between clamps, not periodic fabric; draw shape")

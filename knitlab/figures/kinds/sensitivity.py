@@ -6,7 +6,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from knitlab.cube.schema import Status
-from knitlab.figures.cells import MARKS, cell, designs_of, marks_legend, remove_frame, written
+from knitlab.figures.cells import MARKS, cell, designs_of, marks_legend, remove_frame, value_cell
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS, Look, number
 from knitlab.io.errors import fault
@@ -32,9 +32,6 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
     Shows the sensitivity p ∂ν/∂p of every design to every stripe parameter at the strain where its
     ν is lowest. The largest magnitude of a row is framed. Designs without a lowest ν, or without
     derivatives there, are marked by status.
-
-    Raises:
-        BadInput: if the cube has no sensitivities, or too many designs for one figure.
     """
     if QUANTITY not in cube:
         raise fault("sensitivity", "needs sensitivities; run with sensitivities = true")
@@ -55,11 +52,9 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
         leading = int(np.argmax(np.abs(sensitivities)))
         for k, (column, value) in enumerate(zip(columns, sensitivities, strict=True)):
             if valid:
-                colour = colours(norm(value))
-                cell(axes, row, column, facecolor=colour, edgecolor="white")
                 text = number(value, "+.2f" if abs(value) < 9.995 else "+.0f")
                 weight = "bold" if k == leading else "normal"
-                written(axes, (column, row), text, colour, weight=weight)
+                value_cell(axes, row, column, colours(norm(value)), text, weight=weight)
             else:
                 cell(axes, row, column, **MARKS[status])
         if valid:

@@ -66,9 +66,6 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
     Args:
         cubes: the cubes.
         window: the strains, such as ``0.1:0.3``.
-
-    Raises:
-        BadInput: if a cube is of fabrics without electrodes, or the window is not valid.
     """
     if any(CAPACITANCE not in cube for cube in cubes):
         raise fault("sensor", NEEDED)

@@ -14,7 +14,7 @@ from matplotlib.patheffects import withStroke
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.sheets import design_text, draw_faces, faces_of, state_text
 from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS
-from knitlab.meshes.sheet import closed_nodes, is_periodic
+from knitlab.meshes.fabric import closed_nodes, is_periodic
 
 if TYPE_CHECKING:
     from knitlab.fabric.pattern import PatchGrid
@@ -33,9 +33,6 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     """Shape of a fabric seen from the technical face; relaxed, or at ``applied_strain``.
 
     Colour is height, white lines are patch borders.
-
-    Args:
-        case: contents of a case file, with node positions; its first strain is shown.
     """
     # JAX is imported only when this figure is drawn.
     from knitlab.fabric.pattern import recorded_pattern

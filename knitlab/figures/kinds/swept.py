@@ -9,8 +9,7 @@ from knitlab.cube.reduced_columns import with_reduction
 from knitlab.cube.schema import FLAGS, Status
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
-from knitlab.io.errors import fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import fault, unknown
 
 ROW, MARGIN, SMALLEST = 0.16, 1.1, 2.4
 """Height of the row of a design, of what is around the rows, and of the smallest figure [in]."""
@@ -26,9 +25,6 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
         cube: a cube with one swept setting; select one value of every other.
         of: the variable, or a reduction of one along the strain, as in queries:
             ``slope(capacitance, 0.1:0.3)``.
-
-    Raises:
-        BadInput: if no setting is swept or several are, or ``of`` is not a number of a design.
     """
     cube, of = with_reduction(cube, of)
     if of not in cube.data_vars:

@@ -32,9 +32,6 @@ def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
     ``applied_strain`` or the recorded strain nearest 0.23. Cells have the size of the relaxed unit
     cell, and are white if they lost a marker; the central ones, over which strains are averaged,
     have a dark frame.
-
-    Raises:
-        BadInput: if none of the three has been simulated with more than one unit cell.
     """
     shown = _samples(cubes)
     if not shown:

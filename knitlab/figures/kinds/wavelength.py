@@ -25,9 +25,6 @@ def wavelength_figure(cube: xr.Dataset) -> Figure:
     Wavelengths have one fitted line for each n_stripe, and are in millimetres of cloth where the
     cube has them, as in the paper. Boundary and spectrum are of the smallest unit cell of n_stripe
     4, or of the first n_stripe if there is no 4.
-
-    Raises:
-        BadInput: if no design of the cube has a wavelength.
     """
     if "wavelength_x" not in cube or not cube["wavelength_y"].notnull().any():
         problem = "no design of this selection has a wavelength; run samples of 2 unit cells or"

@@ -46,7 +46,7 @@ def introduction(judgements: Sequence[Judgement]) -> dict[str, list[tuple[str, s
     for topic in TOPICS:
         groups: dict[str, list[str]] = {group: [] for group in OPENINGS}
         for one in judgements:
-            if one.claim.statement.topic == topic:
+            if one.claim.topic == topic:
                 groups[reliance(one)].append(_quoted(one))
         if any(groups.values()):
             topics[topic] = [
@@ -112,22 +112,22 @@ def row(one: Judgement, letters: Mapping[str, str]) -> dict[str, str]:
         one: the claim and its verdict.
         letters: a letter for every set of model options, by their text.
     """
-    statement, result = one.claim.statement, one.result
+    claim, result = one.claim, one.result
     judged_on = [result.count, *(_sample(sample, letters) for sample in one.samples)]
     if one.contrary:
         judged_on.append(f"but it {contrary(one.contrary, cube_name)}")
     cells = {
         "margin": signed(result.margin),
-        "what the paper says": statement.text,
-        "along": statement.measured_along or "",
-        "where": statement.place,
+        "what the paper says": claim.text,
+        "along": claim.measured_along or "",
+        "where": claim.place,
         "what was measured": result.text,
         "judged on": "" if result.margin is None else "; ".join(judged_on),
-        "threshold": "; ".join(filter(None, [f"{one.claim.threshold_of}'s", one.sensitivity])),
-        FIGURE: statement.figure or "",
+        "threshold": "; ".join(filter(None, [f"{claim.threshold_of}'s", one.sensitivity])),
+        FIGURE: claim.figure or "",
     }
     failing = result.grade in (Grade.near_miss, Grade.fails)
-    return cells | ({WHY_NOT: statement.why_not or ""} if failing else {})
+    return cells | ({WHY_NOT: claim.why_not or ""} if failing else {})
 
 
 def _sample(sample: JudgedSamples, letters: Mapping[str, str]) -> str:

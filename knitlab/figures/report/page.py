@@ -36,57 +36,50 @@ Key = tuple[str | None, tuple[Path, ...]]
 
 
 class Format(NamedTuple):
-    """How the parts of a page are written; all but ``text`` take what is already written.
+    """How the parts of a page are written: plain text, a link, a table, and marked text.
 
-    Attributes:
-        text: plain text.
-        strong: emphasis.
-        heading: a heading of a level.
-        paragraph: a paragraph.
-        items: a list.
-        link: a link to a target.
-        table: a table of a class, of a head and rows of cells.
+    Marks are the tags of HTML: h1 to h3, p, b and ul, of which the text has one item on each line.
     """
 
     text: Callable[[str], str]
-    strong: Callable[[str], str]
-    heading: Callable[[int, str], str]
-    paragraph: Callable[[str], str]
-    items: Callable[[Sequence[str]], str]
+    marked: Callable[[str, str], str]
     link: Callable[[str, str], str]
-    table: Callable[[str, Sequence[Sequence[str]]], str]
+    table: Callable[[str, list[list[str]]], str]
 
 
-def _markdown_table(_: str, rows: Sequence[Sequence[str]]) -> str:
+def _marked_in_markdown(tag: str, text: str) -> str:
+    if tag == "b":
+        return f"**{text}**"
+    opening = {"p": "", "ul": "- ", "h1": "# ", "h2": "## ", "h3": "### "}[tag]
+    return "\n".join(f"{opening}{line}" for line in text.splitlines())
+
+
+def _marked_in_html(tag: str, text: str) -> str:
+    if tag == "ul":
+        text = "".join(f"<li>{item}</li>" for item in text.splitlines())
+    return f"<{tag}>{text}</{tag}>"
+
+
+def _markdown_table(_: str, rows: list[list[str]]) -> str:
     lines = [" | ".join(cell.replace("|", "\\|") for cell in cells) for cells in rows]
     head, *body = (f"| {line} |" for line in lines)
     return "\n".join([head, f"|{'---|' * len(rows[0])}", *body])
 
 
-def _html_table(name: str, rows: Sequence[Sequence[str]]) -> str:
-    head, *body = rows
-    lines = [f"<tr>{''.join(f'<th>{cell}</th>' for cell in head)}</tr>"]
-    lines += [f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>" for cells in body]
-    return f'<table class="{name}">{chr(10).join(lines)}</table>'
+def _html_table(name: str, rows: list[list[str]]) -> str:
+    lines = ["<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>" for cells in rows]
+    lines[0] = lines[0].replace("td>", "th>")
+    return "\n".join([f'<table class="{name}">', *lines, "</table>"])
 
 
 MARKDOWN = Format(
-    text=str,
-    strong=lambda text: f"**{text}**",
-    heading=lambda level, text: f"{'#' * level} {text}",
-    paragraph=str,
-    items=lambda items: "\n".join(f"- {item}" for item in items),
-    link=lambda text, target: f"[{text}]({target})",
-    table=_markdown_table,
+    str, _marked_in_markdown, lambda text, target: f"[{text}]({target})", _markdown_table
 )
 HTML = Format(
-    text=html.escape,
-    strong=lambda text: f"<b>{text}</b>",
-    heading=lambda level, text: f"<h{level}>{text}</h{level}>",
-    paragraph=lambda text: f"<p>{text}</p>",
-    items=lambda items: f"<ul>{''.join(f'<li>{item}</li>' for item in items)}</ul>",
-    link=lambda text, target: f'<a href="{target}">{text}</a>',
-    table=_html_table,
+    html.escape,
+    _marked_in_html,
+    lambda text, target: f'<a href="{target}">{text}</a>',
+    _html_table,
 )
 
 
@@ -145,13 +138,16 @@ def _write(page: Path, text: str) -> None:
 def _parts(judgements: Sequence[Judgement], form: Format, links: Mapping[Key, str]) -> list[str]:
     """The parts of a page from its title to its last table, with links to figures."""
     letters = letters_of_options(judgements)
-    parts = [form.heading(1, form.text(TITLE)), form.paragraph(form.text(summary(judgements)))]
-    parts.append(form.heading(2, "What you may rely on, and what not"))
-    parts.append(form.paragraph(form.text(EXPLAINED)))
+    parts = [
+        ("h1", TITLE),
+        ("p", form.text(summary(judgements))),
+        ("h2", "What you may rely on, and what not"),
+        ("p", form.text(EXPLAINED)),
+    ]
     for topic, sentences in introduction(judgements).items():
-        parts.append(form.heading(3, form.text(topic.capitalize())))
-        items = [f"{form.strong(f'{opening}:')} {form.text(said)}" for opening, said in sentences]
-        parts.append(form.items(items))
+        items = [f"{form.marked('b', f'{head}:')} {form.text(said)}" for head, said in sentences]
+        parts += [("h3", form.text(topic.capitalize())), ("ul", "\n".join(items))]
+    written = [form.marked(tag, text) for tag, text in parts]
     for grade, heading in HEADINGS.items():
         rows: list[list[str]] = []
         for one in judgements:
@@ -159,20 +155,18 @@ def _parts(judgements: Sequence[Judgement], form: Format, links: Mapping[Key, st
                 cells = {name: form.text(text) for name, text in row(one, letters).items()}
                 link = links.get(_key(one))
                 cells[FIGURE] = form.link(cells[FIGURE], link) if link else ""
-                rows = rows or [list(cells)]
-                rows.append(list(cells.values()))
+                rows = [*(rows or [list(cells)]), list(cells.values())]
         if rows:
-            parts.append(form.heading(2, form.text(heading)))
-            parts.append(form.table(grade.value.replace(" ", "-"), rows))
+            table = form.table(grade.value.replace(" ", "-"), rows)
+            written += [form.marked("h2", form.text(heading)), table]
     if letters:
-        parts.append(form.heading(2, "Model options"))
         items = [f"{letter}: {form.text(text)}" for text, letter in letters.items()]
-        parts.append(form.items(items))
-    return parts
+        written += [form.marked("h2", "Model options"), form.marked("ul", "\n".join(items))]
+    return written
 
 
 def _key(one: Judgement) -> Key:
-    return one.claim.statement.figure, one.cubes
+    return one.claim.figure, one.cubes
 
 
 def _draw_figures(

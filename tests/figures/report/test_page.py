@@ -102,7 +102,7 @@ def test_every_claim_is_reported_once_under_its_topic(judgements):
     said = {topic: " ".join(claims for _, claims in topics[topic]) for topic in topics}
     for each in judgements:
         claim = each.claim
-        assert said[claim.statement.topic].count(f"“{claim.quoted}”") == 1
+        assert said[claim.topic].count(f"“{claim.quoted}”") == 1
     assert sum(text.count("“") for text in said.values()) == len(judgements)
 
 
@@ -133,6 +133,6 @@ def test_rows_along_weft_and_warp_are_labelled(judgements):
     twins = [each.claim for each in judgements if "_along_w" in each.claim.name]
     assert len(twins) == 8
     for claim in twins:
-        along = claim.statement.measured_along
+        along = claim.measured_along
         assert f"_along_{along}" in claim.name
-        assert claim.quoted == f"{claim.statement.text} (here along the {along})"
+        assert claim.quoted == f"{claim.text} (here along the {along})"
