@@ -7,8 +7,7 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.schema import VARIABLES, Status, Variable, described
-from knitlab.equilibrium.state import State
-from knitlab.equilibrium.tensile_result import History, TensileTest
+from knitlab.equilibrium.state import History, State, TensileTest
 from knitlab.fabric.configuration import Configuration
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.measure.folds import hinges_past_pi, widths_across_folds

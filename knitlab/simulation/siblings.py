@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.equilibrium.settings import Start
-from knitlab.equilibrium.tensile_result import TensileTest
+from knitlab.equilibrium.state import TensileTest
 from knitlab.fabric.stripe import Stripe
 from knitlab.simulation.case import Case
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES

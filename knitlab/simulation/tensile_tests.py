@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from knitlab.equilibrium.relaxation import relax_near
-from knitlab.equilibrium.runners import run_each
-from knitlab.equilibrium.starting_shape import imperfect_sheet, starts_from_periodic
-from knitlab.equilibrium.system import System
-from knitlab.equilibrium.tensile_result import TensileTest
+from knitlab.equilibrium.relaxation import imperfect_sheet, relax_near, starts_from_periodic
+from knitlab.equilibrium.state import TensileTest
+from knitlab.equilibrium.system import run_each
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.configuration import Configuration
 from knitlab.io.errors import fault
@@ -31,50 +29,46 @@ USUAL_FACTORISATIONS = 20
 """Number of factorisations after which half of a state is reported as done."""
 
 
-def tensile_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
-    """Tensile tests of cases of one mesh shape and method."""
-    by = dynamic_tests if cases[0].method == "dynamics" else equilibrium_tests
-    return by(cases, progress)
-
-
-def equilibrium_tests(
+def tensile_tests(
     cases: Sequence[Case], progress: Progress, imperfection: int | None = None
 ) -> list[TensileTest]:
-    """Tensile tests by the equilibrium solver, from imperfections by this seed if any."""
+    """Tensile tests of cases of one mesh shape and method.
+
+    From imperfections, by this seed, they are by equilibria whatever the method.
+    """
+    if cases[0].method == "dynamics" and imperfection is None:
+        return dynamic_tests(cases, progress)
     sheets = starts(cases, imperfection)
     moved = relaxed_by_dynamics(cases, sheets, progress)
-    searches = [
-        partial(_reported_test, case=case, start=start, moved=relaxed, progress=progress)
-        for case, start, relaxed in zip(cases, sheets, moved, strict=True)
+    searches = []
+    for case, start, relaxed in zip(cases, sheets, moved, strict=True):
+        reporter = Reporter(partial(progress, case.case_id))
+        search = partial(
+            stretch,
+            applied_strain=case.applied_strain,
+            settings=case.equilibrium_solver,
+            progress=reporter.done,
+            start=start,
+            folded=None if relaxed is None else relaxed.configuration,
+            unload=case.unloading,
+            contact=contact_of(case),
+            factorised=reporter.factorised,
+        )
+        searches.append(search)
+    fabrics = [case.assemble()[1] for case in cases]
+    tests = run_each(cases[0].mesh_shape, fabrics, searches)
+    return [
+        test if relaxed is None else _after_motion(test, relaxed)
+        for test, relaxed in zip(tests, moved, strict=True)
     ]
-    return run_each(cases[0].mesh_shape, [case.assemble()[1] for case in cases], searches)
 
 
-def _reported_test(
-    system: System,
-    case: Case,
-    start: Configuration | None,
-    moved: "Relaxed | None",
-    progress: Progress,
-) -> TensileTest:
-    reporter = Reporter(partial(progress, case.case_id))
-    system.factorised = reporter.factorised
-    test = stretch(
-        system,
-        case.applied_strain,
-        case.equilibrium_solver,
-        reporter.done,
-        start,
-        None if moved is None else moved.configuration,
-        unload=case.unloading,
-        contact=contact_of(case),
-    )
-    if moved is None:
-        return test
+def _after_motion(test: TensileTest, relaxed: "Relaxed") -> TensileTest:
+    """A test by equilibria of a fabric that relaxed by dynamics, with the history of that."""
     first, *others = test.states
-    peak = float(moved.history.kinetic.max())
-    first = replace(first, iterations=first.iterations + moved.steps, kinetic_peak=peak)
-    return replace(test, states=[first, *others], history=moved.history)
+    peak = float(relaxed.history.kinetic.max())
+    first = replace(first, iterations=first.iterations + relaxed.steps, kinetic_peak=peak)
+    return replace(test, states=[first, *others], history=relaxed.history)
 
 
 class Reporter:
@@ -199,7 +193,7 @@ def sibling_tests(cases: Sequence[Case], progress: Progress) -> list[list[Siblin
         siblings = [sibling(case, number) for case in originals]
         names = {its.case_id: case for its, case in zip(siblings, originals, strict=True)}
         report = partial(_report_of_sibling, progress, number, names)
-        found = equilibrium_tests(siblings, report, imperfection=number)
+        found = tensile_tests(siblings, report, imperfection=number)
         energies = _branch_energies(originals, found)
         for place, case, test, energy in zip(places, siblings, found, energies, strict=True):
             tests[place].append(SiblingTest(case, test, energy))

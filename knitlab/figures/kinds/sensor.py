@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from knitlab.cube.cube_file import is_measured
-from knitlab.cube.reduced_columns import with_reduction
+from knitlab.cube.reduced_columns import with_columns
 from knitlab.cube.schema import Status
 from knitlab.figures.cells import (
     EMPTY,
@@ -89,10 +89,10 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
 
 def _within(window: str, cubes: Sequence[xr.Dataset]) -> tuple[Merits, list[xr.Dataset]]:
     """Slope and linearity within a window as merits, and the cubes with both."""
+    slope, straight = (f"{name}({CAPACITANCE}, {window})" for name in ("slope", "linearity"))
     reduced = []
     for cube in cubes:
-        cube, slope = with_reduction(cube, f"slope({CAPACITANCE}, {window})")
-        cube, straight = with_reduction(cube, f"linearity({CAPACITANCE}, {window})")
+        (cube,) = with_columns([cube], [slope, straight])
         reduced.append(cube.assign({slope: abs(cube[slope])}))
     merits = (
         Merit(slope, f"|slope| of C over {window} [pF]", "{:.2f}"),
