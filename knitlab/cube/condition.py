@@ -64,10 +64,10 @@ def holds(expression: str, table: pd.DataFrame) -> pd.Series:
     """
     where = f"where {expression!r}"
     plain = expression.strip()
-    for number, (text, column) in enumerate(reduced_columns(plain).items()):
-        # Under a name that Python can parse; different texts for one column give the same name.
-        plain = plain.replace(text, f"reduced_column_{number}")
-        table = table.assign(**{f"reduced_column_{number}": table[column.label]})
+    for number, column in enumerate(reduced_columns(plain)):
+        # Under a name that Python can parse.
+        plain = plain.replace(column, f"reduced_column_{number}")
+        table = table.assign(**{f"reduced_column_{number}": table[column]})
     try:
         truth = _Evaluation(table, where).value(ast.parse(plain, mode="eval").body)
     except SyntaxError as error:

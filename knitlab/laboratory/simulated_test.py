@@ -9,14 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.equilibrium.domain_decomposition import find_equilibrium_by_subdomains
-from knitlab.equilibrium.equilibrium_search import SearchRules
+from knitlab.equilibrium.equilibrium import find_equilibrium
 from knitlab.equilibrium.loading import tensile
 from knitlab.equilibrium.relaxation import relax
-from knitlab.equilibrium.runners import run_each
-from knitlab.equilibrium.state import State
-from knitlab.equilibrium.system import System
-from knitlab.equilibrium.tensile_result import TensileTest
+from knitlab.equilibrium.search import SearchRules
+from knitlab.equilibrium.state import State, TensileTest
+from knitlab.equilibrium.stiffness import free_stiffness
+from knitlab.equilibrium.system import System, run_each
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.energy import Point
 from knitlab.fabric.stripe import Stripe
@@ -105,13 +104,14 @@ def _retested(system: System, case: Case, near: SimulatedTest) -> TensileTest:
     if not relaxed.converged:
         return TensileTest(None, [relaxed])
     loading = tensile(system.shape, relaxed.configuration)
-    rules = SearchRules.of(system.shape, loading.free, system.fabric, settings, convexified=False)
+    free = free_stiffness(system.shape, loading.free)
+    rules = SearchRules(free, settings, convexified=False)
     states: list[State] = [relaxed]
     for strain, other in zip(case.applied_strain[1:], others, strict=True):
         # The relaxed sample may have changed size: add the change of the relaxed shape.
         moved = other.unknowns + relaxed.unknowns - first.unknowns
         start = Point(loading.holding(moved, strain))
-        states.append(find_equilibrium_by_subdomains(system, start, rules))
+        states.append(find_equilibrium(system, start, rules))
         if not states[-1].converged:
             break
     return TensileTest(loading, states)

@@ -10,13 +10,7 @@ import xarray as xr
 from knitlab.cube.case_file import StoredCase, check_case_file, read_case
 from knitlab.cube.cube_file import design_dims, is_measured, source_of
 from knitlab.cube.schema import Status
-from knitlab.cube.selection import (
-    choices,
-    chosen_places,
-    refuse_others,
-    selected,
-    selections_along,
-)
+from knitlab.cube.selection import choices, chosen_places, refuse_others, selected, selections_along
 from knitlab.io.errors import fault
 
 STRAIN = "applied_strain"

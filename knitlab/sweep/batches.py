@@ -48,13 +48,10 @@ from machine to machine, and the split must not."""
 
 @dataclass(frozen=True)
 class Batch:
-    """Cases that one worker simulates together, by one vmapped program.
+    """Cases that one worker simulates together, by one vmapped program, as identifiers.
 
-    Attributes:
-        cases: their identifiers.
-        unknowns: number of unknowns of all of them.
-        estimated_seconds: their time on one core [s].
-        estimated_bytes: memory of their worker [bytes].
+    All of them together have a number of unknowns, take a time on one core [s], and memory of their
+    worker [bytes].
     """
 
     cases: tuple[str, ...]
@@ -65,22 +62,16 @@ class Batch:
 
 @dataclass(frozen=True)
 class Shard:
-    """One of several parts of a plan, which machines run that do not talk to each other.
+    """One of the ``count`` parts of a plan, numbered from 1 on.
 
-    Attributes:
-        number: its number, from 1 on.
-        count: number of shards that the plan is split into.
+    Machines run them that do not talk to each other.
     """
 
     number: int
     count: int
 
     def __post_init__(self) -> None:
-        """Refuse numbers that no shard has.
-
-        Raises:
-            BadInput: if the number is not one from 1 to the count.
-        """
+        """Refuse numbers that no shard has."""
         whole = all(type(value) is int for value in (self.number, self.count))
         if not (whole and 1 <= self.number <= self.count):
             raise fault(
@@ -90,11 +81,7 @@ class Shard:
 
     @classmethod
     def of(cls, text: str) -> "Shard":
-        """Read a shard, as in ``3/40``.
-
-        Raises:
-            BadInput: if the text is of another form.
-        """
+        """Read a shard, as in ``3/40``; BadInput if the text is of another form."""
         if not (match := re.fullmatch(r"\s*(\d+)\s*/\s*(\d+)\s*", text)):
             raise fault(f"shard {text}", "is not of the form NUMBER/COUNT; write it as in 3/40")
         return cls(int(match[1]), int(match[2]))

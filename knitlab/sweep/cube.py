@@ -32,12 +32,7 @@ GAUGE_ATTRIBUTES = {field.name: f"gauge_{field.name}" for field in fields(Gauge)
 
 @dataclass(frozen=True)
 class Entry:
-    """The contents of one cell of a cube.
-
-    Attributes:
-        values: values by variable, along the strains and unit cells of the design's own test.
-        strains: applied strains of that test [1].
-    """
+    """Values of a design by variable, along the strains [1] and unit cells of its own test."""
 
     values: Values
     strains: tuple[float, ...]
@@ -56,15 +51,8 @@ def build_cube(
 
     A planned case has the results of its file, else those that the old cube has for its design,
     else it is ``failed`` or ``pending``. Cells of the old cube that are not in the plan are kept;
-    combinations that were never requested are ``excluded``.
-
-    Args:
-        plan: the plan.
-        results: results folder of the workflow.
-        old: the previous cube, if there is one.
-        kept: identifiers of cases whose results in the old cube are those of their files.
-        damaged: identifiers of cases whose files must not be read.
-        failed: identifiers of cases that could not be computed.
+    combinations that were never requested are ``excluded``. Cases of which the old cube has the
+    results of their file are ``kept``; ``damaged`` files must not be read.
     """
     known = {} if old is None else cells(old)
     entries = {} if old is None else _old_entries(plan, old, known)

@@ -55,14 +55,10 @@ MOST_NAMED = 5
 
 @dataclass(frozen=True)
 class Merge:
-    """The result of a merge.
+    """The result of a merge: the folder that was merged into, and its cube as written.
 
-    Attributes:
-        folder: the results folder that was merged into.
-        cube: its cube, as written.
-        sources: the folders that were merged into it.
-        copied: identifiers of the case files that it did not have.
-        damaged: damaged case files of the sources, which are left out.
+    Case files that it did not have were ``copied``, named by their identifiers; those that are
+    damaged in the sources are left out.
     """
 
     folder: Path
@@ -81,15 +77,7 @@ class Merge:
 
 @dataclass(frozen=True)
 class FolderContents:
-    """The contents of a results folder of one workflow.
-
-    Attributes:
-        path: the folder.
-        record: record of its plan, if it has one.
-        cube: its cube, if it has one.
-        sound: identifiers of its undamaged case files.
-        damaged: its damaged case files.
-    """
+    """What a results folder of one workflow holds: plan, cube, and case files by their state."""
 
     path: Path
     record: Mapping[str, Any] | None
@@ -99,11 +87,7 @@ class FolderContents:
 
     @classmethod
     def of(cls, path: Path) -> "FolderContents":
-        """Read a results folder.
-
-        Raises:
-            BadInput: if its plan or cube cannot be read, or the cube is of an experiment.
-        """
+        """Read a results folder; BadInput if it cannot be read, or holds an experiment."""
         cube = open_cube(path) if (path / CUBE).exists() else None
         if cube is not None and is_measured(cube):
             raise fault(str(path), "holds an experiment; only simulations are merged")
@@ -158,13 +142,8 @@ def merge_folders(folders: Sequence[Path], results: Path, *, any_code: bool = Fa
     """Join the case files, cubes, plans and failures of several results folders.
 
     Everything is compared before anything is written; then case files are copied and the cube is
-    replaced, each atomically. The sources are not changed, and merging again changes nothing.
-
-    Args:
-        folders: results folders of one workflow, or folders that hold one.
-        results: folder that holds a folder of results for each workflow; what the workflow has
-            there already is kept.
-        any_code: whether results of different code may be joined.
+    replaced, each atomically. The sources are not changed, and merging again changes nothing. See
+    :func:`knitlab.merge` for the arguments.
 
     Raises:
         BadInput: if the folders contradict each other or hold several workflows; the message names
@@ -257,11 +236,7 @@ def _joined(merged: Sequence[FolderContents], target: Path) -> xr.Dataset:
 
 
 def _check_agreement(folders: Sequence[FolderContents], any_code: bool) -> None:
-    """Check that results folders of one workflow can be joined.
-
-    Raises:
-        BadInput: with everything that contradicts: dimensions, settings, gauges, codes, and cases.
-    """
+    """Refuse folders that differ in dimensions, settings, gauges, codes or numbers of cases."""
     first, *others = folders
     faults: list[Fault] = []
     for other in others:

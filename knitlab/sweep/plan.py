@@ -42,14 +42,9 @@ from knitlab.sweep.workflow_text import SweepAxis, WorkflowText, coordinate, rea
 
 @dataclass(frozen=True)
 class Plan:
-    """A workflow, resolved.
+    """A workflow, resolved into cases by their identifiers, and these into batches.
 
     Attributes:
-        workflow: its name.
-        title: its title.
-        figures: the figures that it draws.
-        cases: the cases to simulate, by identifier.
-        batches: the cases by mesh shape, as many together as memory allows.
         excluded: impossible designs of the grid, with the reason.
         coordinates: coordinates of the settings that are given as lists.
         overrides: values that replace the workflow's, by the name of their setting.

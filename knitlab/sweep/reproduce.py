@@ -34,13 +34,7 @@ MOST_NAMED = 5
 
 @dataclass(frozen=True)
 class RecordedCase:
-    """A case as recorded in a results folder.
-
-    Attributes:
-        case: the case.
-        case_id: the identifier that it is stored under, which may be that of another version.
-        folder: the results folder.
-    """
+    """A case in a results folder, and its identifier there, perhaps that of another version."""
 
     case: Case
     case_id: str

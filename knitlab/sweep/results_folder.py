@@ -39,14 +39,7 @@ class CaseState(Enum):
 
 @dataclass(frozen=True)
 class Cell:
-    """A design of a cube.
-
-    Attributes:
-        place: its index in the cube, one for each design dimension.
-        case_id: identifier of its case.
-        code: fingerprint of the code that computed it.
-        status: its status.
-    """
+    """A design of a cube: its indices, its case, and the fingerprint of the code behind it."""
 
     place: tuple[int, ...]
     case_id: str
@@ -75,14 +68,9 @@ def cells(cube: xr.Dataset) -> dict[Design, Cell]:
 def survey(
     designs: Mapping[str, Design], folder: Path, stored: Mapping[Design, Cell], check: bool
 ) -> dict[str, CaseState]:
-    """State of every planned case, by identifier.
+    """State of every planned case in a folder with a cube of stored cells, by identifier.
 
-    Args:
-        designs: labels of the planned cases, by identifier.
-        folder: results folder of the workflow.
-        stored: the cells of its cube.
-        check: whether to compare every case file with its checksum, rather than only test that
-            both files exist.
+    ``check`` compares every case file with its checksum, rather than only test that both exist.
     """
     names = {path.name for path in (folder / "cases").glob("*")}
     states = {}

@@ -58,21 +58,11 @@ Failed = dict[str, BatchError]
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a plan is run; none of these options changes a result.
+    """How a plan is run, see :func:`knitlab.run`; none of these options changes a result.
 
-    Attributes:
-        workers: processes on this machine; 0 simulates in this process. With None a single batch is
-            simulated in this process, which is ready sooner, and several by one process for each
-            processor.
-        scheduler: address of an existing dask scheduler, whose workers see the results folder.
-        retries: how often a batch that raised is tried again unchanged.
-        fail_fast: whether to stop at the first case that is not ok.
-        case_timeout: longest time for a case, if any [s].
-        refresh: whether to recompute stale results.
-        shard: the part of the plan that is simulated; None simulates all of it.
-        dashboard: whether to open dask's dashboard.
-        show_progress: whether to draw a progress bar.
-        simulate: function that simulates a batch.
+    Without a number of ``workers`` a single batch is simulated in this process, which is ready
+    sooner, and several by one process for each processor. A scheduler's workers must see the
+    results folder.
     """
 
     workers: int | None = 0
@@ -87,11 +77,7 @@ class RunOptions:
     simulate: Simulate = simulate_batch
 
     def __post_init__(self) -> None:
-        """Refuse numbers that no run can have.
-
-        Raises:
-            BadInput: with every one of them.
-        """
+        """Refuse numbers that no run can have; BadInput names them all."""
         workers = 0 if self.workers is None else self.workers
         faults = [
             Fault(f"{name} {number}", "is not a whole number; give 0 or more")
@@ -113,12 +99,12 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class Run:
-    """The result of a run.
+    """The result of a run; cases are named by their identifiers.
 
     Attributes:
         cube: the cube, as written; of a shard, the designs of its part alone.
-        simulated: identifiers of the cases that this run simulated.
-        states_before: state of every planned case before the run, by identifier.
+        simulated: the cases that this run simulated.
+        states_before: state of every planned case before the run.
         failures: an entry with its reason for each case that is not ok.
         stopped: whether the run was interrupted.
         changed: differences to the parameters of stale results.
@@ -134,26 +120,21 @@ class Run:
     joined: bool = True
 
     def in_state(self, *states: CaseState) -> tuple[str, ...]:
-        """Identifiers of the cases that were in one of some states before the run."""
+        """The cases that were in one of some states before the run."""
         return tuple(case_id for case_id, its in self.states_before.items() if its in states)
 
     def left_in(self, *states: CaseState) -> tuple[str, ...]:
-        """Identifiers of those of these cases that the run did not simulate."""
+        """Those of these cases that the run did not simulate."""
         return tuple(set(self.in_state(*states)) - set(self.simulated))
 
     @property
     def reused(self) -> tuple[str, ...]:
-        """Identifiers of cases whose results were reused, even if other code computed them."""
+        """Cases whose results were reused, even if other code computed them."""
         return self.left_in(CaseState.done, CaseState.stale_code)
 
     @property
-    def stale_code(self) -> tuple[str, ...]:
-        """Identifiers of cases whose results are still of other code."""
-        return self.left_in(CaseState.stale_code)
-
-    @property
     def stale_parameters(self) -> tuple[str, ...]:
-        """Identifiers of cases whose results are still of other parameters."""
+        """Cases whose results are still of other parameters."""
         return self.left_in(CaseState.stale_parameters)
 
     @property
@@ -162,10 +143,7 @@ class Run:
         return not (self.failures or self.stale_parameters or self.stopped)
 
     def remarks(self, dims: Sequence[str], folder: Path) -> list[str]:
-        """One line for each case that is not ok, then those on damaged, stale and unfinished ones.
-
-        Dimensions of the plan and the folder are named in them.
-        """
+        """One line for each case that is not ok, then on damaged, stale and unfinished ones."""
         lines = []
         for entry in self.failures:
             label = "  ".join(f"{name} {entry[name]}" for name in dims)
@@ -176,9 +154,9 @@ class Run:
         ]
         if self.failures:
             lines.append(f"for details of one case: knitlab reproduce CASE_ID (see {FAILURES})")
-        if self.stale_code:
+        if stale := self.left_in(CaseState.stale_code):
             lines.append(
-                f"stale: {len(self.stale_code)} cases were computed by other code and are kept;"
+                f"stale: {len(stale)} cases were computed by other code and are kept;"
                 " a refresh recomputes them"
             )
         if self.stale_parameters:
@@ -203,13 +181,8 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
     whose worker dies is tried again, then each of its cases on its own; a case that still has no
     result is ``failed``. Ctrl-C and SIGTERM keep finished cases.
 
-    A shard simulates its part beside other shards; the last one to end writes ``cube.nc`` with the
-    cases of all.
-
-    Args:
-        plan: the plan, which is written to ``plan.json``.
-        results: results folder of the workflow.
-        options: how to run it.
+    A shard simulates its part beside other shards of the plan in the results folder of its
+    workflow; the last one to end writes ``cube.nc`` with the cases of all.
 
     Raises:
         BadInput: if another run holds the folder, its cube has other dimensions, shards of another
@@ -264,11 +237,7 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
 
 
 def _previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
-    """The existing cube, if there is one.
-
-    Raises:
-        BadInput: if it cannot be read, or the plan's designs cannot be added to it.
-    """
+    """The existing cube, if there is one; BadInput if the plan's designs cannot be added to it."""
     if not path.exists():
         return None
     try:

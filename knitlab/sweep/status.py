@@ -28,13 +28,12 @@ from knitlab.sweep.workflow_file import Overrides, read_overrides, workflow_file
 
 @dataclass(frozen=True)
 class FolderStatus:
-    """The progress of the plan of a results folder.
+    """The progress of the plan of a results folder; cases are named by their identifiers.
 
     Attributes:
-        designs: labels of the planned cases, by identifier.
-        dims: dimensions of the labels.
-        statuses: status of every planned case, or why it is not done, by identifier.
-        failures: reason of every failed case, by identifier.
+        designs: labels of the planned cases along the dimensions.
+        statuses: status of every planned case, or why it is not done.
+        failures: reason of every failed case.
         changed: files that have changed since the plan was made.
     """
 

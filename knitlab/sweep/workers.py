@@ -38,9 +38,6 @@ WORKER_ENVIRONMENT = ONE_THREAD | {
 PROGRESS_TOPIC = "knitlab-progress"
 TIMED_OUT = ".timed-out-"
 """Prefix of the marker files that workers leave in a results folder on a timeout."""
-TIME_IS_UP = 75
-"""Exit code of a worker that timed out."""
-
 ENDING = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
@@ -64,13 +61,9 @@ class SchedulerLost(Exception):
 
 @dataclass(frozen=True)
 class BatchError:
-    """Why a batch has no results.
+    """Why a batch has no results: a sentence, and the traceback of what was raised.
 
-    Attributes:
-        reason: the reason, as a sentence.
-        trace: traceback, if an exception was raised.
-        lost: whether its worker died.
-        cannot_write: the error, if its files could not be written.
+    It is ``lost`` if its worker died; ``cannot_write`` is the error if files could not be written.
     """
 
     reason: str
@@ -96,13 +89,10 @@ Pool = Callable[[Sequence[Batch]], Iterator[tuple[Batch, BatchError | None]]]
 
 @dataclass(frozen=True)
 class Task:
-    """How every batch is simulated.
+    """How every batch is simulated, into the results folder as the workers see it.
 
-    Attributes:
-        simulate: function that simulates a batch.
-        results: results folder of the workflow, as the workers see it.
-        case_timeout: longest time for each case of a batch, if any [s].
-        threads: number of threads that a worker on this machine may use for one large sample.
+    Each case may take ``case_timeout`` [s]; a worker on this machine may use ``threads`` for one
+    large sample.
     """
 
     simulate: Simulate
@@ -123,8 +113,29 @@ class Task:
         return self.results / f"{TIMED_OUT}{batch[0].case_id}"
 
 
-def in_process(task: Task, progress: Progress) -> Pool:
-    """A pool that simulates in this process, one batch after another."""
+@contextmanager
+def pool_of(
+    task: Task, workers: int, scheduler: str | None, dashboard: bool, progress: Progress
+) -> Iterator[Pool]:
+    """The pool for a run: processes that are spawned on this machine, or with 0 this process.
+
+    An existing dask scheduler overrides ``workers``. Dask's dashboard is opened on this machine
+    alone.
+
+    Raises:
+        BadInput: if no scheduler answers at the address, or the system has no timers for
+            ``case_timeout``.
+    """
+    if scheduler is not None or workers:
+        with (
+            _client(workers, scheduler, dashboard) as client,
+            _dask_pool(client, task, progress) as pool,
+        ):
+            yield pool
+        return
+    if task.case_timeout is not None and not hasattr(signal, "setitimer"):
+        problem = "this system ends no case of this process in time; give workers = 1"
+        raise fault(f"case_timeout {task.case_timeout:g}", problem)
 
     def simulated(batches: Sequence[Batch]) -> Iterator[tuple[Batch, BatchError | None]]:
         for batch in batches:
@@ -138,7 +149,7 @@ def in_process(task: Task, progress: Progress) -> Pool:
             else:
                 yield batch, None
 
-    return simulated
+    yield simulated
 
 
 @contextmanager
@@ -162,7 +173,7 @@ def _alarm(seconds: float | None) -> Iterator[None]:
 
 
 @contextmanager
-def dask_pool(client: "Client", task: Task, progress: Progress) -> Iterator[Pool]:
+def _dask_pool(client: "Client", task: Task, progress: Progress) -> Iterator[Pool]:
     """A pool on a dask cluster; progress is reported as events of the scheduler."""
     from distributed import as_completed
 
@@ -219,46 +230,17 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
 
     def give_up() -> None:
         task.marker(batch).touch()
-        os._exit(TIME_IS_UP)
+        os._exit(1)
 
-    limit = task.limit(batch)
-    watch = threading.Timer(limit, give_up) if limit else None
-    if watch:
-        watch.daemon = True
-        watch.start()
+    watch = threading.Timer(task.limit(batch) or threading.TIMEOUT_MAX, give_up)
+    watch.daemon = True
+    watch.start()
     try:
         # On a worker, xarray would request a lock from the scheduler for every variable it writes.
         with dask.config.set(scheduler="synchronous"):
             task.simulate(task.results, batch, progress)
     finally:
-        if watch:
-            watch.cancel()
-
-
-@contextmanager
-def pool_of(
-    task: Task, workers: int, scheduler: str | None, dashboard: bool, progress: Progress
-) -> Iterator[Pool]:
-    """The pool for a run: processes that are spawned on this machine, or with 0 this process.
-
-    An existing dask scheduler overrides ``workers``. Dask's dashboard is opened on this machine
-    alone.
-
-    Raises:
-        BadInput: if no scheduler answers at the address, or the system has no timers for
-            ``case_timeout``.
-    """
-    if scheduler is None and workers == 0:
-        if task.case_timeout is not None and not hasattr(signal, "setitimer"):
-            problem = "this system ends no case of this process in time; give workers = 1"
-            raise fault(f"case_timeout {task.case_timeout:g}", problem)
-        yield in_process(task, progress)
-        return
-    with (
-        _client(workers, scheduler, dashboard) as client,
-        dask_pool(client, task, progress) as pool,
-    ):
-        yield pool
+        watch.cancel()
 
 
 def connected(scheduler: str) -> "Client":

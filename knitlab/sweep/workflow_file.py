@@ -32,12 +32,9 @@ def workflow_file(workflow: str) -> Path:
 
 @dataclass(frozen=True)
 class Override:
-    """A value that replaces one of a workflow.
+    """A value as TOML could give it, which replaces that of a workflow.
 
-    Attributes:
-        key: name of its setting, with or without the section.
-        value: as TOML could give it.
-        source: how it was given, for messages.
+    The key is the name of its setting, with or without the section. Messages name its source.
     """
 
     key: str

@@ -82,7 +82,6 @@ class WorkflowText:
     """A workflow with its overrides, before validation.
 
     Attributes:
-        path: the workflow's file.
         table: its tables, overrides included, with the first value of every axis.
         axes: settings given as lists of values, unchecked.
         overrides: values of the overridden settings, by name.
@@ -102,11 +101,7 @@ class WorkflowText:
         return self.sources.get(key, f"{self.path}: {key}")
 
     def checked(self) -> Workflow:
-        """The workflow, with the first value of every axis.
-
-        Raises:
-            BadInput: if the file or the overrides have faults; it lists them all.
-        """
+        """The workflow with the first value of every axis; BadInput lists all faults."""
         try:
             workflow = Workflow.model_validate(self.table)
         except ValidationError as error:
@@ -118,11 +113,7 @@ class WorkflowText:
         return workflow
 
     def checked_axes(self) -> tuple[SweepAxis, ...]:
-        """The axes.
-
-        Raises:
-            BadInput: if values other than the first, which :meth:`checked` checks, have faults.
-        """
+        """The axes; BadInput lists the faults of their values but the first, see above."""
         faults: list[Fault] = []
         axes = []
         for axis in self.axes:

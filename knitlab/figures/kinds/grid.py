@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from knitlab.cube.cube_file import base_dims, design_dims
-from knitlab.cube.reduced_columns import with_reduction
+from knitlab.cube.reduced_columns import with_columns
 from knitlab.cube.schema import COORDINATES, DESIGN_DIMS, FLAGS, RUN, Status
 from knitlab.cube.selection import choices
 from knitlab.figures.cells import (
@@ -58,7 +58,7 @@ def value_grid(
         of: the variable, or a reduction of one along the strain, as in queries:
             ``slope(capacitance, 0.1:0.3)``.
     """
-    cube, of = with_reduction(cube, of)
+    (cube,) = with_columns([cube], [of])
     if of not in cube.data_vars:
         raise fault("of", unknown(of, map(str, cube.data_vars), "variable"))
     if of in FLAGS or cube[of].dtype.kind not in "iuf":
@@ -200,9 +200,11 @@ def _text(value: Any, form: str = ".3g") -> str:
     return value if isinstance(value, str) else number(float(value), form)
 
 
-FIGURE = FigureKind(
-    value_grid,
-    dims=None,
-    coordinates=("applied_strain", "stripe_parameter"),
-    options=("x", "y", "of"),
-)
+FIGURES = {
+    "grid": FigureKind(
+        value_grid,
+        dims=None,
+        coordinates=("applied_strain", "stripe_parameter"),
+        options=("x", "y", "of"),
+    )
+}

@@ -5,7 +5,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from knitlab.cube.cube_file import base_dims, swept_dims
-from knitlab.cube.reduced_columns import with_reduction
+from knitlab.cube.reduced_columns import with_columns
 from knitlab.cube.schema import FLAGS, Status
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
@@ -26,7 +26,7 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
         of: the variable, or a reduction of one along the strain, as in queries:
             ``slope(capacitance, 0.1:0.3)``.
     """
-    cube, of = with_reduction(cube, of)
+    (cube,) = with_columns([cube], [of])
     if of not in cube.data_vars:
         raise fault("of", unknown(of, map(str, cube.data_vars), "variable"))
     swept = [dim for dim in swept_dims(cube) if cube.sizes[dim] > 1]
@@ -72,4 +72,4 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     return figure
 
 
-FIGURE = FigureKind(swept_values, dims=None, options=("of",))
+FIGURES = {"swept": FigureKind(swept_values, dims=None, options=("of",))}
