@@ -20,13 +20,8 @@ from knitlab.knitting.chart import Face, StitchChart
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import Machine, read_machine
 from knitlab.knitting.round_trip import RoundTrip, round_trip
-<<<<<<< HEAD
-from knitlab.knitting.specification import Specification
-from knitlab.knitting.stitch_chart import stitch_chart
-=======
-from knitlab.knitting.specification import Prediction, Specification, specification
+from knitlab.knitting.specification import Prediction, Specification
 from knitlab.knitting.stitch_chart import is_turned, stitch_chart
->>>>>>> trunk
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Case, case_of
