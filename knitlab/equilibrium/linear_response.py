@@ -68,7 +68,7 @@ class LinearResponses:
         Raises:
             NoDerivative: if K is not positive definite, apart from rigid motions.
         """
-        whole = ChunkedFabric.of(self.free.shape, fabric)
+        whole = ChunkedFabric(self.free.shape, fabric)
         hessians = whole.element_hessians(COMPLETE, unknowns)
         with one_thread_of_blas():
             factors = self.factorise(self.free.shifted(self.free.entries(hessians), SHIFT))

@@ -47,7 +47,7 @@ class System:
         self.shape, self.fabric, self.threads = shape, fabric, threads
         self.factorised: Callable[[], None] = lambda: None
         self.factorisers = {} if factorisers is None else factorisers
-        self._elements, self._stopped = ChunkedFabric.of(shape, fabric, threads), stopped
+        self._elements, self._stopped = ChunkedFabric(shape, fabric, threads), stopped
         self._free: FreeStiffness | None = None
         self._entries = np.zeros(0)
         self._factors: Factors | None = None

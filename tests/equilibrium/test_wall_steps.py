@@ -46,7 +46,7 @@ def stiffness(squeezed, unknowns, shift):
     """The stiffness of the free unknowns plus a shift, as a dense matrix."""
     net, fabric, _ = squeezed
     free = SearchRules.of(net.shape, all_free(net.shape), fabric, LONG).free
-    hessians = ChunkedFabric.of(net.shape, fabric).element_hessians(COMPLETE, unknowns)
+    hessians = ChunkedFabric(net.shape, fabric).element_hessians(COMPLETE, unknowns)
     lower = free.lower(free.shifted(free.entries(hessians), shift)).toarray()
     return lower + np.tril(lower, -1).T
 
