@@ -154,11 +154,9 @@ def _cells(shape: MeshShape) -> Int[np.ndarray, "cell 2"]:
 
 def _from_unknowns(shape: MeshShape, grid: Int[np.ndarray, "vertex 2"]) -> sp.csr_array:
     turns, nodes = np.divmod(grid, [shape.nodes_y, shape.nodes_x])
-    node, vertices = nodes[:, 0] * shape.nodes_x + nodes[:, 1], len(grid)
-    of_node = sp.csr_array(
-        (np.ones(vertices), (np.arange(vertices), node)), (vertices, shape.nodes)
-    )
+    node, count = nodes[:, 0] * shape.nodes_x + nodes[:, 1], len(grid)
+    entries = np.ones(count), (np.arange(count), node)
+    of_node = sp.kron(sp.csr_array(entries, shape=(count, shape.nodes)), sp.eye_array(3))
     of_sides = np.zeros((count, 3, 2))
     of_sides[:, 0, 0], of_sides[:, 1, 1] = turns[:, 1], turns[:, 0]
-    coordinates = sp.kron(of_node, sp.eye_array(3))
-    return sp.csr_array(sp.hstack([coordinates, sp.csr_array(of_sides.reshape(-1, 2))]))
+    return sp.csr_array(sp.hstack([of_node, sp.csr_array(of_sides.reshape(-1, 2))]))
