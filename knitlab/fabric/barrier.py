@@ -59,15 +59,27 @@ class Barrier:
         cell: tuple[float, float],
         cells_per_period: int = CELLS_PER_PERIOD,
     ) -> None:
-        self._mesh = contact_mesh(shape, cells_per_period)
-        self._force = pressure * cell[0] * cell[1]
+        self._shape, self._thickness, self._cells_per_period = shape, thickness, cells_per_period
+        self._force, self._cell = pressure * cell[0] * cell[1], min(cell)
+        self._use(cells_per_period)
+
+    def _use(self, band: int) -> None:
+        self._mesh = contact_mesh(self._shape, band, self._cells_per_period)
+        thickness = self._thickness
         self._searches = [
-            PairSearch(self._mesh, near, least, reach, min(cell))
+            PairSearch(self._mesh, near, least, reach, self._cell)
             for near, least, reach in (
                 (False, thickness, CONTACT_RANGE * thickness),
                 (True, 0.0, NEAR_RANGE * thickness),
             )
         ]
+
+    def _vertices(self, *configurations: Unknowns) -> list[Float[np.ndarray, "vertex 3"]]:
+        """Vertices of the contact mesh, with a band of images that is wide enough for all."""
+        reach = (1 + CONTACT_RANGE) * self._thickness
+        while not all(self._mesh.suffices(unknowns, reach) for unknowns in configurations):
+            self._use(2 * self._mesh.band)
+        return [self._mesh.vertices(unknowns) for unknowns in configurations]
 
     def added(self, evaluation: Evaluation, unknowns: Unknowns) -> Evaluation:
         """The evaluation of a configuration that holds, with energy and gradient of the barrier."""
@@ -96,7 +108,7 @@ class Barrier:
 
     def free_part(self, unknowns: Unknowns, step: Unknowns) -> float:
         """Part of a step, at most 1, after which all parts still keep their distance."""
-        before, after = self._mesh.vertices(unknowns), self._mesh.vertices(unknowns + step)
+        before, after = self._vertices(unknowns, unknowns + step)
         part = min(search.free_part(before, after) for search in self._searches)
         return part if part == 1 else KEPT_PART * part
 
@@ -106,11 +118,12 @@ class Barrier:
             squared = collisions.compute_minimum_distance(parts, positions)
             if squared <= search.least**2 * (1 + LEAST_FREE):
                 return False
-        return not ipctk.has_intersections(self._mesh.whole, self._mesh.vertices(unknowns))
+        (vertices,) = self._vertices(unknowns)
+        return not ipctk.has_intersections(self._mesh.whole, vertices)
 
     def _touching(self, unknowns: Unknowns) -> Iterator[tuple[PairSearch, ContactMesh, Touching]]:
         """What is within reach of the barrier, by search, with the mesh that it belongs to."""
-        vertices = self._mesh.vertices(unknowns)
+        (vertices,) = self._vertices(unknowns)
         for search in self._searches:
             pairs, collisions = search.close(vertices), ipctk.NormalCollisions()
             if not len(pairs.candidates):

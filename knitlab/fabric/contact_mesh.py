@@ -5,7 +5,8 @@ node lies whole sides L_x and L_y away from it. So gradients and Hessians by ver
 by unknowns through one constant sparse matrix.
 
 Each pair of parts counts once a period: parts of the fabric are compared with each other, and with
-the images to the right, above, and above to the left. Pairs of two images are left out.
+the images to the right, above, and above to the left. Pairs of two images are left out. Only a band
+of images beside the fabric is needed, as long as what lies beyond is out of reach.
 """
 
 from dataclasses import dataclass, replace
@@ -16,6 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
 
+from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.network import MeshShape
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
 
@@ -31,6 +33,8 @@ class ContactMesh:
     """Vertices and triangles of a mesh shape, and which of them may touch.
 
     Attributes:
+        shape: the mesh shape.
+        band: rows and columns of cells of the images, on each side that has any.
         grid: row and column (y, x) of every vertex.
         faces: vertices of every triangle.
         near_reach: rows and columns within which vertices are near each other.
@@ -38,6 +42,8 @@ class ContactMesh:
         from_unknowns: matrix from unknowns to the coordinates of the vertices, vertex by vertex.
     """
 
+    shape: MeshShape
+    band: int
     grid: Int[np.ndarray, "vertex 2"]
     faces: Int[np.ndarray, "face 3"]
     near_reach: int
@@ -100,14 +106,37 @@ class ContactMesh:
         """Positions of the vertices in a configuration [mm]."""
         return np.asfortranarray((self.from_unknowns @ unknowns).reshape(-1, 3))
 
+    def suffices(self, unknowns: Float[np.ndarray, " unknown"], reach: float) -> bool:
+        """Whether images beyond the band are further away than a reach [mm].
+
+        Their bounding box is compared with that of the fabric.
+        """
+        shape, band = self.shape, self.band
+        if not shape.periodic or band >= min(shape.cells_y, shape.cells_x):
+            return True
+        configuration = Configuration.of(unknowns, shape)
+        x, y = np.asarray(configuration.positions)[..., :2].transpose(2, 0, 1)
+        length_x, length_y = (float(side) for side in configuration.lengths)
+        right = min(x[:, band:].min() + length_x, x.min() + 2 * length_x) - x.max()
+        left = x.min() - max(x[:, :-band].max() - length_x, x.max() - 2 * length_x)
+        above = min(y[band:].min() + length_y, y.min() + 2 * length_y) - y.max()
+        return min(right, left, above) > reach
+
 
 @lru_cache(maxsize=4)
-def contact_mesh(shape: MeshShape, cells_per_period: int = CELLS_PER_PERIOD) -> ContactMesh:
-    """The contact mesh of a mesh shape with so many grid cells along one period of a stripe."""
-    corners = _cells(shape)[:, None, None] + TRIANGLES
+def contact_mesh(
+    shape: MeshShape, band: int, cells_per_period: int = CELLS_PER_PERIOD
+) -> ContactMesh:
+    """The contact mesh of a mesh shape with so many grid cells along one period of a stripe.
+
+    The band of images is a whole period of them at most.
+    """
+    corners = _cells(shape, band)[:, None, None] + TRIANGLES
     grid, number = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
     inside = (grid >= 0) & (grid < [shape.nodes_y, shape.nodes_x])
     return ContactMesh(
+        shape=shape,
+        band=band,
         grid=grid,
         faces=number.reshape(-1, 3).astype(np.int32),
         near_reach=NEAR_CELLS * cells_per_period // CELLS_PER_PERIOD,
@@ -142,12 +171,13 @@ def without_pairs_of_images(
     ]
 
 
-def _cells(shape: MeshShape) -> Int[np.ndarray, "cell 2"]:
+def _cells(shape: MeshShape, band: int) -> Int[np.ndarray, "cell 2"]:
     """Lower left corner (y, x) of each cell, and of the images that it is compared with."""
     rows, columns = shape.cells_y, shape.cells_x
     if not shape.periodic:
         return np.indices((rows, columns)).reshape(2, -1).T
-    cells = np.indices((2 * rows, 3 * columns)).reshape(2, -1).T - [0, columns]
+    above, beside = min(band, rows), min(band, columns)
+    cells = np.indices((rows + above, columns + 2 * beside)).reshape(2, -1).T - [0, beside]
     left = (cells[:, 0] < rows) & (cells[:, 1] < 0)
     return cells[~left]
 
