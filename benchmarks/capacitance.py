@@ -21,11 +21,11 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.measure.capacitance.boundary_elements import (
-    STATES_AT_ONCE,
     maxwell_matrices,
     near_pairs,
     two_terminal,
 )
+from knitlab.measure.capacitance.capacitor import STATES_AT_ONCE
 from knitlab.measure.capacitance.panels import graded
 
 Panels = Float[np.ndarray, "panel 4 3"]

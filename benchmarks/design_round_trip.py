@@ -11,7 +11,7 @@ import click
 import numpy as np
 
 import knitlab as kl
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 from knitlab.simulation.stripe_changes import changed_stripe
 
 DESIGNS = (

@@ -20,12 +20,12 @@ import click
 from benchmarks.command_line import COMMAND, processor_seconds
 from knitlab.cube.case_file import write_case_file
 from knitlab.cube.cube_file import CUBE
-from knitlab.simulation.reporting import Progress
+from knitlab.simulation.tensile_tests import Progress
+from knitlab.sweep.batches import Shard, split
 from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.plan import make_plan
+from knitlab.sweep.results_folder import PLAN
 from knitlab.sweep.run import RunOptions, run_plan
-from knitlab.sweep.shard import Shard, split
-from knitlab.sweep.status import PLAN
 from knitlab.sweep.workers import Batch
 from tests.sweep.stand_in import contents
 

@@ -44,7 +44,7 @@ def main(results: Path, steps: int, workers: int) -> None:
 def capacitances_of(results: Path, case_id: str, steps: int) -> tuple[int, int, float, float]:
     """States of a case, those that were measured, their largest error, and the time taken [s]."""
     from knitlab.measure.capacitance.capacitor import capacitances
-    from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
+    from knitlab.measure.capacitance.sensor import CapacitorStatus
     from knitlab.simulation.case import case_of
 
     dataset = read_case(results, case_id)

@@ -13,22 +13,16 @@ Example:
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from knitlab.xarray_accessor import register_accessor
+import knitlab.cube.query  # noqa: F401, registers cube.knitlab
 
 if TYPE_CHECKING:
     from knitlab import plot
-    from knitlab.api.calibration import calibrate
-    from knitlab.api.claims import claims
-    from knitlab.api.comparison import compare, query
-    from knitlab.api.design import Design
-    from knitlab.api.designing import design
-    from knitlab.api.explorer import explore
+    from knitlab.api.cubes import claims, compare, explore, find, query
+    from knitlab.api.design import design
     from knitlab.api.exporting import export
-    from knitlab.api.finding import find
     from knitlab.api.knitting import knit
-    from knitlab.api.laboratory import fit, import_records
-    from knitlab.api.measures import evaluate
-    from knitlab.api.simulation import NotConverged, simulate
+    from knitlab.api.laboratory import calibrate, fit, import_records
+    from knitlab.api.simulation import Design, NotConverged, evaluate, simulate
     from knitlab.api.sweeps import NotAllOk, merge, plan, reproduce, run, status
     from knitlab.cube.cube_file import open_cube
     from knitlab.dynamics.settings import DynamicsSettings
@@ -39,12 +33,10 @@ if TYPE_CHECKING:
     from knitlab.io.errors import BadInput
     from knitlab.measure.capacitance.capacitor import Capacitor
     from knitlab.measure.knit_size import Gauge
-    from knitlab.sweep.defaults import Model, defaults
+    from knitlab.sweep.parameters import Model, defaults
     from knitlab.sweep.patterns import Pattern
 
     __version__: str
-
-register_accessor()
 
 __all__ = [
     "BadInput",
@@ -84,43 +76,27 @@ __all__ = [
     "simulate",
     "status",
 ]
-_MODULES = {
-    "BadInput": "knitlab.io.errors",
-    "Capacitor": "knitlab.measure.capacitance.capacitor",
-    "Design": "knitlab.api.design",
-    "DynamicsSettings": "knitlab.dynamics.settings",
-    "ElectrodeLayout": "knitlab.fabric.electrode_layout",
-    "Gauge": "knitlab.measure.knit_size",
-    "Model": "knitlab.sweep.defaults",
-    "NotAllOk": "knitlab.api.sweeps",
-    "NotConverged": "knitlab.api.simulation",
-    "Pattern": "knitlab.sweep.patterns",
-    "PlainKnit": "knitlab.fabric.plain",
-    "Sheet": "knitlab.fabric.fabric",
-    "SolverSettings": "knitlab.equilibrium.settings",
-    "Stripe": "knitlab.fabric.stripe",
-    "calibrate": "knitlab.api.calibration",
-    "claims": "knitlab.api.claims",
-    "compare": "knitlab.api.comparison",
-    "defaults": "knitlab.sweep.defaults",
-    "design": "knitlab.api.designing",
-    "evaluate": "knitlab.api.measures",
-    "explore": "knitlab.api.explorer",
-    "export": "knitlab.api.exporting",
-    "find": "knitlab.api.finding",
-    "fit": "knitlab.api.laboratory",
-    "import_records": "knitlab.api.laboratory",
-    "knit": "knitlab.api.knitting",
-    "merge": "knitlab.api.sweeps",
-    "open_cube": "knitlab.cube.cube_file",
-    "plan": "knitlab.api.sweeps",
-    "query": "knitlab.api.comparison",
-    "reproduce": "knitlab.api.sweeps",
-    "run": "knitlab.api.sweeps",
-    "simulate": "knitlab.api.simulation",
-    "status": "knitlab.api.sweeps",
+_NAMES_OF_MODULES = {
+    "api.cubes": ("claims", "compare", "explore", "find", "query"),
+    "api.design": ("design",),
+    "api.exporting": ("export",),
+    "api.knitting": ("knit",),
+    "api.laboratory": ("calibrate", "fit", "import_records"),
+    "api.simulation": ("Design", "NotConverged", "evaluate", "simulate"),
+    "api.sweeps": ("NotAllOk", "merge", "plan", "reproduce", "run", "status"),
+    "cube.cube_file": ("open_cube",),
+    "dynamics.settings": ("DynamicsSettings",),
+    "equilibrium.settings": ("SolverSettings",),
+    "fabric.electrodes": ("ElectrodeLayout",),
+    "fabric.settings": ("PlainKnit", "Sheet"),
+    "fabric.stripe": ("Stripe",),
+    "io.errors": ("BadInput",),
+    "measure.capacitance.capacitor": ("Capacitor",),
+    "measure.knit_size": ("Gauge",),
+    "sweep.parameters": ("Model", "defaults"),
+    "sweep.patterns": ("Pattern",),
 }
-"""Where each name is defined; it is imported when it is first used, for a query needs no JAX."""
+"""Names by their modules, which are imported when a name is first used: a query needs no JAX."""
 
 
 def __getattr__(name: str) -> Any:
@@ -128,8 +104,9 @@ def __getattr__(name: str) -> Any:
         return import_module("importlib.metadata").version("knitlab")
     if name == "plot":
         return import_module("knitlab.plot")
-    if name in _MODULES:
-        return getattr(import_module(_MODULES[name]), name)
+    for module, names in _NAMES_OF_MODULES.items():
+        if name in names:
+            return getattr(import_module(f"knitlab.{module}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -11,12 +11,10 @@ import pytest
 from knitlab.dynamics.damped_test import MovingFabrics
 from knitlab.dynamics.grid import Shape
 from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.equilibrium.divided_system import system_of
 from knitlab.equilibrium.relaxation import relax
 from knitlab.equilibrium.settings import SolverSettings
-from knitlab.equilibrium.state import State
+from knitlab.equilibrium.state import State, TensileTest
 from knitlab.equilibrium.system import System
-from knitlab.equilibrium.tensile_result import TensileTest
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.element_hessians import (
@@ -108,7 +106,7 @@ def cell_of(fabric: Fabric) -> np.ndarray:
 
 def equations(net: Network, fabric: Fabric) -> System:
     """What the solvers solve for a fabric."""
-    return system_of(net.shape, fabric)
+    return System(net.shape, fabric)
 
 
 def staged(fabric: Fabric, stage: Stage) -> Fabric:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.solver.cube import NOT_MEASURED, NOT_REACHED
 from benchmarks.solver.methods import SWEPT
-from knitlab.figures.saving import save
+from knitlab.figures.figure_files import save
 from knitlab.figures.style import ONE_COLUMN, print_style
 
 # Okabe and Ito's colours, told apart by the colour-blind, and a wine red for their yellow, which

@@ -12,15 +12,16 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from benchmarks.solver.cholmod import Vector, cholmod_factoriser
+from benchmarks.solver.cholmod import CholmodFactors, Vector
 from benchmarks.solver.measurement import Measurement, Record
-from knitlab.equilibrium.factorisation import factoriser, one_thread_of_blas
+from knitlab.equilibrium.linear_algebra.multifrontal import Multifrontal
 from knitlab.equilibrium.loading import tensile
 from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
+from knitlab.equilibrium.system import one_thread_of_blas
 from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import COMPLETE
 from knitlab.fabric.threads import Threads, allowed_threads
-from knitlab.simulation.simulate import starts
+from knitlab.simulation.tensile_tests import starts
 
 TIMED, LONG = 5, 30.0
 """Times that a part is done after a first that is not counted, and time after which no more [s]."""
@@ -35,18 +36,18 @@ its symbolic one: it has no way to keep it."""
 
 def _nested_dissection(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:
     # As knitlab uses it: threads of its own, and of BLAS one.
-    factorise = factoriser(free, Threads(allowed_threads()))
+    factors = Multifrontal(free.plan, Threads(allowed_threads()))
 
-    def factored() -> Any:
+    def factorise() -> Any:
         with one_thread_of_blas():
-            return factorise(entries)
+            return factors.factorise(entries)
 
-    return factored, lambda factors: factors.solve(right)
+    return factorise, lambda _: factors.solve(right)
 
 
 def _cholmod(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:
-    factorise = cholmod_factoriser(free)
-    return lambda: factorise(entries), lambda factors: factors.solve(right)
+    factors = CholmodFactors(free)
+    return lambda: factors.factorise(entries), lambda _: factors.solve(right)
 
 
 def _pardiso(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:
@@ -88,7 +89,7 @@ def measure(measurement: Measurement) -> Record:
     """Time the parts of one iteration with one method of factorisation."""
     case = measurement.case()
     net, fabric = case.assemble()
-    (start,) = starts([case], [(net, fabric)])
+    (start,) = starts([case])
     if start is None:
         raise RuntimeError("periodic fabric did not relax")
     shape, unknowns = net.shape, np.asarray(start.flattened())

@@ -1,80 +1,155 @@
-"""A design: one knit of rib and garter patches and its sample."""
+"""Designing a knit for targets, by simulation."""
 
-from dataclasses import KW_ONLY, dataclass
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
-from pydantic import ValidationError
+from knitlab.api.cubes import Wanted
+from knitlab.api.sweeps import RESULTS
+from knitlab.inverse.design import BUDGET, Designed, run_design
+from knitlab.inverse.request import checked_request, read_request
+from knitlab.inverse.trial import ShapeFunction
+from knitlab.io.errors import fault
 
-from knitlab.fabric.settings import Boundary
-from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe
-from knitlab.io.errors import BadInput, Fault, faults_of
-from knitlab.sweep.parameters import StripeRow
-from knitlab.sweep.patterns import Pattern
+UNLIMITED = 1_000_000
+"""Number of simulations if the budget is a time."""
 
 
-@dataclass(frozen=True)
-class Design:
-    """One knit: its pattern, its sample, and optionally its stripes.
+def design(
+    file: str | Path | None = None,
+    *,
+    targets: Wanted | Sequence[Wanted] = (),
+    vary: Mapping[str, Any] | None = None,
+    subject_to: Wanted | Sequence[Wanted] = (),
+    workflow: str | Path = "periodic",
+    cubes: str | Path | Sequence[str | Path] = (),
+    starts: int = 3,
+    robustness: int = 4,
+    measures: Mapping[str, ShapeFunction] | None = None,
+    budget: int | str = BUDGET,
+    workers: int = 0,
+    results: str | Path = RESULTS,
+    name: str = "design",
+    figures: bool = False,
+    progress: bool = False,
+    **settings: Any,
+) -> Designed:
+    """Find the stripes and sizes that come closest to targets, by simulation.
 
-    Attributes:
-        n_stripe: stitches across a rib stripe; the garter stripe has twice as many courses.
-        n_subunit: stitches along a garter stripe, a multiple of ``2 * n_stripe``.
-        boundary: ``"periodic"`` for fabric without edges, ``"clamped"`` for a sample whose first
-            and last row are held, as the paper tests it.
-        pattern: the patches that repeat: a map, top course first, with R for rib, G for garter
-            and P for plain knit; the name of a pattern of ``params/patterns.toml``; or a
-            :class:`knitlab.Pattern` with sizes, stripes or folds of its own.
-        unit_cells: repeats of the pattern in the sample along the warp (y) and the weft (x); 1 × 1
-            by default.
-        needles: needles of the machine, in place of ``unit_cells``: the sample is as wide as
-            whole unit cells fit on them, and twice as long.
-        rib: stripe of the rib patches; by default that of ``params/stripes.toml`` [mm, N, rad].
-        garter: stripe of the garter patches, likewise.
-        further_stripes: stripes of other sizes than n_stripe, which a pattern with stripes of its
-            own may have, in place of those of ``params/stripes.toml``.
+    The nearest designs of ``cubes``, or of a coarse sweep, are refined within the bounds of
+    ``vary``: by least squares with exact adjoint derivatives, by SLSQP if there are constraints,
+    and by the evolution strategy CMA-ES if a snap or a target without derivatives rules out
+    gradients. Each result is simulated again from the flat sheet, with its siblings, and results
+    are ranked by the worst within that spread. An interrupted design continues when it is run
+    again.
+
+    Args:
+        file: TOML file of the request, instead of ``targets`` to ``robustness`` and settings.
+        targets: targets, as for :func:`knitlab.find`. The default tolerance is 5 % of the value.
+        vary: ``n_stripe`` and ``n_subunit`` as lists; lowest and highest value of numbers of
+            stripes and gauge, such as ``rib_k_t_factor`` or ``garter_theta_0`` [mm, N, rad].
+        subject_to: targets that must be met.
+        workflow: name or path of the workflow that all other settings are taken from.
+        cubes: cubes of designs to start from; a coarse sweep by default.
+        starts: largest number of designs that are refined.
+        robustness: number of siblings that each result is tested with.
+        measures: own functions of a configuration, in JAX, that targets may refer to by name:
+            ``{"height": lambda shape: shape.positions[..., 2].max()}``.
+        budget: largest number of simulations of sweep and searches, or a time such as
+            ``"30min"``; the tests of the results are extra.
+        workers: number of processes on this machine; 0 simulates in this process.
+        results: folder that holds a folder of results for each request.
+        name: name of that folder; with ``file`` it is that of the file.
+        figures: whether to draw the targets and the results.
+        progress: whether to draw a progress bar with the best distance so far.
+        settings: settings of the workflow to replace, as for :func:`knitlab.run`.
+
+    Returns:
+        The candidates: ``table``, best first, ``cube``, ``trials``, ``workflows`` that reproduce
+        them, ``met``, and each search with its active bounds.
 
     Raises:
-        BadInput: if a stripe has the wrong knit or number of stitches, or a parameter out of
-            range. :func:`knitlab.simulate` reports all other errors.
+        BadInput: with every fault of the request, or if targets contradict each other.
 
     Example:
         >>> import knitlab as kl
-        >>> design = kl.Design(4, 16, boundary="periodic")
-        >>> design.rib is None
-        True
+        >>> designed = kl.design(
+        ...     targets="poisson_ratio = -0.1 ± 0.02 @ 0.03:0.06",
+        ...     vary={"n_stripe": [4], "n_subunit": [8], "garter_k_t_factor": [0.2, 2.0]},
+        ...     robustness=0,
+        ...     results=folder,
+        ... )
+        >>> designed.table["candidate"].tolist()
+        [1]
     """
+    if file is not None:
+        if targets or subject_to or vary or cubes or settings:
+            raise fault("file", "already gives targets, bounds and settings; leave out the others")
+        request = read_request(Path(file))
+    else:
+        table = {
+            "targets": targets,
+            "subject_to": subject_to,
+            "vary": vary or {},
+            "workflow": str(workflow),
+            "cubes": [*map(str, [cubes] if isinstance(cubes, str | Path) else cubes)],
+            "starts": starts,
+            "robustness": robustness,
+            "settings": settings,
+        }
+        request = checked_request(name, table)
+    if workers < 0:
+        raise fault(f"workers {workers}", "is below 0; give 0 for this process, or more")
+    most, minutes = _read_budget(str(budget).strip())
+    designed = run_design(
+        request,
+        Path(results) / request.name,
+        own=tuple((measures or {}).items()),
+        workers=workers,
+        budget=most,
+        minutes=minutes,
+        show_progress=progress,
+    )
+    if figures:
+        draw(designed)
+    return designed
 
-    n_stripe: int
-    n_subunit: int
-    _: KW_ONLY
-    boundary: Boundary = "clamped"
-    pattern: tuple[str, ...] | str | Pattern = ("GR", "RG")
-    unit_cells: tuple[int, int] | None = None
-    needles: int | None = None
-    rib: Stripe | None = None
-    garter: Stripe | None = None
-    further_stripes: tuple[Stripe, ...] = ()
 
-    def __post_init__(self) -> None:
-        stitches = {"rib": self.n_stripe, "garter": GARTER_STITCHES_PER_RIB_STITCH * self.n_stripe}
-        faults: list[Fault] = []
-        given = (("rib", self.rib), ("garter", self.garter))
-        for knit, stripe in (*given, *(("further_stripes", each) for each in self.further_stripes)):
-            if stripe is None:
-                continue
-            n = stitches.get(knit)
-            if n is not None and (stripe.knit, stripe.n) != (knit, n):
-                is_given = f"is a {stripe.knit} stripe of {stripe.n} stitches"
-                wanted = f"n_stripe = {self.n_stripe} takes a {knit} stripe of {n}"
-                faults.append(Fault(knit, f"{is_given}, and {wanted}"))
-            try:
-                StripeRow.of(stripe)
-            except ValidationError as error:
-                faults += faults_of(error, knit)
-        if faults:
-            raise BadInput(faults)
+def _read_budget(budget: str) -> tuple[int, float | None]:
+    """Largest number of simulations, and minutes if the budget is a time.
 
-    @property
-    def stripes(self) -> tuple[Stripe, ...]:
-        """The stripes that are given."""
-        own = (self.rib, self.garter)
-        return (*self.further_stripes, *(stripe for stripe in own if stripe is not None))
+    Raises:
+        BadInput: if it is neither.
+    """
+    timed = budget.endswith("min")
+    try:
+        number = float(budget.removesuffix("min")) if timed else int(budget)
+    except ValueError:
+        number = 0
+    if not number > 0:
+        problem = "is neither a number of simulations nor a time such as 30min"
+        raise fault(f"budget {budget}", problem)
+    return (UNLIMITED, number) if timed else (int(number), None)
+
+
+def draw(designed: Designed) -> list[Path]:
+    """Draw targets and results, and the Pareto front if two targets conflict.
+
+    Returns:
+        The files, in ``figures/`` of its folder.
+    """
+    from knitlab.figures.figure_files import save
+    from knitlab.figures.found_designs import found_figure, pareto_figure
+    from knitlab.figures.style import print_style
+
+    files = []
+    with print_style():
+        drawn = {"wanted": found_figure(designed.found, "candidates", bands=True)}
+        if (conflict := designed.conflict) is not None:
+            shown = conflict.distances, conflict.targets, conflict.candidates
+            drawn["pareto"] = pareto_figure(*shown)
+        for name, figure in drawn.items():
+            for suffix in ("pdf", "png"):
+                files.append(designed.folder / "figures" / f"{name}.{suffix}")
+                save(figure, files[-1])
+    return files

@@ -3,22 +3,19 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import xarray as xr
 
-from knitlab.cube.cube_file import is_case, open_cube
+from knitlab.api.cubes import Cube
+from knitlab.cube.cube_file import cube_path, is_case, open_cube
 from knitlab.cube.selection import refuse_others
 from knitlab.io.errors import fault
 from knitlab.meshes.chosen_case import STRAIN, chosen_case, chosen_strains
 from knitlab.meshes.fabric import fabric_meshes
-from knitlab.meshes.formats import FORMATS, write_mesh
-from knitlab.meshes.series import SERIES, write_series
+from knitlab.meshes.formats import FORMATS, SERIES, write_mesh, write_series
 from knitlab.meshes.solid import solid_of
 from knitlab.meshes.surface import SurfaceMesh
-
-if TYPE_CHECKING:
-    from knitlab.api.comparison import Cube
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +42,7 @@ class Exported:
 
 
 def export(
-    shapes: "Cube",
+    shapes: Cube,
     output: str | Path,
     selections: Mapping[str, Any] = {},
     *,
@@ -93,42 +90,39 @@ def export(
         256
     """
     output, selections = Path(output), {**selections, **named}
-    series = output.suffix.lower() == SERIES
-    if not series and output.suffix.lower() not in FORMATS:
+    suffix = output.suffix.lower()
+    if suffix not in (*FORMATS, SERIES):
         known = ", ".join((*FORMATS, SERIES))
         raise fault(f"output {output}", f"has no suffix of a mesh; give one of {known}")
     case_file = _case_file(shapes, selections)
-    places = chosen_strains(case_file, selections, several=series)
+    places = chosen_strains(case_file, selections, several=suffix == SERIES)
     meshes = fabric_meshes(case_file, places, repeats)
     if thickness is not None:
         meshes = [solid_of(mesh, thickness) for mesh in meshes]
-    if triangles or not (series or FORMATS[output.suffix.lower()].quads):
+    if triangles or not (suffix == SERIES or FORMATS[suffix].quads):
         meshes = [mesh.triangulated() for mesh in meshes]
     strains = tuple(case_file[STRAIN].values[places].tolist())
-    if series:
+    files = [output]
+    if suffix == SERIES:
         files = write_series(meshes, strains, output)
     else:
         write_mesh(meshes[0], output)
-        files = [output]
     crossing = case_file["self_intersections"].values[places].astype(int).tolist()
     return Exported(tuple(files), strains, tuple(meshes), tuple(crossing))
 
 
-def _case_file(shapes: "Cube", selections: Mapping[str, Any]) -> xr.Dataset:
+def _case_file(shapes: Cube, selections: Mapping[str, Any]) -> xr.Dataset:
     """The contents of the case file of one design."""
-    if isinstance(shapes, xr.Dataset):
-        if "status" not in shapes:
-            raise fault("shapes", "is not a cube or a test; give one of knitlab.run or simulate")
-        if is_case(shapes):
-            refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
-            return shapes
-        source = shapes.encoding.get("source")
-        if source is None:
-            raise fault(
-                "shapes",
-                "is a cube that was not opened from a file, beside which shapes lie; give its path",
-            )
-        return chosen_case(shapes, Path(source).parent, selections)
-    path = Path(shapes)
-    folder = path if path.is_dir() else path.parent
-    return chosen_case(open_cube(path), folder, selections)
+    if isinstance(shapes, str | Path):
+        return chosen_case(open_cube(shapes), cube_path(shapes).parent, selections)
+    if "status" not in shapes:
+        raise fault("shapes", "is not a cube or a test; give one of knitlab.run or simulate")
+    if is_case(shapes):
+        refuse_others(selections, [STRAIN], f"is of a cube; of a test, select {STRAIN} alone")
+        return shapes
+    if (source := shapes.encoding.get("source")) is None:
+        problem = (
+            "is a cube that was not opened from a file, beside which shapes lie; give its path"
+        )
+        raise fault("shapes", problem)
+    return chosen_case(shapes, Path(source).parent, selections)

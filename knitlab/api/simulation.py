@@ -1,36 +1,116 @@
-"""One design, simulated in this process."""
+"""One design, simulated in this process, and own functions of its shape."""
 
+import json
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import KW_ONLY, dataclass, replace
+from itertools import pairwise
+from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Float
 from pydantic import ValidationError
 from tqdm.auto import tqdm
 
-from knitlab.api.design import Design
-from knitlab.api.single_design import of_design
+from knitlab.cube.case_file import configurations
 from knitlab.cube.schema import Status, described
 from knitlab.dynamics.settings import DynamicsSettings
+from knitlab.equilibrium.linear_response import NoDerivative
 from knitlab.equilibrium.settings import SolverSettings
-from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
-from knitlab.io.errors import BadInput, faults_of
+from knitlab.fabric.settings import Boundary, ModelOptions, PlainKnit, Sheet
+from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Stripe
+from knitlab.inverse.trial import ShapeFunction, measure_of_strained, state_slopes
+from knitlab.io.errors import BadInput, Fault, fault, faults_of
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
-from knitlab.simulation.case import Method
+from knitlab.simulation.case import Case, Method, case_of
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of
 from knitlab.simulation.simulate import simulated
-from knitlab.sweep.cube import known_in_advance
-from knitlab.sweep.defaults import defaults
-from knitlab.sweep.gauge import sizes_of, stated
-from knitlab.sweep.workflow import ProtocolSection
+from knitlab.sweep.cases import cases, electrode_problems
+from knitlab.sweep.cube import known_in_advance, sizes_of, stated_gauge
+from knitlab.sweep.design_space import design_space
+from knitlab.sweep.parameters import Parameters, StripeRow, defaults
+from knitlab.sweep.patterns import Pattern
+from knitlab.sweep.workflow import DesignSection, ElectrodesSection, ProtocolSection, Workflow
 
 DEFAULT_STRAINS = tuple(round(0.03 * step, 2) for step in range(16))
 """Strains of the preview: 0 to 45 % in steps of 3 %."""
+OWN_PATTERN = "own pattern"
+"""Name of a pattern that is given as an object."""
 
 
 class NotConverged(UserWarning):
     """A test that did not reach its last strain: missing results are NaN, see ``status``."""
+
+
+@dataclass(frozen=True)
+class Design:
+    """One knit: its pattern, its sample, and optionally its stripes.
+
+    Attributes:
+        n_stripe: stitches across a rib stripe; the garter stripe has twice as many courses.
+        n_subunit: stitches along a garter stripe, a multiple of ``2 * n_stripe``.
+        boundary: ``"periodic"`` for fabric without edges, ``"clamped"`` for a sample whose first
+            and last row are held, as the paper tests it.
+        pattern: the patches that repeat: a map, top course first, with R for rib, G for garter
+            and P for plain knit; the name of a pattern of ``params/patterns.toml``; or a
+            :class:`knitlab.Pattern` with sizes, stripes or folds of its own.
+        unit_cells: repeats of the pattern along the warp (y) and the weft (x); 1 × 1 by default.
+        needles: needles of the machine, in place of ``unit_cells``: the sample is as wide as
+            whole unit cells fit on them, and twice as long.
+        rib: stripe of the rib patches; by default that of ``params/stripes.toml`` [mm, N, rad].
+        garter: stripe of the garter patches, likewise.
+        further_stripes: likewise, stripes of other sizes than n_stripe, which a pattern with
+            stripes of its own may have.
+
+    Raises:
+        BadInput: if a stripe has the wrong knit or number of stitches, or a parameter out of
+            range. :func:`knitlab.simulate` reports all other errors.
+
+    Example:
+        >>> import knitlab as kl
+        >>> design = kl.Design(4, 16, boundary="periodic")
+        >>> design.rib is None
+        True
+    """
+
+    n_stripe: int
+    n_subunit: int
+    _: KW_ONLY
+    boundary: Boundary = "clamped"
+    pattern: tuple[str, ...] | str | Pattern = ("GR", "RG")
+    unit_cells: tuple[int, int] | None = None
+    needles: int | None = None
+    rib: Stripe | None = None
+    garter: Stripe | None = None
+    further_stripes: tuple[Stripe, ...] = ()
+
+    def __post_init__(self) -> None:
+        stitches = {"rib": self.n_stripe, "garter": GARTER_STITCHES_PER_RIB_STITCH * self.n_stripe}
+        faults: list[Fault] = []
+        further = [("further_stripes", stripe) for stripe in self.further_stripes]
+        for name, stripe in (("rib", self.rib), ("garter", self.garter), *further):
+            if stripe is None:
+                continue
+            if name in stitches and (stripe.knit, stripe.n) != (name, stitches[name]):
+                is_given = f"is a {stripe.knit} stripe of {stripe.n} stitches"
+                wanted = f"n_stripe = {self.n_stripe} takes a {name} stripe of {stitches[name]}"
+                faults.append(Fault(name, f"{is_given}, and {wanted}"))
+            try:
+                StripeRow.of(stripe)
+            except ValidationError as error:
+                faults += faults_of(error, name)
+        if faults:
+            raise BadInput(faults)
+
+    @property
+    def stripes(self) -> tuple[Stripe, ...]:
+        """The stripes that are given."""
+        own = (self.rib, self.garter)
+        return (*self.further_stripes, *(stripe for stripe in own if stripe is not None))
 
 
 def simulate(
@@ -52,18 +132,18 @@ def simulate(
 ) -> xr.Dataset:
     """Relax a fabric and pull it along the warp, in this process.
 
-    The test is that of the paper, Sec. "Kinematics under tension".
+    The test is that of the paper, Sec. "Kinematics under tension". Settings that are left out are
+    those of :func:`knitlab.defaults`; without a capacitor the fabric has no electrodes.
 
     Args:
         design: the knit and its sample.
         applied_strain: strains of the test along the warp, ascending from 0 [1].
-        model: model options, such as ``knitlab.Model(cell_size="flat")``; by default this and the
-            other tables of settings are those of :func:`knitlab.defaults`.
+        model: model options, such as ``knitlab.Model(cell_size="flat")``.
         sheet: the walls, and the thickness of the fabric.
         plain: stiffness of plain knit.
         solver: settings of the search for equilibria.
         dynamics: settings of motion in time.
-        capacitor: electrodes and their layout; by default the fabric has none.
+        capacitor: electrodes and their layout.
         gauge: size of a stitch in cloth.
         method: how the states of the test are reached, ``"equilibrium"`` or ``"dynamics"``.
         sensitivities: whether to add derivatives with respect to the stripe parameters.
@@ -90,7 +170,6 @@ def simulate(
         >>> bool(test["poisson_ratio"].sel(applied_strain=0.06) < 0)
         True
     """
-    strains = np.asarray(applied_strain, dtype=float).tolist()
     parameters = defaults().with_tables(
         model=model,
         sheet=sheet,
@@ -106,8 +185,8 @@ def simulate(
         )
     except ValidationError as error:
         raise BadInput(faults_of(error, "simulate")) from error
-    resolved = of_design(design, strains, parameters, protocol, electrodes=capacitor is not None)
-    case = resolved.case
+    strains = np.asarray(applied_strain, dtype=float).tolist()
+    case = case_of_design(design, strains, parameters, protocol, electrodes=capacitor is not None)
     with tqdm(total=case.states, unit="state", disable=not progress) as bar:
 
         def report(_: str, states: float) -> None:
@@ -115,9 +194,132 @@ def simulate(
 
         results = simulated(case, report)
     values = {str(name): array.values for name, array in results.data_vars.items()}
-    sizes = sizes_of(case, values, resolved.gauge)
+    sizes = sizes_of(case, values, parameters.gauge)
     results = results.assign(known_in_advance(case) | sizes)
-    results.attrs |= stated(resolved.gauge)
+    results.attrs |= stated_gauge(parameters.gauge)
     if results["status"] != Status.ok:
         warnings.warn(f"{case.label}: {results.attrs['reason']}", NotConverged, stacklevel=2)
     return described(results)
+
+
+def case_of_design(
+    design: Design,
+    applied_strain: Sequence[float],
+    parameters: Parameters,
+    protocol: ProtocolSection,
+    *,
+    electrodes: bool,
+) -> Case:
+    """The case of a design, with parameters where it has no stripes and boundary of its own.
+
+    Raises:
+        BadInput: with every fault of the design and the strains, or if settings contradict.
+    """
+    strains = tuple(map(float, applied_strain))
+    faults = []
+    if not strains or strains[0] != 0:
+        problem = f"begins at 0, the relaxed fabric, but is {list(strains)}"
+        faults.append(Fault("applied_strain", problem))
+    elif any(later <= earlier for earlier, later in pairwise(strains)):
+        problem = f"ascends, but is {list(strains)}; sort it and keep each once"
+        faults.append(Fault("applied_strain", problem))
+    pattern = design.pattern
+    if isinstance(pattern, Pattern):
+        named = parameters.patterns | {OWN_PATTERN: (pattern, Path())}
+        parameters, pattern = replace(parameters, patterns=named), OWN_PATTERN
+    try:
+        section = DesignSection(
+            n_stripe=(design.n_stripe,),
+            n_subunit=(design.n_subunit,),
+            pattern=(pattern,) if isinstance(pattern, str) else pattern,
+            unit_cells=design.unit_cells,
+            needles=design.needles,
+        )
+    except ValidationError as error:
+        raise BadInput([*faults_of(error, "Design"), *faults]) from error
+    if parameters.model.boundary == "periodic" and design.boundary == "clamped":
+        problem = "is periodic, and the design is clamped; give the boundary to knitlab.Design"
+        faults.append(Fault("model.boundary", problem))
+    if faults:
+        raise BadInput(faults)
+    parameters = replace(
+        parameters.with_tables(model=replace(parameters.model, boundary=design.boundary)),
+        stripes=parameters.stripes.with_stripes(design.stripes),
+    )
+    workflow = Workflow(
+        title="single design",
+        design=section,
+        protocol=protocol,
+        electrodes=ElectrodesSection() if electrodes else None,
+    )
+    space = design_space(section, parameters, str)
+    (case,) = cases(workflow, (), space, parameters, str)
+    if problems := electrode_problems(case):
+        raise fault("layout", "; ".join(problems))
+    return replace(case, applied_strain=strains)
+
+
+def evaluate(
+    test: xr.Dataset, *, sensitivities: bool = True, **measures: ShapeFunction
+) -> xr.Dataset:
+    """Evaluate own functions of the shape at every strain of a test.
+
+    Derivatives are exact, by one adjoint solve for each state: the change of the value as the
+    fabric follows a change of its stripe parameters at fixed applied strain.
+
+    Args:
+        test: dataset of :func:`knitlab.simulate`, or of a case file.
+        sensitivities: whether to compute derivatives.
+        measures: functions of a configuration, with ``positions`` (node_y, node_x, 3) and
+            ``lengths`` (2) in mm, that return one number and are written in JAX.
+
+    Returns:
+        For each function a variable with its name, along ``applied_strain``, and its logarithmic
+        derivatives p ∂f/∂p as ``NAME_sensitivity`` (applied_strain, stripe_parameter). Values
+        are NaN where the test did not converge; derivatives are also NaN at snaps.
+
+    Raises:
+        BadInput: if the dataset has no shapes, or a function does not return one number.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> import knitlab as kl
+        >>> design = kl.Design(n_stripe=4, n_subunit=8, boundary="periodic")
+        >>> test = kl.simulate(design, [0, 0.03])
+        >>> def thickness(shape):
+        ...     return jnp.ptp(shape.positions[..., 2])
+        >>> evaluated = kl.evaluate(test, thickness=thickness)
+        >>> evaluated["thickness_sensitivity"].dims
+        ('applied_strain', 'stripe_parameter')
+    """
+    if "position" not in test or "parameters" not in test.attrs:
+        raise fault("test", "has no node positions; give a dataset of knitlab.simulate")
+    shapes, strains = configurations(test), test["applied_strain"]
+    arrays = {name: given for name, f in measures.items() if (given := jnp.shape(f(shapes[0])))}
+    if arrays:
+        raise BadInput(
+            Fault(name, f"returns an array of shape {given}; return one number")
+            for name, given in arrays.items()
+        )
+    reached = np.flatnonzero(np.isfinite(shapes.positions).all(axis=(1, 2, 3)))
+    values = np.full((len(strains), len(measures)), np.nan)
+    slopes = np.full((*values.shape, len(STRIPE_PARAMETERS)), np.nan)
+    for k in reached:
+        values[k] = [float(function(shapes[k])) for function in measures.values()]
+    evaluated = xr.Dataset(coords={"applied_strain": strains})
+    for name, along in zip(measures, values.T, strict=True):
+        evaluated[name] = ("applied_strain", along)
+    if not (sensitivities and len(reached)):
+        return evaluated
+    case = case_of(json.loads(test.attrs["parameters"]))
+    measure = measure_of_strained(
+        case.mesh_shape, case.cell_grid, tuple(measures), tuple(measures.items())
+    )
+    with suppress(NoDerivative):
+        adjoint = adjoint_of(case, shapes[0])
+        for k in reached:
+            with suppress(NoDerivative):
+                slopes[k] = state_slopes(case, adjoint, float(strains[k]), shapes[k], measure)
+    for name, of_one in zip(measures, slopes.swapaxes(0, 1), strict=True):
+        evaluated[f"{name}_sensitivity"] = (("applied_strain", "stripe_parameter"), of_one)
+    return evaluated.assign_coords(stripe_parameter=list(STRIPE_PARAMETERS))

@@ -2,20 +2,18 @@
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 
 from knitlab.cube.cube_file import CUBE
-from knitlab.io.errors import Fault
+from knitlab.sweep.batches import Shard
 from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.plan import Plan, make_plan
 from knitlab.sweep.reproduce import find_case
 from knitlab.sweep.reproduce import reproduce as run_alone
-from knitlab.sweep.run import Run, RunOptions, run_plan
-from knitlab.sweep.shard import Shard
+from knitlab.sweep.run import RunOptions, run_plan
 from knitlab.sweep.status import FolderStatus, workflow_status
 
 RESULTS = Path("results")
@@ -24,67 +22,6 @@ RESULTS = Path("results")
 
 class NotAllOk(UserWarning):
     """A run with cases that are not ok, stale or unfinished."""
-
-
-@dataclass(frozen=True)
-class WorkflowRun:
-    """The result of running a workflow.
-
-    Attributes:
-        plan: the plan.
-        folder: results folder of the workflow.
-        run: result of running the plan, with the cube.
-        figures: files of the figures that were drawn.
-        faults: why some figures could not be drawn.
-    """
-
-    plan: Plan
-    folder: Path
-    run: Run
-    figures: tuple[Path, ...] = ()
-    faults: tuple[Fault, ...] = ()
-
-    @property
-    def failures(self) -> list[str]:
-        """One line for each case that is not ok: its status, design and reason."""
-        return [
-            f"{entry['status']}: {self._label(entry)}: {entry['reason']}"
-            for entry in self.run.failures
-        ]
-
-    @property
-    def all_ok(self) -> bool:
-        """Whether every case is ok and was computed with the requested parameters."""
-        return not (self.run.failures or self.run.stale_parameters or self.run.stopped)
-
-    def _label(self, entry: dict[str, Any]) -> str:
-        return "  ".join(f"{name} {entry[name]}" for name in self.plan.dims)
-
-
-def run_workflow(
-    plan: Plan, results: Path, options: RunOptions, *, figures: bool = True
-) -> WorkflowRun:
-    """Simulate the missing cases of a plan, write its cube, and draw its figures.
-
-    Args:
-        plan: the plan.
-        results: folder that holds a folder of results for each workflow.
-        options: how to run it.
-        figures: whether to draw the workflow's figures; a shard draws none.
-
-    Raises:
-        BadInput: if another run holds the folder, or its cube has other dimensions.
-        CannotWrite: if the folder cannot be written; finished cases are kept.
-    """
-    folder = results / plan.workflow
-    done = run_plan(plan, folder, options)
-    if not figures or options.shard:
-        return WorkflowRun(plan, folder, done)
-    # Matplotlib is imported only to draw.
-    from knitlab.figures.drawing import draw_figures
-
-    drawn, faults = draw_figures(plan.figures, folder)
-    return WorkflowRun(plan, folder, done, tuple(drawn), tuple(faults))
 
 
 def run(
@@ -152,13 +89,20 @@ def run(
     made = plan(workflow, **settings)
     for warning in made.warnings:
         warnings.warn(warning, UserWarning, stacklevel=2)
-    done = run_workflow(made, Path(results), options, figures=figures)
-    for remark in [*done.failures, *done.run.remarks(done.folder), *map(str, done.faults)]:
+    folder = Path(results) / made.workflow
+    done = run_plan(made, folder, options)
+    remarks = done.remarks(made.dims, folder)
+    if figures and shard is None:
+        # Matplotlib is imported only to draw.
+        from knitlab.figures.drawing import draw_figures
+
+        _, faults = draw_figures(made.figures, folder)
+        remarks += map(str, faults)
+    for remark in remarks:
         warnings.warn(remark, NotAllOk, stacklevel=2)
-    cube = done.run.cube
     if shard is None:
-        cube.encoding["source"] = str(done.folder / CUBE)
-    return cube
+        done.cube.encoding["source"] = str(folder / CUBE)
+    return done.cube
 
 
 def merge(
@@ -198,11 +142,7 @@ def merge(
 
 
 def plan(workflow: str | Path, **settings: Any) -> Plan:
-    """Resolve a workflow and its settings into the cases that it would run.
-
-    Args:
-        workflow: name of a shipped workflow, or path of a TOML file.
-        settings: settings to replace, see :func:`run`.
+    """Resolve a workflow and settings, as for :func:`run`, into the cases that it would run.
 
     Returns:
         The plan, with its ``cases``, ``excluded`` designs, and ``batches`` with estimates of

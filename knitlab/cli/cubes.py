@@ -1,25 +1,26 @@
-"""Commands on cubes: ``query``, ``map``, ``claims``."""
+"""Commands on cubes: ``query``, ``find``, ``compare``, ``map``, ``claims``, ``explore``."""
 
 import re
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import click
 
-from knitlab.cli.options import explains_bad_input, read_selections, select_option
-from knitlab.sweep.figure_names import FIGURE_NAMES
-
-format_option = click.option(
-    "--format",
-    "style",
-    type=click.Choice(["table", "csv", "json"]),
-    default="table",
-    show_default=True,
+from knitlab.cli.options import (
+    COUNT,
+    PATH,
+    cubes_argument,
+    echo_problem,
+    format_option,
+    output_option,
+    select_option,
 )
+from knitlab.sweep.figure_names import FIGURE_NAMES, check_still
 
 
 @click.command()
-@click.argument("cubes", type=click.Path(path_type=Path), nargs=-1, required=True)
+@cubes_argument
 @select_option
 @click.option("--where", metavar="EXPRESSION", help="Keep the designs for which this holds.")
 @click.option(
@@ -30,10 +31,9 @@ format_option = click.option(
 )
 @click.option("--columns", metavar="NAMES", help="Columns to show, separated by commas.")
 @format_option
-@explains_bad_input
 def query(
     cubes: tuple[Path, ...],
-    selections: tuple[str, ...],
+    selections: dict[str, Any],
     where: str | None,
     sort: tuple[str, ...],
     columns: str | None,
@@ -49,29 +49,83 @@ def query(
     # A comma within brackets belongs to a reduction such as mean(poisson_ratio, 0.05:0.25).
     names = [name.strip() for name in re.split(r",(?![^(]*\))", columns)] if columns else None
     opened = [open_cube(cube, lazily=True) for cube in cubes]
-    table = query_cubes(opened, read_selections(selections), where, sort, names)
+    table = query_cubes(opened, selections, where, sort, names)
     click.echo(formatted(table, style))
 
 
 @click.command()
-@click.argument("simulation", type=click.Path(path_type=Path))
-@click.argument("experiments", type=click.Path(path_type=Path), nargs=-1, required=True)
+@cubes_argument
+@click.option(
+    "--target",
+    "targets",
+    multiple=True,
+    required=True,
+    metavar="TARGET",
+    help='Target, such as "poisson_ratio = -0.3 @ 0.05:0.25". Repeatable.',
+)
+@click.option(
+    "--subject-to",
+    multiple=True,
+    metavar="TARGET",
+    help='Target that must be met, such as "knit_cell_x < 20". Repeatable.',
+)
+@click.option("--most", type=COUNT, default=10, help="Designs to list.")
+@format_option
+@output_option("Figure of the targets and the nearest designs, .pdf, .svg or .png.")
+def find(
+    cubes: tuple[Path, ...],
+    targets: tuple[str, ...],
+    subject_to: tuple[str, ...],
+    most: int,
+    style: str,
+    output: Path | None,
+) -> None:
+    """List the designs of CUBES that come closest to the targets; nothing is simulated.
+
+    A target is NAME = VALUE, NAME < VALUE, NAME > VALUE or VALUE < NAME < VALUE. A variable along
+    the applied strain needs @ STRAIN or @ FROM:TO, and may be reduced over a window: mean(NAME),
+    min, max, slope, linearity or spread. VALUE ± TOLERANCE gives the unit of distance; by default
+    that is the scatter among the designs.
+    """
+    from knitlab.api import cubes as api
+    from knitlab.cube.query import formatted
+
+    if output is not None:
+        check_still(output)
+    found = api.find(*cubes, targets=targets, subject_to=subject_to, most=most)
+    if style == "table":
+        for number, reached in enumerate(found.reached, start=1):
+            click.echo(f"target {number}: {reached.target.text}")
+    click.echo(formatted(found.table, style))
+    for reason, count in found.passed_over.items():
+        click.echo(f"{count} designs {reason}", err=True)
+    if output is not None and len(found.table):
+        from knitlab.figures.figure_files import save
+        from knitlab.figures.found_designs import found_figure
+        from knitlab.figures.style import print_style
+
+        with print_style():
+            save(found_figure(found), output)
+        click.echo(f"figure  {output}", err=True)
+
+
+@click.command()
+@click.argument("simulation", type=PATH)
+@click.argument("experiments", type=PATH, nargs=-1, required=True)
 @select_option
 @format_option
-@explains_bad_input
 def compare(
-    simulation: Path, experiments: tuple[Path, ...], selections: tuple[str, ...], style: str
+    simulation: Path, experiments: tuple[Path, ...], selections: dict[str, Any], style: str
 ) -> None:
     """Compare SIMULATION with EXPERIMENTS, curve by curve.
 
     The uncertainty is that of the RMS difference, from the scatter of the records; the noise
     is the RMS difference expected for equal curves.
     """
-    from knitlab.api.comparison import compare as compare_with
+    from knitlab.api import cubes as api
     from knitlab.cube.query import formatted
 
-    table = compare_with(simulation, *experiments, **read_selections(selections))
-    click.echo(formatted(table, style))
+    click.echo(formatted(api.compare(simulation, *experiments, **selections), style))
 
 
 @click.command(
@@ -80,13 +134,9 @@ def compare(
     f"{', '.join(FIGURE_NAMES)}.",
 )
 @click.argument("kind")
-@click.argument("cubes", type=click.Path(path_type=Path), nargs=-1, required=True)
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path, dir_okay=False),
-    required=True,
-    help="File to draw; its suffix (.pdf, .svg, .png; .gif for folding) sets the format.",
+@cubes_argument
+@output_option(
+    "File to draw; its suffix (.pdf, .svg, .png; .gif for folding) sets the format.", required=True
 )
 @click.option("--x", metavar="DIM", help="Dimension across a grid.")
 @click.option("--y", metavar="DIM", help="Dimension up a grid.")
@@ -95,39 +145,31 @@ def compare(
     "--window", metavar="STRAIN:STRAIN", help="Strains over which sensor shows slope and linearity."
 )
 @select_option
-@explains_bad_input
 def draw_map(
     kind: str,
     cubes: tuple[Path, ...],
     output: Path,
-    selections: tuple[str, ...],
+    selections: dict[str, Any],
     **shown: str | None,
 ) -> None:
     """Draw a figure of a cube, unless its file is up to date."""
-    from knitlab.figures.drawn import fingerprint_of_figure, is_drawn
+    from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn
 
-    chosen = read_selections(selections)
     options = {name: value for name, value in shown.items() if value is not None}
     with suppress(OSError):  # draw_figure explains why a cube cannot be read
-        if is_drawn(output, fingerprint_of_figure(kind, cubes, chosen, options)):
+        if is_drawn(output, fingerprint_of_figure(kind, cubes, selections, options)):
             click.echo(f"figure  {output}")
             return
     from knitlab.figures.drawing import draw_figure
 
-    click.echo(f"figure  {draw_figure(kind, cubes, output, chosen, options)}")
+    click.echo(f"figure  {draw_figure(kind, cubes, output, selections, options)}")
 
 
 @click.command()
-@click.argument("cubes", type=click.Path(path_type=Path), nargs=-1, required=True)
+@cubes_argument
 @select_option
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Report to write: .html contains its figures; .md has them in a folder beside it.",
-)
-@explains_bad_input
-def claims(cubes: tuple[Path, ...], selections: tuple[str, ...], output: Path | None) -> None:
+@output_option("Report to write: .html contains its figures; .md has them in a folder beside it.")
+def claims(cubes: tuple[Path, ...], selections: dict[str, Any], output: Path | None) -> None:
     """Judge the paper's claims by CUBES: each claim holds, fails, or is not measured.
 
     The margin is the distance from the threshold of a claim, below 0 if it fails; from -0.25 to 0
@@ -140,12 +182,30 @@ def claims(cubes: tuple[Path, ...], selections: tuple[str, ...], output: Path | 
 
     if output is not None:
         check_suffix(output)
-    chosen = read_selections(selections)
-    judgements = judged(read_claims(), cubes, chosen)
+    judgements = judged(read_claims(), cubes, selections)
     click.echo(listed(judgements))
     if output is not None:
-        files, faults = write_page(judgements, output, chosen)
+        files, faults = write_page(judgements, output, selections)
         for path in files:
             click.echo(f"{'page' if path == output else 'figure':6}  {path}")
         for fault in faults:
-            click.echo(f"knitlab: {fault}", err=True)
+            echo_problem(fault)
+
+
+@click.command()
+@cubes_argument
+@output_option("The page; it is one file.", default=Path("explorer.html"))
+def explore(cubes: tuple[Path, ...], output: Path) -> None:
+    """Write a page on which CUBES can be explored in a browser, without a network.
+
+    It shows a design map, curves with their bands, and shapes that turn; designs without a case
+    file beside their cube have no shape. Its other tab is the report of the run.
+    """
+    from knitlab.api import cubes as api
+
+    page = api.explore(*cubes, output=output)
+    click.echo(f"page    {page}")
+    click.echo(f"{page.stat().st_size / 1e6:.1f} MB", err=True)
+
+
+COMMANDS = (query, find, compare, draw_map, claims, explore)

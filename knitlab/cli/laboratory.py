@@ -1,16 +1,21 @@
-"""Commands on laboratory records: ``import``, ``fit``."""
+"""Commands on measurements: ``calibrate``, ``import``, ``fit``."""
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from knitlab.cli.options import (
+    COUNT,
+    FILE,
+    PATH,
     SOME_CASE_NOT_OK,
+    CommandGroup,
     check_toml,
-    explains_bad_input,
-    read_selections,
+    draw_beside,
+    echo_problem,
+    output_option,
     results_option,
     select_option,
     set_option,
@@ -19,39 +24,130 @@ from knitlab.cli.options import (
 if TYPE_CHECKING:
     from knitlab.laboratory.description import RecordKind
 
+MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
 
-@click.group(name="import")
+
+@click.command()
+@click.argument("curve", type=FILE)
+@click.option("--stripe", "knit", type=click.Choice(["rib", "garter"]), required=True)
+@click.option("-n", "stitches", type=COUNT, required=True, help="Stitches across the stripe.")
+@click.option(
+    "--period", type=MILLIMETRES, required=True, help="Relaxed peak-to-peak distance [mm]."
+)
+@click.option(
+    "--cell-size",
+    type=click.Choice(["flat", "relaxed"]),
+    help="Model option to simulate the stripe with. [default: that of params/reading.toml]",
+)
+@click.option("--width", type=MILLIMETRES, help="Width of one row, for a curve of stress [mm].")
+@click.option(
+    "--thickness", type=MILLIMETRES, help="Thickness of the fabric, for stress over area [mm]."
+)
+@click.option(
+    "--law",
+    type=click.Choice(["linear", "stiffening", "tabulated"]),
+    default="linear",
+    help="How the force of a spring grows; others are compared with linear.",
+)
+@click.option(
+    "--spring-curve",
+    type=FILE,
+    help="Measured curve of a spring, from strain 0, for --law tabulated; its shape counts. CSV.",
+)
+@output_option(
+    "Stripe entry to write, .toml, with figures beside it. [default: STRIPE-N.toml]",
+)
+def calibrate(
+    curve: Path,
+    knit: Literal["rib", "garter"],
+    stitches: int,
+    period: float,
+    cell_size: Literal["flat", "relaxed"] | None,
+    width: float | None,
+    thickness: float | None,
+    law: Literal["linear", "stiffening", "tabulated"],
+    spring_curve: Path | None,
+    output: Path | None,
+) -> None:
+    """Fit k_s, k_t and theta_0 of a stripe to the tension CURVE of its pure fabric.
+
+    CURVE is a CSV file with a header such as "strain [1],force [N]": the force on one row of the
+    network, or the stress with the row's --width. Measure until the folds are open and the springs
+    stretch, to about 200 % strain: below that the three cannot be determined separately.
+    """
+    from knitlab.io.errors import fault
+    from knitlab.io.table_file import read_tension_curve
+
+    output = output or Path(f"{knit}-{stitches}.toml")
+    check_toml(output)
+    if (law == "tabulated") != (spring_curve is not None):
+        raise fault("--spring-curve", "goes with --law tabulated; give both, or neither")
+    measured = read_tension_curve(curve, width, thickness)
+
+    from knitlab.fabric.spring_law import SpringCurve
+    from knitlab.figures.fits import calibration_figure
+    from knitlab.measure.calibration import calibrate as fit
+    from knitlab.measure.calibration import report, report_comparison, write_stripe_file
+    from knitlab.sweep.parameters import defaults
+
+    springs: Any = law
+    if spring_curve is not None:
+        table = read_tension_curve(spring_curve)
+        try:
+            springs = SpringCurve(tuple(table.strain.tolist()), tuple(table.force.tolist()))
+        except ValueError as error:
+            raise fault(str(spring_curve), str(error)) from error
+    try:
+        fitted = fit(period, measured.strain, measured.force, springs)
+        linear = None if law == "linear" else fit(period, measured.strain, measured.force)
+    except ValueError as error:
+        raise fault(str(curve), str(error)) from error
+    title = f"{stitches} × {stitches} {knit}, period {period:g} mm"
+    click.echo(title)
+    for line in [*report(fitted), *(report_comparison(fitted, linear) if linear else [])]:
+        click.echo(line)
+    for warning in fitted.warnings:
+        echo_problem(warning)
+    if fitted.usable:
+        used_size = cell_size or defaults().model.cell_size
+        write_stripe_file(output, knit, stitches, fitted, curve, used_size)
+        click.echo(f"stripe   {output}")
+    else:
+        echo_problem("no stripe is written, as this fit cannot be used")
+    curves = (fitted.strain, fitted.force, fitted.fitted_force)
+    linear_force = None if linear is None else linear.fitted_force
+    draw_beside(output, lambda: calibration_figure(*curves, title, linear_force))
+    if not fitted.usable:
+        sys.exit(SOME_CASE_NOT_OK)
+
+
+@click.group(name="import", cls=CommandGroup)
 def import_group() -> None:
     """Import laboratory records as a cube, to compare with simulations."""
 
 
-def _importing(kind: "RecordKind", summary: str) -> click.Command:
-    @click.command(name=kind, help=summary)
-    @click.argument("description", type=click.Path(path_type=Path, dir_okay=False))
-    @results_option
-    @explains_bad_input
-    def command(description: Path, results: Path) -> None:
-        from knitlab.laboratory.experiment import import_records
+def _add_import(kind: "RecordKind", records: str) -> None:
+    help = f"Import the {records} described by DESCRIPTION, a TOML file."
 
-        imported = import_records(kind, description, results)
+    @import_group.command(name=kind, help=help)
+    @click.argument("description", type=FILE)
+    @results_option
+    def command(description: Path, results: Path) -> None:
+        from knitlab.api import laboratory as api
+
+        imported = api.import_records(kind, description, results=results)
         for line in imported.summary:
             click.echo(line)
         click.echo(f"cube    {imported.path}")
 
-    return command
 
-
-_SUMMARIES: "dict[RecordKind, str]" = {
-    "markers": "Import the tracked markers described by DESCRIPTION, a TOML file.",
-    "tensile": "Import the tensile test described by DESCRIPTION, a TOML file.",
-    "capacitance": "Import the log of an LCR meter described by DESCRIPTION, a TOML file.",
-}
-for _kind, _summary in _SUMMARIES.items():
-    import_group.add_command(_importing(_kind, _summary))
+_add_import("markers", "tracked markers")
+_add_import("tensile", "tensile test")
+_add_import("capacitance", "log of an LCR meter")
 
 
 @click.command()
-@click.argument("experiment", type=click.Path(path_type=Path))
+@click.argument("experiment", type=PATH)
 @click.argument("workflow")
 @set_option
 @select_option
@@ -59,41 +155,28 @@ for _kind, _summary in _SUMMARIES.items():
     "--looseness",
     type=click.FloatRange(min=0, max=2, min_open=True),
     default=0.2,
-    show_default=True,
     help="Relative standard deviation of the tabulated stripes.",
 )
 @click.option(
     "--model-error",
     type=click.FloatRange(min=0, max=1),
     default=0.01,
-    show_default=True,
     help="Error of the model, as a fraction of the largest value of a curve.",
 )
 @click.option(
     "--starts",
     type=click.IntRange(min=1, max=64),
     default=4,
-    show_default=True,
     help="Largest number of starts to try until the test is matched.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=click.Path(path_type=Path, dir_okay=False),
-    default=Path("fitted.toml"),
-    show_default=True,
-    help="Stripes to write, .toml, with figures beside it.",
-)
-@explains_bad_input
+@output_option("Stripes to write, .toml, with figures beside it.", default=Path("fitted.toml"))
 def fit(
     experiment: Path,
     workflow: str,
     settings: tuple[str, ...],
-    selections: tuple[str, ...],
-    looseness: float,
-    model_error: float,
-    starts: int,
+    selections: dict[str, Any],
     output: Path,
+    **options: Any,
 ) -> None:
     """Fit k_s, k_t and theta_0 of both stripes to an imported EXPERIMENT on a whole fabric.
 
@@ -104,44 +187,35 @@ def fit(
     from knitlab.cube.selection import selected
 
     check_toml(output)
-    cube = selected(open_cube(experiment), read_selections(selections))
+    cube = selected(open_cube(experiment), selections)
 
-    from knitlab.api.laboratory import fit as fit_test
-    from knitlab.figures.fit import Fitted, fit_figure
-    from knitlab.figures.saving import save
-    from knitlab.figures.style import print_style
-    from knitlab.laboratory.fit_report import report, write_stripes
+    from knitlab.api import laboratory as api
+    from knitlab.figures.fits import Fitted, fit_figure
+    from knitlab.laboratory.fit import report, write_stripes
     from knitlab.sweep.plan import make_plan
 
     def report_step(tests: int, chi_squared: float) -> None:
         click.echo(f"test {tests}: chi² {chi_squared:.4g}", err=True)
 
-    found = fit_test(
-        cube,
-        make_plan(workflow, settings),
-        looseness=looseness,
-        model_error=model_error,
-        starts=starts,
-        step=report_step,
-    )
-    for line in report(found):
+    fitted = api.fit(cube, make_plan(workflow, settings), step=report_step, **options)
+    for line in report(fitted):
         click.echo(line)
-    for warning in found.warnings:
-        click.echo(f"knitlab: {warning}", err=True)
-    write_stripes(output, found, experiment)
+    for warning in fitted.warnings:
+        echo_problem(warning)
+    write_stripes(output, fitted, experiment)
     click.echo(f"stripes  {output}")
     shown = Fitted(
-        found.target.applied_strain,
-        found.target.values,
-        found.target.errors,
-        *found.curves,
-        found.factors,
-        found.standard_errors,
+        fitted.target.applied_strain,
+        fitted.target.values,
+        fitted.target.errors,
+        *fitted.curves,
+        fitted.factors,
+        fitted.standard_errors,
     )
-    with print_style():
-        figure = fit_figure(shown, f"{found.before.label}, fitted to {experiment}")
-        for suffix in (".pdf", ".png"):
-            save(figure, output.with_suffix(suffix))
-            click.echo(f"figure   {output.with_suffix(suffix)}")
-    if not found.converged:
+    title = f"{fitted.before.label}, fitted to {experiment}"
+    draw_beside(output, lambda: fit_figure(shown, title))
+    if not fitted.converged:
         sys.exit(SOME_CASE_NOT_OK)
+
+
+COMMANDS = (calibrate, import_group, fit)

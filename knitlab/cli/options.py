@@ -4,35 +4,119 @@ import re
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from knitlab.io.errors import BadInput, Fault, fault
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 BAD_INPUT = 2
 SOME_CASE_NOT_OK = 1
 MOST_LINES = 20
 """Largest number of cases that a command lists."""
+PATH = click.Path(path_type=Path)
+FILE = click.Path(path_type=Path, dir_okay=False)
+FOLDER = click.Path(path_type=Path, file_okay=False)
+COUNT = click.IntRange(min=1)
 
-Command = Callable[..., None]
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
-def explains_bad_input(command: Command) -> Command:
-    """Turn bad input into its message and exit code 2."""
+class CommandGroup(click.Group):
+    """Commands that explain bad input in sentences, and end with exit code 2."""
 
-    @wraps(command)
-    def explained(*arguments: Any, **options: Any) -> None:
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command that is named."""
         try:
-            command(*arguments, **options)
+            return super().invoke(ctx)
         except BadInput as error:
-            for fault in error.faults:
-                click.echo(f"knitlab: {_with_options(str(fault))}", err=True)
+            command = self.get_command(ctx, ctx.invoked_subcommand or "") or self
+            for each in error.faults:
+                echo_problem(_with_option(str(each), command))
             sys.exit(BAD_INPUT)
 
-    return explained
+
+def echo_problem(problem: object) -> None:
+    """Print a problem on the error stream."""
+    click.echo(f"knitlab: {problem}", err=True)
+
+
+def _with_option(message: str, command: click.Command) -> str:
+    """The message about a Python argument, with the name of its option instead."""
+    argument, space, rest = message.partition(" ")
+    for parameter in command.params:
+        if parameter.name == argument.removesuffix(":") and isinstance(parameter, click.Option):
+            colon = ":" if argument.endswith(":") else ""
+            return f"{parameter.opts[-1]}{colon}{space}{rest}"
+    return message
+
+
+def _parsed(parse: Callable[[Any], Any]) -> Callable[[click.Context, click.Parameter, Any], Any]:
+    return lambda context, parameter, given: parse(given)
+
+
+def read_selections(texts: tuple[str, ...]) -> dict[str, list[float | str]]:
+    """The values of ``--select`` by their coordinate.
+
+    Raises:
+        BadInput: with every text that is malformed, or of a coordinate that an earlier one selects.
+    """
+    selections: dict[str, list[float | str]] = {}
+    faults = []
+    for text in texts:
+        name, _, listed = (part.strip() for part in text.partition("="))
+        if not listed:
+            faults.append(Fault(f"selections {text}", "is not NAME=VALUE; give both"))
+        elif name in selections:
+            problem = f"selects {name} again; give its values once, with commas between them"
+            faults.append(Fault(f"selections {text}", problem))
+        else:
+            selections[name] = [_number_or_label(each.strip()) for each in listed.split(",")]
+    if faults:
+        raise BadInput(faults)
+    return selections
+
+
+def _number_or_label(text: str) -> float | str:
+    """The number that is written as this text, or the text: 04 may be a label."""
+    for kind in (int, float):
+        with suppress(ValueError):
+            if str(kind(text)) == text:
+                return kind(text)
+    return text
+
+
+def _two_counts(text: str | None) -> tuple[int, int] | None:
+    """The counts of ``--repeats``; ``None`` if it is not given.
+
+    Raises:
+        BadInput: if the text is of another form.
+    """
+    if text is None:
+        return None
+    match = re.fullmatch(r"(\d+)\s*[x×,]\s*(\d+)", text.strip())
+    if match is None:
+        raise fault("repeats", f"is {text!r}; give two counts such as 4x2, along warp and weft")
+    return int(match[1]), int(match[2])
+
+
+def read_machine_values(texts: tuple[str, ...]) -> dict[str, Any]:
+    """The values of ``--machine`` by their key.
+
+    Raises:
+        BadInput: with every text that is not ``KEY=VALUE``.
+    """
+    from knitlab.sweep.workflow_file import read_value
+
+    if malformed := [text for text in texts if "=" not in text]:
+        problem = "is not KEY=VALUE; give both"
+        raise BadInput(Fault(f"machine {text}", problem) for text in malformed)
+    pairs = (text.partition("=") for text in texts)
+    return {name.strip(): read_value(value.strip()) for name, _, value in pairs}
 
 
 def check_toml(output: Path) -> None:
@@ -45,26 +129,57 @@ def check_toml(output: Path) -> None:
         raise fault(f"output {output}", "has no suffix .toml; give it one")
 
 
-def _with_options(message: str) -> str:
-    """The message about a Python argument, with the name of its option instead."""
-    argument, space, rest = message.partition(" ")
-    for parameter in click.get_current_context().command.params:
-        if parameter.name == argument.removesuffix(":") and isinstance(parameter, click.Option):
-            colon = ":" if argument.endswith(":") else ""
-            return f"{parameter.opts[-1]}{colon}{space}{rest}"
-    return message
+def draw_beside(output: Path, draw: Callable[[], "Figure"]) -> None:
+    """Save a figure beside a file, as PDF and PNG."""
+    from knitlab.figures.figure_files import save
+    from knitlab.figures.style import print_style
+
+    with print_style():
+        figure = draw()
+        for suffix in (".pdf", ".png"):
+            save(figure, output.with_suffix(suffix))
+            click.echo(f"figure   {output.with_suffix(suffix)}")
 
 
+cubes_argument = click.argument("cubes", type=PATH, nargs=-1, required=True)
 results_option = click.option(
     "--results",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=FOLDER,
     default=Path("results"),
-    show_default=True,
     help="Folder that holds a folder of results for each workflow.",
+)
+set_option = click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Override a setting of the workflow; a comma makes a list. Repeatable.",
+)
+select_option = click.option(
+    "--select",
+    "selections",
+    multiple=True,
+    metavar="NAME=VALUE",
+    callback=_parsed(read_selections),
+    help="Keep one value of a coordinate, or several with commas. Repeatable.",
+)
+repeats_option = click.option(
+    "--repeats",
+    metavar="NxM",
+    callback=_parsed(_two_counts),
+    help="Repeats of the pattern along the warp and the weft, such as 4x2.",
+)
+format_option = click.option(
+    "--format", "style", type=click.Choice(["table", "csv", "json"]), default="table"
 )
 
 
-def workers_option(default: int | None, shown: str | bool = True) -> Callable[[Command], Command]:
+def output_option(help: str, **options: Any) -> Decorator:
+    """The option ``--output`` of a command that writes one file."""
+    return click.option("-o", "--output", type=FILE, help=help, **options)
+
+
+def workers_option(default: int | None, shown: str | bool = True) -> Decorator:
     """The option ``--workers``, with the default of a command and how to show it."""
     return click.option(
         "--workers",
@@ -73,72 +188,3 @@ def workers_option(default: int | None, shown: str | bool = True) -> Callable[[C
         show_default=shown,
         help="Worker processes on this machine; 0 runs in this process.",
     )
-
-
-set_option = click.option(
-    "--set",
-    "settings",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Override a setting of the workflow; a comma makes a list. Repeatable.",
-)
-
-select_option = click.option(
-    "--select",
-    "selections",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="Keep one value of a coordinate, or several with commas. Repeatable.",
-)
-
-
-def read_selections(texts: tuple[str, ...]) -> dict[str, list[float | str]]:
-    """The values of ``--select`` by their coordinate.
-
-    Raises:
-        BadInput: with every text that is malformed, or of a coordinate that an earlier one selects.
-    """
-    found: dict[str, list[float | str]] = {}
-    faults = []
-    for text in texts:
-        name, _, listed = (part.strip() for part in text.partition("="))
-        if not listed:
-            faults.append(Fault(f"selections {text}", "is not NAME=VALUE; give both"))
-        elif name in found:
-            problem = f"selects {name} again; give its values once, with commas between them"
-            faults.append(Fault(f"selections {text}", problem))
-        else:
-            found[name] = [_value(part.strip()) for part in listed.split(",")]
-    if faults:
-        raise BadInput(faults)
-    return found
-
-
-def _value(text: str) -> float | str:
-    """The number that is written as this text, or the text: 04 may be a label."""
-    for kind in (int, float):
-        with suppress(ValueError):
-            if str(kind(text)) == text:
-                return kind(text)
-    return text
-
-
-repeats_option = click.option(
-    "--repeats",
-    metavar="NxM",
-    help="Repeats of the pattern along the warp and the weft, such as 4x2.",
-)
-
-
-def two_counts(text: str | None) -> tuple[int, int] | None:
-    """The counts of ``--repeats``; ``None`` if it is not given.
-
-    Raises:
-        BadInput: if the text is of another form.
-    """
-    if text is None:
-        return None
-    match = re.fullmatch(r"(\d+)\s*[x×,]\s*(\d+)", text.strip())
-    if match is None:
-        raise fault("repeats", f"is {text!r}; give two counts such as 4x2, along warp and weft")
-    return int(match[1]), int(match[2])

@@ -2,61 +2,49 @@
 
 import json
 import sys
-from collections.abc import Sequence
-from functools import wraps
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from knitlab.cli.options import (
+    FOLDER,
     MOST_LINES,
+    PATH,
     SOME_CASE_NOT_OK,
-    Command,
-    explains_bad_input,
+    echo_problem,
     results_option,
     set_option,
     workers_option,
 )
 
 if TYPE_CHECKING:
+    from knitlab.io.errors import Fault
     from knitlab.sweep.plan import Plan
 
 
-def workflow_options(command: Command) -> Command:
+def workflow_options(command: Callable[..., None]) -> Callable[..., None]:
     """Add the argument and options that name a workflow and its results."""
-
-    @wraps(command)
-    def scaled(
-        *arguments: Any, settings: tuple[str, ...], scale: float | None, **options: Any
-    ) -> None:
-        added = () if scale is None else (f"scale={scale:g}",)
-        command(*arguments, settings=(*settings, *added), **options)
-
-    for option in (
-        results_option,
-        click.option(
-            "--scale",
-            type=click.FloatRange(min=0, max=1, min_open=True),
-            help="Fraction of the needles that a sample is knitted on; short for --set scale=.",
-        ),
-        set_option,
-        click.argument("workflow"),
-    ):
-        scaled = option(scaled)
-    return scaled
+    scale_option = click.option(
+        "--scale",
+        type=click.FloatRange(min=0, max=1, min_open=True),
+        callback=lambda _, __, scale: () if scale is None else (f"scale={scale:g}",),
+        help="Fraction of the needles that a sample is knitted on; short for --set scale=.",
+    )
+    return click.argument("workflow")(set_option(scale_option(results_option(command))))
 
 
 @click.command()
 @workflow_options
-@explains_bad_input
-def plan(workflow: str, results: Path, settings: tuple[str, ...]) -> None:
+def plan(workflow: str, results: Path, settings: tuple[str, ...], scale: tuple[str, ...]) -> None:
     """Resolve WORKFLOW into plan.json and show what it would run."""
     from knitlab.io.lock import held
     from knitlab.sweep.plan import make_plan
-    from knitlab.sweep.status import PLAN, folder_status
+    from knitlab.sweep.results_folder import PLAN
+    from knitlab.sweep.status import folder_status
 
-    made = make_plan(workflow, settings)
+    made = make_plan(workflow, settings + scale)
     _echo_warnings(made)
     folder = results / made.workflow
     with held(folder):
@@ -75,7 +63,8 @@ def plan(workflow: str, results: Path, settings: tuple[str, ...]) -> None:
             click.echo(f"  … and {len(batch.cases) - MOST_LINES} more")
     if len(made.batches) > MOST_LINES:
         click.echo(f"… and {len(made.batches) - MOST_LINES} more batches")
-    _echo_excluded(made)
+    for design, reason in made.excluded.items():
+        _echo_excluded(made.dims, design, reason)
     strains = made.applied_strain
     time = _duration(sum(batch.estimated_seconds for batch in made.batches))
     click.echo(
@@ -100,14 +89,9 @@ def _echo_warnings(made: "Plan") -> None:
         click.echo(f"warning: {warning}", err=True)
 
 
-def _echo_excluded(made: "Plan") -> None:
-    for design, reason in made.excluded.items():
-        click.echo(_excluded(made.dims, design, reason))
-
-
-def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
-    labels = zip(dims, design, strict=False)
-    return f"excluded: {'  '.join(f'{name} {label}' for name, label in labels)}: {reason}"
+def _echo_excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> None:
+    labels = "  ".join(f"{dim} {label}" for dim, label in zip(dims, design, strict=False))
+    click.echo(f"excluded: {labels}: {reason}")
 
 
 @click.command()
@@ -118,13 +102,11 @@ def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
     "--retries",
     type=click.IntRange(min=0),
     default=0,
-    show_default=True,
     help="How often to repeat a batch that raised an error.",
 )
 @click.option(
     "--keep-going/--fail-fast",
     default=True,
-    show_default=True,
     help="Whether to continue after a case that is not ok.",
 )
 @click.option(
@@ -140,61 +122,52 @@ def _excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> str:
     help="Run one part of the plan, as 3/40, beside processes that run the others.",
 )
 @click.option("--dashboard", is_flag=True, help="Open dask's dashboard on this machine.")
-@explains_bad_input
 def run(
     workflow: str,
     results: Path,
     settings: tuple[str, ...],
-    workers: int | None,
-    scheduler: str | None,
-    retries: int,
+    scale: tuple[str, ...],
     keep_going: bool,
-    case_timeout: float | None,
-    refresh: bool,
     shard: str | None,
-    dashboard: bool,
+    **options: Any,
 ) -> None:
     """Simulate the missing cases of WORKFLOW, build its cube and draw its figures.
 
     The last of several shards to end builds the cube; then run WORKFLOW without it for the figures.
     """
-    if shard is None and _is_finished(workflow, settings, results):
+    overrides = settings + scale
+    if shard is None and _is_finished(workflow, overrides, results):
         return
-    from knitlab.api.sweeps import run_workflow
     from knitlab.cube.cube_file import CUBE
+    from knitlab.sweep.batches import Shard
     from knitlab.sweep.plan import make_plan
-    from knitlab.sweep.run import RunOptions
-    from knitlab.sweep.shard import Shard
+    from knitlab.sweep.run import RunOptions, run_plan
 
     part = None if shard is None else Shard.of(shard)
-    made = make_plan(workflow, settings)
+    made = make_plan(workflow, overrides)
     _echo_warnings(made)
-    options = RunOptions(
-        workers=workers,
-        scheduler=scheduler,
-        retries=retries,
-        fail_fast=not keep_going,
-        case_timeout=case_timeout,
-        refresh=refresh,
-        shard=part,
-        dashboard=dashboard,
-        show_progress=True,
-    )
-    done = run_workflow(made, results, options)
-    _echo_excluded(made)
+    chosen = RunOptions(fail_fast=not keep_going, shard=part, show_progress=True, **options)
+    folder = results / made.workflow
+    done = run_plan(made, folder, chosen)
+    drawn: list[Path] = []
+    faults: list[Fault] = []
+    if part is None:
+        from knitlab.figures.drawing import draw_figures
+
+        drawn, faults = draw_figures(made.figures, folder)
+    for design, reason in made.excluded.items():
+        _echo_excluded(made.dims, design, reason)
     of_shard = f" in shard {part}" if part else ""
-    click.echo(
-        f"{len(done.run.simulated)} cases simulated, {len(done.run.reused)} already there{of_shard}"
-    )
-    if done.run.joined:
-        click.echo(f"cube    {done.folder / CUBE}")
+    click.echo(f"{len(done.simulated)} cases simulated, {len(done.reused)} already there{of_shard}")
+    if done.joined:
+        click.echo(f"cube    {folder / CUBE}")
     else:
         click.echo("other shards still run; the last one to end writes the cube")
-    for path in done.figures:
+    for path in drawn:
         click.echo(f"figure  {path}")
-    for fault in done.faults:
-        click.echo(f"knitlab: {fault}", err=True)
-    for line in (*done.failures, *done.run.remarks(done.folder)):
+    for fault in faults:
+        echo_problem(fault)
+    for line in done.remarks(made.dims, folder):
         click.echo(line, err=True)
     if not done.all_ok:
         sys.exit(SOME_CASE_NOT_OK)
@@ -203,8 +176,8 @@ def run(
 def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> bool:
     """Whether there is nothing to run or draw; if so, print what exists."""
     from knitlab.cube.cube_file import CUBE, open_cube
-    from knitlab.figures.drawn import fingerprint_of_figure, is_drawn, requested_figures
-    from knitlab.sweep.finished import finished_plan
+    from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn, requested_figures
+    from knitlab.sweep.status import finished_plan
 
     record = finished_plan(workflow, settings, results)
     if record is None:
@@ -216,7 +189,7 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
         if not all(is_drawn(output, fingerprint) for output in figure.outputs):
             return False
     for *design, reason in record["excluded"]:
-        click.echo(_excluded(record["dims"], design, reason))
+        _echo_excluded(record["dims"], design, reason)
     click.echo(f"0 cases simulated, {len(record['cases'])} already there")
     click.echo(f"cube    {folder / CUBE}")
     for output in (output for figure in figures for output in figure.outputs):
@@ -225,17 +198,15 @@ def _is_finished(workflow: str, settings: tuple[str, ...], results: Path) -> boo
 
 
 @click.command()
-@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("folders", nargs=-1, required=True, type=PATH)
 @click.option(
     "-o",
     "--results",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=FOLDER,
     default=Path("results"),
-    show_default=True,
     help="Folder that holds a folder of results for each workflow; what is there is kept.",
 )
 @click.option("--any-code", is_flag=True, help="Join results of different code.")
-@explains_bad_input
 def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
     """Join the results in FOLDERS, as of shards that ran on several machines.
 
@@ -260,7 +231,6 @@ def merge(folders: tuple[Path, ...], results: Path, any_code: bool) -> None:
 @results_option
 @click.option("--check", is_flag=True, help="Compare every case file with its checksum.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, for scripts.")
-@explains_bad_input
 def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
     """Show the status of the cases of the last plan of WORKFLOW.
 
@@ -287,7 +257,6 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
 @click.command()
 @click.argument("case_id")
 @results_option
-@explains_bad_input
 def reproduce(case_id: str, results: Path) -> None:
     """Run one case in this process, and show how every state was reached.
 
@@ -298,3 +267,6 @@ def reproduce(case_id: str, results: Path) -> None:
 
     if not reproduce_case(case_id, results=results, report=click.echo):
         sys.exit(SOME_CASE_NOT_OK)
+
+
+COMMANDS = (plan, run, merge, status, reproduce)

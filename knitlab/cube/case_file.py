@@ -48,9 +48,7 @@ def write_case_file(results: Path, case_id: str, dataset: "xr.Dataset") -> None:
     """
     contents = bytes(
         dataset.to_netcdf(
-            engine="scipy",
-            format="NETCDF3_64BIT",
-            encoding=encoding(dataset, compressed=False),
+            engine="scipy", format="NETCDF3_64BIT", encoding=encoding(dataset, compressed=False)
         )
     )
     path = case_path(results, case_id)

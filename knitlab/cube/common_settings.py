@@ -2,8 +2,8 @@
 
 import json
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import reduce
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     import xarray as xr  # slow to import
@@ -14,14 +14,8 @@ OF_DESIGNS = ("design", "weft", "warp", "periods")
 """Entries of a record that follow from a design and its stripes."""
 
 
-@dataclass(frozen=True)
-class SettingDifference:
-    """One setting in which two sets differ.
-
-    Attributes:
-        key: its key, preceded by the tables that contain it.
-        before, after: its two values.
-    """
+class SettingDifference(NamedTuple):
+    """A setting, by its key and those of the tables around it, that has two values."""
 
     key: tuple[str, ...]
     before: Any
@@ -29,17 +23,16 @@ class SettingDifference:
 
     def __str__(self) -> str:
         name = ".".join(self.key)
-        if isinstance(self.before, list):
-            return name
-        return f"{name} was {self.before}, is {self.after}"
+        known = not isinstance(self.before, list)
+        return f"{name} was {self.before}, is {self.after}" if known else name
 
 
 def common_settings(
     records: Iterable[dict[str, Any]], swept: Collection[str], stripes: str
 ) -> dict[str, Any]:
-    """The settings that all cases of a plan share.
+    """The settings that the records of all cases of a plan share, without those that are swept.
 
-    All other settings, including swept ones, are in ``plan.json`` and in each case file.
+    All other settings are in ``plan.json`` and in each case file.
 
     Args:
         records: the records of the cases.
@@ -47,18 +40,15 @@ def common_settings(
         stripes: fingerprint of the stripes.
     """
     # Converted to JSON, so that they can be compared with those of a cube.
-    first, *others = json.loads(json.dumps(list(records)))
-    common: dict[str, Any] = first
-    for record in others:
-        common = shared(common, record)
-    common = {key: value for key, value in common.items() if key not in {*OF_DESIGNS, *swept}}
-    common = {
+    common: dict[str, Any] = reduce(shared, json.loads(json.dumps(list(records))))
+    kept = {
         key: {name: its for name, its in value.items() if name not in swept}
         if isinstance(value, dict)
         else value
         for key, value in common.items()
+        if key not in {*OF_DESIGNS, *swept}
     }
-    return common | {"stripes": stripes}
+    return kept | {"stripes": stripes}
 
 
 def parameters_of(cube: "xr.Dataset") -> dict[str, Any]:
@@ -70,26 +60,20 @@ def parameters_of(cube: "xr.Dataset") -> dict[str, Any]:
 def shared(one: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
     """The common entries of two records, including those of nested tables."""
     both: dict[str, Any] = {}
-    for key, value in one.items():
-        if isinstance(value, dict) and isinstance(other.get(key), dict):
-            both[key] = shared(value, other[key])
-        elif key in other and other[key] == value:
-            both[key] = value
+    for key in [key for key in one if key in other]:
+        if isinstance(one[key], dict) and isinstance(other[key], dict):
+            both[key] = shared(one[key], other[key])
+        elif one[key] == other[key]:
+            both[key] = one[key]
     return both
 
 
 def differences(
     one: dict[str, Any], other: dict[str, Any], within: tuple[str, ...] = ()
 ) -> tuple[SettingDifference, ...]:
-    """Where two records have different values under the same key.
+    """Where two records have different values under the same key, in the order of the sentences.
 
-    Args:
-        one: the first record.
-        other: the second.
-        within: keys of the tables that contain the records.
-
-    Returns:
-        The differences, ordered as their sentences are.
+    ``within`` has the keys of the tables that contain the records.
     """
     found: list[SettingDifference] = []
     for key in one.keys() & other.keys():

@@ -1,7 +1,7 @@
 """Comparison: differences between a simulation and experiments, curve by curve."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,19 +23,15 @@ COMPARED = (
 """Curves along the applied strain that can be compared."""
 
 
-@dataclass(frozen=True)
-class CurveDifference:
-    """The difference between two curves.
+class CurveDifference(NamedTuple):
+    """The difference between two curves at some number of strains.
 
-    Attributes:
-        strains: number of strains at which they are compared.
-        rms: root mean square difference.
-        uncertainty: its standard error, from the errors of the measured curve.
-        noise: RMS difference that these errors would cause for equal curves.
+    It is the root mean square, with its standard error by the errors of the measured curve. These
+    would make a noise, likewise a root mean square, between equal curves.
     """
 
     strains: int
-    rms: float
+    rms_difference: float
     uncertainty: float
     noise: float
 
@@ -45,13 +41,8 @@ def difference(
 ) -> CurveDifference | None:
     """The difference of two curves at the same strains; ``None`` if they have no strain in common.
 
-    Errors are assumed independent between strains, and 0 where unknown; if all are unknown, so is
-    the uncertainty.
-
-    Args:
-        simulated: simulated values, NaN where missing.
-        measured: measured values, NaN where missing.
-        errors: standard errors of the measured values.
+    Standard errors are assumed independent between strains, and 0 where unknown; if all are
+    unknown, so is the uncertainty. Values are NaN where missing.
     """
     both = np.isfinite(simulated) & np.isfinite(measured)
     count = int(both.sum())
@@ -83,99 +74,69 @@ def compared(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> pd.Da
         BadInput: if the cubes are not one simulation and experiments, have swept settings, or have
             no curve of a design in common.
     """
-    _check(simulation, experiments)
-    simulation = simulation.isel(dict.fromkeys(swept_dims(simulation), 0), drop=True)
-    rows = []
-    for experiment in experiments:
-        across = parameters_of(experiment)["unit_cells"][1]
-        for cell in _measured_cells(experiment):
-            labels = {dim: int(cell[dim]) for dim in DESIGN_DIMS}
-            if any(label not in simulation[dim].values for dim, label in labels.items()):
-                continue
-            other = simulation.sel(labels)
-            if int(other["status"]) not in RUN:
-                continue
-            for name in COMPARED:
-                scale = across / _cells_across(other) if name == "reaction_force" else 1.0
-                rows += _row(name, other, scale, cell, source_of(experiment))
-    if not rows:
-        raise fault(
-            "compare", "no curve of a design is both simulated and measured; choose other cubes"
-        )
-    return pd.DataFrame(rows)
-
-
-def _check(simulation: xr.Dataset, experiments: Sequence[xr.Dataset]) -> None:
     if is_measured(simulation):
         name = source_of(simulation)
         raise fault("compare", f"begins with a simulation, but {name} was measured")
-    for experiment in experiments:
-        if not is_measured(experiment):
-            raise fault("compare", "takes one simulation, and experiments after it")
-    swept = [dim for dim in swept_dims(simulation) if simulation.sizes[dim] > 1]
-    if swept:
-        raise fault(
-            "compare", f"takes one value of each setting; select {choices(simulation, swept)}"
-        )
+    if not all(map(is_measured, experiments)):
+        raise fault("compare", "takes one simulation, and experiments after it")
+    swept = swept_dims(simulation)
+    if several := [dim for dim in swept if simulation.sizes[dim] > 1]:
+        listed = choices(simulation, several)
+        raise fault("compare", f"takes one value of each setting; select {listed}")
+    simulation = simulation.isel(dict.fromkeys(swept, 0), drop=True)
+    rows = [row for experiment in experiments for row in _rows(simulation, experiment)]
+    if not rows:
+        problem = "no curve of a design is both simulated and measured; choose other cubes"
+        raise fault("compare", problem)
+    return pd.DataFrame(rows)
 
 
-def _measured_cells(experiment: xr.Dataset) -> list[xr.Dataset]:
-    """Every design of an experiment, in every cycle."""
-    stacked = experiment.stack(cell=experiment["status"].dims)
-    cells = [stacked.isel(cell=place) for place in range(stacked.sizes["cell"])]
-    return [cell for cell in cells if int(cell["status"]) == Status.ok]
+def _rows(simulation: xr.Dataset, experiment: xr.Dataset) -> Iterator[dict[str, Any]]:
+    """The rows of every design of an experiment, in every cycle."""
+    across = parameters_of(experiment)["unit_cells"][1]
+    stacked = experiment.stack(design=experiment["status"].dims)
+    for number in np.flatnonzero(stacked["status"] == Status.ok):
+        measured = stacked.isel(design=number)
+        labels = {dim: int(measured[dim]) for dim in DESIGN_DIMS}
+        if any(label not in simulation[dim].values for dim, label in labels.items()):
+            continue
+        simulated = simulation.sel(labels)
+        if int(simulated["status"]) not in RUN:
+            continue
+        if CYCLE in measured.coords:
+            labels[CYCLE] = int(measured[CYCLE])
+        for name in (name for name in COMPARED if name in simulated and name in measured):
+            curve = simulated[name].dropna("applied_strain")
+            if name == "reaction_force":
+                cells = simulated["strain_yy"].notnull().any(["applied_strain", "cell_y"])
+                curve = curve * (across / int(cells.sum()))
+            at, values, errors = _at_measured_strains(name, curve, measured)
+            found = difference(at, values, errors)
+            if found is not None:
+                yield {
+                    "source": source_of(experiment),
+                    **labels,
+                    "variable": name,
+                    **found._asdict(),
+                    "largest_measured": float(np.nanmax(np.abs(values))),
+                    "units": VARIABLES[name].units,
+                }
 
 
-def _cells_across(cell: xr.Dataset) -> int:
-    """Number of unit cells across a simulated sample."""
-    return int(cell["strain_yy"].notnull().any(["applied_strain", "cell_y"]).sum())
-
-
-def _row(
-    name: str, simulated: xr.Dataset, scale: float, measured: xr.Dataset, source: str
-) -> list[dict[str, object]]:
-    """The row of a variable, if both have it."""
-    if name not in simulated or name not in measured:
-        return []
-    curve = simulated[name].dropna("applied_strain")
-    if not curve.size:
-        return []
-    values = measured[name].values
-    at = np.interp(
-        measured["applied_strain"].values,
-        curve["applied_strain"].values,
-        scale * curve.values,
-        left=np.nan,
-        right=np.nan,
-    )
-    errors = _errors(name, measured)
+def _at_measured_strains(
+    name: str, curve: xr.DataArray, measured: xr.Dataset
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Simulated and measured values of a curve, and standard errors; NaN where unknown."""
+    values, strains = measured[name].values, measured["applied_strain"].values
+    errors = at = np.full(values.shape, np.nan)
+    if curve.size:
+        at = np.interp(strains, curve["applied_strain"], curve, left=np.nan, right=np.nan)
+    if name == "capacitance_ratio" and "capacitance_error" in measured:
+        errors = measured["capacitance_error"].values * values
+    elif f"{name}_error" in measured:
+        errors = measured[f"{name}_error"].values
     both = np.flatnonzero(np.isfinite(at) & np.isfinite(values))
     if name == "capacitance_ratio" and len(both):
         first = both[0]
         at, values, errors = at / at[first], values / values[first], errors / values[first]
-    found = difference(at, values, errors)
-    if found is None:
-        return []
-    labels = {dim: int(measured[dim]) for dim in (*DESIGN_DIMS, CYCLE) if dim in measured.coords}
-    return [
-        {
-            "source": source,
-            **labels,
-            "variable": name,
-            "strains": found.strains,
-            "rms_difference": found.rms,
-            "uncertainty": found.uncertainty,
-            "noise": found.noise,
-            "largest_measured": float(np.nanmax(np.abs(values))),
-            "units": VARIABLES[name].units,
-        }
-    ]
-
-
-def _errors(name: str, cell: xr.Dataset) -> np.ndarray:
-    """Standard errors of a measured curve; NaN if unknown."""
-    values = cell[name].values
-    if name == "capacitance_ratio" and "capacitance_error" in cell:
-        return np.asarray(cell["capacitance_error"].values * values)
-    known = f"{name}_error" in cell
-    return np.asarray(cell[f"{name}_error"].values) if known else np.full(values.shape, np.nan)
+    return at, values, errors

@@ -16,8 +16,7 @@ import pandas as pd
 
 from knitlab.cube.reduced_columns import reduced_columns
 from knitlab.cube.schema import VARIABLES
-from knitlab.io.errors import fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import fault, unknown
 
 OPERATIONS: dict[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.Lt: operator.lt,
@@ -65,10 +64,10 @@ def holds(expression: str, table: pd.DataFrame) -> pd.Series:
     """
     where = f"where {expression!r}"
     plain = expression.strip()
-    for number, (text, column) in enumerate(reduced_columns(plain).items()):
-        # Under a name that Python can parse; different texts for one column give the same name.
-        plain = plain.replace(text, f"reduced_column_{number}")
-        table = table.assign(**{f"reduced_column_{number}": table[column.label]})
+    for number, column in enumerate(reduced_columns(plain)):
+        # Under a name that Python can parse.
+        plain = plain.replace(column, f"reduced_column_{number}")
+        table = table.assign(**{f"reduced_column_{number}": table[column]})
     try:
         truth = _Evaluation(table, where).value(ast.parse(plain, mode="eval").body)
     except SyntaxError as error:

@@ -13,8 +13,7 @@ from knitlab.cube.query import designs_of_all
 from knitlab.cube.schema import Status
 from knitlab.cube.strain_window import REDUCTIONS, STRAIN, StrainWindow, root_mean_square
 from knitlab.cube.target import Target, check_window
-from knitlab.io.errors import fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import fault, unknown
 
 COVERED = {True: "yes", False: "no", None: "unknown"}
 Numbers = Float[np.ndarray, " design"]

@@ -1,6 +1,8 @@
 """Queries: the designs of cubes as a table, filtered, sorted and printed."""
 
+import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +11,7 @@ import xarray as xr
 
 from knitlab.cube.condition import holds, no_column
 from knitlab.cube.cube_file import cube_name, design_dims, model_options, source_path
-from knitlab.cube.reduced_columns import relabelled, with_columns
+from knitlab.cube.reduced_columns import with_columns
 from knitlab.cube.schema import FLAGS, INTEGERS, SIMULATION, SOURCE, VARIABLES, Status
 from knitlab.cube.selection import refuse_others, selected, selections_along
 from knitlab.io.errors import BadInput, Fault
@@ -18,6 +20,7 @@ STRIPE_NUMBERS = [name for name, variable in VARIABLES.items() if variable.of ==
 """Columns that are shown only on request."""
 
 
+@xr.register_dataset_accessor("knitlab")
 class KnitlabAccessor:
     """Queries of an open cube, available as ``cube.knitlab``.
 
@@ -98,9 +101,7 @@ def query_cubes(
     """
     keys = [sort] if isinstance(sort, str) else list(sort or ())
     known = with_columns(cubes, [where or "", *keys, *(columns or ())])
-    table = designs_of_all(known, selections)
-    shown = None if columns is None else [relabelled(name) for name in columns]
-    return queried(table, where, [relabelled(key) for key in keys], shown)
+    return queried(designs_of_all(known, selections), where, keys, columns)
 
 
 def designs_table(cube: xr.Dataset, selections: Mapping[str, Any] = {}) -> pd.DataFrame:
@@ -157,16 +158,16 @@ def designs_of_all(cubes: Sequence[xr.Dataset], selections: Mapping[str, Any] = 
 
 def _distinct_names(cubes: Sequence[xr.Dataset]) -> list[str]:
     """Names of cubes, with as many parent folders as distinguish those of one name."""
-    names = [cube_name(cube) for cube in cubes]
-    paths = [source_path(cube) for cube in cubes]
-    parts = [path.parts if path else (name,) for path, name in zip(paths, names, strict=True)]
-    for depth in range(2, max(map(len, parts))):
-        names = [
-            "/".join(path[-depth:])
-            if len({other for other, its in zip(parts, names, strict=True) if its == name}) > 1
-            else name
-            for name, path in zip(names, parts, strict=True)
-        ]
+    paths = [source_path(cube) or Path(cube_name(cube)) for cube in cubes]
+    names = [path.name for path in paths]
+    for name in set(names):
+        alike = {path for path in paths if path.name == name and path.is_absolute()}
+        if len(alike) > 1:
+            shared = os.path.commonpath(path.parent for path in alike)
+            names = [
+                path.relative_to(shared).as_posix() if path in alike else its
+                for its, path in zip(names, paths, strict=True)
+            ]
     # Names that are still equal are of one cube given twice, or of cubes in memory.
     return [
         f"{name} ({names[: place + 1].count(name)})" if names.count(name) > 1 else name

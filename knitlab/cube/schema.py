@@ -5,7 +5,7 @@ from enum import IntEnum
 from functools import partial
 from typing import TYPE_CHECKING, Literal
 
-from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
+from knitlab.measure.capacitance.sensor import CapacitorStatus
 
 if TYPE_CHECKING:
     import xarray as xr

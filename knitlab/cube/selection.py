@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, unknown
 
 MOST_CHOICES = 30
 """Largest number of values of a coordinate that a message lists."""

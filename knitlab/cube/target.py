@@ -4,17 +4,16 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, PositiveFloat, ValidationError, model_validator
 
 from knitlab.cube.strain_window import REDUCTIONS, STRAIN, StrainWindow
 from knitlab.io.errors import BadInput, fault, faults_of
-from knitlab.io.strict_model import StrictModel
 from knitlab.io.table_file import numbers_of, read_table
+from knitlab.io.toml import StrictModel
 
-Relation = Literal["=", "<", ">"]
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _SUBJECT = r"(?:(?P<reduction>[a-z]+)\s*\(\s*(?P<reduced>\w+)\s*\)|(?P<name>[A-Za-z]\w*))"
 _TOLERANCE = rf"(?:\s*(?:±|\+/-|\+-)\s*(?P<tolerance>{_NUMBER}))?"
@@ -113,10 +112,10 @@ class CurveTable(StrictModel):
             raise ValueError("has strains that do not ascend from at least 0; sort them")
         return self
 
+    @property
     def target(self) -> Target:
         """The target."""
-        start, stop = self.applied_strain[0], self.applied_strain[-1]
-        window = StrainWindow(start, stop)
+        window = StrainWindow(self.applied_strain[0], self.applied_strain[-1])
         return Target(
             f"{self.name} = curve @ {window}",
             self.name,
@@ -131,11 +130,6 @@ class CurveTable(StrictModel):
 def check_window(target: Target, along_strain: bool, source: str) -> None:
     """Check that a target has a window of strain if and only if its variable needs one.
 
-    Args:
-        target: the target.
-        along_strain: whether its variable has the dimension of the applied strain.
-        source: prefix of the message.
-
     Raises:
         BadInput: if not.
     """
@@ -148,56 +142,38 @@ def check_window(target: Target, along_strain: bool, source: str) -> None:
 def read_target(
     given: str | Mapping[str, Any] | Target, source: str = "target", folder: Path = Path()
 ) -> Target:
-    """A target from its text, see :func:`parse_target`, or from a table of a wanted curve.
+    """A target from its text, or from a table of a wanted curve.
 
     Args:
-        given: the text, ``{"name": …, "applied_strain": […], "value": […], "tolerance": …}``, or
-            a target, which is returned.
+        given: the text, one of the :data:`FORMS` with ``± TOLERANCE``, ``{"name": …,
+            "applied_strain": […], "value": […], "tolerance": …}``, or a target.
         source: name of the argument that gives it, for the message.
         folder: folder that the path of a curve's file is relative to.
 
     Raises:
         BadInput: with every fault of it.
-
-    Example:
-        >>> curve = {"name": "poisson_ratio", "applied_strain": [0.1, 0.2], "value": [-0.3, -0.1]}
-        >>> float(read_target(curve).bounds(0.15)[0])
-        -0.2
     """
     if isinstance(given, Target):
         return given
     if isinstance(given, str):
-        return parse_target(given, source, folder)
+        return _target_of_text(given, f"{source} {given}", folder)
     try:
-        return CurveTable.model_validate(dict(given)).target()
+        return CurveTable.model_validate(dict(given)).target
     except ValidationError as error:
         raise BadInput(faults_of(error, source)) from error
 
 
-def parse_target(text: str, source: str = "target", folder: Path = Path()) -> Target:
-    """Read a target.
-
-    Args:
-        text: a variable, a relation and a number, with ``± TOLERANCE`` and ``@ WINDOW`` if
-            wanted; see :data:`FORMS`.
-        source: name of the argument that gives it, for the message.
-        folder: folder that the path of a curve's file is relative to.
-
-    Raises:
-        BadInput: if it cannot be read.
-
-    Example:
-        >>> target = parse_target("poisson_ratio = -0.3 ± 0.03 @ 0.05:0.25")
-        >>> target.low, target.high, str(target.window)
-        (-0.3, -0.3, '0.05:0.25')
-    """
-    where = f"{source} {text}"
-    if curve := _CURVE.fullmatch(text):
-        return _curve_of_file(curve, text, where, folder)
-    match = _ONE_SIDED.fullmatch(text) or _TWO_SIDED.fullmatch(text)
+def _target_of_text(text: str, where: str, folder: Path) -> Target:
+    match = _CURVE.fullmatch(text) or _ONE_SIDED.fullmatch(text) or _TWO_SIDED.fullmatch(text)
     if match is None:
         raise fault(where, f"cannot be read; write one of {FORMS}")
-    found = match.groupdict()
+    found: dict[str, Any] = match.groupdict()
+    tolerance = float(found["tolerance"]) if found.get("tolerance") else None
+    if tolerance is not None and not tolerance > 0:
+        raise fault(where, "has a tolerance that is not above 0; raise it, or leave it out")
+    if "path" in found:
+        target = _curve_of_file(found["name"], folder / found["path"])
+        return replace(target, text=text.strip(), tolerance=tolerance)
     reduction = found["reduction"]
     if reduction is not None and reduction not in REDUCTIONS:
         known = ", ".join(REDUCTIONS)
@@ -206,29 +182,18 @@ def parse_target(text: str, source: str = "target", folder: Path = Path()) -> Ta
     if reduction in ("slope", "linearity") and (window is None or window.single):
         raise fault(where, f"a {reduction} needs a window of two strains, such as @ 0.05:0.25")
     if "relation" in found:
-        wanted = float(found["wanted"])
-        low = -np.inf if found["relation"].startswith("<") else wanted
-        high = np.inf if found["relation"].startswith(">") else wanted
+        low = -np.inf if found["relation"].startswith("<") else float(found["wanted"])
+        high = np.inf if found["relation"].startswith(">") else float(found["wanted"])
     else:
         low, high = float(found["low"]), float(found["high"])
         if low > high:
             raise fault(where, f"no value is above {low:g} and below {high:g}; exchange them")
-    tolerance = _tolerance(found.get("tolerance"), where)
     name = found["reduced"] or found["name"]
     return Target(text, name, low, high, tolerance, window, reduction)
 
 
-def _tolerance(text: str | None, where: str) -> float | None:
-    if text is None:
-        return None
-    if not float(text) > 0:
-        raise fault(where, "has a tolerance that is not above 0; raise it, or leave it out")
-    return float(text)
-
-
-def _curve_of_file(match: re.Match[str], text: str, where: str, folder: Path) -> Target:
+def _curve_of_file(name: str, path: Path) -> Target:
     """A target whose values are the columns ``strain`` and the variable's name of a CSV file."""
-    path, name = folder / match["path"], match["name"]
     headers, table = read_table(path, CURVE_EXAMPLE)
     names = [header.partition("[")[0].strip() for header in headers]
     columns = {}
@@ -239,5 +204,4 @@ def _curve_of_file(match: re.Match[str], text: str, where: str, folder: Path) ->
         if faults:
             raise BadInput(faults)
         columns[key] = numbers.tolist()
-    target = read_target({"name": name, **columns}, str(path))
-    return replace(target, text=text.strip(), tolerance=_tolerance(match["tolerance"], where))
+    return read_target({"name": name, **columns}, str(path))

@@ -1,50 +1,52 @@
-"""A cube for the page: its dimensions, designs, variables, shapes and run."""
+"""A cube for the page, as JSON can hold it: its dimensions, designs, variables, shapes and run."""
 
+import itertools
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from knitlab.cube.case_file import StoredCase, check_case_file, read_case
 from knitlab.cube.cube_file import cube_name, design_dims, is_measured, source_of
-from knitlab.cube.schema import Status
-from knitlab.explorer.page import Content
+from knitlab.cube.schema import FLAGS, INTEGERS, Status
 from knitlab.explorer.run_report import figures_of, run_of
 from knitlab.explorer.shapes import shape_of
-from knitlab.explorer.variables import STRAIN, variables_of
-from knitlab.sweep.status import earlier_failures
+from knitlab.sweep.results_folder import earlier_failures
 
+STRAIN = "applied_strain"
+EXPANDED = ("stripe_parameter",)
+"""Dimensions along which a variable becomes one for each label."""
+DIGITS = 6
+"""Significant digits of the numbers on the page."""
+NEGLIGIBLE = 1e-7
+"""Fraction of the largest value of a variable below which another is zero but for round-off."""
+BAND = ("low", "high", "error")
+"""Endings of the variables that give the band of another."""
 MEASURED = "It was measured, so that there is no shape."
 NOT_FROM_FILE = "The cube was not opened from a file, so that there is no shape."
-NO_FIGURES: Content = {"shown": [], "left_out": 0}
 WHY_NOT = {
     StoredCase.nothing: "Its case file is not beside the cube, so that there is no shape.",
     StoredCase.damaged: "Its case file is damaged, so that there is no shape.",
 }
 
 
-def cube_content(cube: xr.Dataset) -> Content:
+def cube_content(cube: xr.Dataset) -> dict[str, Any]:
     """What the page holds of a cube.
 
     Shapes, reasons of failures, and figures come from the results folder that the cube was opened
     from, as far as they are there.
-
-    Args:
-        cube: the cube.
     """
     source = cube.encoding.get("source")
     folder = Path(source).parent if source else None
-    dims = design_dims(cube)
-    places = [
-        tuple(map(int, place)) for place in np.argwhere(cube["status"].values != Status.excluded)
-    ]
-    strains = cube[STRAIN].values
+    places = list(map(tuple, np.argwhere(cube["status"].values != Status.excluded).tolist()))
     failures = earlier_failures(folder) if folder else {}
     designs = []
     for place in places:
         case_id = str(cube["case_id"].values[place])
         case = _case(cube, case_id, folder)
-        shape = case if isinstance(case, str) else shape_of(case, strains)
+        shape = case if isinstance(case, str) else shape_of(case, cube[STRAIN].values)
         noted = {} if isinstance(case, str) else case.attrs
         seconds = noted.get("batch_wall_seconds")
         designs.append(
@@ -62,22 +64,20 @@ def cube_content(cube: xr.Dataset) -> Content:
         "name": cube_name(cube),
         "title": str(cube.attrs.get("title", "")),
         "source": source_of(cube),
-        "dims": [_dimension(cube, dim) for dim in dims],
-        "strains": strains.tolist(),
+        "dims": [
+            {
+                "name": dim,
+                "long_name": cube[dim].attrs.get("long_name", dim),
+                "units": cube[dim].attrs.get("units", "1"),
+                "values": cube[dim].values.tolist(),
+            }
+            for dim in design_dims(cube)
+        ],
+        "strains": cube[STRAIN].values.tolist(),
         "designs": designs,
         "variables": variables_of(cube, places),
         "run": run_of(cube, designs, folder),
-        "figures": figures_of(folder) if folder else NO_FIGURES,
-    }
-
-
-def _dimension(cube: xr.Dataset, dim: str) -> Content:
-    attributes = cube[dim].attrs
-    return {
-        "name": dim,
-        "long_name": attributes.get("long_name", dim),
-        "units": attributes.get("units", "1"),
-        "values": cube[dim].values.tolist(),
+        "figures": figures_of(folder) if folder else {"shown": [], "left_out": 0},
     }
 
 
@@ -89,3 +89,53 @@ def _case(cube: xr.Dataset, case_id: str, folder: Path | None) -> xr.Dataset | s
         return NOT_FROM_FILE
     stored = check_case_file(folder, case_id) if case_id else StoredCase.nothing
     return WHY_NOT[stored] if stored in WHY_NOT else read_case(folder, case_id)
+
+
+def variables_of(cube: xr.Dataset, places: Sequence[tuple[int, ...]]) -> list[dict[str, Any]]:
+    """Every variable of a cube that a map or a curve can show, with its values at some designs.
+
+    Those along unit cells or along a boundary are left out, and so are those without any value.
+    """
+    found = [
+        content
+        for name in map(str, cube.data_vars)
+        if name not in FLAGS and cube[name].dtype.kind in "fiub"
+        for content in _contents(cube, name, places)
+    ]
+    names = {content["name"] for content in found}
+    for content in found:
+        partners = {end: f"{content['name']}_{end}" for end in BAND}
+        content["band"] = {end: name for end, name in partners.items() if name in names}
+    return found
+
+
+def _contents(
+    cube: xr.Dataset, name: str, places: Sequence[tuple[int, ...]]
+) -> Iterator[dict[str, Any]]:
+    """A variable with one number for a design or for each of its states; else nothing."""
+    variable, dims = cube[name], design_dims(cube)
+    further = [str(dim) for dim in variable.dims if dim not in (*dims, STRAIN)]
+    if not set(dims) <= set(variable.dims) or not set(further) <= set(EXPANDED):
+        return
+    for labels in itertools.product(*(cube[dim].values.tolist() for dim in further)):
+        one = variable.sel(dict(zip(further, labels, strict=True))).transpose(*dims, ...)
+        values = np.array([one.values[place] for place in places], float)
+        if not np.isfinite(values).any():
+            continue
+        negligible = NEGLIGIBLE * np.nanmax(np.abs(values))
+        label = ", ".join(map(str, labels))
+        yield {
+            "name": f"{name}[{label}]" if label else name,
+            "long_name": f"{one.attrs.get('long_name', name)}{f': {label}' if label else ''}",
+            "units": one.attrs.get("units", "1"),
+            "description": one.attrs.get("description", ""),
+            "along_strain": STRAIN in one.dims,
+            "whole": name in INTEGERS,
+            "values": [_rounded(value, negligible) for value in values.ravel().tolist()],
+        }
+
+
+def _rounded(value: float, negligible: float) -> float | None:
+    if not np.isfinite(value):
+        return None
+    return 0.0 if abs(value) < negligible else float(f"{value:.{DIGITS}g}")

@@ -1,19 +1,70 @@
-"""Writing the explorer of cubes into a file."""
+"""The explorer of cubes: content, styles and modules as one HTML file that asks for nothing else.
 
+The modules of ``page/`` are put into an import map as data, so that they import each other by name
+from a file as well. A content security policy allows no request, and no script but these.
+"""
+
+import base64
+import hashlib
+import html
+import json
+import re
 from collections import Counter
 from collections.abc import Sequence
+from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
+import matplotlib as mpl
+import numpy as np
 import xarray as xr
+from matplotlib.colors import LinearSegmentedColormap, to_hex
 
 from knitlab.cube.schema import Status
-from knitlab.explorer.colours import colour_maps
 from knitlab.explorer.cube_content import cube_content
-from knitlab.explorer.page import Content, page_of
+from knitlab.figures.style import SEQUENCE_COLOURS
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 
 SUFFIX = ".html"
+PAGE = files("knitlab.explorer").joinpath("page")
+PREFIX = "explorer/"
+"""What the names of modules begin with in their imports."""
+STYLES = ("theme.css", "layout.css", "views.css", "tables.css", "narrow.css")
+"""In the order in which they apply."""
+COLOUR_MAPS = {
+    "sequence": mpl.colormaps[SEQUENCE_COLOURS],
+    "signed": LinearSegmentedColormap.from_list("signed", ("#185aa7", "#f5f5f5", "#983700")),
+}
+"""Of numbers of one sign and of both: from blue through near white to orange, in equal steps of
+lightness on both sides of zero; the two hues differ for every kind of colour vision."""
+SHADES = 33
+
+
+def write_explorer(cubes: Sequence[xr.Dataset], output: Path) -> Path:
+    """Write the explorer of cubes: one file that opens in a browser without a network.
+
+    Returns:
+        The file, as it was given.
+
+    Raises:
+        BadInput: if there is no cube, or the suffix is not ``.html``.
+        CannotWrite: if the file cannot be written.
+    """
+    check_suffix(output)
+    if not cubes:
+        raise fault("cubes", "are missing; give one or several")
+    described = [cube_content(cube) for cube in cubes]
+    names = ", ".join(dict.fromkeys(cube["name"] for cube in described))
+    _tell_apart(described)
+    content = {
+        "statuses": [status.name.replace("_", " ") for status in Status],
+        "colours": colour_maps(),
+        "cubes": described,
+    }
+    with atomic_write(output) as temporary:
+        temporary.write_text(page_of(f"knitlab explorer: {names}", content), encoding="utf-8")
+    return output
 
 
 def check_suffix(output: Path) -> None:
@@ -26,18 +77,13 @@ def check_suffix(output: Path) -> None:
         raise fault(f"output {output}", f"is not a page; give it the suffix {SUFFIX}")
 
 
-def content_of(cubes: Sequence[xr.Dataset]) -> Content:
-    """What the page of cubes shows, as JSON can hold it."""
-    described = [cube_content(cube) for cube in cubes]
-    _tell_apart(described)
-    return {
-        "statuses": [status.name.replace("_", " ") for status in Status],
-        "colours": colour_maps(),
-        "cubes": described,
-    }
+def colour_maps() -> dict[str, list[str]]:
+    """Colours as ``#rrggbb``, from the lowest value to the highest, by the name of their map."""
+    levels = np.linspace(0, 1, SHADES)
+    return {name: [to_hex(shade) for shade in its(levels)] for name, its in COLOUR_MAPS.items()}
 
 
-def _tell_apart(cubes: Sequence[Content]) -> None:
+def _tell_apart(cubes: Sequence[dict[str, Any]]) -> None:
     """Number the cubes that have the same name, for links name a cube."""
     seen: Counter[str] = Counter()
     for cube in cubes:
@@ -47,25 +93,57 @@ def _tell_apart(cubes: Sequence[Content]) -> None:
             cube["name"] = f"{name} ({seen[name]})"
 
 
-def write_explorer(cubes: Sequence[xr.Dataset], output: Path) -> Path:
-    """Write the explorer of cubes: one file that opens in a browser without a network.
+def page_of(title: str, content: dict[str, Any]) -> str:
+    """The page with a title and a content that JSON can hold."""
+    imports = json.dumps({"imports": _modules()})
+    start = f'import "{PREFIX}main";'
+    styles = "".join(map(_text, STYLES))
+    policy = "; ".join(
+        [
+            "default-src 'none'",
+            f"script-src {_hash(imports)} {_hash(start)} data:",
+            f"style-src {_hash(styles)}",
+            "img-src data:",
+            "base-uri 'none'",
+            "form-action 'none'",
+        ]
+    )
+    parts = {
+        "policy": html.escape(policy),
+        "title": html.escape(title),
+        "styles": styles,
+        "imports": imports,
+        "content": as_script_data(content),
+        "start": start,
+    }
+    return re.sub(r"{{(\w+)}}", lambda place: parts[place[1]], _text("page.html"))
 
-    Args:
-        cubes: the cubes.
-        output: the file, with the suffix ``.html``.
 
-    Returns:
-        The file.
+def as_script_data(content: Any) -> str:
+    """JSON that can stand within ``<script>``: no text of it can end the element.
 
-    Raises:
-        BadInput: if there is no cube, or the suffix is another one.
-        CannotWrite: if the file cannot be written.
+    NaN is refused.
     """
-    check_suffix(output)
-    if not cubes:
-        raise fault("cubes", "are missing; give one or several")
-    content = content_of(cubes)
-    names = ", ".join(dict.fromkeys(each["name"] for each in content["cubes"]))
-    with atomic_write(output) as temporary:
-        temporary.write_text(page_of(f"knitlab explorer: {names}", content), encoding="utf-8")
-    return output
+    text = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return text
+
+
+def _modules() -> dict[str, str]:
+    """The modules as data, by the names that they import each other by."""
+    names = sorted(file.name for file in PAGE.iterdir() if file.name.endswith(".js"))
+    return {
+        f"{PREFIX}{name.removesuffix('.js')}": "data:text/javascript;base64,"
+        + base64.b64encode(PAGE.joinpath(name).read_bytes()).decode("ascii")
+        for name in names
+    }
+
+
+def _text(name: str) -> str:
+    return PAGE.joinpath(name).read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    digest = hashlib.sha256(text.encode("utf-8")).digest()
+    return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"

@@ -11,10 +11,10 @@ from typing import Any
 import xarray as xr
 from PIL import Image
 
+from knitlab.cube.common_settings import parameters_of
 from knitlab.cube.cube_file import is_measured, source_of
 from knitlab.cube.schema import Status
-from knitlab.explorer.page import Content
-from knitlab.sweep.status import PLAN
+from knitlab.sweep.results_folder import PLAN
 
 PROVENANCE = {
     "source": "code",
@@ -29,15 +29,14 @@ WIDEST = 1400
 MOST_FIGURES = 10
 
 
-def run_of(cube: xr.Dataset, designs: Sequence[Content], folder: Path | None) -> Content:
+def run_of(
+    cube: xr.Dataset, designs: Sequence[Mapping[str, Any]], folder: Path | None
+) -> dict[str, Any]:
     """What ran, how long it took, what failed, and the code and settings behind it.
 
-    Args:
-        cube: the cube.
-        designs: its designs, with ``status`` and with ``seconds``, the wall time of their batch.
-        folder: its results folder, if it was opened from a file.
+    Designs have a ``status`` and ``seconds``, the wall time of their batch; the folder is that of
+    the results, if the cube was opened from a file.
     """
-    stated = json.loads(cube.attrs.get("parameters", "{}"))
     return {
         "facts": [
             ["workflow", str(cube.attrs.get("workflow", ""))],
@@ -49,7 +48,7 @@ def run_of(cube: xr.Dataset, designs: Sequence[Content], folder: Path | None) ->
             ["computing time", _computing_time([design["seconds"] for design in designs])],
             *_planned(folder),
         ],
-        "settings": [[name, value] for name, value in _flat(stated)],
+        "settings": [[name, value] for name, value in _flat(parameters_of(cube))],
         "provenance": [
             [label, str(cube.attrs[name])]
             for name, label in PROVENANCE.items()
@@ -58,12 +57,8 @@ def run_of(cube: xr.Dataset, designs: Sequence[Content], folder: Path | None) ->
     }
 
 
-def figures_of(folder: Path) -> Content:
-    """The PNG figures of a results folder, reduced for the screen, and how many are left out.
-
-    Args:
-        folder: the results folder.
-    """
+def figures_of(folder: Path) -> dict[str, Any]:
+    """The PNG figures of a results folder, reduced for the screen, and how many are left out."""
     found = sorted((folder / "figures").glob("*.png"))
     shown = found[:MOST_FIGURES]
     return {
@@ -85,7 +80,7 @@ def _reduced(path: Path) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(smaller).decode('ascii')}"
 
 
-def _counted(designs: Sequence[Content]) -> str:
+def _counted(designs: Sequence[Mapping[str, Any]]) -> str:
     counts = Counter(Status(design["status"]).name.replace("_", " ") for design in designs)
     return f"{len(designs)}: {', '.join(f'{count} {name}' for name, count in counts.items())}"
 
@@ -114,7 +109,7 @@ def _planned(folder: Path | None) -> Iterator[list[str]]:
     except (OSError, ValueError):
         return
     if overrides := plan.get("overrides"):
-        yield ["overridden", ", ".join(map(str, overrides))]
+        yield ["overridden", ", ".join(f"{name}={value}" for name, value in overrides.items())]
 
 
 def _flat(table: Mapping[str, Any], within: str = "") -> Iterator[tuple[str, str]]:

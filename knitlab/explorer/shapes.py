@@ -1,15 +1,15 @@
-"""Shapes of designs, from their case files."""
+"""Shapes of designs, from their case files, packed as text that a browser unpacks by itself."""
 
+import base64
 import json
+import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-
-from knitlab.explorer.page import Content
-from knitlab.explorer.positions import pack_positions
+from jaxtyping import Float
+from pydantic import ValidationError
 
 if TYPE_CHECKING:
     from knitlab.fabric.pattern import PatchGrid
@@ -18,41 +18,27 @@ MOST_NODES = 4096
 """Largest number of nodes of a large sample that are shown: of the paper's largest unit cell."""
 NO_POSITIONS = "Its case file holds no node positions, so that there is no shape."
 NO_STATE = "No state of it was reached, so that there is no shape."
+LEVELS = (1 << 12) - 1
+SMALLEST_STEP = 1e-9
+"""Step of a component that does not vary [mm]."""
 
 
-@dataclass(frozen=True)
-class Window:
-    """Grid cells of a fabric that are shown.
-
-    Attributes:
-        rows, columns: first and last grid line along the warp and along the weft.
-        note: which part of the fabric it is; empty if it is the whole.
-    """
+class Window(NamedTuple):
+    """First and last grid lines of a fabric that are shown; the note says which part it is."""
 
     rows: tuple[int, int]
     columns: tuple[int, int]
     note: str = ""
 
 
-def shape_of(case: xr.Dataset, strains: np.ndarray) -> Content | str:
-    """The shape of a design for the page, or a sentence that says why there is none.
-
-    Args:
-        case: contents of its case file.
-        strains: applied strains of the cube [1].
-    """
+def shape_of(case: xr.Dataset, strains: np.ndarray) -> dict[str, Any] | str:
+    """The shape of a case at strains of the cube, or a sentence that says why there is none."""
     if "position" not in case:
         return NO_POSITIONS
     nodes = case["position"].transpose("applied_strain", "node_y", "node_x", "component").values
     reached = np.isfinite(nodes).all(axis=(1, 2, 3))
     if not reached.any():
         return NO_STATE
-    return _content(case, nodes[reached], reached, strains)
-
-
-def _content(
-    case: xr.Dataset, nodes: np.ndarray, reached: np.ndarray, strains: np.ndarray
-) -> Content:
     # JAX is imported only for this.
     from knitlab.fabric.pattern import recorded_pattern
 
@@ -62,25 +48,41 @@ def _content(
     window = _window(sample, record, periodic)
     (bottom, top), (left, right) = window.rows, window.columns
     ends = 0 if periodic else 1
-    packed = pack_positions(nodes[:, bottom : top + ends, left : right + ends])
     along = case["applied_strain"].values[reached]
-    lengths = ["length_x", "length_y"]
+    lengths = [case[name].values[reached] for name in ("length_x", "length_y") if periodic]
     return {
         "rows": top - bottom + ends,
         "columns": right - left + ends,
         "frames": np.abs(along[:, None] - strains).argmin(axis=1).tolist(),
-        "origin": packed.origin,
-        "step": packed.step,
-        "error": packed.error,
-        "positions": packed.text,
-        "periods": (
-            np.stack([case[name].values[reached] for name in lengths], axis=1).tolist()
-            if periodic
-            else None
-        ),
+        **pack_positions(nodes[reached, bottom : top + ends, left : right + ends]),
+        "periods": np.stack(lengths, axis=1).tolist() if periodic else None,
         "note": window.note,
         **_patches(sample, window),
         "electrodes": _electrodes(record, window),
+    }
+
+
+def pack_positions(positions: Float[np.ndarray, "strain node_y node_x 3"]) -> dict[str, Any]:
+    """Positions at every strain, none of them missing, as text, with what unpacks them [mm].
+
+    Every component (x, y, z) is rounded to 4096 levels, from ``origin`` on in steps of ``step``.
+    Second differences along the strain are small, as fabric moves almost steadily; interleaved with
+    their sign, split into low and high bytes and deflated, they take a third of a byte each. They
+    are in the order strain, component, row, column; before the first strain everything is 0.
+    """
+    nodes = (0, 1, 2)
+    origin = positions.min(axis=nodes)
+    step = np.maximum(np.ptp(positions, axis=nodes) / LEVELS, SMALLEST_STEP)
+    levels = np.moveaxis(np.rint((positions - origin) / step).astype(np.int32), -1, 1)
+    differences = np.diff(levels, n=2, axis=0, prepend=np.zeros_like(levels[:1]).repeat(2, axis=0))
+    # Of small numbers without a sign nearly all high bytes are 0.
+    unsigned = ((differences << 1) ^ (differences >> 31)).astype(np.uint16)
+    low, high = (half.astype(np.uint8).tobytes() for half in (unsigned & 0xFF, unsigned >> 8))
+    return {
+        "origin": origin.tolist(),
+        "step": step.tolist(),
+        "error": (step / 2).tolist(),
+        "positions": base64.b64encode(zlib.compress(low + high, 9)).decode("ascii"),
     }
 
 
@@ -91,41 +93,37 @@ def _window(sample: "PatchGrid", record: Mapping[str, Any], periodic: bool) -> W
         return Window((0, height), (0, width))
     # A unit cell of a graded fabric may be as large as the whole.
     along_y, along_x = record["unit_cells"]
-    part = (MOST_NODES / (height * width)) ** 0.5
-    rows, shown_y = _central(sample.row_borders, along_y, part)
-    columns, shown_x = _central(sample.column_borders, along_x, part)
+    shown = (MOST_NODES / (height * width)) ** 0.5
+    rows, shown_y = _central(sample.row_borders, along_y, shown)
+    columns, shown_x = _central(sample.column_borders, along_x, shown)
     note = f"central {shown_y} × {shown_x} of {along_y} × {along_x} unit cells (warp × weft)"
     return Window(rows, columns, note)
 
 
-def _central(borders: np.ndarray, count: int, part: float) -> tuple[tuple[int, int], int]:
+def _central(borders: np.ndarray, count: int, fraction: float) -> tuple[tuple[int, int], int]:
     """Grid lines of the central ones of ``count`` unit cells, and their number."""
     lines = borders[:: (len(borders) - 1) // count]
-    shown = max(1, int(count * part))
+    shown = max(1, int(count * fraction))
     first = (count - shown) // 2
     return (int(lines[first]), int(lines[first + shown])), shown
 
 
-def _patches(sample: "PatchGrid", window: Window) -> Content:
+def _patches(sample: "PatchGrid", window: Window) -> dict[str, Any]:
     """Knit and borders of the patches of a window, in its own grid lines."""
-    found: Content = {}
+    found: dict[str, Any] = {}
     kept = []
-    for name, borders, (first, last) in (
-        ("row_borders", sample.row_borders, window.rows),
-        ("column_borders", sample.column_borders, window.columns),
-    ):
+    for name, (first, last) in (("row_borders", window.rows), ("column_borders", window.columns)):
+        borders = getattr(sample, name)
         within = (borders >= first) & (borders <= last)
         found[name] = (borders[within] - first).tolist()
         kept.append(np.flatnonzero(within)[:-1])
     return {**found, "knit": ["".join(row) for row in sample.knit[np.ix_(*kept)]]}
 
 
-def _electrodes(record: Mapping[str, Any], window: Window) -> Content | None:
+def _electrodes(record: Mapping[str, Any], window: Window) -> dict[str, Any] | None:
     """What both electrodes run along, and their strips [left, right, bottom, top] in a window."""
     if not record.get("capacitor"):
         return None
-    from pydantic import ValidationError
-
     from knitlab.simulation.case import case_of
 
     try:

@@ -25,7 +25,7 @@ NEAR_CELLS = 2
 """Nodes within this many of the paper's cells of each other, along both axes, are near. A fold at
 its rest angle brings them nearer than a thickness, without any force but that of its hinge."""
 TRIANGLES = np.array([[[0, 0], [0, 1], [1, 1]], [[1, 1], [1, 0], [0, 0]]])
-"""Triangles of a cell by corner (y, x), as in :mod:`knitlab.measure.intersections`."""
+"""Triangles of a cell by corner (y, x), as in :mod:`knitlab.measure.surfaces`."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,6 @@
-"""Cells of a design map: coloured by a value, or marked by status where there is none."""
+"""Maps of cells, each coloured by a value, or marked by status where there is none."""
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from knitlab.cube.cube_file import is_measured, source_of
 from knitlab.cube.schema import Status
-from knitlab.figures.value_colours import Colour
+from knitlab.figures.style import Colour, Look, ValueColours, ink_on
 
 MARKS: dict[Status, dict[str, Any]] = {
     Status.ok: {"facecolor": "white", "edgecolor": "0.6"},
@@ -23,46 +22,36 @@ MARKS: dict[Status, dict[str, Any]] = {
 }
 """Looks of cells without a value. What is excluded has no cell: no run can fill it."""
 NAMES = {
-    Status.ok: "no ratio: not stretched, or a single clamped cell",
     Status.pending: "not yet run",
     Status.not_converged: "not converged",
     Status.failed: "failed",
 }
 EMPTY = "no cell: no such design in this cube"
-
-DASHED: dict[str, Any] = {
-    "edgecolor": "black",
-    "linestyle": "--",
-    "linewidth": 1.0,
-    "zorder": 3,
-}
+PERIODS_LABEL = (
+    "P\u00a0=\u00a0n_subunit\u00a0/\u00a0(2\u00a0n_stripe): periods of a stripe across a patch"
+)
+"""With spaces where no line may end."""
+MEASURED: Look = {"edgecolor": "black", "linestyle": "--", "linewidth": 1.0, "zorder": 3}
+"""Frame of a measured cell."""
 MEASURED_HEIGHT = 0.42
 """Height of the measured part of a cell whose design is simulated too."""
 INSET = 0.015
 """Distance of the frame of a measured part from its edge."""
 DESIGN_SIZE, VALUE_SIZE, SMALL_VALUE_SIZE = 6, 7.5, 6
 """Sizes of the type in a cell [pt]."""
+WHITE: Colour = (1.0, 1.0, 1.0, 1.0)
 
 
-@dataclass(frozen=True)
-class CellStyle:
-    """How the cells of a map show a value.
-
-    Attributes:
-        name: the variable shown.
-        colour: colour of a value.
-        text: text of a cell, given its value and its cell of the cube.
-    """
-
-    name: str
-    colour: Callable[[float], Colour]
-    text: Callable[[float, xr.Dataset], str]
-
-
-def draw_cells(
-    axes: Axes, cubes: Sequence[xr.Dataset], style: CellStyle
+def draw_map(
+    figure: Figure,
+    axes: Axes,
+    cubes: Sequence[xr.Dataset],
+    name: str,
+    label: str,
+    text: Callable[[float, xr.Dataset], str],
+    signed: bool = False,
 ) -> tuple[set[Status], bool]:
-    """Draw a map of cells over n_stripe and P, and return what its legend must explain.
+    """Draw a map of cells over n_stripe and P, with its colour bar.
 
     P, the periods of a stripe across a patch, stands for n_subunit: every n_stripe has designs at
     the same few P, but at values of n_subunit of its own. Each cell names its design. A measured
@@ -70,50 +59,47 @@ def draw_cells(
     bottom of its cell.
 
     Args:
+        figure: the figure.
         axes: axes to draw on.
         cubes: cubes of checkerboards, at most one of them simulated.
-        style: how the cells show their value.
+        name: the variable shown.
+        label: label of the colour bar.
+        text: text of a cell, given its value and the design.
+        signed: whether white stands for zero.
 
     Returns:
         The statuses that are marked, and whether there are places without a cell.
     """
-    places: dict[tuple[int, float], list[xr.Dataset]] = {}
+    values = [cube[name].values.ravel() for cube in cubes if name in cube]
+    colours = ValueColours.of(np.concatenate([np.empty(0), *values]), signed)
+    cells: dict[tuple[int, float], list[xr.Dataset]] = {}
     for cube in sorted(cubes, key=is_measured):
         for design in designs_of(cube):
-            places.setdefault(_place(design), []).append(design)
-    stripes = sorted({n_stripe for n_stripe, _ in places})
-    periods = sorted({p for _, p in places})
+            cells.setdefault(_stripe_and_periods(design), []).append(design)
+    stripes, periods = (sorted({each[k] for each in cells}) for k in (0, 1))
     marked: set[Status] = set()
-    for (n_stripe, p), shown in places.items():
+    for (n_stripe, p), designs in cells.items():
         row, column = stripes.index(n_stripe), periods.index(p)
-        for k, design in enumerate(shown[:2]):
+        border = row - 0.5 + (MEASURED_HEIGHT if len(designs) > 1 else 0)
+        spans = (border, row + 0.5), (row - 0.5, border)
+        for design, (bottom, top) in zip(designs, spans, strict=False):
             status = Status(int(design["status"]))
-            value = float(design[style.name]) if style.name in design else np.nan
-            top = row + (0.5 if k == 0 else MEASURED_HEIGHT - 0.5)
-            bottom = row + (MEASURED_HEIGHT - 0.5 if k == 0 and len(shown) > 1 else -0.5)
-            if status is Status.ok and np.isfinite(value):
-                colour = style.colour(value)
-                look = {"facecolor": colour, "edgecolor": "white"}
-                cell(axes, row, column, bottom=bottom, top=top, **look)
-                if is_measured(design):
-                    _frame_measured(axes, column, bottom, top, ink_on(colour))
-                axes.text(
-                    column,
-                    (bottom + top) / 2,
-                    style.text(value, design),
-                    ha="center",
-                    va="center",
-                    color=ink_on(colour),
-                    fontsize=VALUE_SIZE if len(shown) == 1 else SMALL_VALUE_SIZE,
-                    linespacing=0.95,
-                    zorder=4,
-                )
-            else:
-                colour = (1.0, 1.0, 1.0, 1.0)
-                cell(axes, row, column, bottom=bottom, top=top, **MARKS[status])
-                marked.add(status)
-            if k == 0:
+            value = float(design[name]) if name in design else np.nan
+            valid = status is Status.ok and np.isfinite(value)
+            colour = colours(value) if valid else WHITE
+            if design is designs[0]:
                 _name_design(axes, row, column, design, colour)
+            if not valid:
+                cell(axes, row, column, (bottom, top), **MARKS[status])
+                marked.add(status)
+                continue
+            size = VALUE_SIZE if len(designs) == 1 else SMALL_VALUE_SIZE
+            look: Look = {"fontsize": size, "linespacing": 0.95}
+            value_cell(axes, row, column, colour, text(value, design), (bottom, top), **look)
+            if is_measured(design):
+                corner, height = (column - 0.5 + INSET, bottom + INSET), top - bottom - 2 * INSET
+                frame = MEASURED | {"edgecolor": ink_on(colour)}
+                axes.add_patch(Rectangle(corner, 1 - 2 * INSET, height, fill=False, **frame))
     axes.set(
         xlim=(-0.5, len(periods) - 0.5),
         ylim=(-0.5, len(stripes) - 0.5),
@@ -123,29 +109,28 @@ def draw_cells(
         yticklabels=stripes,
         ylabel="n_stripe: stitches\nacross a rib stripe",
     )
-    return marked, len(places) < len(stripes) * len(periods)
+    remove_frame(axes)
+    colours.bar(figure, axes, pad=0.01, label=label)
+    return marked, len(cells) < len(stripes) * len(periods)
 
 
 def designs_of(cube: xr.Dataset) -> list[xr.Dataset]:
     """The designs of a cube of checkerboards that are not excluded."""
-    rows, columns = np.nonzero(
-        cube["status"].transpose("n_stripe", "n_subunit").values != Status.excluded
-    )
+    status = cube["status"].transpose("n_stripe", "n_subunit").values
     return [
         cube.isel(n_stripe=row, n_subunit=column)
-        for row, column in zip(rows.tolist(), columns.tolist(), strict=True)
+        for row, column in np.argwhere(status != Status.excluded).tolist()
     ]
 
 
-def _place(design: xr.Dataset) -> tuple[int, float]:
+def row_count(cubes: Sequence[xr.Dataset]) -> int:
+    """Rows of a map of cubes: every n_stripe that has a design in any of them."""
+    return len({int(design["n_stripe"]) for cube in cubes for design in designs_of(cube)})
+
+
+def _stripe_and_periods(design: xr.Dataset) -> tuple[int, float]:
     n_stripe, n_subunit = int(design["n_stripe"]), int(design["n_subunit"])
     return n_stripe, n_subunit / (2 * n_stripe)
-
-
-def _frame_measured(axes: Axes, column: int, bottom: float, top: float, ink: str) -> None:
-    corner = column - 0.5 + INSET, bottom + INSET
-    size = 1 - 2 * INSET, top - bottom - 2 * INSET
-    axes.add_patch(Rectangle(corner, *size, fill=False, **DASHED | {"edgecolor": ink}))
 
 
 def _name_design(axes: Axes, row: int, column: int, design: xr.Dataset, colour: Colour) -> None:
@@ -158,51 +143,37 @@ def _name_design(axes: Axes, row: int, column: int, design: xr.Dataset, colour: 
         fontsize=DESIGN_SIZE,
         color=ink_on(colour),
         zorder=4,
-        bbox=None if colour != (1.0, 1.0, 1.0, 1.0) else {"fc": "white", "ec": "none", "pad": 0.8},
+        # Of a mark the name hides the hatching.
+        bbox={"fc": "white", "ec": "none", "pad": 0.8} if colour == WHITE else None,
     )
 
 
-PERIODS_LABEL = (
-    "P\u00a0=\u00a0n_subunit\u00a0/\u00a0(2\u00a0n_stripe): periods of a stripe across a patch"
-)
-"""With spaces where no line may end."""
-DESIGN_NOTE = "in each cell: (n_stripe, n_subunit)"
-
-
-def row_count(cubes: Sequence[xr.Dataset]) -> int:
-    """Rows of a map of cubes: every n_stripe that has a design in any of them."""
-    return len({_place(design)[0] for cube in cubes for design in designs_of(cube)})
-
-
-def values_of(cubes: Sequence[xr.Dataset], name: str) -> np.ndarray:
-    """All finite values of a variable in cubes."""
-    found = [cube[name].values.ravel() for cube in cubes if name in cube]
-    values = np.concatenate([np.empty(0), *found])
-    return values[np.isfinite(values)]
-
-
-def measured_note(cubes: Sequence[xr.Dataset]) -> list[Artist]:
-    """Legend entry of the dashed frames, if any cube is measured."""
-    names = ", ".join(dict.fromkeys(source_of(cube) for cube in cubes if is_measured(cube)))
-    return [Patch(label=f"measured: {names}", facecolor="white", **DASHED)] if names else []
-
-
-def text_note(text: str) -> Patch:
-    """Legend entry without a mark."""
-    return Patch(label=text, facecolor="none", edgecolor="none")
-
-
 def cell(
+    axes: Axes, row: float, column: float, span: tuple[float, float] | None = None, **look: Any
+) -> None:
+    """Draw one cell, a unit wide, and a unit high unless its bottom and top are given."""
+    bottom, top = span or (row - 0.5, row + 0.5)
+    look = {"linewidth": 1.5} | look
+    axes.add_patch(Rectangle((column - 0.5, bottom), 1, top - bottom, **look))
+
+
+def value_cell(
     axes: Axes,
     row: float,
     column: float,
-    bottom: float | None = None,
-    top: float | None = None,
-    **style: Any,
+    colour: Colour,
+    text: str,
+    span: tuple[float, float] | None = None,
+    large: bool = True,
+    **letters: Any,
 ) -> None:
-    """Draw one cell, a unit wide, and a unit high unless ``bottom`` and ``top`` are given."""
-    low, high = row - 0.5 if bottom is None else bottom, row + 0.5 if top is None else top
-    axes.add_patch(Rectangle((column - 0.5, low), 1, high - low, **{"linewidth": 1.5, **style}))
+    """Draw a cell in the colour of its value, with a text; many small cells have no borders."""
+    edge = {"edgecolor": "white"} if large else {"edgecolor": colour, "linewidth": 0.2}
+    cell(axes, row, column, span, facecolor=colour, **edge)
+    middle = row if span is None else sum(span) / 2
+    look: Look = {"ha": "center", "va": "center", "color": ink_on(colour), "zorder": 4}
+    if text:
+        axes.text(column, middle, text, **look, **letters)
 
 
 def remove_frame(axes: Axes) -> None:
@@ -211,27 +182,24 @@ def remove_frame(axes: Axes) -> None:
     axes.spines[:].set_visible(False)
 
 
-def ink_on(colour: tuple[float, ...]) -> str:
-    """Text colour that is legible on a colour: black or white."""
-    luminance = 0.299 * colour[0] + 0.587 * colour[1] + 0.114 * colour[2]
-    return "white" if luminance < 0.45 else "black"
-
-
 def marks_legend(
     figure: Figure,
     marked: Collection[Status],
-    no_value: str | None = None,
-    notes: Sequence[Artist] = (),
+    no_value: str,
+    notes: Sequence[str] = (),
+    cubes: Sequence[xr.Dataset] = (),
 ) -> None:
-    """Add a legend of the marks below a figure.
+    """Add a legend of the statuses marked, of notes, and of the frames of measured cubes.
 
-    Args:
-        figure: the figure.
-        marked: the statuses that are marked.
-        no_value: why a design that is ok may have no value; by default that of the auxetic map.
-        notes: further entries of the legend.
+    ``no_value`` says why a design that is ok may have no value.
     """
-    names = NAMES if no_value is None else NAMES | {Status.ok: no_value}
-    handles = [*notes, *(Patch(label=names[code], **MARKS[code]) for code in sorted(marked))]
+    names = NAMES | {Status.ok: no_value}
+    sources = dict.fromkeys(source_of(cube) for cube in cubes if is_measured(cube))
+    handles: list[Artist] = []
+    if sources:
+        label = f"measured: {', '.join(sources)}"
+        handles.append(Patch(label=label, facecolor="white", **MEASURED))
+    handles += [Patch(label=text, facecolor="none", edgecolor="none") for text in notes]
+    handles += [Patch(label=names[status], **MARKS[status]) for status in sorted(marked)]
     if handles:
-        figure.legend(handles=handles, loc="outside lower left", ncols=3, frameon=False)
+        figure.legend(handles=handles, loc="outside lower left", ncols=3)

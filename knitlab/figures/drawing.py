@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
@@ -23,22 +24,19 @@ from knitlab.cube.cube_file import (
 )
 from knitlab.cube.schema import DESIGN_DIMS, VARIABLES
 from knitlab.cube.selection import as_given, choices, refuse_others, selected, selections_along
-from knitlab.figures.drawn import (
-    MOST_SLICES,
-    fingerprint_of_figure,
-    is_drawn,
-    requested_figures,
-)
+from knitlab.figures import kinds
+from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn, requested_figures, save
 from knitlab.figures.figure_kind import Drawing, FigureKind
-from knitlab.figures.saving import save
 from knitlab.figures.style import print_style
-from knitlab.io.errors import BadInput, Fault, fault
-from knitlab.io.suggestions import unknown
-from knitlab.sweep.figure_names import COMPARING, FIGURE_NAMES, suffixes
+from knitlab.io.errors import BadInput, Fault, fault, unknown
+from knitlab.sweep.figure_names import COMPARING, suffixes
 
-FIGURES: dict[str, FigureKind] = {
-    name: import_module(f"knitlab.figures.kinds.{name}").FIGURE for name in FIGURE_NAMES
-}
+FIGURES: dict[str, FigureKind] = {}
+for _module in iter_modules(kinds.__path__):
+    FIGURES |= import_module(f"{kinds.__name__}.{_module.name}").FIGURES
+FIGURES = dict(sorted(FIGURES.items()))
+MOST_SLICES = 8
+"""Largest number of values of swept settings for which a run draws figures."""
 NO_CASE_FILES = "shapes are in case files, not in the cube: run the designs into this folder"
 
 
@@ -47,32 +45,29 @@ def draw_figure(
     cube_paths: Sequence[Path],
     output: Path,
     selections: Mapping[str, Any] = {},
-    options: Mapping[str, str] | None = None,
+    options: Mapping[str, str] = {},
 ) -> Path:
-    """Draw one figure into a file.
+    """Draw a figure of cubes, or of their results folders, unless the file holds it already.
+
+    A figure of a single case shows the most auxetic design of the selection that has its case file
+    beside the cube.
 
     Args:
-        kind: a name of :data:`FIGURES`; one that shows a single case shows the most auxetic
-            design of the selection that has its case file beside the cube.
-        cube_paths: a cube, or the results folder that holds one; several for a kind that takes
-            several.
+        kind: a name of :data:`FIGURES`.
+        cube_paths: the cubes.
         output: the file; its suffix sets the format.
-        selections: values by coordinate that slice the cube first.
+        selections: values by coordinate that slice the cubes first.
         options: what a kind with options shows, such as ``{"of": "reaction_force"}``.
 
-    Returns:
-        The file.
-
     Raises:
-        BadInput: if the cube, a selection or the suffix is at fault.
+        BadInput: if a cube, a selection or the suffix is at fault.
     """
     if kind not in FIGURES:
         raise fault("kind", unknown(kind, FIGURES, "figure"))
     if output.suffix.lower() not in suffixes(kind):
         known = ", ".join(suffixes(kind))
         raise fault(f"output {output}", f"{kind} has no format of this suffix; give one of {known}")
-    _check_count(kind, len(cube_paths))
-    _check_options(kind, options or {})
+    _check_request(kind, len(cube_paths), options)
     cubes = [open_cube(path) for path in cube_paths]
     fingerprint = fingerprint_of_figure(kind, cube_paths, selections, options)
     if not is_drawn(output, fingerprint):
@@ -81,7 +76,7 @@ def draw_figure(
     return output
 
 
-def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[Fault]]:
+def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[Fault]]:
     """Draw a workflow's figures into its results folder, each for print and for the screen.
 
     A cube with dimensions of swept settings gives a figure for each of their values. Figures that
@@ -90,13 +85,11 @@ def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     Returns:
         The files, and why some figures could not be drawn.
     """
-    saved: list[Path] = []
+    files: list[Path] = []
     faults: list[Fault] = []
     cube = open_cube(folder)
-    requested = requested_figures(kinds, cube, folder)
-    slices = {
-        tuple(figure.selections.items()) for figure in requested if figure.kind not in COMPARING
-    }
+    requested = requested_figures(names, cube, folder)
+    slices = {tuple(each.selections.items()) for each in requested if each.kind not in COMPARING}
     if len(slices) > MOST_SLICES:
         problem = f"{len(slices)} slices are too many to draw in a run; draw one by knitlab map"
         faults.append(Fault("figures", problem))
@@ -117,106 +110,41 @@ def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[F
             stem = figure.outputs[0].stem
             faults += [Fault(f"figure {stem}", entry.problem) for entry in error.faults]
         else:
-            saved += figure.outputs
-    return saved, faults
+            files += figure.outputs
+    return files, faults
 
 
 def draw(
     kind: str,
     cubes: Sequence[xr.Dataset],
     selections: Mapping[str, Any] = {},
-    options: Mapping[str, str] | None = None,
+    options: Mapping[str, str] = {},
 ) -> Drawing:
-    """Draw one figure from cubes in memory.
+    """Draw one figure from cubes or single cases in memory; otherwise as :func:`draw_figure`.
 
-    Args:
-        kind: a name of :data:`FIGURES`.
-        cubes: cubes or single cases. A figure that needs node positions takes them from a case,
-            or from the case files beside the file that the cube was opened from.
-        selections: values by coordinate that slice the cubes first.
-        options: what a kind with options shows, such as ``{"of": "reaction_force"}``.
-
-    Returns:
-        The figure, or an animation if the kind is a film.
-
-    Raises:
-        BadInput: if a cube or a selection is at fault.
+    A figure that needs node positions takes them from a case, or from the case files beside the
+    file that the cube was opened from.
     """
-    _check_count(kind, len(cubes))
-    _check_options(kind, options or {})
+    _check_request(kind, len(cubes), options)
+    paths = [
+        Path(cube.encoding.get("source", cube.attrs.get("title", f"cube {number}")))
+        for number, cube in enumerate(cubes, start=1)
+    ]
     with print_style():
-        if all(is_case(cube) for cube in cubes):
-            return _drawn_of_cases(kind, cubes, selections, options)
-        paths = [
-            Path(cube.encoding.get("source", f"cube {number}"))
-            for number, cube in enumerate(cubes, start=1)
-        ]
         return _drawn(kind, paths, cubes, selections, options)
 
 
-def _check_count(kind: str, cubes: int) -> None:
-    """Check the number of cubes.
-
-    Raises:
-        BadInput: if there is none, or more than one for a kind that takes one.
-    """
-    if not cubes:
-        raise fault(kind, "shows a cube; give one")
-    if cubes > 1 and not FIGURES[kind].several:
-        raise fault(kind, f"shows one cube, not {cubes}; give one")
-
-
-def _check_options(kind: str, options: Mapping[str, str]) -> None:
-    """Check the names of options.
-
-    Raises:
-        BadInput: for an option that a kind does not have.
-    """
-    able = ", ".join(name for name, each in FIGURES.items() if each.options)
-    faults = [
-        Fault(option, f"is not an option of {kind}, only of {able}; leave it out")
-        for option in options
-        if option not in FIGURES[kind].options
-    ]
-    if faults:
-        raise BadInput(faults)
-
-
-def _drawn_of_cases(
-    name: str,
-    cases: Sequence[xr.Dataset],
-    selections: Mapping[str, Any],
-    options: Mapping[str, str] | None,
-) -> Drawing:
+def _check_request(name: str, cubes: int, options: Mapping[str, str]) -> None:
+    """Check the number of cubes, and the names of options."""
     kind = FIGURES[name]
-    if kind.needs is None:
-        paths = [Path(case.attrs["title"]) for case in cases]
-        return _drawn(name, paths, [as_cube(case) for case in cases], selections, options)
-    known = kind.coordinates
-    remedy = f"select along {', '.join(known)}" if known else "select nothing of a single case"
-    problem = f"is not a coordinate along which {name} can be sliced; {remedy}"
-    refuse_others(selections, known, problem)
-    sliced = [_sliced_case(case, selections) for case in cases]
-    return kind.draw(sliced if kind.designs else sliced[0])
-
-
-def _sliced_case(case: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
-    """The selected strains of a case.
-
-    Raises:
-        BadInput: if the file of the case does not hold the shape at one of them.
-    """
-    sliced = selected(case, selections)
-    if selections and "position" in case:
-        strains = case["applied_strain"].values
-        kept = np.isfinite(case["position"].values).all(axis=(1, 2, 3))
-        if not np.isin(sliced["applied_strain"].values, strains[kept]).all():
-            known = ", ".join(f"{strain:g}" for strain in strains[kept])
-            raise fault(
-                f"selections {', '.join(as_given(selections))}",
-                f"has no shape, which this case file keeps at {known}; choose one of these",
-            )
-    return sliced
+    if not cubes:
+        raise fault(name, "shows a cube; give one")
+    if cubes > 1 and not kind.several:
+        raise fault(name, f"shows one cube, not {cubes}; give one")
+    able = ", ".join(other for other, each in FIGURES.items() if each.options)
+    problem = f"is not an option of {name}, only of {able}; leave it out"
+    if others := [option for option in options if option not in kind.options]:
+        raise BadInput([Fault(option, problem) for option in others])
 
 
 def _drawn(
@@ -224,112 +152,116 @@ def _drawn(
     cube_paths: Sequence[Path],
     cubes: Sequence[xr.Dataset],
     selections: Mapping[str, Any],
-    options: Mapping[str, str] | None = None,
+    options: Mapping[str, str] = {},
 ) -> Drawing:
     kind = FIGURES[name]
-    for cube in cubes:
-        if kind.dims not in (None, base_dims(cube)):
-            able = [name for name, kind in FIGURES.items() if kind.dims in (None, base_dims(cube))]
-            raise fault(
-                name,
-                f"does not show designs along the dimensions of this cube; draw {', '.join(able)}",
-            )
-    _check_sources(name, kind, cubes)
+    if all(is_case(cube) for cube in cubes):
+        if kind.needs is not None:
+            known = kind.coordinates
+            remedy = f"select along {', '.join(known)}" if known else "select nothing"
+            problem = f"is not a coordinate along which {name} can be sliced; {remedy}"
+            refuse_others(selections, known, problem)
+            return _drawn_of_cases(kind, cubes, selections)
+        cubes = [as_cube(case) for case in cubes]
+    _check_cubes(name, kind, cubes)
     dims = {dim: None for cube in cubes for dim in design_dims(cube)}
     known = (*dims, *kind.coordinates)
-    problem = f"is not a coordinate of {name}; select along {', '.join(known)}"
-    refuse_others(selections, known, problem)
+    refuse_others(
+        selections, known, f"is not a coordinate of {name}; select along {', '.join(known)}"
+    )
     cubes = [selected(cube, selections_along(selections, cube.coords)) for cube in cubes]
     if name in COMPARING:
         if kind.several:
             return kind.draw(list(zip(cube_paths, cubes, strict=True)))
-        return kind.draw(cubes[0], **(options or {}))
-    sliced = [_one_slice(name, cube) for cube in cubes]
-    (cube, _), folder = sliced[0], _folder(cube_paths[0])
-    slice_shown = ", ".join(dict.fromkeys(shown for _, shown in sliced if shown))
-    if kind.several:
-        drawing = kind.draw([cube for cube, _ in sliced], **(options or {}))
-    elif kind.needs is None:
-        drawing = kind.draw(cube)
+        return kind.draw(cubes[0], **options)
+    slices = dict.fromkeys(_swept_values(name, cube) for cube in cubes)
+    cubes = [cube.isel(dict.fromkeys(swept_dims(cube), 0), drop=True) for cube in cubes]
+    if kind.needs is not None:
+        folder = cube_paths[0] if cube_paths[0].is_dir() else cube_paths[0].parent
+        cases = _cases(kind, cubes[0], folder)
+        drawing = _drawn_of_cases(kind, cases, selections_along(selections, kind.coordinates))
     else:
-        along = selections_along(selections, kind.coordinates)
-        cases = (
-            _cases(name, cube, folder)
-            if kind.designs
-            else [_most_auxetic_case(cube, folder, kind.needs)]
-        )
-        shown = [_sliced_case(case, along) for case in cases]
-        drawing = kind.draw(shown if kind.designs else shown[0])
-    if slice_shown and isinstance(drawing, Figure):
+        drawing = kind.draw(cubes if kind.several else cubes[0], **options)
+    if (shown := ", ".join(filter(None, slices))) and isinstance(drawing, Figure):
         title = drawing.get_suptitle()
-        drawing.suptitle(f"{title}\n{slice_shown}" if title else slice_shown, fontsize="small")
+        drawing.suptitle(f"{title}\n{shown}" if title else shown, fontsize="small")
     return drawing
 
 
-def _check_sources(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> None:
-    """Check which cubes are simulated and which are measured.
-
-    Raises:
-        BadInput: for experiments that a kind cannot show, or cubes that it could not tell apart.
-    """
-    measured = [source_of(cube) for cube in cubes if is_measured(cube)]
+def _check_cubes(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> None:
+    """Check that a kind can show the dimensions of cubes, and tell apart which are measured."""
+    for cube in cubes:
+        if kind.dims not in (None, base_dims(cube)):
+            able = [name for name, kind in FIGURES.items() if kind.dims in (None, base_dims(cube))]
+            problem = "does not show designs along the dimensions of this cube"
+            raise fault(name, f"{problem}; draw {', '.join(able)}")
+    measured = [cube for cube in cubes if is_measured(cube)]
     if measured and kind.several is None:
-        able = ", ".join(other for other, kind in FIGURES.items() if kind.several)
-        raise fault(
-            name,
-            f"needs a simulation, and {measured[0]} was measured; draw {able}",
-        )
+        able = [other for other, each in FIGURES.items() if each.several]
+        problem = f"needs a simulation, and {source_of(measured[0])} was measured"
+        raise fault(name, f"{problem}; draw {', '.join(able)}")
     if kind.several in ("experiments", "designs") and len(cubes) - len(measured) > 1:
         raise fault(name, "shows one simulation, and experiments beside it; give one simulation")
-    apart = kind.several != "designs"
-    shown = [
-        (source_of(cube) if apart else "", *design)
-        for cube in cubes
-        if is_measured(cube)
+    by_source = kind.several != "designs"
+    experiments = [
+        (source_of(cube) if by_source else "", *design)
+        for cube in measured
         for design in itertools.product(*(cube[dim].values.tolist() for dim in DESIGN_DIMS))
     ]
-    if len(set(shown)) < len(shown):
-        remedy = "give each another source" if apart else "show one of them"
+    if len(set(experiments)) < len(experiments):
+        remedy = "give each another source" if by_source else "show one of them"
         raise fault(name, f"has several experiments on one design; {remedy}")
 
 
-def _one_slice(name: str, cube: xr.Dataset) -> tuple[xr.Dataset, str]:
-    """A cube without the dimensions of swept settings, and the value of each as text."""
+def _swept_values(name: str, cube: xr.Dataset) -> str:
+    """The one value of every swept setting of a cube, as text."""
     swept = swept_dims(cube)
     if several := [dim for dim in swept if cube.sizes[dim] > 1]:
         raise fault(name, f"shows one value of each swept setting; select {choices(cube, several)}")
-    shown = ", ".join(f"{dim} = {cube[dim].item()}" for dim in swept)
-    return cube.isel(dict.fromkeys(swept, 0), drop=True), shown
+    return ", ".join(f"{dim} = {cube[dim].item()}" for dim in swept)
 
 
-def _folder(cube_path: Path) -> Path:
-    return cube_path if cube_path.is_dir() else cube_path.parent
+def _drawn_of_cases(
+    kind: FigureKind, cases: Sequence[xr.Dataset], selections: Mapping[str, Any]
+) -> Drawing:
+    sliced = [_sliced_case(case, selections) for case in cases]
+    return kind.draw(sliced if kind.designs else sliced[0])
 
 
-def _cases(name: str, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]:
-    """Cases of the designs that a figure shows and that have a case file."""
-    designs = cube["case_id"].stack(design=DESIGN_DIMS)
+def _sliced_case(case: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
+    """The selected strains of a case, of which its file must hold the shapes."""
+    sliced = selected(case, selections)
+    if selections and "position" in case:
+        strains = case["applied_strain"].values
+        kept = strains[np.isfinite(case["position"].values).all(axis=(1, 2, 3))]
+        if not np.isin(sliced["applied_strain"].values, kept).all():
+            known = ", ".join(f"{strain:g}" for strain in kept)
+            raise fault(
+                f"selections {', '.join(as_given(selections))}",
+                f"has no shape, which this case file keeps at {known}; choose one of these",
+            )
+    return sliced
+
+
+def _cases(kind: FigureKind, cube: xr.Dataset, folder: Path) -> list[xr.Dataset]:
+    """The case files that a figure shows: of its designs, or of the most auxetic design."""
+    designs = cube[["case_id", "poisson_ratio_min"]].stack(design=base_dims(cube))
     stored = {
         design: case_id
-        for design, case_id in zip(designs["design"].values, designs.values, strict=True)
+        for design, case_id in zip(designs["design"].values, designs["case_id"].values, strict=True)
         if case_id and case_path(folder, case_id).is_file()
     }
-    preferred = FIGURES[name].designs
-    found = [stored[design] for design in preferred if design in stored]
-    if found := found or [*stored.values()][: len(preferred)]:
-        return [read_case(folder, case_id) for case_id in found]
-    raise fault(str(folder / "cases"), f"holds none of these designs; {NO_CASE_FILES}")
-
-
-def _most_auxetic_case(cube: xr.Dataset, folder: Path, needs: str) -> xr.Dataset:
-    designs = cube[["case_id", "poisson_ratio_min"]].stack(design=base_dims(cube))
-    for case_id in designs.sortby("poisson_ratio_min")["case_id"].values:
-        if case_path(folder, case_id).is_file():
-            case = read_case(folder, case_id)
-            if needs in case:
-                return case
+    if kind.designs:
+        shown = [stored[design] for design in kind.designs if design in stored]
+        shown = shown or [*stored.values()][: len(kind.designs)]
+        if not shown:
+            raise fault(str(folder / "cases"), f"holds none of these designs; {NO_CASE_FILES}")
+        return [read_case(folder, case_id) for case_id in shown]
+    needs = VARIABLES[str(kind.needs)]
+    for design in designs.sortby("poisson_ratio_min")["design"].values:
+        if design in stored and kind.needs in (case := read_case(folder, stored[design])):
+            return [case]
     if not any(designs["case_id"].values):
         raise fault("selections", "no design of this selection is planned; choose others")
-    what = VARIABLES[needs].long_name
-    how = "run them with method=dynamics" if VARIABLES[needs].of == "dynamics" else NO_CASE_FILES
-    raise fault(str(folder / "cases"), f"holds no {what} of these designs; {how}")
+    how = "run them with method=dynamics" if needs.of == "dynamics" else NO_CASE_FILES
+    raise fault(str(folder / "cases"), f"holds no {needs.long_name} of these designs; {how}")

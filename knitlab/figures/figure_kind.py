@@ -10,6 +10,11 @@ from matplotlib.figure import Figure
 from knitlab.cube.schema import DESIGN_DIMS
 
 Drawing = Figure | FuncAnimation
+SEVERAL = {
+    "any": "any number of cubes",
+    "experiments": "one simulated cube or test, and any experiments",
+    "designs": "one simulated cube or test, and one experiment for each design",
+}
 
 
 @dataclass(frozen=True)
@@ -41,14 +46,8 @@ class FigureKind:
     @property
     def takes(self) -> str:
         """What it takes, for the documentation."""
-        if self.several == "any":
-            return "any number of cubes"
-        if self.several == "experiments":
-            return "one simulated cube or test, and any experiments"
-        if self.several == "designs":
-            return "one simulated cube or test, and one experiment for each design"
+        if self.several:
+            return SEVERAL[self.several]
         if self.designs:
             return "a cube with its case files"
-        if self.needs:
-            return "a test, or a cube with its case files"
-        return "a cube or a test"
+        return "a test, or a cube with its case files" if self.needs else "a cube or a test"

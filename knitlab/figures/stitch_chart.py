@@ -1,7 +1,10 @@
-"""The stitch chart: the bed of every stitch, patches, electrodes and the repeat."""
+"""The stitch chart of a sample, and its specification sheet: one page for the knitter."""
 
+import textwrap
+from datetime import date
+from importlib.metadata import version
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,8 +14,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from knitlab.figures.style import TWO_COLUMNS
+from knitlab.figures.style import TWO_COLUMNS, Look
 from knitlab.knitting.chart import StitchChart, electrode_name
+
+if TYPE_CHECKING:
+    from knitlab.knitting.specification import Prediction, Specification
 
 FRONT, BACK = "white", "0.68"
 ELECTRODES = {1: ("#FAD7A0", "#DC7633"), 2: ("#AED6F1", "#2471A3")}
@@ -27,33 +33,42 @@ WORD = 0.6
 """Width of a patch from which on its knit is named by a word, else by its letter [in]."""
 MARGIN = 0.7
 """Room for the numbers of an axis [in]."""
+REPEAT: Look = {"linewidth": 1.6, "linestyle": (0, (4, 2))}
+"""Line around the repeat, or the whole sample."""
+
+A4 = 210 / 25.4, 297 / 25.4
+"""Width and height of the specification sheet [in]."""
+CHART_WIDTH = 4.4
+"""Width of the chart on the sheet [in]."""
+LINE = 0.0165
+"""Height of a line of the table, as a fraction of the sheet."""
+WIDEST_VALUE = 78
+"""Letters of a value on one line."""
+NOTES = (
+    "Sizes are of cloth, by the gauge;",
+    "times by the speeds in machine.toml.",
+    "Both are estimates.",
+)
 
 
 def stitch_chart_figure(chart: StitchChart) -> Figure:
-    """Every stitch of a chart, seen from the front; of a large one, one repeat.
-
-    Args:
-        chart: the chart.
-    """
+    """Every stitch of a chart, seen from the front; of a large one, one repeat."""
     rows, columns = drawn_part(chart)
-    courses, wales = rows.stop - rows.start, columns.stop - columns.start
-    stitch = min(WIDEST_STITCH, (TWO_COLUMNS - MARGIN) / wales)
+    stitch = min(WIDEST_STITCH, (TWO_COLUMNS - MARGIN) / (columns.stop - columns.start))
     # A stitch is drawn twice as wide as high, as it is.
-    size = (TWO_COLUMNS, stitch * courses / 2 + 2 * MARGIN + 0.55)
-    figure = Figure(figsize=size, layout="constrained")
-    axes = figure.subplots()
-    draw_chart(axes, chart, stitch)
-    figure.legend(handles=legend_handles(chart), loc="outside lower left", ncols=2, frameon=False)
+    height = stitch * (rows.stop - rows.start) / 2 + 2 * MARGIN + 0.55
+    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
+    draw_chart(figure.subplots(), chart, stitch)
+    figure.legend(handles=legend_handles(chart), loc="outside lower left", ncols=2)
     figure.suptitle(title_of(chart), fontsize="medium")
     return figure
 
 
 def title_of(chart: StitchChart) -> str:
     """Design and size of a chart, and which part of it is drawn."""
-    part = drawn_part(chart)
     along_y, along_x = chart.repeats
     title = f"{chart.title}: {chart.courses} courses of {chart.wales} wales"
-    if part != (slice(0, chart.courses), slice(0, chart.wales)):
+    if drawn_part(chart) != (slice(0, chart.courses), slice(0, chart.wales)):
         title += f"; one of {along_y} × {along_x} repeats is drawn"
     return title
 
@@ -71,26 +86,20 @@ def drawn_part(chart: StitchChart) -> tuple[slice, slice]:
 
 
 def draw_chart(axes: Axes, chart: StitchChart, stitch: float) -> None:
-    """Draw a chart, or one repeat of it.
-
-    Args:
-        axes: where.
-        chart: the chart.
-        stitch: width of a stitch on paper [in].
-    """
+    """Draw a chart, or one repeat of it, with stitches of a width on paper [in]."""
     rows, columns = drawn_part(chart)
     front, plated = chart.front[rows, columns], chart.plated[rows, columns]
     colours = np.where(front[..., None], to_rgb(FRONT), to_rgb(BACK))
-    for number, (on_front, on_back) in ELECTRODES.items():
+    for electrode, (on_front, on_back) in ELECTRODES.items():
         of_bed = np.where(front[..., None], to_rgb(on_front), to_rgb(on_back))
-        colours = np.where((plated == number)[..., None], of_bed, colours)
+        colours = np.where((plated == electrode)[..., None], of_bed, colours)
     extent = (columns.start, columns.stop, rows.start, rows.stop)
     axes.imshow(colours, origin="lower", extent=extent, aspect=0.5, interpolation="nearest")
     if stitch >= NARROWEST_MARKED:
-        _draw_stitches(axes, front, rows, columns, stitch)
-    _draw_patches(axes, chart, rows, columns, stitch)
-    _draw_electrodes(axes, chart, rows, columns)
-    _draw_repeat(axes, chart, rows, columns)
+        _draw_stitches(axes, front, extent, stitch)
+    _draw_patches(axes, chart, extent, stitch)
+    _draw_electrodes(axes, chart, plated, extent)
+    _draw_repeat(axes, chart, extent)
     axes.set(
         xlim=extent[:2],
         ylim=extent[2:],
@@ -98,141 +107,137 @@ def draw_chart(axes: Axes, chart: StitchChart, stitch: float) -> None:
         ylabel="course, in the order of knitting",
     )
     for axis, start, stop in ((axes.xaxis, *extent[:2]), (axes.yaxis, *extent[2:])):
+        # The first and the last are numbered, and others that are not too near to these.
+        near = (stop - start) / 16
+        others = MaxNLocator(8, integer=True).tick_values(start, stop)
+        numbers = [int(n) for n in others if start + 1 + near < n < stop - near]
+        numbers = [start + 1, *numbers, stop]
         # A number stands at the middle of its stitch.
-        wanted = {start + 1, stop, *MaxNLocator(8, integer=True).tick_values(start, stop)}
-        numbers = _apart([int(n) for n in sorted(wanted) if start < n <= stop], stop - start)
         axis.set_ticks([number - 0.5 for number in numbers], [str(n) for n in numbers])
     axes.spines[:].set_visible(True)
 
 
 def legend_handles(chart: StitchChart) -> list[Patch | Line2D]:
     """What the marks of a chart mean."""
-    edge: dict[str, Any] = {"edgecolor": "0.3", "linewidth": 0.5}
-    handles: list[Patch | Line2D] = [
-        Patch(facecolor=FRONT, label="knit on the front bed: face stitch (knit)", **edge),
-        Patch(facecolor=BACK, label="knit on the back bed: reverse stitch (purl)", **edge),
+    patches = [
+        (FRONT, "knit on the front bed: face stitch (knit)"),
+        (BACK, "knit on the back bed: reverse stitch (purl)"),
     ]
-    for number in chart.electrodes:
-        face = chart.plated_face[number - 1]
-        label = (
-            f"electrode {electrode_name(number)}, outlined: conductor on the {face}; darker: purl"
-        )
-        handles.append(Patch(facecolor=ELECTRODES[number][0], label=label, **edge))
-    handles.append(Line2D([], [], color="black", linewidth=1.0, label="border of a patch"))
+    for electrode in chart.electrodes:
+        outlined = f"electrode {electrode_name(electrode)}, outlined"
+        label = f"{outlined}: conductor on the {chart.plated_face[electrode - 1]}; darker: purl"
+        patches.append((ELECTRODES[electrode][0], label))
     part = "edge of the sample" if chart.is_whole_sample else "repeat"
-    handles.append(Line2D([], [], color="black", linewidth=1.6, linestyle=(0, (4, 2)), label=part))
-    return handles
+    return [
+        *(Patch(fc=colour, ec="0.3", lw=0.5, label=label) for colour, label in patches),
+        Line2D([], [], color="black", linewidth=1.0, label="border of a patch"),
+        Line2D([], [], color="black", label=part, **REPEAT),
+    ]
 
 
-def _draw_stitches(
-    axes: Axes, front: np.ndarray, rows: slice, columns: slice, stitch: float
-) -> None:
+Extent = tuple[int, int, int, int]
+"""First and last wale and course that are drawn, as borders between stitches."""
+
+
+def _draw_stitches(axes: Axes, front: np.ndarray, extent: Extent, stitch: float) -> None:
     """A dash for every purl, and thin lines between stitches."""
-    axes.hlines(
-        np.arange(rows.start + 1, rows.stop), columns.start, columns.stop, colors="0.85", lw=0.25
-    )
-    axes.vlines(
-        np.arange(columns.start + 1, columns.stop), rows.start, rows.stop, colors="0.85", lw=0.25
-    )
+    left, right, low, high = extent
+    axes.hlines(np.arange(low + 1, high), left, right, colors="0.85", lw=0.25)
+    axes.vlines(np.arange(left + 1, right), low, high, colors="0.85", lw=0.25)
     course, wale = np.nonzero(~front)
-    middle = rows.start + course + 0.5, columns.start + wale
-    axes.hlines(
-        middle[0], middle[1] + 0.3, middle[1] + 0.7, colors="black", lw=4 * stitch, alpha=0.8
-    )
+    y, x = low + course + 0.5, left + wale
+    axes.hlines(y, x + 0.3, x + 0.7, colors="black", lw=4 * stitch, alpha=0.8)
 
 
-def _draw_patches(
-    axes: Axes, chart: StitchChart, rows: slice, columns: slice, stitch: float
-) -> None:
-    ys = [y for y in chart.row_borders.tolist() if rows.start <= y <= rows.stop]
-    xs = [x for x in chart.column_borders.tolist() if columns.start <= x <= columns.stop]
-    style: dict[str, Any] = {"colors": "black", "lw": 1.0}
-    axes.hlines(ys, columns.start, columns.stop, **style)
-    axes.vlines(xs, rows.start, rows.stop, **style)
+def _draw_patches(axes: Axes, chart: StitchChart, extent: Extent, stitch: float) -> None:
+    """The borders of patches, and the knit of each."""
+    left, right, low, high = extent
+    ys = [y for y in chart.row_borders.tolist() if low <= y <= high]
+    xs = [x for x in chart.column_borders.tolist() if left <= x <= right]
+    axes.hlines(ys, left, right, colors="black", lw=1.0)
+    axes.vlines(xs, low, high, colors="black", lw=1.0)
     for y, above in pairwise(ys):
-        for x, right in pairwise(xs):
+        for x, beside in pairwise(xs):
             row = int(np.searchsorted(chart.row_borders, y, side="right")) - 1
             column = int(np.searchsorted(chart.column_borders, x, side="right")) - 1
             knit = str(chart.knit[row, column])
+            name = knit if (beside - x) * stitch > WORD else knit[0].upper()
+            box: Look = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+            axes.text((x + beside) / 2, (y + above) / 2, name, ha="center", va="center", bbox=box)
+
+
+def _draw_electrodes(axes: Axes, chart: StitchChart, plated: np.ndarray, extent: Extent) -> None:
+    """The outline of every electrode, and its letter at its lower end."""
+    left, _, low, high = extent
+    course, wale = np.nonzero(plated[:, 1:] != plated[:, :-1])
+    axes.vlines(left + wale + 1, low + course, low + course + 1, colors="black", lw=1.4)
+    course, wale = np.nonzero(plated[1:] != plated[:-1])
+    axes.hlines(low + course + 1, left + wale, left + wale + 1, colors="black", lw=1.4)
+    for electrode in chart.electrodes:
+        courses, wales = np.nonzero(plated == electrode)
+        if len(courses):
             axes.text(
-                (x + right) / 2,
-                (y + above) / 2,
-                knit if (right - x) * stitch > WORD else knit[0].upper(),
+                left + wales[courses == courses.min()].mean() + 0.5,
+                low + courses.min() + 0.02 * (high - low),
+                electrode_name(electrode),
                 ha="center",
-                va="center",
-                bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
+                va="bottom",
+                fontweight="bold",
+                bbox={"facecolor": "white", "edgecolor": "black", "linewidth": 0.6, "pad": 1.5},
+                zorder=4,
             )
 
 
-def _draw_electrodes(axes: Axes, chart: StitchChart, rows: slice, columns: slice) -> None:
-    """The outline of every electrode, and its letter at its lower end."""
-    plated = chart.plated[rows, columns]
-    course, wale = np.nonzero(plated[:, 1:] != plated[:, :-1])
-    x, y = columns.start + wale + 1, rows.start + course
-    axes.vlines(x, y, y + 1, colors="black", lw=1.4)
-    course, wale = np.nonzero(plated[1:] != plated[:-1])
-    x, y = columns.start + wale, rows.start + course + 1
-    axes.hlines(y, x, x + 1, colors="black", lw=1.4)
-    for number in chart.electrodes:
-        places = np.argwhere(plated == number)
-        if not len(places):
-            continue
-        lowest = int(places[:, 0].min())
-        middle = float(places[places[:, 0] == lowest, 1].mean())
-        axes.text(
-            columns.start + middle + 0.5,
-            rows.start + lowest + 0.02 * (rows.stop - rows.start),
-            electrode_name(number),
-            ha="center",
-            va="bottom",
-            fontweight="bold",
-            bbox={"facecolor": "white", "edgecolor": "black", "linewidth": 0.6, "pad": 1.5},
-            zorder=4,
-        )
-
-
-def _draw_repeat(axes: Axes, chart: StitchChart, rows: slice, columns: slice) -> None:
+def _draw_repeat(axes: Axes, chart: StitchChart, extent: Extent) -> None:
+    """The outline of the repeat, or of the whole sample, and its size."""
+    left, right, low, high = extent
     height, width = chart.repeat
     part = "whole sample" if chart.is_whole_sample else "repeat"
-    axes.add_patch(
-        Rectangle(
-            (columns.start, rows.start),
-            width,
-            height,
-            fill=False,
-            linewidth=1.6,
-            linestyle=(0, (4, 2)),
-            zorder=3,
-            clip_on=False,
-        )
-    )
-    axes.annotate(
-        f"{part}: {width} wales",
-        (columns.start + width / 2, rows.stop),
-        xytext=(0, 4),
-        textcoords="offset points",
-        ha="center",
-        va="bottom",
-        annotation_clip=False,
-    )
-    axes.annotate(
-        f"{part}: {height} courses",
-        (columns.stop, rows.start + height / 2),
-        xytext=(4, 0),
-        textcoords="offset points",
-        ha="left",
-        va="center",
-        rotation=90,
-        annotation_clip=False,
-    )
+    outline = Rectangle((left, low), width, height, fill=False, zorder=3, clip_on=False, **REPEAT)
+    axes.add_patch(outline)
+    beside: Look = {"textcoords": "offset points", "annotation_clip": False}
+    above: Look = {"xytext": (0, 4), "ha": "center", "va": "bottom"} | beside
+    beside |= {"xytext": (4, 0), "ha": "left", "va": "center", "rotation": 90}
+    axes.annotate(f"{part}: {width} wales", (left + width / 2, high), **above)
+    axes.annotate(f"{part}: {height} courses", (right, low + height / 2), **beside)
 
 
-def _apart(numbers: list[int], span: int) -> list[int]:
-    """Numbers without those too near to the first or the last."""
-    near = span / 16
-    first, *between = numbers
-    if not between:
-        return numbers
-    *between, last = between
-    kept = [number for number in between if number - first > near and last - number > near]
-    return [first, *kept, last]
+def specification_sheet(specification: "Specification") -> Figure:
+    """One page A4: what a sample takes to knit, its chart, and what is predicted of it."""
+    figure, chart = Figure(figsize=A4), specification.chart
+    figure.text(0.07, 0.955, "Specification of a knitted sample", fontsize=14, weight="bold")
+    written = f"knitlab {version('knitlab')}, {date.today().isoformat()}"
+    figure.text(0.93, 0.955, written, ha="right", fontsize=8, color="0.3")
+    y = 0.925
+    for name, value in specification.rows():
+        lines = textwrap.wrap(value, WIDEST_VALUE) or [""]
+        figure.text(0.07, y, name, fontsize=9, color="0.3", va="top")
+        figure.text(0.24, y, "\n".join(lines), fontsize=9, va="top")
+        y -= LINE * len(lines)
+    _, columns = drawn_part(chart)
+    axes = figure.add_axes((0.1, 0.12, 0.54, 0.4))
+    axes.set_anchor("NW")
+    draw_chart(axes, chart, CHART_WIDTH / (columns.stop - columns.start))
+    figure.text(0.07, 0.565, f"Chart, seen from the front. {title_of(chart)}", fontsize=9)
+    at: Look = {"loc": "lower left", "bbox_to_anchor": (0.06, 0.03)}
+    figure.legend(handles=legend_handles(chart), ncols=2, **at)
+    _draw_prediction(figure.add_axes((0.75, 0.32, 0.2, 0.18)), specification.prediction)
+    remarks = [line for remark in specification.remarks for line in textwrap.wrap(remark, 34)]
+    figure.text(0.7, 0.25, "\n".join([*NOTES, *remarks]), va="top", fontsize=8, color="0.3")
+    return figure
+
+
+def _draw_prediction(axes: Axes, prediction: "Prediction | None") -> None:
+    if prediction is None:
+        axes.set_axis_off()
+        text = "No prediction:\ngive a cube that holds\nthe design."
+        axes.text(0, 1, text, va="top", fontsize=9, color="0.3")
+        return
+    strain, low, high = prediction.applied_strain, prediction.low, prediction.high
+    axes.axhline(0, color="0.6", linewidth=0.6)
+    if np.isfinite(low).any():
+        axes.fill_between(strain, low, high, color="0.8", lw=0, label="slightly different fabrics")
+    axes.plot(strain, prediction.poisson_ratio, color="black", label="design")
+    axes.set(xlabel="applied strain [1]", ylabel="Poisson's ratio ν [1]")
+    axes.set_title(f"predicted for {prediction.sample}\n(cube {prediction.source})", fontsize=8)
+    axes.legend()

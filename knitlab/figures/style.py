@@ -1,9 +1,17 @@
-"""The look of every figure: print sizes in mm, legible type, colour-blind-safe colours."""
+"""The look of every figure: print sizes, legible type, and colours that colour-blind people tell.
+
+Colours of values are about zero if some are negative, and by decades if they span several.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
 
 import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 ONE_COLUMN = 85 / 25.4
 """Width of one journal column [in]."""
@@ -25,15 +33,37 @@ CATEGORY_COLOURS = (
     "0.5",
 )
 """Colours of things without an order, by Okabe and Ito."""
+MARKERS = "osD^vP*X"
+"""Markers of things without an order."""
 MINUS = "\u2212"
 
 DOTS_PER_INCH = 320
 """Resolution of PNG files, and of what vector files hold as a picture."""
+DECADES = 30.0
+"""Ratio of the largest of positive values to their median above which colours follow decades.
+
+To the smallest it would depend on a single value, such as a force of 1e-10 N at zero strain.
+"""
+
+Colour = tuple[float, float, float, float]
+Look = dict[str, Any]
+"""Keyword arguments of an artist of matplotlib."""
 
 
 def number(value: float, form: str = ".2f") -> str:
     """A number as text, with a true minus sign."""
     return format(value, form).replace("-", MINUS)
+
+
+def shades(count: int, end: float = 0.8) -> list[Any]:
+    """Colours of things in an order."""
+    return list(mpl.colormaps[SEQUENCE_COLOURS](np.linspace(0, end, count)))
+
+
+def ink_on(colour: tuple[float, ...]) -> str:
+    """Text colour that is legible on a colour: black or white."""
+    luminance = 0.299 * colour[0] + 0.587 * colour[1] + 0.114 * colour[2]
+    return "white" if luminance < 0.45 else "black"
 
 
 @contextmanager
@@ -47,6 +77,7 @@ def print_style() -> Iterator[None]:
             "axes.titlesize": 8,
             "axes.labelsize": 8,
             "legend.fontsize": 7,
+            "legend.frameon": False,
             "xtick.labelsize": 7,
             "ytick.labelsize": 7,
             "axes.spines.top": False,
@@ -60,3 +91,41 @@ def print_style() -> Iterator[None]:
         }
     ):
         yield
+
+
+@dataclass(frozen=True)
+class ValueColours:
+    """Colours of values between ``low`` and ``high``."""
+
+    norm: mpl.colors.Normalize
+    colours: mpl.colors.Colormap
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, values: np.ndarray, signed: bool = False) -> "ValueColours":
+        """Colours that span the finite values; with ``signed`` zero is white in any case."""
+        finite = np.asarray(values, float)[np.isfinite(values)]
+        low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+        if signed or low < 0:
+            largest = max(abs(low), abs(high)) or 1.0
+            norm = mpl.colors.Normalize(-largest, largest)
+            return cls(norm, mpl.colormaps[STRAIN_COLOURS], low, high)
+        if low > 0 and high / float(np.median(finite)) > DECADES:
+            norm = mpl.colors.LogNorm(low, high)
+        else:
+            norm = mpl.colors.Normalize(low, high if high > low else low + 1.0)
+        return cls(norm, mpl.colormaps[SEQUENCE_COLOURS], low, high)
+
+    def __call__(self, value: float) -> Colour:
+        """The colour of a value."""
+        red, green, blue, opacity = self.colours(self.norm(value))
+        return red, green, blue, opacity
+
+    def bar(self, figure: Figure, axes: Axes | list[Axes], **look: Any) -> None:
+        """Add a colour bar beside axes that spans the values, and nothing beyond them."""
+        bar = figure.colorbar(mpl.cm.ScalarMappable(self.norm, self.colours), ax=axes, **look)
+        if self.low < self.high:
+            bar.ax.set_ylim(self.low, self.high)
+        else:
+            bar.set_ticks([self.low])

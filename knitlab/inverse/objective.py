@@ -10,10 +10,9 @@ from jaxtyping import Float
 from knitlab.cube.schema import VARIABLES
 from knitlab.cube.strain_window import REDUCTIONS, STRAIN, gradient
 from knitlab.cube.target import Target, check_window
-from knitlab.inverse.quantities import ALONG_STRAIN, OF_DESIGN
-from knitlab.inverse.trial import Slopes, Trial
-from knitlab.io.errors import BadInput, ErrorCollector, Fault
-from knitlab.io.suggestions import unknown
+from knitlab.inverse.targets import scale_of
+from knitlab.inverse.trial import ALONG_STRAIN, OF_DESIGN, ShapeFunctions, Slopes, Trial
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, unknown
 from knitlab.simulation.case import Case
 from knitlab.simulation.measurement import variables_of
 
@@ -28,24 +27,8 @@ Residuals = Float[np.ndarray, " row"]
 Jacobian = Float[np.ndarray, "row variable"]
 
 
-def scale_of(target: Target) -> float:
-    """Unit of the distance from a target: its tolerance.
-
-    Raises:
-        TypeError: if it has none.
-    """
-    if target.tolerance is None:
-        raise TypeError(f"target {target.text} has no tolerance")
-    return target.tolerance
-
-
 def distance_of(targets: Sequence[Target], off_by: Sequence[Any]) -> Any:
-    """Root mean square of distances from targets, each over its tolerance.
-
-    Args:
-        targets: the targets.
-        off_by: distance from each target in the unit of its variable; a number or an array.
-    """
+    """Root mean square of distances, each over the tolerance of its target; numbers or arrays."""
     scaled = [off / scale_of(target) for off, target in zip(off_by, targets, strict=True)]
     return np.sqrt(np.mean(np.square(scaled), axis=0))
 
@@ -58,10 +41,10 @@ def all_met(targets: Sequence[Target], off_by: Sequence[float]) -> bool:
 def violation_of(targets: Sequence[Target], off_by: Sequence[float]) -> float:
     """Largest excess of a distance over its allowance, in tolerances; 0 if all targets are met."""
     excesses = [
-        max(off - target.allowance, 0.0) / scale_of(target)
+        (off - target.allowance) / scale_of(target)
         for off, target in zip(off_by, targets, strict=True)
     ]
-    return max(excesses, default=0.0)
+    return max([0.0, *excesses])
 
 
 def aimed(target: Target) -> Target:
@@ -73,68 +56,49 @@ def aimed(target: Target) -> Target:
     return replace(target, low=target.low + inside, high=target.high - inside)
 
 
-@dataclass(frozen=True)
-class TargetValues:
-    """A variable of a trial over the window of a target.
-
-    Attributes:
-        at: strains of the window; empty for a single number.
-        values: values at these strains, or their reduction.
-        slopes: derivatives of the values by the variables of the search.
-    """
-
-    at: Float[np.ndarray, " point"]
-    values: Float[np.ndarray, " row"]
-    slopes: Jacobian
-
-
 @dataclass(frozen=True, eq=False)
 class Objective:
-    """Targets and constraints of a search.
+    """Targets and constraints of a search, which may name the user's functions of shapes.
 
-    Attributes:
-        targets: the targets.
-        subject_to: the constraints.
-        own: names of own measures.
-        acts_on: derivatives of the logarithm of each parameter by each variable.
+    ``acts_on`` are derivatives of the logarithm of each parameter by each variable.
     """
 
     targets: tuple[Target, ...]
     subject_to: tuple[Target, ...]
-    own: tuple[str, ...]
+    own: ShapeFunctions
     acts_on: Float[np.ndarray, "parameter variable"]
 
     @property
+    def wanted(self) -> tuple[Target, ...]:
+        """Targets, then constraints."""
+        return (*self.targets, *self.subject_to)
+
+    @property
     def names(self) -> tuple[str, ...]:
-        """Names of the variables of targets and constraints."""
-        return tuple(dict.fromkeys(target.name for target in (*self.targets, *self.subject_to)))
+        """Names of their variables."""
+        return tuple(dict.fromkeys(target.name for target in self.wanted))
 
     @property
     def has_gradient(self) -> bool:
         """Whether all these variables have derivatives."""
-        return set(self.names) <= {*ALONG_STRAIN, *OF_DESIGN, *self.own}
+        return set(self.names) <= {*ALONG_STRAIN, *OF_DESIGN, *dict(self.own)}
 
     def off_by(self, trial: Trial) -> list[float]:
         """Distance of a trial from each target and constraint, in the unit of its variable."""
-        found = []
-        for target in (*self.targets, *self.subject_to):
-            read = self._read(target, trial, None)
-            weights = _weights(read.at, len(read.values))
-            excess = target.excess(read.values, read.at)
-            found.append(float(np.sqrt(weights @ excess**2)))
-        return found
+        distances = []
+        for target in self.wanted:
+            at, values, _ = self._read(target, trial, None)
+            excess = target.excess(values, at)
+            distances.append(float(np.sqrt(_weights(at, len(values)) @ excess**2)))
+        return distances
 
     def distance(self, off_by: Sequence[float]) -> float:
-        """Distance from the targets, see :func:`distance_of`."""
+        """Distance from the targets alone, see :func:`distance_of`."""
         return float(distance_of(self.targets, off_by[: len(self.targets)]))
 
     def violation(self, off_by: Sequence[float]) -> float:
         """Violation of the constraints, see :func:`violation_of`."""
         return violation_of(self.subject_to, off_by[len(self.targets) :])
-
-    def met(self, off_by: Sequence[float]) -> bool:
-        """Whether all values are within tolerance of the targets, and within each range."""
-        return all_met((*self.targets, *self.subject_to), off_by)
 
     def residuals(self, trial: Trial) -> Residuals:
         """Residuals whose sum of squares is the squared distance from the aims of the search."""
@@ -153,16 +117,12 @@ class Objective:
         return self._constrained(trial, None)[0]
 
     def constraints_jacobian(self, trial: Trial) -> Jacobian:
-        """Derivatives of :meth:`constraints` by the variables.
-
-        Raises:
-            NoDerivative: if a state is not a stable equilibrium, such as at a snap.
-        """
+        """Derivatives of :meth:`constraints`, as :meth:`jacobian`."""
         return self._constrained(trial, self._slopes(trial))[1]
 
     def _slopes(self, trial: Trial) -> dict[str, Slopes]:
         needed = np.zeros(len(trial.strains), bool)
-        for target in (*self.targets, *self.subject_to):
+        for target in self.wanted:
             if target.window is not None:
                 _, weights = target.window.read(trial.strains, np.eye(len(trial.strains)))
                 needed |= (weights != 0).any(axis=1)
@@ -175,12 +135,11 @@ class Objective:
     ) -> tuple[Residuals, Jacobian]:
         rows, by = [], []
         for target in map(aimed, self.targets):
-            read = self._read(target, trial, slopes)
-            share = np.sqrt(_weights(read.at, len(read.values)) / len(self.targets))
-            departure = target.departure(read.values, read.at)
-            outside = (departure != 0) * share / scale_of(target)
-            rows.append(departure * share / scale_of(target))
-            by.append(outside[:, None] * read.slopes)
+            at, values, by_variables = self._read(target, trial, slopes)
+            weights = np.sqrt(_weights(at, len(values)) / len(self.targets)) / scale_of(target)
+            departure = target.departure(values, at)
+            rows.append(departure * weights)
+            by.append(((departure != 0) * weights)[:, None] * by_variables)
         return np.concatenate(rows), np.concatenate(by)
 
     def _constrained(
@@ -188,49 +147,45 @@ class Objective:
     ) -> tuple[Residuals, Jacobian]:
         rows, by = [np.zeros(0)], [np.zeros((0, self.acts_on.shape[1]))]
         for target in map(aimed, self.subject_to):
-            read, scale = self._read(target, trial, slopes), scale_of(target)
-            low, high = target.bounds(read.at)
-            for sign, bound in ((1.0, low), (-1.0, high)):
+            at, values, by_variables = self._read(target, trial, slopes)
+            for sign, bound in zip((1.0, -1.0), target.bounds(at), strict=True):
                 if np.isfinite(bound).all():
-                    rows.append((sign * (read.values - bound) + INSET * target.allowance) / scale)
-                    by.append(sign * read.slopes / scale)
+                    room = sign * (values - bound) + INSET * target.allowance
+                    rows.append(room / scale_of(target))
+                    by.append(sign * by_variables / scale_of(target))
         return np.concatenate(rows), np.concatenate(by)
 
-    def _read(self, target: Target, trial: Trial, slopes: dict[str, Slopes] | None) -> TargetValues:
-        values, by = trial.values(target.name), np.zeros((1, self.acts_on.shape[1]))
+    def _read(
+        self, target: Target, trial: Trial, slopes: dict[str, Slopes] | None
+    ) -> tuple[Float[np.ndarray, " point"], Residuals, Jacobian]:
+        """Strains of a target's window, values at these, and derivatives (0 without slopes).
+
+        A single number, such as a reduction, has no strains.
+        """
+        values = trial.values(target.name)
+        by = np.zeros((len(values), self.acts_on.shape[1]))
         if slopes is not None:
             by = slopes[target.name] @ self.acts_on
         if target.window is None:
-            return TargetValues(np.zeros(0), values, by)
+            return np.zeros(0), values, by
         at, curve = target.window.read(trial.strains, values[None])
-        if slopes is not None:
-            by = target.window.read(trial.strains, by.T)[1].T
-        else:
-            by = np.broadcast_to(by, (len(at), by.shape[1]))
+        by = target.window.read(trial.strains, by.T)[1].T
         if target.reduction is None:
-            return TargetValues(at, curve[0], by)
+            return at, curve[0], by
         reduced = REDUCTIONS[target.reduction](at, curve)
-        return TargetValues(
-            np.zeros(0), reduced, gradient(target.reduction, at, curve[0])[None] @ by
-        )
+        return np.zeros(0), reduced, gradient(target.reduction, at, curve[0])[None] @ by
 
 
 def _weights(at: Float[np.ndarray, " point"], rows: int) -> Float[np.ndarray, " row"]:
     """Weights of the trapezoidal rule over a window, which sum to one."""
     if len(at) < 2:
         return np.full(rows, 1.0 / rows)
-    parts = np.diff(at)
-    weights = (np.append(parts, 0.0) + np.append(0.0, parts)) / 2
-    return weights / (at[-1] - at[0])
+    steps = np.diff(at)
+    return (np.append(steps, 0.0) + np.append(0.0, steps)) / (2 * (at[-1] - at[0]))
 
 
-def check_targets(targets: Sequence[Target], measures: Sequence[str], case: Case) -> None:
-    """Check that a test has the variables of targets, and that these have windows if needed.
-
-    Args:
-        targets: targets and constraints.
-        measures: names of own measures.
-        case: one of the cases.
+def check_targets(targets: Sequence[Target], own: ShapeFunctions, case: Case) -> None:
+    """Check that the test of a case has the variables of targets, and windows where needed.
 
     Raises:
         BadInput: with every fault.
@@ -241,16 +196,16 @@ def check_targets(targets: Sequence[Target], measures: Sequence[str], case: Case
         name: STRAIN in variable.dims
         for name, variable in VARIABLES.items()
         if set(variable.dims) <= {STRAIN} and (name in stored or variable.of in OF_PLANS)
-    } | dict.fromkeys(measures, True)
+    } | dict.fromkeys(dict(own), True)
     for target in targets:
-        place = f"target {target.text}"
+        where = f"target {target.text}"
         if target.name not in known:
-            faults.all.append(Fault(place, unknown(target.name, sorted(known), "variable")))
+            faults.all.append(Fault(where, unknown(target.name, sorted(known), "variable")))
         elif target.name.startswith("poisson_ratio") and case.all_corners_held:
             problem = "a sample of one unit cell between clamps has none; add unit_cells"
-            faults.all.append(Fault(place, problem))
+            faults.all.append(Fault(where, problem))
         else:
             with faults:
-                check_window(target, known[target.name], place)
+                check_window(target, known[target.name], where)
     if faults.all:
         raise BadInput(faults.all)

@@ -3,48 +3,56 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
-from pydantic import Field, NonNegativeInt, PositiveInt, ValidationError
+from pydantic import BeforeValidator, Field, NonNegativeInt, PositiveInt, ValidationError
 
 from knitlab.cube.target import Target, read_target
-from knitlab.inverse.contradiction import contradictions
-from knitlab.io.errors import BadInput, ErrorCollector, Fault, faults_of
-from knitlab.io.strict_model import StrictModel
-from knitlab.io.suggestions import unknown
-from knitlab.io.toml import read_toml
+from knitlab.inverse.targets import contradictions, with_tolerance
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, faults_of, unknown
+from knitlab.io.toml import StrictModel, read_toml
 from knitlab.measure.knit_size import Gauge
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
 from knitlab.sweep.declared_fields import declared
 from knitlab.sweep.patterns import is_pattern_name
 from knitlab.sweep.settings import PATTERN, SETTINGS
 
-COUNTS = ("n_stripe", "n_subunit")
-"""What may vary in whole numbers, as a list."""
-CHOICES = (*COUNTS, PATTERN)
+CHOICES = ("n_stripe", "n_subunit", PATTERN)
 """What may vary as a list: designs are made of all combinations."""
 PARAMETERS = (*STRIPE_PARAMETERS, *declared(Gauge))
 """Parameters of stripes and gauge that variables change."""
 VARIABLES = (
-    *STRIPE_PARAMETERS,
-    *(f"{name}_factor" for name in STRIPE_PARAMETERS),
-    *(f"{name}_factor" for name in STRIPE_QUANTITIES),
-    *declared(Gauge),
+    *PARAMETERS,
+    *(f"{name}_factor" for name in (*STRIPE_PARAMETERS, *STRIPE_QUANTITIES)),
 )
 """Continuous variables, given with bounds."""
-RELATIVE_TOLERANCE = 0.05
-"""Default tolerance of a target, over its value."""
-TOLERANCE_OF_ZERO = 0.01
-"""Default tolerance of a target whose value is zero."""
-Given = Annotated[tuple[str | dict[str, Any], ...], Field(strict=False)]
+
+
+def _listed(given: Any) -> Any:
+    return (given,) if isinstance(given, str | Mapping | Target) else given
+
+
+Given = Annotated[
+    tuple[str | dict[str, Any] | Target, ...], BeforeValidator(_listed), Field(strict=False)
+]
 
 
 class DesignFile(StrictModel):
-    """The file of a design: targets, variables, settings."""
+    """Targets for a knit, and what may be varied to meet them, as a file gives it.
+
+    Attributes:
+        title: what it is for.
+        workflow: name or path of the workflow that everything else is taken from.
+        targets: what is wanted.
+        subject_to: what must be met.
+        cubes: cubes of designs to start from; without any, a coarse sweep is run.
+        starts: designs that are refined, the nearest first.
+        robustness: siblings that each candidate is tested with.
+        vary: lists of :data:`CHOICES`, and lowest and highest values of :data:`VARIABLES`, by name.
+        settings: settings that replace the workflow's.
+    """
 
     title: str = ""
     workflow: str = "periodic"
@@ -57,59 +65,36 @@ class DesignFile(StrictModel):
     settings: dict[str, Any] = Field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class DesignRequest:
-    """Targets for a knit, and what may be varied to meet them.
-
-    Attributes:
-        name: of the request, and of its folder of results.
-        targets: what is wanted.
-        subject_to: what must be met.
-        choices: numbers of stitches that n_stripe and n_subunit may take, and names of patterns,
-            where they may vary.
-        bounds: lowest and highest values of numbers of stripes and gauge, by name.
-        workflow: name or path of the workflow that everything else is taken from.
-        settings: that replace the workflow's.
-        cubes: of designs to start from; without any, a coarse sweep is run.
-        starts: designs that are refined, the nearest first.
-        robustness: siblings that each candidate is tested with.
-    """
+class DesignRequest(DesignFile):
+    """The same with a name, with targets and variables that were checked."""
 
     name: str
     targets: tuple[Target, ...]
-    subject_to: tuple[Target, ...]
-    choices: Mapping[str, tuple[int, ...] | tuple[str, ...]]
-    bounds: Mapping[str, tuple[float, float]]
-    workflow: str
-    settings: Mapping[str, Any]
-    cubes: tuple[str, ...]
-    starts: int
-    robustness: int
+    subject_to: tuple[Target, ...] = ()
 
     def __repr__(self) -> str:
-        varied = len(self.choices) + len(self.bounds)
-        return f"<DesignRequest {self.name}: {len(self.targets)} targets, {varied} varied>"
+        counts = f"{len(self.targets)} targets, {len(self.vary)} varied"
+        return f"<DesignRequest {self.name}: {counts}>"
 
     @property
-    def fingerprint(self) -> str:
+    def wanted(self) -> tuple[Target, ...]:
+        """Targets, then constraints."""
+        return (*self.targets, *self.subject_to)
+
+    @property
+    def choices(self) -> dict[str, tuple[int | str, ...]]:
+        """Numbers of stitches and names of patterns that may be chosen, where they may vary."""
+        return {name: self.vary[name] for name in CHOICES if name in self.vary}
+
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest value of each continuous variable."""
+        return {name: ends for name, ends in self.vary.items() if name not in CHOICES}
+
+    @property
+    def text(self) -> str:
         """The request as text, which identifies it in its results folder."""
-        wanted = {
-            kind: [[target.text, target.tolerance, target.curve] for target in getattr(self, kind)]
-            for kind in ("targets", "subject_to")
-        }
-        return json.dumps(
-            {
-                **wanted,
-                "vary": dict(self.choices) | dict(self.bounds),
-                "workflow": self.workflow,
-                "settings": dict(self.settings),
-                "cubes": self.cubes,
-                "starts": self.starts,
-                "robustness": self.robustness,
-            },
-            indent=1,
-            default=str,
-        )
+        return json.dumps(self.model_dump(exclude={"name", "title"}), indent=1, default=str)
 
 
 def read_request(path: Path) -> DesignRequest:
@@ -119,9 +104,6 @@ def read_request(path: Path) -> DesignRequest:
         BadInput: with every fault of it.
     """
     table = read_toml(path)
-    for key in ("targets", "subject_to"):
-        if isinstance(table.get(key), str):
-            table[key] = [table[key]]
     if isinstance(table.get("cubes"), list):
         table["cubes"] = [str((path.parent / str(cube)).resolve()) for cube in table["cubes"]]
     if (beside := path.parent / str(table.get("workflow"))).is_file():
@@ -132,97 +114,61 @@ def read_request(path: Path) -> DesignRequest:
 def checked_request(
     name: str, table: Mapping[str, Any], source: str = "", folder: Path = Path()
 ) -> DesignRequest:
-    """The request that a table describes.
+    """The request that the keys of a :class:`DesignFile` describe.
 
-    Args:
-        name: name of the request.
-        table: keys of :class:`DesignFile`.
-        source: prefix of the messages of faults.
-        folder: folder that paths of curves are relative to.
+    Faults are named with a prefix, ``source``; paths of curves are relative to a folder.
 
     Raises:
         BadInput: with every fault of it.
     """
-    listed = {
-        key: table.get(key, ())
-        for key in ("targets", "subject_to")
-        if isinstance(table.get(key, ()), list | tuple)
-    }
-    plain = {
-        key: [each.text if isinstance(each, Target) else each for each in given]
-        for key, given in listed.items()
-    }
     try:
-        read = DesignFile.model_validate({**table, **plain})
+        file = DesignFile.model_validate(table)
     except ValidationError as error:
         known = dict.fromkeys(DesignFile.model_fields, "")
         raise BadInput(faults_of(error, source.rstrip(": "), known)) from error
     faults = ErrorCollector()
-    found: dict[str, list[Target]] = {"targets": [], "subject_to": []}
-    for key, given in listed.items():
-        for one in given:
+    read: dict[str, list[Target]] = {"targets": [], "subject_to": []}
+    for key, targets in read.items():
+        for given in getattr(file, key):
             with faults:
-                found[key].append(with_tolerance(read_target(one, f"{source}{key}", folder)))
-    choices, bounds, wrong = _varied(read.vary, source)
-    faults.all += wrong
-    for one, other in contradictions([*found["targets"], *found["subject_to"]]):
+                targets.append(with_tolerance(read_target(given, f"{source}{key}", folder)))
+    vary = {}
+    for variable, value in file.vary.items():
+        with faults:
+            vary[variable] = _choices_or_bounds(variable, value, f"{source}vary.{variable}")
+    for one, other in contradictions([*read["targets"], *read["subject_to"]]):
         problem = f"no value meets both {one.text!r} and {other.text!r}; remove one"
         faults.all.append(Fault(f"{source}targets", problem))
-    faults.all += _settled_twice(read, source)
+    for setting in file.settings:
+        if problem := _problem_of_setting(setting, file):
+            faults.all.append(Fault(f"{source}settings.{setting}", problem))
     if faults.all:
         raise BadInput(faults.all)
-    return DesignRequest(
-        name=name,
-        targets=tuple(found["targets"]),
-        subject_to=tuple(found["subject_to"]),
-        choices=choices,
-        bounds=bounds,
-        workflow=read.workflow,
-        settings=read.settings,
-        cubes=read.cubes,
-        starts=read.starts,
-        robustness=read.robustness,
-    )
+    checked = {key: tuple(targets) for key, targets in read.items()}
+    return DesignRequest(**{**dict(file), **checked, "vary": vary, "name": name})
 
 
-def with_tolerance(target: Target) -> Target:
-    """A target with its tolerance, by default 5 % of its value, or 0.01 if that is zero."""
-    if target.tolerance is not None:
-        return target
-    wanted = max(abs(bound) for bound in (target.low, target.high) if np.isfinite(bound))
-    return replace(target, tolerance=RELATIVE_TOLERANCE * wanted or TOLERANCE_OF_ZERO)
+def _choices_or_bounds(name: str, value: Any, where: str) -> tuple[Any, ...]:
+    """What a variable may be.
 
-
-def _varied(
-    vary: Mapping[str, Any], source: str
-) -> tuple[
-    dict[str, tuple[int, ...] | tuple[str, ...]], dict[str, tuple[float, float]], list[Fault]
-]:
-    """What may vary: lists of choices, and bounds; and what is wrong with them."""
-    choices: dict[str, tuple[int, ...] | tuple[str, ...]] = {}
-    bounds: dict[str, tuple[float, float]] = {}
-    faults = []
-    for name, value in vary.items():
-        place = f"{source}vary.{name}"
-        listed = list(value) if isinstance(value, list | tuple) else [value]
-        if name == PATTERN:
-            if listed and all(isinstance(one, str) and is_pattern_name(one) for one in listed):
-                choices[name] = tuple(dict.fromkeys(listed))
-            else:
-                faults.append(Fault(place, f"is {value!r}; list names of patterns"))
-        elif name in COUNTS:
-            if listed and all(type(one) is int and one > 0 for one in listed):
-                choices[name] = tuple(sorted(set(listed)))
-            else:
-                faults.append(Fault(place, f"is {value!r}; list whole numbers of stitches"))
-        elif name not in VARIABLES:
-            faults.append(Fault(place, unknown(name, (*CHOICES, *VARIABLES), "variable")))
-        elif not _are_bounds(value):
+    Raises:
+        BadInput: if there is no such variable, or it cannot be that.
+    """
+    if name not in CHOICES:
+        if name not in VARIABLES:
+            raise fault(where, unknown(name, (*CHOICES, *VARIABLES), "variable"))
+        if not _are_bounds(value):
             example = "give its lowest and highest value above 0, such as [0.8, 1.25]"
-            faults.append(Fault(place, f"is {value!r}; {example}"))
-        else:
-            bounds[name] = (float(value[0]), float(value[1]))
-    return choices, bounds, faults
+            raise fault(where, f"is {value!r}; {example}")
+        return tuple(map(float, value))
+    listed = list(value) if isinstance(value, list | tuple) else [value]
+    if name == PATTERN:
+        if not (listed and all(isinstance(one, str) and is_pattern_name(one) for one in listed)):
+            raise fault(where, f"is {value!r}; list names of patterns")
+        return tuple(dict.fromkeys(listed))
+    if not (listed and all(type(one) is int and one > 0 for one in listed)):
+        raise fault(where, f"is {value!r}; list whole numbers of stitches")
+    return tuple(sorted(set(listed)))
 
 
 def _are_bounds(value: Any) -> bool:
@@ -232,17 +178,14 @@ def _are_bounds(value: Any) -> bool:
     return bool(0 < value[0] < value[1] < math.inf)
 
 
-def _settled_twice(read: DesignFile, source: str) -> list[Fault]:
-    """Faults of settings that are unknown, that also vary, or that the design itself sets."""
-    faults = []
-    for name in read.settings:
-        place = f"{source}settings.{name}"
-        if name not in SETTINGS:
-            faults.append(Fault(place, unknown(name, SETTINGS, "setting")))
-        elif name in read.vary:
-            faults.append(Fault(place, "may also vary; remove one of the two"))
-        elif name == "robustness":
-            faults.append(Fault(place, "is not a setting of a search; give it next to targets"))
-        elif isinstance(read.settings[name], list) and not SETTINGS[name].takes_list:
-            faults.append(Fault(place, "is a list; give one value, or let it vary"))
-    return faults
+def _problem_of_setting(name: str, file: DesignFile) -> str:
+    """Why a search cannot take a setting, if so: it does not exist, varies, or is not its own."""
+    if name not in SETTINGS:
+        return unknown(name, SETTINGS, "setting")
+    if name in file.vary:
+        return "may also vary; remove one of the two"
+    if name == "robustness":
+        return "is not a setting of a search; give it next to targets"
+    if isinstance(file.settings[name], list) and not SETTINGS[name].takes_list:
+        return "is a list; give one value, or let it vary"
+    return ""

@@ -1,21 +1,28 @@
 """A search: one design is refined from its start, with gradients or, where these fail, without."""
 
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import TypeAdapter
 from scipy.optimize import least_squares, minimize
 
 from knitlab.equilibrium.linear_response import NoDerivative
-from knitlab.inverse.objective import Objective
-from knitlab.inverse.quantities import Measures
-from knitlab.inverse.search_space import DesignLabels, Place, SearchSpace
+from knitlab.inverse.objective import Objective, all_met
+from knitlab.inverse.search_space import DesignLabels, Point, SearchSpace
 from knitlab.inverse.trial import Trial, run_trial
+from knitlab.io.atomic_write import atomic_write
+from knitlab.io.errors import BadInput, Fault
+from knitlab.simulation.case import Case
+from knitlab.simulation.tensile_tests import Progress
+from knitlab.sweep.workers import BatchError, Task, pool_of
 
+TRIALS, SEARCHES = "trials", "searches"
+"""Folders of the case files of trials, and of the results of searches, in that of a design."""
 TOLERANCE = 1e-3
 """Relative change of the squared distance, and of the variables, that ends a search."""
 SMALL_DISTANCE = 0.1
@@ -28,35 +35,31 @@ PENALTY = 10.0
 """Weight of a violated constraint relative to the distance, without gradients."""
 INSET = 1e-3
 """Least distance of a start from the bounds, over their distance."""
-PLACES = 12
-"""Decimal places of a point."""
+DECIMALS = 12
+"""Decimal places of the coordinates of a point."""
 MOST_FAILED = 3
 """Number of trials that may fail before gradients are given up."""
 UNIFORM = 12**-0.5
 """Standard deviation of a uniform distribution between the bounds, over their distance."""
 HARDLY = 0.5
 """Fraction of that above which a value counts as hardly determined."""
-
-Report = Callable[[float], None]
+ATTEMPTS = 3
+"""How often a search is started if its worker dies."""
 
 
 @dataclass(frozen=True)
 class TrialRecord:
-    """The record of a trial.
+    """The record of a trial: its point in the search space, its case, and how far off it is.
 
     Attributes:
-        place: its point in the search space.
         values: values of the variables, in their units.
-        case_id: identifier of its case.
-        converged: whether its whole test converged.
-        snapped: whether the fabric snapped.
         off_by: distance from each target and constraint, in the unit of the variable.
-        distance: distance from the targets.
-        violation: violation of the constraints.
+        distance: root mean square of those from targets, over tolerances.
+        violation: largest excess of those from constraints, in tolerances.
         met: whether all targets and constraints are met.
     """
 
-    place: list[float]
+    point: list[float]
     values: dict[str, float]
     case_id: str
     converged: bool
@@ -76,7 +79,7 @@ class SearchResult:
     """The result of a search from one start.
 
     Attributes:
-        design: n_stripe and n_subunit.
+        design: the labels of its design.
         trials: all trials, in order.
         best: index of the best trial; ``None`` if none converged.
         ended: why the search ended.
@@ -104,32 +107,25 @@ class SearchResult:
         """The best trial, if any converged."""
         return None if self.best is None else self.trials[self.best]
 
-    def record(self) -> dict[str, Any]:
-        """The result as a JSON object."""
-        return asdict(self)
+
+RESULT = TypeAdapter(SearchResult)
+"""Writes results into JSON files, and reads them."""
 
 
 class SearchEnded(Exception):
     """Ends a search before its method does, with the reason."""
 
 
-class _GradientsFail(Exception):
-    """Gradients do not help a search."""
-
-
-@dataclass
+@dataclass(eq=False)
 class DesignSearch:
-    """Trials of one design.
+    """The search from one design, and its trials so far.
 
     Attributes:
-        space: the search space.
-        objective: the objective.
-        design: n_stripe and n_subunit.
-        folder: folder of the case files of trials.
+        folder: results folder of the request, with those of trials and searches.
         budget: largest number of trials.
         deadline: time after which no further trial starts, by :func:`time.time` [s].
-        report: called after each trial with its distance.
-        measures: own measures of shapes.
+        report: called after each trial with its distance, if given.
+        rough: whether a trial snapped or failed, so that gradients may mislead.
     """
 
     space: SearchSpace
@@ -138,11 +134,15 @@ class DesignSearch:
     folder: Path
     budget: int
     deadline: float = np.inf
-    report: Report = lambda distance: None
-    measures: Measures = ()
+    report: Callable[[float], None] | None = None
     records: list[TrialRecord] = field(default_factory=list)
     rough: bool = False
     _last: tuple[bytes, Trial, TrialRecord] | None = None
+
+    @property
+    def start(self) -> Case:
+        """The case at the start."""
+        return self.space.case(self.design, self.space.start(self.design))[0]
 
     def run(self) -> SearchResult:
         """Search from the tabulated values.
@@ -159,58 +159,62 @@ class DesignSearch:
                 if self.objective.has_gradient:
                     methods.append("SLSQP" if self.objective.subject_to else "least squares")
                     self._by_gradients(start)
-                if not self.objective.has_gradient or (self.rough and not self._met()):
+                met = any(record.met for record in self.records)
+                if not self.objective.has_gradient or (self.rough and not met):
                     methods.append("CMA-ES")
                     self._without_gradients()
         except SearchEnded as reason:
             ended = str(reason)
-        found = SearchResult(self.design, self.records, self._best(), ended, methods)
-        return found if found.best is None else self._with_conditions(found, found.best)
+        result = SearchResult(self.design, self.records, self._best(), ended, methods)
+        return self._with_conditions(result)
 
-    def trial(self, place: Place) -> tuple[Trial, TrialRecord]:
+    def trial(self, point: Point) -> tuple[Trial, TrialRecord]:
         """The trial at a point.
 
         Raises:
             SearchEnded: if the targets are met closely, or the budget is spent.
         """
         # Rounded, as methods that shift a point back and forth change its last digits.
-        place = np.round(np.clip(place, 0, 1), PLACES)
-        key = place.tobytes()
+        point = np.round(np.clip(point, 0, 1), DECIMALS)
+        key = point.tobytes()
         if self._last is not None and self._last[0] == key:
             return self._last[1:]
-        values = self.space.values(place)
-        case, gauge = self.space.case(self.design, place)
         if len(self.records) >= self.budget:
             raise SearchEnded("the budget is spent")
         if self.records and time.time() > self.deadline:
             raise SearchEnded("the time is up")
-        found = run_trial(self.folder, case, gauge, self.measures)
-        record = self._record(found, place, values)
+        trial = self._simulated(point)
+        record = self._record(trial, point)
         self.records.append(record)
         self.rough |= not record.converged or record.snapped
-        self._last = key, found, record
-        self.report(np.inf if record.distance is None else record.distance)
+        self._last = key, trial, record
+        if self.report is not None:
+            self.report(np.inf if record.distance is None else record.distance)
         if record.met and (record.distance or 0.0) <= SMALL_DISTANCE:
             raise SearchEnded("the targets are met")
-        return found, record
+        return trial, record
 
-    def _record(self, trial: Trial, place: Place, values: dict[str, float]) -> TrialRecord:
-        known = trial.converged
-        off_by = self.objective.off_by(trial) if known else []
-        known = known and bool(np.isfinite(off_by).all())
+    def _simulated(self, point: Point) -> Trial:
+        case, gauge = self.space.case(self.design, point)
+        return run_trial(self.folder / TRIALS, case, gauge, self.objective.own)
+
+    def _record(self, trial: Trial, point: Point) -> TrialRecord:
+        objective = self.objective
+        off_by = objective.off_by(trial) if trial.converged else []
+        known = trial.converged and bool(np.isfinite(off_by).all())
         return TrialRecord(
-            place=place.tolist(),
-            values=values,
+            point=point.tolist(),
+            values=self.space.values(point),
             case_id=trial.case.case_id,
             converged=trial.converged,
             snapped=trial.snapped,
-            off_by=[float(one) if np.isfinite(one) else None for one in off_by],
-            distance=self.objective.distance(off_by) if known else None,
-            violation=self.objective.violation(off_by) if known else None,
-            met=known and self.objective.met(off_by),
+            off_by=[one if np.isfinite(one) else None for one in off_by],
+            distance=objective.distance(off_by) if known else None,
+            violation=objective.violation(off_by) if known else None,
+            met=known and all_met(objective.wanted, off_by),
         )
 
-    def _by_gradients(self, start: Place) -> None:
+    def _by_gradients(self, start: Point) -> None:
         """Search with adjoint gradients until the method ends or a derivative is missing."""
         if self.records[-1].distance is None:
             self.rough = True
@@ -230,31 +234,34 @@ class DesignSearch:
                     gtol=None,
                     max_nfev=self.budget + 1,
                 )
-        except (NoDerivative, _GradientsFail):
+        except NoDerivative:
             self.rough = True
 
-    def _residuals(self, place: Place) -> Float[np.ndarray, " row"]:
-        found, record = self.trial(place)
-        residuals = self.objective.residuals(found)
+    def _residuals(self, point: Point) -> Float[np.ndarray, " row"]:
+        trial, record = self.trial(point)
+        residuals = self.objective.residuals(trial)
         # A step that cannot be simulated is rejected, and a shorter one is tried.
         return residuals if record.distance is not None else np.full_like(residuals, np.inf)
 
-    def _constrained(self, start: Place) -> None:
+    def _constrained(self, start: Point) -> None:
         objective = self.objective
 
-        def squared(place: Place) -> tuple[float, Place]:
-            found, record = self.trial(place)
+        def squared(point: Point) -> tuple[float, Point]:
+            trial, record = self.trial(point)
             if record.distance is None:
                 if sum(earlier.distance is None for earlier in self.records) >= MOST_FAILED:
-                    raise _GradientsFail
-                return FAILED_DISTANCE**2, np.zeros_like(place)
-            residuals = objective.residuals(found)
-            return float(residuals @ residuals), 2 * residuals @ objective.jacobian(found)
+                    raise NoDerivative("several trials do not converge")
+                return FAILED_DISTANCE**2, np.zeros_like(point)
+            residuals = objective.residuals(trial)
+            return float(residuals @ residuals), 2 * residuals @ objective.jacobian(trial)
 
-        def within(place: Place) -> Float[np.ndarray, " row"]:
-            found, record = self.trial(place)
-            rows = objective.constraints(found)
+        def within(point: Point) -> Float[np.ndarray, " row"]:
+            trial, record = self.trial(point)
+            rows = objective.constraints(trial)
             return rows if record.distance is not None else np.full_like(rows, -FAILED_DISTANCE)
+
+        def within_slopes(point: Point) -> Float[np.ndarray, "row variable"]:
+            return objective.constraints_jacobian(self.trial(point)[0])
 
         minimize(
             squared,
@@ -262,13 +269,7 @@ class DesignSearch:
             jac=True,
             method="SLSQP",
             bounds=[(0.0, 1.0)] * len(start),
-            constraints=[
-                {
-                    "type": "ineq",
-                    "fun": within,
-                    "jac": lambda place: objective.constraints_jacobian(self.trial(place)[0]),
-                }
-            ],
+            constraints={"type": "ineq", "fun": within, "jac": within_slopes},
             options={"ftol": TOLERANCE, "maxiter": self.budget},
         )
 
@@ -283,62 +284,108 @@ class DesignSearch:
         except ImportError:
             remedy = "pip install 'knitlab[design]' to continue without them"
             raise SearchEnded(f"gradients make no further progress; {remedy}") from None
-        variables = len(self.space.names)
-        best = self._best()
-        at = np.array(self.records[best].place) if best is not None else None
+        variables, best = len(self.space.names), self._best()
         strategy = CMA(
-            mean=np.full(variables, 0.5) if at is None else at,
+            mean=np.full(variables, 0.5) if best is None else np.array(self.records[best].point),
             sigma=SPREAD_OF_FIRST,
             bounds=np.tile([0.0, 1.0], (variables, 1)),
             seed=0,
         )
         while not strategy.should_stop():
             population = [strategy.ask() for _ in range(strategy.population_size)]
-            strategy.tell([(place, self._cost(place)) for place in population])
+            strategy.tell([(point, self._cost(point)) for point in population])
 
-    def _cost(self, place: Place) -> float:
-        _, record = self.trial(place)
+    def _cost(self, point: Point) -> float:
+        _, record = self.trial(point)
         if record.distance is None:
             return FAILED_DISTANCE
         return record.distance + PENALTY * (record.violation or 0.0)
 
-    def _met(self) -> bool:
-        return any(record.met for record in self.records)
-
     def _best(self) -> int | None:
         """Index of the best trial: the nearest of those that meet the constraints, if any does."""
         known = [
-            (not record.met, record.violation or 0.0, record.distance, place)
-            for place, record in enumerate(self.records)
+            (not record.met, record.violation or 0.0, record.distance, index)
+            for index, record in enumerate(self.records)
             if record.distance is not None
         ]
         return min(known)[-1] if known else None
 
-    def _with_conditions(self, found: SearchResult, best: int) -> SearchResult:
+    def _with_conditions(self, result: SearchResult) -> SearchResult:
         """Add the active bounds of the best trial, and how well its values are determined."""
+        if result.winner is None:
+            return result
         names, spans = self.space.names, self.space.upper - self.space.lower
-        place = np.array(self.records[best].place)
-        case, gauge = self.space.case(self.design, place)
-        trial = run_trial(self.folder, case, gauge, self.measures)
-        anywhere = self.space.bounds_at(place, np.zeros_like(place))
+        point = np.array(result.winner.point)
+        trial = self._simulated(point)
+        anywhere = self.space.bounds_at(point, np.zeros_like(point))
         if not (self.objective.has_gradient and names):
-            return replace(found, held_by=anywhere)
+            return replace(result, held_by=anywhere)
         try:
             residuals, jacobian = self.objective.residuals(trial), self.objective.jacobian(trial)
         except NoDerivative:
-            return replace(found, held_by=anywhere)
+            return replace(result, held_by=anywhere)
         downhill = -(residuals @ jacobian)
-        if self.records[best].violation:
+        if result.winner.violation:
             broken = np.minimum(self.objective.constraints(trial), 0)
             downhill -= PENALTY * broken @ self.objective.constraints_jacobian(trial)
         # The prior of every value is uniform between its bounds.
         information = jacobian.T @ jacobian + np.eye(len(names)) / UNIFORM**2
         deviations = np.sqrt(np.diag(np.linalg.inv(information)))
         return replace(
-            found,
-            held_by=self.space.bounds_at(place, downhill) if downhill.any() else [],
+            result,
+            held_by=self.space.bounds_at(point, downhill) if downhill.any() else [],
             determined_to=dict(zip(names, np.expm1(deviations * spans).tolist(), strict=True)),
             undetermined=[
                 name for name, sd in zip(names, deviations, strict=True) if sd > HARDLY * UNIFORM
             ],
         )
+
+
+def run_searches(
+    searches: Sequence[DesignSearch],
+    folder: Path,
+    workers: int,
+    progress: Callable[[DesignLabels, float], None],
+) -> list[SearchResult]:
+    """Run searches, each in one worker, with its result in a JSON file.
+
+    A search that was killed repeats its trials from their files and continues; one whose worker
+    died is tried again. After each trial ``progress`` is called with its design and distance.
+
+    Raises:
+        BadInput: with the reason of every search that failed.
+    """
+    starts = {start.case_id: start for start in (search.start for search in searches)}
+    by_start = dict(zip(starts, searches, strict=True))
+
+    def reported(case_id: str, distance: float) -> None:
+        progress(by_start[case_id].design, distance)
+
+    task = Task(partial(_run_search, by_start), folder)
+    errors: dict[str, BatchError] = {}
+    pending = list(starts)
+    with pool_of(task, min(workers, len(searches)), None, False, reported) as pool:
+        for attempt in range(1, ATTEMPTS + 1):
+            ended = pool([(starts[case_id],) for case_id in pending])
+            failed = {batch[0].case_id: error for batch, error in ended if error is not None}
+            pending = [key for key, error in failed.items() if error.lost and attempt < ATTEMPTS]
+            errors |= {key: error for key, error in failed.items() if key not in pending}
+    if errors:
+        raise BadInput(
+            Fault(f"search from {starts[case_id].label}", error.reason)
+            for case_id, error in errors.items()
+        )
+    files = [folder / SEARCHES / f"{case_id}.json" for case_id in by_start]
+    return [RESULT.validate_json(file.read_bytes()) for file in files]
+
+
+def _run_search(
+    searches: dict[str, DesignSearch], folder: Path, batch: Sequence[Case], progress: Progress
+) -> None:
+    """Run the search that starts with the only case of a batch, and write its result."""
+    (start,) = batch
+    search = searches[start.case_id]
+    search.report = lambda distance: progress(start.case_id, distance)
+    result = RESULT.dump_json(search.run(), indent=1)
+    with atomic_write(folder / SEARCHES / f"{start.case_id}.json") as temporary:
+        temporary.write_bytes(result)

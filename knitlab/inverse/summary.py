@@ -2,30 +2,24 @@
 
 from collections.abc import Iterator, Sequence
 
-from knitlab.inverse.conflict import Conflict
 from knitlab.inverse.design import Designed
 from knitlab.inverse.search import SearchResult
 from knitlab.inverse.search_space import DesignLabels
 
 
-def summary(designed: Designed, conflict: Conflict | None) -> list[str]:
-    """Lines about each candidate, the best first, and about targets that could not be met.
-
-    Args:
-        designed: the design.
-        conflict: two conflicting targets, if there are any.
-    """
-    lines: list[str] = []
+def summary(designed: Designed) -> Iterator[str]:
+    """Lines about each candidate, the best first, and about targets that could not be met."""
     dims = [str(dim) for dim in designed.cube["status"].dims if dim != "candidate"]
-    for _, row in designed.table.iterrows():
-        search = designed.searches[int(row["candidate"]) - 1]
-        lines += _of_candidate(int(row["candidate"]), search, dims)
+    searches = [(n, designed.searches[n - 1]) for n in map(int, designed.table["candidate"])]
+    for number, search in searches:
+        yield from _of_candidate(number, search, dims)
     if not designed.met:
-        lines += _unmet(designed, conflict)
+        found = [search for _, search in searches]
+        nearest = [*found, *(each for each in designed.searches if each.winner is not None)][0]
+        yield from _unmet(designed, nearest)
     if designed.unknown:
         labels = "; ".join(_labels(dims, design) for design in designed.unknown)
-        lines.append(f"not considered, as no cube has results of them: {labels}")
-    return lines
+        yield f"not considered, as no cube has results of them: {labels}"
 
 
 def _labels(dims: Sequence[str], design: DesignLabels) -> str:
@@ -33,10 +27,8 @@ def _labels(dims: Sequence[str], design: DesignLabels) -> str:
 
 
 def _of_candidate(number: int, search: SearchResult, dims: Sequence[str]) -> Iterator[str]:
-    trial = search.winner
-    if trial is None:
-        return
-    values = ", ".join(f"{name} {value:.4g}" for name, value in trial.values.items())
+    best = search.winner.values if search.winner else {}
+    values = ", ".join(f"{name} {value:.4g}" for name, value in best.items())
     yield f"candidate {number}: {_labels(dims, search.design)}  {values}".rstrip()
     how = " then ".join(search.methods) or "as it is"
     yield f"  {len(search.trials)} simulations by {how}; {search.ended}"
@@ -49,20 +41,15 @@ def _of_candidate(number: int, search: SearchResult, dims: Sequence[str]) -> Ite
         yield f"  hardly determined by the targets: {names}"
 
 
-def _unmet(designed: Designed, conflict: Conflict | None) -> Iterator[str]:
-    found = [designed.searches[int(number) - 1] for number in designed.table["candidate"]]
-    search = [*found, *(one for one in designed.searches if one.winner is not None)][0]
-    trial = search.winner
-    if trial is None:
-        return
-    wanted = (*designed.request.targets, *designed.request.subject_to)
-    for target, off_by in zip(wanted, trial.off_by, strict=True):
-        if off_by is not None and off_by > target.allowance:
-            yield f"not met: {target.text}: the nearest is off by {off_by:.4g}"
-    if search.held_by:
-        yield f"held back by {', '.join(search.held_by)}: widen it, or relax a target"
-    elif conflict is not None:
-        one, other = conflict.labels
+def _unmet(designed: Designed, nearest: SearchResult) -> Iterator[str]:
+    off_by = nearest.winner.off_by if nearest.winner else []
+    for target, off in zip(designed.request.wanted, off_by, strict=True):
+        if off is not None and off > target.allowance:
+            yield f"not met: {target.text}: the nearest is off by {off:.4g}"
+    if nearest.held_by:
+        yield f"held back by {', '.join(nearest.held_by)}: widen it, or relax a target"
+    elif (conflict := designed.conflict) is not None:
+        one, other = conflict.targets
         yield f"{one!r} and {other!r} conflict; no bound holds it back"
     else:
         yield "no bound holds it back: let more vary, add designs, or raise the budget"

@@ -1,14 +1,15 @@
 """Trials: simulated cases of a search, stored as case files, with derivatives of their results."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from knitlab.cube.case_file import (
     StoredCase,
@@ -20,37 +21,53 @@ from knitlab.cube.case_file import (
 )
 from knitlab.cube.schema import Status
 from knitlab.cube.strain_window import STRAIN, without_gap_at_zero
+from knitlab.equilibrium.adjoint import Adjoint, Measure
 from knitlab.fabric.configuration import Configuration
-from knitlab.inverse.quantities import OF_CLOTH, OF_DESIGN, Measures, of_relaxed, of_strained
+from knitlab.fabric.fabric import Fabric
+from knitlab.fabric.network import MeshShape
 from knitlab.inverse.request import PARAMETERS
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.measure.knit_size import Gauge
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
+from knitlab.measure.unit_cells import CellGrid
 from knitlab.simulation.case import Case
+from knitlab.simulation.sensitivity import (
+    STRIPE_PARAMETERS,
+    adjoint_of,
+    logarithmic,
+    measured_by,
+    quantities,
+)
 from knitlab.simulation.simulate import simulated
-from knitlab.simulation.stripe_sensitivity import adjoint_of
-from knitlab.sweep.cube import known_in_advance
-from knitlab.sweep.gauge import sizes_of
+from knitlab.sweep.cube import known_in_advance, sizes_of
 
-STRIPE_COUNT = len(STRIPE_PARAMETERS)
+ALONG_STRAIN = ("poisson_ratio", "reaction_force", "mean_strain_xx", "mean_strain_yy")
+"""Quantities along the applied strain that have derivatives."""
+OF_CLOTH = {
+    "knit_cell_x": ("relaxed_cell_x", "stitch_width"),
+    "knit_cell_y": ("relaxed_cell_y", "stitch_height"),
+    "knit_width": ("relaxed_cell_x", "stitch_width"),
+    "knit_length": ("relaxed_cell_y", "stitch_height"),
+}
+"""Sizes in cloth: the cell whose contraction they follow, and the size of a stitch."""
+OF_DESIGN = ("relaxed_cell_x", "relaxed_cell_y", *OF_CLOTH)
+"""Quantities of the relaxed fabric that have derivatives."""
+
+ShapeFunction = Callable[[Configuration], Float[Array, ""]]
+"""A user's function of a configuration that returns a number, in JAX."""
+ShapeFunctions = tuple[tuple[str, ShapeFunction], ...]
+"""Such functions by name, as a hashable tuple."""
 Slopes = Float[np.ndarray, "strain parameter"]
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A simulated case.
-
-    Attributes:
-        case: the case.
-        gauge: gauge of its sizes in cloth.
-        results: contents of its case file.
-        measures: own measures of its shapes.
-    """
+    """A simulated case: the contents of its case file, and the user's functions of its shapes."""
 
     case: Case
     gauge: Gauge
     results: xr.Dataset
-    measures: Measures = ()
+    own: ShapeFunctions = ()
+    _slopes: dict[bytes, dict[str, Slopes]] = field(default_factory=dict, repr=False)
 
     @property
     def converged(self) -> bool:
@@ -77,87 +94,120 @@ class Trial:
         Raises:
             KeyError: if the case does not have it.
         """
-        own = dict(self.measures)
-        if name in own:
-            shapes = self._shapes
-            values = [float(own[name](shapes[place])) for place in range(len(self.strains))]
-            return np.array(values)
+        if function := dict(self.own).get(name):
+            return np.array([float(function(self._shapes[k])) for k in range(len(self.strains))])
         if name in self.results:
-            found = np.atleast_1d(np.asarray(self.results[name], float))
+            values = np.atleast_1d(np.asarray(self.results[name], float))
         else:
             numbers = {str(key): array.values for key, array in self.results.data_vars.items()}
             further = known_in_advance(self.case) | sizes_of(self.case, numbers, self.gauge)
-            found = np.atleast_1d(float(further[name]))
-        if len(found) == len(self.strains):
-            found = without_gap_at_zero(self.strains, found[None])[0]
-        return found
+            values = np.atleast_1d(float(further[name]))
+        if len(values) == len(self.strains):
+            values = without_gap_at_zero(self.strains, values[None])[0]
+        return values
 
     def slopes(self, names: Sequence[str], needed: np.ndarray) -> dict[str, Slopes]:
         """Derivatives of variables by the logarithm of each parameter of stripes and gauge.
 
         Args:
-            names: names of :mod:`~knitlab.inverse.quantities`.
+            names: names of :data:`ALONG_STRAIN`, :data:`OF_DESIGN` or own functions; the same in
+                every call. Those of the design have one strain.
             needed: whether each strain is needed; derivatives at the others are 0.
-
-        Returns:
-            (strain, parameter) by name, one strain for a variable of the design.
 
         Raises:
             NoDerivative: if a state is not a stable equilibrium, such as at a snap.
         """
-        key = tuple(names), needed.tobytes()
-        if key not in self._known_slopes:
-            self._known_slopes[key] = self._derived(names, needed)
-        return self._known_slopes[key]
-
-    @cached_property
-    def _known_slopes(self) -> dict[tuple[tuple[str, ...], bytes], dict[str, Slopes]]:
-        """Cached derivatives, which a constrained search uses twice."""
-        return {}
+        key = needed.tobytes()
+        if key not in self._slopes:  # a constrained search needs them twice
+            self._slopes[key] = self._derived(names, needed)
+        return self._slopes[key]
 
     def _derived(self, names: Sequence[str], needed: np.ndarray) -> dict[str, Slopes]:
-        case, shape = self.case, self.case.mesh_shape
-        stripes = case.stripe_pair
+        case, stripes = self.case, len(STRIPE_PARAMETERS)
         shapes = jax.tree.map(np.asarray, self._shapes)
         adjoint = adjoint_of(case, shapes[0])
         along = tuple(name for name in names if name not in OF_DESIGN)
         of_design = tuple(name for name in names if name in OF_DESIGN)
-        found: dict[str, Slopes] = {
+        slopes: dict[str, Slopes] = {
             name: np.zeros((len(self.strains) if name in along else 1, len(PARAMETERS)))
             for name in names
         }
-        for place in np.flatnonzero(needed) if along else ():
-            measure = of_strained(shape, case.cell_grid, along, self.measures)
-            strain = float(self.strains[place])
-            by_number = (
-                adjoint.of_strained(strain, shapes[place], measure)
-                if place
-                else adjoint.of_relaxed(measure)
-            )
-            for name, row in zip(along, logarithmic(by_number, stripes), strict=True):
-                found[name][place, :STRIPE_COUNT] = row
-        if "poisson_ratio" in found and len(self.strains) > 1:
-            found["poisson_ratio"][0] = found["poisson_ratio"][1]
+        for k in np.flatnonzero(needed) if along else ():
+            measure = measure_of_strained(case.mesh_shape, case.cell_grid, along, self.own)
+            rows = state_slopes(case, adjoint, float(self.strains[k]), shapes[k], measure)
+            for name, row in zip(along, rows, strict=True):
+                slopes[name][k, :stripes] = row
+        if "poisson_ratio" in slopes and len(self.strains) > 1:
+            slopes["poisson_ratio"][0] = slopes["poisson_ratio"][1]
         if of_design:
-            measure = of_relaxed(shape, case.cell_grid, of_design)
-            rows = logarithmic(adjoint.of_relaxed(measure), stripes)
+            measure = _measure_of_relaxed(case.mesh_shape, case.cell_grid, of_design)
+            rows = state_slopes(case, adjoint, 0.0, shapes[0], measure)
             relaxed = np.asarray(measure(shapes[0], shapes[0], case.assemble()[1]))
             for name, row, reference in zip(of_design, rows, relaxed, strict=True):
                 value = self.values(name)[0]
-                found[name][0, :STRIPE_COUNT] = row * value / reference
+                slopes[name][0, :stripes] = row * value / reference
                 if name in OF_CLOTH:
-                    found[name][0, PARAMETERS.index(OF_CLOTH[name][1])] = value
-        return found
+                    slopes[name][0, PARAMETERS.index(OF_CLOTH[name][1])] = value
+        return slopes
 
 
-def run_trial(folder: Path, case: Case, gauge: Gauge, measures: Measures = ()) -> Trial:
-    """Simulate a case, or read its file if the same code has simulated it before.
+def state_slopes(
+    case: Case, adjoint: Adjoint, strain: float, shape: Configuration, measure: Measure
+) -> Float[np.ndarray, "quantity stripe_parameter"]:
+    """Logarithmic derivatives p ∂f/∂p of a measure of the state of a test at one strain.
 
-    Args:
-        folder: folder of the case files.
-        case: the case.
-        gauge: of its sizes in cloth.
-        measures: own measures of its shapes.
+    Raises:
+        NoDerivative: if the state is not a stable equilibrium.
+    """
+    derivatives = (
+        adjoint.of_strained(strain, shape, measure) if strain else adjoint.of_relaxed(measure)
+    )
+    return logarithmic(derivatives, case.stripe_pair)
+
+
+@lru_cache(maxsize=64)
+def measure_of_strained(
+    shape: MeshShape, cells: CellGrid, names: tuple[str, ...], own: ShapeFunctions
+) -> Measure:
+    """A measure of :data:`ALONG_STRAIN` and own functions, by name.
+
+    It is the same function for the same arguments, as JAX traces each once.
+    """
+    functions = dict(own)
+    known = tuple(name for name in names if name not in functions)
+    combined = measured_by(shape, cells, known) if known else None
+
+    def measured(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
+        values = combined(relaxed, strained, fabric) if combined else ()
+        numbers = dict(zip(known, values, strict=True))
+        numbers |= {name: functions[name](strained) for name in names if name in functions}
+        return jnp.stack([numbers[name] for name in names])
+
+    return measured
+
+
+@lru_cache(maxsize=64)
+def _measure_of_relaxed(shape: MeshShape, cells: CellGrid, names: tuple[str, ...]) -> Measure:
+    """A measure of quantities of :data:`OF_DESIGN`; of a size in cloth its relaxed over flat cell.
+
+    Each is up to a factor that does not depend on stripe parameters.
+    """
+    known = quantities(shape, cells)
+
+    def measured(relaxed: Configuration, strained: Configuration, fabric: Fabric) -> Array:
+        flat = {"relaxed_cell_x": fabric.cell_x.mean(), "relaxed_cell_y": fabric.cell_y.mean()}
+        values = []
+        for name in names:
+            cell = OF_CLOTH[name][0] if name in OF_CLOTH else name
+            size = known[cell](relaxed, strained, fabric)
+            values.append(size / flat[cell] if name in OF_CLOTH else size)
+        return jnp.stack(values)
+
+    return measured
+
+
+def run_trial(folder: Path, case: Case, gauge: Gauge, own: ShapeFunctions = ()) -> Trial:
+    """Simulate a case, or read its file in a folder if the same code has simulated it before.
 
     Raises:
         CannotWrite: if its file cannot be written.
@@ -165,4 +215,4 @@ def run_trial(folder: Path, case: Case, gauge: Gauge, measures: Measures = ()) -
     sound = check_case_file(folder, case.case_id) is StoredCase.sound
     if not sound or read_code(folder, case.case_id) != code_fingerprint():
         write_case_file(folder, case.case_id, simulated(case, lambda name, states: None))
-    return Trial(case, gauge, read_case(folder, case.case_id), measures)
+    return Trial(case, gauge, read_case(folder, case.case_id), own)

@@ -1,1 +1,1 @@
-"""Files: the schema of cubes and cases, atomic writes, locks, provenance. Imports without JAX."""
+"""Files of input and results: schemas, tables, atomic writes, locks, provenance. Imports no JAX."""

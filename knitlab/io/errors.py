@@ -1,13 +1,12 @@
 """Errors in the user's input, collected so that one message lists them all."""
 
+import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import TracebackType
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
-
-from knitlab.io.suggestions import unknown
 
 
 @dataclass(frozen=True)
@@ -21,6 +20,8 @@ class Fault:
         return f"{self.path}: {self.problem}"
 
 
+MOST_NAMES = 20
+"""Largest number of names that a message lists."""
 SINGLE_VALUES = ("bool_type", "float_type", "int_type", "literal_error", "string_type")
 """Pydantic's error types for values that should be a single one."""
 
@@ -72,11 +73,7 @@ def faults_of(
 ) -> list[Fault]:
     """The faults that pydantic found in input from ``source``.
 
-    Args:
-        error: the exception that pydantic raised.
-        source: where the input was read from.
-        known: valid keys and the table of each, if any, to suggest one for a misspelt or misplaced
-            key.
+    For a misspelt or misplaced key they suggest one of the known keys, given with its table.
     """
     return [
         Fault(
@@ -125,3 +122,16 @@ def _problem(entry: ErrorDetails) -> str:
 
 def _uncapitalised(text: str) -> str:
     return text[:1].lower() + text[1:]
+
+
+def unknown(name: str, known: Iterable[str], kind: str = "") -> str:
+    """Message that no name of a kind, such as "setting", is this, with similar or all names."""
+    names = sorted(known)
+    problem = f"there is no {kind} {name!r}" if kind else f"there is no {name!r}"
+    by_case = {each.casefold(): each for each in names}
+    nearest = difflib.get_close_matches(name.casefold(), by_case, n=2)
+    if nearest:
+        return f"{problem}; did you mean {' or '.join(repr(by_case[near]) for near in nearest)}?"
+    if len(names) > MOST_NAMES:
+        return f"{problem}; it is not one of the {len(names)} known ones; check its spelling"
+    return f"{problem}; choose from {', '.join(names)}"

@@ -1,8 +1,8 @@
 """Locks of a results folder: one run at a time, or several shards side by side. Needs no JAX.
 
 A run holds ``.lock`` until it ends. A shard holds a lock of its own, so that others can run beside
-it. The gate is a lock that is held only for moments: a run holds it while it starts and checks
-which others are running, and a shard also while it writes what all shards share.
+it. The gate is a lock that is held only for moments: while a run starts and checks which others are
+running, and while a shard writes what all shards share.
 """
 
 import getpass
@@ -27,41 +27,24 @@ GATE_SECONDS = 900.0
 
 
 @contextmanager
-def held(folder: Path) -> Iterator[None]:
-    """Lock a results folder for one run; the lock ends with the process, however it ends.
+def held(folder: Path, shard: tuple[int, int] | None = None) -> Iterator[None]:
+    """Lock a results folder for a run, or for one shard of a number of shards beside the others.
+
+    The lock ends with the process, however it ends.
 
     Raises:
-        BadInput: if another process runs in the folder; the message names it.
+        BadInput: if another run, the same shard or a shard of another split runs in the folder; the
+            message names its process.
         CannotWrite: if the folder cannot be written.
     """
     with gate(folder):
-        lock = _acquired(folder, LOCK_NAME)
-        if running := running_shards(folder):
-            with lock:  # which releases it
-                raise _in_use(folder, _shard_lock(*running[0]))
-    with lock:
-        yield
-
-
-@contextmanager
-def held_by_shard(folder: Path, number: int, count: int) -> Iterator[None]:
-    """Lock a results folder for one shard of a plan; other shards may hold it at the same time.
-
-    Args:
-        folder: the folder.
-        number: number of the shard, from 1 on.
-        count: number of shards.
-
-    Raises:
-        BadInput: if a whole run, the same shard or a shard of another split runs in the folder.
-        CannotWrite: if the folder cannot be written.
-    """
-    with gate(folder):
-        with _acquired(folder, LOCK_NAME):
-            pass  # no run holds it
-        if others := [shard for shard in running_shards(folder) if shard[1] != count]:
-            raise _in_use(folder, _shard_lock(*others[0]))
-        lock = _acquired(folder, _shard_lock(number, count))
+        if shard is not None:
+            with _acquired(folder, LOCK_NAME):
+                pass
+        for number, count in running_shards(folder):
+            if shard is None or count != shard[1]:
+                raise _in_use(folder, _shard_lock(number, count))
+        lock = _acquired(folder, LOCK_NAME if shard is None else _shard_lock(*shard))
     with lock:
         yield
 
@@ -106,21 +89,6 @@ def _acquired(folder: Path, name: str, seconds: float = 0.0) -> AcquireReturnPro
     except OSError as error:
         problem = f"cannot be written ({error.strerror}); choose another folder"
         raise CannotWrite([Fault(str(folder), problem)]) from error
-    _name_holder(folder, name)
-    return lock
-
-
-def _in_use(folder: Path, name: str) -> BadInput:
-    problem = f"is held by {_holder(folder, name)}; wait for it, or name another results folder"
-    return fault(str(folder), problem)
-
-
-def _holder_path(folder: Path, name: str) -> Path:
-    """The file that names who holds a lock; a locked file itself cannot be read on Windows."""
-    return folder / f"{name}.json"
-
-
-def _name_holder(folder: Path, name: str) -> None:
     shard = SHARD_LOCK.fullmatch(name)
     holder = {
         "process": os.getpid(),
@@ -129,14 +97,20 @@ def _name_holder(folder: Path, name: str) -> None:
         "since": datetime.now().isoformat(timespec="seconds"),
         "as": f" (shard {shard[1]} of {shard[2]})" if shard else "",
     }
-    # The lock works without the file that names its holder.
-    with suppress(OSError):
+    with suppress(OSError):  # the lock works without the file that names its holder
         _holder_path(folder, name).write_text(json.dumps(holder))
+    return lock
 
 
-def _holder(folder: Path, name: str) -> str:
+def _in_use(folder: Path, name: str) -> BadInput:
     try:
         holder = json.loads(_holder_path(folder, name).read_text())
-        return "process {process} of {user} on {host} since {since}{as}".format(**holder)
+        by = "process {process} of {user} on {host} since {since}{as}".format(**holder)
     except (OSError, ValueError, KeyError):
-        return "another process"
+        by = "another process"
+    return fault(str(folder), f"is held by {by}; wait for it, or name another results folder")
+
+
+def _holder_path(folder: Path, name: str) -> Path:
+    """The file that names who holds a lock; a locked file itself cannot be read on Windows."""
+    return folder / f"{name}.json"

@@ -1,5 +1,7 @@
-"""Tables of numbers: CSV files of a laboratory, and the units of their columns."""
+"""Tables of numbers: CSV files of a laboratory, the units of their columns, and tension curves."""
 
+import re
+from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 
@@ -8,15 +10,18 @@ import pandas as pd
 import pint
 from jaxtyping import Float
 
-from knitlab.io.errors import Fault, fault
+from knitlab.io.errors import BadInput, Fault, fault
+
+COLUMN = re.compile(r"\s*(?P<name>[^\[\]]+?)\s*\[(?P<unit>[^\[\]]*)\]\s*")
+EXAMPLE = "write it as in 'strain [1],force [N]'"
+LEAST_POINTS = 4
+"""One more than the fitted parameters of a stripe, so that their errors can be estimated."""
 
 
 def read_table(path: Path, example: str) -> tuple[list[str], pd.DataFrame]:
     """Headers, which may contain duplicates, and the rows below them, as text.
 
-    Args:
-        path: the file; lines that start with # are ignored.
-        example: an example of such a table, for the message.
+    Lines that start with # are ignored. A message shows the example of a table.
 
     Raises:
         BadInput: if it cannot be read, or is not a table.
@@ -59,14 +64,7 @@ def numbers_of(
 
 
 def factor_of(place: str, unit: str, target: str, remedy: str) -> tuple[float, list[Fault]]:
-    """Factor that converts numbers to a unit, and faults of their own unit.
-
-    Args:
-        place: where the numbers come from, for the message.
-        unit: their unit.
-        target: the unit to convert to.
-        remedy: the accepted units, for the message.
-    """
+    """Factor from one unit to another, and faults of the first; ``remedy`` names accepted units."""
     try:
         once, twice = (_in_unit(value, unit, target) for value in (1.0, 2.0))
         if not np.isclose(twice, 2 * once):  # a logarithmic unit
@@ -79,11 +77,109 @@ def factor_of(place: str, unit: str, target: str, remedy: str) -> tuple[float, l
 
 
 def _in_unit(value: float, unit: str, target: str) -> float:
-    quantity = _registry().Quantity(value, "dimensionless" if unit == "1" else unit)
+    registry = pint.get_application_registry()
+    quantity = registry.Quantity(value, "dimensionless" if unit == "1" else unit)
     if target == "1" and not quantity.to_root_units().unitless:  # an angle
         raise pint.DimensionalityError(unit, target)
     return float(quantity.to("dimensionless" if target == "1" else target).magnitude)
 
 
-def _registry() -> pint.UnitRegistry:
-    return pint.get_application_registry()
+@dataclass(frozen=True)
+class TensionCurve:
+    """Tension of one row of the network against strain.
+
+    Attributes:
+        strain: of the period, ascending from 0 or more [1].
+        force: on one row [N].
+    """
+
+    strain: Float[np.ndarray, " point"]
+    force: Float[np.ndarray, " point"]
+
+
+def read_tension_curve(
+    path: Path, width: float | None = None, thickness: float | None = None
+) -> TensionCurve:
+    """Read a tension curve: a column of strain, and one of force or of stress.
+
+    Force is for one row of the network. Stress is force over the width [mm] of a row [N/mm] or,
+    with the thickness [mm] of the fabric, over its cross-section [MPa]; any unit of these
+    dimensions is accepted. Other columns are ignored.
+
+    Raises:
+        BadInput: with every fault of the file.
+    """
+    headers, table = read_table(path, EXAMPLE)
+    columns: dict[str, int] = {}
+    units: dict[str, str] = {}
+    faults = []
+    for place, header in enumerate(headers):
+        match = COLUMN.fullmatch(header)
+        name = (match["name"] if match else header).strip().lower()
+        if name not in ("strain", "force", "stress"):
+            continue
+        unit = match["unit"].strip() if match else ""
+        if not unit:
+            faults.append(Fault(f"{path}: column {name}", f"has no unit; {EXAMPLE}"))
+        if name in columns:
+            faults.append(Fault(f"{path}: column {name}", "occurs twice; keep one"))
+        columns[name], units[name] = place, unit
+    loads = [name for name in ("force", "stress") if name in columns]
+    if "strain" not in columns:
+        faults.append(Fault(f"{path}: column strain", f"is missing; {EXAMPLE}"))
+    if len(loads) != 1:
+        problem = "has both; keep one" if loads else f"has neither; {EXAMPLE}"
+        faults.append(Fault(f"{path}: columns force and stress", problem))
+    if faults:
+        raise BadInput(faults)
+
+    (load,) = loads
+    strain, strain_faults = numbers_of(path, "strain", table[columns["strain"]])
+    forces, force_faults = numbers_of(path, load, table[columns[load]])
+    per_row, row_faults = _newton_per_row(path, load, units[load], width, thickness)
+    place_of_strain = f"{path}: column strain"
+    of_one, unit_faults = factor_of(place_of_strain, units["strain"], "1", "such as [1] or [%]")
+    faults = [*strain_faults, *force_faults, *row_faults, *unit_faults]
+    if not faults and (why := _strain_problem(strain)):
+        faults = [Fault(place_of_strain, why)]
+    if faults:
+        raise BadInput(faults)
+    return TensionCurve(strain * of_one, forces * per_row)
+
+
+def _strain_problem(strain: Float[np.ndarray, " point"]) -> str | None:
+    points, falls = len(np.unique(strain)), np.flatnonzero(np.diff(strain) < 0)
+    if points < LEAST_POINTS:
+        return f"has {points} points; three parameters need at least {LEAST_POINTS}"
+    if strain.min() < 0:
+        return f"goes down to {strain.min():g}; give tension alone, from 0 up"
+    if len(falls):
+        at = falls[0]
+        return (
+            f"decreases from {strain[at]:g} to {strain[at + 1]:g} at point {at + 2};"
+            " give the loading curve alone"
+        )
+    return None
+
+
+def _newton_per_row(
+    path: Path, load: str, unit: str, width: float | None, thickness: float | None
+) -> tuple[float, list[Fault]]:
+    place = f"{path}: column {load}"
+    if load == "force":
+        faults = [
+            Fault(f"{option} {value:g}", "is for stress, but the curve holds force; leave it out")
+            for option, value in (("width", width), ("thickness", thickness))
+            if value is not None
+        ]
+        factor, found = factor_of(place, unit, "N", "of force, such as [N]")
+        return factor, faults + found
+    if width is None:
+        problem = "needs the width of one row of the network; give its width in mm"
+        return np.nan, [Fault(place, problem)]
+    if thickness is None:
+        remedy = "of force over width, such as [N/mm], or give the thickness in mm for [MPa]"
+        factor, faults = factor_of(place, unit, "N/mm", remedy)
+        return factor * width, faults
+    factor, faults = factor_of(place, unit, "N/mm^2", "of force over area, such as [MPa]")
+    return factor * width * thickness, faults

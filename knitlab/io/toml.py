@@ -1,14 +1,20 @@
-"""Reading TOML, with a message instead of a traceback if it cannot be read."""
+"""Input files: the base of their schemas, and TOML read with a message instead of a traceback."""
 
 import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from knitlab.io.errors import BadInput, fault, faults_of
 
 Schema = TypeVar("Schema", bound=BaseModel)
+
+
+class StrictModel(BaseModel):
+    """Base of the schema of every input file: no unknown keys, infinities or type conversions."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -25,13 +31,8 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise fault(str(path), f"is not TOML ({error}); correct that line") from error
 
 
-def read_checked(schema: type[Schema], path: Path, source: str) -> Schema:
-    """The contents of a TOML file, checked.
-
-    Args:
-        schema: of the file.
-        path: the file.
-        source: what named it, for a fault.
+def read_checked(schema: type[Schema], path: Path, named_by: str = "") -> Schema:
+    """The contents of a TOML file that a setting names, checked by a schema.
 
     Raises:
         BadInput: with every fault of the file.
@@ -39,4 +40,6 @@ def read_checked(schema: type[Schema], path: Path, source: str) -> Schema:
     try:
         return schema.model_validate(read_toml(path))
     except ValidationError as error:
-        raise BadInput(faults_of(error, f"{source}: {path}")) from error
+        raise BadInput(
+            faults_of(error, f"{named_by}: {path}" if named_by else str(path))
+        ) from error

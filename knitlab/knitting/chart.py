@@ -16,40 +16,12 @@ def electrode_name(number: int) -> str:
     return "AB"[number - 1]
 
 
-@dataclass(frozen=True, eq=False)
-class KnitStitches:
-    """The stitches of a fabric, course 0 knitted first and wale 0 leftmost, seen from the front.
-
-    ``front`` is whether a stitch is knitted on the front bed; ``conductor`` is the number of the
-    electrode that it is plated for, negative where the conductor lies on the back of the fabric, 0
-    where it is not plated.
-    """
-
-    front: Bool[np.ndarray, "course wale"]
-    conductor: Int[np.ndarray, "course wale"]
-
-    def in_words(self, course: int, wale: int) -> str:
-        """A stitch in words, by its indices from 0."""
-        knit = f"a {'front' if self.front[course, wale] else 'back'} knit"
-        number = int(self.conductor[course, wale])
-        if not number:
-            return knit
-        face = "front" if number > 0 else "back"
-        return f"{knit} of electrode {electrode_name(abs(number))}, conductor on the {face}"
-
-    def difference(self, other: "KnitStitches") -> str | None:
-        """The first stitch that differs from the others', in words; None if all are equal."""
-        if self.front.shape != other.front.shape:
-            here, there = (
-                "{} courses of {} wales".format(*each.front.shape) for each in (self, other)
-            )
-            return f"there are {there}, not {here}"
-        differs = (self.front != other.front) | (self.conductor != other.conductor)
-        if not differs.any():
-            return None
-        course, wale = np.argwhere(differs)[0].tolist()
-        here, there = (each.in_words(course, wale) for each in (self, other))
-        return f"course {course + 1}, wale {wale + 1} is {there}, not {here}"
+def stitch_in_words(front: bool, electrode: int, face: Face) -> str:
+    """A stitch of the front or back bed, and the face that its electrode, if any, lies on."""
+    knit = f"a {'front' if front else 'back'} knit"
+    if not electrode:
+        return knit
+    return f"{knit} of electrode {electrode_name(electrode)}, conductor on the {face}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +60,12 @@ class StitchChart:
 
     @property
     def courses(self) -> int:
-        """Its courses."""
+        """Number of courses."""
         return int(self.front.shape[0])
 
     @property
     def wales(self) -> int:
-        """Its wales, and the needles that it takes."""
+        """Number of wales, and of the needles that it takes."""
         return int(self.front.shape[1])
 
     @property
@@ -117,10 +89,18 @@ class StitchChart:
         return int((self.front[1:] != self.front[:-1]).sum())
 
     @property
-    def stitches(self) -> KnitStitches:
-        """Bed and conductor of every stitch."""
-        sign = np.array([1, *(1 if face == "front" else -1 for face in self.plated_face)])
-        return KnitStitches(self.front, sign[self.plated] * self.plated)
+    def stitches(self) -> np.ndarray:
+        """Every stitch in words, (course, wale)."""
+        faces = np.array(["front", *self.plated_face])[self.plated]
+        return np.vectorize(stitch_in_words)(self.front, self.plated, faces)
+
+    def difference(self, knitted: np.ndarray) -> str | None:
+        """The first stitch in words that differs from a knitted one; None if all are equal."""
+        stitches = self.stitches
+        for course, wale in np.argwhere(stitches != knitted).tolist():
+            here, there = stitches[course, wale], knitted[course, wale]
+            return f"course {course + 1}, wale {wale + 1} is {there}, not {here}"
+        return None
 
     def table(self) -> str:
         """The chart as comma-separated text, the last course first, as the fabric is seen.

@@ -11,10 +11,9 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-from knitlab.knitting.knit_graph import FormedStitch
 from knitlab.knitting.knitout import VERSION
 from knitlab.knitting.machine import Machine
-from knitlab.knitting.operations import OF_CARRIERS, Needle, Operation, headers, operations
+from knitlab.knitting.program import OF_CARRIERS, Needle, Operation, headers, operations
 
 MOST_STITCHES_HELD = 2
 """Stitches that a needle may hold: a loop and a tuck, or two loops that a bind-off joins."""
@@ -32,6 +31,20 @@ class ProgramFault:
 
     def __str__(self) -> str:
         return f"line {self.line}: {self.operation}: {self.problem}"
+
+
+@dataclass(frozen=True)
+class FormedStitch:
+    """A stitch of a knit graph, formed on the needle at a position of the front or back bed.
+
+    ``carriers`` are those of its loops, in the order of the operation; ``through`` are the numbers
+    of the stitches that it was pulled through, none of a tuck.
+    """
+
+    position: int
+    front: bool
+    carriers: tuple[int, ...]
+    through: tuple[int, ...]
 
 
 @dataclass(frozen=True)

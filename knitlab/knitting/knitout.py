@@ -15,11 +15,12 @@ from jaxtyping import Bool
 from knitlab.io.errors import fault
 from knitlab.knitting.chart import StitchChart
 from knitlab.knitting.machine import Machine
-from knitlab.knitting.operations import Needle
+from knitlab.knitting.program import Needle
 
 VERSION = 2
 """Version of the language that version 0.6 of its specification describes."""
-LEFTWARD, RIGHTWARD = "-", "+"
+LEFTWARD, RIGHTWARD = -1, 1
+"""Directions of the carriage, as steps from needle to needle."""
 
 
 def knitout(chart: StitchChart, machine: Machine) -> str:
@@ -105,13 +106,6 @@ class _Program:
         held = map(Needle, self.on_front, self.needles)
         return [*self.lines, ";drop", *(f"drop {needle}" for needle in held)]
 
-    def _towards(self, direction: str) -> range:
-        """All needles in the order that the carriage passes them."""
-        return self.needles if direction == RIGHTWARD else self.needles[::-1]
-
-    def _turn(self) -> None:
-        self.direction = RIGHTWARD if self.direction == LEFTWARD else LEFTWARD
-
     def _take_stitch_size(self, use: str) -> None:
         number = getattr(self.machine.stitches, f"{use}_stitch_number")
         if number != self.stitch_number:
@@ -135,19 +129,20 @@ class _Program:
         self.lines.append(f"outhook {carrier}")
         self.active.remove(carrier)
 
-    def _form(self, opcode: str, direction: str, number: int, carriers: Sequence[int]) -> None:
+    def _form(self, opcode: str, direction: int, number: int, carriers: Sequence[int]) -> None:
         """Knit or tuck on the needle that holds a wale."""
         if self.hook_from is not None and number >= self.hook_from:
             self._release_hook()
         elif self.hooked in carriers and self.hook_from is None:
             self.hook_from = number + 1
+        sign = "+" if direction == RIGHTWARD else "-"
         needle = Needle(bool(self.on_front[number - 1]), number)
-        self.lines.append(f"{opcode} {direction} {needle} {' '.join(map(str, carriers))}")
+        self.lines.append(f"{opcode} {sign} {needle} {' '.join(map(str, carriers))}")
 
     def _tucks(self, carrier: int) -> None:
         """A cast-on of tucks on every second needle leftwards, and on the rest rightwards."""
         for direction, parity in ((LEFTWARD, 0), (RIGHTWARD, 1)):
-            for number in self._towards(direction):
+            for number in self.needles[::direction]:
                 if (self.chart.wales - number) % 2 == parity:
                     self._form("tuck", direction, number, [carrier])
         self._release_hook()
@@ -155,9 +150,9 @@ class _Program:
     def _plain_courses(self, count: int, carrier: int) -> None:
         """Courses over all wales, on the needles that hold them."""
         for _ in range(count):
-            for number in self._towards(self.direction):
+            for number in self.needles[:: self.direction]:
                 self._form("knit", self.direction, number, [carrier])
-            self._turn()
+            self.direction = -self.direction
 
     def _move_to(self, front: Bool[np.ndarray, " wale"]) -> None:
         """Transfer the wales whose bed changes, and no other."""
@@ -195,14 +190,13 @@ class _Program:
             for electrode, last in last_course.items():
                 if course == last:
                     self._bring_out(self.machine.carrier_of(electrode))
-            self._turn()
+            self.direction = -self.direction
 
     def _course(self, course: int) -> None:
         """One course, with a pass for every run of stitches of the same carriers."""
         plated = self.chart.plated[course]
-        for electrode, run in groupby(
-            self._towards(self.direction), key=lambda number: int(plated[number - 1])
-        ):
+        needles = self.needles[:: self.direction]
+        for electrode, run in groupby(needles, key=lambda number: int(plated[number - 1])):
             numbers = list(run)
             self._take_stitch_size("plated" if electrode else "body")
             if electrode and self.machine.carrier_of(electrode) not in self.active:
@@ -237,7 +231,7 @@ class _Program:
         self.lines.append(";bind-off")
         self._take_stitch_size("body")
         self._move_to(np.ones(self.chart.wales, bool))
-        order = self._towards(self.direction)
+        order = self.needles[:: self.direction]
         self._form("knit", self.direction, order[0], [carrier])
         for number, following in pairwise(order):
             # At racking R, back needle B is opposite front needle B + R.
@@ -249,7 +243,7 @@ class _Program:
             ]
             self._form("knit", self.direction, following, [carrier])
         for _ in range(self.machine.sections.bind_off_tail):
-            self._turn()
+            self.direction = -self.direction
             self._form("knit", self.direction, order[-1], [carrier])
         self._bring_out(carrier)
         self.lines.append(f"drop f{order[-1]}")

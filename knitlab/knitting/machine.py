@@ -16,11 +16,9 @@ from pydantic import (
 )
 
 from knitlab.fabric.settings import Unit
-from knitlab.io.errors import BadInput, Fault, faults_of
+from knitlab.io.errors import BadInput, Fault, faults_of, unknown
 from knitlab.io.shipped import shipped
-from knitlab.io.strict_model import StrictModel
-from knitlab.io.suggestions import unknown
-from knitlab.io.toml import read_checked
+from knitlab.io.toml import StrictModel, read_checked
 from knitlab.sweep.declared_fields import declared, entries, with_fields
 
 MILLIMETRES_PER_INCH = 25.4
@@ -169,32 +167,30 @@ def read_machine(changes: Mapping[str, Any] | None = None, folder: Path | None =
             values[name] = value
         else:
             faults.append(Fault(f"machine {name}", unknown(name, values, "setting of the machine")))
-    tables = {}
-    for name, table in TABLES.items():
-        try:
-            tables[name] = TypeAdapter(table).validate_python(
-                {k: values[k] for k in declared(table)}
-            )
-        except ValidationError as error:
-            faults += [Fault(f"machine {each.path}", each.problem) for each in faults_of(error, "")]
-    if len(tables) == len(TABLES):
-        faults += _carrier_faults(tables["carriers"])
+    tables = {name: {key: values[key] for key in declared(table)} for name, table in TABLES.items()}
+    try:
+        machine = TypeAdapter(Machine).validate_python(tables)
+        faults += _carrier_faults(machine.carriers)
+    except ValidationError as error:
+        for each in faults_of(error, ""):
+            faults.append(Fault(f"machine {each.path.partition('.')[2]}", each.problem))
     if faults:
         raise BadInput(faults)
-    return Machine(**tables)
+    return machine
 
 
 def _carrier_faults(carriers: Carriers) -> list[Fault]:
     electrodes = zip(("electrode A", "electrode B"), carriers.electrode_carriers, strict=True)
     names = ("waste_carrier", "draw_carrier", "body_carrier")
     used = {name: getattr(carriers, name) for name in names} | dict(electrodes)
-    problem = "is carrier {}, and there are {}; name one of these"
-    found = [
-        Fault(f"machine {name}", problem.format(number, carriers.carriers))
+    count = carriers.carriers
+    faults = [
+        Fault(f"machine {name}", f"is carrier {number}, and there are {count}; name one of these")
         for name, number in used.items()
-        if number > carriers.carriers
+        if number > count
     ]
     if len(set(used.values())) < len(used):
-        problem = f"two of {used} are one carrier; give each its own"
-        found.append(Fault("machine carriers", problem))
-    return found
+        faults.append(
+            Fault("machine carriers", f"two of {used} are one carrier; give each its own")
+        )
+    return faults

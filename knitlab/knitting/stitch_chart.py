@@ -14,11 +14,11 @@ folds of the model run along the middles of these stripes and point to these sid
 ``"stripe_border"`` they run where a front stripe meets a back stripe, and the chart is the same.
 """
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 from scipy.ndimage import binary_dilation
 
 from knitlab.fabric.electrodes import BadLayout, ElectrodeLayout, ridge_lines
@@ -40,15 +40,13 @@ def stitch_chart(
 ) -> StitchChart:
     """The stitches of a case.
 
-    Args:
-        case: the case. A pure stripe has its ridges along x in the model, whatever its knit; its
-            chart has those of rib along the wales, and is about as long as wide in cloth.
-        repeats: how often its pattern repeats along the warp (y) and the weft (x) of the model; by
-            default as often as in the case.
-        needles: in place of that, needles that it fills with as many whole repeats as fit, about
-            twice as long as wide.
-        face: face of the fabric that conductors lie on; by default that to which their ridges
-            point, and for a drawing on both faces A on the front and B on the back.
+    Its pattern repeats ``repeats`` times along the warp (y) and the weft (x) of the model, by
+    default as often as in the case; or it fills some needles with as many whole repeats as fit,
+    about twice as long as wide. A pure stripe has its ridges along x in the model, whatever its
+    knit; its chart has those of rib along the wales, and is about as long as wide in cloth.
+
+    Conductors lie on ``face`` of the fabric; by default on that to which their ridges point, and in
+    a drawing on both faces A on the front and B on the back.
 
     Raises:
         BadInput: if the case has single folds, whose angle no stitch sets; if not one repeat fits
@@ -58,7 +56,7 @@ def stitch_chart(
         >>> from knitlab.sweep.plan import make_plan
         >>> (case,) = make_plan("preview", {"n_stripe": 4, "n_subunit": 16}).cases.values()
         >>> chart = stitch_chart(case)
-        >>> chart.courses, chart.wales, chart.stitches.in_words(0, 4)
+        >>> chart.courses, chart.wales, str(chart.stitches[0, 4])
         (64, 32, 'a back knit')
     """
     if case.folds:
@@ -69,7 +67,7 @@ def stitch_chart(
         )
     turned = is_turned(case)
     unit = _patch_lines(replace(case, unit_cells=(1, 1)))
-    repeat = unit[0].count, unit[1].count
+    repeat = unit[0].size, unit[1].size
     if needles is not None:
         repeats = _filling(needles, repeat[::-1] if turned else repeat)
         repeats = repeats[::-1] if turned else repeats
@@ -108,11 +106,7 @@ def _turned(chart: StitchChart) -> StitchChart:
 
 
 def _filling(needles: int, repeat: tuple[int, int]) -> tuple[int, int]:
-    """Repeats along the courses and the wales that fill some needles.
-
-    Raises:
-        BadInput: if not one fits.
-    """
+    """Repeats along the courses and the wales that fill some needles."""
     courses, wales = repeat
     along_x = needles // wales
     if not along_x:
@@ -123,49 +117,45 @@ def _filling(needles: int, repeat: tuple[int, int]) -> tuple[int, int]:
     return max(1, round(length / courses)), along_x
 
 
-@dataclass(frozen=True, eq=False)
-class _PatchLines:
+class _PatchLines(NamedTuple):
     """The rows of patches of a fabric in courses, or its columns in wales.
 
-    ``stripe`` is the courses or wales across a stripe, and ``periods`` the number of periods of two
-    stripes, in each row or column; ``borders`` are the courses or wales at which they begin and
-    end, ``patch`` the row or column that each course or wale lies in.
+    ``borders`` are the courses or wales at which they begin and end, ``patch`` is the row or column
+    that each course or wale lies in, ``first`` is whether it lies in the first, third, … stripe of
+    that, and ``grid_lines`` are courses or wales before each grid line of the model.
     """
 
-    stripe: Int[np.ndarray, " patch"]
-    periods: Int[np.ndarray, " patch"]
-    cells_per_period: int
-
-    @cached_property
-    def borders(self) -> Int[np.ndarray, " border"]:
-        return np.concatenate([[0], np.cumsum(2 * self.stripe * self.periods)])
+    borders: Int[np.ndarray, " border"]
+    patch: Int[np.ndarray, " stitch"]
+    first: Bool[np.ndarray, " stitch"]
+    grid_lines: Float[np.ndarray, " line"]
 
     @property
-    def count(self) -> int:
+    def size(self) -> int:
         return int(self.borders[-1])
 
-    @cached_property
-    def patch(self) -> Int[np.ndarray, " stitch"]:
-        return np.repeat(np.arange(len(self.periods)), np.diff(self.borders))
-
-    @property
-    def in_first_stripe(self) -> Bool[np.ndarray, " stitch"]:
-        """Whether each course or wale lies in the first, third, … stripe of its patch."""
-        place = np.arange(self.count) - self.borders[self.patch]
-        return place // self.stripe[self.patch] % 2 == 0
-
-    def stitches_between(self, start: float, end: float) -> Int[np.ndarray, " stitch"]:
+    def between(self, start: float, end: float) -> Int[np.ndarray, " stitch"]:
         """Whole courses or wales between two grid coordinates, which may lie beyond its edges."""
-        cells = self.cells_per_period * self.periods
-        sizes = np.repeat(2 * self.stripe / self.cells_per_period, cells)
-        lines = np.concatenate([[0], np.cumsum(sizes)])
+        count = len(self.grid_lines) - 1
         first, last = (
-            place // len(sizes) * lines[-1]
-            + np.interp(place % len(sizes), np.arange(len(lines)), lines)
+            place // count * self.grid_lines[-1]
+            + np.interp(place % count, np.arange(count + 1), self.grid_lines)
             for place in (start, end)
         )
         low, high = int(np.floor(first + 0.5)), int(np.floor(last + 0.5))
         return np.arange(low, max(high, low + 1))
+
+
+def _lines_of(
+    stripe: Int[np.ndarray, " patch"], periods: Int[np.ndarray, " patch"], cells_per_period: int
+) -> _PatchLines:
+    """Lines of rows or columns with a number of periods of two stripes, of ``stripe`` stitches."""
+    borders = np.concatenate([[0], np.cumsum(2 * stripe * periods)])
+    patch = np.repeat(np.arange(len(periods)), np.diff(borders))
+    in_patch = np.arange(borders[-1]) - borders[patch]
+    cells = np.repeat(2 * stripe / cells_per_period, cells_per_period * periods)
+    grid_lines = np.concatenate([[0], np.cumsum(cells)])
+    return _PatchLines(borders, patch, in_patch // stripe[patch] % 2 == 0, grid_lines)
 
 
 def _patch_lines(case: Case) -> tuple[_PatchLines, _PatchLines]:
@@ -185,8 +175,8 @@ def _patch_lines(case: Case) -> tuple[_PatchLines, _PatchLines]:
         columns = np.maximum(1, columns // GARTER_STITCHES_PER_RIB_STITCH)
     cells = sample.cells_per_period
     return (
-        _PatchLines(rows, sample.row_periods, cells),
-        _PatchLines(columns, sample.column_periods, cells),
+        _lines_of(rows, sample.row_periods, cells),
+        _lines_of(columns, sample.column_periods, cells),
     )
 
 
@@ -195,10 +185,8 @@ def _front_stitches(
 ) -> Bool[np.ndarray, "course wale"]:
     knit = case.sample.knit[np.ix_(rows.patch, columns.patch)]
     back_first = case.options.garter_start == "mountain" and not case.pure
-    garter = rows.in_first_stripe != back_first
-    return np.where(
-        knit == "G", garter[:, None], np.where(knit == "R", columns.in_first_stripe, True)
-    )
+    garter = rows.first != back_first
+    return np.where(knit == "G", garter[:, None], np.where(knit == "R", columns.first, True))
 
 
 def _plated_stitches(
@@ -208,12 +196,9 @@ def _plated_stitches(
 
     Edges of electrodes are rounded to whole stitches; one narrower than a stitch takes one. On
     periodic fabric, one that crosses the seam goes on at the other edge.
-
-    Raises:
-        BadInput: if the electrodes do not fit the fabric, or touch once they are whole stitches.
     """
     rows, columns = lines
-    plated = np.zeros((rows.count, columns.count), int)
+    plated = np.zeros((rows.size, columns.size), int)
     if case.capacitor is None:
         return plated
     try:
@@ -223,8 +208,8 @@ def _plated_stitches(
     for number, strips in enumerate(electrodes.strips, start=1):
         for strip in strips:
             across, along = strip.extents
-            courses, wales = rows.stitches_between(*along), columns.stitches_between(*across)
-            plated[np.ix_(courses % rows.count, wales % columns.count)] = number
+            courses, wales = rows.between(*along), columns.between(*across)
+            plated[np.ix_(courses % rows.size, wales % columns.size)] = number
     touching = binary_dilation(plated == 1, np.ones((3, 3))) & (plated == 2)
     if touching.any():
         course, wale = np.argwhere(touching)[0].tolist()

@@ -16,9 +16,8 @@ from pydantic import (
 from knitlab.cube.schema import SIMULATION
 from knitlab.fabric.stripe import periods_per_patch
 from knitlab.io.errors import BadInput, Fault, faults_of
-from knitlab.io.strict_model import StrictModel
 from knitlab.io.table_file import factor_of
-from knitlab.io.toml import read_toml
+from knitlab.io.toml import StrictModel, read_toml
 from knitlab.sweep.workflow import MOST_STEPS, even_strains
 
 Towards = Literal["right", "left", "up", "down"]
@@ -55,11 +54,7 @@ class PlainColumn(StrictModel):
 
 
 def conversion(unit: str, target: str) -> float:
-    """Factor that converts numbers in a unit to one of :data:`UNITS`.
-
-    Raises:
-        ValueError: if the unit has another dimension.
-    """
+    """Factor that converts numbers in a unit to one of :data:`UNITS`."""
     factor, faults = factor_of("", unit, target, UNITS[target])
     if faults:
         raise ValueError(faults[0].problem)
@@ -133,17 +128,6 @@ class ProtocolTable(StrictModel):
         return even_strains(self.strain_max, self.strain_step)
 
 
-class RecordedTable(StrictModel):
-    """A record with its own clock, and how it is synchronised with the machine's.
-
-    Either ``starts`` is the machine's time at which the clock was at 0, or both records have a
-    ``trigger``: a column that rises past the middle of its range at the same moment.
-    """
-
-    file: str = Field(min_length=1)
-    starts: Time | None = None
-
-
 class TensileTable(StrictModel):
     """``[tensile]``: the log of the machine, whose clock is the reference for all records."""
 
@@ -154,9 +138,15 @@ class TensileTable(StrictModel):
     trigger: PlainColumn | None = None
 
 
-class CapacitanceTable(RecordedTable):
-    """``[capacitance]``: the log of an LCR meter."""
+class CapacitanceTable(StrictModel):
+    """``[capacitance]``: the log of an LCR meter, and how its clock is that of the machine.
 
+    Either ``starts`` is the machine's time at which the clock was at 0, or both logs have a
+    ``trigger``: a column that rises past the middle of its range at the same moment.
+    """
+
+    file: str = Field(min_length=1)
+    starts: Time | None = None
     time: Annotated[Column, _in("s")]
     capacitance: Annotated[Column, _in("pF")]
     trigger: PlainColumn | None = None
@@ -168,7 +158,7 @@ class CapacitanceTable(RecordedTable):
         return self
 
 
-class MarkersTable(RecordedTable):
+class MarkersTable(StrictModel):
     """``[markers]``: tracked points, in pixels.
 
     ``file`` is an array (frame, marker, 2) with x to the right and y down, as tracking-markers
@@ -178,10 +168,12 @@ class MarkersTable(RecordedTable):
     pull is along y. The grid of unit-cell corners is detected, or read from the table ``places``
     with the columns marker, row and column; every ``markers_per_cell``-th marker along (y, x) is a
     corner. The relaxed shape is the mean of the first ``relaxed_frames``. The applied strain of a
-    frame is that of the machine at its time, from ``frame_rate`` and ``starts``, or increases by
-    ``strain_per_frame`` from the first frame on.
+    frame is that of the machine at its time, from ``frame_rate`` and ``starts``, the machine's time
+    at frame 0, or increases by ``strain_per_frame`` from the first frame on.
     """
 
+    file: str = Field(min_length=1)
+    starts: Time | None = None
     pixel: Length
     weft: Towards = "right"
     warp: Towards = "up"
@@ -244,11 +236,7 @@ class Description(StrictModel):
 
 
 def read_description(path: Path, kind: RecordKind) -> Description:
-    """Read a description that lists records of a kind.
-
-    Raises:
-        BadInput: with every fault of the file.
-    """
+    """Read a description that lists records of a kind."""
     try:
         description = Description.model_validate(read_toml(path))
     except ValidationError as error:

@@ -11,22 +11,33 @@ sheet, as in a sweep; if that test reaches other states, the search continues fr
 branch matches the test, the search is repeated from stripe parameters drawn from the prior.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+import itertools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from operator import attrgetter
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm, qmc
 
+from knitlab.cube.schema import VARIABLES
 from knitlab.equilibrium.linear_response import NoDerivative
-from knitlab.laboratory.simulated_test import SimulatedTest, simulated_test, with_factors
+from knitlab.laboratory.simulated_test import (
+    QUANTITIES,
+    SimulatedTest,
+    simulated_test,
+    with_factors,
+)
 from knitlab.laboratory.target import Curves, MeasuredTest
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS
+from knitlab.measure.calibration import ENTRY_UNITS, write_stripe_table
 from knitlab.simulation.case import Case
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 
 FITTED = tuple(name for name in STRIPE_PARAMETERS if not name.endswith("period"))
-"""Parameters fitted by default: all but the periods, which can be measured directly."""
+"""Fitted parameters: all but the periods, which can be measured directly."""
 LARGEST_FACTOR = 3.0
 """Largest ratio between a fitted and a tabulated parameter, or its inverse."""
 LARGEST_REST_ANGLE = 3.0
@@ -46,6 +57,8 @@ POOR_FIT = 4.0
 AT_BOUND = 1e-3
 INSIDE = 0.9
 """Fraction of the distance to a bound within which starts are placed."""
+ALIKE = 0.9
+"""Correlation above which two parameters are reported as hard to separate."""
 
 Factors = dict[str, float]
 Logarithms = Float[np.ndarray, " name"]
@@ -99,31 +112,25 @@ def fit_stripes(
     case: Case,
     target: MeasuredTest,
     looseness: float,
-    names: Sequence[str] = FITTED,
     starts: int = 4,
     step: Step = lambda tests, chi_squared: None,
 ) -> Fit:
-    """Fit stripe parameters to a measured test.
+    """Fit the stripe parameters of a case, at the strains of a measured test, to that test.
 
-    Args:
-        case: the simulated sample, with the tabulated stripes, at the strains of the target.
-        target: the measured test.
-        looseness: relative standard deviation of the prior: 0.2 for 20 %.
-        names: parameters to fit, of :data:`STRIPE_PARAMETERS`.
-        starts: largest number of starts that are tried until the test is matched; the first is
-            the tables.
-        step: called after every test with the number of tests and χ² of the last.
+    The prior has the relative standard deviation ``looseness``. At most ``starts`` are tried until
+    the test is matched; the first is the tables. ``step`` is called after every test with the
+    number of tests and χ² of the last.
 
     Raises:
         NoFit: if the test with the tabulated stripes does not converge.
     """
-    search = _Search(case, target, looseness, tuple(names), step)
-    tables = np.zeros(len(names))
+    search = _Search(case, target, looseness, step)
+    tables = np.zeros(len(FITTED))
     first = search.begin(tables)
     if first is None:
         raise NoFit("the test with the tabulated stripes does not converge at every strain")
     lower, upper = search.bounds
-    quantiles = qmc.Halton(len(names), rng=0).random(starts)
+    quantiles = qmc.Halton(len(FITTED), rng=0).random(starts)
     others = np.clip(looseness * norm.ppf(quantiles[1:]), lower * INSIDE, upper * INSIDE)
     best = last = search.from_start(tables)
     for start in others:
@@ -131,57 +138,47 @@ def fit_stripes(
             break
         if search.begin(start) is not None:
             last = search.from_start(start)
-            best = min(best, last, key=lambda optimum: optimum.cost)
+            best = min(best, last, key=attrgetter("cost"))
     return search.concluded(first, best)
 
 
-@dataclass(frozen=True)
-class _Optimum:
+class _Optimum(NamedTuple):
     """Result of the last search from one start, and the test there.
 
     ``confirmed`` is that test repeated from the flat sheet, None if it does not converge;
-    ``chi_squared`` is of that, or infinite.
+    ``chi_squared`` is of that, or infinite, and ``cost`` includes the prior.
     """
 
     result: OptimizeResult
     fitted: SimulatedTest
     confirmed: SimulatedTest | None
     chi_squared: float
+    cost: float
 
-    @property
-    def cost(self) -> float:
-        """χ² including the prior."""
-        prior = self.result.fun[-len(self.result.x) :]
-        return self.chi_squared + float(prior @ prior)
+
+def _by_name(values: Float[np.ndarray, " name"]) -> Factors:
+    return dict(zip(FITTED, values.tolist(), strict=True))
 
 
 class _Search:
     """Simulated tests of a search; the last one is kept for its derivatives."""
 
-    def __init__(
-        self, case: Case, target: MeasuredTest, looseness: float, names: tuple[str, ...], step: Step
-    ) -> None:
-        self.case, self.target, self.looseness = case, target, looseness
-        self.names, self.step = names, step
-        self.columns = [list(STRIPE_PARAMETERS).index(name) for name in names]
-        upper = np.full(len(names), np.log(LARGEST_FACTOR))
-        for column, (side, quantity) in enumerate(map(STRIPE_PARAMETERS.__getitem__, names)):
-            if quantity == "theta_0":
-                upper[column] = np.log(LARGEST_REST_ANGLE / getattr(case, side).theta_0)
-        self.bounds = np.full(len(names), -np.log(LARGEST_FACTOR)), upper
+    def __init__(self, case: Case, target: MeasuredTest, looseness: float, step: Step) -> None:
+        self.case, self.target, self.looseness, self.step = case, target, looseness, step
+        upper = np.full(len(FITTED), np.log(LARGEST_FACTOR))
+        upper[FITTED.index("rib_theta_0")] = np.log(LARGEST_REST_ANGLE / case.weft.theta_0)
+        upper[FITTED.index("garter_theta_0")] = np.log(LARGEST_REST_ANGLE / case.warp.theta_0)
+        self.bounds = np.full(len(FITTED), -np.log(LARGEST_FACTOR)), upper
         self.tests = self.without_derivatives = 0
         self.near: SimulatedTest | None = None
         self.point = b""
 
-    def factors(self, logarithms: Logarithms) -> Factors:
-        return self.by_name(np.exp(logarithms))
-
-    def by_name(self, values: Float[np.ndarray, " name"]) -> Factors:
-        return dict(zip(self.names, values.tolist(), strict=True))
+    def with_parameters(self, logarithms: Logarithms) -> Case:
+        return with_factors(self.case, _by_name(np.exp(logarithms)))
 
     def begin(self, logarithms: Logarithms) -> SimulatedTest | None:
         """Simulate a test from the flat sheet; the search continues from it."""
-        self.near = simulated_test(with_factors(self.case, self.factors(logarithms)))
+        self.near = simulated_test(self.with_parameters(logarithms))
         self.point = logarithms.tobytes()
         self.tests += 1
         return self.near
@@ -190,7 +187,7 @@ class _Search:
         """A test that starts from the last one; if it converges, later ones start from it."""
         if logarithms.tobytes() == self.point:
             return self.near
-        test = simulated_test(with_factors(self.case, self.factors(logarithms)), self.near)
+        test = simulated_test(self.with_parameters(logarithms), self.near)
         self.tests += 1
         if test is not None:
             self.near, self.point = test, logarithms.tobytes()
@@ -223,25 +220,27 @@ class _Search:
             chi_squared = np.inf if confirmed is None else self.target.chi_squared(confirmed.values)
             if confirmed is None or self.is_same(fitted, confirmed) or self.is_met(chi_squared):
                 break
-        return _Optimum(result, fitted, confirmed, chi_squared)
+        prior = result.fun[-len(point) :]
+        cost = chi_squared + float(prior @ prior)
+        return _Optimum(result, fitted, confirmed, chi_squared, cost)
 
     def residuals(self, logarithms: Logarithms) -> Float[np.ndarray, " row"]:
         test = self.test(logarithms)
         if test is None:
-            return np.full(int(self.target.measured.sum()) + len(self.names), np.inf)
+            return np.full(int(self.target.measured.sum()) + len(FITTED), np.inf)
         self.step(self.tests, self.target.chi_squared(test.values))
         return np.append(self.target.misfit(test.values), logarithms / self.looseness)
 
     def jacobian(self, logarithms: Logarithms) -> Float[np.ndarray, "row name"]:
         test = self.converged(logarithms)
         try:
-            slopes = test.slopes()[..., self.columns]
+            slopes = test.slopes()[..., [name in FITTED for name in STRIPE_PARAMETERS]]
         except NoDerivative:
             # The next step then depends on the prior alone, and the fit has a warning.
             self.without_derivatives += 1
-            slopes = np.zeros((*test.values.shape, len(self.names)))
+            slopes = np.zeros((*test.values.shape, len(FITTED)))
         rows = (slopes / self.target.errors[..., None])[self.target.measured]
-        return np.concatenate([rows, np.eye(len(self.names)) / self.looseness])
+        return np.concatenate([rows, np.eye(len(FITTED)) / self.looseness])
 
     def is_same(self, one: SimulatedTest, other: SimulatedTest) -> bool:
         """Whether two tests have the same states."""
@@ -258,13 +257,12 @@ class _Search:
         errors = np.sqrt(np.diag(covariance))
         curves = first.values, (best.confirmed or best.fitted).values
         before, after = (self.target.chi_squared(each) for each in curves)
-        factors = self.factors(best.result.x)
         return Fit(
             before=self.case,
-            after=with_factors(self.case, factors),
-            factors=factors,
-            standard_errors=self.by_name(errors),
-            learned=self.by_name(1 - (errors / self.looseness) ** 2),
+            after=self.with_parameters(best.result.x),
+            factors=_by_name(np.exp(best.result.x)),
+            standard_errors=_by_name(errors),
+            learned=_by_name(1 - (errors / self.looseness) ** 2),
             correlations=covariance / np.outer(errors, errors),
             target=self.target,
             curves=curves,
@@ -279,7 +277,7 @@ class _Search:
             yield f"the search did not converge in {self.tests} tests; do not use it"
         lower, upper = self.bounds
         room = np.minimum(best.result.x - lower, upper - best.result.x)
-        for name, left in zip(self.names, room, strict=True):
+        for name, left in zip(FITTED, room, strict=True):
             if left < AT_BOUND:
                 yield f"{name} is at a bound of the search"
         if self.without_derivatives:
@@ -292,9 +290,57 @@ class _Search:
                 " a test of their result; the match is that of the test, and the standard errors"
                 " are not reliable"
             )
-        freedom = max(int(self.target.measured.sum()) - len(self.names), 1)
+        freedom = max(int(self.target.measured.sum()) - len(FITTED), 1)
         if (spread := chi_squared / freedom) > POOR_FIT:
             yield (
                 f"the difference from the test is {np.sqrt(spread):.1f} times its errors; the"
                 " standard errors do not include this"
             )
+
+
+def report(fit: Fit) -> list[str]:
+    """The fit as lines of text."""
+    lines = [f"{'parameter':15s} {'table':>9s} {'fitted':>9s} {'±':>8s}  {'factor':>6s}  from test"]
+    for name, factor in fit.factors.items():
+        side, quantity = STRIPE_PARAMETERS[name]
+        before, after = (getattr(getattr(case, side), quantity) for case in (fit.before, fit.after))
+        lines.append(
+            f"{name:15s} {before:9.4g} {after:9.4g} {after * fit.standard_errors[name]:8.2g}"
+            f"  {factor:6.3f}  {fit.learned[name]:4.0%}  [{ENTRY_UNITS[quantity]}]"
+        )
+    for (row, one), (column, other) in itertools.combinations(enumerate(fit.factors), 2):
+        if abs(correlation := fit.correlations[row, column]) > ALIKE:
+            lines.append(
+                f"{one} and {other} are hard to tell apart: correlation {correlation:+.2f}"
+            )
+    first, last = map(fit.target.root_mean_square, fit.curves)
+    for name, measured in zip(QUANTITIES, fit.target.measured, strict=True):
+        if measured.any():
+            lines.append(
+                f"{VARIABLES[name].long_name}: RMS difference {first[name]:.3g} before,"
+                f" {last[name]:.3g} after [{VARIABLES[name].units}]"
+            )
+    before, after = fit.chi_squared
+    count = int(fit.target.measured.sum())
+    lines.append(
+        f"chi² {before:.4g} before, {after:.4g} after, over {count} values; {fit.tests} tests"
+    )
+    return lines
+
+
+def write_stripes(path: Path, fit: Fit, experiment: Path) -> None:
+    """Write both fitted stripes in the form of ``params/stripes.toml``, for ``stripe_files``.
+
+    The cube of the experiment is named as their source.
+    """
+    stripes = []
+    for side in ("weft", "warp"):
+        errors = ", ".join(
+            f"{STRIPE_PARAMETERS[name][1]} {error:.1%}"
+            for name, error in fit.standard_errors.items()
+            if STRIPE_PARAMETERS[name][0] == side
+        )
+        warnings = "".join(f"; {warning}" for warning in fit.warnings)
+        source = f"knitlab fit {experiment}; standard errors {errors or 'none'}{warnings}"
+        stripes.append((getattr(fit.after, side), source))
+    write_stripe_table(path, stripes)

@@ -1,6 +1,6 @@
 """Logs of a tensile tester and an LCR meter, on one clock, resampled to the applied strains."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +18,9 @@ from knitlab.laboratory.description import (
     conversion,
     number,
 )
-from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
-from knitlab.measure.capacitance.sensor import hysteresis, sensor_of
-from knitlab.measure.cycles import Cycle, cycles
-from knitlab.measure.resampling import resampled
-from knitlab.sweep.defaults import defaults
+from knitlab.measure.capacitance.sensor import CapacitorStatus, hysteresis, sensor_values
+from knitlab.measure.records import Cycle, cycles, resampled
+from knitlab.sweep.parameters import defaults
 
 EXAMPLE = "write a header and below it rows of numbers, all as long as the header"
 FEWEST_POINTS = 3
@@ -64,11 +62,7 @@ class Pulls:
 
 
 def read_tensile(folder: Path, description: Description) -> Imports:
-    """Reaction force in every cycle.
-
-    Raises:
-        BadInput: if the file is at fault, or its first cycle does not span the applied strains.
-    """
+    """Reaction force in every cycle."""
     pulls = read_pulls(folder, description)
     strains = np.array(description.protocol.applied_strain)
 
@@ -86,11 +80,7 @@ def read_tensile(folder: Path, description: Description) -> Imports:
 
 
 def read_pulls(folder: Path, description: Description) -> Pulls:
-    """Read a tensile test and check that its first cycle spans the applied strains.
-
-    Raises:
-        BadInput: if the file is at fault, or the cycle does not span them.
-    """
+    """Read a tensile test and check that its first cycle spans the applied strains."""
     table, protocol = description.tensile, description.protocol
     if table is None:
         raise TypeError("the description has no tensile test")
@@ -131,11 +121,7 @@ def read_pulls(folder: Path, description: Description) -> Pulls:
 
 
 def read_capacitance(folder: Path, description: Description) -> Imports:
-    """Capacitance and its measures as a strain sensor, in every cycle.
-
-    Raises:
-        BadInput: if a file is at fault, or the logs do not overlap.
-    """
+    """Capacitance and its measures as a strain sensor, in every cycle."""
     table, pulls = description.capacitance, read_pulls(folder, description)
     if table is None:
         raise TypeError("the description has no capacitance")
@@ -195,18 +181,14 @@ def _capacitance_values(
             "applied_strain_opened": strains[finite][0],
             "sensing_end": strains[finite][-1],
         }
-    sensor = sensor_of(strains[finite], capacitance[finite], defaults().capacitor.linearity)
-    return values if sensor is None else values | asdict(sensor)
+    least = defaults().capacitor.linearity
+    return values | sensor_values(strains[finite], capacitance[finite], least)
 
 
 def _read_log(
     path: Path, table: TensileTable | CapacitanceTable
 ) -> tuple[dict[str, Record], float | None]:
-    """Columns of a log in :data:`UNITS`, and the time at which its trigger rose, if it has one.
-
-    Raises:
-        BadInput: with every fault of the file.
-    """
+    """Columns of a log in :data:`UNITS`, and the time at which its trigger rose, if it has one."""
     headers, rows = read_table(path, EXAMPLE)
     headers = [header.strip() for header in headers]
     values, faults = {}, list[Fault]()

@@ -12,7 +12,7 @@ from knitlab.laboratory.description import Description, MarkersTable, SampleTabl
 from knitlab.laboratory.machine import Imports, Values, read_pulls
 from knitlab.laboratory.trajectories import grid_of, in_fabric_axes, read_trajectories
 from knitlab.measure.marker_grid import MarkerGrid
-from knitlab.measure.resampling import resampled
+from knitlab.measure.records import resampled
 from knitlab.measure.strain import (
     central_mean,
     lattice_vectors,
@@ -72,11 +72,7 @@ class MarkedSample:
 
 
 def read_markers(folder: Path, description: Description) -> Imports:
-    """Strains and Poisson's ratio in every cycle.
-
-    Raises:
-        BadInput: if the files are at fault, or contradict the sample or the machine's log.
-    """
+    """Strains and Poisson's ratio in every cycle."""
     table, requested = description.markers, description.protocol.applied_strain
     if table is None:
         raise TypeError("the description has no markers")
@@ -125,11 +121,7 @@ def read_markers(folder: Path, description: Description) -> Imports:
 
 
 def _check_follows(path: Path, values: Values, requested: Sequence[float]) -> None:
-    """Check that the fabric is strained if and only if the machine pulls it.
-
-    Raises:
-        BadInput: if not.
-    """
+    """Check that the fabric is strained if and only if the machine pulls it."""
     mean = values["mean_strain_yy"]
     if abs(mean[0]) > max(requested[1] / 2, 5 * np.nan_to_num(values["mean_strain_yy_error"][0])):
         raise fault(
@@ -143,11 +135,7 @@ def _check_follows(path: Path, values: Values, requested: Sequence[float]) -> No
 
 
 def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> MarkedSample:
-    """The markers of a description that lies in a folder.
-
-    Raises:
-        BadInput: if the files are at fault, or do not fit the sample.
-    """
+    """The markers of a description that lies in a folder."""
     path = folder / table.file
     tracks = in_fabric_axes(read_trajectories(path), table)
     if table.relaxed_frames > len(tracks):
@@ -170,11 +158,7 @@ def read_marked(folder: Path, table: MarkersTable, sample: SampleTable) -> Marke
 
 
 def _check_fits(path: Path, marked: MarkedSample, sample: SampleTable) -> None:
-    """Check direction, number and size of the unit cells against the description.
-
-    Raises:
-        BadInput: if they do not agree.
-    """
+    """Check direction, number and size of the unit cells against the description."""
     found = tuple(count - 1 for count in marked.relaxed.shape[:2])
     rows, columns = sample.unit_cells
     if min(found) < 1 or found[0] > rows or found[1] > columns:
@@ -218,9 +202,6 @@ def along_pull(
     under rotation by 180°, so that the mean displacement of a marker and its opposite is along the
     pull for any unit cell. But the camera may move, or both clamps. Rows of markers always separate
     along the pull, but less exactly. So the drift is used where it agrees with the separation.
-
-    Raises:
-        BadInput: if the pull is across the warp, or its direction is ambiguous.
     """
     pulled = np.flatnonzero(strain >= (1 - PULLED_MARGIN) * np.nanmax(strain))
     moved = marked.corners[pulled] - marked.relaxed
@@ -293,8 +274,4 @@ def marker_values(
         "markers_lost": np.round(resampled(strains, strain, lost).values),
         "cells_lost": np.isnan(values["strain_xx"]).sum(axis=(1, 2)).astype(float),
     }
-    lowest = lowest_poisson_ratio(strains, ratio)
-    if lowest is not None:
-        values["poisson_ratio_min"] = lowest.ratio
-        values["applied_strain_at_min"] = lowest.applied_strain
-    return values
+    return values | lowest_poisson_ratio(strains, ratio)

@@ -25,11 +25,7 @@ IN_PICTURE: dict[Towards, tuple[float, float]] = {
 
 
 def read_trajectories(path: Path) -> Trajectories:
-    """Trajectories in pixels, of an ``.npy`` array or a CSV table; NaN where a marker is lost.
-
-    Raises:
-        BadInput: with every fault of the file.
-    """
+    """Trajectories in pixels, of an ``.npy`` array or a CSV table; NaN where a marker is lost."""
     if path.suffix not in READERS:
         raise fault(str(path), "has no suffix .npy or .csv; give one of these")
     tracks = READERS[path.suffix](path)
@@ -143,11 +139,7 @@ def in_fabric_axes(tracks: Trajectories, table: MarkersTable) -> Trajectories:
 
 
 def grid_of(path: Path, first: Float[np.ndarray, "marker 2"], places: Path | None) -> MarkerGrid:
-    """The grid of markers, found in the first frame of ``path`` or read from a table of places.
-
-    Raises:
-        BadInput: if they are not on a grid, or the table is at fault.
-    """
+    """The grid of markers, found in the first frame of ``path`` or read from a table of places."""
     try:
         if places is None:
             return find_grid(first)

@@ -2,14 +2,16 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import tomli_w
 from jaxtyping import Array, Float
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import t as student_t
@@ -18,7 +20,8 @@ from knitlab.fabric.settings import CellSize
 from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.stripe import Knit, Stripe
 from knitlab.fabric.zigzag import Zigzag, law_of_one, tension
-from knitlab.measure.information import Comparison, compare
+from knitlab.io.atomic_write import atomic_write
+from knitlab.measure.fit_statistics import Comparison, compare
 
 Law = Literal["linear", "stiffening"] | SpringCurve
 """Kind of spring law; the shape of a tabulated curve is not fitted."""
@@ -26,9 +29,11 @@ Law = Literal["linear", "stiffening"] | SpringCurve
 FITTED = ("k_s", "k_t", "theta_0")
 """Fitted parameters, in this order; all except the angle are fitted as logarithms."""
 FITTED_IF_STIFFENING = (*FITTED, "stiffening_strain")
-"""Fitted parameters for stiffening springs."""
 UNITS = {"k_s": "N/mm", "k_t": "N", "theta_0": "rad", "stiffening_strain": "1"}
 """Units as in the paper's tables, except for k_t, which is N mm for an edge."""
+ENTRY_UNITS = {"period": "mm", **UNITS}
+DIGITS = 6
+"""Digits of the numbers of a stripe that is written to a file."""
 BOUNDS = {
     "k_s": (1e-4, 1e4),
     "k_t": (1e-7, 1e2),
@@ -46,11 +51,9 @@ USELESS_ERROR = 0.5
 """Standard error of a logarithm, or of the angle [rad], above which it is undetermined."""
 AT_BOUND = 1e-3
 """Distance from a bound, in the fitted unknown, up to which a value counts as on the bound."""
-INSIDE = {
-    name: (low * (1 + 2 * AT_BOUND), high * (1 - 2 * AT_BOUND))
-    for name, (low, high) in BOUNDS.items()
-}
-"""Values that are not on a bound."""
+
+Points = Float[np.ndarray, " point"]
+Unknowns = Float[np.ndarray, " fitted"]
 
 
 @dataclass(frozen=True)
@@ -80,9 +83,9 @@ class Calibration:
     standard_errors: dict[str, float]
     intervals: dict[str, tuple[float, float]]
     correlations: Float[np.ndarray, "fitted fitted"]
-    strain: Float[np.ndarray, " point"]
-    force: Float[np.ndarray, " point"]
-    fitted_force: Float[np.ndarray, " point"]
+    strain: Points
+    force: Points
+    fitted_force: Points
     starts: tuple[int, int]
     converged: bool
     iterations: int
@@ -97,28 +100,19 @@ class Calibration:
     def usable(self) -> bool:
         """Whether the fit converged, and no parameter is on a bound of its range."""
         return self.converged and all(
-            INSIDE[name][0] < value < INSIDE[name][1] for name, value in self.values.items()
+            BOUNDS[name][0] * (1 + 2 * AT_BOUND) < value < BOUNDS[name][1] * (1 - 2 * AT_BOUND)
+            for name, value in self.values.items()
         )
 
-    def tabulated_period(self, cell_size: CellSize) -> float:
-        """Period with which the network has the springs and folds of the fitted zigzag [mm].
+    def stripe(self, knit: Knit, n: int, cell_size: CellSize = "flat") -> Stripe:
+        """The fitted stripe, for a design with this model option.
 
         In a stripe table the period is that of the relaxed stripe if ``cell_size`` is
         ``"relaxed"``. If it is ``"flat"``, the period is that of the flat stripe, which is longer
-        by 1/sin(θ0/2).
+        by 1/sin(θ0/2). With it the network has the springs and folds of the fitted zigzag.
         """
         flat = cell_size == "flat"
-        return self.period / math.sin(self.values["theta_0"] / 2) if flat else self.period
-
-    def stripe(self, knit: Knit, n: int, cell_size: CellSize = "flat") -> Stripe:
-        """The fitted stripe, for a design.
-
-        Args:
-            knit: rib or garter.
-            n: stitches across a stripe.
-            cell_size: model option with which the stripe will be used; its period depends on it.
-        """
-        period = self.tabulated_period(cell_size)
+        period = self.period / math.sin(self.values["theta_0"] / 2) if flat else self.period
         curve = self.law if isinstance(self.law, SpringCurve) else None
         return Stripe(knit, n, period, **self.values, spring_curve=curve)
 
@@ -128,23 +122,18 @@ class Calibration:
         return float(np.sqrt(np.mean(self.residuals**2)))
 
     @property
-    def residuals(self) -> Float[np.ndarray, " point"]:
+    def residuals(self) -> Points:
         """Curve minus fit [N]."""
         return self.force - self.fitted_force
 
     def compared_with(self, simpler: "Calibration") -> Comparison:
         """Comparison of this law with a simpler one that was fitted to the same curve."""
-        counts = len(simpler.values), len(self.values)
         order = np.argsort(self.strain, kind="stable")
-        return compare(simpler.residuals[order], self.residuals[order], counts)
+        residuals = simpler.residuals[order], self.residuals[order]
+        return compare(*residuals, (len(simpler.values), len(self.values)))
 
 
-def calibrate(
-    period: float,
-    strain: Float[np.ndarray, " point"],
-    force: Float[np.ndarray, " point"],
-    law: Law = "linear",
-) -> Calibration:
+def calibrate(period: float, strain: Points, force: Points, law: Law = "linear") -> Calibration:
     """Fit k_s, k_t and θ0 of a zigzag to its tension curve by bounded least squares.
 
     For stiffening springs the stiffening strain is fitted too. Gradients are exact. The best fit of
@@ -176,13 +165,13 @@ def calibrate(
         lambda unknowns, function=function: np.asarray(function(curve, unknowns, period, strain))
         for function in (_force, _force_slopes)
     )
-    lower, upper = (_unknowns({name: BOUNDS[name][side] for name in fitted}) for side in (0, 1))
+    bounds = _bounds(fitted)
     fits = [
         least_squares(
             lambda unknowns: (compiled(unknowns) - force) / scale,
-            np.clip(start, lower, upper),
+            np.clip(start, *bounds),
             jac=lambda unknowns: jacobian(unknowns) / scale,
-            bounds=(lower, upper),
+            bounds=bounds,
             x_scale="jac",
             ftol=1e-12,
             xtol=1e-12,
@@ -213,7 +202,7 @@ def calibrate(
         starts=(len(fits), agreeing),
         converged=bool(best.success),
         iterations=int(best.njev),
-        warnings=_warnings(best, errors, correlations, lower, upper),
+        warnings=_warnings(best, errors, correlations),
         law=law,
     )
 
@@ -225,35 +214,29 @@ def report(calibration: Calibration) -> list[str]:
         f" {UNITS[name]}, 95 %: {low:.5g} to {high:.5g}"
         for name, (low, high) in calibration.intervals.items()
     ]
-    lines += [
-        f"correlation of {first} and {second}: {calibration.correlations[one, other]:+.4f}"
-        for (one, first), (other, second) in itertools.combinations(
-            enumerate(calibration.values), 2
-        )
-    ]
+    pairs = zip(
+        itertools.combinations(calibration.values, 2),
+        calibration.correlations[np.triu_indices(len(calibration.values), 1)],
+        strict=True,
+    )
+    lines += [f"correlation of {one} and {other}: {value:+.4f}" for (one, other), value in pairs]
     tried, agreeing = calibration.starts
-    points = len(calibration.strain)
-    return [
-        *lines,
-        f"misfit   {calibration.misfit:.2g} N rms over {points} points;"
-        f" {agreeing} of {tried} starts agree, {calibration.iterations} steps",
-    ]
+    lines.append(
+        f"misfit   {calibration.misfit:.2g} N rms over {len(calibration.strain)} points;"
+        f" {agreeing} of {tried} starts agree, {calibration.iterations} steps"
+    )
+    return lines
 
 
 def report_comparison(calibration: Calibration, linear: Calibration) -> list[str]:
-    """The law that the curve supports, in lines of text.
-
-    Args:
-        calibration: the fit with another law.
-        linear: the fit with linear springs.
-    """
-    found = calibration.compared_with(linear)
+    """Which of another law and linear springs the curve supports, in lines of text."""
+    comparison = calibration.compared_with(linear)
     name = "tabulated" if isinstance(calibration.law, SpringCurve) else calibration.law
-    if math.isnan(found.gain_if_correlated):
+    if math.isnan(comparison.gain_if_correlated):
         verdict = "too few points to decide between the laws"
-    elif found.wanted:
+    elif comparison.wanted:
         verdict = f"the curve supports {name} springs"
-    elif found.refused:
+    elif comparison.refused:
         verdict = "the curve supports linear springs"
     else:
         verdict = "the curve does not decide; linear springs are sufficient"
@@ -261,11 +244,48 @@ def report_comparison(calibration: Calibration, linear: Calibration) -> list[str
         verdict += f"; the {name} fit cannot be used"
     return [
         f"linear   misfit {linear.misfit:.2g} N rms, against {calibration.misfit:.2g} N {name}",
-        f"AICc     {name} springs gain {found.gain:+.1f} if residuals are independent,"
-        f" {found.gain_if_correlated:+.1f} if neighbours are correlated (by"
-        f" {found.autocorrelation[0]:.2f} linear, {found.autocorrelation[1]:.2f} {name})",
+        f"AICc     {name} springs gain {comparison.gain:+.1f} if residuals are independent,"
+        f" {comparison.gain_if_correlated:+.1f} if neighbours are correlated (by"
+        f" {comparison.autocorrelation[0]:.2f} linear, {comparison.autocorrelation[1]:.2f} {name})",
         f"law      {verdict}",
     ]
+
+
+def write_stripe_table(path: Path, stripes: Iterable[tuple[Stripe, str]]) -> None:
+    """Write stripes, each with its source, as a table that workflows can use (``stripe_files``)."""
+    table: dict[str, Any] = {}
+    for stripe, source in stripes:
+        given = {name: getattr(stripe, name) for name in ENTRY_UNITS}
+        row: dict[str, Any] = {
+            name: float(f"{value:.{DIGITS}g}") for name, value in given.items() if value is not None
+        }
+        units = {name: ENTRY_UNITS[name] for name in row}
+        if stripe.spring_curve is not None:
+            curve = stripe.spring_curve
+            row["spring_curve"] = {"strain": list(curve.strain), "force": list(curve.force)}
+        table[stripe.knit] = {"source": source, "unit": units, "n": {str(stripe.n): row}}
+    with atomic_write(path) as temporary:
+        temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
+
+
+def write_stripe_file(
+    path: Path,
+    knit: Knit,
+    stitches: int,
+    calibration: Calibration,
+    curve: Path,
+    cell_size: CellSize,
+) -> None:
+    """Write the stripe fitted to the curve of a file, for designs with this ``cell_size``."""
+    errors = ", ".join(
+        f"{name} {error:.2g} {UNITS[name]}" for name, error in calibration.standard_errors.items()
+    )
+    warned = "".join(f"; {warning}" for warning in calibration.warnings)
+    source = (
+        f"knitlab calibrate {curve.name}, relaxed period {calibration.period:g} mm, for cell_size"
+        f" {cell_size}; standard errors {errors}{warned}"
+    )
+    write_stripe_table(path, [(calibration.stripe(knit, stitches, cell_size), source)])
 
 
 @partial(jax.jit, static_argnums=0)
@@ -283,13 +303,17 @@ def _force(
 _force_slopes = jax.jit(jax.jacfwd(_force, argnums=1), static_argnums=0)
 
 
-def _unknowns(values: dict[str, float]) -> Float[np.ndarray, " fitted"]:
+def _unknowns(values: Mapping[str, float]) -> Unknowns:
     return np.array(
         [value if name == "theta_0" else np.log(value) for name, value in values.items()]
     )
 
 
-def _numbers(unknowns: Float[np.ndarray, " fitted"], fitted: Sequence[str]) -> dict[str, float]:
+def _bounds(fitted: Sequence[str]) -> Float[np.ndarray, "2 fitted"]:
+    return np.array([_unknowns({name: BOUNDS[name][side] for name in fitted}) for side in (0, 1)])
+
+
+def _numbers(unknowns: Unknowns, fitted: Sequence[str]) -> dict[str, float]:
     with np.errstate(over="ignore"):
         return {
             name: float(value if name == "theta_0" else np.exp(value))
@@ -297,29 +321,22 @@ def _numbers(unknowns: Float[np.ndarray, " fitted"], fitted: Sequence[str]) -> d
         }
 
 
-def _starts(
-    period: float,
-    strain: Float[np.ndarray, " point"],
-    force: Float[np.ndarray, " point"],
-    fitted: Sequence[str],
-) -> list[Float[np.ndarray, " fitted"]]:
+def _starts(period: float, strain: Points, force: Points, fitted: Sequence[str]) -> list[Unknowns]:
     """Starts around the stiffness estimated from the curve's size and from its first half."""
     half = strain <= (strain[0] + strain[-1]) / 2
     opening = np.sum(force[half] * strain[half]) / max(np.sum(strain[half] ** 2), 1e-12)
+    # Without stiffening the last number of a start is not used.
+    strains = STARTING_STRAINS if "stiffening_strain" in fitted else STARTING_STRAINS[:1]
     starts = []
-    for angle, stiff, soft in itertools.product(STARTING_ANGLES, *[STARTING_FACTORS] * 2):
+    for angle, stiff, soft, stiffening in itertools.product(
+        STARTING_ANGLES, STARTING_FACTORS, STARTING_FACTORS, strains
+    ):
         cell = period / (4 * np.sin(angle / 2))
         # For a fold that opens slightly: F = k_t dθ / (ℓ cos θ/2) and dε = dθ / (2 tan θ/2).
         k_t = max(opening, 1e-9) * cell * np.cos(angle / 2) / (2 * np.tan(angle / 2))
         k_s = np.max(np.abs(force)) / (0.1 * cell)
-        start = {"k_s": stiff * k_s, "k_t": soft * k_t, "theta_0": angle}
-        if "stiffening_strain" in fitted:
-            starts += [
-                _unknowns(start | {"stiffening_strain": stiffening})
-                for stiffening in STARTING_STRAINS
-            ]
-        else:
-            starts.append(_unknowns(start))
+        start = stiff * k_s, soft * k_t, angle, stiffening
+        starts.append(_unknowns(dict(zip(fitted, start, strict=False))))
     return starts
 
 
@@ -332,23 +349,20 @@ def _covariance(fit: OptimizeResult) -> Float[np.ndarray, "fitted fitted"]:
 
 
 def _warnings(
-    fit: OptimizeResult,
-    errors: Float[np.ndarray, " fitted"],
-    correlations: Float[np.ndarray, "fitted fitted"],
-    lower: Float[np.ndarray, " fitted"],
-    upper: Float[np.ndarray, " fitted"],
+    fit: OptimizeResult, errors: Unknowns, correlations: Float[np.ndarray, "fitted fitted"]
 ) -> tuple[str, ...]:
     warnings = []
     fitted = FITTED_IF_STIFFENING[: len(fit.x)]
     if not fit.success:
         warnings.append(f"the fit did not converge ({fit.message}); do not use it")
-    for place, name in enumerate(fitted):
-        if min(fit.x[place] - lower[place], upper[place] - fit.x[place]) < AT_BOUND:
-            low, high = BOUNDS[name]
+    to_bound = np.abs(_bounds(fitted) - fit.x).min(axis=0)
+    for name, error, distance in zip(fitted, errors, to_bound, strict=True):
+        low, high = BOUNDS[name]
+        if distance < AT_BOUND:
             warnings.append(
                 f"{name} is at its bound ({low:g} to {high:g}): the curve does not determine it"
             )
-        if errors[place] > USELESS_ERROR:
+        if error > USELESS_ERROR:
             warnings.append(
                 f"{name} is uncertain by more than half; the curve does not determine it"
             )

@@ -1,4 +1,4 @@
-"""Folds: the angles of the hinges of a configuration, and the number beyond ±π."""
+"""Folds: their angles, those beyond ±π, and the widths of patches across them."""
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -7,7 +7,9 @@ from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import element_vectors
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.fold_angle import fold_and_slope
-from knitlab.fabric.network import Network
+from knitlab.fabric.network import MeshShape, Network
+from knitlab.fabric.pattern import KNIT_OF_LETTER, PatchGrid
+from knitlab.measure.unit_cells import CellGrid, central_cell
 
 
 def fold_angles(
@@ -37,3 +39,36 @@ def hinges_past_pi(
     """
     past = np.abs(fold_angles(net, fabric, configuration)) > np.pi
     return (past & (np.asarray(fabric.fold_stiffness) > 0)).sum(axis=-1)
+
+
+def widths_across_folds(
+    shape: MeshShape, pattern: PatchGrid, cells: CellGrid, configuration: Configuration
+) -> dict[str, tuple[float, float]]:
+    """Width of the patches across their folds (paper, "Relaxation"), at centre and edges [mm].
+
+    The width of a rib patch is the distance of its borders along the weft. At its centre it is
+    measured on its middle row, at its edges it is the mean of its first and last row. The width of
+    a garter patch is measured in the same way along the warp. Patches of a knit in the unit cell
+    nearest the middle are averaged.
+
+    Returns:
+        (centre, edge) of ``rib`` and ``garter``, if the unit cell has such patches.
+    """
+    middle = central_cell(shape, cells, configuration)
+    rows, columns = cells.middle
+    widths: dict[str, list[tuple[float, float]]] = {}
+    for row, column in np.ndindex(pattern.knit.shape):
+        low, high = pattern.row_borders[row : row + 2] - rows.start
+        left, right = pattern.column_borders[column : column + 2] - columns.start
+        inside = low >= 0 and left >= 0 and high < middle.shape[0] and right < middle.shape[1]
+        knit = KNIT_OF_LETTER[str(pattern.knit[row, column])]
+        if not inside or knit == "plain":
+            continue
+        nodes = middle[low : high + 1, left : right + 1]
+        across = nodes[:, -1, 0] - nodes[:, 0, 0]
+        width = across if knit == "rib" else nodes[-1, :, 1] - nodes[0, :, 1]
+        widths.setdefault(knit, []).append((width[len(width) // 2], (width[0] + width[-1]) / 2))
+    return {
+        knit: (float(centre), float(edge))
+        for knit, (centre, edge) in ((knit, np.mean(each, axis=0)) for knit, each in widths.items())
+    }

@@ -50,37 +50,15 @@ class Stitches:
     wales: float
 
 
-def knit_cell(relaxed: float, flat: float, stitches: float, stitch: float) -> float:
-    """Finished length of a unit cell in cloth: contraction × stitches × stitch size.
-
-    Args:
-        relaxed: length of the relaxed cell of the network [mm].
-        flat: length of the same cell flat [mm].
-        stitches: number of stitches across the cell.
-        stitch: size of a stitch in the same direction [mm].
-
-    Returns:
-        The length [mm]; NaN if the relaxed length is NaN.
-    """
-    return relaxed / flat * stitches * stitch
-
-
 def knit_sizes(
     lengths: Mapping[str, float], stitches: Stitches, periodic: bool, gauge: Gauge
 ) -> dict[str, float]:
-    """Finished sizes in cloth of a fabric of patches.
+    """Finished sizes in cloth of a fabric of patches: contraction × stitches × stitch size [mm].
 
-    Args:
-        lengths: lengths of the network, relaxed_cell, flat_cell and wavelength along x and y, by
-            the names of the schema; NaN if missing [mm].
-        stitches: stitches of the fabric.
-        periodic: whether it has no edges.
-        gauge: size of a stitch.
-
-    Returns:
-        Sizes by the names of :data:`ALONG_X` and :data:`ALONG_Y`: size of a unit cell, wavelength
-        of the boundary, and size of the sample, which is missing for periodic fabric. Sizes of a
-        graded sample follow from the contraction of its central unit cells [mm].
+    Given relaxed_cell, flat_cell and wavelength along x and y, the sizes by :data:`ALONG_X` and
+    :data:`ALONG_Y` are those of a unit cell, of the wave of its boundary, and of the sample, which
+    is missing for periodic fabric. Sizes of a graded sample follow from the contraction of its
+    central unit cells.
     """
     sizes: dict[str, float] = {}
     for axis, names, in_cell, whole, stitch in (
@@ -88,7 +66,7 @@ def knit_sizes(
         ("y", ALONG_Y, stitches.courses_in_cell, stitches.courses, gauge.stitch_height),
     ):
         relaxed, flat = lengths[f"relaxed_cell_{axis}"], lengths[f"flat_cell_{axis}"]
-        cell = knit_cell(relaxed, flat, in_cell, stitch)
+        cell = relaxed / flat * in_cell * stitch
         wavelength = lengths[f"wavelength_{axis}"] * cell / relaxed
         sample = float("nan") if periodic else whole / in_cell * cell
         sizes |= dict(zip(names, (cell, wavelength, sample), strict=True))
@@ -96,16 +74,7 @@ def knit_sizes(
 
 
 def at_gauge(sizes: Mapping[str, float], before: Gauge, now: Gauge) -> dict[str, float]:
-    """The same finished sizes at another gauge.
-
-    Args:
-        sizes: sizes of :func:`knit_sizes` [mm].
-        before: the gauge that they were computed with.
-        now: the requested gauge.
-
-    Returns:
-        The sizes, bitwise unchanged if the gauge is the same [mm].
-    """
+    """Sizes of :func:`knit_sizes` at another gauge; bitwise unchanged if it is the same [mm]."""
     factors = dict.fromkeys(ALONG_X, now.stitch_width / before.stitch_width)
     factors |= dict.fromkeys(ALONG_Y, now.stitch_height / before.stitch_height)
     return {name: size * factors[name] for name, size in sizes.items()}

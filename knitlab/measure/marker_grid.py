@@ -14,7 +14,10 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
 Points = Float[np.ndarray, "marker 2"]
+Steps = Float[np.ndarray, "direction 2"]
+"""Steps along the weft and the warp [mm]."""
 Step = tuple[int, int]
+"""Numbers of rows and of columns from one marker to another."""
 
 NONE = -1
 MOST_LINES = 10_000
@@ -43,12 +46,9 @@ class NoGrid(ValueError):
 
 @dataclass(frozen=True)
 class MarkerGrid:
-    """Rows and columns of markers in a grid.
+    """The marker at each grid position, −1 if it is missing, and those that are not on the grid.
 
-    Attributes:
-        marker: marker at each grid position, rows along the warp, columns along the weft; −1 if
-            it is missing.
-        strays: markers that are not on the grid.
+    Rows follow the warp, columns the weft.
     """
 
     marker: Int[np.ndarray, "row column"]
@@ -70,33 +70,27 @@ def grid_of_places(
     Raises:
         NoGrid: if two markers have the same row and column.
     """
-    placed = np.flatnonzero((rows >= 0) & (columns >= 0))
-    rows, columns, strays = (
-        rows[placed],
-        columns[placed],
-        np.flatnonzero((rows < 0) | (columns < 0)),
-    )
-    if not len(placed):
+    on_grid = (rows >= 0) & (columns >= 0)
+    if not on_grid.any():
         raise NoGrid("no marker has a row and column; give them for each")
-    if (last := max(rows.max(), columns.max())) >= MOST_LINES:
+    if (last := max(rows[on_grid].max(), columns[on_grid].max())) >= MOST_LINES:
         raise NoGrid(f"a marker is in row or column {last}; count them from 0")
-    grid = np.full((rows.max() + 1, columns.max() + 1), NONE)
-    for marker, row, column in zip(placed, rows, columns, strict=True):
+    grid = np.full((rows[on_grid].max() + 1, columns[on_grid].max() + 1), NONE)
+    for marker in np.flatnonzero(on_grid):
+        row, column = rows[marker], columns[marker]
         if grid[row, column] != NONE:
             raise NoGrid(
                 f"markers {grid[row, column]} and {marker} are both in row {row}, column"
                 f" {column}; give each another one"
             )
         grid[row, column] = marker
-    return MarkerGrid(grid, tuple(strays.tolist()))
+    return MarkerGrid(grid, tuple(np.flatnonzero(~on_grid).tolist()))
 
 
 def find_grid(points: Points) -> MarkerGrid:
-    """Find the grid that points form.
+    """Find the grid of markers at points (x, y), NaN if not seen, that run along weft and warp.
 
-    Args:
-        points: positions (x, y) of the markers, along the weft and the warp to within 45°; NaN if
-            a marker is not seen [mm].
+    Directions may be off by up to 45°.
 
     Raises:
         NoGrid: if there are too few points, or they form no grid.
@@ -114,19 +108,17 @@ def find_grid(points: Points) -> MarkerGrid:
             f"{len(seen) - len(places)} of {len(seen)} markers are not on one regular grid;"
             " give a table of their places"
         )
-    rows, columns = (np.full(len(points), NONE) for _ in range(2))
-    found = np.array(list(places))
-    rows[seen[found]], columns[seen[found]] = (
-        np.array(list(places.values())) - np.min(list(places.values()), axis=0)
-    ).T
-    grid = grid_of_places(rows, columns)
+    rows_columns = np.full((2, len(points)), NONE)
+    lines = np.array(list(places.values())).T
+    rows_columns[:, seen[list(places)]] = lines - lines.min(axis=1, keepdims=True)
+    grid = grid_of_places(*rows_columns)
     if min(grid.marker.shape) < 2:
         raise NoGrid(ONE_LINE)
     _check_even(grid.corners(points[None])[0])
     return MarkerGrid(grid.marker, tuple(stray for stray in grid.strays if stray in seen))
 
 
-def _steps_of_grid(points: Points) -> Float[np.ndarray, "direction 2"]:
+def _steps_of_grid(points: Points) -> Steps:
     """Typical steps along the weft and the warp, in this order.
 
     Raises:
@@ -146,37 +138,46 @@ def _steps_of_grid(points: Points) -> Float[np.ndarray, "direction 2"]:
     turn = np.angle(fourfold) / 4
     typical = []
     for direction in (turn, turn + np.pi / 2):
-        along = np.array([np.cos(direction), np.sin(direction)])
-        ahead = between @ along
+        ahead = between @ [np.cos(direction), np.sin(direction)]
         in_sector = ahead >= length * np.cos(SECTOR)
-        first = np.where(in_sector, length, np.inf).argmin(axis=1)
-        able = in_sector.any(axis=1)
-        if not able.any():
+        with_step = in_sector.any(axis=1)
+        if not with_step.any():
             raise NoGrid(ONE_LINE)
-        typical.append(np.median(between[np.arange(len(points)), first][able], axis=0))
+        first = np.where(in_sector, length, np.inf).argmin(axis=1)
+        typical.append(np.median(between[np.arange(len(points)), first][with_step], axis=0))
     return np.array(typical)
 
 
-def _followed(points: Points, steps: Float[np.ndarray, "direction 2"]) -> dict[int, Step]:
+def _followed(points: Points, steps: Steps) -> dict[int, Step]:
     """Grid positions of the points reachable from the one with the most regular neighbours."""
     tree = cKDTree(points)
     reach = NEAR * np.linalg.norm(steps, axis=1).min()
-    start = _most_regular(points, tree, steps)
+    neighbours = points[:, None] + np.concatenate([steps, -steps])
+    start = int(tree.query(neighbours)[0].sum(axis=1).argmin())
     places: dict[int, Step] = {start: (0, 0)}
-    taken: dict[Step, int] = {(0, 0): start}
+    taken: set[Step] = {(0, 0)}
     local = {start: steps}
-    for kinds in (STEPS, STEPS + HOPS):
-        doubts: list[tuple[float, int, int, Step]] = []
-        for point in places:
-            _look_around(doubts, point, points, tree, local[point], kinds, reach)
-        while doubts:
-            _, origin, point, step = heapq.heappop(doubts)
-            place = places[origin][0] + step[0], places[origin][1] + step[1]
-            if point in places or place in taken:
-                continue
-            places[point], taken[place] = place, point
+    doubts: list[tuple[float, int, int, Step]] = []
+
+    def look_around(point: int) -> None:
+        """Add the neighbours of a point to the queue, by their distance from the prediction."""
+        for step in STEPS + HOPS:
+            expected = points[point] + step[1] * local[point][0] + step[0] * local[point][1]
+            distance, neighbour = tree.query(expected, distance_upper_bound=reach)
+            if np.isfinite(distance) and neighbour != point:
+                # Hops come after all steps, whose distance is within reach.
+                late = reach * (step in HOPS)
+                heapq.heappush(doubts, (distance + late, point, int(neighbour), step))
+
+    look_around(start)
+    while doubts:
+        _, origin, point, step = heapq.heappop(doubts)
+        place = places[origin][0] + step[0], places[origin][1] + step[1]
+        if point not in places and place not in taken:
+            places[point] = place
+            taken.add(place)
             local[point] = _learned(local[origin], step, points[point] - points[origin])
-            _look_around(doubts, point, points, tree, local[point], kinds, reach)
+            look_around(point)
     return places
 
 
@@ -198,33 +199,7 @@ def _check_even(corners: Float[np.ndarray, "row column 2"]) -> None:
             )
 
 
-def _most_regular(points: Points, tree: cKDTree, steps: Float[np.ndarray, "direction 2"]) -> int:
-    expected = points[:, None] + np.array([sign * step for step in steps for sign in (1, -1)])
-    distance, _ = tree.query(expected)
-    return int(distance.sum(axis=1).argmin())
-
-
-def _look_around(
-    doubts: list[tuple[float, int, int, Step]],
-    point: int,
-    points: Points,
-    tree: cKDTree,
-    steps: Float[np.ndarray, "direction 2"],
-    kinds: tuple[Step, ...],
-    reach: float,
-) -> None:
-    """Add the neighbours of a point to the queue, by their distance from the prediction."""
-    for step in kinds:
-        expected = points[point] + step[1] * steps[0] + step[0] * steps[1]
-        distance, neighbour = tree.query(expected, distance_upper_bound=reach)
-        if np.isfinite(distance) and neighbour != point:
-            hop = abs(step[0]) + abs(step[1]) > 1
-            heapq.heappush(doubts, (distance + hop * reach, point, int(neighbour), step))
-
-
-def _learned(
-    steps: Float[np.ndarray, "direction 2"], step: Step, seen: Float[np.ndarray, "2"]
-) -> Float[np.ndarray, "direction 2"]:
+def _learned(steps: Steps, step: Step, seen: Float[np.ndarray, "2"]) -> Steps:
     """Local steps of the grid: the mean of the previous steps and the current one."""
     learned = steps.copy()
     for direction, count in ((0, step[1]), (1, step[0])):

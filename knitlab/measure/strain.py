@@ -3,18 +3,16 @@
 Results from JAX arrays are differentiable; NumPy arrays need no compilation.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from jaxtyping import Array, Float
 
 from knitlab.fabric.array_library import array_library
-from knitlab.measure.central import central
+from knitlab.measure.unit_cells import central
 
 CornerGrid = Float[Array | np.ndarray, "*state corner_y corner_x 2"]
 ReferenceGrid = Float[Array | np.ndarray, "... corner_y corner_x 2"]
 ReferenceTensor = Float[Array | np.ndarray, "... cell_y cell_x 2 2"]
-"""Lattice vectors of one reference state, or of one for each state."""
+"""Of one reference state, or of one for each state."""
 CellTensor = Float[Array | np.ndarray, "*state cell_y cell_x 2 2"]
 CellField = Float[Array | np.ndarray, "*state cell_y cell_x"]
 Series = Float[Array | np.ndarray, "*state"]
@@ -25,9 +23,6 @@ def lattice_vectors(corners: CornerGrid) -> CellTensor:
 
     A cell is approximated by a parallelogram: v1 is the mean of its lower and upper
     edge, v2 of its left and right edge (paper, Fig. "lattice vectors").
-
-    Args:
-        corners: positions (x, y) of the corners of the unit cells.
     """
     xp = array_library(corners)
     along_x = xp.diff(corners, axis=-2)
@@ -38,12 +33,7 @@ def lattice_vectors(corners: CornerGrid) -> CellTensor:
 
 
 def deformation_gradient(reference: ReferenceTensor, current: CellTensor) -> CellTensor:
-    """F of every unit cell, from (w1 w2) = F (v1 v2) [1].
-
-    Args:
-        reference: lattice vectors of the relaxed shape, v.
-        current: lattice vectors of the deformed shape, w.
-    """
+    """F of every unit cell, from lattice vectors (w1 w2) = F (v1 v2) [1]."""
     xp = array_library(current)
     transposed = xp.linalg.solve(xp.matrix_transpose(reference), xp.matrix_transpose(current))
     return xp.matrix_transpose(transposed)
@@ -52,9 +42,7 @@ def deformation_gradient(reference: ReferenceTensor, current: CellTensor) -> Cel
 def local_strain(reference: ReferenceGrid, current: CornerGrid) -> tuple[CellField, CellField]:
     """Local normal strains ε_xx = ∂u_x/∂X and ε_yy = ∂u_y/∂Y of every unit cell [1].
 
-    Args:
-        reference: corners of the relaxed shape [mm].
-        current: corners of the deformed shape [mm]; leading axes are states.
+    The reference is the relaxed shape.
     """
     gradient = deformation_gradient(lattice_vectors(reference), lattice_vectors(current))
     return gradient[..., 0, 0] - 1, gradient[..., 1, 1] - 1
@@ -75,11 +63,7 @@ def central_mean(strain: CellField) -> Series:
 
 
 def mean_cell_size(corners: CornerGrid) -> tuple[Series, Series]:
-    """Lengths of the lattice vectors v1 and v2, averaged over the central unit cells [mm].
-
-    Args:
-        corners: positions (x, y) of the corners of the unit cells [mm].
-    """
+    """Lengths of the lattice vectors v1 and v2, averaged over the central unit cells [mm]."""
     sides = array_library(corners).linalg.norm(lattice_vectors(corners), axis=-2)
     return central_mean(sides[..., 0]), central_mean(sides[..., 1])
 
@@ -87,9 +71,7 @@ def mean_cell_size(corners: CornerGrid) -> tuple[Series, Series]:
 def poisson_ratio(mean_strain_xx: Series, mean_strain_yy: Series) -> Series:
     """ν = −ε̄_xx / ε̄_yy [1]; NaN where there is no axial strain (paper, "Kinematics").
 
-    Args:
-        mean_strain_xx: mean strain along the courses [1].
-        mean_strain_yy: mean strain along the wales, the direction of the applied strain [1].
+    The strain yy is along the wales, the direction of the applied strain.
     """
     stretched = mean_strain_yy != 0
     xp = array_library(mean_strain_yy)
@@ -99,33 +81,21 @@ def poisson_ratio(mean_strain_xx: Series, mean_strain_yy: Series) -> Series:
 def poisson_ratio_of_test(
     mean_strain_xx: Float[np.ndarray, " strain"], mean_strain_yy: Float[np.ndarray, " strain"]
 ) -> Float[np.ndarray, " strain"]:
-    """ν at every strain of a test; missing at the first, relaxed state, where it is 0/0 [1].
-
-    Arguments as for :func:`poisson_ratio`.
-    """
+    """ν at every strain of a test; missing at the first, relaxed state, where it is 0/0 [1]."""
     ratio = np.array(poisson_ratio(mean_strain_xx, mean_strain_yy))
     # Round-off and noise would give an arbitrary value.
     ratio[0] = np.nan
     return ratio
 
 
-class LowestPoissonRatio(NamedTuple):
-    """The most auxetic state of a test.
-
-    Attributes:
-        ratio: the lowest Poisson's ratio [1].
-        applied_strain: the applied strain at which it is reached [1].
-    """
-
-    ratio: float
-    applied_strain: float
-
-
 def lowest_poisson_ratio(
     applied_strain: Float[np.ndarray, " strain"], ratio: Float[np.ndarray, " strain"]
-) -> LowestPoissonRatio | None:
-    """The lowest Poisson's ratio of a test; ``None`` if it has none at any strain."""
+) -> dict[str, float]:
+    """The lowest Poisson's ratio of a test and its strain, by their names in a cube, if any [1]."""
     if not np.isfinite(ratio).any():
-        return None
+        return {}
     lowest = int(np.nanargmin(ratio))
-    return LowestPoissonRatio(float(ratio[lowest]), float(applied_strain[lowest]))
+    return {
+        "poisson_ratio_min": float(ratio[lowest]),
+        "applied_strain_at_min": float(applied_strain[lowest]),
+    }

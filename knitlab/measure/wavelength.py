@@ -1,7 +1,8 @@
 """Wavelength and amplitude of a wavy line (paper, Sec. "Relaxation of a pattern", DFT analysis).
 
-The bending of the whole sample is removed with a Savitzky–Golay filter, the rest is resampled
-evenly, and the peak of its discrete Fourier transform gives λ = 1/ν̃_peak.
+The line is a boundary between unit cells. The bending of the whole sample is removed with a
+Savitzky–Golay filter, the rest is resampled evenly, and the peak of its discrete Fourier transform
+gives λ = 1/ν̃_peak.
 
 The resolution of the transform is coarse: for m waves its points are 1/m apart. So the line is
 tapered and padded with zeros, which interpolates the spectrum, and the top of the peak is found
@@ -9,15 +10,19 @@ from three points of its logarithm, which for a tapered wave is nearly a parabol
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
+
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.network import MeshShape
+from knitlab.measure.unit_cells import CellGrid
 
 POINTS = 512
 """Number of points of a resampled line; more than any line of nodes or pixels resolves."""
 PADDING = 16
 """Length of the padded line over its own."""
-TREND_ORDER = 2
 TREND_WINDOW = 1.7343
 """Window of the filter in wavelengths: the lowest at which a quadratic Savitzky–Golay filter
 passes nothing of the wave, so that removing the trend does not change the wave."""
@@ -25,17 +30,18 @@ ROUNDS = 3
 """Number of iterations of window and wavelength."""
 FEWEST_WAVES = 2
 """Waves along a line below which a trend cannot be distinguished from a wave."""
+PERIODIC_CELLS = 8
+"""Number of unit cells over which the boundary of periodic fabric is traced."""
+
+Direction = Literal["x", "y"]
 
 
 @dataclass(frozen=True)
 class Wave:
-    """The wave in a line.
+    """The wave in a line [mm].
 
-    Attributes:
-        wavelength: λ [mm].
-        amplitude: half the height from trough to crest of the sinusoid at the peak [mm].
-        along: coordinates along the line, evenly spaced from its first point [mm].
-        across: offset of the line at these, without the trend [mm].
+    Its amplitude is half the height of the sinusoid from trough to crest; ``across`` is the line
+    without its trend, at coordinates ``along`` it that are evenly spaced from its first point.
     """
 
     wavelength: float
@@ -44,14 +50,40 @@ class Wave:
     across: Float[np.ndarray, " point"]
 
 
-def wave_of(line: Float[np.ndarray, "point 2"], waves: float) -> Wave:
-    """The strongest wave in a line, traced on a simulated fabric or on a photograph.
+def boundary_line(
+    shape: MeshShape, cells: CellGrid, configuration: Configuration, direction: Direction
+) -> Float[np.ndarray, "point 2"]:
+    """The boundary between unit cells nearest the middle, seen from above (along, across) [mm].
 
-    Args:
-        line: points (along, across) in any order; points at the same coordinate, where the fabric
-            folds over, are averaged [mm].
-        waves: approximate number of waves along it, such as unit cells crossed. Only waves within
-            a factor of two of that number are searched.
+    It runs along the weft x or the warp y, from edge to edge, or across :data:`PERIODIC_CELLS`
+    cells of periodic fabric.
+    """
+    nodes, sides = np.asarray(configuration.positions)[..., :2], configuration.lengths
+    if direction == "x":
+        line, length = nodes[cells.rows[cells.count[0] // 2]], sides[0]
+    else:
+        line, length = nodes[:, cells.columns[cells.count[1] // 2], ::-1], sides[1]
+    if not shape.periodic:
+        return line
+    turns = np.stack([length * np.arange(PERIODIC_CELLS), np.zeros(PERIODIC_CELLS)], axis=-1)
+    return (turns[:, None] + line).reshape(-1, 2)
+
+
+def boundary_wave(
+    shape: MeshShape, cells: CellGrid, configuration: Configuration, direction: Direction
+) -> Wave | None:
+    """The wave of that boundary; ``None`` if it crosses too few unit cells."""
+    waves = cells.count[1 if direction == "x" else 0] * (PERIODIC_CELLS if shape.periodic else 1)
+    if waves < FEWEST_WAVES:
+        return None
+    return wave_of(boundary_line(shape, cells, configuration, direction), waves)
+
+
+def wave_of(line: Float[np.ndarray, "point 2"], waves: float) -> Wave:
+    """The strongest wave in a line of points (along, across) in any order [mm].
+
+    Points at the same coordinate, where the fabric folds over, are averaged. Only waves within a
+    factor of two of the stated number of waves along the line are searched.
 
     Raises:
         ValueError: if there are fewer than two waves, the points are too few to resolve them, or
@@ -81,9 +113,7 @@ def spectrum(
 ) -> tuple[Float[np.ndarray, " wavenumber"], Float[np.ndarray, " wavenumber"]]:
     """Wavenumbers ν̃ [1/mm] and the amplitude of a sinusoid at each [mm].
 
-    Args:
-        across: an evenly sampled line, including first and last point [mm].
-        extent: its length [mm].
+    The line is sampled evenly over its extent, including its first and last point [mm].
     """
     taper = np.hanning(len(across))
     transform = np.fft.rfft((across - across.mean()) * taper, PADDING * len(across))
@@ -96,7 +126,7 @@ def _trend(raw: Float[np.ndarray, " point"], wavelength: float) -> Float[np.ndar
     from scipy.signal import savgol_filter  # slow to import, and only simulations need it
 
     window = min(round(TREND_WINDOW * wavelength * len(raw)), len(raw))
-    return savgol_filter(raw, window - (window % 2 == 0), TREND_ORDER)
+    return savgol_filter(raw, window - (window % 2 == 0), polyorder=2)
 
 
 def _peak(

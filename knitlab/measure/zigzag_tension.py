@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 
 import jax
 import jax.numpy as jnp
@@ -18,14 +18,9 @@ GRADIENT_ROUND_OFF = 1e-8
 
 @dataclass(frozen=True)
 class ChainState:
-    """Equilibrium of a zigzag at one strain.
+    """Equilibrium of a zigzag at one strain: nodes [mm], and the reaction along x at the right [N].
 
-    Attributes:
-        nodes: positions (x, y) [mm].
-        force: reaction at the right node, along x [N].
-        residual: largest residual force on a free coordinate [N].
-        iterations: iterations of the minimiser and the root finder.
-        converged: whether the residual is within tolerance.
+    The residual is the largest force on a free coordinate [N].
     """
 
     nodes: Float[np.ndarray, "node 2"]
@@ -38,29 +33,23 @@ class ChainState:
 def pull_chain(
     chain: Zigzag, periods: int, applied_strain: Sequence[float], tolerance: float = 1e-12
 ) -> list[ChainState]:
-    """Stretch a zigzag: the leftmost node is fixed, the rightmost displaced along x.
+    """Stretch a zigzag of several periods: the leftmost node is fixed, the rightmost displaced.
 
-    At every strain the energy is minimised over the free nodes by :func:`scipy.optimize.minimize`
-    (trust-region Newton, exact JAX gradient and Hessian), starting from the previous state
-    stretched to the new length. The minimiser compares energies, which limits its accuracy to half
-    of the digits; :func:`scipy.optimize.root` then improves the result to full accuracy.
-
-    Args:
-        chain: the zigzag.
-        periods: its length in periods.
-        applied_strain: displacement over the relaxed length, ascending from 0.
-        tolerance: largest residual force on a free node [N].
+    At every strain, over the relaxed length, the energy is minimised over the free nodes by
+    :func:`scipy.optimize.minimize` (trust-region Newton, exact JAX gradient and Hessian), starting
+    from the previous state stretched to the new length. The minimiser compares energies, which
+    limits its accuracy to half of the digits; :func:`scipy.optimize.root` then improves the result
+    to full accuracy, which is a largest residual force on a free node within ``tolerance`` [N].
     """
-    start = np.asarray(relaxed_chain(chain, periods))
-    length = start[-1, 0]
-    energy, gradient, hessian = _derivatives(len(start))
+    nodes = np.asarray(relaxed_chain(chain, periods))
+    length = nodes[-1, 0]
+    energy, gradient, hessian = _derivatives()
     states: list[ChainState] = []
-    nodes = start
     for strain in applied_strain:
         stretched = nodes * np.array([length * (1 + strain) / nodes[-1, 0], 1.0])
         stretched[-1] = length * (1 + strain), 0.0
         system = chain, jnp.asarray(stretched)
-        found = minimize(
+        rough = minimize(
             energy,
             stretched[1:-1].ravel(),
             system,
@@ -69,18 +58,11 @@ def pull_chain(
             hess=hessian,
             options={"gtol": GRADIENT_ROUND_OFF, "initial_trust_radius": 0.1 * float(chain.cell)},
         )
-        polished = root(gradient, found.x, system, jac=hessian, tol=1e-14)
+        polished = root(gradient, rough.x, system, jac=hessian, tol=1e-14)
         nodes = np.asarray(_whole(polished.x, stretched))
-        residual = float(np.abs(polished.fun).max())
-        states.append(
-            ChainState(
-                nodes=nodes,
-                force=float(jax.grad(chain_energy, argnums=1)(chain, jnp.asarray(nodes))[-1, 0]),
-                residual=residual,
-                iterations=int(found.nit + polished.nfev),
-                converged=residual <= tolerance,
-            )
-        )
+        force = float(jax.grad(chain_energy, argnums=1)(chain, jnp.asarray(nodes))[-1, 0])
+        residual, iterations = float(np.abs(polished.fun).max()), int(rough.nit + polished.nfev)
+        states.append(ChainState(nodes, force, residual, iterations, residual <= tolerance))
     return states
 
 
@@ -90,13 +72,12 @@ def _whole(
     return jnp.asarray(ends).at[1:-1].set(jnp.reshape(free, (-1, 2)))
 
 
-@lru_cache(maxsize=8)
-def _derivatives(_: int) -> tuple[Callable[..., np.ndarray], ...]:
-    """Compiled energy, gradient and Hessian of the free nodes, for a number of nodes."""
+@cache
+def _derivatives() -> tuple[Callable[..., np.ndarray], ...]:
+    """Compiled energy, gradient and Hessian of the free nodes."""
 
     def energy(free: Array, chain: Zigzag, ends: Array) -> Array:
         return chain_energy(chain, _whole(free, ends))
 
-    derivatives = energy, jax.grad(energy), jax.hessian(energy)
-    compiled = [jax.jit(derivative) for derivative in derivatives]
+    compiled = map(jax.jit, (energy, jax.grad(energy), jax.hessian(energy)))
     return tuple(lambda *x, call=call: np.asarray(call(*x)) for call in compiled)

@@ -10,13 +10,7 @@ import xarray as xr
 from knitlab.cube.case_file import StoredCase, check_case_file, read_case
 from knitlab.cube.cube_file import design_dims, is_measured, source_of
 from knitlab.cube.schema import Status
-from knitlab.cube.selection import (
-    choices,
-    chosen_places,
-    refuse_others,
-    selected,
-    selections_along,
-)
+from knitlab.cube.selection import choices, chosen_places, refuse_others, selected, selections_along
 from knitlab.io.errors import fault
 
 STRAIN = "applied_strain"
@@ -32,16 +26,12 @@ NO_SHAPE = {
 
 
 def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -> xr.Dataset:
-    """Contents of the case file of the one design that selections leave.
+    """Contents of the case file of the one design of a cube that selections leave.
 
-    Args:
-        cube: the cube.
-        folder: the results folder that it lies in, with the case files.
-        selections: a value by coordinate; those along the strain are left to
-            :func:`chosen_strains`.
+    Selections along the strain are left to :func:`chosen_strains`.
 
     Raises:
-        BadInput: if they leave no design or several, or the design has no sound case file.
+        BadInput: if they leave no design or several, or the folder has no sound case file of it.
     """
     if is_measured(cube):
         raise fault(source_of(cube), "was measured and has no shapes; give a simulated cube")
@@ -55,32 +45,30 @@ def chosen_case(cube: xr.Dataset, folder: Path, selections: Mapping[str, Any]) -
     if not designs.sizes["design"]:
         raise fault("selections", "leave no design of this cube; choose others")
     if designs.sizes["design"] > 1:
-        varied = [dim for dim in dims if len(np.unique(designs[dim])) > 1]
-        present = xr.Dataset(coords={dim: np.unique(designs[dim]) for dim in varied})
+        labels = {dim: np.unique(designs[dim]) for dim in dims}
+        present = xr.Dataset(coords={dim: its for dim, its in labels.items() if len(its) > 1})
         number = designs.sizes["design"]
-        raise fault("selections", f"leave {number} designs; select {choices(present, varied)}")
+        listed = choices(present, map(str, present.coords))
+        raise fault("selections", f"leave {number} designs; select {listed}")
     (only,) = designs["design"].values
     case_id = str(designs["case_id"].item())
     name = ", ".join(f"{dim} = {value}" for dim, value in zip(dims, only, strict=True))
-    match check_case_file(folder, case_id) if case_id else StoredCase.nothing:
-        case StoredCase.damaged:
-            raise fault(name, f"has a damaged case file {case_id}.nc; run the design again")
-        case StoredCase.nothing:
-            status = Status(int(designs["status"].item()))
-            raise fault(name, NO_SHAPE.get(status, NO_CASE_FILE).format(folder=folder))
+    stored = check_case_file(folder, case_id) if case_id else StoredCase.nothing
+    if stored is StoredCase.damaged:
+        raise fault(name, f"has a damaged case file {case_id}.nc; run the design again")
+    if stored is StoredCase.nothing:
+        status = Status(int(designs["status"].item()))
+        raise fault(name, NO_SHAPE.get(status, NO_CASE_FILE).format(folder=folder))
     return read_case(folder, case_id)
 
 
 def chosen_strains(
     case_file: xr.Dataset, selections: Mapping[str, Any], several: bool = False
 ) -> list[int]:
-    """Places of the strains of a case that selections choose.
+    """Indices of the strains of a case that selections choose, one or several.
 
-    Args:
-        case_file: contents of its file.
-        selections: a value by coordinate; without one along the strain the relaxed state is
-            chosen, or every strain that was reached if several may be.
-        several: whether several may be chosen.
+    Without a selection along the strain the relaxed state is chosen, or every strain that was
+    reached if several may be.
 
     Raises:
         BadInput: if a strain is not there or was not reached, or several are chosen for one mesh.
@@ -92,20 +80,16 @@ def chosen_strains(
         positions = case_file["position"].transpose(STRAIN, ...).values
         reached = np.isfinite(positions).all(axis=(1, 2, 3))
     reason = case_file.attrs.get("reason", "")
-    title = str(case_file.attrs.get("title", "test"))
     if not reached.any():
+        title = str(case_file.attrs.get("title", "test"))
         raise fault(title, f"has no shape: {reason or 'it did not relax'}; choose another design")
     everything = np.flatnonzero(reached).tolist() if several else [0]
     places = chosen_places({STRAIN: strains}, along)[STRAIN] if along else everything
     if missing := [place for place in places if not reached[place]]:
-        highest = strains[reached].max()
-        raise fault(
-            f"{STRAIN} {strains[missing[0]]:g}",
-            f"has no shape: {reason}; select up to {highest:g}",
-        )
-    if not places or (len(places) > 1 and not several):
-        chosen = ", ".join(f"{strains[place]:g}" for place in places) or "none"
-        raise fault(
-            "selections", f"choose the strains {chosen} for one mesh; select one, or write a .pvd"
-        )
+        problem = f"has no shape: {reason}; select up to {strains[reached].max():g}"
+        raise fault(f"{STRAIN} {strains[missing[0]]:g}", problem)
+    if len(places) > 1 and not several:
+        listed = ", ".join(f"{strains[place]:g}" for place in places)
+        problem = f"choose the strains {listed} for one mesh; select one, or write a .pvd"
+        raise fault("selections", problem)
     return places

@@ -1,4 +1,7 @@
-"""The surface of a fabric at strains of its test, with all of its fields."""
+"""The surface of a fabric at strains of its test, with what it has at its nodes and grid cells.
+
+Fields are named with their unit, or with the meaning of their numbers.
+"""
 
 import json
 import math
@@ -7,34 +10,30 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
+from jaxtyping import Float, Int
 from pydantic import ValidationError
 
+from knitlab.cube.case_file import configurations
 from knitlab.io.errors import fault
-from knitlab.meshes.fields import (
-    APPLIED_STRAIN,
-    ELECTRODE,
-    FOLD_ANGLE,
-    HEIGHT,
-    KNIT,
-    PATCH,
-    PLATED,
-    STRETCHES,
-    UNIT_CELL_STRAINS,
-    fold_angle_at_nodes,
-    knit_of_cells,
-    patch_of_cells,
-    plated_part,
-    stretch_of_cells,
-    unit_cell_strain,
-)
-from knitlab.meshes.sheet import closed_nodes, is_periodic
 from knitlab.meshes.surface import SurfaceMesh, grid_surface
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # what they are in imports JAX
+    from knitlab.fabric.pattern import Knit
     from knitlab.simulation.case import Case
 
 MOST_FACES = 1_000_000
 """Largest number of grid cells of a mesh."""
+KNITS: tuple["Knit", ...] = ("rib", "garter", "plain")
+HEIGHT = "height [mm]"
+FOLD_ANGLE = "fold_angle [rad]"
+APPLIED_STRAIN = "applied_strain [1]"
+KNIT = f"knit ({', '.join(f'{code} {knit}' for code, knit in enumerate(KNITS))})"
+PATCH = "patch"
+ELECTRODE = "electrode (0 none, 1 A, 2 B)"
+PLATED = "plated [1]"
+STRETCHES = {"stretch_weft [1]": 1, "stretch_warp [1]": 0}
+"""Fields of the stretch of grid cells, and the axis of the grid that they are along."""
+UNIT_CELL_STRAINS = ("strain_xx", "strain_yy")
 
 
 def fabric_meshes(
@@ -54,19 +53,17 @@ def fabric_meshes(
     _check_repeats(case_file, repeats)
     shown = case_file.isel(applied_strain=list(places))
     (relaxed,) = closed_nodes(case_file.isel(applied_strain=[0]), repeats)
-    folds = _closed(fold_angle_at_nodes(case, shown), relaxed.shape[:2])
+    folds = _fold_angles(case, shown, relaxed.shape[:2])
     fixed = _fixed_fields(case, repeats)
-    strains = {
-        f"{name} [1]": np.tile(unit_cell_strain(case, shown, name), (1, *repeats))
-        for name in UNIT_CELL_STRAINS
-    }
+    strains = {name: _unit_cell_strain(case, shown, name, repeats) for name in UNIT_CELL_STRAINS}
     meshes = []
     for number, nodes in enumerate(closed_nodes(shown, repeats)):
         strain = np.full(nodes.shape[:2], float(shown["applied_strain"][number]))
         stretches = {
-            name: stretch_of_cells(relaxed, nodes, axis) for name, axis in STRETCHES.items()
+            name: _side_lengths(nodes, axis) / _side_lengths(relaxed, axis) - 1
+            for name, axis in STRETCHES.items()
         }
-        of_unit_cells = {name: values[number] for name, values in strains.items()}
+        of_unit_cells = {f"{name} [1]": values[number] for name, values in strains.items()}
         meshes.append(
             grid_surface(
                 nodes,
@@ -75,6 +72,29 @@ def fabric_meshes(
             )
         )
     return meshes
+
+
+def is_periodic(case_file: xr.Dataset) -> bool:
+    """Whether the fabric of a case has no edges."""
+    return "length_x" in case_file
+
+
+def closed_nodes(
+    case_file: xr.Dataset, repeats: tuple[int, int] = (1, 1)
+) -> Float[np.ndarray, "strain node_y node_x 3"]:
+    """Nodes of a fabric at every strain [mm].
+
+    Periodic fabric is repeated along (y, x), and closed by images. Neighbouring repeats share their
+    nodes, so that there is no seam.
+    """
+    from knitlab.fabric.network import MeshShape
+    from knitlab.measure.unit_cells import nodes_at
+
+    periodic = is_periodic(case_file)
+    cells_y, cells_x = (case_file.sizes[dim] - (not periodic) for dim in ("node_y", "node_x"))
+    rows, columns = np.arange(repeats[0] * cells_y + 1), np.arange(repeats[1] * cells_x + 1)
+    shape = MeshShape(cells_y, cells_x, periodic)
+    return np.asarray(nodes_at(shape, configurations(case_file), rows, columns))
 
 
 def _recorded_case(case_file: xr.Dataset) -> "Case":
@@ -100,28 +120,101 @@ def _check_repeats(case_file: xr.Dataset, repeats: tuple[int, int]) -> None:
 
 
 def _fixed_fields(case: "Case", repeats: tuple[int, int]) -> dict[str, np.ndarray]:
-    """Fields that are the same at every strain."""
+    """Fields of grid cells that are the same at every strain.
+
+    Patches are counted from 0 at the bottom left along the courses.
+    """
     from knitlab.fabric.pattern import recorded_pattern
 
     along_y, along_x = case.unit_cells
     pattern = recorded_pattern(case.record, (repeats[0] * along_y, repeats[1] * along_x))
-    found = {KNIT: knit_of_cells(pattern), PATCH: patch_of_cells(pattern)}
+    across = pattern.knit.shape[1]
+    found = {
+        KNIT: np.argmax([pattern.cells_of(knit) for knit in KNITS], axis=0),
+        PATCH: pattern.patch_of_row[:, None] * across + pattern.patch_of_column,
+    }
     if case.capacitor is not None:
-        parts = np.tile(plated_part(case), (1, *repeats))
-        plated = parts.sum(axis=0)
-        found[ELECTRODE] = np.where(plated > 0, 1 + np.argmax(parts, axis=0), 0)
+        covered = np.tile(_plated(case), (1, *repeats))
+        plated = covered.sum(axis=0)
+        found[ELECTRODE] = np.where(plated > 0, 1 + np.argmax(covered, axis=0), 0)
         found[PLATED] = plated
-    return {name: _compact(values) for name, values in found.items()}
+    # Every format knows integers of 32 bits.
+    return {
+        name: values.astype(np.int32) if values.dtype.kind == "i" else values
+        for name, values in found.items()
+    }
 
 
-def _compact(values: np.ndarray) -> np.ndarray:
-    """Integers in the 32 bits that every format knows."""
-    return values.astype(np.int32) if values.dtype.kind == "i" else values
+def _plated(case: "Case") -> Float[np.ndarray, "electrode cell_y cell_x"]:
+    """The fraction of every grid cell that each of the two electrodes of a case covers."""
+    shape = case.mesh_shape
+    plated = np.zeros((2, shape.cells_y, shape.cells_x))
+    for of_electrode, strips in zip(plated, case.electrodes.strips, strict=True):
+        for strip in strips:
+            across, along = (
+                _overlap(extent, cells, shape.periodic)
+                for extent, cells in zip(strip.extents, (shape.cells_x, shape.cells_y), strict=True)
+            )
+            of_electrode += along[:, None] * across
+    return plated
 
 
-def _closed(values: np.ndarray, nodes: tuple[int, ...]) -> np.ndarray:
-    """Values (strain, node_y, node_x) at the nodes of a sheet that is repeated and closed."""
-    rows, columns = (
-        np.arange(count) % own for count, own in zip(nodes, values.shape[1:], strict=True)
+def _overlap(extent: tuple[float, float], cells: int, periodic: bool) -> Float[np.ndarray, " cell"]:
+    """Length of an extent within every cell of a line; over a seam it goes on at the other end."""
+    low, high = extent
+    start = np.arange(cells)
+    turns = (-cells, 0, cells) if periodic else (0,)
+    return sum(
+        np.clip(np.minimum(high + turn, start + 1) - np.maximum(low + turn, start), 0, 1)
+        for turn in turns
     )
-    return values[:, rows[:, None], columns]
+
+
+def _side_lengths(
+    nodes: Float[np.ndarray, "node_y node_x 3"], axis: int
+) -> Float[np.ndarray, "cell_y cell_x"]:
+    """Mean length of two opposite sides of every grid cell, along an axis of the grid [mm]."""
+    length = np.linalg.norm(np.diff(nodes, axis=axis), axis=-1)
+    return (np.delete(length, -1, 1 - axis) + np.delete(length, 0, 1 - axis)) / 2
+
+
+def _unit_cell_strain(
+    case: "Case", case_file: xr.Dataset, name: str, repeats: tuple[int, int]
+) -> Float[np.ndarray, "strain cell_y cell_x"]:
+    """A strain of unit cells on the grid cells of each [1]."""
+    rows, columns = (np.diff(lines) for lines in (case.cell_grid.rows, case.cell_grid.columns))
+    values = case_file[name].transpose("applied_strain", "cell_y", "cell_x").values
+    return np.tile(values.repeat(rows, axis=1).repeat(columns, axis=2), (1, *repeats))
+
+
+def _fold_angles(
+    case: "Case", case_file: xr.Dataset, closed: tuple[int, ...]
+) -> Float[np.ndarray, "strain node_y node_x"]:
+    """Signed fold angle of the fold lines at every node, positive for a mountain [rad].
+
+    The mean over the edges of fold lines that meet at a node, 0 where none does; on a fabric that
+    is repeated and closed to this number of nodes.
+    """
+    from knitlab.measure.folds import fold_angles
+
+    layout, states = case.layout, configurations(case_file)
+    net, shape = layout.net, layout.net.shape
+    fabric = layout.fabric(case.stripe_pair)
+    # State by state, one compiled program serves any number of them.
+    angles = np.stack(
+        [fold_angles(net, fabric, states[k]) for k in range(case_file.sizes["applied_strain"])]
+    )
+    total = np.zeros((len(angles), shape.nodes_y, shape.nodes_x))
+    edges: Int[np.ndarray, "node_y node_x"] = np.zeros((shape.nodes_y, shape.nodes_x), int)
+    folded = layout.fold_sense != 0
+    for wale, (up, right) in ((True, (1, 0)), (False, (0, 1))):
+        # A hinge turns about the left or the lower side of its cell.
+        kind = np.flatnonzero(folded & (net.wale == wale))
+        row, column = net.hinge_cells[kind].T
+        for end in (0, 1):
+            # No two hinges of a kind begin, or end, at one node.
+            at = (row + end * up) % shape.nodes_y, (column + end * right) % shape.nodes_x
+            total[:, *at] += angles[:, kind]
+            edges[at] += 1
+    rows, columns = (np.arange(count) % own for count, own in zip(closed, edges.shape, strict=True))
+    return (total / np.maximum(edges, 1))[:, rows[:, None], columns]

@@ -1,39 +1,55 @@
-"""Formats of mesh files: which library writes each, and what it takes of a mesh."""
+"""Formats of mesh files: which library writes each, and what it takes of a mesh.
+
+Formats without fields of faces get colours of nodes, by knit and electrode.
+"""
 
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
 
 import numpy as np
+from jaxtyping import Float, UInt8
 
 from knitlab.io.atomic_write import atomic_write
-from knitlab.meshes.colours import linear, node_colours
+from knitlab.meshes.fabric import ELECTRODE, KNIT
 from knitlab.meshes.surface import SurfaceMesh
 
+KNIT_COLOURS = ((166, 206, 227), (240, 228, 66), (221, 221, 221))
+"""Colours of rib, garter and plain knit, told apart without colour vision [sRGB]."""
+ELECTRODE_COLOURS = ((213, 94, 0), (0, 114, 178))
+"""Colours of electrodes A and B, likewise [sRGB]."""
 METRES_OF_Z_UP = np.array(
     [[1e-3, 0, 0, 0], [0, 0, 1e-3, 0], [0, -1e-3, 0, 0], [0, 0, 0, 1]], dtype=float
 )
 """Transform of positions in mm with z upwards to those of glTF, in m with y upwards."""
 
 
-@dataclass(frozen=True)
-class MeshFormat:
-    """A format of mesh files.
+def node_colours(mesh: SurfaceMesh) -> UInt8[np.ndarray, "node 3"]:
+    """Colour of every node in sRGB: the mean over the faces around it.
 
-    Attributes:
-        write: writes a mesh into a file.
-        quads: whether it can hold quads; otherwise they are divided.
+    A face has the colour of its electrode or, where there is none, of its knit.
     """
+    colours = np.array(KNIT_COLOURS, float)[mesh.face_fields[KNIT]]
+    if ELECTRODE in mesh.face_fields:
+        electrode = mesh.face_fields[ELECTRODE]
+        colours[electrode > 0] = np.array(ELECTRODE_COLOURS, float)[electrode[electrode > 0] - 1]
+    nodes = mesh.faces.ravel()
+    around = np.repeat(colours, mesh.faces.shape[1], axis=0)
+    total = np.stack([np.bincount(nodes, shade, len(mesh.nodes)) for shade in around.T], axis=1)
+    return np.rint(total / np.bincount(nodes)[:, None]).astype(np.uint8)
 
-    write: Callable[[SurfaceMesh, Path], None]
-    quads: bool
+
+def linear(colours: UInt8[np.ndarray, "node 3"]) -> Float[np.ndarray, "node 3"]:
+    """Colours as light, from 0 to 1, in place of sRGB (IEC 61966-2-1)."""
+    shade = colours / 255
+    return np.where(shade <= 0.04045, shade / 12.92, ((shade + 0.055) / 1.055) ** 2.4)
 
 
 def _write_vtu(mesh: SurfaceMesh, path: Path) -> None:
     fields = {name: [values] for name, values in mesh.face_fields.items()}
-    _meshio(mesh, dict(mesh.node_fields), fields).write(path, "vtu")
+    _meshio(mesh, mesh.node_fields, fields).write(path, "vtu")
 
 
 def _write_obj(mesh: SurfaceMesh, path: Path) -> None:
@@ -41,9 +57,11 @@ def _write_obj(mesh: SurfaceMesh, path: Path) -> None:
 
 
 def _write_ply(mesh: SurfaceMesh, path: Path) -> None:
-    colours = dict(zip(("red", "green", "blue"), node_colours(mesh).T, strict=True))
-    fields = {_word(name): values for name, values in mesh.node_fields.items()}
-    _meshio(mesh, colours | fields).write(path, "ply")
+    fields = dict(zip(("red", "green", "blue"), node_colours(mesh).T, strict=True))
+    for name, values in mesh.node_fields.items():
+        # Names have no brackets and spaces: height_mm for height [mm].
+        fields[re.sub(r"\W+", "_", name.removesuffix(" [1]")).strip("_")] = values
+    _meshio(mesh, fields).write(path, "ply")
 
 
 def _write_stl(mesh: SurfaceMesh, path: Path) -> None:
@@ -59,13 +77,19 @@ def _write_glb(mesh: SurfaceMesh, path: Path) -> None:
     )
     visual = trimesh.visual.TextureVisuals(material=material)
     light = np.rint(255 * linear(node_colours(mesh))).astype(np.uint8)
-    opaque = np.full((len(light), 1), 255, np.uint8)
-    visual.vertex_attributes["color"] = np.hstack([light, opaque])
+    visual.vertex_attributes["color"] = np.insert(light, 3, 255, axis=1)  # opaque
     scene = trimesh.Scene()
     scene.add_geometry(
         _trimesh(mesh, visual), geom_name="fabric", node_name="fabric", transform=METRES_OF_Z_UP
     )
     scene.export(path, "glb")
+
+
+class MeshFormat(NamedTuple):
+    """What writes a mesh into a file, and whether that can hold quads, or needs triangles."""
+
+    write: Callable[[SurfaceMesh, Path], None]
+    quads: bool
 
 
 FORMATS = {
@@ -76,14 +100,12 @@ FORMATS = {
     ".glb": MeshFormat(_write_glb, quads=False),
 }
 """By the suffix of a file."""
+SERIES = ".pvd"
+"""Suffix of a series of meshes."""
 
 
 def write_mesh(mesh: SurfaceMesh, path: Path) -> None:
-    """Write a mesh into a file, atomically.
-
-    Args:
-        mesh: the mesh.
-        path: the file, with a suffix of :data:`FORMATS`.
+    """Write a mesh into a file with a suffix of :data:`FORMATS`, atomically.
 
     Raises:
         CannotWrite: if it cannot be written.
@@ -92,16 +114,45 @@ def write_mesh(mesh: SurfaceMesh, path: Path) -> None:
         FORMATS[path.suffix.lower()].write(mesh, temporary)
 
 
+def write_series(meshes: Sequence[SurfaceMesh], strains: Sequence[float], path: Path) -> list[Path]:
+    """Write a mesh for each applied strain into a folder, and the collection that lists them.
+
+    The collection is a ``.pvd`` file of ParaView, for which the strain is the time; the folder lies
+    beside it and has its name. Every file is written atomically, the collection last, so that it
+    never lists a file that is not there.
+
+    Returns:
+        The collection, then the meshes.
+
+    Raises:
+        CannotWrite: if a file cannot be written.
+    """
+    root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+    collection = ElementTree.SubElement(root, "Collection")
+    files = []
+    for mesh, strain in zip(meshes, strains, strict=True):
+        time = f"{strain:.9g}"
+        file = path.with_suffix("") / f"strain_{time}.vtu"
+        write_mesh(mesh, file)
+        files.append(file)
+        place = file.relative_to(path.parent).as_posix()
+        ElementTree.SubElement(collection, "DataSet", timestep=time, part="0", file=place)
+    ElementTree.indent(root)
+    with atomic_write(path) as temporary:
+        ElementTree.ElementTree(root).write(temporary, encoding="utf-8", xml_declaration=True)
+    return [path, *files]
+
+
 def _meshio(
     mesh: SurfaceMesh,
-    node_fields: dict[str, np.ndarray] | None = None,
-    face_fields: dict[str, list[np.ndarray]] | None = None,
+    node_fields: Mapping[str, np.ndarray] = {},
+    face_fields: Mapping[str, list[np.ndarray]] = {},
 ) -> Any:
     import meshio
 
     kind = "quad" if mesh.faces.shape[1] == 4 else "triangle"
     faces = mesh.faces.astype(np.int32)
-    return meshio.Mesh(mesh.nodes, [(kind, faces)], node_fields, face_fields)
+    return meshio.Mesh(mesh.nodes, [(kind, faces)], dict(node_fields), dict(face_fields))
 
 
 def _trimesh(mesh: SurfaceMesh, visual: Any = None) -> Any:
@@ -110,8 +161,3 @@ def _trimesh(mesh: SurfaceMesh, visual: Any = None) -> Any:
     # Unprocessed, it keeps the numbers of the nodes.
     faces = mesh.triangulated().faces
     return trimesh.Trimesh(mesh.nodes, faces, visual=visual, process=False)
-
-
-def _word(name: str) -> str:
-    """A name without brackets and spaces: ``height_mm`` for ``height [mm]``."""
-    return re.sub(r"\W+", "_", name.removesuffix(" [1]")).strip("_")

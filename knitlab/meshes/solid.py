@@ -20,11 +20,8 @@ def solid_of(sheet: SurfaceMesh, thickness: float) -> SurfaceMesh:
 
     Both sides are offset along mitred normals, so that flanks keep their thickness next to a fold,
     and joined by a wall along the rim. Fields are those of the sheet on both sides, and of the face
-    beside it on the wall.
-
-    Args:
-        sheet: an oriented surface of quads.
-        thickness: its thickness, at right angles to its faces [mm].
+    beside it on the wall. The sheet is an oriented surface of quads, and the thickness at right
+    angles to these [mm].
 
     Raises:
         BadInput: if the thickness is not above 0, or so large that faces of one side turn over or
@@ -34,11 +31,10 @@ def solid_of(sheet: SurfaceMesh, thickness: float) -> SurfaceMesh:
         raise fault(f"thickness {thickness:g}", "is not above 0 mm; give a thickness")
     most = largest_thickness(sheet)
     if thickness >= most:
-        raise fault(
-            f"thickness {thickness:g}",
-            "is too large for folds and cells of this size; give at most"
-            f" {_rounded_down(most):g} mm",
-        )
+        digit = 10.0 ** (math.floor(math.log10(most)) - 1)
+        rounded = math.floor(most / digit) * digit
+        problem = f"is too large for folds and cells of this size; give at most {rounded:g} mm"
+        raise fault(f"thickness {thickness:g}", problem)
     offset = thickness / 2 * mitred_normals(sheet)
     count = len(sheet.nodes)
     edges, beside = sheet.rim()
@@ -88,30 +84,20 @@ def largest_thickness(sheet: SurfaceMesh) -> float:
     side, other = (points[:, k] - points[:, 0] for k in (1, 2))
     turn, other_turn = (offsets[:, k] - offsets[:, 0] for k in (1, 2))
     normal = np.cross(side, other)
-    area, linear, square = (
-        (normal * part).sum(axis=1)
-        for part in (
-            normal,
-            np.cross(turn, other) + np.cross(side, other_turn),
-            np.cross(turn, other_turn),
-        )
+    changes = (
+        normal,
+        np.cross(turn, other) + np.cross(side, other_turn),
+        np.cross(turn, other_turn),
     )
+    area, linear, square = ((normal * change).sum(axis=1) for change in changes)
     turned = min(
         _smallest_positive_root(area, sign * linear, square).min(initial=np.inf) for sign in (1, -1)
     )
     return float(min(2 * turned, np.sort(sheet.size)[1]))
 
 
-def _rounded_down(length: float) -> float:
-    """A length with two digits that is not above it."""
-    digit = 10.0 ** (math.floor(math.log10(length)) - 1)
-    return math.floor(length / digit) * digit
-
-
 def _smallest_positive_root(
-    constant: Float[np.ndarray, " face"],
-    linear: Float[np.ndarray, " face"],
-    square: Float[np.ndarray, " face"],
+    constant: np.ndarray, linear: np.ndarray, square: np.ndarray
 ) -> Float[np.ndarray, " face"]:
     """Smallest s > 0 at which constant + linear s + square s² = 0; infinite if there is none.
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -60,25 +59,19 @@ class SurfaceMesh:
 
 def grid_surface(
     nodes: Float[np.ndarray, "node_y node_x 3"],
-    node_fields: Mapping[str, np.ndarray] | None = None,
-    face_fields: Mapping[str, np.ndarray] | None = None,
+    node_fields: Mapping[str, np.ndarray] = {},
+    face_fields: Mapping[str, np.ndarray] = {},
 ) -> SurfaceMesh:
     """The surface of a grid of nodes: a quad for each grid cell, technical face outside.
 
-    Args:
-        nodes: positions, x along the courses and y along the wales [mm].
-        node_fields: values on the grid of nodes (node_y, node_x), by their name and unit.
-        face_fields: values on the grid of cells (cell_y, cell_x), likewise.
+    Positions are x along the courses and y along the wales [mm]; fields are values on the grid of
+    nodes (node_y, node_x) and on that of cells (cell_y, cell_x), by their name and unit.
     """
     number = np.arange(nodes.shape[0] * nodes.shape[1]).reshape(nodes.shape[:2])
     corners = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
-
-    def listed(fields: Mapping[str, Any] | None) -> dict[str, np.ndarray]:
-        return {name: np.ravel(values) for name, values in (fields or {}).items()}
-
     return SurfaceMesh(
         nodes.reshape(-1, 3),
         np.stack(corners, axis=-1).reshape(-1, 4),
-        listed(node_fields),
-        listed(face_fields),
+        {name: np.ravel(values) for name, values in node_fields.items()},
+        {name: np.ravel(values) for name, values in face_fields.items()},
     )

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from collections import defaultdict
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -22,9 +21,8 @@ from knitlab.fabric.pattern import BadPattern, Grading, PatchGrid, SingleFold, g
 from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import SpringKind, Stripe, StripePair
 from knitlab.measure.capacitance.capacitor import Capacitor
-from knitlab.measure.cell_grid import CellGrid
-from knitlab.measure.central import central
 from knitlab.measure.knit_size import Stitches
+from knitlab.measure.unit_cells import CellGrid, central
 from knitlab.simulation.case_record import fields_of_record, identifying, stored_record
 
 Method = Literal["equilibrium", "dynamics"]
@@ -49,13 +47,11 @@ class Case:
         periods: periods of a stripe that fill a patch, P.
         unit_cells: unit cells of the sample along (y, x).
         applied_strain: strains of the tensile test, ascending from 0.
-        method: how the states of the test are reached.
         solver: settings of the equilibrium solver; ``None`` if the test is one by dynamics.
         dynamics: settings of the dynamics; ``None`` if nothing moves in time.
         sensitivities: whether derivatives of its results by the stripe parameters are computed.
         unloading: whether the fabric is let go again, through the same strains.
-        capacitor: the electrodes on it, if any.
-        robustness: siblings that are tested beside it, to see how far its results spread.
+        robustness: number of siblings tested beside it, to see how far its results spread.
         grading: sizes and stripes of rows and columns of the pattern, if they differ; ``weft``,
             ``warp`` and ``periods`` are then those of the design that it varies.
         folds: single folds of the pattern.
@@ -94,11 +90,7 @@ class Case:
 
     @cached_property
     def case_id(self) -> str:
-        """Identifier: the design, and a hash of the names and values of what identifies it.
-
-        A new setting with its default changes none
-        (:func:`~knitlab.simulation.case_record.identifying`).
-        """
+        """Identifier: the design, and a hash of what :func:`.identifying` says identifies it."""
         fields = identifying(self._fields(), self._fields(exclude_defaults=True))
         return "-".join([*map(str, self.design.values()), _digest(stored_record(fields))[:12]])
 
@@ -155,56 +147,52 @@ class Case:
         Raises:
             BadPattern: if they do not.
         """
-        extents = len(self.pattern), len(self.pattern[0])
-        if self.cell_patches and any(
-            whole % part for whole, part in zip(extents, self.cell_patches, strict=True)
-        ):
+        height, width = len(self.pattern), len(self.pattern[0])
+        if self.cell_patches and (height % self.cell_patches[0] or width % self.cell_patches[1]):
             raise BadPattern(
                 [
-                    f"cell = {list(self.cell_patches)} does not fill the pattern of {extents[0]} by"
-                    f" {extents[1]} patches; give numbers that divide them"
+                    f"cell = {list(self.cell_patches)} does not fill the pattern of {height} by"
+                    f" {width} patches; give numbers that divide them"
                 ]
             )
 
-    @property
-    def central_cells(self) -> tuple[slice, slice]:
-        """Rows and columns of grid cells in the central unit cells, over which is averaged."""
-        rows, columns = self.cell_grid.rows, self.cell_grid.columns
-        along_y, along_x = (central(count) for count in self.cell_grid.count)
-        return (
-            slice(rows[along_y.start], rows[along_y.stop]),
-            slice(columns[along_x.start], columns[along_x.stop]),
-        )
+    def _per_central_cell(self, of_rows: Any, of_columns: Any) -> tuple[float, float]:
+        """Mean over the central unit cells of sums over their rows, and over their columns."""
+        grid = self.cell_grid
+        means = []
+        for lines, count, values in zip(
+            (grid.rows, grid.columns), grid.count, (of_rows, of_columns), strict=True
+        ):
+            cells = central(count)
+            total = float(values[lines[cells.start] : lines[cells.stop]].sum())
+            means.append(total / (cells.stop - cells.start))
+        return means[0], means[1]
 
     @property
     def flat_cell(self) -> tuple[float, float]:
         """Mean flat sides (x, y) of the central unit cells [mm]."""
         _, fabric = self.assemble()
-        rows, columns = self.central_cells
-        along_y, along_x = (central(count) for count in self.cell_grid.count)
-        width = float(fabric.cell_x[columns].sum()) / (along_x.stop - along_x.start)
-        height = float(fabric.cell_y[rows].sum()) / (along_y.stop - along_y.start)
+        height, width = self._per_central_cell(fabric.cell_y, fabric.cell_x)
         return width, height
 
     @property
     def stitches(self) -> Stitches:
         """Its stitches: in the central unit cells, and in the whole fabric."""
         courses, wales = self.stitches_per_cell
-        rows, columns = self.central_cells
-        along_y, along_x = (central(count) for count in self.cell_grid.count)
-        return Stitches(
-            courses_in_cell=float(courses[rows].sum()) / (along_y.stop - along_y.start),
-            wales_in_cell=float(wales[columns].sum()) / (along_x.stop - along_x.start),
-            courses=float(courses.sum()),
-            wales=float(wales.sum()),
-        )
+        in_cell = self._per_central_cell(courses, wales)
+        return Stitches(*in_cell, courses=float(courses.sum()), wales=float(wales.sum()))
+
+    @property
+    def _stripes(self) -> tuple[tuple[Stripe, ...], tuple[Stripe, ...]]:
+        """Its stripes along the weft and along the warp."""
+        if self.grading is None:
+            return (self.weft,), (self.warp,)
+        return self.grading.weft, self.grading.warp
 
     @property
     def stripe_pair(self) -> StripePair:
         """The numbers of its stripes: of each knit one, or several along an axis."""
-        if self.grading is None:
-            return StripePair.of([self.weft], [self.warp])
-        return StripePair.of(self.grading.weft, self.grading.warp)
+        return StripePair.of(*self._stripes)
 
     def with_stripes(
         self, rib: Callable[[Stripe], Stripe], garter: Callable[[Stripe], Stripe]
@@ -242,21 +230,22 @@ class Case:
 
         Raises:
             BadLayout: if the fabric cannot carry its layout.
-            TypeError: if it has no capacitor.
         """
+        layout = self.capacitor_given.layout
+        return place_electrodes(layout, self.sample, self.options, self.stitches_per_cell)
+
+    @property
+    def capacitor_given(self) -> Capacitor:
+        """Its capacitor; a TypeError if it has none."""
         if self.capacitor is None:
             raise TypeError(f"case {self.case_id} has no capacitor")
-        return place_electrodes(
-            self.capacitor.layout, self.sample, self.options, self.stitches_per_cell
-        )
+        return self.capacitor
 
     @property
     def stitches_per_cell(self) -> StitchCounts:
         """Courses in every row of grid cells, and wales in every column."""
-        sample, grading = self.sample, self.grading
+        sample, (weft, warp) = self.sample, self._stripes
         cells_per_stripe = sample.cells_per_period / 2
-        warp = (self.warp,) if grading is None else grading.warp
-        weft = (self.weft,) if grading is None else grading.weft
         courses = np.array([stripe.n for stripe in warp])[sample.row_stripe[sample.patch_of_row]]
         wales = np.array([stripe.n for stripe in weft])
         wales = wales[sample.column_stripe[sample.patch_of_column]]
@@ -264,22 +253,14 @@ class Case:
 
     @property
     def equilibrium_solver(self) -> SolverSettings:
-        """Settings of the equilibrium solver.
-
-        Raises:
-            TypeError: if this case is solved by dynamics.
-        """
+        """Settings of the equilibrium solver; a TypeError if it is solved by dynamics."""
         if self.solver is None:
             raise TypeError(f"case {self.case_id} has no settings of the equilibrium solver")
         return self.solver
 
     @property
     def motion(self) -> DynamicsSettings:
-        """Settings of the dynamics.
-
-        Raises:
-            TypeError: if nothing of it moves in time.
-        """
+        """Settings of the dynamics; a TypeError if nothing of it moves in time."""
         if self.dynamics is None:
             raise TypeError(f"case {self.case_id} has no settings of the dynamics")
         return self.dynamics
@@ -299,21 +280,17 @@ class Case:
     @property
     def spring_kinds(self) -> tuple[SpringKind, ...]:
         """The kinds of springs of its stripes; cases that share them can be one batch."""
-        if self.grading is None:
-            return self.weft.spring_kind, self.warp.spring_kind
-        return tuple(stripe.spring_kind for stripe in (*self.grading.weft, *self.grading.warp))
+        weft, warp = self._stripes
+        return tuple(stripe.spring_kind for stripe in (*weft, *warp))
 
     @property
     def layout(self) -> FabricLayout:
         """Its fabric but for the numbers of its stripes."""
-        return fabric_layout(self.sample, self._sheet_between_walls, self.options, self.plain)
-
-    @property
-    def _sheet_between_walls(self) -> Sheet:
-        """The sheet, with the gap between the walls that is left to its middle surface."""
-        if self.options.contact == "none":
-            return self.sheet
-        return replace(self.sheet, z_max=self.sheet.z_max - self.sheet.thickness / 2)
+        sheet = self.sheet
+        if self.options.contact != "none":
+            # The gap between the walls that is left to the middle surface.
+            sheet = replace(sheet, z_max=sheet.z_max - sheet.thickness / 2)
+        return fabric_layout(self.sample, sheet, self.options, self.plain)
 
     def assemble(self) -> tuple[Network, Fabric]:
         """Its network, and its fabric: the numbers on that."""
@@ -321,23 +298,17 @@ class Case:
         return layout.net, layout.fabric(self.stripe_pair)
 
     def inertia(self) -> Inertia:
-        """Its mass and drag.
-
-        Raises:
-            TypeError: if nothing of it moves in time.
-        """
+        """Its mass and drag; a TypeError if nothing of it moves in time."""
         density, ratio = self.motion.surface_density, self.motion.damping_ratio
-        if self.grading is None:
-            return inertia([self.weft], [self.warp], self.options, density, ratio)
-        stripes = self.grading.weft, self.grading.warp
-        return inertia(*stripes, self.options, density, ratio, self.sample)
+        sample = None if self.grading is None else self.sample
+        return inertia(*self._stripes, self.options, density, ratio, sample)
 
 
 def by_test(named: Iterable[tuple[Name, Case]]) -> list[list[Name]]:
     """Names of cases, grouped by the tests that cases share which differ in electrodes alone."""
-    sharing: dict[str, list[Name]] = defaultdict(list)
+    sharing: dict[str, list[Name]] = {}
     for name, case in named:
-        sharing[case.test_id].append(name)
+        sharing.setdefault(case.test_id, []).append(name)
     return list(sharing.values())
 
 

@@ -7,16 +7,10 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.schema import VARIABLES, Status, Variable, described
-from knitlab.equilibrium.state import State
-from knitlab.equilibrium.tensile_result import History, TensileTest
+from knitlab.equilibrium.state import History, State, TensileTest
 from knitlab.fabric.configuration import Configuration
 from knitlab.io.fingerprint import code_fingerprint
-from knitlab.measure.boundaries import Direction, boundary_wave
-from knitlab.measure.corners import unit_cell_corners
-from knitlab.measure.folds import hinges_past_pi
-from knitlab.measure.intersections import self_intersections
-from knitlab.measure.patches import widths_across_folds
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS
+from knitlab.measure.folds import hinges_past_pi, widths_across_folds
 from knitlab.measure.strain import (
     central_mean,
     local_strain,
@@ -24,12 +18,14 @@ from knitlab.measure.strain import (
     mean_cell_size,
     poisson_ratio_of_test,
 )
-from knitlab.measure.wavelength import POINTS
+from knitlab.measure.surfaces import self_intersections
+from knitlab.measure.unit_cells import unit_cell_corners
+from knitlab.measure.wavelength import POINTS, Direction, boundary_wave
 from knitlab.measure.zigzag_tension import ChainState
 from knitlab.simulation.capacitor_results import capacitor_values
 from knitlab.simulation.case import Case
-from knitlab.simulation.robustness import SiblingTest, spread
-from knitlab.simulation.stripe_sensitivity import sensitivities
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, sensitivities
+from knitlab.simulation.siblings import SiblingTest, spread
 
 LEAST_FOLLOWED = 0.2
 """Axial strain of the central cells over the applied strain below which they have no Poisson's
@@ -48,18 +44,19 @@ def fixed_coordinates(dims: Iterable[str]) -> dict[str, list[Any]]:
 
 def variables_of(case: Case) -> dict[str, Variable]:
     """The variables of the schema that a case has."""
-    kinds = ["all", "stripe" if case.pure else "patches"]
-    if case.relaxes_by_dynamics:
-        kinds.append("dynamics")
-    if case.sensitivities:
-        kinds.append("sensitivities")
-    if case.capacitor is not None:
-        kinds += ["capacitor", "unloading"] if case.unloading else ["capacitor"]
-    if case.robustness:
-        kinds.append("robustness")
-    if case.options.contact != "none":
-        kinds.append("contact")
-    return {name: variable for name, variable in VARIABLES.items() if variable.of in kinds}
+    electrodes = case.capacitor is not None
+    has = {
+        "all": True,
+        "stripe": case.pure,
+        "patches": not case.pure,
+        "dynamics": case.relaxes_by_dynamics,
+        "sensitivities": case.sensitivities,
+        "capacitor": electrodes,
+        "unloading": electrodes and case.unloading,
+        "robustness": case.robustness > 0,
+        "contact": case.options.contact != "none",
+    }
+    return {name: variable for name, variable in VARIABLES.items() if has.get(variable.of)}
 
 
 def measured(
@@ -82,14 +79,14 @@ def measured(
     """
     reached = [state for state in test.states if state.converged]
     complete = len(reached) == len(case.applied_strain)
-    shape, flat_cell = case.mesh_shape, case.flat_cell
+    flat_cell_x, flat_cell_y = case.flat_cell
     values: dict[str, Any] = {
         "status": np.int8(Status.ok if complete else Status.not_converged),
         "case_id": case.case_id,
         "code": code_fingerprint(),
         "periods": case.periods,
-        "flat_cell_x": flat_cell[0],
-        "flat_cell_y": flat_cell[1],
+        "flat_cell_x": flat_cell_x,
+        "flat_cell_y": flat_cell_y,
         "residual_force": [state.residual for state in test.states],
         "iterations": [float(state.iterations) for state in test.states],
         "factorisations": [float(state.factorisations) for state in test.states],
@@ -97,10 +94,10 @@ def measured(
     }
     if test.loading is not None:
         values |= _results(case, test)
-        values["row_force"] = values["reaction_force"] / shape.cells_x
+        values["row_force"] = values["reaction_force"] / case.mesh_shape.cells_x
         values |= _shapes(case, reached)
         if not case.pure:
-            values |= _boundaries(case, reached[0]) | _patches(case, reached[0])
+            values |= _relaxed_patches(case, reached[0].configuration)
         if case.sensitivities:
             values |= sensitivities(case, reached)
         if case.capacitor is not None:
@@ -128,31 +125,61 @@ def _results(case: Case, test: TensileTest) -> dict[str, Any]:
     if test.loading is None:
         return {}
     reached = [state for state in test.states if state.converged]
-    reaction = np.array([test.loading.reaction_force(state.gradient) for state in reached])
+    configurations = Configuration.stacked([state.configuration for state in reached])
+    corners = unit_cell_corners(case.mesh_shape, case.cell_grid, configurations)
+    strain_xx, strain_yy = local_strain(corners[0], corners)
+    mean_xx, mean_yy = (np.asarray(central_mean(strain)) for strain in (strain_xx, strain_yy))
+    ratio = poisson_ratio_of_test(mean_xx, mean_yy)
+    applied = np.array(case.applied_strain)[: len(ratio)]
+    ratio[mean_yy < LEAST_FOLLOWED * applied] = np.nan
+    if case.all_corners_held:
+        # Its transverse strain is only round-off.
+        strain_xx, mean_xx = strain_xx * np.nan, mean_xx * np.nan
+        ratio[:] = np.nan
+    cell_x, cell_y = mean_cell_size(corners[0])
     complete = len(reached) == len(case.applied_strain)
-    return {"reaction_force": reaction} | _strains(case, reached, complete)
+    return {
+        "reaction_force": np.array(
+            [test.loading.reaction_force(state.gradient) for state in reached]
+        ),
+        "strain_xx": strain_xx,
+        "strain_yy": strain_yy,
+        "mean_strain_xx": mean_xx,
+        "mean_strain_yy": mean_yy,
+        "poisson_ratio": ratio,
+        "relaxed_cell_x": float(cell_x),
+        "relaxed_cell_y": float(cell_y),
+        **(lowest_poisson_ratio(applied, ratio) if complete else {}),
+    }
 
 
 def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
-    shape = case.mesh_shape
     configurations = Configuration.stacked([state.configuration for state in reached])
     values: dict[str, Any] = {
         f"energy_{part}": [float(getattr(state.energy, part)) for state in reached]
         for part in ("stretch", "fold", "wall", "contact")
     }
-    if shape.periodic:
-        length_x, length_y = configurations.lengths.T
-        values |= {"length_x": length_x, "length_y": length_y}
+    values |= _lengths(case, configurations)
     values["hinges_past_pi"] = hinges_past_pi(*case.assemble(), configurations).astype(float)
-    values["self_intersections"] = self_intersections(shape, configurations).astype(float)
+    intersecting = self_intersections(case.mesh_shape, configurations)
+    values["self_intersections"] = np.array(intersecting, float)
     return values | {"position": configurations.positions}
 
 
-def _boundaries(case: Case, relaxed: State) -> dict[str, Any]:
+def _lengths(case: Case, configurations: Configuration, of: str = "") -> dict[str, Any]:
+    """Periods of periodic fabric, under the names of the schema."""
+    if not case.mesh_shape.periodic:
+        return {}
+    return {f"{of}length_{axis}": configurations.lengths[:, k] for k, axis in enumerate("xy")}
+
+
+def _relaxed_patches(case: Case, relaxed: Configuration) -> dict[str, Any]:
+    """Waves of the boundaries between unit cells, and widths of the patches."""
+    shape, cells = case.mesh_shape, case.cell_grid
     values: dict[str, Any] = {}
     directions: tuple[Direction, ...] = ("x", "y")
     for direction in directions:
-        wave = boundary_wave(case.mesh_shape, case.cell_grid, relaxed.configuration, direction)
+        wave = boundary_wave(shape, cells, relaxed, direction)
         if wave is not None:
             values |= {
                 f"wavelength_{direction}": wave.wavelength,
@@ -160,22 +187,14 @@ def _boundaries(case: Case, relaxed: State) -> dict[str, Any]:
                 f"boundary_{direction}": wave.across,
                 f"boundary_length_{direction}": wave.along[-1],
             }
-    return values
-
-
-def _patches(case: Case, relaxed: State) -> dict[str, Any]:
-    values: dict[str, Any] = {}
-    widths = widths_across_folds(
-        case.mesh_shape, case.sample, case.cell_grid, relaxed.configuration
-    )
-    for kind, (centre, edge) in widths.items():
-        extent = "width" if kind == "rib" else "height"
-        values |= {f"{kind}_{extent}_centre": centre, f"{kind}_{extent}_edge": edge}
+    for knit, (centre, edge) in widths_across_folds(shape, case.sample, cells, relaxed).items():
+        extent = "width" if knit == "rib" else "height"
+        values |= {f"{knit}_{extent}_centre": centre, f"{knit}_{extent}_edge": edge}
     return values
 
 
 def _history(case: Case, history: History) -> dict[str, Any]:
-    values: dict[str, Any] = {
+    return {
         "time": history.time,
         "kinetic_energy": history.kinetic,
         "kinetic_energy_left": float(history.kinetic[-1] / history.kinetic.max()),
@@ -185,40 +204,8 @@ def _history(case: Case, history: History) -> dict[str, Any]:
         "dissipated_work": history.dissipated,
         "snapshot": history.snapshot_time,
         "snapshot_position": history.snapshots.positions,
+        **_lengths(case, history.snapshots, "snapshot_"),
     }
-    if case.mesh_shape.periodic:
-        length_x, length_y = history.snapshots.lengths.T
-        values |= {"snapshot_length_x": length_x, "snapshot_length_y": length_y}
-    return values
-
-
-def _strains(case: Case, reached: list[State], complete: bool) -> dict[str, Any]:
-    configurations = Configuration.stacked([state.configuration for state in reached])
-    corners = unit_cell_corners(case.mesh_shape, case.cell_grid, configurations)
-    strain_xx, strain_yy = local_strain(corners[0], corners)
-    mean_xx, mean_yy = (np.asarray(central_mean(strain)) for strain in (strain_xx, strain_yy))
-    cell_x, cell_y = mean_cell_size(corners[0])
-    ratio = poisson_ratio_of_test(mean_xx, mean_yy)
-    applied = np.array(case.applied_strain)[: len(ratio)]
-    ratio[mean_yy < LEAST_FOLLOWED * applied] = np.nan
-    if case.all_corners_held:
-        # Its transverse strain is only round-off.
-        strain_xx, mean_xx = strain_xx * np.nan, mean_xx * np.nan
-        ratio[:] = np.nan
-    values: dict[str, Any] = {
-        "strain_xx": strain_xx,
-        "strain_yy": strain_yy,
-        "mean_strain_xx": mean_xx,
-        "mean_strain_yy": mean_yy,
-        "poisson_ratio": ratio,
-        "relaxed_cell_x": float(cell_x),
-        "relaxed_cell_y": float(cell_y),
-    }
-    lowest = lowest_poisson_ratio(applied, ratio)
-    if complete and lowest is not None:
-        values["poisson_ratio_min"] = lowest.ratio
-        values["applied_strain_at_min"] = lowest.applied_strain
-    return values
 
 
 def _dataset(case: Case, values: dict[str, Any]) -> xr.Dataset:

@@ -20,11 +20,9 @@ Table = TypeVar("Table", Sheet, PlainKnit)
 def changed_stripe(stripe: Stripe, changes: Mapping[str, float]) -> Stripe:
     """A stripe with parameters replaced and multiplied.
 
-    Args:
-        stripe: the stripe.
-        changes: values by names such as ``rib_k_s``, and factors by names such as
-            ``rib_k_s_factor`` for one knit or ``k_s_factor`` for both; a stiffening strain, for one
-            knit or for both, replaces any other spring law.
+    Changes are values by names such as ``rib_k_s``, and factors by names such as
+    ``rib_k_s_factor`` for one knit or ``k_s_factor`` for both; a stiffening strain, for one
+    knit or for both, replaces any other spring law.
 
     Raises:
         BadInput: if the rest angle would reach π, which is flat.
@@ -46,16 +44,11 @@ def changed_stripe(stripe: Stripe, changes: Mapping[str, float]) -> Stripe:
 
 
 def changed_table(table: Table, changes: Mapping[str, float]) -> Table:
-    """A table with values replaced and multiplied.
-
-    Args:
-        table: walls or plain knit.
-        changes: values by names such as ``z_max``, and factors such as ``z_max_factor``.
-    """
+    """Walls or plain knit with values such as ``z_max`` and factors such as ``z_max_factor``."""
     names = [field.name for field in fields(table)]
     return replace(table, **{name: _changed(getattr(table, name), changes, name) for name in names})
 
 
 def _changed(value: float, changes: Mapping[str, float], name: str, *more_factors: str) -> float:
-    names = [factor for factor in (f"{name}_factor", *more_factors) if factor in changes]
-    return math.prod([changes.get(name, value), *(changes[factor] for factor in names)])
+    factors = [changes[each] for each in (f"{name}_factor", *more_factors) if each in changes]
+    return math.prod([changes.get(name, value), *factors])

@@ -1,31 +1,31 @@
-"""The cases of a design space: what a workflow and the parameters make of each design."""
+"""The cases of a design space: what a workflow and the parameters make of each design.
 
-from collections.abc import Iterator
+Settings that have no meaning together are refused.
+"""
+
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 from knitlab.fabric.electrodes import BadLayout
-from knitlab.fabric.pattern import BadPattern
+from knitlab.fabric.pattern import CELLS_PER_PERIOD, BadPattern
+from knitlab.fabric.settings import Boundary, largest_thickness
 from knitlab.fabric.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
     Knit,
     Stripe,
     periods_per_patch,
 )
-from knitlab.io.errors import BadInput, Fault, fault
-from knitlab.io.strict_model import StrictModel
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import BadInput, Fault, fault, unknown
+from knitlab.io.toml import StrictModel, read_checked
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.simulation.case import Case, Label
-from knitlab.simulation.stripe_changes import changed_stripe, changed_table
-from knitlab.sweep.axes import SweepAxis, combinations
-from knitlab.sweep.contradicting_settings import check_contact, check_drag, check_thickness
+from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES, changed_stripe, changed_table
 from knitlab.sweep.declared_fields import declared
-from knitlab.sweep.design_space import DesignSpace, Source
-from knitlab.sweep.parameters import Parameters, read_stripe_file
-from knitlab.sweep.patterns import Pattern, read_pattern_file
-from knitlab.sweep.sample_size import sample_size
+from knitlab.sweep.design_space import DesignSpace, Source, sample_size
+from knitlab.sweep.parameters import Parameters, StripeFile
+from knitlab.sweep.patterns import Pattern, PatternFile
 from knitlab.sweep.settings import PATTERN
 from knitlab.sweep.workflow import (
     DesignSection,
@@ -34,32 +34,54 @@ from knitlab.sweep.workflow import (
     Workflow,
     pattern_name,
 )
-from knitlab.sweep.workflow_text import WorkflowText
+from knitlab.sweep.workflow_text import SweepAxis, WorkflowText, combinations
 
 # A pure stripe has its ridges along x, whatever its knit, and is pulled across them along y.
 PULLED_ACROSS = ("G",)
 STRIPE_FILES = "model.stripe_files"
 PATTERN_FILES = "design.pattern_files"
+USUAL_STRAIN = 2.0
+"""Largest usual applied strain: that of pure stripes, which unfold furthest."""
+FAR = 10.0
+"""Factor above the largest, or below the smallest, value of the tables of an unusual value."""
 Table = TypeVar("Table")
 
 
 def with_stripe_files(
     section: ModelSection, parameters: Parameters, text: WorkflowText
-) -> Parameters:
-    """The parameters, with the stripes of a workflow's ``stripe_files`` added or replaced.
+) -> tuple[Parameters, list[Path]]:
+    """The parameters with the stripes of a workflow's ``stripe_files``, and these files.
 
     Raises:
         BadInput: with every fault of a file.
     """
     stripes = parameters.stripes
-    for path in stripe_files(section, text):
-        stripes = read_stripe_file(path, text.source(STRIPE_FILES)).over(stripes)
-    return replace(parameters, stripes=stripes)
+    files = [text.folder(STRIPE_FILES) / name for name in section.stripe_files]
+    for path in files:
+        stripes = read_checked(StripeFile, path, text.source(STRIPE_FILES)).over(stripes)
+    return replace(parameters, stripes=stripes), files
 
 
-def stripe_files(section: ModelSection, text: WorkflowText) -> list[Path]:
-    """Paths of the ``stripe_files`` of a workflow."""
-    return [text.folder(STRIPE_FILES) / name for name in section.stripe_files]
+def with_pattern_files(
+    section: DesignSection, parameters: Parameters, text: WorkflowText
+) -> tuple[Parameters, list[Path]]:
+    """The parameters with the patterns of a workflow's ``pattern_files``.
+
+    Beside them the files that its patterns are read from, but for ``patterns.toml``.
+
+    Raises:
+        BadInput: with every fault of a file.
+    """
+    patterns = dict(parameters.patterns)
+    files = [text.folder(PATTERN_FILES) / name for name in section.pattern_files]
+    for path in files:
+        read = read_checked(PatternFile, path, text.source(PATTERN_FILES)).root
+        patterns |= {name: (entry, path.parent) for name, entry in read.items()}
+    swept = [value for axis in text.axes if axis.name == PATTERN for value in axis.values]
+    names = {pattern_name(section.pattern), *swept} & set(patterns)
+    for entry, folder in (patterns[name] for name in sorted(map(str, names))):
+        files += entry.files(folder)
+    return replace(parameters, patterns=patterns), files
 
 
 def cases(
@@ -70,13 +92,6 @@ def cases(
     source: Source,
 ) -> Iterator[Case]:
     """Every case of a workflow: every design under every combination of the axes' values.
-
-    Args:
-        workflow: the workflow, with the first value of each axis.
-        axes: its axes.
-        space: its designs.
-        parameters: values that it does not replace.
-        source: names where a ``section.key`` comes from, for a fault.
 
     Raises:
         BadInput: if settings contradict each other.
@@ -114,9 +129,9 @@ def _cases(
         "capacitor": _capacitor(workflow.electrodes, parameters, source),
     }
     if protocol.method != "dynamics" and solver.drag:
-        check_drag(workflow, model_options.boundary, source)
+        _check_drag(workflow, model_options.boundary, source)
     if model_options.contact != "none":
-        check_contact(workflow, solver.drag, source)
+        _check_contact(workflow, solver.drag, source)
 
     def stripe(knit: Knit, stitches: int) -> Stripe:
         return changed_stripe(parameters.stripes.stripe(knit, stitches), changes)
@@ -144,7 +159,7 @@ def _cases(
                 )
                 case.sample.grid_folds()
                 case.check_cells()
-                check_thickness(case, source)
+                _check_thickness(case, source)
             except BadPattern as error:
                 place = f"{source('design.pattern')} (n_stripe {n}, n_subunit {m})"
                 raise BadInput(Fault(place, problem) for problem in error.problems) from error
@@ -163,7 +178,7 @@ def _cases(
                 unit_cells=(1, 1),
                 **common,
             )
-            check_thickness(case, source)
+            _check_thickness(case, source)
             yield case.without_unused()
 
 
@@ -177,38 +192,6 @@ def _pattern(
     if name not in parameters.patterns:
         raise fault(source("design.pattern"), unknown(name, parameters.patterns, "pattern"))
     return parameters.patterns[name]
-
-
-def pattern_inputs(
-    section: DesignSection, parameters: Parameters, text: WorkflowText
-) -> list[Path]:
-    """Files that the patterns of a workflow are read from, besides ``patterns.toml``."""
-    swept = [value for axis in text.axes if axis.name == PATTERN for value in axis.values]
-    names = {pattern_name(section.pattern), *swept} & set(parameters.patterns)
-    used = [parameters.patterns[name] for name in sorted(map(str, names))]
-    return [
-        *_pattern_files(section, text),
-        *(path for entry, folder in used for path in entry.files(folder)),
-    ]
-
-
-def _pattern_files(section: DesignSection, text: WorkflowText) -> list[Path]:
-    return [text.folder(PATTERN_FILES) / name for name in section.pattern_files]
-
-
-def with_pattern_files(
-    section: DesignSection, parameters: Parameters, text: WorkflowText
-) -> Parameters:
-    """The parameters, with the patterns of a workflow's ``pattern_files`` added or replaced.
-
-    Raises:
-        BadInput: with every fault of a file.
-    """
-    patterns = dict(parameters.patterns)
-    for path in _pattern_files(section, text):
-        read = read_pattern_file(path, text.source(PATTERN_FILES))
-        patterns |= {name: (entry, path.parent) for name, entry in read.items()}
-    return replace(parameters, patterns=patterns)
 
 
 def electrode_problems(case: Case) -> tuple[str, ...]:
@@ -237,3 +220,75 @@ def _capacitor(
     # The section's ``layout`` is a name.
     numbers = overridden(parameters.capacitor, section)
     return replace(numbers, layout=overridden(layout, section))
+
+
+def _check_drag(workflow: Workflow, boundary: Boundary, source: Source) -> None:
+    """Refuse drag where it has no meaning."""
+    boundaries = workflow.stripes.boundaries if workflow.stripes else (boundary,)
+    if "periodic" in boundaries:
+        problem = "holds back a sample that moves between clamps; periodic fabric has no place to"
+        raise fault(
+            source("solver.drag"), f"{problem} move from: take boundary = clamped, or drag = 0"
+        )
+    if workflow.protocol.sensitivities:
+        problem = "has no sensitivities, which are those of equilibria; take drag = 0"
+        raise fault(source("solver.drag"), problem)
+
+
+def _check_contact(workflow: Workflow, drag: float, source: Source) -> None:
+    """Refuse contact where it is not taken into account."""
+    if workflow.protocol.method == "dynamics":
+        problem = (
+            "needs equilibria, as explicit time steps cannot hold a barrier; take method ="
+            " equilibrium, or contact = none"
+        )
+    elif drag:
+        problem = "is not combined with drag; take drag = 0, or contact = none"
+    elif workflow.protocol.sensitivities:
+        problem = "has no sensitivities; leave them out, or take contact = none"
+    else:
+        return
+    raise fault(source("model.contact"), problem)
+
+
+def _check_thickness(case: Case, source: Source) -> None:
+    """Refuse a fabric so thick that contact would press open its folds at rest."""
+    if case.options.contact == "none":
+        return
+    pair, (_, fabric) = case.stripe_pair, case.assemble()
+    refinement = case.options.cells_per_period // CELLS_PER_PERIOD
+    sharpest = float(min(pair.weft.theta_0.min(), pair.warp.theta_0.min()))
+    largest = largest_thickness(refinement * float(fabric.cell_sides.min()), sharpest)
+    if case.sheet.thickness >= largest:
+        problem = f"is too thick for the folds of {case.label}; give less than {largest:.3g} mm"
+        raise fault(source("model.thickness"), f"{case.sheet.thickness:g} mm {problem}")
+
+
+def unusual_values(
+    workflow: Workflow, cases: Iterable[Case], parameters: Parameters
+) -> tuple[str, ...]:
+    """Sentences on values that may be mistakes: far from the tables, or ignored by the method."""
+    found: dict[str, None] = {}
+    for case in cases:
+        if (strain := case.applied_strain[-1]) > USUAL_STRAIN:
+            found[
+                f"strain_max = {strain:g} is {strain:.0%} of the length; usual are 0.2 to 0.6,"
+                " and 0.15 is 15 %"
+            ] = None
+        for stripe in (case.weft, case.warp):
+            table = parameters.stripes.table(stripe.knit)
+            for name in STRIPE_QUANTITIES:
+                value = getattr(stripe, name)
+                usual = [getattr(row, name) for row in table.n.values()]
+                if not min(usual) / FAR <= value <= max(usual) * FAR:
+                    unit = getattr(table.unit, name)
+                    found[
+                        f"{name} of {stripe.knit} {stripe.n} is {value:.4g} {unit}; usual are"
+                        f" {min(usual):g} to {max(usual):g} {unit}"
+                    ] = None
+    protocol = workflow.protocol
+    if protocol.robustness and protocol.method != "equilibrium":
+        siblings = "siblings are tested in equilibrium only"
+        ignored = f"robustness = {protocol.robustness} is ignored by {protocol.method}: {siblings}"
+        found[ignored] = None
+    return tuple(found)

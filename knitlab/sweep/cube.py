@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -14,100 +14,66 @@ from knitlab.cube.common_settings import ATTRIBUTE, parameters_of, shared
 from knitlab.cube.cube_file import READING
 from knitlab.cube.schema import VARIABLES, Status, described
 from knitlab.io.provenance import provenance
-from knitlab.measure.knit_size import Gauge
+from knitlab.measure.knit_size import ALONG_X, ALONG_Y, Gauge, at_gauge, knit_sizes
 from knitlab.simulation.case import Case, Label
 from knitlab.simulation.measurement import FIXED_COORDINATES, fixed_coordinates, variables_of
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
-from knitlab.sweep.design_space import Design
-from knitlab.sweep.gauge import sizes_at, sizes_of, stated
 from knitlab.sweep.plan import Plan
-from knitlab.sweep.survey import Cell, cells
+from knitlab.sweep.results_folder import Cell, Design, cells
 
 TEXT_VARIABLES = ("case_id", "code")
 UNIT_CELLS = ("unit_cells_y", "unit_cells_x")
 Values = dict[str, Any]
 
 
+GAUGE_ATTRIBUTES = {field.name: f"gauge_{field.name}" for field in fields(Gauge)}
+"""The cube's attributes that state its gauge [mm]."""
+
+
 @dataclass(frozen=True)
 class Entry:
-    """The contents of one cell of a cube.
-
-    Attributes:
-        values: values by variable, along the strains and unit cells of the design's own test.
-        strains: applied strains of that test [1].
-    """
+    """Values of a design by variable, along the strains [1] and unit cells of its own test."""
 
     values: Values
     strains: tuple[float, ...]
-
-    @property
-    def unit_cells(self) -> tuple[int, int]:
-        """Unit cells of the sample along (y, x)."""
-        if self.of_earlier_version:
-            # The sample is at most as large as the largest one of that cube.
-            shape = np.shape(self.values["strain_xx"])
-            return shape[1], shape[2]
-        rows, columns = (int(self.values[name]) for name in UNIT_CELLS)
-        return rows, columns
-
-    @property
-    def of_earlier_version(self) -> bool:
-        """Whether it comes from a cube of a version that did not state sample sizes."""
-        return bool(np.isnan(self.values.get(UNIT_CELLS[0], np.nan)))
 
 
 def build_cube(
     plan: Plan,
     results: Path,
     old: xr.Dataset | None,
-    computed: Collection[str],
-    kept_stale: Collection[str],
-    failed: Collection[str],
+    *,
+    kept: Collection[str] = (),
     damaged: Collection[str] = (),
+    failed: Collection[str] = (),
 ) -> xr.Dataset:
-    """Cube of a plan, from its case files and the previous cube.
+    """Cube of a plan, from its case files and the previous cube, which has the same dimensions.
 
-    Cells of the old cube that are not in the plan are kept; combinations that were never requested
-    are ``excluded``; planned cases without a file are ``failed`` if they are among ``failed``, else
-    ``pending``. Planned cases that an earlier version wrote into the old cube with fewer variables
-    are read again.
-
-    Args:
-        plan: the plan.
-        results: results folder of the workflow.
-        old: the previous cube, along the same dimensions.
-        computed: identifiers of cases whose files are newer than the old cube.
-        kept_stale: identifiers of cases for which results of other parameters are kept.
-        failed: identifiers of cases that this run could not compute.
-        damaged: identifiers of cases whose files must not be read.
+    A planned case has the results of its file, else those that the old cube has for its design,
+    else it is ``failed`` or ``pending``. Cells of the old cube that are not in the plan are kept;
+    combinations that were never requested are ``excluded``. Cases of which the old cube has the
+    results of their file are ``kept``; ``damaged`` files must not be read.
     """
     known = {} if old is None else cells(old)
     entries = {} if old is None else _old_entries(plan, old, known)
     for case_id, case in plan.cases.items():
         design = tuple(case.design.values())
         cell = known.get(design)
-        same = cell is not None and cell.case_id == case_id and cell.has_results
-        untouched = same and case_id not in computed and case_id not in failed
-        path = case_path(results, case_id)
-        readable = case_id not in damaged and path.is_file()
-        complete = untouched and not (readable and entries[design].of_earlier_version)
-        if complete:
-            entries[design] = replace(
-                entries[design], values=entries[design].values | known_in_advance(case)
-            )
-        if complete or case_id in kept_stale:
+        has_results = cell is not None and cell.has_results
+        if cell is not None and has_results and case_id in kept and cell.case_id == case_id:
             continue
-        if case_id in failed:
-            entries[design] = _empty_entry(case, Status.failed)
-        elif not readable:
-            entries[design] = _empty_entry(case, Status.pending)
-        else:
+        path = case_path(results, case_id)
+        if case_id not in damaged and path.is_file():
             entries[design] = _read_entry(path, case, plan.gauge)
+        elif not has_results:
+            status = Status.failed if case_id in failed else Status.pending
+            values = known_in_advance(case) | {"code": "", "status": status}
+            entries[design] = Entry(values, case.applied_strain)
 
     cube = _gridded(plan, _names(plan, old), entries)
     cube.attrs |= _attributes(plan, old, entries)
     if "knit_cell_x" in cube:
-        cube.attrs |= stated(plan.gauge)
+        cube.attrs |= stated_gauge(plan.gauge)
     return cube
 
 
@@ -129,12 +95,16 @@ def _names(plan: Plan, old: xr.Dataset | None) -> list[str]:
 
 
 def _old_entries(plan: Plan, old: xr.Dataset, known: Mapping[Design, Cell]) -> dict[Design, Entry]:
+    """The cells of an old cube, with knit sizes at the gauge of the new one."""
     arrays = {str(name): old[name].values for name in old.data_vars}
     strains = tuple(old["applied_strain"].values.tolist())
-    entries = {}
+    gauge, entries = gauge_of(old.attrs), {}
     for design, cell in known.items():
         values = {name: array[cell.place] for name, array in arrays.items()}
-        entries[design] = Entry(values | sizes_at(values, old.attrs, plan.gauge), strains)
+        if gauge is not None:
+            sizes = {name: float(values[name]) for name in (*ALONG_X, *ALONG_Y)}
+            values |= at_gauge(sizes, gauge, plan.gauge)
+        entries[design] = Entry(values, strains)
     return entries
 
 
@@ -167,22 +137,46 @@ def known_in_advance(case: Case) -> Values:
     return {"periods": case.periods, "case_id": case.case_id, **sizes, **stripes}
 
 
-def _empty_entry(case: Case, status: Status) -> Entry:
-    return Entry(known_in_advance(case) | {"code": "", "status": status}, case.applied_strain)
-
-
 def _read_entry(path: Path, case: Case, gauge: Gauge) -> Entry:
     wanted = {name for name, variable in variables_of(case).items() if variable.in_cube}
     values = known_in_advance(case) | read_values(path, wanted)
     return Entry(values | sizes_of(case, values, gauge), case.applied_strain)
 
 
+def sizes_of(case: Case, values: Mapping[str, Any], gauge: Gauge) -> dict[str, float]:
+    """Knit sizes [mm] of a simulated case at a gauge, by the names of the schema.
+
+    They follow from the variables of its file. A pure stripe, whose stitches are not defined by
+    patches, has none.
+    """
+    if case.pure:
+        return {}
+    names = (
+        f"{kind}_{axis}" for kind in ("relaxed_cell", "flat_cell", "wavelength") for axis in "xy"
+    )
+    lengths = {name: float(values[name]) for name in names}
+    return knit_sizes(lengths, case.stitches, case.options.boundary == "periodic", gauge)
+
+
+def stated_gauge(gauge: Gauge) -> dict[str, float]:
+    """The attributes of a cube that state its gauge [mm]."""
+    return {GAUGE_ATTRIBUTES[name]: value for name, value in asdict(gauge).items()}
+
+
+def gauge_of(attributes: Mapping[Any, Any]) -> Gauge | None:
+    """The gauge that attributes of a cube state; those of pure stripes state none."""
+    if not set(GAUGE_ATTRIBUTES.values()) <= set(attributes):
+        return None
+    return Gauge(**{name: float(attributes[its]) for name, its in GAUGE_ATTRIBUTES.items()})
+
+
 def _gridded(plan: Plan, names: Sequence[str], entries: Mapping[Design, Entry]) -> xr.Dataset:
     designs = [*entries, *(design for design in plan.excluded if len(design) == len(plan.dims))]
     labels = [_along(designs, place) for place in range(len(plan.dims))]
     strains = sorted({strain for entry in entries.values() for strain in entry.strains})
-    cells_y, cells_x = np.max([entry.unit_cells for entry in entries.values()], axis=0)
-    sizes = {"applied_strain": len(strains), "cell_y": int(cells_y), "cell_x": int(cells_x)}
+    sizes = {"applied_strain": len(strains)}
+    for dim, name in zip(("cell_y", "cell_x"), UNIT_CELLS, strict=True):
+        sizes[dim] = max(int(entry.values[name]) for entry in entries.values())
     sizes |= {name: len(labels) for name, labels in FIXED_COORDINATES.items()}
     grid = tuple(map(len, labels))
     arrays: dict[str, np.ndarray] = {

@@ -1,8 +1,7 @@
 """Fields of schemas, derived from the tables that declare settings.
 
-A settings table such as :class:`.SolverSettings` declares the name, the
-range, the unit and the default of each of its settings. The schemas of parameter files
-and of workflows follow from it.
+A settings table such as :class:`.SolverSettings` declares the name, the range, the unit and the
+default of each of its settings. The schemas of parameter files and of workflows follow from it.
 """
 
 import dataclasses
@@ -14,12 +13,12 @@ from pydantic import Field, PositiveFloat, ValidationError, create_model
 
 from knitlab.fabric.settings import Unit
 from knitlab.io.errors import BadInput, faults_of
-from knitlab.io.strict_model import StrictModel
+from knitlab.io.toml import StrictModel
 
 Types = dict[str, Any]
 """Declared types of settings, with range and unit, by name."""
 Fields = dict[str, tuple[Any, Any]]
-"""Types and defaults of a schema's fields, by name."""
+"""Types and defaults of a schema's fields, by name; without a default a field is required."""
 Value = TypeVar("Value")
 UnitText = TypeVar("UnitText")
 Model = TypeVar("Model", bound=type[StrictModel])
@@ -36,22 +35,13 @@ class ParameterValue(StrictModel, Generic[Value, UnitText]):
 
 @dataclasses.dataclass(frozen=True)
 class FactorOn:
-    """Marks a setting that multiplies another quantity.
-
-    Attributes:
-        quantity: its name.
-    """
+    """Marks a setting that multiplies another quantity, by the name of that."""
 
     quantity: str
 
 
 def declared(table: type, without: Collection[str] = ()) -> Types:
-    """The settings that a table declares.
-
-    Args:
-        table: a dataclass.
-        without: fields that are not settings.
-    """
+    """The settings that a dataclass declares, but for some of its fields."""
     hints = get_type_hints(table, include_extras=True)
     names = [field.name for field in dataclasses.fields(table)]
     return {name: hints[name] for name in names if name not in without}
@@ -83,25 +73,25 @@ def optional(types: Types) -> Fields:
 
 
 def with_defaults(table: type) -> Fields:
-    """Fields with the defaults of a dataclass; fields without a default are required."""
-    defaults = {
-        field.name: ... if field.default is dataclasses.MISSING else field.default
-        for field in dataclasses.fields(table)
+    """Fields with the defaults of a dataclass."""
+    defaults = {field.name: field.default for field in dataclasses.fields(table)}
+    return {
+        name: (kind, ... if defaults[name] is dataclasses.MISSING else defaults[name])
+        for name, (kind, _) in required(declared(table)).items()
     }
-    return {name: (_of_toml(kind), defaults[name]) for name, kind in declared(table).items()}
 
 
 def entries(types: Types) -> Fields:
     """Tables ``{value, unit, source}`` of a parameter file."""
     form: Any = ParameterValue
-    return {
-        name: (form[_of_toml(kind), _literal(unit_of(kind))], ...) for name, kind in types.items()
-    }
+    stated = units(types)
+    return {name: (form[kind, stated[name][0]], ...) for name, (kind, _) in required(types).items()}
 
 
 def units(types: Types) -> Fields:
     """The unit of each quantity."""
-    return {name: (_literal(unit_of(kind)), ...) for name, kind in types.items()}
+    form: Any = Literal
+    return {name: (form[unit_of(kind)], ...) for name, kind in types.items()}
 
 
 def with_fields(fields: Fields) -> Callable[[Model], Model]:
@@ -121,12 +111,7 @@ def with_fields(fields: Fields) -> Callable[[Model], Model]:
 
 
 def checked(name: str, table: Table, kind: type[Table]) -> Table:
-    """A table of settings, checked as a file of them is.
-
-    Args:
-        name: what the table is called, for messages.
-        table: the table.
-        kind: its dataclass, or one that this is derived from.
+    """A table of settings of some name, as its dataclass or one that this is derived from.
 
     Raises:
         BadInput: with every value that is out of range.
@@ -148,11 +133,6 @@ def checked(name: str, table: Table, kind: type[Table]) -> Table:
 @cache
 def _schema(table: type) -> type[StrictModel]:
     return with_fields(required(declared(table)))(StrictModel)
-
-
-def _literal(text: str) -> Any:
-    form: Any = Literal
-    return form[text]
 
 
 def _of_toml(kind: Any) -> Any:

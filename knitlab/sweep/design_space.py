@@ -1,8 +1,9 @@
-"""The design space: the designs of a workflow, and which of them are possible."""
+"""The design space: the designs of a workflow, which of them are possible, and their size."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH
 from knitlab.io.errors import BadInput, Fault, fault
 from knitlab.simulation.case import Label
 from knitlab.sweep.parameters import Parameters
@@ -11,6 +12,7 @@ from knitlab.sweep.workflow import DesignSection, StripesSection
 Design = tuple[Label, ...]
 Pair = tuple[int, int]
 Source = Callable[[str], str]
+"""Names where a ``section.key`` comes from, for a fault."""
 DEFAULT_SET = "paper"
 
 
@@ -29,14 +31,7 @@ class DesignSpace:
 
 
 def design_space(section: DesignSection, parameters: Parameters, source: Source) -> DesignSpace:
-    """Resolve a workflow's ``[design]``.
-
-    Impossible combinations of a grid are excluded.
-
-    Args:
-        section: the workflow's section.
-        parameters: the stripe tables and the named sets.
-        source: returns the origin of a ``section.key``, for messages.
+    """Resolve a workflow's ``[design]``; impossible combinations of a grid are excluded.
 
     Raises:
         BadInput: if a set or a member of it does not exist, if a single design is impossible, or
@@ -45,22 +40,15 @@ def design_space(section: DesignSection, parameters: Parameters, source: Source)
     name, sets = section.set or DEFAULT_SET, parameters.designs.root
     if name not in sets:
         raise fault(source("design.set"), f"there is no set {name!r}; choose from {sorted(sets)}")
-    if section.n_stripe is not None and section.n_subunit is not None:
-        return _grid(section.n_stripe, section.n_subunit, parameters, source)
-    return _members(section, name, sets[name].pairs, source)
-
-
-def _grid(
-    n_stripe: tuple[int, ...], n_subunit: tuple[int, ...], parameters: Parameters, source: Source
-) -> DesignSpace:
-    pairs = sorted({(n, m) for n in n_stripe for m in n_subunit})
+    if section.n_stripe is None or section.n_subunit is None:
+        return _members(section, name, sets[name].pairs, source)
+    pairs = sorted({(n, m) for n in section.n_stripe for m in section.n_subunit})
     reasons = {pair: parameters.stripes.impossible(*pair) for pair in pairs}
     excluded: dict[Design, str] = {pair: reason for pair, reason in reasons.items() if reason}
     if len(excluded) == len(pairs):
         asked = ", ".join(dict.fromkeys(map(source, ("design.n_stripe", "design.n_subunit"))))
         raise BadInput(Fault(asked, reason) for reason in dict.fromkeys(excluded.values()))
-    kept = tuple(pair for pair in pairs if pair not in excluded)
-    return DesignSpace(kept, excluded)
+    return DesignSpace(tuple(pair for pair in pairs if pair not in excluded), excluded)
 
 
 def _members(
@@ -93,11 +81,6 @@ def stripe_space(section: StripesSection, parameters: Parameters, source: Source
 
     If only one knit has a stripe of some size, this size is excluded for the other knit.
 
-    Args:
-        section: the workflow's section.
-        parameters: the stripe tables.
-        source: returns the origin of a ``section.key``, for messages.
-
     Raises:
         BadInput: if no knit has a stripe of a given size.
     """
@@ -118,3 +101,18 @@ def stripe_space(section: StripesSection, parameters: Parameters, source: Source
         if n not in there[knit] and section.n
     }
     return DesignSpace(tuple(design for design in asked if design[1] in there[design[0]]), excluded)
+
+
+def sample_size(section: DesignSection, stitches: tuple[int, int]) -> tuple[int, int]:
+    """Repeats of a pattern of (courses, wales) in a sample along (y, x) (paper, "Kinematics").
+
+    They are unit cells for the paper's pattern. With ``needles``, a sample has as many whole
+    repeats as fit on them, at least one. Its length is ``aspect`` times its width; two courses
+    count as long as a wale is wide.
+    """
+    if section.needles is None:
+        return section.unit_cells or (1, 1)
+    courses, wales = stitches
+    along_x = max(1, int(section.needles * section.scale // wales))
+    length = section.aspect * along_x * wales
+    return max(1, round(length * GARTER_STITCHES_PER_RIB_STITCH / courses)), along_x

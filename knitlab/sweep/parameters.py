@@ -1,9 +1,9 @@
-"""Parameters: schemas of ``params/*.toml``, each value with its unit and source."""
+"""Parameters: schemas of ``params/*.toml``, each value with its unit and source, and defaults."""
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
@@ -12,7 +12,6 @@ from pydantic import (
     PositiveFloat,
     PositiveInt,
     RootModel,
-    ValidationError,
     model_serializer,
     model_validator,
 )
@@ -20,7 +19,7 @@ from pydantic import (
 from knitlab.dynamics.settings import DynamicsSettings
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.fabric.electrodes import ElectrodeLayout
-from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
+from knitlab.fabric.settings import CellSize, GarterStart, ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.stripe import (
     GARTER_STITCHES_PER_RIB_STITCH,
@@ -29,9 +28,9 @@ from knitlab.fabric.stripe import (
     Stripe,
     periods_per_patch,
 )
-from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault, faults_of
-from knitlab.io.strict_model import StrictModel
-from knitlab.io.toml import read_checked, read_toml
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault
+from knitlab.io.shipped import shipped
+from knitlab.io.toml import StrictModel, read_checked
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
 from knitlab.sweep.declared_fields import (
@@ -46,7 +45,6 @@ from knitlab.sweep.declared_fields import (
 )
 from knitlab.sweep.patterns import Pattern, PatternFile
 
-Table = TypeVar("Table")
 QUANTITIES = declared(Stripe, without=("knit", "n", *SPRING_LAWS))
 
 
@@ -209,30 +207,12 @@ class DesignSets(RootModel[dict[str, DesignSet]]):
     """``designs.toml``."""
 
 
-def _file(base: type[StrictModel], *tables: type) -> type[StrictModel]:
-    """Schema of a file that has an entry for each setting of some tables."""
-    for table in tables:
-        base = with_fields(entries(declared(table, without=("layout",))))(base)
-    return base
-
-
 @dataclass(frozen=True)
 class Parameters:
     """Everything under ``params/``.
 
-    Attributes:
-        stripes: the stripe tables.
-        sheet: the walls.
-        plain: plain knit.
-        model: model options.
-        solver: settings of the equilibrium solver.
-        dynamics: settings of the dynamics.
-        capacitor: parameters of a capacitor, and its layout where none is named.
-        layouts: named layouts of electrodes.
-        gauge: size of a stitch.
-        designs: named sets of designs.
-        patterns: named patterns, each with the folder to which its paths are relative.
-        sources: source of each value, by the name of its setting.
+    The capacitor has the layout where none is named. Paths of a pattern are relative to the folder
+    beside it. ``sources`` has the source of each value, by the name of its setting.
     """
 
     stripes: StripeTables
@@ -249,10 +229,7 @@ class Parameters:
     sources: dict[str, str]
 
     def with_tables(self, **given: object) -> "Parameters":
-        """The parameters with other tables of settings.
-
-        Args:
-            given: tables by the name of their attribute; None keeps that of the parameters.
+        """The parameters with other tables by their attributes; None keeps one.
 
         Raises:
             BadInput: with every value that is out of range, and every table of another kind.
@@ -272,32 +249,36 @@ class Parameters:
         return replace(self, **tables)
 
 
+TABLES: dict[str, type[Any]] = {
+    "sheet": Sheet,
+    "plain": PlainKnit,
+    "model": ModelOptions,
+    "solver": SolverSettings,
+    "dynamics": DynamicsSettings,
+    "capacitor": Capacitor,
+    "gauge": Gauge,
+}
+"""Tables of settings, by the attribute of the parameters that holds each."""
+
+
+def _file(table: str, base: type[StrictModel] = StrictModel) -> type[StrictModel]:
+    """Schema of a file that has an entry for each setting of a table."""
+    return with_fields(entries(declared(TABLES[table], without=("layout",))))(base)
+
+
 FILES: dict[str, type[BaseModel]] = {
     "stripes": StripeTables,
-    "sheet": _file(StrictModel, Sheet),
-    "plain": _file(StrictModel, PlainKnit),
-    "reading": _file(StrictModel, ModelOptions),
-    "solver": _file(StrictModel, SolverSettings),
-    "dynamics": _file(StrictModel, DynamicsSettings),
-    "electrodes": _file(ElectrodesFile, Capacitor),
-    "gauge": _file(StrictModel, Gauge),
+    "sheet": _file("sheet"),
+    "plain": _file("plain"),
+    "reading": _file("model"),
+    "solver": _file("solver"),
+    "dynamics": _file("dynamics"),
+    "electrodes": _file("capacitor", ElectrodesFile),
+    "gauge": _file("gauge"),
     "designs": DesignSets,
     "patterns": PatternFile,
 }
 """Schemas of the parameter files, by name."""
-
-
-def read_stripe_file(path: Path, source: str) -> StripeFile:
-    """Read a file of stripes.
-
-    Args:
-        path: the file.
-        source: the setting that names the file, for messages.
-
-    Raises:
-        BadInput: with every fault of the file.
-    """
-    return read_checked(StripeFile, path, source)
 
 
 def read_parameters(folder: Path) -> Parameters:
@@ -309,12 +290,8 @@ def read_parameters(folder: Path) -> Parameters:
     faults = ErrorCollector()
     read: dict[str, Any] = {}
     for name, schema in FILES.items():
-        path = folder / f"{name}.toml"
         with faults:
-            try:
-                read[name] = schema.model_validate(read_toml(path))
-            except ValidationError as error:
-                raise BadInput(faults_of(error, str(path))) from error
+            read[name] = read_checked(schema, folder / f"{name}.toml")
     if "stripes" in read and "designs" in read:
         # Sets can be checked against the stripes even if another file has faults.
         faults.all += [
@@ -331,26 +308,63 @@ def read_parameters(folder: Path) -> Parameters:
         for name, entry in file
         if isinstance(entry, ParameterValue)
     }
-    values = {name: entry.value for name, entry in found.items()}
     layouts = {
         name: ElectrodeLayout(**row.model_dump(exclude={"source"}))
         for name, row in read["electrodes"].layouts.items()
     }
+    values = {name: entry.value for name, entry in found.items()} | {"layout": ElectrodeLayout()}
+    tables = {
+        name: table(**{field: values[field] for field in declared(table)})
+        for name, table in TABLES.items()
+    }
     return Parameters(
         stripes=read["stripes"],
-        sheet=_table(Sheet, values),
-        plain=_table(PlainKnit, values),
-        model=_table(ModelOptions, values),
-        solver=_table(SolverSettings, values),
-        dynamics=_table(DynamicsSettings, values),
-        capacitor=_table(Capacitor, values | {"layout": ElectrodeLayout()}),
         layouts=layouts,
-        gauge=_table(Gauge, values),
         designs=read["designs"],
         patterns={name: (entry, folder) for name, entry in read["patterns"].root.items()},
         sources={name: entry.source for name, entry in found.items()},
+        **tables,
     )
 
 
-def _table(table: type[Table], values: dict[str, Any]) -> Table:
-    return table(**{name: values[name] for name in declared(table)})
+def defaults() -> Parameters:
+    """The values of ``params/*.toml``, which are used unless others are given.
+
+    Change some of them with :func:`dataclasses.replace`.
+
+    Returns:
+        Tables of settings, such as ``sheet``, ``solver`` and ``capacitor``; ``stripes``, of which
+        ``stripes.stripe(knit, n)`` gives one; and the named ``layouts`` of electrodes.
+
+    Raises:
+        BadInput: with every fault of the files.
+
+    Example:
+        >>> from dataclasses import replace
+        >>> import knitlab as kl
+        >>> known = kl.defaults()
+        >>> rib = replace(known.stripes.stripe("rib", 4), k_t=0.02)
+        >>> design = kl.Design(4, 16, rib=rib)
+        >>> sheet = replace(known.sheet, z_max=2.0)
+        >>> known.sheet.z_max, sheet.z_max
+        (6.0, 2.0)
+    """
+    return read_parameters(shipped("params"))
+
+
+@dataclass(frozen=True)
+class Model(ModelOptions):
+    """Model options, by default those of ``params/reading.toml``.
+
+    The attributes are those of :class:`~knitlab.fabric.settings.ModelOptions`, where they are
+    described.
+
+    Example:
+        >>> import knitlab as kl
+        >>> kl.Model(cell_size="flat").garter_start
+        'valley'
+    """
+
+    # Others than those in code, which identifiers of cases fix.
+    cell_size: CellSize = "relaxed"
+    garter_start: GarterStart = "valley"

@@ -1,6 +1,7 @@
 """Named patterns: their schema, and the stripes and sizes of a design that follow from them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,13 +11,17 @@ from pydantic import Field, PositiveInt, RootModel, model_validator
 from knitlab.fabric.pattern import KNIT_OF_LETTER, BadPattern, Grading, SingleFold, letters_of
 from knitlab.fabric.stripe import GARTER_STITCHES_PER_RIB_STITCH, Knit, Stripe
 from knitlab.io.errors import fault
-from knitlab.io.strict_model import StrictModel
-from knitlab.io.toml import read_checked
+from knitlab.io.toml import StrictModel
 from knitlab.sweep.declared_fields import with_defaults, with_fields
 
 StripeOf = Callable[[Knit, int], Stripe]
 Counts = Annotated[tuple[PositiveInt, ...], Field(strict=False, min_length=1)]
 Letter = Literal["R", "G", "P"]
+OF_LINES = (
+    *("column_stitches", "row_courses", "column_periods", "row_periods"),
+    *("column_n_stripe", "row_n_stripe"),
+)
+"""Keys that give each row or column its own size or stripe."""
 
 
 @with_fields(with_defaults(SingleFold))
@@ -92,9 +97,7 @@ class Pattern(StrictModel):
     @property
     def is_graded(self) -> bool:
         """Whether rows or columns have sizes or stripes of their own."""
-        sizes = "column_stitches", "row_courses", "column_periods", "row_periods"
-        stripes = "column_n_stripe", "row_n_stripe"
-        return any(getattr(self, name) is not None for name in (*sizes, *stripes))
+        return any(getattr(self, name) is not None for name in OF_LINES)
 
     @property
     def single_folds(self) -> tuple[SingleFold, ...]:
@@ -106,10 +109,7 @@ class Pattern(StrictModel):
         return [folder / name for name in (self.map, self.image) if name is not None]
 
     def patches(self, folder: Path) -> tuple[str, ...]:
-        """The rows of letters, top course first.
-
-        Args:
-            folder: folder to which paths are relative.
+        """The rows of letters, top course first; paths are relative to the folder.
 
         Raises:
             BadInput: if its file cannot be read, or has another letter or colour.
@@ -136,13 +136,9 @@ class Pattern(StrictModel):
     def grading(
         self, rows: Sequence[str], n_stripe: int, n_subunit: int, stripe: StripeOf
     ) -> Grading | None:
-        """Sizes and stripes of the rows and columns for one design; None if all are equal.
+        """Sizes and stripes of the rows and columns of letters; None if all are equal.
 
-        Args:
-            rows: the rows of letters.
-            n_stripe: n_stripe of rows and columns for which the pattern gives none [stitches].
-            n_subunit: n_subunit of rows and columns for which the pattern gives none [stitches].
-            stripe: returns the stripe of a knit and a number of stitches.
+        A row or column for which the pattern gives no n_stripe or n_subunit has those of a design.
 
         Raises:
             BadPattern: if rows or columns cannot be knitted; it lists them all.
@@ -150,97 +146,96 @@ class Pattern(StrictModel):
         if not self.is_graded:
             return None
         problems: list[str] = []
-        columns = _Lines("column", "column", "stitches", len(rows[0]), 2, problems)
-        lines = _Lines("row", "row, from the top,", "courses", len(rows), 4, problems)
-        rib_n = columns.given(self.column_n_stripe, n_stripe, "column_n_stripe")
-        garter_n = lines.given(self.row_n_stripe, n_stripe, "row_n_stripe")
-        widths = columns.given(self.column_stitches, n_subunit, "column_stitches")
-        heights = lines.given(
-            self.row_courses, GARTER_STITCHES_PER_RIB_STITCH * n_subunit, "row_courses"
-        )
-        column_periods = columns.periods(widths, rib_n, self.column_periods, "column_periods")
-        row_periods = lines.periods(heights, garter_n, self.row_periods, "row_periods")
-        rib = columns.stripes("rib", rib_n, stripe)
-        garter = lines.stripes(
-            "garter", [GARTER_STITCHES_PER_RIB_STITCH * n for n in garter_n], stripe
-        )
+        made = []
+        for lines, count in ((COLUMNS, len(rows[0])), (ROWS, len(rows))):
+            n = self._given(f"{lines.name}_n_stripe", lines, n_stripe, count, problems)
+            periods = self._given(f"{lines.name}_periods", lines, 1, count, problems)
+            if getattr(self, f"{lines.name}_periods") is None:
+                default = lines.stitches * n_subunit
+                sizes = self._given(f"{lines.name}_{lines.unit}", lines, default, count, problems)
+                periods = tuple(lines.periods(sizes, n, problems))
+            made.append((tuple(periods), tuple(lines.stripes(n, stripe, problems))))
         if problems:
             raise BadPattern(problems)
-        return Grading(tuple(row_periods), tuple(column_periods), tuple(garter), tuple(rib))
+        (column_periods, rib), (row_periods, garter) = made
+        return Grading(row_periods, column_periods, garter, rib)
+
+    def _given(
+        self, key: str, lines: "_Lines", default: int, count: int, problems: list[str]
+    ) -> Sequence[int]:
+        """Values of all lines; the default if no values are given, or not one for each line."""
+        values: Sequence[int] | None = getattr(self, key)
+        if values is not None and len(values) != count:
+            problems.append(
+                f"{key} gives {len(values)} values, but the pattern has {count} {lines.name}s;"
+                " give one for each"
+            )
+            values = None
+        return values or (default,) * count
 
     def stitches(self, rows: Sequence[str], n_stripe: int, n_subunit: int) -> tuple[int, int]:
-        """Courses and wales of the whole pattern.
-
-        Args:
-            rows: the rows of letters.
-            n_stripe: n_stripe of rows and columns for which the pattern gives none [stitches].
-            n_subunit: n_subunit of rows and columns for which the pattern gives none [stitches].
-        """
-        rib_n = self.column_n_stripe or (n_stripe,) * len(rows[0])
-        garter_n = self.row_n_stripe or (n_stripe,) * len(rows)
-        wales = self.column_stitches or (n_subunit,) * len(rows[0])
-        courses = self.row_courses or (2 * n_subunit,) * len(rows)
-        if self.column_periods is not None:
-            wales = tuple(2 * n * p for n, p in zip(rib_n, self.column_periods, strict=False))
-        if self.row_periods is not None:
-            courses = tuple(4 * n * p for n, p in zip(garter_n, self.row_periods, strict=False))
-        return sum(courses), sum(wales)
+        """Courses and wales of the whole pattern, of given rows of letters and one design."""
+        found = []
+        for lines, count in ((ROWS, len(rows)), (COLUMNS, len(rows[0]))):
+            default = (lines.stitches * n_subunit,) * count
+            sizes = getattr(self, f"{lines.name}_{lines.unit}") or default
+            if periods := getattr(self, f"{lines.name}_periods"):
+                n = getattr(self, f"{lines.name}_n_stripe") or (n_stripe,) * count
+                sizes = [lines.of_period(its) * p for its, p in zip(n, periods, strict=False)]
+            found.append(sum(sizes))
+        return found[0], found[1]
 
 
+@dataclass(frozen=True)
 class _Lines:
-    """The rows or the columns of a pattern while they are checked; problems are collected."""
+    """The rows or the columns of a pattern: how messages call them, and their stripes.
 
-    def __init__(
-        self, name: str, place: str, unit: str, count: int, stripes: int, problems: list[str]
-    ) -> None:
-        self.name, self.place, self.unit, self.count = name, place, unit, count
-        self.stitches_a_period, self.problems = stripes, problems
+    A rib stitch counts as ``stitches`` of their stitches.
+    """
 
-    def given(self, values: Sequence[int] | None, default: int, key: str) -> list[int]:
-        """Values of all lines; the default if no values are given, or not one for each line."""
-        if values is None:
-            return [default] * self.count
-        if len(values) != self.count:
-            self.problems.append(
-                f"{key} gives {len(values)} values, but the pattern has {self.count}"
-                f" {self.name}s; give one for each"
-            )
-            return [default] * self.count
-        return list(values)
+    name: str
+    place: str
+    unit: str
+    knit: Knit
+    stitches: int
+
+    def of_period(self, n_stripe: int) -> int:
+        """Stitches in a period of two stripes."""
+        return 2 * self.stitches * n_stripe
 
     def periods(
-        self, sizes: Sequence[int], n_stripe: Sequence[int], given: Sequence[int] | None, key: str
-    ) -> list[int]:
-        """Periods of all lines, computed from their sizes in stitches if they are not given."""
-        if given is not None:
-            return self.given(given, 1, key)
-        found = []
+        self, sizes: Sequence[int], n_stripe: Sequence[int], problems: list[str]
+    ) -> Iterator[int]:
+        """Periods of all lines, from their sizes in stitches."""
         for number, (size, n) in enumerate(zip(sizes, n_stripe, strict=True), 1):
-            period = self.stitches_a_period * n
+            period = self.of_period(n)
             whole, rest = divmod(size, period)
             if rest or not whole:
                 near = sorted({max(1, whole) * period, (whole + 1) * period})
-                stripes = size / (period / 2)
-                self.problems.append(
-                    f"{self.place} {number}: {size} {self.unit} are {stripes:g} stripes of n_stripe"
-                    f" {n}, and a patch holds an even number of them; take"
+                problems.append(
+                    f"{self.place} {number}: {size} {self.unit} are {2 * size / period:g} stripes"
+                    f" of n_stripe {n}, and a patch holds an even number of them; take"
                     f" {' or '.join(map(str, near))}"
                 )
-            found.append(max(1, whole))
-        return found
+            yield max(1, whole)
 
-    def stripes(self, knit: Knit, sizes: Sequence[int], stripe: StripeOf) -> list[Stripe]:
+    def stripes(
+        self, n_stripe: Sequence[int], stripe: StripeOf, problems: list[str]
+    ) -> Iterator[Stripe]:
         """The stripe of every line."""
-        found = []
-        for number, n in enumerate(sizes, 1):
+        for number, n in enumerate(n_stripe, 1):
             try:
-                found.append(stripe(knit, n))
+                yield stripe(self.knit, self.stitches * n)
             except KeyError:
-                self.problems.append(
-                    f"{self.place} {number}: there is no {knit} stripe of {n} {self.unit}; choose"
-                    " another n_stripe, or give its numbers in stripe_files"
+                problems.append(
+                    f"{self.place} {number}: there is no {self.knit} stripe of"
+                    f" {self.stitches * n} {self.unit}; choose another n_stripe, or give its"
+                    " numbers in stripe_files"
                 )
-        return found
+
+
+COLUMNS = _Lines("column", "column", "stitches", "rib", 1)
+ROWS = _Lines("row", "row, from the top,", "courses", "garter", GARTER_STITCHES_PER_RIB_STITCH)
 
 
 def _letters_of_image(path: Path, colours: Mapping[str, str]) -> tuple[str, ...]:
@@ -257,15 +252,12 @@ def _letters_of_image(path: Path, colours: Mapping[str, str]) -> tuple[str, ...]
         letters = {to_hex(colour): letter for colour, letter in colours.items()}
     except ValueError as error:
         raise fault(str(path), f"{error}; name colours such as #ff0000") from error
-    rows = []
-    for y, line in enumerate(pixels, 1):
-        names = [to_hex(pixel[:3]) for pixel in line]
-        for x, name in enumerate(names, 1):
-            if name not in letters:
-                problem = f"pixel {x} of line {y} is {name}, which colours gives no letter"
-                raise fault(str(path), f"{problem}; it has {', '.join(letters)}")
-        rows.append("".join(letters[name] for name in names))
-    return tuple(rows)
+    names = [[to_hex(pixel[:3]) for pixel in line] for line in pixels]
+    for (y, x), name in np.ndenumerate(names):
+        if name not in letters:
+            problem = f"pixel {x + 1} of line {y + 1} is {name}, which colours gives no letter"
+            raise fault(str(path), f"{problem}; it has {', '.join(letters)}")
+    return tuple("".join(letters[name] for name in line) for line in names)
 
 
 def is_pattern_name(text: str) -> bool:
@@ -282,16 +274,3 @@ class PatternFile(RootModel[dict[str, Pattern]]):
             if not is_pattern_name(name):
                 raise ValueError(f"{name!r} reads as a row of patches; choose another name")
         return self
-
-
-def read_pattern_file(path: Path, source: str) -> dict[str, Pattern]:
-    """Patterns of a file, by name.
-
-    Args:
-        path: the file.
-        source: the setting that names the file, for messages.
-
-    Raises:
-        BadInput: with every fault of the file.
-    """
-    return read_checked(PatternFile, path, source).root

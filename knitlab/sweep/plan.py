@@ -1,18 +1,19 @@
 """The plan: everything that a run needs, resolved once and stored in ``plan.json``."""
 
-import itertools
 import json
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from knitlab.cube.common_settings import common_settings
 from knitlab.cube.schema import Variable
 from knitlab.io.atomic_write import atomic_write
-from knitlab.io.errors import BadInput, ErrorCollector, Fault
+from knitlab.io.errors import BadInput, ErrorCollector, Fault, fault
 from knitlab.io.fingerprint import (
     code_fingerprint,
     digests,
@@ -21,61 +22,32 @@ from knitlab.io.fingerprint import (
 )
 from knitlab.io.shipped import shipped
 from knitlab.measure.knit_size import Gauge
-from knitlab.simulation.case import Case, by_test
-from knitlab.sweep.axes import SweepAxis
+from knitlab.simulation.case import Case, case_of
+from knitlab.sweep.batches import Batch, Shard, batched, split
 from knitlab.sweep.cases import (
     cases,
     electrode_problems,
     overridden,
-    pattern_inputs,
-    stripe_files,
+    unusual_values,
     with_pattern_files,
     with_stripe_files,
 )
 from knitlab.sweep.design_space import Design, DesignSpace, design_space, stripe_space
-from knitlab.sweep.estimate import bytes_needed, seconds
-from knitlab.sweep.overrides import Overrides, as_text
 from knitlab.sweep.parameters import Parameters, read_parameters
 from knitlab.sweep.settings import SETTINGS
-from knitlab.sweep.unusual import unusual_values
 from knitlab.sweep.workflow import CHANGES, SPRING_LAW_CHANGES, Workflow
-from knitlab.sweep.workflow_file import workflow_file
-from knitlab.sweep.workflow_text import WorkflowText, read_workflow
-
-# Unknowns that one vmapped batch may hold: about 1 GiB of element Hessians.
-BATCH_UNKNOWNS = 8_000
-
-
-@dataclass(frozen=True)
-class Batch:
-    """Cases that one worker simulates together, by one vmapped program.
-
-    Attributes:
-        cases: their identifiers.
-        unknowns: number of unknowns of all of them.
-        estimated_seconds: their time on one core [s].
-        estimated_bytes: memory of their worker [bytes].
-    """
-
-    cases: tuple[str, ...]
-    unknowns: int
-    estimated_seconds: float
-    estimated_bytes: float
+from knitlab.sweep.workflow_file import Overrides, workflow_file
+from knitlab.sweep.workflow_text import SweepAxis, WorkflowText, coordinate, read_workflow
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A workflow, resolved.
+    """A workflow, resolved into cases by their identifiers, and these into batches.
 
     Attributes:
-        workflow: its name.
-        title: its title.
-        figures: the figures that it draws.
-        cases: the cases to simulate, by identifier.
-        batches: the cases by mesh shape, as many together as memory allows.
         excluded: impossible designs of the grid, with the reason.
         coordinates: coordinates of the settings that are given as lists.
-        overrides: the ``KEY=VALUE`` overrides.
+        overrides: values that replace the workflow's, by the name of their setting.
         inputs: SHA-256 of every file that the plan was made from, by path.
         stripes: fingerprint of the stripe tables, with the changes that all cases share.
         gauge: size of a stitch, for the cube's sizes in cloth; no case depends on it.
@@ -89,7 +61,7 @@ class Plan:
     batches: tuple[Batch, ...]
     excluded: dict[Design, str]
     coordinates: dict[str, Variable]
-    overrides: tuple[str, ...]
+    overrides: dict[str, Any]
     inputs: dict[str, str]
     stripes: str
     gauge: Gauge
@@ -108,6 +80,13 @@ class Plan:
     def designs(self) -> dict[str, Design]:
         """Labels of the cases, by identifier."""
         return {case_id: tuple(case.design.values()) for case_id, case in self.cases.items()}
+
+    def part(self, shard: Shard) -> "Plan":
+        """The part that one shard simulates; without cases if there are more shards than cases."""
+        batches = split(self.batches, self.cases, shard.count)[shard.number - 1]
+        own = {case_id for batch in batches for case_id in batch.cases}
+        cases = {case_id: case for case_id, case in self.cases.items() if case_id in own}
+        return replace(self, cases=cases, batches=batches)
 
     @cached_property
     def common(self) -> dict[str, Any]:
@@ -157,13 +136,7 @@ class Plan:
 def make_plan(
     workflow: str, overrides: Overrides = (), parameter_folder: Path | None = None
 ) -> Plan:
-    """Resolve a workflow, its overrides and the parameters into a plan.
-
-    Args:
-        workflow: name of a shipped workflow, or path of a file of the same form.
-        overrides: settings that replace the workflow's, as ``KEY=VALUE`` text or as Python values
-            by their names, such as ``{"n_stripe": 4, "k_t_factor": [0.8, 1.0]}``.
-        parameter_folder: folder of the parameter files; by default knitlab's own.
+    """Resolve a workflow, given by its name or its file, overrides and parameters into a plan.
 
     Raises:
         BadInput: with every fault of every file and override.
@@ -184,12 +157,12 @@ def make_plan(
         axes = text.checked_axes()
     with faults:
         if parameters and (model := text.section("model")):
-            parameters = with_stripe_files(model, parameters, text)
-            inputs += stripe_files(model, text)
+            parameters, files = with_stripe_files(model, parameters, text)
+            inputs += files
     with faults:
         if parameters and (design := text.section("design")):
-            parameters = with_pattern_files(design, parameters, text)
-            inputs += pattern_inputs(design, parameters, text)
+            parameters, files = with_pattern_files(design, parameters, text)
+            inputs += files
             space = design_space(design, parameters, text.source)
     with faults:
         if parameters and (stripes := text.section("stripes")):
@@ -209,21 +182,13 @@ def make_plan(
         cases=made,
         batches=batched(made),
         excluded=space.excluded,
-        coordinates={axis.name: axis.coordinate for axis in axes},
-        overrides=as_text(overrides),
+        coordinates={axis.name: coordinate(axis.setting) for axis in axes},
+        overrides=text.overrides,
         inputs=digests(inputs),
         stripes=_stripes_fingerprint(parameters, read, axes),
         gauge=overridden(parameters.gauge, read.gauge),
-        warnings=(*unusual_values(made.values(), shipped_parameters), *_left_out(read)),
+        warnings=unusual_values(read, made.values(), shipped_parameters),
     )
-
-
-def _left_out(read: Workflow) -> Iterator[str]:
-    """Settings of a workflow that its method ignores."""
-    protocol = read.protocol
-    if protocol.robustness and protocol.method != "equilibrium":
-        siblings = "siblings are tested in equilibrium only"
-        yield f"robustness = {protocol.robustness} is ignored by {protocol.method}: {siblings}"
 
 
 def _misplaced_electrodes(made: dict[str, Case], text: WorkflowText) -> list[Fault]:
@@ -255,30 +220,43 @@ def _stripes_fingerprint(
     return text_fingerprint(json.dumps([tables, changes]))
 
 
-def batched(cases: dict[str, Case]) -> tuple[Batch, ...]:
-    """Batches of cases that can be stacked, as large as memory allows, the longest first."""
-    alike: dict[tuple[Any, ...], list[str]] = defaultdict(list)
-    for case_id, case in cases.items():
-        dynamics = case.dynamics
-        if dynamics is not None:
-            # Mass and damping are numbers of each fabric in a batch.
-            dynamics = replace(dynamics, damping_ratio=0.0, surface_density=1.0)
-        key = case.mesh_shape, case.options.fold_angle, case.spring_kinds, dynamics
-        alike[key].append(case_id)
-    batches = []
-    for (shape, *_), members in alike.items():
-        size = max(1, BATCH_UNKNOWNS // shape.unknowns)
-        sharing = by_test((case_id, cases[case_id]) for case_id in members)
-        for first in range(0, len(sharing), size):
-            together = itertools.chain.from_iterable(sharing[first : first + size])
-            batches.append(batch_of(tuple(together), cases))
-    return tuple(sorted(batches, key=lambda batch: batch.estimated_seconds, reverse=True))
+def joined_plan(records: Sequence[Mapping[str, Any]], source: str) -> Plan:
+    """The plan with the cases of several recorded plans of one workflow and the same dimensions.
 
+    If the plans differ, it states no inputs: no workflow file gives all its cases. A message names
+    what they were read from.
 
-def batch_of(members: Sequence[str], cases: Mapping[str, Case]) -> Batch:
-    """The batch of some cases that share a mesh shape."""
-    # Cases that share a test take the time and the memory of one.
-    sharing = by_test((case_id, cases[case_id]) for case_id in members)
-    unknowns = cases[members[0]].mesh_shape.unknowns * len(sharing)
-    time = seconds(cases[those[0]] for those in sharing)
-    return Batch(tuple(members), unknowns, time, bytes_needed(unknowns, cases[members[0]].method))
+    Raises:
+        BadInput: if a case was recorded by another version.
+    """
+    first = records[0]
+    cases: dict[str, Case] = {}
+    for record in records:
+        for case_id, stored in record["cases"].items():
+            if case_id in cases:
+                continue
+            try:
+                cases[case_id] = case_of(stored)
+            except (ValidationError, KeyError, TypeError) as error:
+                problem = f"was recorded by another version of knitlab ({error}); run it again"
+                raise fault(f"{source}: {case_id}", problem) from error
+    designs = {tuple(case.design.values()) for case in cases.values()}
+    excluded = {tuple(row[:-1]): row[-1] for record in records for row in record["excluded"]}
+    alike = all(record["cases"].keys() == first["cases"].keys() for record in records)
+    return Plan(
+        workflow=first["workflow"],
+        title=first["title"],
+        figures=tuple(first["figures"]),
+        cases=cases,
+        batches=batched(cases),
+        excluded={design: why for design, why in excluded.items() if design not in designs},
+        coordinates={
+            name: coordinate(SETTINGS[name])
+            for name in first["dims"]
+            if name in SETTINGS and name not in ("n_stripe", "n_subunit")
+        },
+        overrides=dict(first["overrides"]) if alike else {},
+        inputs=dict(first["inputs"]) if alike else {},
+        stripes=first.get("stripes", ""),
+        gauge=Gauge(**first["gauge"]),
+    )

@@ -2,6 +2,7 @@
 
 import sys
 import time
+from collections.abc import Mapping
 from threading import Event, Thread
 from types import TracebackType
 from typing import TextIO
@@ -9,7 +10,7 @@ from typing import TextIO
 from tqdm import tqdm
 
 from knitlab.simulation.case import Case
-from knitlab.sweep.estimate import work
+from knitlab.sweep.batches import work
 
 BAR = "{desc} {percentage:3.0f}% |{bar}| {elapsed} elapsed, {remaining} left"
 LINE = "{desc}, {percentage:.1f} %, {elapsed} elapsed, {remaining} left"
@@ -26,7 +27,7 @@ class ProgressBar:
     that hangs.
     """
 
-    def __init__(self, cases: dict[str, Case], shown: bool, file: TextIO = sys.stderr) -> None:
+    def __init__(self, cases: Mapping[str, Case], shown: bool, file: TextIO = sys.stderr) -> None:
         self._cases = cases
         self._states = dict.fromkeys(cases, 0.0)
         self._ended = 0

@@ -3,7 +3,7 @@
 import json
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,13 +14,13 @@ import xarray as xr
 from pydantic import ValidationError
 
 from knitlab.cube.case_file import case_path, read_case
-from knitlab.equilibrium.tensile_result import TensileTest
 from knitlab.io.errors import BadInput, fault
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.simulation.case import Case, case_of
 from knitlab.simulation.measurement import measured
-from knitlab.simulation.simulate import failure_reason, tensile_tests
-from knitlab.sweep.status import FAILURES, PLAN, earlier_failures, read_plan
+from knitlab.simulation.simulate import failure_reason
+from knitlab.simulation.tensile_tests import tensile_tests
+from knitlab.sweep.results_folder import FAILURES, PLAN, earlier_failures, read_plan
 
 HEADER = (
     f"{'strain':>8} {'outcome':>15} {'residual [N]':>13} {'iterations':>10} {'energy [N mm]':>14}"
@@ -34,13 +34,7 @@ MOST_NAMED = 5
 
 @dataclass(frozen=True)
 class RecordedCase:
-    """A case as recorded in a results folder.
-
-    Attributes:
-        case: the case.
-        case_id: the identifier that it is stored under, which may be that of another version.
-        folder: the results folder.
-    """
+    """A case in a results folder, and its identifier there, perhaps that of another version."""
 
     case: Case
     case_id: str
@@ -55,11 +49,9 @@ class RecordedCase:
 
 
 def find_case(results: Path, case_id: str) -> RecordedCase:
-    """The case with an identifier, from the plans, failures and case files under a folder.
+    """The case with an identifier, or its first characters, from the files under a folder.
 
-    Args:
-        results: folder that holds a folder of results for each workflow, or one of these.
-        case_id: its identifier, or the first characters of it.
+    The folder holds a folder of results for each workflow, or is one of these.
 
     Raises:
         BadInput: if there is none, if several begin so, or if another version recorded it.
@@ -87,23 +79,17 @@ def find_case(results: Path, case_id: str) -> RecordedCase:
 
 def _records(folder: Path, begins: str) -> Iterator[tuple[str, dict[str, Any]]]:
     """Recorded cases of a results folder whose identifiers begin with ``begins``."""
-    planned: Mapping[str, Any] = {}
+    recorded = {name: entry["case"] for name, entry in earlier_failures(folder).items()}
     if (folder / PLAN).is_file():
-        planned = read_plan(folder)["cases"]
-    failed = {name: entry["case"] for name, entry in earlier_failures(folder).items()}
-    recorded = failed | dict(planned)
-    yield from ((key, dict(value)) for key, value in recorded.items() if key.startswith(begins))
+        recorded |= read_plan(folder)["cases"]
+    yield from ((key, value) for key, value in recorded.items() if key.startswith(begins))
     for path in sorted(folder.glob("cases/*.nc")):
         if path.stem.startswith(begins) and path.stem not in recorded:
-            yield path.stem, dict(json.loads(read_case(folder, path.stem).attrs["parameters"]))
+            yield path.stem, json.loads(read_case(folder, path.stem).attrs["parameters"])
 
 
 def reproduce(recorded: RecordedCase, say: Callable[[str], None]) -> bool:
-    """Run a case and report how every state was reached; no file is written.
-
-    Args:
-        recorded: the case.
-        say: called with each line of the report.
+    """Run a case, and say in lines how every state was reached; no file is written.
 
     Returns:
         Whether every state converged, and agrees with the case file if there is one.
@@ -127,8 +113,15 @@ def reproduce(recorded: RecordedCase, say: Callable[[str], None]) -> bool:
         say(traceback.format_exc().rstrip())
         return False
     results = measured(case, test)
-    for line in states_table(case, test, results):
-        say(line)
+    say(HEADER)
+    measures = zip(results["poisson_ratio"].values, results["reaction_force"].values, strict=True)
+    for strain, state, (ratio, force) in zip(
+        case.applied_strain, test.states, measures, strict=False
+    ):
+        say(
+            f"{strain:8g} {state.outcome.name:>15} {state.residual:13.2e} {state.iterations:10d}"
+            f" {float(state.energy.total):14.7g} {ratio:9.5f} {force:10.5g}"
+        )
     reason = failure_reason(case, test)
     say(reason or f"all {len(test.states)} states converged")
     kept = recorded.kept
@@ -139,31 +132,8 @@ def reproduce(recorded: RecordedCase, say: Callable[[str], None]) -> bool:
     return agree and not reason
 
 
-def states_table(case: Case, test: TensileTest, results: xr.Dataset) -> list[str]:
-    """Table of how every state of a test was reached, and of its results, as lines of text."""
-    return [
-        HEADER,
-        *(
-            f"{strain:8g} {state.outcome.name:>15} {state.residual:13.2e} {state.iterations:10d}"
-            f" {float(state.energy.total):14.7g} {ratio:9.5f} {force:10.5g}"
-            for strain, state, ratio, force in zip(
-                case.applied_strain,
-                test.states,
-                results["poisson_ratio"].values,
-                results["reaction_force"].values,
-                strict=False,
-            )
-        ),
-    ]
-
-
 def comparison(results: xr.Dataset, kept: xr.Dataset) -> tuple[bool, str]:
-    """Whether results of a case agree with its case file, and a sentence with the differences.
-
-    Args:
-        results: new results of the case.
-        kept: contents of its case file.
-    """
+    """Whether new results of a case agree with kept ones, and a sentence with the differences."""
     ratio, kept_ratio = results["poisson_ratio"].values, kept["poisson_ratio"].values
     force, kept_force = results["reaction_force"].values, kept["reaction_force"].values
     same = bool((np.isfinite(force) == np.isfinite(kept_force)).all())

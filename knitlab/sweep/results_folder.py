@@ -1,118 +1,145 @@
-"""What a results folder holds: its plan, cube, sound case files and failures. Needs no JAX."""
+"""What a results folder holds of a plan: its record, the state of every case, and why some failed.
 
-from collections.abc import Mapping
+Needs no JAX.
+"""
+
+import json
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
-from knitlab.cube.case_file import StoredCase, case_path, check_case_file, read_code
-from knitlab.cube.common_settings import parameters_of
-from knitlab.cube.cube_file import CUBE, design_dims, is_measured, open_cube
+from knitlab.cube.case_file import StoredCase, case_path, check_case_file, checksum_path, read_code
+from knitlab.cube.cube_file import design_dims
+from knitlab.cube.schema import RUN, Status
+from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
-from knitlab.sweep.status import PLAN, earlier_failures, read_plan
-from knitlab.sweep.survey import Cell, Design, cells
+from knitlab.io.fingerprint import code_fingerprint, digests
 
-CASES = "cases"
+PLAN = "plan.json"
+FAILURES = "failures.jsonl"
+Design = tuple[Any, ...]
+Failure = dict[str, Any]
+"""An entry of ``failures.jsonl``: a design that is not ok, and why."""
+
+
+class CaseState(Enum):
+    """State of a planned case in a results folder."""
+
+    done = "done"
+    pending = "pending"
+    stale_code = "stale: other code"
+    stale_parameters = "stale: other parameters"
+    damaged = "damaged"
 
 
 @dataclass(frozen=True)
-class ResultsFolder:
-    """The contents of a results folder of one workflow.
+class Cell:
+    """A design of a cube: its indices, its case, and the fingerprint of the code behind it."""
 
-    Attributes:
-        path: the folder.
-        record: record of its plan, if it has one.
-        cube: its cube, if it has one.
-        case_files: identifiers of its undamaged case files.
-        damaged: its damaged case files.
-    """
-
-    path: Path
-    record: Mapping[str, Any] | None
-    cube: xr.Dataset | None
-    case_files: frozenset[str]
-    damaged: tuple[Path, ...]
+    place: tuple[int, ...]
+    case_id: str
+    code: str
+    status: Status
 
     @property
-    def workflow(self) -> str:
-        """Name of the workflow."""
-        if self.record is not None:
-            return str(self.record["workflow"])
-        return self.path.name if self.cube is None else str(self.cube.attrs["workflow"])
-
-    @cached_property
-    def cells(self) -> dict[Design, Cell]:
-        """The designs of its cube."""
-        return {} if self.cube is None else cells(self.cube)
-
-    @cached_property
-    def failures(self) -> dict[str, dict[str, Any]]:
-        """Why designs are not ok, by case identifier."""
-        return earlier_failures(self.path)
-
-    @property
-    def dims(self) -> tuple[str, ...] | None:
-        """Dimensions of its designs."""
-        if self.cube is not None:
-            return design_dims(self.cube)
-        return None if self.record is None else tuple(self.record["dims"])
-
-    @property
-    def parameters(self) -> dict[str, Any]:
-        """The settings that its designs share."""
-        if self.cube is not None:
-            return parameters_of(self.cube)
-        return {} if self.record is None else dict(self.record.get("parameters", {}))
-
-    @cached_property
-    def codes(self) -> dict[str, str]:
-        """Fingerprint of the code that computed each case with results, by identifier."""
-        known = {cell.case_id: cell.code for cell in self.cells.values() if cell.has_results}
-        unread = self.case_files - known.keys()
-        return known | {case_id: read_code(self.path, case_id) or "" for case_id in unread}
+    def has_results(self) -> bool:
+        """Whether it was simulated."""
+        return self.status in RUN
 
 
-def read_folder(path: Path) -> ResultsFolder:
-    """Read a results folder.
-
-    Raises:
-        BadInput: if its plan or cube cannot be read, or the cube is of an experiment.
-    """
-    cube = open_cube(path) if (path / CUBE).exists() else None
-    if cube is not None and is_measured(cube):
-        raise fault(str(path), "holds an experiment; only simulations are merged")
-    checked = {file.stem: check_case_file(path, file.stem) for file in (path / CASES).glob("*.nc")}
-    return ResultsFolder(
-        path,
-        read_plan(path) if (path / PLAN).exists() else None,
-        cube,
-        frozenset(name for name, state in checked.items() if state is StoredCase.sound),
-        tuple(case_path(path, name) for name, its in checked.items() if its is StoredCase.damaged),
-    )
-
-
-def results_folders(path: Path, *, missing_ok: bool = False) -> list[Path]:
-    """The folder, if it holds results of a workflow; else those of its subfolders that do.
-
-    Args:
-        path: a results folder of a workflow, or a folder of such folders.
-        missing_ok: whether to return nothing, and not look into subfolders, if it holds none.
-
-    Raises:
-        BadInput: if there are none.
-    """
-    if _holds_results(path):
-        return [path]
-    if missing_ok:
-        return []
-    found = sorted(each for each in path.glob("*") if each.is_dir() and _holds_results(each))
-    if not found:
-        raise fault(str(path), f"holds no results: neither {PLAN} nor {CUBE}; check the path")
+def cells(cube: xr.Dataset) -> dict[Design, Cell]:
+    """The designs of a cube by their labels, without excluded combinations."""
+    labels = [cube[dim].values.tolist() for dim in design_dims(cube)]
+    status, case_id, code = (cube[name].values for name in ("status", "case_id", "code"))
+    found = {}
+    for place in zip(*map(np.ndarray.tolist, np.nonzero(status != Status.excluded)), strict=True):
+        design = tuple(along[k] for along, k in zip(labels, place, strict=True))
+        found[design] = Cell(
+            place, str(case_id[place]), str(code[place]), Status(int(status[place]))
+        )
     return found
 
 
-def _holds_results(path: Path) -> bool:
-    return any((path / name).exists() for name in (PLAN, CUBE, CASES))
+def survey(
+    designs: Mapping[str, Design], folder: Path, stored: Mapping[Design, Cell], check: bool
+) -> dict[str, CaseState]:
+    """State of every planned case in a folder with a cube of stored cells, by identifier.
+
+    ``check`` compares every case file with its checksum, rather than only test that both exist.
+    """
+    names = {path.name for path in (folder / "cases").glob("*")}
+    states = {}
+    for case_id, design in designs.items():
+        cell = stored.get(design)
+        same = cell is not None and cell.case_id == case_id
+        if case_path(folder, case_id).name not in names:
+            stale = cell is not None and not same and cell.has_results
+            states[case_id] = CaseState.stale_parameters if stale else CaseState.pending
+            continue
+        code = None
+        if checksum_path(folder, case_id).name in names and not (
+            check and check_case_file(folder, case_id) is not StoredCase.sound
+        ):
+            code = cell.code if cell and same and cell.code else read_code(folder, case_id)
+        if code is None:
+            states[case_id] = CaseState.damaged
+        else:
+            current = code == code_fingerprint()
+            states[case_id] = CaseState.done if current else CaseState.stale_code
+    return states
+
+
+def read_plan(folder: Path) -> dict[str, Any]:
+    """The record of a folder's plan.
+
+    Raises:
+        BadInput: if there is none.
+    """
+    path = folder / PLAN
+    try:
+        record = json.loads(path.read_text())
+        complete = all(name in record for name in ("cases", "dims", "inputs", "overrides"))
+    except FileNotFoundError:
+        raise fault(str(path), "does not exist; plan or run the workflow first") from None
+    except OSError as error:
+        raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
+    except (ValueError, TypeError):
+        complete = False
+    if not complete:
+        raise fault(str(path), "is not a plan; plan the workflow again")
+    return dict(record)
+
+
+def planned_designs(record: Mapping[str, Any]) -> dict[str, Design]:
+    """Labels of the cases of a recorded plan, by identifier."""
+    return {case_id: tuple(case["design"].values()) for case_id, case in record["cases"].items()}
+
+
+def changed_inputs(record: Mapping[str, Any]) -> tuple[str, ...]:
+    """Input files of a recorded plan that have changed since it was made."""
+    now = digests(map(Path, record["inputs"]))
+    return tuple(path for path, digest in record["inputs"].items() if now.get(path) != digest)
+
+
+def earlier_failures(folder: Path) -> dict[str, Failure]:
+    """Entries for designs that were not ok when a run last ended, by case identifier."""
+    try:
+        entries = [json.loads(line) for line in (folder / FAILURES).read_text().splitlines()]
+        return {entry["case_id"]: entry for entry in entries if entry["reason"] and entry["case"]}
+    except (OSError, ValueError, TypeError, KeyError):
+        return {}  # every run rewrites the file, and no result depends on it
+
+
+def write_failures(folder: Path, failures: Iterable[Failure]) -> None:
+    """Replace the entries for designs that are not ok.
+
+    Raises:
+        CannotWrite: if they cannot be written.
+    """
+    with atomic_write(folder / FAILURES) as temporary:
+        temporary.write_text("".join(json.dumps(entry) + "\n" for entry in failures))

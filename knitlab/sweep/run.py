@@ -2,61 +2,67 @@
 
 import itertools
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import xarray as xr
 
 from knitlab.cube.case_file import case_path, read_case
 from knitlab.cube.common_settings import differences, parameters_of
-from knitlab.cube.cube_file import CUBE
+from knitlab.cube.cube_file import CUBE, design_dims, open_cube, write_cube
 from knitlab.cube.schema import Status
 from knitlab.io.atomic_write import clear_unfinished
-from knitlab.io.errors import BadInput, Fault
-from knitlab.io.lock import gate, held, held_by_shard, running_shards
+from knitlab.io.errors import BadInput, Fault, fault
+from knitlab.io.fingerprint import code_fingerprint
+from knitlab.io.lock import gate, held, running_shards
 from knitlab.simulation.case import Case
 from knitlab.simulation.simulate import simulate_batch
-from knitlab.sweep.interruption import interrupted_by_signals
-from knitlab.sweep.join import (
-    Failed,
-    Failure,
-    failure_entries,
-    join,
-    joined_again,
-    part_cube,
-    previous_cube,
-)
-from knitlab.sweep.memory import workers_that_fit
+from knitlab.sweep.batches import Shard, workers_that_fit
+from knitlab.sweep.cube import UNIT_CELLS, build_cube
 from knitlab.sweep.plan import Plan
 from knitlab.sweep.progress import ProgressBar
-from knitlab.sweep.shard import Shard, part_of
-from knitlab.sweep.shard_record import ShardRecord, record_path, write_record
-from knitlab.sweep.status import FAILURES, PLAN, check_same_plan
-from knitlab.sweep.survey import CaseState, survey
-from knitlab.sweep.workers import Pool, SchedulerLost, Simulate, Task, connected, pool_of
+from knitlab.sweep.results_folder import (
+    FAILURES,
+    PLAN,
+    CaseState,
+    Cell,
+    Design,
+    Failure,
+    cells,
+    earlier_failures,
+    read_plan,
+    survey,
+    write_failures,
+)
+from knitlab.sweep.workers import (
+    BatchError,
+    Pool,
+    SchedulerLost,
+    Simulate,
+    Task,
+    connected,
+    interrupted_by_signals,
+    pool_of,
+)
 
 ONE_BY_ONE = 2
 """Number of attempts after which batches are run one by one."""
+MAY_DIFFER = ("applied_strain", "unit_cells", "solver", "sensitivities", "unloading", "robustness")
+"""Parameters in which designs of one cube may differ: strains, sample size (which the cube has for
+each design, as ``unit_cells_y`` and ``unit_cells_x``), solver settings, and whether sensitivities,
+unloading or siblings are requested."""
+Failed = dict[str, BatchError]
+"""Why cases could not be computed, by identifier."""
 
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a plan is run; none of these options changes a result.
+    """How a plan is run, see :func:`knitlab.run`; none of these options changes a result.
 
-    Attributes:
-        workers: processes on this machine; 0 simulates in this process. With None a single batch is
-            simulated in this process, which is ready sooner, and several by one process for each
-            processor.
-        scheduler: address of an existing dask scheduler, whose workers see the results folder.
-        retries: how often a batch that raised is tried again unchanged.
-        fail_fast: whether to stop at the first case that is not ok.
-        case_timeout: longest time for a case, if any [s].
-        refresh: whether to recompute stale results.
-        shard: the part of the plan that is simulated; None simulates all of it.
-        dashboard: whether to open dask's dashboard.
-        show_progress: whether to draw a progress bar.
-        simulate: function that simulates a batch.
+    Without a number of ``workers`` a single batch is simulated in this process, which is ready
+    sooner, and several by one process for each processor. A scheduler's workers must see the
+    results folder.
     """
 
     workers: int | None = 0
@@ -71,11 +77,7 @@ class RunOptions:
     simulate: Simulate = simulate_batch
 
     def __post_init__(self) -> None:
-        """Refuse numbers that no run can have.
-
-        Raises:
-            BadInput: with every one of them.
-        """
+        """Refuse numbers that no run can have; BadInput names them all."""
         workers = 0 if self.workers is None else self.workers
         faults = [
             Fault(f"{name} {number}", "is not a whole number; give 0 or more")
@@ -88,7 +90,7 @@ class RunOptions:
             raise BadInput(faults)
 
     def processors(self, batches: int) -> int:
-        """Processes on this machine for a number of batches, or 0 for this one."""
+        """Processes on this machine for a number of batches, or 0 for this process."""
         if self.workers is not None:
             return self.workers
         # A separate process can be stopped, and its crash does not end the run.
@@ -97,12 +99,12 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class Run:
-    """The result of a run.
+    """The result of a run; cases are named by their identifiers.
 
     Attributes:
         cube: the cube, as written; of a shard, the designs of its part alone.
-        simulated: identifiers of the cases that this run simulated.
-        states_before: state of every planned case before the run, by identifier.
+        simulated: the cases that this run simulated.
+        states_before: state of every planned case before the run.
         failures: an entry with its reason for each case that is not ok.
         stopped: whether the run was interrupted.
         changed: differences to the parameters of stale results.
@@ -117,43 +119,44 @@ class Run:
     changed: tuple[str, ...] = ()
     joined: bool = True
 
-    def in_state(self, state: CaseState) -> tuple[str, ...]:
-        """Identifiers of the cases that were in a state before the run."""
-        return tuple(case_id for case_id, before in self.states_before.items() if before is state)
+    def in_state(self, *states: CaseState) -> tuple[str, ...]:
+        """The cases that were in one of some states before the run."""
+        return tuple(case_id for case_id, its in self.states_before.items() if its in states)
+
+    def left_in(self, *states: CaseState) -> tuple[str, ...]:
+        """Those of these cases that the run did not simulate."""
+        return tuple(set(self.in_state(*states)) - set(self.simulated))
 
     @property
     def reused(self) -> tuple[str, ...]:
-        """Identifiers of cases whose results were reused, even if other code computed them."""
-        stored = {*self.in_state(CaseState.done), *self.in_state(CaseState.stale_code)}
-        return tuple(stored - set(self.simulated))
-
-    @property
-    def stale_code(self) -> tuple[str, ...]:
-        """Identifiers of cases whose results are still of other code."""
-        return tuple(set(self.in_state(CaseState.stale_code)) - set(self.simulated))
+        """Cases whose results were reused, even if other code computed them."""
+        return self.left_in(CaseState.done, CaseState.stale_code)
 
     @property
     def stale_parameters(self) -> tuple[str, ...]:
-        """Identifiers of cases whose results are still of other parameters."""
-        return tuple(set(self.in_state(CaseState.stale_parameters)) - set(self.simulated))
+        """Cases whose results are still of other parameters."""
+        return self.left_in(CaseState.stale_parameters)
 
     @property
-    def unfinished(self) -> tuple[str, ...]:
-        """Identifiers of cases without a result."""
-        without = {*self.in_state(CaseState.pending), *self.in_state(CaseState.damaged)}
-        return tuple(without - set(self.simulated))
+    def all_ok(self) -> bool:
+        """Whether every case is ok and was computed with the requested parameters."""
+        return not (self.failures or self.stale_parameters or self.stopped)
 
-    def remarks(self, folder: Path) -> list[str]:
-        """Remarks about damaged, failed, stale and unfinished cases, one line each."""
-        lines = [
+    def remarks(self, dims: Sequence[str], folder: Path) -> list[str]:
+        """One line for each case that is not ok, then on damaged, stale and unfinished ones."""
+        lines = []
+        for entry in self.failures:
+            label = "  ".join(f"{name} {entry[name]}" for name in dims)
+            lines.append(f"{entry['status']}: {label}: {entry['reason']}")
+        lines += [
             f"damaged: {case_path(folder, case_id)} was not as it had been written"
             for case_id in self.in_state(CaseState.damaged)
         ]
         if self.failures:
             lines.append(f"for details of one case: knitlab reproduce CASE_ID (see {FAILURES})")
-        if self.stale_code:
+        if stale := self.left_in(CaseState.stale_code):
             lines.append(
-                f"stale: {len(self.stale_code)} cases were computed by other code and are kept;"
+                f"stale: {len(stale)} cases were computed by other code and are kept;"
                 " a refresh recomputes them"
             )
         if self.stale_parameters:
@@ -163,20 +166,12 @@ class Run:
                 " recomputes them, another results folder keeps both"
             )
         if self.stopped:
-            left = len(self.unfinished)
+            left = len(self.left_in(CaseState.pending, CaseState.damaged))
             noun = "case is" if left == 1 else "cases are"
             lines.append(
                 f"stopped: finished cases are kept, {left} {noun} left; run again to continue"
             )
         return lines
-
-
-@dataclass
-class RunProgress:
-    """Cases that have ended or failed so far; kept when the run is interrupted."""
-
-    ended: set[str] = field(default_factory=set)
-    failed: Failed = field(default_factory=dict)
 
 
 def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
@@ -186,13 +181,8 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
     whose worker dies is tried again, then each of its cases on its own; a case that still has no
     result is ``failed``. Ctrl-C and SIGTERM keep finished cases.
 
-    A shard simulates its part beside other shards; the last one to end writes ``cube.nc`` with the
-    cases of all.
-
-    Args:
-        plan: the plan, which is written to ``plan.json``.
-        results: results folder of the workflow.
-        options: how to run it.
+    A shard simulates its part beside other shards of the plan in the results folder of its
+    workflow; the last one to end writes ``cube.nc`` with the cases of all.
 
     Raises:
         BadInput: if another run holds the folder, its cube has other dimensions, shards of another
@@ -202,70 +192,111 @@ def run_plan(plan: Plan, results: Path, options: RunOptions) -> Run:
     if options.scheduler is not None:
         connected(options.scheduler).close()  # before anything is written
     shard = options.shard
-    part = plan if shard is None else part_of(plan, shard)
-    with held(results) if shard is None else held_by_shard(results, shard.number, shard.count):
+    part = plan if shard is None else plan.part(shard)
+    with held(results, None if shard is None else (shard.number, shard.count)):
         with gate(results):
-            old = _begin(plan, results, shard)
-        states = survey(part.designs, results, old, check=True)
+            old = _previous_cube(plan, results / CUBE)
+            # Another shard that has its lock may still wait at the gate, without a plan written.
+            if shard is not None and (results / PLAN).exists() and _others_run(results, shard):
+                _check_same_plan(plan, results)
+            else:
+                clear_unfinished(results)
+                plan.write(results / PLAN)
+        states = survey(part.designs, results, _cells(old), check=True)
         missing = {
             case_id: part.cases[case_id]
             for case_id, state in states.items()
-            if state in (CaseState.pending, CaseState.damaged) or (state.stale and options.refresh)
+            if state in (CaseState.pending, CaseState.damaged)
+            or (state is not CaseState.done and options.refresh)
         }
-        progress = RunProgress()
         with interrupted_by_signals():
-            stopped = _simulate_all(part, results, missing, options, progress)
-        simulated = tuple(case_id for case_id in missing if case_id in progress.ended)
-        if shard is None:
-            joined = True
-            cube, failures = join(plan, results, old, states, simulated, progress.failed)
+            simulated, failed, stopped = _simulate(part, results, missing, options)
+        if joined := shard is None:
+            cube, failures = _join(plan, results, old, states, simulated, failed)
         else:
-            cube = part_cube(plan, part, results, states, simulated, progress.failed)
-            failures = tuple(failure_entries(part, results, cube, simulated, progress.failed))
+            # More shards than cases leave some without any.
+            damaged = _damaged(states, simulated) if part.cases else set(plan.cases)
+            cube = build_cube(
+                part if part.cases else plan, results, None, damaged=damaged, failed=failed
+            )
+            failures = _failures(part, results, cube, simulated, failed)
             with gate(results):
-                path = record_path(results, shard.number, shard.count)
-                write_record(path, ShardRecord(simulated, failures))
-                if joined := not _others(results, shard):
-                    joined_again(plan, results, simulated, progress.failed)
-    kept = [case_id for case_id, state in states.items() if state is CaseState.stale_parameters]
-    stale = set(kept) - set(simulated)
-    planned = tuple(entry for entry in failures if entry["case_id"] in part.cases)
-    changed = differences(parameters_of(old), plan.common) if old is not None and stale else ()
-    return Run(cube, simulated, states, planned, stopped, tuple(map(str, changed)), joined)
+                of_others = earlier_failures(results)
+                others = [its for name, its in of_others.items() if name not in part.cases]
+                write_failures(results, [*others, *failures])
+                if joined := not _others_run(results, shard):
+                    # Others may have written the cube while this shard was running.
+                    now = _previous_cube(plan, results / CUBE)
+                    found = survey(plan.designs, results, _cells(now), check=True)
+                    _join(plan, results, now, found, simulated, failed)
+    run = Run(cube, simulated, states, failures, stopped, joined=joined)
+    if old is None or not run.stale_parameters:
+        return run
+    changed = map(str, differences(parameters_of(old), plan.common))
+    return replace(run, changed=tuple(changed))
 
 
-def _begin(plan: Plan, results: Path, shard: Shard | None) -> xr.Dataset | None:
-    """Write the plan into a results folder, unless other shards run there; the cube before it.
+def _previous_cube(plan: Plan, path: Path) -> xr.Dataset | None:
+    """The existing cube, if there is one; BadInput if the plan's designs cannot be added to it."""
+    if not path.exists():
+        return None
+    try:
+        cube = open_cube(path)
+    except BadInput as error:
+        problem = "cannot be read; remove it and run again: it is rebuilt from the case files"
+        raise fault(str(path), problem) from error
+    dims = design_dims(cube)
+    if dims != plan.dims:
+        raise fault(
+            str(path),
+            f"has the dimensions {', '.join(dims)}, but the workflow has {', '.join(plan.dims)};"
+            " name another results folder",
+        )
+    others = set(_cells(cube)) - set(plan.designs.values())
+    changed = differences(parameters_of(cube), plan.common)
+    changed = tuple(change for change in changed if change.key[0] not in MAY_DIFFER)
+    if others and changed:
+        listed = "; ".join(map(str, changed))
+        raise fault(
+            str(path),
+            f"holds {len(others)} designs computed otherwise ({listed}); name another"
+            " results folder, or list the values of a setting to make it a dimension",
+        )
+    if not {*UNIT_CELLS, "code"} <= set(cube):
+        raise fault(str(path), "is of another version of knitlab; name another results folder")
+    return cube
 
-    Raises:
-        BadInput: if the cube does not fit the plan, or the other shards have another plan.
-    """
-    old = previous_cube(plan, results / CUBE)
-    # Another shard that has its lock may still wait at the gate, without a plan written.
-    if shard is not None and (results / PLAN).exists() and _others(results, shard):
-        check_same_plan(plan, results)
-    else:
-        clear_unfinished(results)
-        plan.write(results / PLAN)
-    return old
+
+def _cells(cube: xr.Dataset | None) -> dict[Design, Cell]:
+    return {} if cube is None else cells(cube)
 
 
-def _others(results: Path, shard: Shard) -> list[tuple[int, int]]:
-    """The other shards that run in a folder."""
-    own = shard.number, shard.count
-    return [running for running in running_shards(results) if running != own]
+def _others_run(results: Path, shard: Shard) -> bool:
+    """Whether other shards run in a folder."""
+    return any(other != (shard.number, shard.count) for other in running_shards(results))
 
 
-def _simulate_all(
-    plan: Plan, results: Path, missing: dict[str, Case], options: RunOptions, progress: RunProgress
-) -> bool:
-    """Simulate the missing cases; returns whether the run was interrupted."""
-    planned = [batch for batch in plan.batches if any(case in missing for case in batch.cases)]
+def _check_same_plan(plan: Plan, results: Path) -> None:
+    """Refuse to run a shard of a plan beside shards of another plan, or of other code."""
+    record = read_plan(results)
+    if (set(record["cases"]), record.get("code")) != (set(plan.cases), code_fingerprint()):
+        raise fault(
+            str(results / PLAN),
+            "is that of the shards that run in this folder, and has other cases or was made by"
+            " other code; wait for them, or name another results folder",
+        )
+
+
+def _simulate(
+    plan: Plan, results: Path, missing: Mapping[str, Case], options: RunOptions
+) -> tuple[tuple[str, ...], Failed, bool]:
+    """Simulate missing cases: those that were, why others failed, and whether it was stopped."""
+    planned = [batch for batch in plan.batches if not missing.keys().isdisjoint(batch.cases)]
+    if not planned:
+        return (), {}, False
     batches = [
         [missing[case_id] for case_id in batch.cases if case_id in missing] for batch in planned
     ]
-    if not batches:
-        return False
     processors = options.processors(len(batches))
     workers = min(processors, len(batches))
     if options.scheduler is None:
@@ -273,30 +304,38 @@ def _simulate_all(
     # Processors without a batch go to the others as threads; those of a scheduler are not known.
     threads = 1 if options.scheduler else processors // max(workers, 1)
     task = Task(options.simulate, results.resolve(), options.case_timeout, threads)
+    ended: set[str] = set()
+    failed: Failed = {}
+    stopped = False
     with ProgressBar(missing, shown=options.show_progress) as bar:
         try:
             with pool_of(task, workers, options.scheduler, options.dashboard, bar.reached) as pool:
                 try:
-                    return _in_rounds(pool, batches, results, options, progress, bar)
+                    for batch, error in _in_rounds(pool, batches, options.retries):
+                        for case in batch:
+                            bar.ended(case.case_id)
+                            if error:
+                                failed[case.case_id] = error
+                            else:
+                                ended.add(case.case_id)
+                        if options.fail_fast and (error or not _all_ok(results, batch)):
+                            stopped = True
+                            break
                 except KeyboardInterrupt:
                     bar.write("stopping: the workers end and the cube is written; wait a moment")
                     raise
         except KeyboardInterrupt:
-            return True
+            stopped = True
         except SchedulerLost:
             bar.write("stopping: the dask scheduler ended or cannot be reached")
-            return True
+            stopped = True
+    return tuple(case_id for case_id in missing if case_id in ended), failed, stopped
 
 
 def _in_rounds(
-    pool: Pool,
-    batches: Sequence[Sequence[Case]],
-    results: Path,
-    options: RunOptions,
-    progress: RunProgress,
-    bar: ProgressBar,
-) -> bool:
-    """Simulate batches, and repeat those that need it; returns whether the run was stopped.
+    pool: Pool, batches: Sequence[Sequence[Case]], retries: int
+) -> Iterator[tuple[Sequence[Case], BatchError | None]]:
+    """Simulate batches, and repeat those that need it; yields each that has ended for good.
 
     A batch may be lost because another batch killed the worker that it was assigned to. A batch
     that was lost twice is therefore run alone, where only itself can kill its worker.
@@ -308,22 +347,75 @@ def _in_rounds(
         for batch, error in itertools.chain.from_iterable(map(pool, together)):
             if error and error.cannot_write:
                 raise error.cannot_write
-            if error and (attempts < options.retries or (error.lost and attempts < ONE_BY_ONE)):
+            if error and (attempts < retries or (error.lost and attempts < ONE_BY_ONE)):
                 again.append(batch)
             elif error and len(batch) > 1:
                 again += [[case] for case in batch]
             else:
-                for case in batch:
-                    bar.ended(case.case_id)
-                    if error:
-                        progress.failed[case.case_id] = error
-                    else:
-                        progress.ended.add(case.case_id)
-                if options.fail_fast and (error or not _all_ok(results, batch)):
-                    return True
+                yield batch, error
         batches, attempts = again, attempts + 1
-    return False
 
 
 def _all_ok(results: Path, batch: Sequence[Case]) -> bool:
     return all(read_case(results, case.case_id)["status"] == Status.ok for case in batch)
+
+
+def _damaged(states: Mapping[str, CaseState], simulated: Collection[str]) -> set[str]:
+    """Identifiers of the cases whose files are damaged still."""
+    damaged = {case_id for case_id, state in states.items() if state is CaseState.damaged}
+    return damaged - set(simulated)
+
+
+def _join(
+    plan: Plan,
+    results: Path,
+    old: xr.Dataset | None,
+    states: Mapping[str, CaseState],
+    simulated: Collection[str],
+    failed: Failed,
+) -> tuple[xr.Dataset, tuple[Failure, ...]]:
+    """Write the cube and the failures of a folder that no other process may write.
+
+    The states are those of all planned cases, before some of them were simulated.
+    """
+    earlier = earlier_failures(results).values()
+    failed_earlier = {each["case_id"] for each in earlier if each["status"] == Status.failed.name}
+    cube = build_cube(
+        plan,
+        results,
+        old,
+        kept=[case_id for case_id, state in states.items() if state is CaseState.done],
+        damaged=_damaged(states, simulated),
+        failed=failed_earlier | failed.keys(),
+    )
+    failures = _failures(plan, results, cube, simulated, failed)
+    write_cube(cube, results / CUBE)
+    write_failures(results, failures)
+    return cube, tuple(entry for entry in failures if entry["case_id"] in plan.cases)
+
+
+def _failures(
+    plan: Plan, results: Path, cube: xr.Dataset, simulated: Collection[str], failed: Failed
+) -> tuple[Failure, ...]:
+    """For every design of the cube that is not ok the reason, and the record to run it alone."""
+    earlier = earlier_failures(results)
+    bad = cube["status"].isin([Status.not_converged, Status.failed])
+    found = []
+    # A case that failed when it was refreshed keeps its old results in the cube.
+    for case_id in dict.fromkeys([*cube["case_id"].values[bad.values], *failed]):
+        if case_id in earlier and case_id not in simulated and case_id not in failed:
+            found.append(earlier[case_id])
+        elif case := plan.cases.get(case_id):
+            error = failed.get(case_id)
+            reason = error.reason if error else read_case(results, case_id).attrs["reason"]
+            found.append(
+                {
+                    "case_id": case_id,
+                    **case.design,
+                    "status": (Status.failed if error else Status.not_converged).name,
+                    "reason": str(reason),
+                    "trace": error.trace if error else "",
+                    "case": case.record,
+                }
+            )
+    return tuple(found)

@@ -1,4 +1,4 @@
-"""Settings: name, type, default and unit of each, for workflows, sweeps and documentation.
+"""Settings: name, type, default and unit of each, for workflows and sweeps.
 
 A setting is declared once, as a field of a table such as
 :class:`~knitlab.equilibrium.settings.SolverSettings` with its range and unit as its type, or of a
@@ -7,15 +7,11 @@ file, an entry with its value, unit and source there: ``--set``, sweeps, coordin
 reference of settings follow (:mod:`knitlab.sweep.declared_fields`).
 """
 
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any, get_origin
 
-from knitlab.io.shipped import shipped
 from knitlab.sweep.declared_fields import FactorOn, parts, unit_of
-from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.patterns import is_pattern_name
-from knitlab.sweep.type_words import in_words
 from knitlab.sweep.workflow import SECTIONS
 
 SWEPT_SECTIONS = ("model", "solver", "dynamics", "electrodes")
@@ -28,14 +24,10 @@ PATTERN = "pattern"
 
 @dataclass(frozen=True)
 class Setting:
-    """One setting of a workflow.
+    """One setting of a section of a workflow, with a name that no other section has.
 
-    Attributes:
-        section: its section of a workflow.
-        name: its name, which no other section has.
-        kind: its declared type, with range and unit.
-        default: its value if a workflow does not give one; None if the value is then that of the
-            parameter files or has no effect.
+    Its kind is the declared type, with range and unit. Its default is None if it is that of the
+    parameter files, or if the setting has no effect unless it is given.
     """
 
     section: str
@@ -77,67 +69,3 @@ SETTINGS = {
     for name, field in schema.model_fields.items()
 }
 """Every setting, by name."""
-
-
-@dataclass(frozen=True)
-class SettingRow:
-    """A setting as the documentation lists it.
-
-    Attributes:
-        section: its section of a workflow.
-        name: its name.
-        values: its possible values, in words.
-        unit: its unit, ``"1"`` if it has none.
-        default: its default; None if it has none.
-        source: source of the default, if it is that of a parameter file.
-    """
-
-    section: str
-    name: str
-    values: str
-    unit: str
-    default: Any
-    source: str
-
-
-def settings_table(parameter_folder: Path | None = None) -> tuple[SettingRow, ...]:
-    """Every setting of a workflow, with its range, unit, default and source.
-
-    Args:
-        parameter_folder: folder of the parameter files; by default knitlab's own.
-
-    Returns:
-        A row for each setting, in the order of the sections.
-
-    Raises:
-        BadInput: with every fault of the parameter files.
-
-    Example:
-        >>> row = next(row for row in settings_table() if row.name == "k_wall")
-        >>> row.section, row.values, row.unit, row.default
-        ('model', 'number > 0', 'N/mm', 100.0)
-    """
-    parameters = read_parameters(parameter_folder or shipped("params"))
-    tables = (
-        parameters.model,
-        parameters.sheet,
-        parameters.plain,
-        parameters.solver,
-        parameters.dynamics,
-        parameters.capacitor,
-        parameters.gauge,
-    )
-    defaults = {name: value for table in tables for name, value in asdict(table).items()}
-    return tuple(
-        SettingRow(
-            section=setting.section,
-            name=setting.name,
-            values=in_words(setting.kind),
-            unit=setting.unit,
-            default=defaults[setting.name]
-            if setting.name in parameters.sources
-            else setting.default,
-            source=parameters.sources.get(setting.name, ""),
-        )
-        for setting in SETTINGS.values()
-    )

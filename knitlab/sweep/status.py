@@ -1,35 +1,39 @@
-"""The status of a results folder: which cases are done, pending or stale. Needs no JAX."""
+"""The status of a sweep: which cases are done, pending or stale, and whether a run is complete.
 
-import json
+Needs no JAX.
+"""
+
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from knitlab.cube.cube_file import CUBE, open_cube
 from knitlab.cube.schema import Status
-from knitlab.io.errors import fault
-from knitlab.io.fingerprint import code_fingerprint, digests
-from knitlab.sweep.shard_record import read_records
-from knitlab.sweep.survey import CaseState, Design, cells, survey
-
-if TYPE_CHECKING:
-    from knitlab.sweep.plan import Plan  # imports JAX
-
-PLAN = "plan.json"
-FAILURES = "failures.jsonl"
+from knitlab.io.errors import BadInput
+from knitlab.io.fingerprint import package_fingerprint
+from knitlab.sweep.results_folder import (
+    CaseState,
+    Design,
+    cells,
+    changed_inputs,
+    earlier_failures,
+    planned_designs,
+    read_plan,
+    survey,
+)
+from knitlab.sweep.workflow_file import Overrides, read_overrides, workflow_file
 
 
 @dataclass(frozen=True)
 class FolderStatus:
-    """The progress of the plan of a results folder.
+    """The progress of the plan of a results folder; cases are named by their identifiers.
 
     Attributes:
-        designs: labels of the planned cases, by identifier.
-        dims: dimensions of the labels.
-        statuses: status of every planned case, or why it is not done, by identifier.
-        failures: reason of every failed case, by identifier.
+        designs: labels of the planned cases along the dimensions.
+        statuses: status of every planned case, or why it is not done.
+        failures: reason of every failed case.
         changed: files that have changed since the plan was made.
     """
 
@@ -72,42 +76,10 @@ class FolderStatus:
         }
 
 
-def read_plan(folder: Path) -> dict[str, Any]:
-    """The record of a folder's plan.
-
-    Raises:
-        BadInput: if there is none.
-    """
-    path = folder / PLAN
-    try:
-        record = json.loads(path.read_text())
-        complete = all(name in record for name in ("cases", "dims", "inputs", "overrides"))
-    except FileNotFoundError:
-        raise fault(str(path), "does not exist; plan or run the workflow first") from None
-    except OSError as error:
-        raise fault(str(path), f"cannot be read ({error.strerror}); check the path") from error
-    except (ValueError, TypeError):
-        complete = False
-    if not complete:
-        raise fault(str(path), "is not a plan; plan the workflow again")
-    return dict(record)
-
-
-def changed_inputs(record: Mapping[str, Any]) -> tuple[str, ...]:
-    """Input files of a plan that have changed since it was made."""
-    now = digests(map(Path, record["inputs"]))
-    return tuple(path for path, digest in record["inputs"].items() if now.get(path) != digest)
-
-
 def workflow_status(workflow: str, results: Path, check: bool) -> FolderStatus:
-    """Progress of the last plan of a workflow.
+    """Progress of the last plan of a workflow, which is planned again if an input has changed.
 
-    If an input file of the plan has changed, the workflow is planned again.
-
-    Args:
-        workflow: name of the workflow, or path of its file.
-        results: folder that holds a folder of results for each workflow.
-        check: whether to compare case files with their checksums.
+    ``check`` compares every case file with its checksum.
 
     Raises:
         BadInput: if the workflow was never planned there.
@@ -118,29 +90,22 @@ def workflow_status(workflow: str, results: Path, check: bool) -> FolderStatus:
     if changed_inputs(record):
         from knitlab.sweep.plan import make_plan  # imports JAX, which only this case needs
 
-        designs = make_plan(workflow, tuple(record["overrides"])).designs
+        designs = make_plan(workflow, record["overrides"]).designs
     return folder_status(folder, record, designs, check)
 
 
 def folder_status(
     folder: Path, record: Mapping[str, Any], designs: Mapping[str, Design], check: bool
 ) -> FolderStatus:
-    """Status of every planned case in a results folder.
-
-    Args:
-        folder: the folder.
-        record: record of its plan, see :func:`read_plan`.
-        designs: labels of the planned cases, by identifier.
-        check: whether to compare case files with their checksums.
+    """Status of the planned cases, given by their labels, in a folder with a recorded plan.
 
     Raises:
         BadInput: if its ``cube.nc`` is not a cube.
     """
-    cube = open_cube(folder / CUBE, lazily=True) if (folder / CUBE).exists() else None
-    stored = {} if cube is None else cells(cube)
+    stored = cells(open_cube(folder / CUBE, lazily=True)) if (folder / CUBE).exists() else {}
     failures = earlier_failures(folder)
     statuses = {}
-    for case_id, state in survey(designs, folder, cube, check).items():
+    for case_id, state in survey(designs, folder, stored, check).items():
         cell = stored.get(designs[case_id])
         if state is CaseState.done:
             in_cube = cell is not None and cell.case_id == case_id
@@ -160,34 +125,25 @@ def folder_status(
     )
 
 
-def planned_designs(record: Mapping[str, Any]) -> dict[str, Design]:
-    """Labels of a plan's cases, by identifier."""
-    return {case_id: tuple(case["design"].values()) for case_id, case in record["cases"].items()}
+def finished_plan(workflow: str, overrides: Overrides, results: Path) -> dict[str, Any] | None:
+    """The record of a plan whose run is complete, so that a run would change nothing; else None.
 
-
-def check_same_plan(plan: "Plan", folder: Path) -> None:
-    """Check that a folder's plan has the cases of a plan that is to be added to it.
-
-    Raises:
-        BadInput: if it has others.
+    Inputs, overrides and code are the same, and every case is ok, undamaged, computed by this code
+    and in the cube.
     """
-    record = read_plan(folder)
-    if (set(record["cases"]), record.get("code")) != (set(plan.cases), code_fingerprint()):
-        raise fault(
-            str(folder / PLAN),
-            "is that of the shards that run in this folder, and has other cases or was made by"
-            " other code; wait for them, or name another results folder",
-        )
-
-
-def earlier_failures(folder: Path) -> dict[str, dict[str, Any]]:
-    """Entries for designs that are not ok, by case identifier: of the last run, and of shards."""
     try:
-        lines = (folder / FAILURES).read_text().splitlines()
-        last = [json.loads(line) for line in lines]
-        found = {entry["case_id"]: entry for entry in last if entry["reason"] and entry["case"]}
-    except (OSError, ValueError, TypeError, KeyError):
-        found = {}  # every run rewrites the file, and no result depends on it
-    for record in read_records(folder):
-        found |= {entry["case_id"]: entry for entry in record.failures}
-    return found
+        path = workflow_file(workflow)
+        folder = results / path.stem
+        record = read_plan(folder)
+        same = (
+            record["overrides"] == {each.name: each.value for each in read_overrides(overrides)[0]}
+            and record.get("package") == package_fingerprint()
+            and str(path.resolve()) in record["inputs"]
+            and not changed_inputs(record)
+        )
+        if not same:
+            return None
+        status = folder_status(folder, record, planned_designs(record), check=True)
+    except (BadInput, OSError):
+        return None
+    return record if set(status.counts) == {Status.ok.name} else None

@@ -1,4 +1,7 @@
-"""Workers: batches are simulated in this process, or by dask, which is imported only then."""
+"""Workers: batches are simulated in this process, or by dask, which is imported only then.
+
+Signals that end a process are handled like Ctrl-C.
+"""
 
 import logging
 import os
@@ -17,7 +20,7 @@ import dask
 from knitlab.fabric.threads import ONE_THREAD
 from knitlab.io.errors import CannotWrite, fault
 from knitlab.simulation.case import Case
-from knitlab.simulation.reporting import Progress
+from knitlab.simulation.tensile_tests import Progress
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -35,9 +38,15 @@ WORKER_ENVIRONMENT = ONE_THREAD | {
 PROGRESS_TOPIC = "knitlab-progress"
 TIMED_OUT = ".timed-out-"
 """Prefix of the marker files that workers leave in a results folder on a timeout."""
-TIME_IS_UP = 75
-"""Exit code of a worker that timed out."""
-
+ENDING = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+"""Ctrl-C; what a batch system or ``kill`` sends; and, where it exists, a closed terminal."""
+QUIET = """import logging, signal
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+logging.getLogger("distributed").setLevel(logging.CRITICAL)
+"""
+"""Run by dask's workers at their start: they ignore Ctrl-C and log nothing, which the run does."""
 ENDED = ("finished", "error")
 """States of a dask task that has ended; it is in another one if its scheduler is gone."""
 
@@ -52,13 +61,9 @@ class SchedulerLost(Exception):
 
 @dataclass(frozen=True)
 class BatchError:
-    """Why a batch has no results.
+    """Why a batch has no results: a sentence, and the traceback of what was raised.
 
-    Attributes:
-        reason: the reason, as a sentence.
-        trace: traceback, if an exception was raised.
-        lost: whether its worker died.
-        cannot_write: the error, if its files could not be written.
+    It is ``lost`` if its worker died; ``cannot_write`` is the error if files could not be written.
     """
 
     reason: str
@@ -77,16 +82,6 @@ class BatchError:
             cannot_write=error if isinstance(error, CannotWrite) else None,
         )
 
-    @classmethod
-    def died(cls) -> "BatchError":
-        """A batch whose worker died."""
-        return cls("its worker died: it was killed, or it ran out of memory", lost=True)
-
-    @classmethod
-    def late(cls, seconds: float) -> "BatchError":
-        """A batch that timed out."""
-        return cls(f"it took longer than {seconds:g} s (case_timeout)")
-
 
 Pool = Callable[[Sequence[Batch]], Iterator[tuple[Batch, BatchError | None]]]
 """Simulates batches and yields each when it ends, with its error if there was one."""
@@ -94,13 +89,10 @@ Pool = Callable[[Sequence[Batch]], Iterator[tuple[Batch, BatchError | None]]]
 
 @dataclass(frozen=True)
 class Task:
-    """How every batch is simulated.
+    """How every batch is simulated, into the results folder as the workers see it.
 
-    Attributes:
-        simulate: function that simulates a batch.
-        results: results folder of the workflow, as the workers see it.
-        case_timeout: longest time for each case of a batch, if any [s].
-        threads: number of threads that a worker on this machine may use for one large sample.
+    Each case may take ``case_timeout`` [s]; a worker on this machine may use ``threads`` for one
+    large sample.
     """
 
     simulate: Simulate
@@ -112,13 +104,38 @@ class Task:
         """Longest time for a batch [s]."""
         return None if self.case_timeout is None else self.case_timeout * len(batch)
 
+    def late(self, batch: Batch) -> BatchError:
+        """The error of a batch that timed out."""
+        return BatchError(f"it took longer than {self.limit(batch):g} s (case_timeout)")
+
     def marker(self, batch: Batch) -> Path:
         """Marker file that a worker leaves when a batch times out."""
         return self.results / f"{TIMED_OUT}{batch[0].case_id}"
 
 
-def in_process(task: Task, progress: Progress) -> Pool:
-    """A pool that simulates in this process, one batch after another."""
+@contextmanager
+def pool_of(
+    task: Task, workers: int, scheduler: str | None, dashboard: bool, progress: Progress
+) -> Iterator[Pool]:
+    """The pool for a run: processes that are spawned on this machine, or with 0 this process.
+
+    An existing dask scheduler overrides ``workers``. Dask's dashboard is opened on this machine
+    alone.
+
+    Raises:
+        BadInput: if no scheduler answers at the address, or the system has no timers for
+            ``case_timeout``.
+    """
+    if scheduler is not None or workers:
+        with (
+            _client(workers, scheduler, dashboard) as client,
+            _dask_pool(client, task, progress) as pool,
+        ):
+            yield pool
+        return
+    if task.case_timeout is not None and not hasattr(signal, "setitimer"):
+        problem = "this system ends no case of this process in time; give workers = 1"
+        raise fault(f"case_timeout {task.case_timeout:g}", problem)
 
     def simulated(batches: Sequence[Batch]) -> Iterator[tuple[Batch, BatchError | None]]:
         for batch in batches:
@@ -126,13 +143,13 @@ def in_process(task: Task, progress: Progress) -> Pool:
                 with _alarm(task.limit(batch)):
                     task.simulate(task.results, batch, progress)
             except TimeoutError:
-                yield batch, BatchError.late(task.limit(batch) or 0.0)
+                yield batch, task.late(batch)
             except Exception as error:  # whatever a batch raises must not end the sweep
                 yield batch, BatchError.of(error)
             else:
                 yield batch, None
 
-    return simulated
+    yield simulated
 
 
 @contextmanager
@@ -156,7 +173,7 @@ def _alarm(seconds: float | None) -> Iterator[None]:
 
 
 @contextmanager
-def dask_pool(client: "Client", task: Task, progress: Progress) -> Iterator[Pool]:
+def _dask_pool(client: "Client", task: Task, progress: Progress) -> Iterator[Pool]:
     """A pool on a dask cluster; progress is reported as events of the scheduler."""
     from distributed import as_completed
 
@@ -191,9 +208,9 @@ def _explained(task: Task, batch: Batch, error: BaseException) -> BatchError:
     if not isinstance(error, KilledWorker):
         return BatchError.of(error)
     if not marker.exists():
-        return BatchError.died()
+        return BatchError("its worker died: it was killed, or it ran out of memory", lost=True)
     marker.unlink()
-    return BatchError.late(task.limit(batch) or 0.0)
+    return task.late(batch)
 
 
 def simulate_on_worker(task: Task, batch: Batch) -> None:
@@ -213,50 +230,17 @@ def simulate_on_worker(task: Task, batch: Batch) -> None:
 
     def give_up() -> None:
         task.marker(batch).touch()
-        os._exit(TIME_IS_UP)
+        os._exit(1)
 
-    limit = task.limit(batch)
-    watch = threading.Timer(limit, give_up) if limit else None
-    if watch:
-        watch.daemon = True
-        watch.start()
+    watch = threading.Timer(task.limit(batch) or threading.TIMEOUT_MAX, give_up)
+    watch.daemon = True
+    watch.start()
     try:
         # On a worker, xarray would request a lock from the scheduler for every variable it writes.
         with dask.config.set(scheduler="synchronous"):
             task.simulate(task.results, batch, progress)
     finally:
-        if watch:
-            watch.cancel()
-
-
-@contextmanager
-def pool_of(
-    task: Task, workers: int, scheduler: str | None, dashboard: bool, progress: Progress
-) -> Iterator[Pool]:
-    """The pool for a run.
-
-    Args:
-        task: how every batch is simulated.
-        workers: number of processes to spawn on this machine; 0 simulates in this process.
-        scheduler: address of an existing dask scheduler; it overrides ``workers``.
-        dashboard: whether to open dask's dashboard, on this machine alone.
-        progress: called with a case's identifier and how many of its states are done.
-
-    Raises:
-        BadInput: if no scheduler answers at the address, or the system has no timers for
-            ``case_timeout``.
-    """
-    if scheduler is None and workers == 0:
-        if task.case_timeout is not None and not hasattr(signal, "setitimer"):
-            problem = "this system ends no case of this process in time; give workers = 1"
-            raise fault(f"case_timeout {task.case_timeout:g}", problem)
-        yield in_process(task, progress)
-        return
-    with (
-        _client(workers, scheduler, dashboard) as client,
-        dask_pool(client, task, progress) as pool,
-    ):
-        yield pool
+        watch.cancel()
 
 
 def connected(scheduler: str) -> "Client":
@@ -294,7 +278,7 @@ def _client(workers: int, scheduler: str | None, dashboard: bool) -> Iterator["C
         # A worker that died is restarted, however long that takes: by default dask gives up after
         # 15 s, and the run would wait for ever once the last worker is gone.
         "distributed.deploy.lost-worker-timeout": "1 day",
-        "distributed.worker.preload": ["knitlab.sweep.quiet_worker"],
+        "distributed.worker.preload": [QUIET],
     }
     for name in ("distributed", "tornado"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -315,3 +299,26 @@ def _client(workers: int, scheduler: str | None, dashboard: bool) -> Iterator["C
         if dashboard:
             logging.getLogger(__name__).warning("dashboard  %s", cluster.dashboard_link)
         yield client
+
+
+@contextmanager
+def interrupted_by_signals() -> Iterator[None]:
+    """Raise KeyboardInterrupt on any signal that asks a process to end.
+
+    A signal that is ignored stays ignored, such as Ctrl-C in a shell's background or a closed
+    terminal under ``nohup``. Outside the main thread this does nothing, as Python installs signal
+    handlers only there.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {
+        number: signal.signal(number, signal.default_int_handler)
+        for number in ENDING
+        if signal.getsignal(number) is not signal.SIG_IGN
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

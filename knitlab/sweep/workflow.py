@@ -1,8 +1,9 @@
 """Workflows: the schema of the TOML file that describes one sweep."""
 
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any
 
 from pydantic import (
+    AfterValidator,
     BeforeValidator,
     Field,
     PositiveFloat,
@@ -17,14 +18,14 @@ from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.fabric.pattern import letters_of
 from knitlab.fabric.settings import Boundary, Fraction, ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import Knit, Stripe
-from knitlab.io.strict_model import StrictModel
-from knitlab.io.suggestions import unknown
+from knitlab.io.errors import unknown
+from knitlab.io.toml import StrictModel
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
 from knitlab.simulation.case import Method
 from knitlab.simulation.stripe_changes import STIFFENING, STRIPE_QUANTITIES
 from knitlab.sweep.declared_fields import Types, declared, factors, optional, with_fields
-from knitlab.sweep.figure_names import FigureName
+from knitlab.sweep.figure_names import FIGURE_NAMES
 from knitlab.sweep.patterns import is_pattern_name
 
 Sizes = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
@@ -36,14 +37,13 @@ MOST_SIBLINGS = 100
 """Largest number of siblings of a design."""
 
 
-def _known_figure(name: Any) -> Any:
-    known = get_args(FigureName)
-    if name not in known:
-        raise ValueError(unknown(str(name), known, "figure"))
+def _known_figure(name: str) -> str:
+    if name not in FIGURE_NAMES:
+        raise ValueError(unknown(name, FIGURE_NAMES, "figure"))
     return name
 
 
-Figure = Annotated[FigureName, BeforeValidator(_known_figure)]
+Figures = Annotated[tuple[Annotated[str, AfterValidator(_known_figure)], ...], Field(strict=False)]
 
 
 def even_strains(strain_max: float, strain_step: float) -> tuple[float, ...]:
@@ -235,7 +235,7 @@ class Workflow(StrictModel):
     """A workflow file, with the overrides of ``--set`` applied."""
 
     title: str = Field(min_length=1)
-    figures: Annotated[tuple[Figure, ...], Field(strict=False)] = ()
+    figures: Figures = ()
     design: DesignSection | None = None
     stripes: StripesSection | None = None
     protocol: ProtocolSection = ProtocolSection()

@@ -1,10 +1,18 @@
-"""The file of a workflow, by its name or its path. Needs no JAX."""
+"""What a user names of a sweep: a workflow's file, and overrides of its settings. Needs no JAX."""
 
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from knitlab.io.errors import fault
+import numpy as np
+
+from knitlab.io.errors import Fault, fault, unknown
 from knitlab.io.shipped import shipped
-from knitlab.io.suggestions import unknown
+
+Overrides = Sequence[str] | Mapping[str, Any]
+"""``("n_stripe=4", "k_t_factor=0.8,1")`` or ``{"n_stripe": 4, "k_t_factor": [0.8, 1]}``."""
 
 
 def workflow_file(workflow: str) -> Path:
@@ -13,12 +21,75 @@ def workflow_file(workflow: str) -> Path:
     Raises:
         BadInput: if there is none.
     """
-    named = shipped("workflows") / f"{workflow}.toml"
+    named, path = shipped("workflows") / f"{workflow}.toml", Path(workflow)
     if named.is_file():
         return named
-    path = Path(workflow)
     if path.is_file():
         return path
     names = [file.stem for file in shipped("workflows").glob("*.toml")]
-    problem = unknown(path.stem, names, "workflow")
-    raise fault(workflow, f"is not a file, and {problem}")
+    raise fault(workflow, f"is not a file, and {unknown(path.stem, names, 'workflow')}")
+
+
+@dataclass(frozen=True)
+class Override:
+    """A value as TOML could give it, which replaces that of a workflow.
+
+    The key is the name of its setting, with or without the section. Messages name its source.
+    """
+
+    key: str
+    value: Any
+    source: str
+
+    @property
+    def name(self) -> str:
+        """Name of its setting."""
+        return self.key.rpartition(".")[2]
+
+
+def read_overrides(overrides: Overrides) -> tuple[list[Override], list[Fault]]:
+    """Overrides, and faults of those that give no value of a setting.
+
+    They are the ``KEY=VALUE`` texts of ``--set``, in which a comma makes a list, or Python values
+    by the name of their setting: numbers, texts, paths, booleans, and lists, tuples or arrays of
+    them.
+    """
+    read: list[Override] = []
+    faults: list[Fault] = []
+    if isinstance(overrides, Mapping):
+        for key, value in overrides.items():
+            try:
+                read.append(Override(key, _plain(value), f"settings {key}={_plain(value)}"))
+            except TypeError:
+                problem = f"is {value!r}; give a number, a text, true or false, or a list of them"
+                faults.append(Fault(f"settings {key}", problem))
+        return read, faults
+    for given in overrides:
+        key, _, text = (part.strip() for part in given.partition("="))
+        if text:
+            read.append(Override(key, read_value(text), f"settings {given}"))
+        else:
+            faults.append(Fault(f"settings {given}", "is not KEY=VALUE; give both"))
+    return read, faults
+
+
+def read_value(text: str) -> Any:
+    """The value of a text: a TOML value, a list of values between commas, or the text itself."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        parts = [part.strip() for part in text.split(",")]
+        return text if len(parts) == 1 or text.startswith("[") else [*map(read_value, parts)]
+
+
+def _plain(value: Any) -> Any:
+    """A Python value as TOML has it."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, Path):
+        return str(value)
+    if not isinstance(value, str | int | float):
+        raise TypeError
+    return value

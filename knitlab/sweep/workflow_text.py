@@ -1,5 +1,6 @@
-"""The text of a workflow: its file with overrides, before validation and during it."""
+"""A workflow's file with its overrides and its lists of values, before and during validation."""
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,18 +8,73 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from knitlab.io.errors import BadInput, Fault, faults_of
-from knitlab.io.suggestions import unknown
+from knitlab.cube.schema import Variable
+from knitlab.fabric.electrodes import ElectrodeLayout
+from knitlab.io.errors import BadInput, Fault, faults_of, unknown
 from knitlab.io.toml import read_toml
-from knitlab.sweep.axes import SweepAxis
-from knitlab.sweep.overrides import Overrides, as_text, read_value
-from knitlab.sweep.settings import SETTINGS, Setting
+from knitlab.simulation.case import Label
+from knitlab.sweep.declared_fields import declared
+from knitlab.sweep.settings import PATTERN, SAMPLE_SIZE, SETTINGS, Setting
 from knitlab.sweep.workflow import SECTIONS, Workflow
+from knitlab.sweep.workflow_file import Overrides, read_overrides
 
 KEYS = dict.fromkeys(Workflow.model_fields, "") | {
     name: setting.section for name, setting in SETTINGS.items()
 }
 """Keys of a workflow, with the table of each."""
+LAYOUT_SETTINGS = ("layout", *declared(ElectrodeLayout))
+
+
+@dataclass(frozen=True)
+class SweepAxis:
+    """A setting that a workflow gives as a list, and its values: a dimension of the cube."""
+
+    setting: Setting
+    values: tuple[Any, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the setting, and of the cube's dimension."""
+        return self.setting.name
+
+    @property
+    def labels(self) -> tuple[Label, ...]:
+        """Its values as labels; a sample of 5 by 3 unit cells is ``5x3``."""
+        return tuple(
+            "x".join(map(str, value)) if isinstance(value, tuple) else value
+            for value in self.values
+        )
+
+
+def coordinate(setting: Setting) -> Variable:
+    """The cube's coordinate along the values of a setting."""
+    long_name = setting.name
+    if quantity := setting.factor_on:
+        long_name = f"factor on {quantity}"
+    elif setting.name == SAMPLE_SIZE:
+        long_name = "unit cells of the sample, along y and x"
+    elif setting.name == PATTERN:
+        long_name = "named pattern of patches"
+    elif setting.name in LAYOUT_SETTINGS:
+        long_name = f"{setting.name} of the electrodes"
+    return Variable((setting.name,), setting.unit, long_name)
+
+
+def combinations(
+    workflow: Workflow, axes: tuple[SweepAxis, ...]
+) -> Iterator[tuple[dict[str, Label], Workflow]]:
+    """Every combination of the axes' values: its labels, and the workflow with these values."""
+    for chosen in itertools.product(*(zip(each.labels, each.values, strict=True) for each in axes)):
+        labels: dict[str, Label] = {}
+        changed: dict[str, dict[str, Any]] = {}
+        for axis, (label, value) in zip(axes, chosen, strict=True):
+            labels[axis.name] = label
+            changed.setdefault(axis.setting.section, {})[axis.name] = value
+        sections = {
+            name: getattr(workflow, name).model_copy(update=values)
+            for name, values in changed.items()
+        }
+        yield labels, workflow.model_copy(update=sections)
 
 
 @dataclass(frozen=True)
@@ -26,29 +82,26 @@ class WorkflowText:
     """A workflow with its overrides, before validation.
 
     Attributes:
-        path: the workflow's file.
         table: its tables, overrides included, with the first value of every axis.
         axes: settings given as lists of values, unchecked.
-        overrides: the override that each overridden ``section.key`` comes from.
+        overrides: values of the overridden settings, by name.
+        sources: what each overridden ``section.key`` was given by, for messages.
         faults: overrides that cannot be applied.
     """
 
     path: Path
     table: dict[str, Any]
     axes: tuple[SweepAxis, ...]
-    overrides: dict[str, str]
+    overrides: dict[str, Any]
+    sources: dict[str, str]
     faults: tuple[Fault, ...]
 
     def source(self, key: str) -> str:
         """Origin of a ``section.key``: its override, or its place in the file."""
-        return self.overrides.get(key, f"{self.path}: {key}")
+        return self.sources.get(key, f"{self.path}: {key}")
 
     def checked(self) -> Workflow:
-        """The workflow, with the first value of every axis.
-
-        Raises:
-            BadInput: if the file or the overrides have faults; it lists them all.
-        """
+        """The workflow with the first value of every axis; BadInput lists all faults."""
         try:
             workflow = Workflow.model_validate(self.table)
         except ValidationError as error:
@@ -60,11 +113,7 @@ class WorkflowText:
         return workflow
 
     def checked_axes(self) -> tuple[SweepAxis, ...]:
-        """The axes.
-
-        Raises:
-            BadInput: if values other than the first, which :meth:`checked` checks, have faults.
-        """
+        """The axes; BadInput lists the faults of their values but the first, see above."""
         faults: list[Fault] = []
         axes = []
         for axis in self.axes:
@@ -80,8 +129,6 @@ class WorkflowText:
                     values.append(getattr(read, axis.name))
             if len(set(values)) < len(values):
                 faults.append(Fault(source, "has a value twice; keep one"))
-            if axis.name == "boundary" and "stripes" in self.table:
-                faults.append(Fault(source, "lists boundaries; list them in stripes.boundaries"))
             axes.append(SweepAxis(axis.setting, tuple(values)))
         if faults:
             raise BadInput(faults)
@@ -96,7 +143,7 @@ class WorkflowText:
 
     def folder(self, key: str) -> Path:
         """Folder to which a path of ``section.key`` is relative."""
-        return Path() if key in self.overrides else self.path.parent
+        return Path() if key in self.sources else self.path.parent
 
     def _place(self, path: str) -> str:
         """Origin of a fault, from its path in the tables."""
@@ -105,8 +152,7 @@ class WorkflowText:
         number = item.partition(".")[0]
         if name in {axis.name for axis in self.axes if axis.setting.section == section}:
             return f"{self.source(f'{section}.{name}')}: value 1"
-        override = self.overrides.get(f"{section}.{name}")
-        if override:
+        if override := self.sources.get(f"{section}.{name}"):
             return f"{override}: value {int(number) + 1}" if number.isdigit() else override
         return f"{self.path}: {path}" if path else str(self.path)
 
@@ -114,62 +160,46 @@ class WorkflowText:
 def read_workflow(path: Path, overrides: Overrides = ()) -> WorkflowText:
     """Read a workflow's file and apply overrides to it.
 
-    A key is the name of a setting, with or without its section; a comma makes a list.
-
     Raises:
-        BadInput: if the file cannot be read, or an override cannot be applied.
+        BadInput: if the file cannot be read.
     """
-    table = {name: _with_lists(name, its) for name, its in read_toml(path).items()}
-    faults: list[Fault] = []
-    sources: dict[str, str] = {}
-    for override in as_text(overrides):
-        source = f"settings {override}"
-        key, equals, text = (part.strip() for part in override.partition("="))
-        name = key.rpartition(".")[2]
-        setting = SETTINGS.get(name)
-        if not equals or not text:
-            faults.append(Fault(source, "is not KEY=VALUE; give both"))
-        elif setting is None:
-            faults.append(Fault(source, unknown(name, SETTINGS, "setting")))
-        elif key not in (name, place := f"{setting.section}.{name}"):
-            faults.append(Fault(source, f"is in [{setting.section}]; give {place}"))
-        else:
-            section = table.setdefault(setting.section, {})
-            if isinstance(section, dict):
-                section[name] = _with_list(setting, read_value(text))
-            sources[place] = source
-    table, axes = _with_single_values(table)
-    return WorkflowText(path, table, axes, sources, tuple(faults))
-
-
-def _with_single_values(table: dict[str, Any]) -> tuple[dict[str, Any], tuple[SweepAxis, ...]]:
-    """Tables with the first value of each setting that has several, and the axes."""
-    single, axes = dict(table), []
-    for setting, value in _settings_in(table):
-        if setting.is_swept_by(value):
-            single[setting.section] = single[setting.section] | {setting.name: value[0]}
-            axes.append(SweepAxis(setting, tuple(value)))
-    # By name, so that a cube's dimensions do not depend on the order of the settings in a file.
-    return single, tuple(sorted(axes, key=lambda axis: axis.name))
-
-
-def _settings_in(table: dict[str, Any]) -> Iterator[tuple[Setting, Any]]:
-    for section, given in table.items():
-        for name, value in given.items() if isinstance(given, dict) else ():
-            setting = SETTINGS.get(name)
-            if setting is not None and setting.section == section:
-                yield setting, value
-
-
-def _with_lists(section: str, given: Any) -> Any:
-    """A table of a file, in which a single value that stands for a list is a list."""
-    if section not in SECTIONS or not isinstance(given, dict):
-        return given
-    return {
-        name: _with_list(SETTINGS[name], value) if name in SECTIONS[section].model_fields else value
-        for name, value in given.items()
+    table = {
+        name: {key: _listed(name, key, value) for key, value in given.items()}
+        if isinstance(given, dict)
+        else given
+        for name, given in read_toml(path).items()
     }
+    read, faults = read_overrides(overrides)
+    applied: dict[str, Any] = {}
+    sources: dict[str, str] = {}
+    for override in read:
+        setting = SETTINGS.get(override.name)
+        if setting is None:
+            problem = unknown(override.name, SETTINGS, "setting")
+            faults.append(Fault(override.source, problem))
+            continue
+        place = f"{setting.section}.{setting.name}"
+        if override.key not in (setting.name, place):
+            problem = f"is in [{setting.section}]; give {place}"
+            faults.append(Fault(override.source, problem))
+            continue
+        section = table.setdefault(setting.section, {})
+        if isinstance(section, dict):
+            section[setting.name] = _listed(setting.section, setting.name, override.value)
+        applied[setting.name], sources[place] = override.value, override.source
+    axes = []
+    for setting in SETTINGS.values():
+        section = table.get(setting.section)
+        if isinstance(section, dict) and setting.is_swept_by(section.get(setting.name)):
+            axes.append(SweepAxis(setting, tuple(section[setting.name])))
+            section[setting.name] = section[setting.name][0]
+    # By name, so that a cube's dimensions do not depend on the order of the settings in a file.
+    axes.sort(key=lambda axis: axis.name)
+    return WorkflowText(path, table, tuple(axes), applied, sources, tuple(faults))
 
 
-def _with_list(setting: Setting, value: Any) -> Any:
-    return [value] if setting.takes_list and not isinstance(value, list | dict) else value
+def _listed(section: str, name: str, value: Any) -> Any:
+    """A value of a workflow, in a list if it stands alone for one."""
+    setting = SETTINGS.get(name)
+    of_setting = setting is not None and setting.section == section and setting.takes_list
+    return [value] if of_setting and not isinstance(value, list | dict) else value

@@ -2,7 +2,6 @@
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -10,13 +9,11 @@ from typing import Any, Literal, get_args
 import xarray as xr
 from pydantic import Field, ValidationError, create_model
 
-from knitlab.io.errors import BadInput, Fault, faults_of
+from knitlab.io.errors import BadInput, Fault, faults_of, unknown
 from knitlab.io.shipped import shipped
-from knitlab.io.strict_model import StrictModel
-from knitlab.io.suggestions import unknown
-from knitlab.io.toml import read_toml
-from knitlab.validation import comparison_checks, line_checks, sample_checks
-from knitlab.validation.finding import Finding, NotMeasured
+from knitlab.io.toml import StrictModel, read_toml
+from knitlab.validation import comparison_checks, sample_checks
+from knitlab.validation.margin import CheckResult, NotMeasured
 
 CLAIMS = "claims.toml"
 Topic = Literal[
@@ -25,40 +22,23 @@ Topic = Literal[
 TOPICS: tuple[Topic, ...] = get_args(Topic)
 
 
-def laboratory(cube: xr.Dataset, needs: str) -> Finding:
+def laboratory(cube: xr.Dataset, needs: str) -> CheckResult:
     """A comparison with measurements that are not in the paper's text."""
     raise NotMeasured(f"needs {needs}")
 
 
-CHECKS: dict[str, Callable[..., Finding]] = {
+CHECKS: dict[str, Callable[..., CheckResult]] = {
     check.__name__: check
-    for check in (
-        comparison_checks.lowest_of_all,
-        comparison_checks.monotonic,
-        comparison_checks.sample_order,
-        comparison_checks.spread,
-        comparison_checks.stripe_order,
-        comparison_checks.trades_off,
-        laboratory,
-        line_checks.common_slope,
-        line_checks.departs_most,
-        line_checks.linear,
-        sample_checks.follows,
-        sample_checks.largest_at_centre,
-        sample_checks.less_than,
-        sample_checks.rises_and_falls,
-        sample_checks.same_curves,
-        sample_checks.stripe_toe,
-        sample_checks.value_within,
-    )
+    for check in (laboratory, *sample_checks.CHECKS, *comparison_checks.CHECKS)
 }
 """The tests of claims by name."""
 
 
-class Statement(StrictModel):
-    """A statement of the paper.
+class Claim(StrictModel):
+    """A statement of the paper and its test.
 
     Attributes:
+        name: its name.
         text: the statement.
         place: its place in the paper.
         topic: its topic.
@@ -67,8 +47,10 @@ class Statement(StrictModel):
         why_not: why knitlab does not reproduce it, as far as known.
         test: name of its test in :data:`CHECKS`.
         knitlab: arguments of the test that are not from the paper but chosen for knitlab.
+        arguments: all arguments of the test besides cubes.
     """
 
+    name: str
     text: str = Field(min_length=1)
     place: str = Field(min_length=1)
     topic: Topic
@@ -77,51 +59,41 @@ class Statement(StrictModel):
     why_not: str | None = Field(default=None, min_length=1)
     test: str
     knitlab: dict[str, float] = Field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Claim:
-    """A statement of the paper and its test.
-
-    Attributes:
-        name: its name.
-        statement: the statement of the paper.
-        arguments: arguments of the test besides cubes.
-    """
-
-    name: str
-    statement: Statement
-    arguments: Mapping[str, Any]
+    arguments: Mapping[str, Any] = Field(default_factory=dict)
 
     @property
     def quoted(self) -> str:
         """The statement, with the direction that is tested here."""
-        along = self.statement.measured_along
-        return f"{self.statement.text} (here along the {along})" if along else self.statement.text
+        along = self.measured_along
+        return f"{self.text} (here along the {along})" if along else self.text
 
     @property
     def threshold_of(self) -> Literal["paper", "knitlab"]:
         """Whether the threshold is the paper's, or was chosen for knitlab."""
-        return "knitlab" if self.statement.knitlab else "paper"
+        return "knitlab" if self.knitlab else "paper"
 
     @property
     def compares_cubes(self) -> bool:
         """Whether its samples may be in several cubes."""
-        return "cubes" in inspect.signature(CHECKS[self.statement.test]).parameters
+        return "cubes" in inspect.signature(CHECKS[self.test]).parameters
 
-    def finding(self, cubes: Sequence[xr.Dataset], factor: float = 1.0) -> Finding:
-        """Test the claim on cubes.
+    def check(self, cubes: Sequence[xr.Dataset], factor: float = 1.0) -> CheckResult:
+        """Check the claim on cubes at one value of every swept setting.
 
         Args:
-            cubes: cubes at one value of every swept setting; one, unless it compares cubes.
+            cubes: the cubes; one, unless it compares cubes.
             factor: factor on the arguments that were chosen for knitlab.
         """
-        own = {name: factor * number for name, number in self.statement.knitlab.items()}
+        own = {name: factor * number for name, number in self.knitlab.items()}
         where = cubes if self.compares_cubes else cubes[0]
         try:
-            return CHECKS[self.statement.test](where, **{**self.arguments, **own})
+            return CHECKS[self.test](where, **{**self.arguments, **own})
         except NotMeasured as error:
-            return error.finding
+            return error.result
+
+
+STATED = Claim.model_fields.keys() - {"name", "arguments"}
+"""Keys of a claim in a file; all others are arguments of its test."""
 
 
 def read_claims(path: Path | None = None) -> list[Claim]:
@@ -137,22 +109,21 @@ def read_claims(path: Path | None = None) -> list[Claim]:
         if not isinstance(table, dict):
             faults.append(Fault(source, "is not a table; give each claim one"))
             continue
-        stated = {key: value for key, value in table.items() if key in Statement.model_fields}
-        rest = {key: value for key, value in table.items() if key not in stated}
+        rest = {key: value for key, value in table.items() if key not in STATED}
         try:
-            statement = Statement.model_validate(stated)
-            if statement.test not in CHECKS:
-                faults.append(Fault(f"{source}: test", unknown(statement.test, CHECKS, "test")))
+            claim = Claim(name=name, **{key: table[key] for key in STATED if key in table})
+            if claim.test not in CHECKS:
+                faults.append(Fault(f"{source}: test", unknown(claim.test, CHECKS, "test")))
                 continue
-            if twice := rest.keys() & statement.knitlab:
+            if twice := rest.keys() & claim.knitlab:
                 problem = "is the paper's number and knitlab's; keep one"
                 faults += [Fault(f"{source}: {name}", problem) for name in sorted(twice)]
                 continue
-            arguments = _arguments(statement.test).model_validate(rest | statement.knitlab)
+            arguments = _arguments(claim.test).model_validate(rest | claim.knitlab)
         except ValidationError as error:
             faults += faults_of(error, source)
         else:
-            claims.append(Claim(name, statement, dict(arguments)))
+            claims.append(claim.model_copy(update={"arguments": dict(arguments)}))
     if faults:
         raise BadInput(faults)
     return claims

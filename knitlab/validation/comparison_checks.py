@@ -1,4 +1,4 @@
-"""Tests of claims that compare samples: trends, the lowest of all, spreads, orders, correlations.
+"""Checks of claims that compare samples: trends, lines, extremes, orders and correlations.
 
 Their arguments, results and exceptions are as in :mod:`knitlab.validation.sample_checks`.
 """
@@ -12,27 +12,30 @@ import xarray as xr
 from pydantic import Field, PositiveFloat, PositiveInt
 from scipy import stats
 
-from knitlab.cube.cube_file import base_dims
 from knitlab.cube.schema import DESIGN_DIMS, Status
-from knitlab.validation.finding import Finding, Labels, NotMeasured
-from knitlab.validation.judged_samples import preference
-from knitlab.validation.margin import above, below, worst
-from knitlab.validation.sample_checks import MOST_LISTED, tangents
+from knitlab.measure.fit_statistics import LinearFit, common_slope_probability, linear_fit
+from knitlab.validation.margin import CheckResult, Labels, NotMeasured, above, below, worst
+from knitlab.validation.sample_checks import FEWEST_POINTS, MOST_LISTED, tangents
 from knitlab.validation.samples import (
     Checkerboards,
     Design,
     PureStripes,
     Samples,
-    checkerboards,
+    by_labels,
     name_of,
-    stripes,
+    one_sample,
+    preference,
     unit_of,
 )
 
 Direction = Literal["rises", "falls"]
-Part = Annotated[float, Field(gt=0, lt=1)]
+Fraction = Annotated[float, Field(gt=0, lt=1)]
 Sample = Annotated[tuple[PositiveInt | Literal["rib", "garter"], PositiveInt], Field(strict=False)]
 SampleList = Annotated[tuple[Sample, ...], Field(min_length=1, strict=False)]
+Families = Annotated[tuple[PositiveInt, ...], Field(min_length=1, strict=False)]
+"""Numbers n_stripe, each with designs at several n_subunit."""
+Lines = dict[int, LinearFit]
+"""The line fitted to the designs of each n_stripe, against n_subunit."""
 
 
 def monotonic(
@@ -41,11 +44,10 @@ def monotonic(
     of: str,
     along: Literal["n_stripe", "n_subunit"],
     direction: Direction,
-) -> Finding:
+) -> CheckResult:
     """A value, or the largest of a curve, rises or falls along n_stripe or n_subunit."""
-    samples = checkerboards(cube, about, of)
-    values = samples.values(lambda sample: float(sample[of].max()))
-    return _trend(samples, values, DESIGN_DIMS.index(along), direction)
+    samples = Samples.of(cube, about, of)
+    return _trend(samples, samples.values(of), DESIGN_DIMS.index(along), direction)
 
 
 def stripe_order(
@@ -53,8 +55,8 @@ def stripe_order(
     about: PureStripes,
     of: Literal["initial_tangent", "stiffening_strain"],
     direction: Direction,
-    stiffened: Part = 0.5,
-) -> Finding:
+    stiffened: Fraction = 0.5,
+) -> CheckResult:
     """A quantity of the force curves rises or falls with the stitches across the stripe.
 
     It is the initial slope, or the applied strain at which the slope first reaches the fraction
@@ -68,14 +70,15 @@ def stripe_order(
         first = int(np.argmax(slopes >= stiffened * slopes.max()))
         return float(stripe["applied_strain"].values[first : first + 2].mean())
 
-    samples = stripes(cube, about, "row_force")
-    return _trend(samples, samples.values(value), 1, direction)
+    samples = Samples.of(cube, about, "row_force")
+    values = {labels: value(one_sample(cube, labels)) for labels in samples.complete}
+    return _trend(samples, values, 1, direction)
 
 
 def _trend(
     samples: Samples, values: dict[Labels, float], place: int, direction: Direction
-) -> Finding:
-    """The finding for a value that should rise or fall with one of the labels."""
+) -> CheckResult:
+    """The result for a value that should rise or fall with one of the labels."""
 
     def others(labels: Labels) -> Labels:
         return (*labels[:place], *labels[place + 1 :])
@@ -99,13 +102,13 @@ def _trend(
         )
     elif len(values) <= MOST_LISTED:
         text += ": " + ", ".join(f"{name_of(each)} {values[each]:.3g}" for each in ordered)
-    return _compared(samples, values, worst(margins.values()), text)
+    return samples.result(worst(margins.values()), text, values)
 
 
-def lowest_of_all(cube: xr.Dataset, about: Checkerboards, of: str, design: Design) -> Finding:
+def lowest_of_all(cube: xr.Dataset, about: Checkerboards, of: str, design: Design) -> CheckResult:
     """A design has the lowest value of all designs with a complete test."""
-    samples = checkerboards(cube, about, of)
-    values = samples.values(lambda sample: float(sample[of]))
+    samples = Samples.of(cube, about, of)
+    values = samples.values(of)
     if design not in values:
         raise samples.too_few(0)
     if len(values) < 2:
@@ -114,20 +117,20 @@ def lowest_of_all(cube: xr.Dataset, about: Checkerboards, of: str, design: Desig
     spread = float(np.ptp([*values.values()]))
     margin = above(values[next_to] - values[design], 0, strict=True, scale=spread)
     text = f"{design} {values[design]:.3f}, lowest of the others {next_to} {values[next_to]:.3f}"
-    return _compared(samples, values, margin, text)
+    return samples.result(margin, text, values)
 
 
-def spread(cube: xr.Dataset, about: Checkerboards, of: str, least: PositiveFloat) -> Finding:
+def spread(cube: xr.Dataset, about: Checkerboards, of: str, least: PositiveFloat) -> CheckResult:
     """The largest value exceeds the smallest by more than the fraction ``least`` of it."""
-    samples = checkerboards(cube, about, of)
-    values = samples.values(lambda sample: float(sample[of]))
+    samples = Samples.of(cube, about, of)
+    values = samples.values(of)
     if len(values) < 2:
         raise samples.too_few(len(values))
     smallest, largest = min(values.values()), max(values.values())
     scale = least * abs(smallest)
     margin = above(largest, smallest + scale, strict=True, scale=scale)
     text = f"{smallest:.3g} to {largest:.3g}{unit_of(of)} over {len(values)} designs"
-    return _compared(samples, values, margin, text)
+    return samples.result(margin, text, values)
 
 
 def trades_off(
@@ -136,80 +139,140 @@ def trades_off(
     of: str,
     against: str,
     significant: Annotated[float, Field(gt=0, lt=0.5)],
-) -> Finding:
+) -> CheckResult:
     """Two values of designs are anticorrelated, by Spearman's rank correlation.
 
     The correlation must be significant at the level ``significant``.
     """
-    samples = checkerboards(cube, about, of, against)
-    ones = samples.values(lambda sample: float(sample[of]))
-    others = samples.values(lambda sample: float(sample[against]))
+    samples = Samples.of(cube, about, of, against)
+    ones, others = samples.values(of), samples.values(against)
     pairs = {labels: (ones[labels], others[labels]) for labels in ones if labels in others}
     if len(pairs) < 3 or not np.ptp(list(pairs.values()), axis=0).all():
         raise samples.too_few(len(pairs))
-    found = stats.spearmanr(list(pairs.values()))
-    margin = below(found.statistic, -weakest_significant(len(pairs), significant))
-    text = f"rank correlation {found.statistic:+.2f} over {len(pairs)} designs"
-    return _compared(samples, pairs, margin, f"{text} (p = {found.pvalue:.2g})")
+    rank, probability = stats.spearmanr(list(pairs.values()))
+    margin = below(rank, -weakest_significant(len(pairs), significant))
+    text = f"rank correlation {rank:+.2f} over {len(pairs)} designs (p = {probability:.2g})"
+    return samples.result(margin, text, pairs)
 
 
 def weakest_significant(count: int, significant: float) -> float:
-    """The weakest rank correlation that is significant, by Student's t.
-
-    Args:
-        count: number of pairs, at least 3.
-        significant: two-sided significance level.
-    """
+    """The weakest rank correlation that is significant by Student's t, at a two-sided level."""
     t = float(stats.t.ppf(1 - significant / 2, count - 2))
     return t / float(np.sqrt(count - 2 + t**2))
 
 
-def _compared(
-    samples: Samples,
-    values: dict[Labels, float] | dict[Labels, tuple[float, float]],
-    margin: float | None,
-    text: str,
-) -> Finding:
-    return Finding(margin, text, len(values), samples.wanted, samples.counted, tuple(values))
-
-
 def sample_order(
     cubes: Sequence[xr.Dataset], of: str, less: SampleList, more: SampleList
-) -> Finding:
+) -> CheckResult:
     """A value is lower for each of some checkerboards and stripes than for each of others.
 
     Samples are named as (n_stripe, n_subunit) or (knit, n), and may be in different cubes. If
     several cubes have a sample, the one whose sample is nearest the paper's is used.
     """
-    found: dict[Sample, tuple[int, Labels]] = {}
     values = [_values(cube, of) for cube in cubes]
+    used: dict[Sample, tuple[int, Labels]] = {}
     for sample in (*less, *more):
-        places = [
+        candidates = [
             (number, labels)
             for number, each in enumerate(values)
             for labels in each
             if labels[:2] == sample
         ]
-        if places:
-            found[sample] = min(places, key=lambda each: preference(cubes[each[0]], [each[1]]))
-    if not found:
+        if candidates:
+            used[sample] = min(candidates, key=lambda each: preference(cubes[each[0]], [each[1]]))
+    if not used:
         raise NotMeasured(f"no {of} of these samples in this cube")
-    value = {sample: values[number][labels] for sample, (number, labels) in found.items()}
-    text = ", ".join(f"{name_of(each)} {value[each]:.3g}{unit_of(of)}" for each in found)
+    value = {sample: values[number][labels] for sample, (number, labels) in used.items()}
+    text = ", ".join(f"{name_of(each)} {value[each]:.3g}{unit_of(of)}" for each in used)
     wanted = len({*less, *more})
-    pairs = [(one, other) for one, other in product(less, more) if {one, other} <= set(found)]
+    pairs = [(one, other) for one, other in product(less, more) if {one, other} <= set(used)]
     if not pairs:
         raise NotMeasured(f"{text}; nothing to compare it with", wanted, "samples")
     margin = worst(below(value[one], value[other], strict=True) for one, other in pairs)
-    numbers, at = zip(*found.values(), strict=True)
-    return Finding(margin, text, len(found), wanted, "samples", at, numbers)
+    numbers, at = zip(*used.values(), strict=True)
+    return CheckResult(margin, text, len(used), wanted, "samples", at, numbers)
 
 
 def _values(cube: xr.Dataset, of: str) -> dict[Labels, float]:
     """The values of all samples with a complete test."""
     if of not in cube:
         return {}
-    kept = cube[of].where(cube["status"] == Status.ok)
-    labels = product(*(cube[dim].values.tolist() for dim in base_dims(cube)))
-    values = dict(zip(labels, kept.values.ravel().tolist(), strict=True))
-    return {each: value for each, value in values.items() if np.isfinite(value)}
+    values = by_labels(cube[of].where(cube["status"] == Status.ok))
+    return {labels: value for labels, value in values.items() if np.isfinite(value)}
+
+
+def linear(cube: xr.Dataset, n_stripe: Families, of: str, unexplained: Fraction) -> CheckResult:
+    """A value is linear in n_subunit: a line leaves little of its variance unexplained."""
+    lines = _lines(cube, n_stripe, of, fewest=1)
+    margin = worst(
+        above(line.r_squared, 1 - unexplained, scale=unexplained) for line in lines.values()
+    )
+    text = ", ".join(f"n_stripe {n}: R² {line.r_squared:.4f}" for n, line in lines.items())
+    return _of_lines(lines, n_stripe, margin, text)
+
+
+def common_slope(
+    cube: xr.Dataset, n_stripe: Families, of: str, spread: PositiveFloat
+) -> CheckResult:
+    """The slopes of all lines agree: they differ by at most a part ``spread`` of their mean."""
+    lines = _lines(cube, n_stripe, of, fewest=2)
+    slopes = np.array([line.slope for line in lines.values()])
+    difference = float(np.ptp(slopes) / abs(slopes.mean()))
+    probability = common_slope_probability(list(lines.values()))
+    text = f"{_slopes(lines)}; apart by {difference:.0%}, p of one slope {probability:.2g}"
+    return _of_lines(lines, n_stripe, below(difference, spread), text)
+
+
+def departs_most(
+    cube: xr.Dataset, n_stripe: Families, of: str, departing: PositiveInt
+) -> CheckResult:
+    """The slope of one n_stripe is farther from the mean of the others than each of the others."""
+    families = (departing, *n_stripe)
+    lines = _lines(cube, families, of, fewest=3, needed=departing)
+    others = np.array([line.slope for n, line in lines.items() if n != departing])
+    mean = float(others.mean())
+    scale = float(np.ptp([line.slope for line in lines.values()]))
+    margin = above(abs(lines[departing].slope - mean), float(abs(others - mean).max()), scale=scale)
+    return _of_lines(lines, families, margin, f"{_slopes(lines)}; mean of the others {mean:.3f}")
+
+
+def _lines(
+    cube: xr.Dataset, n_stripe: Families, of: str, fewest: int, needed: int | None = None
+) -> Lines:
+    """The lines of n_stripe with enough complete tests: ``fewest`` of them, and the needed one."""
+    samples = Samples.of(cube, Checkerboards(n_stripe=n_stripe), of)
+    values = samples.values(of)
+    points = {n: [(float(m), v) for (k, m), v in values.items() if k == n] for n in n_stripe}
+    lines = {
+        n: linear_fit(*np.array(each).T) for n, each in points.items() if len(each) >= FEWEST_POINTS
+    }
+    if len(lines) < fewest or needed not in (None, *lines):
+        missing = ", ".join(str(n) for n in n_stripe if n not in lines)
+        reason = f"fewer than {FEWEST_POINTS} designs measured for n_stripe {missing}"
+        raise NotMeasured(reason, len(n_stripe), "lines")
+    return lines
+
+
+def _of_lines(lines: Lines, n_stripe: Families, margin: float | None, text: str) -> CheckResult:
+    at = tuple((n, int(m)) for n, line in lines.items() for m in line.x)
+    return CheckResult(margin, text, len(lines), len(n_stripe), "lines", at)
+
+
+def _slopes(lines: Lines) -> str:
+    return ", ".join(
+        f"n_stripe {n}: {line.slope:.3f} ± {line.slope_halfwidth:.3f} mm a stitch"
+        for n, line in lines.items()
+    )
+
+
+CHECKS = (
+    common_slope,
+    departs_most,
+    linear,
+    lowest_of_all,
+    monotonic,
+    sample_order,
+    spread,
+    stripe_order,
+    trades_off,
+)

@@ -1,7 +1,7 @@
 """Judging claims by cubes; if several apply, the one nearest the paper's samples decides."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,8 @@ from knitlab.cube.cube_file import open_cube, swept_dims
 from knitlab.cube.selection import choices, refuse_others, selected, selections_along
 from knitlab.io.errors import fault
 from knitlab.validation.claims import Claim
-from knitlab.validation.finding import Finding
-from knitlab.validation.judged_samples import JudgedSamples, judged_samples, preference
-from knitlab.validation.margin import Grade, Verdict, signed
+from knitlab.validation.margin import CheckResult, Grade, Verdict, signed
+from knitlab.validation.samples import JudgedSamples, preference
 
 QUARTER = (0.75, 1.25)
 """Factors on thresholds chosen for knitlab, to test whether a verdict depends on them."""
@@ -33,18 +32,18 @@ class Judgement:
 
     Attributes:
         claim: the claim.
-        finding: the finding that decides it.
+        result: the result that decides it.
         samples: the samples that it was judged on, cube by cube.
         quarters: the verdicts with thresholds chosen for knitlab at the factors :data:`QUARTER`;
             empty if the threshold is the paper's.
-        contrary: cubes with another verdict, and their findings.
+        contrary: cubes with another verdict, and their results.
     """
 
     claim: Claim
-    finding: Finding
+    result: CheckResult
     samples: tuple[JudgedSamples, ...]
     quarters: tuple[Verdict, ...] = ()
-    contrary: tuple[tuple[Path, Finding], ...] = ()
+    contrary: tuple[tuple[Path, CheckResult], ...] = ()
 
     @property
     def cubes(self) -> tuple[Path, ...]:
@@ -54,7 +53,7 @@ class Judgement:
     @property
     def sensitivity(self) -> str:
         """Effect of changing thresholds chosen for knitlab by a quarter, as text."""
-        now = self.finding.verdict
+        now = self.result.verdict
         if now is Verdict.not_measured or not self.quarters:
             return ""
         changed = [
@@ -71,7 +70,7 @@ def judged(
     """Judge claims by cubes.
 
     If several cubes measure a claim, the one whose samples are nearest the paper's decides
-    (:func:`knitlab.validation.judged_samples.preference`), or the first of equal ones.
+    (:func:`.preference`), or the first of equal ones.
 
     Args:
         claims: the claims.
@@ -101,37 +100,30 @@ def judged_slices(claims: Sequence[Claim], slices: Sequence[Slice]) -> list[Judg
 
 def _by_nearest(claim: Claim, slices: Sequence[Slice]) -> Judgement:
     """The judgement by the one cube whose samples are nearest the paper's."""
-    found = [(path, cube, claim.finding([cube])) for path, cube in slices]
-    path, cube, finding = min(found, key=lambda each: _rank(each[1], each[2]))
-    return Judgement(
-        claim,
-        finding,
-        (judged_samples(path, cube, finding.at),),
-        tuple(claim.finding([cube], factor).verdict for factor in QUARTER)
-        if claim.statement.knitlab
-        else (),
-        tuple(
-            (other, each)
-            for other, _, each in found
-            if each.verdict not in (finding.verdict, Verdict.not_measured)
-        ),
-    )
+    checked = [(path, cube, claim.check([cube])) for path, cube in slices]
+    path, cube, result = min(checked, key=lambda each: _rank(each[1], each[2]))
+    samples = JudgedSamples.of(path, cube, result.at)
+    factors = QUARTER if claim.knitlab else ()
+    quarters = tuple(claim.check([cube], factor).verdict for factor in factors)
+    same = (result.verdict, Verdict.not_measured)
+    others = tuple((other, each) for other, _, each in checked if each.verdict not in same)
+    return Judgement(claim, result, (samples,), quarters, others)
 
 
-def _rank(cube: xr.Dataset, finding: Finding) -> tuple[object, ...]:
-    nothing = finding.verdict is Verdict.not_measured
-    return nothing, finding.wanted == 0, *preference(cube, finding.at)
+def _rank(cube: xr.Dataset, result: CheckResult) -> tuple[object, ...]:
+    nothing = result.verdict is Verdict.not_measured
+    return nothing, result.wanted == 0, *preference(cube, result.at)
 
 
 def _by_all(claim: Claim, slices: Sequence[Slice]) -> Judgement:
     """The judgement by all cubes together; it names only those that were used."""
-    finding = claim.finding([cube for _, cube in slices])
-    used = list(zip(finding.cubes, finding.at, strict=True))
+    result = claim.check([cube for _, cube in slices])
+    used = list(zip(result.cubes, result.at, strict=True))
     samples = tuple(
-        judged_samples(*slices[number], [labels for each, labels in used if each == number])
-        for number in sorted(set(finding.cubes))
+        JudgedSamples.of(*slices[number], [labels for each, labels in used if each == number])
+        for number in sorted(set(result.cubes))
     )
-    return Judgement(claim, finding, samples)
+    return Judgement(claim, result, samples)
 
 
 def _one_slice(path: Path, cube: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
@@ -145,7 +137,7 @@ def _one_slice(path: Path, cube: xr.Dataset, selections: Mapping[str, Any]) -> x
 
 def summary(judgements: Sequence[Judgement]) -> str:
     """Numbers of claims that hold, are near misses, fail and are not measured, as text."""
-    counts = Counter(each.finding.grade for each in judgements)
+    counts = Counter(each.result.grade for each in judgements)
     near = counts[Grade.near_miss]
     return (
         f"{counts[Grade.holds]} hold, {near} near miss{'' if near == 1 else 'es'},"
@@ -156,21 +148,55 @@ def summary(judgements: Sequence[Judgement]) -> str:
 def listed(judgements: Sequence[Judgement]) -> str:
     """The lines for a terminal: grade, margin, claim and measured values, and the summary."""
     lines = [
-        f"{each.finding.grade.value:12}  {signed(each.finding.margin):>8}"
-        f"  {each.claim.name}: {each.finding.measured}"
+        f"{each.result.grade.value:12}  {signed(each.result.margin):>8}"
+        f"  {each.claim.name}: {each.result.measured}"
         for each in judgements
     ]
     return "\n".join([*lines, summary(judgements)])
 
 
-def contrary(found: Sequence[tuple[Path, Finding]], name: Callable[[Path], str]) -> str:
-    """Verdicts that differ from the deciding one, as text.
-
-    Args:
-        found: the cubes with another verdict, and their findings.
-        name: returns the name of a cube for its path.
-    """
+def contrary(others: Sequence[tuple[Path, CheckResult]], name: Callable[[Path], str]) -> str:
+    """Verdicts that differ from the deciding one, as text, with the names of their cubes."""
     return ", ".join(
-        f"{finding.verdict.value} at {signed(finding.margin)} on {finding.count} of {name(path)}"
-        for path, finding in found
+        f"{result.verdict.value} at {signed(result.margin)} on {result.count} of {name(path)}"
+        for path, result in others
     )
+
+
+def records(judgements: Sequence[Judgement]) -> list[dict[str, Any]]:
+    """A table row for each claim: texts, counts, and the margin if it was measured."""
+    return [_record(each) for each in judgements]
+
+
+def _record(each: Judgement) -> dict[str, Any]:
+    claim, result = each.claim, each.result
+    samples = each.samples if result.at else ()
+    return {
+        "claim": claim.name,
+        "topic": claim.topic,
+        "verdict": result.verdict.value,
+        "grade": result.grade.value,
+        "margin": result.margin,
+        "measured": result.measured,
+        "judged": result.judged,
+        "wanted": result.wanted,
+        "counted": result.counted,
+        "text": claim.text,
+        "measured_along": claim.measured_along or "",
+        "place": claim.place,
+        "threshold_of": claim.threshold_of,
+        "ours": ", ".join(claim.knitlab),
+        "change": each.sensitivity,
+        "why_not": (claim.why_not or "") if result.verdict is Verdict.fails else "",
+        "figure": claim.figure or "",
+        "cube": ", ".join(map(str, each.cubes)),
+        "boundary": _joined(sample.boundary for sample in samples),
+        "unit_cells": _joined(sample.size for sample in samples),
+        "reading": _joined(sample.options for sample in samples),
+        "contrary": contrary(each.contrary, str),
+    }
+
+
+def _joined(texts: Iterable[str]) -> str:
+    """Different texts, each once."""
+    return " | ".join(dict.fromkeys(filter(None, texts)))

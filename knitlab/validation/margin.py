@@ -19,6 +19,7 @@ that a number can.
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from enum import StrEnum
 
 NEAR = 0.25
@@ -29,6 +30,8 @@ LARGEST = 1000.0
 """Margins beyond this, of either sign, are given as this."""
 LEAST_MISS = math.nextafter(0.0, -1.0)
 """Margin of a value on a limit that the claim excludes."""
+Labels = tuple[str | int, ...]
+"""Labels of one sample along the cube's dimensions: (4, 16), or ("rib", 4, "periodic")."""
 
 
 class Verdict(StrEnum):
@@ -48,35 +51,68 @@ class Grade(StrEnum):
     not_measured = "not measured"
 
 
-def verdict_of(margin: float | None) -> Verdict:
-    """The verdict that a margin means; not measured if there is none."""
-    if margin is None:
-        return Verdict.not_measured
-    return Verdict.holds if margin >= 0 else Verdict.fails
+@dataclass(frozen=True)
+class CheckResult:
+    """What the check of a claim finds.
+
+    Attributes:
+        margin: distance to the threshold; ``None`` if the claim could not be measured.
+        text: the values that decide it, or what is missing.
+        judged: number of designs, stripes, lines or samples that it was judged on.
+        wanted: number that the claim is about; 0 if the cube has none of them.
+        counted: what is counted: designs, stripes, lines or samples.
+        at: labels of the samples that it was judged on.
+        cubes: for a check of several cubes, the index of the cube of each of these samples.
+    """
+
+    margin: float | None
+    text: str
+    judged: int = 0
+    wanted: int = 0
+    counted: str = "designs"
+    at: tuple[Labels, ...] = ()
+    cubes: tuple[int, ...] = ()
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether the claim holds."""
+        if self.margin is None:
+            return Verdict.not_measured
+        return Verdict.holds if self.margin >= 0 else Verdict.fails
+
+    @property
+    def grade(self) -> Grade:
+        """The verdict, with near misses separate from other failures."""
+        near = self.margin is not None and -NEAR <= self.margin < 0
+        return Grade.near_miss if near else Grade(self.verdict.value)
+
+    @property
+    def count(self) -> str:
+        """What it was judged on: ``12 of 15 designs``; empty if on nothing."""
+        return f"{self.judged} of {self.wanted} {self.counted}" if self.judged else ""
+
+    @property
+    def measured(self) -> str:
+        """The text, with the number of samples if some are missing."""
+        partial = self.margin is not None and self.judged < self.wanted
+        return f"{self.text}; judged on {self.count}" if partial else self.text
 
 
-def grade_of(margin: float | None) -> Grade:
-    """The grade that a margin means; not measured if there is none."""
-    verdict = verdict_of(margin)
-    if verdict is Verdict.fails and margin is not None and margin >= -NEAR:
-        return Grade.near_miss
-    return Grade(verdict.value)
+class NotMeasured(Exception):
+    """The cube has too little to check a claim; ``result`` has no margin and states why."""
+
+    def __init__(self, reason: str, wanted: int = 0, counted: str = "designs") -> None:
+        self.result = CheckResult(None, reason, 0, wanted, counted)
+        super().__init__(reason)
 
 
 def above(
     value: float, limit: float, *, strict: bool = False, scale: float | None = None
 ) -> float | None:
-    """Margin of a value that must be at least a limit.
+    """Margin of a value that must be at least a limit, or more than it if ``strict``.
 
-    Args:
-        value: what was measured.
-        limit: what it must reach.
-        strict: whether it must be more than the limit.
-        scale: positive number that has margin 1; by default the size of the limit, or 1 if the
-            limit is 0.
-
-    Returns:
-        The margin, or ``None`` if the value, the limit or the scale is not a finite number.
+    The scale has margin 1; by default it is the size of the limit, or 1 if the limit is 0. There
+    is no margin if the value, the limit or the scale is not a finite number.
     """
     scale = (abs(limit) or 1.0) if scale is None else scale
     if not all(map(math.isfinite, (value, limit, scale))):
@@ -94,7 +130,6 @@ def below(
     value: float, limit: float, *, strict: bool = False, scale: float | None = None
 ) -> float | None:
     """Margin of a value that must be at most a limit; otherwise as :func:`above`."""
-    scale = (abs(limit) or 1.0) if scale is None else scale
     return above(-value, -limit, strict=strict, scale=scale)
 
 
@@ -102,18 +137,10 @@ def within(value: float, lowest: float, highest: float) -> float | None:
     """Margin of a value that must lie between two limits, either of which may be infinite.
 
     A limit of 0 is excluded, any other is not.
-
-    Returns:
-        The smaller margin of the two, or ``None`` if the value is not a finite number.
     """
-    if not math.isfinite(value):
-        return None
-    margins = []
-    if math.isfinite(lowest):
-        margins.append(above(value, lowest, strict=lowest == 0))
-    if math.isfinite(highest):
-        margins.append(below(value, highest, strict=highest == 0))
-    return worst(margins)
+    return worst(
+        [above(value, lowest, strict=lowest == 0), below(value, highest, strict=highest == 0)]
+    )
 
 
 def worst(margins: Iterable[float | None]) -> float | None:

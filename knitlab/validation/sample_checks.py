@@ -1,9 +1,9 @@
-"""Tests of claims that every sample must satisfy on its own; the worst sample decides.
+"""Checks of claims that every sample must satisfy on its own; the worst sample decides.
 
 Each is a function of a cube at one value of every swept setting. Its other arguments are the keys
 of a claim in ``params/claims.toml``: ``about`` selects the samples, ``of`` names the variable. It
-returns a :class:`~knitlab.validation.finding.Finding`, or raises
-:class:`~knitlab.validation.finding.NotMeasured`. Samples without a complete test are ignored.
+returns a :class:`~knitlab.validation.margin.CheckResult`, or raises
+:class:`~knitlab.validation.margin.NotMeasured`. Samples without a complete test are ignored.
 """
 
 from collections.abc import Callable
@@ -12,17 +12,22 @@ import numpy as np
 import xarray as xr
 from pydantic import PositiveFloat
 
-from knitlab.measure.central import central
-from knitlab.validation.finding import Finding, Labels, NotMeasured
-from knitlab.validation.margin import above, below, within, worst
+from knitlab.measure.unit_cells import central
+from knitlab.validation.margin import (
+    CheckResult,
+    Labels,
+    NotMeasured,
+    above,
+    below,
+    within,
+    worst,
+)
 from knitlab.validation.samples import (
     Checkerboards,
     PureStripes,
     Samples,
-    checkerboards,
     name_of,
     one_sample,
-    stripes,
     unit_of,
 )
 
@@ -41,7 +46,7 @@ def value_within(
     lowest: float = -np.inf,
     highest: float = np.inf,
     slack: float = 0.0,
-) -> Finding:
+) -> CheckResult:
     """A value, or a whole curve over the applied strain, is between two limits.
 
     A value equal to a limit of 0 is outside. If the paper's limits are approximate, a value may be
@@ -57,22 +62,22 @@ def value_within(
         curve = sample[of].ndim > 0
         return margin, f"{ends[0]:.2f} to {ends[1]:.2f}" if curve else f"{ends[0]:.3g}"
 
-    return _each(checkerboards(cube, about, of), measure)
+    return _each(Samples.of(cube, about, of), measure)
 
 
-def less_than(cube: xr.Dataset, about: Checkerboards, of: str, than: str) -> Finding:
+def less_than(cube: xr.Dataset, about: Checkerboards, of: str, than: str) -> CheckResult:
     """The value ``of`` is less than the value ``than`` of the same sample."""
 
     def measure(sample: xr.Dataset) -> Measured:
         one, other = float(sample[of]), float(sample[than])
         return below(one, other, strict=True), f"{one:.3g} to {other:.3g}{unit_of(of)}"
 
-    return _each(checkerboards(cube, about, of, than), measure)
+    return _each(Samples.of(cube, about, of, than), measure)
 
 
 def rises_and_falls(
     cube: xr.Dataset, about: Checkerboards, of: str, fall: PositiveFloat
-) -> Finding:
+) -> CheckResult:
     """A curve rises to a peak within the test, then falls by the fraction ``fall`` of the peak.
 
     The fall of a curve without a peak within the test is 0.
@@ -83,15 +88,17 @@ def rises_and_falls(
         if curve.size < FEWEST_POINTS:
             return None, ""
         top = int(curve.values.argmax())
-        first, peak, last = (float(curve[place]) for place in (0, top, -1))
+        first, peak, last = curve.values[[0, top, -1]].tolist()
         falls = (peak - last) / peak if peak > max(first, 0.0) else 0.0
         strain = float(curve["applied_strain"][top])
         return above(falls, fall), f"peak {peak:.3f} at {strain:.0%}, then {-falls:+.0%}"
 
-    return _each(checkerboards(cube, about, of), measure)
+    return _each(Samples.of(cube, about, of), measure)
 
 
-def follows(cube: xr.Dataset, about: Checkerboards, of: str, tolerance: PositiveFloat) -> Finding:
+def follows(
+    cube: xr.Dataset, about: Checkerboards, of: str, tolerance: PositiveFloat
+) -> CheckResult:
     """A strain rises with the applied strain and stays close to it.
 
     The margin is the smaller of two: that of the largest departure, over the largest applied
@@ -108,12 +115,12 @@ def follows(cube: xr.Dataset, about: Checkerboards, of: str, tolerance: Positive
         margin = worst([below(off, tolerance), above(slope, 0, strict=True)])
         return margin, f"off by {off:.1%}" + ("" if slope > 0 else ", not monotonic")
 
-    return _each(checkerboards(cube, about, of), measure)
+    return _each(Samples.of(cube, about, of), measure)
 
 
 def largest_at_centre(
     cube: xr.Dataset, about: Checkerboards, of: str, applied_strain: PositiveFloat
-) -> Finding:
+) -> CheckResult:
     """A local strain is positive at the centre, and larger there than elsewhere along the sample.
 
     Both are compared at one ``applied_strain``.
@@ -131,7 +138,7 @@ def largest_at_centre(
         margin = worst([positive, above(centre, beside, scale=scale)])
         return margin, f"{centre:.3f} in the central cells, {beside:.3f} beside them"
 
-    samples = checkerboards(cube, about, of)
+    samples = Samples.of(cube, about, of)
     if not np.isclose(cube["applied_strain"], applied_strain, 0, 1e-9).any():
         raise NotMeasured(f"no applied strain of {applied_strain:g} in this cube")
     return _each(samples, measure)
@@ -139,7 +146,7 @@ def largest_at_centre(
 
 def stripe_toe(
     cube: xr.Dataset, about: PureStripes, softer_than: PositiveFloat, visible: bool
-) -> Finding:
+) -> CheckResult:
     """A force curve is J-shaped, or is not: much softer at its start than at its end.
 
     It is if the ratio of the initial to the largest tangent is below ``softer_than``.
@@ -151,12 +158,12 @@ def stripe_toe(
         j_shaped = below(ratio, softer_than, strict=True)
         return j_shaped if visible else above(ratio, softer_than), f"{ratio:.2f}"
 
-    return _each(stripes(cube, about, "row_force"), measure)
+    return _each(Samples.of(cube, about, "row_force"), measure)
 
 
 def same_curves(
     cube: xr.Dataset, about: PureStripes, one: str, other: str, tolerance: PositiveFloat
-) -> Finding:
+) -> CheckResult:
     """Two curves of a stripe differ by at most ``tolerance`` times the largest of ``other``."""
 
     def measure(sample: xr.Dataset) -> Measured:
@@ -164,7 +171,7 @@ def same_curves(
         off = float(abs(sample[one].values - reference).max() / abs(reference).max())
         return below(off, tolerance), f"{off:.1%}"
 
-    return _each(stripes(cube, about, one, other), measure)
+    return _each(Samples.of(cube, about, one, other), measure)
 
 
 def tangents(stripe: xr.Dataset) -> np.ndarray:
@@ -172,27 +179,31 @@ def tangents(stripe: xr.Dataset) -> np.ndarray:
     return np.diff(stripe["row_force"].values) / np.diff(stripe["applied_strain"].values)
 
 
-def _each(samples: Samples, measure: Callable[[xr.Dataset], Measured]) -> Finding:
-    """The finding for samples that each must satisfy the claim."""
+def _each(samples: Samples, measure: Callable[[xr.Dataset], Measured]) -> CheckResult:
+    """The result for samples that each must satisfy the claim."""
     margins: dict[Labels, float] = {}
     texts: dict[Labels, str] = {}
     for labels in samples.complete:
         margin, text = measure(one_sample(samples.cube, labels))
         if margin is not None:
-            margins[labels], texts[labels] = margin, text
+            margins[labels], texts[labels] = margin, f"{name_of(labels)} {text}"
     if not margins:
         raise samples.too_few(0)
     failing = [labels for labels, margin in margins.items() if margin < 0]
     opening = f"{len(failing)} of {len(margins)} do not: " if failing else ""
     shown = failing or list(margins)
     first = sorted(shown, key=lambda labels: margins[labels])[:MOST_LISTED]
-    listed = ", ".join(f"{name_of(each)} {texts[each]}" for each in shown if each in first)
+    listed = ", ".join(texts[labels] for labels in shown if labels in first)
     more = f" and {len(shown) - len(first)} more" if len(shown) > len(first) else ""
-    return Finding(
-        min(margins.values()),
-        opening + listed + more,
-        len(margins),
-        samples.wanted,
-        samples.counted,
-        tuple(margins),
-    )
+    return samples.result(min(margins.values()), opening + listed + more, margins)
+
+
+CHECKS = (
+    follows,
+    largest_at_centre,
+    less_than,
+    rises_and_falls,
+    same_curves,
+    stripe_toe,
+    value_within,
+)

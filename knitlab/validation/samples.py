@@ -1,22 +1,26 @@
-"""The samples of a cube that a claim is about, and which of them have a complete test."""
+"""The samples of a cube that a claim is about, and how like the paper's they are."""
 
-from collections.abc import Callable
+import json
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import xarray as xr
 from pydantic import Field, PositiveInt
 
-from knitlab.cube.cube_file import base_dims
-from knitlab.cube.schema import DESIGN_DIMS, STRIPE_DIMS, VARIABLES, Status
-from knitlab.io.strict_model import StrictModel
-from knitlab.validation.finding import Labels, NotMeasured
+from knitlab.cube.cube_file import READING, base_dims, is_measured, model_options, source_of
+from knitlab.cube.schema import DESIGN_DIMS, SOURCE, STRIPE_DIMS, VARIABLES, Status
+from knitlab.io.toml import StrictModel
+from knitlab.validation.margin import CheckResult, Labels, NotMeasured
 
 Design = Annotated[tuple[PositiveInt, PositiveInt], Field(strict=False)]
-BOUNDARY = "periodic"
+STRIPE_BOUNDARY = "periodic"
 """Boundary of the pure stripes of claims: the paper computes them without ends."""
+PAPER_BOUNDARY = "clamped"
+"""Boundary of the paper's own samples."""
 
 
 class Checkerboards(StrictModel):
@@ -29,10 +33,21 @@ class Checkerboards(StrictModel):
         at_least: number of designs in the paper.
     """
 
+    dims: ClassVar = DESIGN_DIMS
+    kind: ClassVar = "checkerboards"
+    counted: ClassVar = "designs"
     designs: Annotated[tuple[Design, ...], Field(strict=False)] = ()
     n_stripe: Annotated[tuple[PositiveInt, ...], Field(strict=False)] = ()
     without: Annotated[tuple[Design, ...], Field(strict=False)] = ()
     at_least: PositiveInt = 1
+
+    def among(self, planned: Iterable[Labels]) -> list[Labels]:
+        """The designs that the claim is about, of those that are planned."""
+        if self.designs:
+            return list(self.designs)
+        stripes = self.n_stripe
+        planned = [labels for labels in planned if not stripes or labels[0] in stripes]
+        return [labels for labels in planned if labels not in self.without]
 
 
 class PureStripes(StrictModel):
@@ -43,14 +58,26 @@ class PureStripes(StrictModel):
         at_least: number of stripes in the paper.
     """
 
+    dims: ClassVar = STRIPE_DIMS
+    kind: ClassVar = f"{STRIPE_BOUNDARY} pure stripes"
+    counted: ClassVar = "stripes"
     smallest: dict[str, int] = Field(default_factory=dict)
     largest: dict[str, int] = Field(default_factory=dict)
     at_least: PositiveInt = 1
 
+    def among(self, planned: Iterable[Labels]) -> list[Labels]:
+        """The stripes that the claim is about, of those that are planned."""
+        return [
+            (knit, n, boundary)
+            for knit, n, boundary in planned
+            if boundary == STRIPE_BOUNDARY
+            and self.smallest.get(str(knit), 0) <= int(n) <= self.largest.get(str(knit), int(n))
+        ]
+
 
 @dataclass(frozen=True)
 class Samples:
-    """Samples that a claim is about.
+    """Samples of a cube that a claim is about: ``wanted`` many, of which some are complete.
 
     Attributes:
         cube: the cube of the samples.
@@ -60,76 +87,50 @@ class Samples:
     """
 
     cube: xr.Dataset
-    complete: tuple[Labels, ...]
+    complete: list[Labels]
     wanted: int
     counted: str
 
-    def values(self, of: Callable[[xr.Dataset], float]) -> dict[Labels, float]:
-        """A number for each complete sample, without samples for which it is not finite."""
-        found = {labels: of(one_sample(self.cube, labels)) for labels in self.complete}
-        return {labels: value for labels, value in found.items() if np.isfinite(value)}
+    @classmethod
+    def of(cls, cube: xr.Dataset, about: Checkerboards | PureStripes, *variables: str) -> "Samples":
+        """The samples that a claim is about, of a cube at one value of every swept setting.
+
+        Raises:
+            NotMeasured: if the cube has no such samples, or lacks one of the variables.
+        """
+        if base_dims(cube) != about.dims:
+            raise NotMeasured(f"no {about.kind} in this cube")
+        if missing := sorted(set(variables) - set(map(str, cube.data_vars))):
+            raise NotMeasured(f"no {', '.join(missing)} in this cube")
+        statuses = by_labels(cube["status"])
+        planned = [labels for labels, status in statuses.items() if status != Status.excluded]
+        asked = about.among(planned)
+        complete = [labels for labels in asked if statuses.get(labels) == Status.ok]
+        wanted = max(about.at_least, len(asked))
+        return cls(cube[["status", *variables]], complete, wanted, about.counted)
+
+    def values(self, of: str) -> dict[Labels, float]:
+        """The value, or the largest of a curve, of the complete samples that have one."""
+        dims = base_dims(self.cube)
+        variable = self.cube[of].transpose(*dims, ...)
+        values = by_labels(variable.max([dim for dim in variable.dims if dim not in dims]))
+        return {labels: values[labels] for labels in self.complete if np.isfinite(values[labels])}
+
+    def result(self, margin: float | None, text: str, at: Iterable[Labels]) -> CheckResult:
+        """The result of a check that was judged on some of the samples."""
+        at = tuple(at)
+        return CheckResult(margin, text, len(at), self.wanted, self.counted, at)
 
     def too_few(self, measured: int) -> NotMeasured:
         """The exception for too few measured samples."""
-        count = f"{measured} of {self.wanted} {self.counted}"
-        none = f"none of the {self.counted}"
-        return NotMeasured(f"{count if measured else none} measured", self.wanted, self.counted)
+        count = f"{measured} of {self.wanted}" if measured else "none of the"
+        return NotMeasured(f"{count} {self.counted} measured", self.wanted, self.counted)
 
 
-def checkerboards(cube: xr.Dataset, about: Checkerboards, *variables: str) -> Samples:
-    """The checkerboards of a cube that a claim is about.
-
-    Args:
-        cube: the cube, at one value of every swept setting.
-        about: which of them.
-        variables: names of variables that the cube must have.
-
-    Raises:
-        NotMeasured: if the cube has no checkerboards, or lacks a variable.
-    """
-    statuses = _statuses(cube, DESIGN_DIMS, "checkerboards", variables)
-    asked: tuple[Labels, ...] = about.designs or tuple(
-        labels
-        for labels, status in statuses.items()
-        if status != Status.excluded
-        and (not about.n_stripe or labels[0] in about.n_stripe)
-        and labels not in about.without
-    )
-    complete = tuple(labels for labels in asked if statuses.get(labels) == Status.ok)
-    wanted = len(asked) if about.designs else max(about.at_least, len(asked))
-    return Samples(cube[["status", *variables]], complete, wanted, "designs")
-
-
-def stripes(cube: xr.Dataset, about: PureStripes, *variables: str) -> Samples:
-    """The pure stripes of a cube that a claim is about; see :func:`checkerboards`."""
-    statuses = {
-        labels: status
-        for labels, status in _statuses(cube, STRIPE_DIMS, "pure stripes", variables).items()
-        if labels[-1] == BOUNDARY
-    }
-    if not statuses:
-        raise NotMeasured(f"no {BOUNDARY} pure stripes in this cube")
-    asked = [
-        (knit, n, boundary)
-        for (knit, n, boundary), status in statuses.items()
-        if status != Status.excluded
-        and about.smallest.get(str(knit), 0) <= int(n) <= about.largest.get(str(knit), int(n))
-    ]
-    complete = tuple(labels for labels in asked if statuses[labels] == Status.ok)
-    wanted = max(about.at_least, len(asked))
-    return Samples(cube[["status", *variables]], complete, wanted, "stripes")
-
-
-def _statuses(
-    cube: xr.Dataset, dims: tuple[str, ...], kind: str, variables: tuple[str, ...]
-) -> dict[Labels, int]:
-    """The status of every sample of a cube, by its labels."""
-    if base_dims(cube) != dims:
-        raise NotMeasured(f"no {kind} in this cube")
-    if missing := sorted(set(variables) - set(map(str, cube.data_vars))):
-        raise NotMeasured(f"no {', '.join(missing)} in this cube")
-    labels = product(*(cube[dim].values.tolist() for dim in dims))
-    return dict(zip(labels, cube["status"].values.ravel().tolist(), strict=True))
+def by_labels(variable: xr.DataArray) -> dict[Labels, Any]:
+    """The values of a variable of designs, by the labels of each."""
+    labels = product(*(variable[dim].values.tolist() for dim in variable.dims))
+    return dict(zip(labels, variable.values.ravel().tolist(), strict=True))
 
 
 def one_sample(cube: xr.Dataset, labels: Labels) -> xr.Dataset:
@@ -147,3 +148,102 @@ def unit_of(variable: str) -> str:
     """The unit of a variable, to follow a number; empty for a plain number."""
     unit = VARIABLES[variable].units
     return "" if unit == "1" else f" {unit}"
+
+
+@dataclass(frozen=True)
+class JudgedSamples:
+    """Samples of a cube that a claim was judged on.
+
+    Attributes:
+        cube: path of the cube.
+        boundary: clamped or periodic; empty if the cube does not state it.
+        size: their unit cells, along weft × warp: one size, or smallest and largest.
+        options: model options, as text.
+        experiment: name of the experiment, if it is one.
+    """
+
+    cube: Path
+    boundary: str
+    size: str
+    options: str
+    experiment: str = ""
+
+    @classmethod
+    def of(cls, path: Path, cube: xr.Dataset, at: Sequence[Labels]) -> "JudgedSamples":
+        """Describe the samples ``at`` of a cube at one value of every swept setting."""
+        sizes = sorted(
+            {size for labels in at if (size := unit_cells(cube, labels)) is not None},
+            key=lambda size: (size[0] * size[1], size),
+        )
+        ends = [f"{cells_x} × {cells_y}" for cells_x, cells_y in (*sizes[:1], *sizes[-1:])]
+        boundaries = dict.fromkeys(boundary_of(cube, labels) for labels in at)
+        return cls(
+            path,
+            ", ".join(filter(None, boundaries)),
+            " to ".join(dict.fromkeys(ends)),
+            _options(cube),
+            source_of(cube) if is_measured(cube) else "",
+        )
+
+
+def preference(cube: xr.Dataset, at: Sequence[Labels]) -> tuple[bool, int, float]:
+    """Sort key for cubes by the similarity of their samples ``at`` to those of the paper.
+
+    Samples with the boundary of the paper's come first, then more of the wanted samples before
+    fewer, then larger ones, by their mean number of unit cells.
+    """
+    sizes = [unit_cells(cube, labels) or (0, 0) for labels in at]
+    mean = float(np.mean([cells_x * cells_y for cells_x, cells_y in sizes])) if sizes else 0.0
+    another = any(boundary_of(cube, labels) != PAPER_BOUNDARY for labels in at)
+    return another, -len(at), -mean
+
+
+def boundary_of(cube: xr.Dataset, labels: Labels) -> str:
+    """The boundary of one sample; an experiment's is clamped. Empty if the cube has none."""
+    if is_measured(cube):
+        return "clamped"
+    along = dict(zip(base_dims(cube), labels, strict=True))
+    if "boundary" in along:
+        return str(along["boundary"])
+    swept = cube.coords.get("boundary")
+    return str(cube.attrs.get(f"{READING}boundary", "") if swept is None else swept.item())
+
+
+def unit_cells(cube: xr.Dataset, labels: Labels) -> tuple[int, int] | None:
+    """Unit cells of one sample along (weft, warp).
+
+    They are taken from the variables ``unit_cells_x`` and ``unit_cells_y``, else counted in the
+    local strains, else taken from the parameters of the cube.
+    """
+    names = [each for each in ("unit_cells_x", "unit_cells_y", "strain_xx") if each in cube]
+    sample = one_sample(cube[["status", *names]], labels)
+    stated = [float(sample[name]) for name in ("unit_cells_x", "unit_cells_y") if name in sample]
+    if len(stated) == 2 and np.isfinite(stated).all():
+        return int(stated[0]), int(stated[1])
+    if "strain_xx" in sample:
+        strained = sample["strain_xx"].notnull().any("applied_strain")
+        if strained.any():
+            return int(strained.any("cell_y").sum()), int(strained.any("cell_x").sum())
+    cells = _parameters(cube).get("unit_cells")
+    return (int(cells[1]), int(cells[0])) if cells else None
+
+
+def _options(cube: xr.Dataset) -> str:
+    """The model options as text, with swept settings and the gap between the walls."""
+    options = model_options(cube)
+    if z_max := _parameters(cube).get("sheet", {}).get("z_max"):
+        options["z_max"] = z_max
+    options |= {
+        str(name): each.item()
+        for name, each in cube.coords.items()
+        if not each.dims and name != SOURCE and name not in base_dims(cube)
+    }
+    options.pop("boundary", None)
+    return ", ".join(
+        f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
+        for name, value in options.items()
+    )
+
+
+def _parameters(cube: xr.Dataset) -> dict[str, Any]:
+    return json.loads(cube.attrs.get("parameters", "{}"))

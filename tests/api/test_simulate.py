@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 import knitlab as kl
-from knitlab.api.single_design import of_design
+from knitlab.api.simulation import case_of_design
 from knitlab.sweep.workflow import ProtocolSection
 
 STRAINS = [0.0, 0.03, 0.06]
@@ -77,9 +77,9 @@ def test_objects_make_the_case_of_a_workflow_with_the_same_settings(given, setti
     parameters = DEFAULTS.with_tables(**given)
     design = kl.Design(4, 16)
     strains = ProtocolSection().applied_strain
-    case = of_design(
+    case = case_of_design(
         design, strains, parameters, ProtocolSection(), electrodes="capacitor" in given
-    ).case
+    )
     assert case.case_id == planned
 
 
@@ -87,7 +87,7 @@ def test_stripes_of_other_sizes_replace_those_of_the_tables():
     pattern = kl.Pattern(rows=("GR", "RG"), column_stitches=(16, 24), column_n_stripe=(4, 6))
     own = replace(DEFAULTS.stripes.stripe("rib", 6), k_t=0.01)
     design = kl.Design(4, 16, pattern=pattern, further_stripes=(own,))
-    case = of_design(design, [0], DEFAULTS, ProtocolSection(), electrodes=False).case
+    case = case_of_design(design, [0], DEFAULTS, ProtocolSection(), electrodes=False)
     assert [stripe.k_t for stripe in case.grading.weft] == [case.weft.k_t, 0.01]
 
 

@@ -14,9 +14,9 @@ NUMBER = st.floats(-10, 10)
 def test_the_difference_is_a_mean_square_that_scales(pairs, factor):
     one, other = np.array(pairs).T
     found = difference(one, other, np.full(len(one), 0.1))
-    assert found.rms == pytest.approx(np.linalg.norm(one - other) / len(one) ** 0.5)
+    assert found.rms_difference == pytest.approx(np.linalg.norm(one - other) / len(one) ** 0.5)
     scaled = difference(factor * one, factor * other, np.full(len(one), factor * 0.1))
-    assert scaled.rms == pytest.approx(factor * found.rms)
+    assert scaled.rms_difference == pytest.approx(factor * found.rms_difference)
     assert scaled.uncertainty == pytest.approx(factor * found.uncertainty, rel=1e-6)
 
 
@@ -28,7 +28,7 @@ def test_the_uncertainty_is_what_noise_makes_of_the_difference():
         difference(simulated, truth + random.normal(0, error, 20), np.full(20, error))
         for _ in range(2000)
     ]
-    rms = [each.rms for each in found]
+    rms = [each.rms_difference for each in found]
     assert np.std(rms) == pytest.approx(np.mean([each.uncertainty for each in found]), rel=0.05)
 
 
@@ -36,14 +36,16 @@ def test_two_measurements_of_one_curve_differ_by_the_noise():
     random = np.random.default_rng(0)
     noise = random.normal(0, 0.1, (500, 40))
     found = [difference(np.zeros(40), row, np.full(40, 0.1)) for row in noise]
-    assert np.mean([each.rms for each in found]) == pytest.approx(found[0].noise, rel=0.02)
+    assert np.mean([each.rms_difference for each in found]) == pytest.approx(
+        found[0].noise, rel=0.02
+    )
 
 
 def test_only_strains_that_both_have_count():
     gap = np.array([1.0, np.nan, 3.0, 4.0])
     other = np.array([1.5, 2.0, 3.5, np.nan])
     found = difference(gap, other, np.full(4, np.nan))
-    assert (found.strains, found.rms) == (2, 0.5)
+    assert (found.strains, found.rms_difference) == (2, 0.5)
     assert np.isnan(found.uncertainty)
     assert difference(gap[1:2], other[1:2], np.zeros(1)) is None
 

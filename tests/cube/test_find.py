@@ -6,7 +6,7 @@ import xarray as xr
 
 import knitlab as kl
 from knitlab.cube.schema import Status
-from knitlab.cube.target import parse_target
+from knitlab.cube.target import read_target
 
 STRAIN = np.array([0.0, 0.1, 0.2, 0.3])
 LEVELS = {(4, 16): -0.1, (4, 24): -0.25, (8, 32): -0.32, (8, 48): -0.6}
@@ -129,7 +129,7 @@ def test_an_invalid_target_is_refused(targets, message):
     ],
 )
 def test_a_target_is_read(text, low, high):
-    target = parse_target(text)
+    target = read_target(text)
     assert (target.name, target.low, target.high) == ("a", low, high)
 
 
@@ -148,7 +148,7 @@ def test_curves_can_be_reduced_in_queries():
 
 
 def test_a_figure_shows_targets_and_designs():
-    from knitlab.figures.found import found_figure
+    from knitlab.figures.found_designs import found_figure
 
     found = kl.find(cube(), targets=[CURVE, "knit_cell_x < 10"], most=3)
     curves, sizes = found_figure(found).axes

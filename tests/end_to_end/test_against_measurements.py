@@ -12,7 +12,7 @@ from knitlab.cube.case_file import StoredCase, check_case_file
 from knitlab.cube.schema import Status
 from knitlab.fabric.settings import ModelOptions
 from knitlab.fabric.stripe import Stripe, cell_length
-from knitlab.io.curve_file import read_tension_curve
+from knitlab.io.table_file import read_tension_curve
 from knitlab.measure.calibration import calibrate
 
 ROOT = Path(__file__).parents[2]

@@ -90,7 +90,7 @@ def test_a_case_that_does_not_converge_makes_exit_code_1():
         ("plan", "periodic", "--set", "hinge=all"),
         ("query", "nowhere.nc"),
         ("map", "auxetic", "nowhere.nc", "-o", "new/map.png"),
-        ("map", "shapes", "nowhere.nc", "-o", "map.png"),
+        ("map", "shape", "nowhere.nc", "-o", "map.png"),
         ("export", "nowhere.nc", "-o", "new/shape.vtu"),
     ],
 )

@@ -127,6 +127,6 @@ def test_every_drawing_of_a_case_shows_a_graded_pattern(tmp_path):
         },
     )
     run_plan(plan, tmp_path, RunOptions(workers=0))
-    for figure in ("shape", "network", "electrodes"):
+    for figure in ("shape", "electrodes"):
         drawn = getattr(kl.plot, figure)(tmp_path)
         assert drawn.axes

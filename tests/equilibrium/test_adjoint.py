@@ -12,11 +12,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from knitlab.equilibrium.adjoint import Adjoint
-from knitlab.equilibrium.alignment import aligning_rotation
 from knitlab.equilibrium.equilibrium import find_equilibrium
-from knitlab.equilibrium.equilibrium_search import SearchRules
 from knitlab.equilibrium.linear_response import NoDerivative, rigid_motions
-from knitlab.equilibrium.loading import all_free, rigidly_aligned, tensile
+from knitlab.equilibrium.loading import aligning_rotation, all_free, rigidly_aligned, tensile
+from knitlab.equilibrium.search import SearchRules
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import Point
@@ -25,9 +24,8 @@ from knitlab.fabric.layout import FabricLayout, fabric_layout
 from knitlab.fabric.pattern import Grading, SingleFold, graded_pattern
 from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import StripePair
-from knitlab.measure.cell_grid import CellGrid
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS, logarithmic
-from knitlab.simulation.stripe_sensitivity import measured_by
+from knitlab.measure.unit_cells import CellGrid
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, logarithmic, measured_by
 from tests.fabrics import CLAMPED, FINE, PERIODIC, checkerboard, equations, stripe
 
 NAMES = (

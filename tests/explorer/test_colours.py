@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from knitlab.explorer.colours import colour_maps
+from knitlab.explorer.explorer import colour_maps
 
 WHITE = np.array([0.9505, 1.0, 1.089])
 TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])

@@ -12,10 +12,9 @@ from PIL import Image
 from knitlab.cube.case_file import StoredCase, read_case
 from knitlab.cube.cube_file import open_cube
 from knitlab.cube.schema import Status
-from knitlab.explorer.cube_content import WHY_NOT, cube_content
+from knitlab.explorer.cube_content import WHY_NOT, cube_content, variables_of
 from knitlab.explorer.run_report import MOST_FIGURES, figures_of
 from knitlab.explorer.shapes import MOST_NODES, shape_of
-from knitlab.explorer.variables import variables_of
 from tests.explorer.conftest import HOSTILE, PREVIEW, REFERENCE
 from tests.explorer.test_positions import unpacked
 
@@ -79,8 +78,7 @@ def test_a_shape_is_that_of_the_case_file(content):
         with xr.open_dataset(PREVIEW / "cases" / f"{case_id}.nc") as case:
             positions, periods = case["position"].values, case["length_x"].values
         assert shape["frames"] == list(range(len(positions)))
-        packed = type("Packed", (), {"text": shape["positions"], **shape})
-        found = unpacked(packed, positions.shape)
+        found = unpacked(shape, positions.shape)
         assert (np.abs(found - positions).max(axis=(0, 1, 2)) <= shape["error"]).all()
         np.testing.assert_allclose(np.array(shape["periods"])[:, 0], periods)
         assert shape["knit"] == ["RG", "GR"]

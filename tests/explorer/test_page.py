@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import knitlab as kl
 from knitlab.cli import main
-from knitlab.explorer.page import PREFIX, as_script_data, page_of
+from knitlab.explorer.explorer import PREFIX, as_script_data, page_of
 from tests.explorer.conftest import HOSTILE, PREVIEW
 
 MODULES = {

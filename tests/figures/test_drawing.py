@@ -8,15 +8,14 @@ import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from knitlab.cube.schema import Status
-from knitlab.figures.drawing import draw, draw_figure
-from knitlab.figures.kinds.auxetic import auxetic_map
+from knitlab.figures.drawing import FIGURES, draw, draw_figure
 from knitlab.figures.kinds.curves import tension_curves
-from knitlab.figures.kinds.network import spring_network
+from knitlab.figures.kinds.design_map import auxetic_map
 from knitlab.figures.kinds.samples import stretched_samples
 from knitlab.figures.kinds.sensitivity import sensitivity_map
-from knitlab.figures.kinds.shapes import relaxed_shapes
-from knitlab.figures.value_colours import ValueColours
+from knitlab.figures.style import ValueColours
 from knitlab.io.errors import BadInput
+from knitlab.sweep.figure_names import FIGURE_NAMES
 from tests.cube.artificial_cubes import STATUS, made_up_cube
 
 
@@ -24,6 +23,10 @@ from tests.cube.artificial_cubes import STATUS, made_up_cube
 def cube_file(tmp_path):
     made_up_cube().to_netcdf(tmp_path / "cube.nc")
     return tmp_path / "cube.nc"
+
+
+def test_every_figure_is_listed_for_workflows():
+    assert tuple(FIGURES) == FIGURE_NAMES
 
 
 def cell_pixels(figure, column, row):
@@ -171,7 +174,7 @@ def test_a_figure_is_written_in_the_format_of_its_suffix(cube_file, tmp_path, su
         ("curves", "curves.png", {"n_stripe": 2, "n_subunit": 64}, "no design of this selection"),
         ("auxetic", "map.pdf", {"cell_x": 1}, "is not a coordinate of auxetic"),
         ("sensitivity", "map.pdf", {}, "run with sensitivities = true"),
-        ("shapes", "map.pdf", {}, "holds none of these designs; shapes are in case files"),
+        ("samples", "map.pdf", {}, "holds none of these designs; shapes are in case files"),
     ],
 )
 def test_a_figure_that_cannot_be_drawn_writes_nothing(
@@ -211,20 +214,6 @@ def made_up_case(periodic: bool) -> xr.Dataset:
     )
 
 
-@pytest.mark.parametrize("periodic", [True, False])
-def test_the_network_shows_every_spring_and_fold_of_a_unit_cell(periodic):
-    flat, scene = spring_network(made_up_case(periodic)).axes
-    # A patch is 8 cells wide: mountains at its lines 2 and 6, a valley at 4, in four patches.
-    folds = {"mountain": 4 * 2 * 8, "valley": 4 * 8}
-    drawn = [2 * 16 * 16, 16 * 16, 16 * 16, *folds.values()]
-    assert [len(lines.get_segments()) for lines in flat.collections] == drawn
-    assert len(scene.collections) == len(drawn)
-    mountains = np.array(flat.collections[3].get_segments())
-    assert (np.abs(np.diff(mountains, axis=1)).sum(-1) == 1).all()
-    along_y = mountains[np.ptp(mountains[..., 0], axis=1) == 0]
-    assert sorted(set(along_y[:, 0, 0].tolist())) == [2, 6, 10, 14]
-
-
 def test_stretched_samples_have_the_colour_of_each_unit_cell():
     relaxed, stretched, _ = stretched_samples([made_up_case(periodic=False)]).axes
     assert relaxed.get_title().endswith("relaxed")
@@ -240,16 +229,6 @@ def test_stretched_samples_have_the_colour_of_each_unit_cell():
 def test_stretched_samples_are_between_clamps():
     with pytest.raises(BadInput, match="not periodic fabric"):
         stretched_samples([made_up_case(periodic=True)])
-
-
-def test_relaxed_shapes_stand_side_by_side_with_their_sizes():
-    figure = relaxed_shapes([made_up_case(periodic=True), made_up_case(periodic=False)])
-    assert [axes.name for axes in figure.axes] == ["3d", "3d"]
-    texts = [text.get_text() for text in figure.texts]
-    assert texts[:2] == [
-        "(4, 16), relaxed\n32 × 32 × 0.1 mm",
-        "(4, 16), relaxed\n16 × 32 × 0.1 mm",
-    ]
 
 
 @pytest.mark.parametrize("strain", [0.0, 0.2])
@@ -282,7 +261,7 @@ def test_a_file_that_is_no_cube_is_named(tmp_path, content):
 
 @pytest.mark.slow
 def test_maps_and_queries_never_import_jax():
-    figures = "knitlab.figures.drawing, knitlab.figures.specification_sheet"
+    figures = "knitlab.figures.drawing, knitlab.figures.stitch_chart"
     modules = f"knitlab.cli, {figures}, knitlab.cube.query"
     program = f"import sys, {modules}; print('jax' in sys.modules)"
     result = subprocess.run(

@@ -4,17 +4,14 @@ import numpy as np
 import pytest
 import xarray as xr
 from click.testing import CliRunner
-from hypothesis import given
-from hypothesis import strategies as st
 
 import knitlab as kl
 from knitlab.cli import main
 from knitlab.cube.schema import Status
 from knitlab.figures.drawing import draw
-from knitlab.figures.grid_axis import GridAxis
-from knitlab.figures.periods import by_periods
+from knitlab.figures.kinds.grid import by_periods
 from knitlab.io.errors import BadInput
-from tests.cube.artificial_cubes import STATUS, STRAINS, made_up_cube
+from tests.cube.artificial_cubes import STATUS, made_up_cube
 
 FACTORS = [0.5, 1.0, 2.0]
 
@@ -47,18 +44,18 @@ def test_every_number_is_that_of_the_cube():
     values = cube["poisson_ratio"].sel(chosen)
     # n_stripe 4 has no design at n_subunit 64, so that its row is left out.
     assert written(figure) == {
-        (factor, float(row)): pytest.approx(
+        (float(column), float(row)): pytest.approx(
             float(values.sel(k_t_factor=factor, n_subunit=n_subunit)), rel=1e-3
         )
-        for factor in FACTORS
+        for column, factor in enumerate(FACTORS)
         for row, n_subunit in enumerate([16, 32])
     }
-    assert figure.axes[0].get_xscale() == "log"
+    assert [label.get_text() for label in figure.axes[0].get_xticklabels()] == ["0.5", "1", "2"]
     low, high = figure.axes[1].get_ylim()
     assert (low, high) == pytest.approx((-16.0, -2.0))
 
 
-def test_text_and_uneven_numbers_are_categories():
+def test_cells_of_text_and_numbers_are_labelled():
     chosen = {"n_stripe": 4, "n_subunit": 16, "k_t_factor": 1.0}
     figure = kl.plot.grid(
         swept_cube(), x="pattern", y="applied_strain", of="poisson_ratio", **chosen
@@ -149,19 +146,3 @@ def test_the_command_draws_the_variable_that_it_is_given(tmp_path):
     refused = CliRunner().invoke(main, [*words, "--y", "nsubunit"])
     assert refused.exit_code == 2
     assert refused.output.startswith("knitlab: --y: there is no dimension of poisson_ratio")
-
-
-@given(st.lists(st.integers(1, 10**6), min_size=3, max_size=40, unique=True))
-def test_every_value_lies_within_its_own_cell(values):
-    ascending = np.sort(np.array(values)) / 1000
-    axis = GridAxis.of(ascending)
-    assert len(axis.edges) == len(values) + 1
-    assert (axis.edges[:-1] < axis.centres).all()
-    assert (axis.centres < axis.edges[1:]).all()
-
-
-def test_strains_are_linear_and_factors_logarithmic():
-    assert GridAxis.of(np.array(STRAINS)).scale == "linear"
-    assert np.allclose(GridAxis.of(np.array(STRAINS)).edges, [-0.05, 0.05, 0.15, 0.25])
-    assert GridAxis.of(np.array([0.1, 1.0, 10.0])).scale == "log"
-    assert np.allclose(GridAxis.of(np.array([0.1, 1.0, 10.0])).edges, 10.0 ** np.arange(-1.5, 2))

@@ -3,19 +3,15 @@
 import numpy as np
 import pytest
 import xarray as xr
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 from PIL import Image
 
 from knitlab.figures.drawing import draw
-from knitlab.figures.labels import Label, place_labels
-from knitlab.figures.perspective import draw_sheet, frame_sheet
-from knitlab.figures.saving import save
-from knitlab.figures.style import print_style
-from knitlab.figures.value_colours import ValueColours
+from knitlab.figures.figure_files import save
+from knitlab.figures.sheets import draw_sheet, frame_sheet
+from knitlab.figures.style import ValueColours, print_style
 from tests.cube.artificial_cubes import made_up_cube
 from tests.figures.test_drawing import made_up_case
 from tests.figures.test_sensor import with_electrodes
@@ -26,13 +22,10 @@ CUBES = {
     "sensitivity": lambda: made_up_cube(sensitivities=True),
     "sensor": with_electrodes,
     "capacitors": with_electrodes,
-    "wedge": with_electrodes,
     "departure": lambda: stripes_cube(),
     "stripes": lambda: stripes_cube(),
-    "network": lambda: made_up_case(periodic=True),
     "samples": lambda: made_up_case(periodic=False),
     "shape": lambda: made_up_case(periodic=True),
-    "shapes": lambda: made_up_case(periodic=True),
 }
 
 
@@ -91,31 +84,17 @@ def test_no_curve_of_the_departure_runs_through_a_legend():
         assert not frame.overlaps(legend)
 
 
-def test_labels_of_the_trade_off_cover_neither_each_other_nor_a_point():
+def test_names_of_the_pareto_front_lie_beyond_it_and_stay_apart():
     with print_style():
         figure = drawn(draw("sensor", [with_electrodes()]))
-    texts = [text for text in figure.axes[2].texts if text.get_text()]
-    assert sorted(text.get_text() for text in texts) == ["(2, 16)", "(4, 16)", "(4, 32)"]
-    assert_apart([text.get_window_extent() for text in texts])
-
-
-def assert_apart(boxes):
-    for k, box in enumerate(boxes):
-        assert not box.count_overlaps(boxes[k + 1 :])
-
-
-@settings(max_examples=5, deadline=None)
-@given(st.lists(st.tuples(st.floats(0, 0.3), st.floats(0, 0.3)), min_size=2, max_size=6))
-def test_labels_of_crowded_points_stay_apart(points):
-    figure = Figure()
-    axes = figure.add_subplot(xlim=(-1, 1), ylim=(-1, 1))
-    labels = [Label(x, y, f"({k}, {k})") for k, (x, y) in enumerate(points)]
-    texts = place_labels(figure, axes, labels)
-    assert len(texts) == len(labels), "a label found no place"
-    boxes = [text.get_window_extent() for text in texts]
-    assert_apart(boxes)
+    axes = figure.axes[2]
+    assert sorted(text.get_text() for text in axes.texts) == ["(2, 16)", "(4, 16)"]
+    one, other = (text.get_window_extent() for text in axes.texts)
+    assert not one.overlaps(other)
+    points = np.concatenate([line.get_xydata() for line in axes.lines])
     for x, y in axes.transData.transform(points):
-        assert not any(box.contains(x, y) for box in boxes)
+        assert not one.contains(x, y)
+        assert not other.contains(x, y)
 
 
 @pytest.mark.parametrize("size", [(1, 1, 0.1), (10, 1, 1), (1, 8, 3)])

@@ -15,7 +15,7 @@ import knitlab as kl
 from knitlab.cli import main
 from knitlab.equilibrium.linear_response import NoDerivative
 from knitlab.inverse.objective import Objective
-from knitlab.inverse.search_jobs import run_searches
+from knitlab.inverse.search import run_searches
 from knitlab.simulation.stripe_changes import changed_stripe
 from tests.file_events import kill_command
 

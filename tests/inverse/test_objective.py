@@ -6,10 +6,11 @@ import pytest
 import xarray as xr
 
 from knitlab.cube.schema import Status
-from knitlab.cube.target import parse_target, read_target
-from knitlab.inverse.objective import Objective, aimed, check_targets
-from knitlab.inverse.request import checked_request, with_tolerance
+from knitlab.cube.target import read_target
+from knitlab.inverse.objective import Objective, aimed, all_met, check_targets
+from knitlab.inverse.request import checked_request
 from knitlab.inverse.search_space import search_space
+from knitlab.inverse.targets import with_tolerance
 from knitlab.inverse.trial import Trial, run_trial
 from knitlab.io.errors import BadInput
 
@@ -19,7 +20,9 @@ CURVE = {"name": "poisson_ratio", "applied_strain": [0.05, 0.3], "value": [-0.5,
 
 def objective(*texts, subject_to=(), acts_on=None):
     wanted = [tuple(with_tolerance(read_target(one)) for one in of) for of in (texts, subject_to)]
-    return Objective(*wanted, ("thickness",), np.zeros((10, 1)) if acts_on is None else acts_on)
+    return Objective(
+        *wanted, (("thickness", thickness),), np.zeros((10, 1)) if acts_on is None else acts_on
+    )
 
 
 def made_up(ratio, force):
@@ -66,7 +69,7 @@ def test_squared_residuals_sum_to_the_squared_distance():
 
 
 def met_by(asked, trial):
-    return asked.met(asked.off_by(trial))
+    return all_met(asked.wanted, asked.off_by(trial))
 
 
 def test_met_means_within_a_tolerance_of_a_value_and_within_a_range():
@@ -105,7 +108,7 @@ def test_targets_that_a_test_cannot_have_are_refused(text, message):
     space = search_space(checked_request("sleeve", {"targets": ["poisson_ratio < 0 @ 0.1"]}))
     case, _ = space.case(space.designs[0], np.zeros(0))
     with pytest.raises(BadInput, match=message):
-        check_targets([parse_target(text)], [], case)
+        check_targets([read_target(text)], (), case)
 
 
 def thickness(shape):

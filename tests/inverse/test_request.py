@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.cube.strain_window import REDUCTIONS
-from knitlab.cube.target import parse_target
-from knitlab.inverse.contradiction import WITHIN_RANGE, contradictions
-from knitlab.inverse.request import checked_request, read_request, with_tolerance
+from knitlab.cube.target import read_target
+from knitlab.inverse.request import checked_request, read_request
+from knitlab.inverse.targets import WITHIN_RANGE, contradictions, with_tolerance
 from knitlab.io.errors import BadInput
 
 TARGET = "poisson_ratio = -0.3 @ 0.05:0.25"
@@ -40,7 +40,7 @@ def test_a_target_without_a_tolerance_has_a_twentieth_of_its_value():
     ],
 )
 def test_only_targets_that_no_curve_meets_contradict_each_other(one, other, contradictory):
-    targets = [with_tolerance(parse_target(text)) for text in (one, other)]
+    targets = [with_tolerance(read_target(text)) for text in (one, other)]
     assert bool(list(contradictions(targets))) == contradictory
     assert bool(list(contradictions(targets[::-1]))) == contradictory
 
@@ -69,7 +69,7 @@ def test_targets_that_one_curve_meets_do_not_contradict_each_other(curve, asked)
         return (target.excess(values, inside) <= target.allowance).all()
 
     targets = [
-        with_tolerance(parse_target(f"{name} {relation} {value} @ {min(one, two)}:{max(one, two)}"))
+        with_tolerance(read_target(f"{name} {relation} {value} @ {min(one, two)}:{max(one, two)}"))
         for name, relation, value, one, two in asked
     ]
     assert not list(contradictions([target for target in targets if met(target)]))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from knitlab.inverse.request import checked_request
 from knitlab.inverse.search_space import search_space
 from knitlab.io.errors import BadInput
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 
 VARY = {
     "n_stripe": [4, 8],
@@ -43,10 +43,10 @@ def test_impossible_designs_are_left_out_and_the_test_ends_at_the_largest_strain
 
 
 @given(st.lists(st.floats(0, 1), min_size=5, max_size=5))
-def test_a_place_is_found_again_from_its_values(parts):
+def test_a_point_is_found_again_from_its_values(fractions):
     found = space()
-    place = np.array(parts)
-    np.testing.assert_allclose(found.place_of(found.values(place)), place, atol=1e-12)
+    point = np.array(fractions)
+    np.testing.assert_allclose(found.point_of(found.values(point)), point, atol=1e-12)
 
 
 def test_stripe_parameters_follow_from_the_place_in_the_search_space():

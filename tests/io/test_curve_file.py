@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from knitlab.io.curve_file import read_tension_curve
 from knitlab.io.errors import BadInput
+from knitlab.io.table_file import read_tension_curve
 
 GOOD = "strain [1],force [N]\n0,0\n0.1,0.2\n0.2,0.5\n0.3,0.9\n"
 

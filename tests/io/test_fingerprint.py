@@ -5,7 +5,7 @@ import shutil
 
 import pytest
 
-import knitlab.sweep.survey as survey_module
+import knitlab.sweep.results_folder as survey_module
 from knitlab.cube.schema import Status
 from knitlab.io.fingerprint import (
     OF_NO_CASE,
@@ -14,14 +14,13 @@ from knitlab.io.fingerprint import (
     fingerprint_of,
 )
 from knitlab.io.shipped import PACKAGE
-from knitlab.sweep.survey import CaseState, survey
+from knitlab.sweep.results_folder import CaseState, survey
 from tests.sweep.stand_in import plan_of, write
 
 COMPUTES_NOTHING = {
     "cube/case_file.py": "how files are written",
     "cube/schema.py": "names and units",
     "measure/knit_size.py": "sizes of the cube only, recomputed for every cube",
-    "simulation/reporting.py": "progress",
     "io/errors.py": "messages",
     "io/atomic_write.py": "how files are written",
     "io/fingerprint.py": "this fingerprint",
@@ -91,7 +90,7 @@ def package(tmp_path_factory):
 @pytest.mark.parametrize("name", computing_files(PACKAGE))
 def test_an_edited_module_makes_results_stale(name, package, results, monkeypatch):
     folder, designs = results
-    assert set(survey(designs, folder, None, check=True).values()) == {CaseState.done}
+    assert set(survey(designs, folder, {}, check=True).values()) == {CaseState.done}
     module = package / name
     before = module.read_text(encoding="utf-8")
     try:
@@ -100,7 +99,7 @@ def test_an_edited_module_makes_results_stale(name, package, results, monkeypatc
     finally:
         module.write_text(before, encoding="utf-8")
     monkeypatch.setattr(survey_module, "code_fingerprint", lambda: edited)
-    assert set(survey(designs, folder, None, check=True).values()) == {CaseState.stale_code}
+    assert set(survey(designs, folder, {}, check=True).values()) == {CaseState.stale_code}
 
 
 @pytest.mark.parametrize("name", ["cube/query.py", "measure/knit_size.py"])

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import knitlab.io.fingerprint as fingerprint_module
-from knitlab.io.fingerprint import code_fingerprint, computing_files, fingerprint_of
-from knitlab.io.normalised_code import normalised
+from knitlab.io.fingerprint import code_fingerprint, computing_files, fingerprint_of, normalised
 from knitlab.io.shipped import PACKAGE
 
 PLAIN = """

@@ -8,7 +8,7 @@ import pytest
 from knitlab.io.errors import BadInput
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import read_machine
-from knitlab.knitting.operations import headers, operations
+from knitlab.knitting.program import headers, operations
 from knitlab.knitting.stitch_chart import stitch_chart
 from tests.knitting.charts import case_of, chart_of_arrays
 

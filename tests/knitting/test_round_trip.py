@@ -10,10 +10,15 @@ from hypothesis import strategies as st
 import knitlab as kl
 from knitlab.io.shipped import shipped
 from knitlab.knitting.checks import check
-from knitlab.knitting.knit_graph import stitches_of
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import read_machine
-from knitlab.knitting.round_trip import MOST_OPERATIONS, interpreted, round_trip, stripped
+from knitlab.knitting.round_trip import (
+    MOST_OPERATIONS,
+    interpreted,
+    round_trip,
+    stitches_of,
+    stripped,
+)
 from knitlab.knitting.stitch_chart import stitch_chart
 from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.patterns import Pattern
@@ -66,7 +71,7 @@ def own_reading(program, chart, machine):
 @given(charts(), machines)
 def test_any_chart_is_knitted_without_a_fault_and_read_back_as_it_was(chart, machine):
     _, stitches = own_reading(knitout(chart, machine), chart, machine)
-    assert chart.stitches.difference(stitches) is None
+    assert chart.difference(stitches) is None
 
 
 @interpreter

@@ -10,11 +10,10 @@ from knitlab.equilibrium.tensile_test import stretch
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.io.toml import read_toml
-from knitlab.laboratory.fit import FITTED, NoFit, fit_stripes
-from knitlab.laboratory.fit_report import report, write_stripes
+from knitlab.laboratory.fit import FITTED, NoFit, fit_stripes, report, write_stripes
 from knitlab.laboratory.simulated_test import QUANTITIES, simulated_test, with_factors
 from knitlab.laboratory.target import MeasuredTest, case_for, target_of
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 from knitlab.sweep.parameters import read_parameters
 from knitlab.sweep.plan import make_plan
 from tests.fabrics import equations

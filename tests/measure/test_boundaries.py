@@ -4,9 +4,9 @@ import pytest
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.fabric import flat_sheet
 from knitlab.fabric.network import MeshShape
-from knitlab.measure.boundaries import boundary_line, boundary_wave
-from knitlab.measure.cell_grid import CellGrid
-from knitlab.measure.patches import central_cell, widths_across_folds
+from knitlab.measure.folds import widths_across_folds
+from knitlab.measure.unit_cells import CellGrid, central_cell
+from knitlab.measure.wavelength import boundary_line, boundary_wave
 from tests.fabrics import CLAMPED, PERIODIC, checkerboard, checkered, relaxed
 
 

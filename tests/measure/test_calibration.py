@@ -1,6 +1,5 @@
 """Calibration recovers a known stripe, and reports when a curve does not determine it."""
 
-from dataclasses import replace
 from functools import cache
 
 import jax.numpy as jnp
@@ -38,7 +37,7 @@ def test_a_clean_curve_gives_its_stripe_back(of):
 def test_a_fitted_stripe_has_the_measured_curve_with_the_cell_size_it_is_fitted_for(of, cell_size):
     strain, force = curve(of, noise=0.0)
     fit = calibrate(of.period, strain, force)
-    tabulated = replace(of, period=fit.tabulated_period(cell_size), **fit.values)
+    tabulated = fit.stripe(of.knit, of.n, cell_size)
     read = zigzag(tabulated, ModelOptions(cell_size=cell_size))
     np.testing.assert_allclose(
         compiled_tension(read, jnp.asarray(strain)), force, rtol=1e-5, atol=1e-6 * force.max()

@@ -13,9 +13,9 @@ from scipy.signal import lfilter
 from knitlab.cli import main
 from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.zigzag import tension, zigzag
-from knitlab.io.curve_file import read_tension_curve
+from knitlab.io.table_file import read_tension_curve
 from knitlab.measure.calibration import calibrate
-from knitlab.measure.information import compare
+from knitlab.measure.fit_statistics import compare
 from tests.fabrics import stripe
 
 CURVE = SpringCurve((0.0, 0.02, 0.06, 0.12, 0.2), (0.0, 1.0, 4.0, 14.0, 40.0))

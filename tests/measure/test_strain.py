@@ -5,9 +5,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from knitlab.fabric.fabric import flat_sheet
-from knitlab.measure.cell_grid import CellGrid
-from knitlab.measure.central import central
-from knitlab.measure.corners import unit_cell_corners
 from knitlab.measure.strain import (
     central_mean,
     deformation_gradient,
@@ -15,6 +12,7 @@ from knitlab.measure.strain import (
     local_strain,
     poisson_ratio,
 )
+from knitlab.measure.unit_cells import CellGrid, central, unit_cell_corners
 from tests.fabrics import CLAMPED, PERIODIC, cell_of, checkered
 
 ENTRY = st.floats(-1, 1)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from knitlab.cube.case_file import read_case
 from knitlab.fabric.fabric import flat_sheet
-from knitlab.measure.cell_grid import CellGrid
+from knitlab.measure.unit_cells import CellGrid
 from knitlab.simulation.case import Case, case_of
 
 PREVIEW = Path(__file__).parents[2] / "results" / "reference" / "periodic"

@@ -8,9 +8,17 @@ import pytest
 
 from knitlab.fabric.electrodes import ElectrodeLayout
 from knitlab.io.errors import BadInput
-from knitlab.meshes.fabric import fabric_meshes
-from knitlab.meshes.fields import APPLIED_STRAIN, ELECTRODE, FOLD_ANGLE, HEIGHT, KNIT, PATCH, PLATED
-from knitlab.meshes.sheet import closed_nodes
+from knitlab.meshes.fabric import (
+    APPLIED_STRAIN,
+    ELECTRODE,
+    FOLD_ANGLE,
+    HEIGHT,
+    KNIT,
+    PATCH,
+    PLATED,
+    closed_nodes,
+    fabric_meshes,
+)
 from tests.fabrics import PARAMETERS
 from tests.meshes.made_up import flat_test, kept_case, kept_file, sample
 

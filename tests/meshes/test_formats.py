@@ -13,11 +13,16 @@ import pytest
 import trimesh
 
 from knitlab.io.errors import CannotWrite
-from knitlab.meshes.colours import ELECTRODE_COLOURS, KNIT_COLOURS, linear, node_colours
-from knitlab.meshes.fabric import fabric_meshes
-from knitlab.meshes.fields import ELECTRODE, KNIT
-from knitlab.meshes.formats import FORMATS, write_mesh
-from knitlab.meshes.series import write_series
+from knitlab.meshes.fabric import ELECTRODE, KNIT, fabric_meshes
+from knitlab.meshes.formats import (
+    ELECTRODE_COLOURS,
+    FORMATS,
+    KNIT_COLOURS,
+    linear,
+    node_colours,
+    write_mesh,
+    write_series,
+)
 from knitlab.meshes.solid import solid_of
 from tests.meshes.made_up import kept_file
 

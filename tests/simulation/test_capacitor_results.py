@@ -7,7 +7,7 @@ from scipy.special import ellipk
 from knitlab.cube.schema import VARIABLES
 from knitlab.io.errors import BadInput
 from knitlab.measure.capacitance.boundary_elements import VACUUM_PERMITTIVITY
-from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
+from knitlab.measure.capacitance.sensor import CapacitorStatus
 from knitlab.simulation.case import case_of
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.run import RunOptions, run_plan

@@ -19,9 +19,9 @@ from knitlab.cube.case_file import StoredCase, check_case_file, write_case_file
 from knitlab.cube.schema import Status, described
 from knitlab.fabric.threads import allowed_threads
 from knitlab.io.fingerprint import code_fingerprint
-from knitlab.measure.sensitivity import STRIPE_PARAMETERS
 from knitlab.measure.wavelength import POINTS
 from knitlab.simulation.measurement import variables_of
+from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 from knitlab.sweep.plan import make_plan
 from knitlab.sweep.run import RunOptions, run_plan
 from tests.file_events import await_changes, kill, pause_before_changes

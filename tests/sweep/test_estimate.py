@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from knitlab.sweep.estimate import seconds, work
+from knitlab.sweep.batches import seconds, work
 from knitlab.sweep.plan import make_plan
 
 MEASURED = {(2, 32): 3.9, (4, 32): 0.74, (4, 48): 2.1, (6, 72): 3.7, (8, 48): 0.32, (8, 96): 3.6}

@@ -8,7 +8,7 @@ import pytest
 import xarray as xr
 
 import knitlab
-import knitlab.sweep.survey as survey_module
+import knitlab.sweep.results_folder as survey_module
 from knitlab.cube.case_file import case_path, write_case_file
 from knitlab.cube.schema import Status
 from knitlab.figures.drawing import draw_figure, draw_figures
@@ -17,9 +17,9 @@ from knitlab.io.shipped import shipped
 from knitlab.simulation.case import case_of
 from knitlab.sweep.cube import build_cube
 from knitlab.sweep.plan import make_plan
+from knitlab.sweep.results_folder import CaseState, changed_inputs, read_plan
 from knitlab.sweep.run import RunOptions, run_plan
-from knitlab.sweep.status import changed_inputs, folder_status, read_plan
-from knitlab.sweep.survey import CaseState
+from knitlab.sweep.status import folder_status
 from tests.sweep import stand_in
 
 PAIRS = ("n_stripe=4", "n_subunit=16,24", "strain_max=0.06")
@@ -219,7 +219,7 @@ def test_results_of_other_code_are_reported_and_recomputed_on_request(tmp_path, 
     monkeypatch.setattr(survey_module, "code_fingerprint", lambda: "other code")
     kept = ran(plan, tmp_path)
     assert kept.simulated == ()
-    assert sorted(kept.stale_code) == sorted(plan.cases)
+    assert sorted(kept.left_in(CaseState.stale_code)) == sorted(plan.cases)
     words = folder_status(tmp_path, read_plan(tmp_path), plan.designs, check=False).statuses
     assert set(words.values()) == {CaseState.stale_code.value}
     assert sorted(ran(plan, tmp_path, refresh=True).simulated) == sorted(plan.cases)
@@ -285,7 +285,7 @@ def test_a_case_file_of_an_earlier_version_leaves_out_what_it_does_not_have(tmp_
     stand_in.write(tmp_path, case)
     written = xr.load_dataset(case_path(tmp_path, case_id))
     write_case_file(tmp_path, case_id, written.drop_vars("self_intersections"))
-    cube = build_cube(plan, tmp_path, None, (), (), ())
+    cube = build_cube(plan, tmp_path, None)
     design = cube.sel(case.design)
     assert design["self_intersections"].isnull().all()
     assert (design["iterations"] == 1).all()

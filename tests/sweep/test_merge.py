@@ -15,11 +15,12 @@ import xarray as xr
 from knitlab.cube.case_file import StoredCase, case_path, check_case_file, write_case_file
 from knitlab.cube.cube_file import joined_cubes
 from knitlab.io.errors import BadInput
+from knitlab.sweep.batches import Shard
 from knitlab.sweep.merge import merge_folders
 from knitlab.sweep.plan import make_plan
+from knitlab.sweep.results_folder import planned_designs, read_plan
 from knitlab.sweep.run import RunOptions, run_plan
-from knitlab.sweep.shard import Shard
-from knitlab.sweep.status import folder_status, planned_designs, read_plan
+from knitlab.sweep.status import folder_status
 from tests.file_events import await_changes, kill, pause_before_changes
 from tests.sweep import stand_in
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from knitlab.io.errors import BadInput
-from knitlab.sweep.overrides import as_text, read_value
 from knitlab.sweep.plan import make_plan
+from knitlab.sweep.results_folder import PLAN, read_plan
+from knitlab.sweep.workflow_file import read_overrides
 
 SETTINGS = {"n_stripe": 4, "n_subunit": [16], "boundary": "clamped"}
 
@@ -35,19 +36,18 @@ def test_python_values_make_the_plan_that_text_makes(settings, overrides):
     assert list(make_plan("periodic", by_value.overrides).cases) == list(by_value.cases)
 
 
-@pytest.mark.parametrize(
-    "value",
-    ["periodic", "a,b", "4", "true", "[1", " a", "", 'a "b"', "a\\b\nc", "größer", 0.1, 7, True],
-)
-def test_a_value_is_read_back_from_its_text(value):
-    ((key, _, text),) = (override.partition("=") for override in as_text({"key": value}))
-    assert key == "key"
-    assert read_value(text) == value
-    assert type(read_value(text)) is type(value)
+def test_a_plan_keeps_the_values_of_its_overrides_by_the_names_of_their_settings(tmp_path):
+    given = {"n_stripe": 4, "protocol.strain_max": 0.06, "k_t_factor": np.array([0.8, 1.0])}
+    plan = make_plan("periodic", given)
+    plan.write(tmp_path / PLAN)
+    values = {"n_stripe": 4, "strain_max": 0.06, "k_t_factor": [0.8, 1.0]}
+    assert read_plan(tmp_path)["overrides"] == plan.overrides == values
+    assert make_plan("periodic", [f"{name}={its}" for name, its in values.items()]) == plan
 
 
 def test_a_path_is_converted_to_text():
-    assert as_text({"stripe_files": Path("a/b.toml")}) == ("stripe_files=a/b.toml",)
+    ((override,), faults) = read_overrides({"stripe_files": Path("a/b.toml")})
+    assert (override.value, faults) == ("a/b.toml", [])
 
 
 @pytest.mark.parametrize(

@@ -110,12 +110,8 @@ def test_designs_of_other_model_options_are_not_added_whatever_their_sample(tmp_
         ran(tmp_path, "n_subunit=16", change)
 
 
-def test_a_cube_of_an_earlier_version_is_completed_from_its_case_files(tmp_path):
-    now = ran(tmp_path, "n_subunit=16,24").cube
+def test_a_cube_of_another_version_is_refused(tmp_path):
+    now = ran(tmp_path, "n_subunit=16").cube
     write_cube(now.drop_vars(["unit_cells_y", "unit_cells_x"]), tmp_path / "cube.nc")
-    joined = ran(tmp_path, "n_subunit=32").cube
-    assert np.isnan(joined["unit_cells_y"].sel(n_subunit=[16, 24])).all()
-    assert (joined.sizes["cell_y"], joined.sizes["cell_x"]) == (6, 3)
-    completed = ran(tmp_path, "n_subunit=16,24")
-    assert completed.simulated == ()
-    xr.testing.assert_identical(completed.cube.sel(n_subunit=[16, 24]), now)
+    with pytest.raises(BadInput, match=r"cube\.nc: is of another version of knitlab; name another"):
+        ran(tmp_path, "n_subunit=24")

@@ -1,4 +1,3 @@
-import doctest
 import tomllib
 from dataclasses import asdict
 
@@ -11,12 +10,10 @@ from knitlab.fabric.stripe import SPRING_LAWS, Stripe
 from knitlab.io.errors import BadInput
 from knitlab.io.shipped import shipped
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
-from knitlab.sweep import overrides, settings, type_words
 from knitlab.sweep.declared_fields import declared, unit_of
-from knitlab.sweep.defaults import Model
-from knitlab.sweep.parameters import read_parameters
+from knitlab.sweep.parameters import TABLES, Model, read_parameters
 from knitlab.sweep.plan import make_plan
-from knitlab.sweep.settings import SETTINGS, settings_table
+from knitlab.sweep.settings import SETTINGS
 from knitlab.sweep.workflow import SECTIONS
 
 DESIGN = ("n_stripe=4", "n_subunit=16")
@@ -30,20 +27,20 @@ ENTRIES = [
     for name, entry in table.items()
     if "value" in entry and "source" in entry
 ]
-ROWS = {row.name: row for row in settings_table()}
+PARAMETERS = read_parameters(shipped("params"))
+DEFAULTS = {
+    name: value for table in TABLES for name, value in asdict(getattr(PARAMETERS, table)).items()
+}
 
 
 @pytest.mark.parametrize(("file", "name"), ENTRIES)
 def test_each_entry_of_a_parameter_file_is_a_setting_with_its_default_unit_and_source(file, name):
-    entry, row = FILES[file][name], ROWS[name]
-    assert (row.default, row.unit, row.source) == tuple(
-        entry[key] for key in ("value", "unit", "source")
-    )
+    stated = DEFAULTS[name], SETTINGS[name].unit, PARAMETERS.sources[name]
+    assert stated == tuple(FILES[file][name][key] for key in ("value", "unit", "source"))
 
 
 def test_no_two_sections_have_a_setting_of_the_same_name():
     assert len(SETTINGS) == sum(len(section.model_fields) for section in SECTIONS.values())
-    assert list(ROWS) == list(SETTINGS)
 
 
 def test_each_stripe_quantity_can_be_replaced_and_multiplied_for_one_knit_or_both():
@@ -84,31 +81,9 @@ def test_a_declared_range_holds(name, value):
         TypeAdapter(SETTINGS[name].kind).validate_python(value, strict=True)
 
 
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("n_stripe", "list of: whole number > 0"),
-        ("unit_cells", "2 of: whole number > 0"),
-        ("scale", "number > 0 and ≤ 1"),
-        ("boundary", '"clamped" or "periodic"'),
-        ("width", 'number > 0 or "stripe"'),
-        ("unloading", "true or false"),
-    ],
-)
-def test_a_range_is_put_into_words(name, words):
-    assert ROWS[name].values == words
-
-
 def test_a_setting_without_unit_is_dimensionless():
     assert unit_of(float) == "1"
-    assert ROWS["z_max_factor"].unit == "1"
-
-
-@pytest.mark.parametrize("module", [overrides, settings, type_words])
-def test_examples_of_docstrings_run(module):
-    found = doctest.testmod(module)
-    assert found.attempted > 0
-    assert found.failed == 0
+    assert SETTINGS["z_max_factor"].unit == "1"
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from knitlab.io.errors import BadInput
-from knitlab.sweep.estimate import seconds
+from knitlab.sweep.batches import PARTS_OF_SHARE, Shard, seconds, split
 from knitlab.sweep.plan import make_plan
-from knitlab.sweep.shard import PARTS_OF_SHARE, Shard, part_of, split
 
 PLAN = make_plan("periodic", ("strain_max=0.06", "k_t_factor=0.8,0.9,1,1.1,1.2,1.3"))
 TIMES = {case_id: seconds([case]) for case_id, case in PLAN.cases.items()}
@@ -48,19 +47,16 @@ def test_the_cases_of_a_batch_share_a_mesh_and_are_kept_together():
 
 
 def test_a_part_is_a_plan_of_its_own():
-    part = part_of(PLAN, Shard(2, 7))
+    part = PLAN.part(Shard(2, 7))
     assert list(part.cases) == [case_id for case_id in PLAN.cases if case_id in part.cases]
     assert sorted(part.cases) == sorted(cases_of_shards(7)[1])
-    assert part_of(PLAN, Shard(1, 1)).cases == PLAN.cases
+    assert PLAN.part(Shard(1, 1)).cases == PLAN.cases
 
 
 def test_the_split_does_not_depend_on_the_process():
-    program = (
-        "from tests.sweep.test_shard import PLAN, Shard, part_of\n"
-        "print(*part_of(PLAN, Shard(2, 7)).cases)"
-    )
+    program = "from tests.sweep.test_shard import PLAN, Shard\nprint(*PLAN.part(Shard(2, 7)).cases)"
     said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert said.stdout.split() == list(part_of(PLAN, Shard(2, 7)).cases), said.stderr
+    assert said.stdout.split() == list(PLAN.part(Shard(2, 7)).cases), said.stderr
 
 
 @pytest.mark.parametrize("text", ["0/4", "5/4", "1/0"])

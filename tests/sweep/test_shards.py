@@ -13,12 +13,12 @@ import xarray as xr
 
 from knitlab.cube.schema import Status
 from knitlab.io.errors import BadInput
-from knitlab.io.lock import held, held_by_shard, running_shards
+from knitlab.io.lock import held, running_shards
+from knitlab.sweep.batches import Shard
 from knitlab.sweep.plan import make_plan
+from knitlab.sweep.results_folder import PLAN, planned_designs, read_plan
 from knitlab.sweep.run import RunOptions, run_plan
-from knitlab.sweep.shard import Shard, part_of
-from knitlab.sweep.shard_record import SHARDS
-from knitlab.sweep.status import PLAN, folder_status, planned_designs, read_plan
+from knitlab.sweep.status import folder_status
 from tests.file_events import await_changes, kill, pause_before_changes
 from tests.sweep import stand_in
 
@@ -56,7 +56,7 @@ def whole(plan, tmp_path_factory):
 
 
 def test_the_first_shard_writes_the_plan_though_another_waits_to_begin(tmp_path, plan):
-    with held_by_shard(tmp_path, 3, COUNT):
+    with held(tmp_path, (3, COUNT)):
         assert not ran(plan, tmp_path, 1).joined
         assert set(read_plan(tmp_path)["cases"]) == set(plan.cases)
 
@@ -64,18 +64,17 @@ def test_the_first_shard_writes_the_plan_though_another_waits_to_begin(tmp_path,
 def test_shards_one_after_another_give_the_cube_of_one_run(tmp_path, plan, whole):
     for number in range(1, COUNT + 1):
         part = ran(plan, tmp_path, number)
-        assert set(part.simulated) == set(part_of(plan, Shard(number, COUNT)).cases)
+        assert set(part.simulated) == set(plan.part(Shard(number, COUNT)).cases)
         assert part.joined
         assert int((part.cube["status"] == Status.ok).sum()) == len(part.simulated)
     same(xr.load_dataset(tmp_path / "cube.nc"), whole.cube)
     assert counts(tmp_path) == {"ok": len(plan.cases)}
     assert ran(plan, tmp_path).simulated == ()
-    assert not list((tmp_path / SHARDS).glob("*"))
 
 
 @pytest.mark.slow
 def test_only_the_last_shard_to_end_writes_the_cube(tmp_path, plan, whole):
-    with held_by_shard(tmp_path, 3, COUNT):
+    with held(tmp_path, (3, COUNT)):
         plan.write(tmp_path / PLAN)
         first = ran(plan, tmp_path, 1)
         assert not first.joined
@@ -94,7 +93,7 @@ def test_only_the_last_shard_to_end_writes_the_cube(tmp_path, plan, whole):
 @pytest.mark.slow
 def test_failures_of_shards_are_joined_and_shown_meanwhile(tmp_path, plan):
     bad = {case_id for case_id, case in plan.cases.items() if case.design["n_stripe"] == 8}
-    with held_by_shard(tmp_path, 3, COUNT):
+    with held(tmp_path, (3, COUNT)):
         plan.write(tmp_path / PLAN)
         failed = [
             entry["case_id"]
@@ -133,7 +132,7 @@ def test_more_shards_than_cases_leave_some_without_any(tmp_path):
 def test_a_shard_refuses_a_folder_in_other_use(tmp_path, plan):
     with held(tmp_path), pytest.raises(BadInput, match=f"is held by process {os.getpid()} of "):
         ran(plan, tmp_path, 1)
-    with held_by_shard(tmp_path, 1, COUNT):
+    with held(tmp_path, (1, COUNT)):
         plan.write(tmp_path / PLAN)
         with pytest.raises(BadInput, match=rf"is held by process .* \(shard 1 of {COUNT}\); wait"):
             ran(plan, tmp_path, 1)
@@ -149,7 +148,7 @@ def test_a_shard_refuses_a_folder_in_other_use(tmp_path, plan):
 @pytest.mark.slow
 def test_a_shard_that_starts_leaves_unfinished_files_of_others(tmp_path, plan):
     unfinished = tmp_path / "cases" / ".writing-other"
-    with held_by_shard(tmp_path, 3, COUNT):
+    with held(tmp_path, (3, COUNT)):
         plan.write(tmp_path / PLAN)
         unfinished.mkdir(parents=True)
         ran(plan, tmp_path, 1)
@@ -162,7 +161,7 @@ PROGRAM = """
 import sys
 from pathlib import Path
 from knitlab.sweep.run import RunOptions, run_plan
-from knitlab.sweep.shard import Shard
+from knitlab.sweep.batches import Shard
 from tests.sweep import stand_in
 options = RunOptions(simulate=stand_in.simulate, shard=Shard.of(sys.argv[2]))
 run_plan(stand_in.plan_of(2), Path(sys.argv[1]), options)
@@ -179,8 +178,7 @@ def test_shards_at_the_same_time_give_the_cube_of_one_run(tmp_path, plan, whole)
         for said in pool.map(process, range(1, 9)):
             assert said.returncode == 0, said.stderr
     same(xr.load_dataset(tmp_path / "cube.nc"), whole.cube)
-    assert left(tmp_path) == ["cases", "cube.nc", "failures.jsonl", "plan.json", SHARDS]
-    assert not list((tmp_path / SHARDS).iterdir())
+    assert left(tmp_path) == ["cases", "cube.nc", "failures.jsonl", "plan.json"]
 
 
 def kill_shard(plan, results, number, changes):

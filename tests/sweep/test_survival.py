@@ -15,15 +15,14 @@ import pytest
 import xarray as xr
 from distributed import LocalCluster
 
-import knitlab.sweep.survey as survey_module
+import knitlab.sweep.results_folder as survey_module
 from knitlab.cube.case_file import StoredCase, case_path, check_case_file
 from knitlab.cube.schema import Status
 from knitlab.io.errors import BadInput, CannotWrite
 from knitlab.io.lock import held
 from knitlab.sweep.plan import make_plan
+from knitlab.sweep.results_folder import CaseState, read_plan
 from knitlab.sweep.run import RunOptions, run_plan
-from knitlab.sweep.status import read_plan
-from knitlab.sweep.survey import CaseState
 from tests.sweep import stand_in
 
 HERE = Path(__file__).resolve().parents[2]

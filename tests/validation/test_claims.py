@@ -9,7 +9,7 @@ from knitlab.cli import main
 from knitlab.cube.cube_file import write_cube
 from knitlab.cube.schema import Status, described
 from knitlab.io.errors import BadInput
-from knitlab.measure.linear_fit import common_slope_probability, linear_fit
+from knitlab.measure.fit_statistics import common_slope_probability, linear_fit
 from knitlab.validation.claims import read_claims
 from knitlab.validation.judgement import judged
 from knitlab.validation.margin import Verdict
@@ -140,12 +140,12 @@ def verdicts(tmp_path):
             paths.append(tmp_path / name / "cube.nc")
             paths[-1].parent.mkdir(exist_ok=True)
             write_cube(cube, paths[-1])
-        return {each.claim.name: each.finding.verdict for each in judged(read_claims(), paths)}
+        return {each.claim.name: each.result.verdict for each in judged(read_claims(), paths)}
 
     return judge
 
 
-LABORATORY = [each.name for each in read_claims() if each.statement.test == "laboratory"]
+LABORATORY = [each.name for each in read_claims() if each.test == "laboratory"]
 
 
 @pytest.mark.slow

@@ -15,10 +15,9 @@ from knitlab.cube.schema import Status
 from knitlab.io.errors import BadInput
 from knitlab.validation import sample_checks
 from knitlab.validation.claims import CHECKS, read_claims
-from knitlab.validation.judged_samples import preference
 from knitlab.validation.judgement import contrary, judged, judged_slices, listed, summary
 from knitlab.validation.margin import Grade, Verdict
-from knitlab.validation.samples import Checkerboards
+from knitlab.validation.samples import Checkerboards, preference
 from tests.validation.test_claims import LOWEST, SLOPES, good_checkerboards, good_stripes
 
 CLAIMS = {claim.name: claim for claim in read_claims()}
@@ -37,8 +36,8 @@ def without(cube, designs):
     return cube
 
 
-def finding(name, cube):
-    return CLAIMS[name].finding([cube])
+def result(name, cube):
+    return CLAIMS[name].check([cube])
 
 
 def bad_checkerboards():
@@ -54,7 +53,7 @@ CUBES = {"good": good_checkerboards(), "bad": bad_checkerboards()}
 EACH = [
     name
     for name, claim in CLAIMS.items()
-    if CHECKS[claim.statement.test].__module__ == sample_checks.__name__
+    if CHECKS[claim.test].__module__ == sample_checks.__name__
     and isinstance(claim.arguments["about"], Checkerboards)
 ]
 
@@ -63,19 +62,19 @@ EACH = [
 @given(st.sampled_from(sorted(CUBES)), st.sampled_from(EACH), st.sets(st.sampled_from(DESIGNS)))
 @settings(deadline=None, max_examples=30)
 def test_missing_designs_never_change_the_margin_of_the_rest(kind, name, missing):
-    whole, part = finding(name, CUBES[kind]), finding(name, without(CUBES[kind], missing))
+    whole, part = result(name, CUBES[kind]), result(name, without(CUBES[kind], missing))
     kept = [design for design in whole.at if design not in missing]
     assert list(part.at) == kept
     assert (part.verdict is Verdict.not_measured) == (not kept)
     if kept:
-        alone = [finding(name, without(CUBES[kind], set(DESIGNS) - {each})).margin for each in kept]
+        alone = [result(name, without(CUBES[kind], set(DESIGNS) - {each})).margin for each in kept]
         assert part.margin == min(alone) >= whole.margin
     assert (part.judged, part.wanted) == (len(kept), whole.wanted)
 
 
 def test_a_claim_is_judged_on_the_available_designs_and_states_their_number():
     gone = [design for design in DESIGNS if design[0] == 8][:3]
-    found = finding("longer_cells_are_less_auxetic", without(good_checkerboards(), gone))
+    found = result("longer_cells_are_less_auxetic", without(good_checkerboards(), gone))
     assert found.verdict is Verdict.holds
     assert (found.judged, found.wanted) == (12, 15)
     assert found.measured.endswith("judged on 12 of 15 designs")
@@ -101,7 +100,7 @@ def test_a_claim_is_judged_on_the_available_designs_and_states_their_number():
     ],
 )
 def test_too_few_designs_are_not_judged(name, left, verdict):
-    found = finding(name, without(good_checkerboards(), set(DESIGNS) - set(left)))
+    found = result(name, without(good_checkerboards(), set(DESIGNS) - set(left)))
     assert found.verdict is verdict
     assert (found.margin is None) == (verdict is Verdict.not_measured)
 
@@ -156,7 +155,7 @@ def test_thresholds_are_the_papers_unless_knitlab_gives_one():
     for claim in CLAIMS.values():
         for cube in cubes:
             if claim.threshold_of == "paper":
-                assert claim.finding([cube], 1.25) == claim.finding([cube]), claim.name
+                assert claim.check([cube], 1.25) == claim.check([cube]), claim.name
 
 
 @pytest.mark.parametrize(
@@ -235,11 +234,11 @@ def test_a_judgement_names_its_samples_and_contrary_cubes(written, tmp_path):
     write_cube(sample("periodic", (1, 1), -0.9), tmp_path / "worse.nc")
     judgements = judged([CLAIMS[OF_ALL]], [tmp_path / "worse.nc", written / "smaller.nc"])
     ((each,), (samples,)) = judgements, judgements[0].samples
-    assert (each.finding.verdict, each.finding.grade) == (Verdict.holds, Grade.holds)
+    assert (each.result.verdict, each.result.grade) == (Verdict.holds, Grade.holds)
     assert each.cubes == (written / "smaller.nc",)
     assert (samples.boundary, samples.size) == ("clamped", "2 × 4")
     assert samples.options == "cell_size flat, z_max 6"
-    assert (each.finding.judged, each.finding.wanted) == (14, 14)
+    assert (each.result.judged, each.result.wanted) == (14, 14)
     expected = f"fails at -0.20 on 14 of 14 designs of {tmp_path / 'worse.nc'}"
     assert contrary(each.contrary, str) == expected
 
@@ -259,7 +258,7 @@ def test_samples_side_by_side_name_the_cubes_that_were_used(tmp_path, written):
     paths = [written / "periodic.nc", tmp_path / "stripes.nc", written / "larger.nc"]
     (each,) = judged([CLAIMS["capacitor_4_32_is_the_steepest"]], paths)
     assert each.cubes == (tmp_path / "stripes.nc", written / "larger.nc")
-    assert (each.finding.judged, each.finding.wanted) == (4, 4)
+    assert (each.result.judged, each.result.wanted) == (4, 4)
     assert [samples.boundary for samples in each.samples] == ["periodic", "clamped"]
 
 
@@ -270,7 +269,7 @@ def test_lines_and_their_count(tmp_path):
     cube["kinetic_energy_left"].loc[{"n_stripe": 4, "n_subunit": 32}] = 0.1
     write_cube(cube, tmp_path / "cube.nc")
     judgements = judged(read_claims(), [tmp_path])
-    grades = {each.claim.name: each.finding.grade for each in judgements}
+    grades = {each.claim.name: each.result.grade for each in judgements}
     assert grades["n_stripe_4_n_subunit_48_is_not"] is Grade.near_miss
     assert grades["kinetic_energy_vanishes"] is Grade.fails
     assert summary(judgements) == "28 hold, 1 near miss, 1 fail, 9 not measured"

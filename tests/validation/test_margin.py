@@ -10,14 +10,12 @@ from hypothesis import strategies as st
 from knitlab.validation import margin as margins
 from knitlab.validation.claims import read_claims
 from knitlab.validation.comparison_checks import weakest_significant
-from knitlab.validation.finding import Finding
 from knitlab.validation.margin import (
+    CheckResult,
     Grade,
     Verdict,
     above,
     below,
-    grade_of,
-    verdict_of,
     within,
     worst,
 )
@@ -59,7 +57,7 @@ def test_a_margin_is_never_infinite_or_nan(value, limit, strict):
             assert math.isfinite(found)
         else:
             assert found is None
-            assert verdict_of(found) is Verdict.not_measured
+            assert CheckResult(found, "").verdict is Verdict.not_measured
 
 
 @given(st.lists(st.none() | NUMBER))
@@ -70,12 +68,11 @@ def test_the_margin_of_many_is_that_of_the_worst(found):
 
 @given(st.none() | st.floats(-2, 2))
 def test_verdict_and_grade_agree(margin):
-    finding = Finding(margin, "")
-    assert finding.verdict is verdict_of(margin)
-    assert finding.grade is grade_of(margin)
-    assert (finding.grade is Grade.near_miss) == (margin is not None and -0.25 <= margin < 0)
-    if finding.grade is not Grade.near_miss:
-        assert finding.grade.value == finding.verdict.value
+    result = CheckResult(margin, "")
+    assert (result.verdict is Verdict.holds) == (margin is not None and margin >= 0)
+    assert (result.grade is Grade.near_miss) == (margin is not None and -0.25 <= margin < 0)
+    if result.grade is not Grade.near_miss:
+        assert result.grade.value == result.verdict.value
 
 
 @pytest.mark.parametrize(

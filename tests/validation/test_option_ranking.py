@@ -9,6 +9,7 @@ import xarray as xr
 
 from knitlab.cube.cube_file import open_cube, write_cube
 from knitlab.figures.drawing import draw_figure, draw_figures
+from knitlab.validation.claims import read_claims
 from knitlab.validation.margin import Grade, Verdict
 from knitlab.validation.option_ranking import differing, options_of, ranked_options
 from tests.validation.test_claims import good_checkerboards, good_stripes
@@ -35,7 +36,9 @@ def with_ratio(value, n_stripe=4, n_subunit=16):
 @pytest.fixture
 def ranked(tmp_path):
     def rank(*cubes):
-        return ranked_options([(tmp_path / f"{k}.nc", cube) for k, cube in enumerate(cubes)])
+        return ranked_options(
+            [(tmp_path / f"{k}.nc", cube) for k, cube in enumerate(cubes)], read_claims()
+        )
 
     return rank
 
@@ -45,9 +48,9 @@ def test_the_options_under_which_more_claims_hold_come_first(ranked):
     best, other = ranked(along_fold_phase(with_ratio(0.1), good_checkerboards()))
     assert best.options["fold_phase"] == "stripe_centre"
     assert best.count(Grade.holds) > other.count(Grade.holds)
-    assert best.findings["design_4_16_is_the_lowest"].verdict is Verdict.holds
-    assert other.findings["design_4_16_is_the_lowest"].verdict is Verdict.fails
-    assert best.findings["stripes_are_j_shaped"].verdict is Verdict.not_measured
+    assert best.results["design_4_16_is_the_lowest"].verdict is Verdict.holds
+    assert other.results["design_4_16_is_the_lowest"].verdict is Verdict.fails
+    assert best.results["stripes_are_j_shaped"].verdict is Verdict.not_measured
     assert differing([best, other]) == ["fold_phase"]
 
 
@@ -57,7 +60,7 @@ def test_of_equally_many_claims_the_nearer_miss_comes_first(ranked):
     for order in ((far, near), (near, far)):
         best, other = ranked(along_fold_phase(*order))
         assert best.count(Grade.holds) == other.count(Grade.holds)
-        assert best.findings["n_stripe_4_is_auxetic_up_to_40"].margin == pytest.approx(-0.2)
+        assert best.results["n_stripe_4_is_auxetic_up_to_40"].margin == pytest.approx(-0.2)
 
 
 def stated(cube, **options):
@@ -74,8 +77,8 @@ def test_pure_stripes_serve_all_options_of_their_cells(ranked):
     stripes = stated(good_stripes(), cell_size="flat", fold_phase="stripe_centre")
     best, other = ranked(relaxed, flat, stripes)
     assert best.options["cell_size"] == "flat"
-    assert best.findings["stripes_are_j_shaped"].verdict is Verdict.holds
-    assert other.findings["stripes_are_j_shaped"].verdict is Verdict.not_measured
+    assert best.results["stripes_are_j_shaped"].verdict is Verdict.holds
+    assert other.results["stripes_are_j_shaped"].verdict is Verdict.not_measured
     assert best.decided - other.decided >= 5
 
 
@@ -86,8 +89,8 @@ def test_cubes_of_the_same_options_are_judged_together(ranked):
     narrow = narrow.sel(n_stripe=[2, 4])
     (one,) = ranked(stated(wide, z_max=1.0), stated(narrow, z_max=1.0))
     assert one.designs == 20
-    assert one.findings["n_stripe_4_is_auxetic_up_to_40"].verdict is Verdict.holds
-    assert one.findings["longer_cells_are_less_auxetic"].judged == 10
+    assert one.results["n_stripe_4_is_auxetic_up_to_40"].verdict is Verdict.holds
+    assert one.results["longer_cells_are_less_auxetic"].judged == 10
 
 
 def test_options_of_stripes_alone_are_ranked_by_their_claims(ranked):
@@ -115,7 +118,7 @@ def test_options_are_drawn_side_by_side_without_a_selection(tmp_path):
     assert open_cube(tmp_path).sizes["fold_phase"] == 2
     assert draw_figure("readings", [tmp_path], tmp_path / "readings.svg").stat().st_size > 0
     text = (tmp_path / "readings.svg").read_text()
-    best, other = ranked_options([(tmp_path, open_cube(tmp_path))])
+    best, other = ranked_options([(tmp_path, open_cube(tmp_path))], read_claims())
     counts = [f"{each.count(Grade.holds)}/{each.decided}" for each in (best, other)]
     assert [found for found in re.findall(r"\d+/\d+", text) if found in counts] == counts
     files, faults = draw_figures(["readings", "auxetic"], tmp_path)

@@ -17,8 +17,7 @@ from scipy.interpolate import PchipInterpolator
 from knitlab.cube.case_file import configurations, read_case
 from knitlab.cube.cube_file import open_cube
 from knitlab.fabric.network import MeshShape
-from knitlab.measure.cell_grid import CellGrid
-from knitlab.measure.corners import unit_cell_corners
+from knitlab.measure.unit_cells import CellGrid, unit_cell_corners
 
 Corners = Float[np.ndarray, "state row column 2"]
 

@@ -3,17 +3,26 @@
 import inspect
 import itertools
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+from dataclasses import asdict
 from typing import Any
 
-from pydantic import BaseModel
+from pydantic import BaseModel, TypeAdapter
 
 from generated_reference.markdown import code, plain, table
 from knitlab.io.shipped import shipped
-from knitlab.sweep.settings import SettingRow, settings_table
+from knitlab.sweep.parameters import TABLES, defaults
+from knitlab.sweep.settings import SETTINGS
 from knitlab.sweep.workflow import SECTIONS
 
 COLUMNS = ("setting", "values", "default", "unit", "source")
+LIMITS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
+TYPE_NAMES = {
+    "integer": "whole number",
+    "number": "number",
+    "boolean": "true or false",
+    "string": "text",
+}
 
 
 def page() -> str:
@@ -22,11 +31,9 @@ def page() -> str:
         path.stem: tomllib.loads(path.read_text(encoding="utf-8"))
         for path in sorted(shipped("params").glob("*.toml"))
     }
-    settings = settings_table()
     parts = []
     for name, section in SECTIONS.items():
-        members = [each for each in settings if each.section == name]
-        parts += [f"## [{name}]", plain(_described(section)), table(COLUMNS, _rows(members))]
+        parts += [f"## [{name}]", plain(_described(section)), table(COLUMNS, _rows(name))]
     return "\n\n".join([*parts, *_stripes(files), *_layouts(files), *_design_sets(files)])
 
 
@@ -36,20 +43,44 @@ def _described(section: type[BaseModel]) -> str:
     return words[:1].upper() + words[1:]
 
 
-def _rows(settings: Iterable[SettingRow]) -> Iterator[tuple[str, ...]]:
-    """A row each; settings next to each other of which the same is known share one."""
-    rows = [
-        (
-            code(each.name),
-            plain(each.values),
-            "" if each.default in (None, ()) else code(_toml(each.default)),
-            "" if each.unit == "1" else each.unit,
-            plain(each.source),
+def _rows(section: str) -> Iterator[tuple[str, ...]]:
+    """A row for each setting; settings next to each other of which the same is known share one."""
+    parameters = defaults()
+    stated: dict[str, Any] = {}
+    for name in TABLES:
+        stated |= asdict(getattr(parameters, name))
+    rows = []
+    for setting in SETTINGS.values():
+        if setting.section != section:
+            continue
+        source = parameters.sources.get(setting.name, "")
+        default = stated[setting.name] if source else setting.default
+        rows.append(
+            (
+                code(setting.name),
+                plain(_in_words(TypeAdapter(setting.kind).json_schema())),
+                "" if default in (None, ()) else code(_toml(default)),
+                "" if setting.unit == "1" else setting.unit,
+                plain(source),
+            )
         )
-        for each in settings
-    ]
     for known, alike in itertools.groupby(rows, key=lambda row: row[1:]):
         yield (", ".join(row[0] for row in alike), *known)
+
+
+def _in_words(schema: dict[str, Any]) -> str:
+    """The possible values of a type with this JSON schema."""
+    if "anyOf" in schema:
+        return " or ".join(_in_words(one) for one in schema["anyOf"] if one.get("type") != "null")
+    if "const" in schema or "enum" in schema:
+        values = schema.get("enum", [schema.get("const")])
+        return " or ".join(f'"{each}"' if isinstance(each, str) else str(each) for each in values)
+    if schema["type"] == "array":
+        members = schema.get("prefixItems")
+        several = f"{len(members)} of" if members else "list of"
+        return f"{several}: {_in_words(members[0] if members else schema['items'])}"
+    limits = [f"{sign} {schema[key]:g}" for key, sign in LIMITS.items() if key in schema]
+    return " ".join([TYPE_NAMES[schema["type"]], " and ".join(limits)]).strip()
 
 
 def _toml(value: Any) -> str:

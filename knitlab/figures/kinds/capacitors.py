@@ -4,8 +4,7 @@ It takes several cubes because pure stripes and checkerboards are in different o
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -15,33 +14,23 @@ from matplotlib.lines import Line2D
 
 from knitlab.cube.cube_file import base_dims, is_measured, source_of
 from knitlab.cube.schema import DESIGN_DIMS, RUN
+from knitlab.figures.curves import break_note, broken, line_style, snapped_before
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.snaps import break_note, broken, snapped_before
-from knitlab.figures.sources import lines_of
-from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS
+from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
-from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
-from knitlab.measure.capacitance.sensor import CENTRAL_PART
+from knitlab.measure.capacitance.sensor import CENTRAL_PART, CapacitorStatus
 
-SLOPE: dict[str, Any] = {"lw": 4, "alpha": 0.45, "solid_capstyle": "butt"}
-END: dict[str, Any] = {"marker": "|", "ms": 9, "mew": 1.5, "ls": ""}
-BACK: dict[str, Any] = {"marker": ".", "ms": 3, "mfc": "none", "ls": ""}
+SLOPE: Look = {"lw": 4, "alpha": 0.45, "solid_capstyle": "butt"}
+END: Look = {"marker": "|", "ms": 9, "mew": 1.5, "ls": ""}
+BACK: Look = {"marker": ".", "ms": 3, "mfc": "none", "ls": ""}
 INK = "0.3"
-LINES = ("-", "--", "-.", (0, (1, 1)))
+DASHES = ("-", "--", "-.", (0, (1, 1)))
 PAPER_STRIPES = (("rib", 4), ("garter", 4))
 PAPER_CHECKERBOARDS = ((4, 16), (4, 32))
-HEIGHT = 3.1
-"""Height of the figure [in]."""
 
 
-@dataclass(frozen=True)
-class Sample:
-    """One fabric with electrodes.
-
-    Attributes:
-        name: its name in the figure.
-        cell: one cell of a cube.
-    """
+class Sample(NamedTuple):
+    """One fabric with electrodes: its name in the figure, and its cell of a cube."""
 
     name: str
     cell: xr.Dataset
@@ -53,9 +42,6 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
     Shows those of the paper's four samples that the cubes hold, and all measured ones. Thick lines
     mark the central 20 % over which the slope is averaged; dots are unloading. There is no curve
     where electrodes touch or the model passes through itself.
-
-    Raises:
-        BadInput: if no cube holds one of the samples with electrodes.
     """
     samples = [sample for cube in cubes for sample in _samples(cube)]
     if not samples:
@@ -64,50 +50,42 @@ def capacitors_figure(cubes: Sequence[xr.Dataset]) -> Figure:
             "shows 4 × 4 rib and garter, (4, 16) and (4, 32) with electrodes, and no cube has one;"
             " give cubes of the workflows sensor and sensor_stripes",
         )
-    figure = Figure(figsize=(TWO_COLUMNS, HEIGHT), layout="constrained")
-    curves, absolute, slopes = figure.subplots(1, 3, width_ratios=(1.3, 1.3, 0.9))
-    any_measured = any(is_measured(sample.cell) for sample in samples)
-    coloured = list(zip(samples, CATEGORY_COLOURS, strict=False))
-    dashes = iter(LINES * 2)
-    for sample, colour in coloured:
+    figure = Figure(figsize=(TWO_COLUMNS, 3.1), layout="constrained")
+    ratios, absolute, slopes = figure.subplots(1, 3, width_ratios=(1.3, 1.3, 0.9))
+    cells = [sample.cell for sample in samples]
+    any_measured = any(map(is_measured, cells))
+    for sample, colour, dashes in zip(samples, CATEGORY_COLOURS, DASHES * 2, strict=False):
         # Dashes mark measured samples, if there are any.
-        line = lines_of(sample.cell) if any_measured else next(dashes)
-        _curve(curves, sample, "capacitance_ratio", colour, line)
-        _curve(absolute, sample, "capacitance", colour, line)
-    curves.set(xlabel="applied strain [1]", ylabel="$C/C_0$ [1]")
-    lengths = [
-        float(sample.cell["electrode_length"])
-        for sample in samples
-        if "electrode_length" in sample.cell
-    ]
+        line = line_style(sample.cell) if any_measured else dashes
+        _draw_curve(ratios, sample, "capacitance_ratio", colour, line)
+        _draw_curve(absolute, sample, "capacitance", colour, line)
+    lengths = [float(cell["electrode_length"]) for cell in cells if "electrode_length" in cell]
     simulated = "simulated " if any_measured else ""
     note = f"\n{simulated}electrodes of {max(lengths):.0f} mm" if lengths else ""
+    ratios.set(xlabel="applied strain [1]", ylabel="$C/C_0$ [1]")
     absolute.set(xlabel="applied strain [1]", ylabel=f"$C$ [pF]{note}")
-    positions = np.arange(len(samples))
-    values = [float(sample.cell["sensitivity"]) for sample in samples]
-    bars = slopes.bar(positions, np.nan_to_num(values), color=[colour for _, colour in coloured])
+    values = [float(cell["sensitivity"]) for cell in cells]
+    colours = CATEGORY_COLOURS[: len(cells)]
+    bars = slopes.bar(range(len(cells)), np.nan_to_num(values), color=colours)
     slopes.bar_label(bars, [f"{value:.2f}" if np.isfinite(value) else "none" for value in values])
-    slopes.set_xticks(positions, [sample.name for sample in samples], rotation=40, ha="right")
+    names = [sample.name for sample in samples]
+    slopes.set_xticks(range(len(cells)), names, rotation=40, ha="right")
     slopes.margins(y=0.1)
     slopes.set_ylabel("mean slope |d$C$/dε| [pF]")
-    handles = [*curves.get_legend_handles_labels()[0], *_notes(samples)]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
-    return figure
-
-
-def _notes(samples: Sequence[Sample]) -> list[Line2D]:
-    """Legend entries of the marks on the curves."""
     within = f"central {CENTRAL_PART:.0%} of the range: mean slope"
-    notes = [
+    handles = [
+        *ratios.get_legend_handles_labels()[0],
         Line2D([], [], **SLOPE, color=INK, label=within),
         Line2D([], [], **END, color=INK, label="end of the range"),
     ]
-    if any(np.isfinite(_unloading(sample.cell, "capacitance")).any() for sample in samples):
-        notes.append(Line2D([], [], **BACK, color=INK, label="unloading, where it differs"))
-    return [*notes, *break_note(sample.cell for sample in samples)]
+    if any(np.isfinite(_unloading(cell, "capacitance")).any() for cell in cells):
+        handles.append(Line2D([], [], **BACK, color=INK, label="unloading, where it differs"))
+    handles += break_note(cells)
+    figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    return figure
 
 
-def _curve(axes: Axes, sample: Sample, name: str, colour: str, line: object) -> None:
+def _draw_curve(axes: Axes, sample: Sample, name: str, colour: str, line: object) -> None:
     cell = sample.cell
     strain, values = cell["applied_strain"].values, cell[name].values
     curve = broken(snapped_before(cell), strain, values)
@@ -117,13 +95,9 @@ def _curve(axes: Axes, sample: Sample, name: str, colour: str, line: object) -> 
     if np.isfinite(start) and finite.any():
         middle, half = (start + end) / 2, CENTRAL_PART / 2 * (end - start)
         within = np.linspace(middle - half, middle + half, 20)
-        axes.plot(
-            within,
-            np.interp(within, strain[finite], values[finite]),
-            color=colour,
-            **SLOPE,
-        )
-        axes.plot(end, np.interp(end, strain[finite], values[finite]), color=colour, **END)
+        for strains, look in ((within, SLOPE), (np.array([end]), END)):
+            at = np.interp(strains, strain[finite], values[finite])
+            axes.plot(strains, at, color=colour, **look)
     axes.plot(strain, _unloading(cell, name), color=colour, **BACK)
 
 
@@ -139,31 +113,30 @@ def _unloading(cell: xr.Dataset, name: str) -> np.ndarray:
 
 
 def _samples(cube: xr.Dataset) -> list[Sample]:
+    """The samples of a cube that are shown, those with measured capacitances."""
     if "capacitance" not in cube:
         return []
     wanted: list[tuple[str, dict[str, int | str]]]
     if base_dims(cube) == DESIGN_DIMS:
-        wanted = [(f"({n}, {m})", {"n_stripe": n, "n_subunit": m}) for n, m in PAPER_CHECKERBOARDS]
+        source = f" {source_of(cube)}" if is_measured(cube) else ""
+        designs = PAPER_CHECKERBOARDS
+        if source:
+            designs = tuple(cube["status"].stack(design=DESIGN_DIMS)["design"].values)
+        wanted = [(f"({n}, {m}){source}", {"n_stripe": n, "n_subunit": m}) for n, m in designs]
     else:
+        boundary = cube["boundary"].values[0]
         wanted = [
             (f"{n} × {n} {knit}", {"knit": knit, "n": n, "boundary": boundary})
             for knit, n in PAPER_STRIPES
-            for boundary in cube["boundary"].values[:1]
         ]
-    found = []
-    if is_measured(cube):
-        wanted = [
-            (f"({n}, {m}) {source_of(cube)}", {"n_stripe": n, "n_subunit": m})
-            for n in cube["n_stripe"].values.tolist()
-            for m in cube["n_subunit"].values.tolist()
-        ]
+    samples = []
     for name, labels in wanted:
         if all(value in cube[dim].values for dim, value in labels.items()):
             cell = cube.sel(labels)
-            measured = (cell["capacitor_status"] == CapacitorStatus.measured).any()
-            if int(cell["status"]) in RUN and measured:
-                found.append(Sample(name, cell))
-    return found
+            read = (cell["capacitor_status"] == CapacitorStatus.measured).any()
+            if int(cell["status"]) in RUN and read:
+                samples.append(Sample(name, cell))
+    return samples
 
 
-FIGURE = FigureKind(capacitors_figure, dims=None, several="any")
+FIGURES = {"capacitors": FigureKind(capacitors_figure, dims=None, several="any")}

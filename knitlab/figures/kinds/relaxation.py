@@ -1,84 +1,108 @@
-"""The relaxation by dynamics: kinetic energy against time, and snapshots."""
+"""The relaxation by dynamics: kinetic energy and snapshots, and a film of the fabric folding."""
 
 import numpy as np
 import xarray as xr
+from matplotlib.animation import FuncAnimation
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from knitlab.figures.figure_files import FRAMES_PER_SECOND
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.perspective import (
-    design_text,
-    draw_sheet,
-    frame_sheet,
-    snapshot_nodes,
-    time_text,
-)
-from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS
+from knitlab.figures.sheets import design_text, draw_sheet, frame_sheet
+from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, Look
 
 CONTRACTED = (0.0, 0.15, 0.5)
 """Fractions of the in-plane contraction at which snapshots are shown, before the last one."""
-LETTERS = "abcdefgh"
 BEFORE_FIRST = 0.7
 """Start of the time axis, which is logarithmic, over the first time after 0."""
 
 
 def relaxation_figure(case: xr.Dataset) -> Figure:
-    """Kinetic energy against time, and snapshots (paper, Fig. "unit simulation").
-
-    Args:
-        case: contents of a case file with the history of its relaxation.
-    """
+    """Kinetic energy against time, and snapshots (paper, Fig. "unit simulation")."""
     nodes = snapshot_nodes(case)
     chosen = _chosen_snapshots(nodes)
-    times = case["snapshot"].values[chosen]
     figure = Figure(figsize=(TWO_COLUMNS, 4.2))
     axes = figure.add_axes((0.085, 0.52, 0.9, 0.42))
     _draw_energies(axes, case)
-    for letter, time in zip(LETTERS, times, strict=False):
+    width = 1 / len(chosen)
+    beside: Look = {"xytext": (2, -2), "textcoords": "offset points", "va": "top"}
+    for column, (snapshot, letter) in enumerate(zip(chosen, "abcd", strict=True)):
+        time = float(case["snapshot"][snapshot])
         at = max(time, axes.get_xlim()[0])
         axes.axvline(at, color="0.75", lw=0.6, zorder=0)
-        axes.annotate(
-            letter,
-            (at, 1),
-            (2, -2),
-            xycoords=("data", "axes fraction"),
-            textcoords="offset points",
-            va="top",
-        )
-    width = 1 / len(chosen)
-    for column, (place, letter) in enumerate(zip(chosen, LETTERS, strict=False)):
+        axes.annotate(letter, (at, 1), xycoords=("data", "axes fraction"), **beside)
         scene = figure.add_axes((column * width, 0.0, width, 0.36), projection="3d")
-        draw_sheet(scene, nodes[place])
+        draw_sheet(scene, nodes[snapshot])
         frame_sheet(scene, nodes)
-        middle = (column + 0.5) * width
-        figure.text(middle, 0.37, f"{letter}: {time_text(times[column])}", ha="center")
+        figure.text((column + 0.5) * width, 0.37, f"{letter}: {time:.2g} ms", ha="center")
     figure.text(0.5, 0.97, design_text(case), ha="center")
     return figure
+
+
+def snapshot_nodes(case: xr.Dataset) -> np.ndarray:
+    """Node positions (snapshot, y, x, component) of a relaxation, periodic fabric closed [mm]."""
+    nodes = case["snapshot_position"].values
+    if "snapshot_length_x" not in case:
+        return nodes
+    across, along = (np.zeros((len(nodes), 1, 1, 3)) for _ in range(2))
+    across[..., 0] = case["snapshot_length_x"].values[:, None, None]
+    along[..., 1] = case["snapshot_length_y"].values[:, None, None]
+    nodes = np.concatenate([nodes, nodes[:, :, :1] + across], axis=2)
+    return np.concatenate([nodes, nodes[:, :1] + along], axis=1)
 
 
 def _draw_energies(axes: Axes, case: xr.Dataset) -> None:
     time, kinetic = case["time"].values, case["kinetic_energy"].values
     stored = case["potential_energy"].values
-    excess = stored - stored[-1]
+    excess = (stored - stored[-1])[1:-1]
     axes.loglog(time[1:], kinetic[1:], color=CATEGORY_COLOURS[0], label="kinetic energy $T$")
-    axes.loglog(
-        time[1:-1], excess[1:-1], "--", color="0.45", label="elastic energy above the relaxed state"
-    )
+    label = "elastic energy above the relaxed state"
+    axes.loglog(time[1:-1], excess, "--", color="0.45", label=label)
     axes.set(
         xlabel="time since the flat sheet was released [ms]",
         ylabel="energy [N mm]",
         xlim=(BEFORE_FIRST * time[1], 1.1 * time[-1]),
         ylim=(max(kinetic[-1], 1e-14), 5 * stored[0]),
     )
-    axes.legend(frameon=False, loc="lower left")
+    axes.legend(loc="lower left")
 
 
 def _chosen_snapshots(nodes: np.ndarray) -> list[int]:
     """Snapshots at which the sheet has reached these fractions of its in-plane contraction."""
     area = np.ptp(nodes[..., :2], axis=(1, 2)).prod(axis=1)
     contracted, whole = area[0] - area, area[0] - area[-1]
-    reached = [contracted >= (part - 1e-9) * whole for part in CONTRACTED]
+    reached = [contracted >= (fraction - 1e-9) * whole for fraction in CONTRACTED]
     return [*(int(np.argmax(each)) for each in reached), len(nodes) - 1]
 
 
-FIGURE = FigureKind(relaxation_figure, needs="snapshot_position")
+LAST_FRAME_HELD = 20
+"""Frames for which the film rests on the relaxed shape."""
+
+
+def folding_animation(case: xr.Dataset) -> FuncAnimation:
+    """Film of a fabric that folds as it relaxes.
+
+    Frames are evenly spaced in the logarithm of time.
+    """
+    nodes = snapshot_nodes(case)
+    figure = Figure(figsize=(ONE_COLUMN * 1.3, ONE_COLUMN), dpi=120)
+    scene = figure.add_axes((0, 0, 1, 0.92), projection="3d")
+
+    def frame(number: int) -> list[Artist]:
+        snapshot = min(number, len(nodes) - 1)
+        scene.clear()
+        draw_sheet(scene, nodes[snapshot])
+        frame_sheet(scene, nodes)
+        time = float(case["snapshot"][snapshot])
+        figure.suptitle(f"{design_text(case)}, {time:.2g} ms", fontsize=8)
+        return []
+
+    frames = len(nodes) + LAST_FRAME_HELD
+    return FuncAnimation(figure, frame, frames, interval=1000 / FRAMES_PER_SECOND)
+
+
+FIGURES = {
+    "relaxation": FigureKind(relaxation_figure, needs="snapshot_position"),
+    "folding": FigureKind(folding_animation, needs="snapshot_position"),
+}

@@ -3,13 +3,12 @@
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from knitlab.cube.schema import DESIGN_DIMS, Status
-from knitlab.figures.cells import MARKS, cell, ink_on, marks_legend, remove_frame
+from knitlab.cube.schema import Status
+from knitlab.figures.cells import MARKS, cell, designs_of, marks_legend, remove_frame, value_cell
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS, number
+from knitlab.figures.style import STRAIN_COLOURS, TWO_COLUMNS, Look, number
 from knitlab.io.errors import fault
 
 QUANTITY = "poisson_ratio_sensitivity"
@@ -21,6 +20,10 @@ MOST_DESIGNS = 60
 """Largest number of rows that remain legible."""
 MOST_OVER_MEDIAN = 3
 """Limit of the colour scale over the median of the designs' largest sensitivities."""
+NOTE = (
+    "change of Poisson's ratio for a relative change of a number $p$ of a stripe;"
+    " framed: the largest in magnitude of a design"
+)
 
 
 def sensitivity_map(cube: xr.Dataset) -> Figure:
@@ -29,57 +32,48 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
     Shows the sensitivity p ∂ν/∂p of every design to every stripe parameter at the strain where its
     ν is lowest. The largest magnitude of a row is framed. Designs without a lowest ν, or without
     derivatives there, are marked by status.
-
-    Raises:
-        BadInput: if the cube has no sensitivities, or too many designs for one figure.
     """
     if QUANTITY not in cube:
         raise fault("sensitivity", "needs sensitivities; run with sensitivities = true")
-    designs = cube.stack(design=DESIGN_DIMS)
-    designs = designs.isel(design=designs["status"].values != Status.excluded)
-    labels = [(int(n), int(m)) for n, m in designs["design"].values]
-    if len(labels) > MOST_DESIGNS:
-        problem = f"shows {MOST_DESIGNS} designs at most, not {len(labels)}; select some"
+    designs = designs_of(cube)
+    if len(designs) > MOST_DESIGNS:
+        problem = f"shows {MOST_DESIGNS} designs at most, not {len(designs)}; select some"
         raise fault("sensitivity", problem)
-    strains = designs["applied_strain_at_min"].values
     parameters = [str(name) for name in cube["stripe_parameter"].values]
-    values = np.array([_at_strain(designs.isel(design=k), strains[k]) for k in range(len(labels))])
-    values = values.reshape(len(labels), len(parameters))
-
+    columns = [k + GAP * name.startswith("garter_") for k, name in enumerate(parameters)]
+    values = np.array([_at_lowest(design) for design in designs]).reshape(-1, len(parameters))
     norm = _norm(values)
     colours = mpl.colormaps[STRAIN_COLOURS]
-    columns = [k + GAP * name.startswith("garter_") for k, name in enumerate(parameters)]
-    figure = Figure(figsize=(TWO_COLUMNS, 1.7 + 0.24 * len(labels)), layout="constrained")
+    figure = Figure(figsize=(TWO_COLUMNS, 1.7 + 0.24 * len(designs)), layout="constrained")
     axes = figure.add_subplot()
     marked: set[Status] = set()
-    for row, sensitivities in enumerate(values):
-        if np.isfinite(sensitivities).all():
-            _row(axes, row, columns, sensitivities, norm, colours)
-            continue
-        code = Status(int(designs["status"][row]))
-        marked.add(code)
-        for column in columns:
-            cell(axes, row, column, **MARKS[code])
-
+    for row, (design, sensitivities) in enumerate(zip(designs, values, strict=True)):
+        status, valid = Status(int(design["status"])), np.isfinite(sensitivities).all()
+        leading = int(np.argmax(np.abs(sensitivities)))
+        for k, (column, value) in enumerate(zip(columns, sensitivities, strict=True)):
+            if valid:
+                text = number(value, "+.2f" if abs(value) < 9.995 else "+.0f")
+                weight = "bold" if k == leading else "normal"
+                value_cell(axes, row, column, colours(norm(value)), text, weight=weight)
+            else:
+                cell(axes, row, column, **MARKS[status])
+        if valid:
+            cell(axes, row, columns[leading], facecolor="none", edgecolor="black", zorder=3)
+        else:
+            marked.add(status)
     axes.set(
         xlim=(-0.55, columns[-1] + 0.55),
-        ylim=(len(labels) - 0.45, -0.55),
+        ylim=(len(designs) - 0.45, -0.55),
         xticks=columns,
-        yticks=range(len(labels)),
+        yticks=range(len(designs)),
         xticklabels=[_symbol(name) for name in parameters],
-        yticklabels=[_named(*pair) for pair in zip(labels, strains, strict=True)],
+        yticklabels=[_name(design) for design in designs],
         ylabel="design (n_stripe, n_subunit)\nat the strain of its lowest $\\nu$",
     )
     for knit in PERIODS:
-        places = [c for c, name in zip(columns, parameters, strict=True) if name.startswith(knit)]
-        middle = (places[0] + places[-1]) / 2
-        axes.annotate(
-            f"{knit} stripe",
-            (middle, -0.5),
-            xytext=(0, 4),
-            textcoords="offset points",
-            ha="center",
-        )
+        of_knit = [c for c, name in zip(columns, parameters, strict=True) if name.startswith(knit)]
+        above: Look = {"xytext": (0, 4), "textcoords": "offset points", "ha": "center"}
+        axes.annotate(f"{knit} stripe", ((of_knit[0] + of_knit[-1]) / 2, -0.5), **above)
     remove_frame(axes)
     figure.colorbar(
         mpl.cm.ScalarMappable(norm, colours),
@@ -88,20 +82,17 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
         extend="both" if np.nanmax(np.abs(values), initial=0) > norm.vmax else "neither",
         label="$p\\,\\partial\\nu/\\partial p$ [1]",
     )
-    figure.supxlabel(
-        "change of Poisson's ratio for a relative change of a number $p$ of a stripe;"
-        " framed: the largest in magnitude of a design",
-        fontsize="medium",
-    )
-    marks_legend(figure, marked, no_value="no derivative, or no lowest ratio")
+    figure.supxlabel(NOTE, fontsize="medium")
+    marks_legend(figure, marked, "no derivative, or no lowest ratio")
     return figure
 
 
-def _at_strain(design: xr.Dataset, strain: float) -> np.ndarray:
-    """Sensitivities of a design at one strain; missing if the strain is."""
-    place = np.flatnonzero(np.isclose(design["applied_strain"].values, strain, 0, 1e-9))
+def _at_lowest(design: xr.Dataset) -> np.ndarray:
+    """Sensitivities of a design where its ν is lowest; missing if that strain is not recorded."""
+    strains, lowest = design["applied_strain"].values, float(design["applied_strain_at_min"])
     along = design[QUANTITY].transpose("applied_strain", "stripe_parameter").values
-    return along[place[0]] if place.size else np.full(along.shape[1], np.nan)
+    at = np.flatnonzero(np.isclose(strains, lowest, 0, 1e-9))
+    return along[at[0]] if at.size else np.full(along.shape[1], np.nan)
 
 
 def _norm(values: np.ndarray) -> mpl.colors.Normalize:
@@ -112,32 +103,15 @@ def _norm(values: np.ndarray) -> mpl.colors.Normalize:
     return mpl.colors.Normalize(-bound, bound)
 
 
-def _row(
-    axes: Axes,
-    row: int,
-    columns: list[float],
-    values: np.ndarray,
-    norm: mpl.colors.Normalize,
-    colours: mpl.colors.Colormap,
-) -> None:
-    leading = int(np.argmax(np.abs(values)))
-    for place, (column, value) in enumerate(zip(columns, values, strict=True)):
-        colour = colours(norm(value))
-        cell(axes, row, column, facecolor=colour, edgecolor="white")
-        weight = "bold" if place == leading else "normal"
-        text = number(value, "+.2f" if abs(value) < 9.995 else "+.0f")
-        axes.text(column, row, text, ha="center", va="center", color=ink_on(colour), weight=weight)
-    cell(axes, row, columns[leading], facecolor="none", edgecolor="black", zorder=3)
-
-
 def _symbol(parameter: str) -> str:
     knit, _, name = parameter.partition("_")
     return PERIODS[knit] if name == "period" else SYMBOLS[name]
 
 
-def _named(design: tuple[int, int], strain: float) -> str:
+def _name(design: xr.Dataset) -> str:
+    strain = float(design["applied_strain_at_min"])
     where = f"at {strain:.0%}" if np.isfinite(strain) else ""
-    return f"({design[0]}, {design[1]})  {where}"
+    return f"({int(design['n_stripe'])}, {int(design['n_subunit'])})  {where}"
 
 
-FIGURE = FigureKind(sensitivity_map)
+FIGURES = {"sensitivity": FigureKind(sensitivity_map)}

@@ -5,16 +5,12 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from knitlab.cube.cube_file import base_dims, swept_dims
-from knitlab.cube.reduced_columns import with_reduction
+from knitlab.cube.reduced_columns import with_columns
 from knitlab.cube.schema import FLAGS, Status
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, number
-from knitlab.io.errors import fault
-from knitlab.io.suggestions import unknown
+from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
+from knitlab.io.errors import fault, unknown
 
-MARKERS = "os^Dv*PX"
-MOST = len(MARKERS)
-"""Largest number of values of the setting that can be told apart."""
 ROW, MARGIN, SMALLEST = 0.16, 1.1, 2.4
 """Height of the row of a design, of what is around the rows, and of the smallest figure [in]."""
 
@@ -29,24 +25,24 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
         cube: a cube with one swept setting; select one value of every other.
         of: the variable, or a reduction of one along the strain, as in queries:
             ``slope(capacitance, 0.1:0.3)``.
-
-    Raises:
-        BadInput: if no setting is swept or several are, or ``of`` is not a number of a design.
     """
-    cube, of = with_reduction(cube, of)
+    (cube,) = with_columns([cube], [of])
     if of not in cube.data_vars:
         raise fault("of", unknown(of, map(str, cube.data_vars), "variable"))
     swept = [dim for dim in swept_dims(cube) if cube.sizes[dim] > 1]
     designs = base_dims(cube)
     if of in FLAGS or cube[of].dtype.kind not in "iuf" or {*cube[of].dims} - {*swept, *designs}:
         raise fault("of", f"{of} is not a single number of a design; choose another, or reduce it")
-    if len(swept) != 1:
-        found = f"sweeps {', '.join(swept)}; select one value of all but one" if swept else "has no"
-        remedy = "" if swept else " swept setting; give several values of one to a workflow"
-        raise fault("swept", f"the cube {found}{remedy}")
+    if not swept:
+        remedy = "give several values of one to a workflow"
+        raise fault("swept", f"the cube has no swept setting; {remedy}")
+    if len(swept) > 1:
+        remedy = "select one value of all but one"
+        raise fault("swept", f"the cube sweeps {', '.join(swept)}; {remedy}")
     (setting,) = swept
-    if cube.sizes[setting] > MOST:
-        raise fault("swept", f"shows at most {MOST} values of {setting}; select fewer")
+    if cube.sizes[setting] > len(MARKERS):
+        # More could not be told apart.
+        raise fault("swept", f"shows at most {len(MARKERS)} values of {setting}; select fewer")
     rows = cube[["status", of]].stack(design=designs).transpose("design", setting)
     rows = rows.isel(design=(rows["status"] != Status.excluded).any(setting).values)
     names = [f"({', '.join(map(str, design))})" for design in rows["design"].values]
@@ -55,18 +51,12 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     axes = figure.add_subplot()
     for k, value in enumerate(rows[setting].values):
         one = rows.isel({setting: k})
-        values = np.where(one["status"] == Status.ok, one[of], np.nan)
-        missing = int((~np.isfinite(values) & (one["status"] != Status.excluded).values).sum())
+        values = one[of].where(one["status"] == Status.ok)
+        missing = int((values.isnull() & (one["status"] != Status.excluded)).sum())
         label = value if isinstance(value, str) else number(float(value), ".4g")
-        axes.plot(
-            values,
-            range(len(names)),
-            MARKERS[k],
-            ms=4.5,
-            mfc="none",
-            color=CATEGORY_COLOURS[k],
-            label=f"{label} ({missing} without value)" if missing else label,
-        )
+        label += f" ({missing} without value)" if missing else ""
+        look: Look = {"ms": 4.5, "mfc": "none", "color": CATEGORY_COLOURS[k], "label": label}
+        axes.plot(values, np.arange(len(names)), MARKERS[k], **look)
     unit, name = (cube[of].attrs.get(key) for key in ("units", "long_name"))
     axes.set(
         yticks=range(len(names)),
@@ -78,8 +68,8 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     axes.grid(axis="y", color="0.9", lw=0.5)
     axes.set_axisbelow(True)
     axes.tick_params(axis="y", length=0, labelsize=6.5)
-    figure.legend(title=setting, loc="outside right upper", frameon=False)
+    figure.legend(title=setting, loc="outside right upper")
     return figure
 
 
-FIGURE = FigureKind(swept_values, dims=None, options=("of",))
+FIGURES = {"swept": FigureKind(swept_values, dims=None, options=("of",))}

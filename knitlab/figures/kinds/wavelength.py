@@ -1,6 +1,5 @@
 """Boundaries, their spectra, and the wavelength against n_subunit (paper, Fig. "wavelength")."""
 
-import matplotlib as mpl
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -8,14 +7,12 @@ from matplotlib.figure import Figure
 
 from knitlab.cube.schema import DESIGN_DIMS, Status
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS
+from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look
 from knitlab.io.errors import fault
-from knitlab.measure.linear_fit import linear_fit
+from knitlab.measure.fit_statistics import linear_fit
 from knitlab.measure.wavelength import spectrum
 
 DIRECTIONS = {"x": "weft x", "y": "warp y"}
-# A colour and a marker for each n_stripe.
-STYLES = tuple(zip(CATEGORY_COLOURS, "os^Dv", strict=False))
 PEAK = CATEGORY_COLOURS[1]
 SHOWN_WAVES = 3
 HIGHEST_WAVENUMBER = 4
@@ -28,36 +25,25 @@ def wavelength_figure(cube: xr.Dataset) -> Figure:
     Wavelengths have one fitted line for each n_stripe, and are in millimetres of cloth where the
     cube has them, as in the paper. Boundary and spectrum are of the smallest unit cell of n_stripe
     4, or of the first n_stripe if there is no 4.
-
-    Raises:
-        BadInput: if no design of the cube has a wavelength.
     """
     if "wavelength_x" not in cube or not cube["wavelength_y"].notnull().any():
         problem = "no design of this selection has a wavelength; run samples of 2 unit cells or"
         raise fault("wavelength", f"{problem} more, or periodic fabric, with this version")
     figure = Figure(figsize=(TWO_COLUMNS, 4.2), layout="constrained")
-    grid = figure.subplots(2, 3)
-    for row, direction in zip(grid, DIRECTIONS, strict=True):
-        shown = _shown(cube, direction)
-        if shown is None:
+    for row, direction in zip(figure.subplots(2, 3), DIRECTIONS, strict=True):
+        wavelengths = cube[f"wavelength_{direction}"].transpose(*DESIGN_DIMS)
+        designs = np.argwhere(np.isfinite(wavelengths.values)).tolist()
+        if not designs:
             for axes in row:
                 axes.set_axis_off()
             row[1].text(0.5, 0.5, "a single unit cell across", ha="center", va="center")
             continue
+        n_stripe, n_subunit = min(designs, key=lambda each: cube["n_stripe"].values[each[0]] != 4)
+        shown = cube.isel(n_stripe=n_stripe, n_subunit=n_subunit)
         _draw_boundary(row[0], shown, direction)
         _draw_spectrum(row[1], shown, direction)
-        _draw_family_lines(row[2], cube, direction)
+        _draw_lines(row[2], cube, direction)
     return figure
-
-
-def _shown(cube: xr.Dataset, direction: str) -> xr.Dataset | None:
-    wavelength = cube[f"wavelength_{direction}"].transpose(*DESIGN_DIMS)
-    finite = np.argwhere(np.isfinite(wavelength.values))
-    if not len(finite):
-        return None
-    preferred = [index for index in finite if cube["n_stripe"].values[index[0]] == 4]
-    row, column = (preferred or list(finite))[0]
-    return cube.isel(n_stripe=row, n_subunit=column)
 
 
 def _draw_boundary(axes: Axes, shown: xr.Dataset, direction: str) -> None:
@@ -67,36 +53,33 @@ def _draw_boundary(axes: Axes, shown: xr.Dataset, direction: str) -> None:
     within = abs(along - along[-1] / 2) <= shown_length / 2
     axes.plot(along[within], across[within], color="black", lw=0.9)
     axes.set(xlabel=f"along the {DIRECTIONS[direction]} [mm]", ylabel="boundary's offset [mm]")
-    axes.set_title(f"boundary of {_name(shown)}")
+    axes.set_title(f"boundary of ({int(shown['n_stripe'])}, {int(shown['n_subunit'])})")
 
 
 def _draw_spectrum(axes: Axes, shown: xr.Dataset, direction: str) -> None:
     length = float(shown[f"boundary_length_{direction}"])
     wavenumbers, amplitudes = spectrum(shown[f"boundary_{direction}"].values, length)
-    peak = 1 / float(shown[f"wavelength_{direction}"])
-    within = wavenumbers <= HIGHEST_WAVENUMBER * peak
+    wavelength = float(shown[f"wavelength_{direction}"])
+    within = wavenumbers <= HIGHEST_WAVENUMBER / wavelength
     axes.plot(wavenumbers[within], amplitudes[within], color="black", lw=0.9)
-    height = float(shown[f"wave_amplitude_{direction}"])
-    axes.plot(peak, height, "o", ms=4, mfc="none", color=PEAK)
-    axes.annotate(
-        f"λ = {1 / peak:.1f} mm",
-        (peak, height),
-        xytext=(6, -2),
-        textcoords="offset points",
-        color=PEAK,
-    )
-    axes.set(xlabel="wavenumber [1/mm]", ylabel="amplitude [mm]", ylim=(0, 1.15 * height))
+    peak = 1 / wavelength, float(shown[f"wave_amplitude_{direction}"])
+    axes.plot(*peak, "o", ms=4, mfc="none", color=PEAK)
+    beside: Look = {"xytext": (6, -2), "textcoords": "offset points"}
+    axes.annotate(f"λ = {wavelength:.1f} mm", peak, color=PEAK, **beside)
+    axes.set(xlabel="wavenumber [1/mm]", ylabel="amplitude [mm]", ylim=(0, 1.15 * peak[1]))
     axes.set_title(f"its spectrum, along {direction}")
 
 
-def _draw_family_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
-    in_cloth = f"knit_wavelength_{direction}"
-    name, unit = (
-        (in_cloth, "mm of cloth") if in_cloth in cube else (f"wavelength_{direction}", "mm")
-    )
-    for (colour, marker), n_stripe in zip(STYLES, cube["n_stripe"].values, strict=False):
-        family = cube.sel(n_stripe=n_stripe)
-        line = family[name].where(family["status"] == Status.ok).dropna("n_subunit")
+def _draw_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
+    """Wavelengths against n_subunit, with a fitted line for each n_stripe."""
+    in_cloth = f"knit_wavelength_{direction}" in cube
+    name = f"knit_wavelength_{direction}" if in_cloth else f"wavelength_{direction}"
+    unit = "mm of cloth" if in_cloth else "mm"
+    wavelengths = cube[name].where(cube["status"] == Status.ok)
+    for n_stripe, colour, marker in zip(
+        cube["n_stripe"].values, CATEGORY_COLOURS, MARKERS, strict=False
+    ):
+        line = wavelengths.sel(n_stripe=n_stripe).dropna("n_subunit")
         if not line.size:
             continue
         x, y = line["n_subunit"].values.astype(float), line.values
@@ -109,20 +92,11 @@ def _draw_family_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
         axes.plot(x, y, marker, color=colour, ms=3.5, label=label)
     axes.set(xlabel="n_subunit [stitches]", ylabel=f"wavelength [{unit}]")
     axes.set_title(f"wavelength along {direction}")
-    with mpl.rc_context({"legend.title_fontsize": 6}):
-        axes.legend(
-            loc="upper left",
-            frameon=False,
-            fontsize=6,
-            title=f"slope ± 95 % [{unit} a stitch]",
-            handletextpad=0.2,
-        )
+    title = f"slope ± 95 % [{unit} a stitch]"
+    small: Look = {"fontsize": 6, "title_fontsize": 6, "handletextpad": 0.2}
+    axes.legend(loc="upper left", title=title, **small)
     # Room above the lines for the legend.
     axes.set_ylim(0, 1.7 * axes.get_ylim()[1])
 
 
-def _name(shown: xr.Dataset) -> str:
-    return f"({int(shown['n_stripe'])}, {int(shown['n_subunit'])})"
-
-
-FIGURE = FigureKind(wavelength_figure)
+FIGURES = {"wavelength": FigureKind(wavelength_figure)}

@@ -7,6 +7,7 @@ conductor, is Maxwell's capacitance matrix. Potentials of near panels are in clo
 """
 
 import math
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -14,7 +15,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, Num
+from jaxtyping import Array, Float, Int
 from scipy.spatial import cKDTree
 from scipy.special import zeta
 
@@ -31,27 +32,13 @@ PAIRS_AT_ONCE = 512
 """Near pairs that are computed together."""
 PAIRS_RATIO = 1.25
 """Ratio of successive numbers of pairs for which a program is compiled."""
-STATES_AT_ONCE = 4
-"""States that are computed together."""
 TIE = 1e-9
 """Relative difference in size above which one panel counts as larger."""
 FEWEST_IMAGES = 2
 IMAGES_AN_EXTENT = 3
 """Distance from which images are summed as multipoles, over the width of the conductors."""
 
-
-class Surroundings(eqx.Module):
-    """What the field of the conductors meets besides them.
-
-    Attributes:
-        apart: distance d that a dielectric keeps between different conductors: their distance r
-            counts as √(r² + d²); ``None`` without one [mm].
-        ground: height of a grounded plane below all panels in every state; ``None`` without one
-            [mm].
-    """
-
-    apart: Float[Array, ""] | None = None
-    ground: Float[Array, " state"] | None = None
+Matrix = Float[Array, "panel panel"]
 
 
 class Images(eqx.Module):
@@ -75,14 +62,7 @@ def images_along(
     period: Float[np.ndarray, " state"],
     ground: Float[np.ndarray, " state"] | None = None,
 ) -> Images:
-    """Enough images for the multipoles of the others to converge.
-
-    Args:
-        axis: axis of the repetition.
-        panels: corners of the panels [mm].
-        period: period of the repetition [mm].
-        ground: height of a grounded plane, if any [mm].
-    """
+    """Enough images for the multipoles of the others to converge."""
     if ground is not None:
         mirror = _mirrored(panels, ground[:, None, None, None])
         panels = np.concatenate([panels, mirror], axis=1)
@@ -100,18 +80,12 @@ def near_pairs(
 ) -> Int[np.ndarray, "pair 2"]:
     """Pairs of panels that are near in any state, each once, including every panel with itself.
 
-    Args:
-        panels: corners of the panels [mm].
-        images: periodic repetition, if any.
-        period: period of the repetition [mm].
-
-    Returns:
-        The pairs, with the larger panel second, padded with copies of the last pair.
+    The larger panel is second. The pairs are padded with copies of the last one.
     """
     states, count = panels.shape[:2]
-    turns = np.zeros((states, 1, 3))
-    if images is not None and period is not None:
-        turns[:, 0, images.axis] = period
+    turns = np.zeros((states, 3))
+    if images is not None:
+        turns[:, images.axis] = period
     near, extent = np.eye(count, dtype=bool), np.zeros(count)
     for corners, turn in zip(panels, turns, strict=True):
         centre = corners.mean(axis=1)
@@ -127,7 +101,8 @@ def near_pairs(
     pairs = np.argwhere(np.triu(near | near.T))
     first, second = extent[pairs].T
     # Gauss points of a large panel would not resolve the potential of a small one close to it.
-    pairs[first > second * (1 + TIE)] = pairs[first > second * (1 + TIE)][:, ::-1]
+    turned = first > second * (1 + TIE)
+    pairs[turned] = pairs[turned, ::-1]
     # The number of pairs is rounded up, so that few programs are compiled for many shapes.
     steps = math.ceil(math.log(max(len(pairs) / PAIRS_AT_ONCE, 1), PAIRS_RATIO))
     filled = PAIRS_AT_ONCE * math.ceil(PAIRS_RATIO**steps)
@@ -141,7 +116,8 @@ def maxwell_matrices(
     near: Int[Array, "pair 2"],
     images: Images | None = None,
     period: Float[Array, " state"] | None = None,
-    surroundings: Surroundings | None = None,
+    apart: Float[Array, ""] | float = 0.0,
+    ground: Float[Array, " state"] | None = None,
 ) -> Float[Array, "state conductor conductor"]:
     """Maxwell's capacitance matrices in vacuum [pF].
 
@@ -156,32 +132,20 @@ def maxwell_matrices(
         near: near pairs of panels, see :func:`near_pairs`.
         images: periodic repetition, if any.
         period: period of the repetition [mm].
-        surroundings: dielectric between the conductors, and a grounded plane.
+        apart: distance d that a dielectric keeps between different conductors: their distance r
+            counts as √(r² + d²) [mm].
+        ground: height of a grounded plane below all panels, if there is one [mm].
     """
-    around = Surroundings() if surroundings is None else surroundings
-    apart = 0.0 if around.apart is None else around.apart**2 * (1 - membership @ membership.T)
+    apart_squared = apart**2 * (1 - membership @ membership.T)
 
-    def of_state(
-        state: tuple[Float[Array, "panel 4 3"], Float[Array, ""], Float[Array, ""] | None],
-    ) -> Float[Array, "conductor conductor"]:
-        panels, period, ground = state
-        lower = jnp.linalg.cholesky(
-            potential_coefficients(panels, near, images, period, apart, ground)
-        )
+    def of_state(panels: Array, period: Array, ground: Array | None) -> Array:
+        potential = _potential_coefficients(panels, near, images, period, apart_squared, ground)
+        lower = jnp.linalg.cholesky(potential)
         half = jax.scipy.linalg.solve_triangular(lower, membership, lower=True)
         return half.T @ half
 
-    lengths = jnp.ones(len(panels)) if period is None else period
-    # Padded to whole batches, as a smaller one would be compiled separately.
-    filled = -(-len(panels) // STATES_AT_ONCE) * STATES_AT_ONCE
-    batches = jax.tree.map(
-        lambda x: jnp.take(x, jnp.arange(filled), axis=0, mode="clip").reshape(
-            -1, STATES_AT_ONCE, *x.shape[1:]
-        ),
-        (panels, lengths, around.ground),
-    )
-    matrices = jax.lax.map(jax.vmap(of_state), batches)
-    matrices = matrices.reshape(filled, *matrices.shape[2:])[: len(panels)]
+    periods = jnp.ones(len(panels)) if period is None else period
+    matrices = jax.vmap(of_state)(panels, periods, ground)
     return 4 * jnp.pi * VACUUM_PERMITTIVITY * matrices
 
 
@@ -196,31 +160,26 @@ def two_terminal(
     return (one * other - mutual**2) / (one + other + 2 * mutual)
 
 
-def potential_coefficients(
+def _potential_coefficients(
     panels: Float[Array, "panel 4 3"],
     near: Int[Array, "pair 2"],
     images: Images | None,
     period: Float[Array, ""],
-    apart: Float[Array, "panel panel"] | float = 0.0,
-    ground: Float[Array, ""] | None = None,
-) -> Float[Array, "panel panel"]:
+    apart_squared: Matrix,
+    ground: Float[Array, ""] | None,
+) -> Matrix:
     """4πε0 times the mean potential on each panel due to a unit charge on each [1/mm].
 
     With images it is that of a charge and all its images, up to a constant. With a grounded plane
     it is also that of the opposite charges that are mirrored in it, and there is no constant left.
-
-    Args:
-        panels: corners of the panels [mm].
-        near: near pairs of panels.
-        images: periodic repetition, if any.
-        period: period of the repetition [mm].
-        apart: square of what separates each pair of panels besides their distance [mm²].
-        ground: height of a grounded plane [mm].
     """
-    direct = _due_to(panels, panels, near, images, period, apart)
+    due_to = partial(
+        _due_to, panels=panels, near=near, images=images, period=period, apart_squared=apart_squared
+    )
+    direct = due_to(panels)
     if ground is not None:
         # Near pairs include all that are near in the mirror, where no distance is shorter.
-        return direct - _due_to(_mirrored(panels, ground), panels, near, images, period, apart)
+        return direct - due_to(_mirrored(panels, ground))
     if images is not None:
         across = jnp.delete(panels.mean(axis=1), images.axis, axis=-1) / period
         widest = jnp.linalg.norm(across[:, None] - across[None], axis=-1).max()
@@ -240,71 +199,66 @@ def _due_to(
     near: Int[Array, "pair 2"],
     images: Images | None,
     period: Float[Array, ""],
-    apart: Float[Array, "panel panel"] | float,
-) -> Float[Array, "panel panel"]:
+    apart_squared: Matrix,
+) -> Matrix:
     """Mean potential on each panel due to a unit charge on each source, images included."""
     centre, middle = panels.mean(axis=1), sources.mean(axis=1)
-    turns = jnp.zeros((len(panels),) * 2)
-    apart = jnp.broadcast_to(apart, turns.shape)
-    axis = None if images is None else images.axis
-    if axis is not None:
+    turns, axis = jnp.zeros_like(apart_squared), None
+    if images is not None:
+        axis = images.axis
         turns = jnp.round((centre[:, None, axis] - middle[None, :, axis]) / period)
 
-    def inverse_distance(
-        one: Float[Array, "panel 3"],
-        other: Float[Array, "panel 3"],
-        image: Num[Array, ""] | float = 0.0,
-    ) -> Float[Array, "panel panel"]:
+    def inverse_distance(one: Array, other: Array, image: Array | float = 0.0) -> Matrix:
         steps = [one[:, None, k] - other[None, :, k] for k in range(3)]
         if axis is not None:
             steps[axis] -= (turns + image) * period
-        return 1 / jnp.sqrt(steps[0] ** 2 + steps[1] ** 2 + steps[2] ** 2 + apart)
+        return 1 / jnp.sqrt(steps[0] ** 2 + steps[1] ** 2 + steps[2] ** 2 + apart_squared)
 
-    points, share = _quadrature(panels, POINTS_A_SIDE)
-    charges, part = _quadrature(sources, POINTS_A_SIDE)
-    combinations = jnp.array(list(product(range(len(points)), repeat=2)))
+    points, share = _quadrature(panels)
+    charges, part = _quadrature(sources)
 
     def add_points(total: Array, pair: Array) -> tuple[Array, None]:
         one, other = pair
         weight = share[one][:, None] * part[other][None, :]
         return total + weight * inverse_distance(points[one], charges[other]), None
 
+    combinations = jnp.array(list(product(range(len(points)), repeat=2)))
     total, _ = jax.lax.scan(add_points, jnp.zeros_like(turns), combinations)
 
-    def closed(pairs: Int[Array, "some 2"]) -> Float[Array, " some"]:
+    def closed(pairs: Array) -> Array:
         seen_from, charged = pairs.T
         source = sources[charged]
         if axis is not None:
             source = source.at[..., axis].add((turns[seen_from, charged] * period)[:, None])
-        return _closed_form(panels[seen_from], source, apart[seen_from, charged])
+        return _closed_form(panels[seen_from], source, apart_squared[seen_from, charged])
 
     coefficients = jax.lax.map(closed, near.reshape(-1, PAIRS_AT_ONCE, 2)).ravel()
-    total = total.at[near[:, 0], near[:, 1]].set(coefficients)
-    total = total.at[near[:, 1], near[:, 0]].set(coefficients)
-    if images is not None:
+    one, other = near.T
+    total = total.at[one, other].set(coefficients).at[other, one].set(coefficients)
+    if images is None:
+        return total
 
-        def add_image(number: Array, sum_so_far: Array) -> Array:
-            image = jnp.where(number % 2, 1, -1) * (1 + number // 2)
-            term = inverse_distance(centre, middle, image) - 1 / (jnp.abs(image) * period)
-            return sum_so_far + term
+    def add_image(number: Array, sum_so_far: Array) -> Array:
+        image = jnp.where(number % 2, 1, -1) * (1 + number // 2)
+        term = inverse_distance(centre, middle, image) - 1 / (jnp.abs(image) * period)
+        return sum_so_far + term
 
-        total = jax.lax.fori_loop(0, 2 * images.count, add_image, total)
-        total += _far_images(centre[:, None] - middle[None], turns, apart, images, period)
-    return total
+    total = jax.lax.fori_loop(0, 2 * images.count, add_image, total)
+    return total + _far_images(centre[:, None] - middle[None], turns, apart_squared, images, period)
 
 
 def _far_images(
     between: Float[Array, "panel panel 3"],
-    turns: Float[Array, "panel panel"],
-    apart: Float[Array, "panel panel"],
+    turns: Matrix,
+    apart_squared: Matrix,
     images: Images,
     period: Float[Array, ""],
-) -> Float[Array, "panel panel"]:
+) -> Matrix:
     """Potential of the images further away, by their second and fourth multipoles."""
     distance = between / period
     along = distance[..., images.axis] - turns
     squared = (distance**2).sum(axis=-1) - distance[..., images.axis] ** 2 + along**2
-    squared += apart / period**2
+    squared += apart_squared / period**2
     second = (3 * along**2 - squared) / 2
     fourth = (35 * along**4 - 30 * along**2 * squared + 3 * squared**2) / 8
     by_second, by_fourth = images.beyond
@@ -314,24 +268,26 @@ def _far_images(
 def _closed_form(
     seen_from: Float[Array, "pair 4 3"],
     charged: Float[Array, "pair 4 3"],
-    apart: Float[Array, " pair"],
+    apart_squared: Float[Array, " pair"],
 ) -> Float[Array, " pair"]:
     """Mean potential of uniformly charged panels, each of two triangles, over other panels."""
-    points, share = _quadrature(seen_from, POINTS_A_SIDE)
+    points, share = _quadrature(seen_from)
     corners = jnp.moveaxis(charged, 0, -1)
     halves = jnp.stack([corners[np.array(half)] for half in ((0, 1, 2), (0, 2, 3))], axis=2)
     area = jnp.linalg.norm(
         jnp.cross(halves[1] - halves[0], halves[2] - halves[0], axis=0), axis=0
     ).sum(axis=0)
-    seen = triangle_potential(jnp.moveaxis(points, -1, 0)[:, :, None], halves[:, :, None], apart)
+    seen = triangle_potential(
+        jnp.moveaxis(points, -1, 0)[:, :, None], halves[:, :, None], apart_squared
+    )
     return (share * seen.sum(axis=1)).sum(axis=0) * 2 / area
 
 
 def _quadrature(
-    panels: Float[Array, "panel 4 3"], order: int
+    panels: Float[Array, "panel 4 3"],
 ) -> tuple[Float[Array, "point panel 3"], Float[Array, "point panel"]]:
     """Gauss points of panels, and their weights as fractions of the area of the panel."""
-    node, weight = np.polynomial.legendre.leggauss(order)
+    node, weight = np.polynomial.legendre.leggauss(POINTS_A_SIDE)
     u, v = (grid.ravel()[:, None, None] for grid in np.meshgrid((1 + node) / 2, (1 + node) / 2))
     first, second, third, fourth = jnp.moveaxis(panels, 1, 0)
     by_u = (1 - v) * (second - first) + v * (third - fourth)

@@ -14,18 +14,18 @@ from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape, Network
 from knitlab.fabric.settings import Fraction, Unit
 from knitlab.measure.capacitance.boundary_elements import (
-    STATES_AT_ONCE,
-    Surroundings,
     images_along,
     maxwell_matrices,
     near_pairs,
     two_terminal,
 )
-from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
-from knitlab.measure.capacitance.gap import crosses_itself, gap_between
 from knitlab.measure.capacitance.panels import PanelChart, panel_chart, panels_on
+from knitlab.measure.capacitance.sensor import CapacitorStatus
 from knitlab.measure.folds import fold_angles
+from knitlab.measure.surfaces import crossings, gap_between
 
+STATES_AT_ONCE = 4
+"""States that are computed together."""
 ORDER = 2
 """Order of convergence of the capacitance with the size of graded panels."""
 CAUTION = 0.7
@@ -34,9 +34,6 @@ the true error was never larger."""
 LEVELS = (1, 2, 3, 4)
 MOST_PANELS = 2400
 """Largest number of panels of a finer level."""
-
-
-Ground = Literal["none", "plane"]
 
 
 @dataclass(frozen=True)
@@ -67,7 +64,7 @@ class Capacitor:
     unfolded: Fraction
     dielectric_thickness: Annotated[NonNegativeFloat, Unit("mm")] = 0.0
     lead_capacitance: Annotated[NonNegativeFloat, Unit("pF")] = 0.0
-    ground: Ground = "none"
+    ground: Literal["none", "plane"] = "none"
     ground_distance: Annotated[PositiveFloat, Unit("mm")] = 2.0
 
 
@@ -76,9 +73,8 @@ class Capacitances:
     """A capacitor in every state of a test.
 
     Attributes:
-        status: status in each state, see :class:`CapacitorStatus`.
-        capacitance: two-terminal capacitance without leads, NaN if not measured; of one period if
-            periodic [pF].
+        status: a :class:`CapacitorStatus` for each state.
+        capacitance: two-terminal capacitance without leads, of one period if periodic [pF].
         mutual: mutual capacitance −C₁₂ of Maxwell's matrix, NaN for periodic fabric without a
             grounded plane [pF].
         error: estimated relative error of the capacitance, also where it is too large [1].
@@ -100,25 +96,20 @@ def capacitances(
     capacitor: Capacitor,
     refinement: int = 1,
 ) -> Capacitances:
-    """Capacitance in every state, by the boundary-element method at two or more panel sizes.
+    """Capacitance in every one of several states, by boundary elements of two or more sizes.
 
     A value is extrapolated from the last two sizes; the estimated error is :data:`CAUTION` times
     the change. Panels are refined while the error exceeds ``capacitor.accuracy``. There is no
     value if bare electrodes touch, or if electrodes or a fold at them have passed through each
-    other or themselves, which a model without contact does not prevent.
-
-    Args:
-        electrodes: the plated cells.
-        net: network of the fabric.
-        fabric: the fabric.
-        configurations: configurations of all states, along a leading axis.
-        capacitor: parameters of the electrodes.
-        refinement: grid cells along one cell of the paper's grid; gaps are searched up to this
-            length.
+    other or themselves, which a model without contact does not prevent. Gaps are searched up to the
+    length of a cell of the paper's grid, which is ``refinement`` cells long.
     """
     shape, states = net.shape, len(configurations.lengths)
     status = np.full(states, CapacitorStatus.measured)
-    gap, through = _obstacles(electrodes, net, fabric, configurations, refinement)
+    reach = refinement * float(np.asarray(fabric.cell_sides).max())
+    gap, through = _obstacles(electrodes, shape, configurations, reach)
+    folds = fold_angles(net, fabric, configurations)[:, _hinges_at(electrodes, net)]
+    through |= (np.abs(folds) > np.pi).any(axis=-1)
     status[through] = CapacitorStatus.folded_through
     closed = gap == 0 if capacitor.dielectric_thickness else gap < capacitor.clearance
     status[~through & closed] = CapacitorStatus.touching
@@ -130,7 +121,7 @@ def capacitances(
         if not pending.size or (level > LEVELS[1] and len(chart.cell) > MOST_PANELS):
             break
         fine = np.full((states, 2), np.nan)
-        fine[pending] = _pair(electrodes, chart, shape, configurations[pending], capacitor)
+        fine[pending] = _in_vacuum(electrodes, chart, shape, configurations[pending], capacitor)
         if coarse_level:
             gain = 1 / ((level / coarse_level) ** ORDER - 1)
             limit = fine + gain * (fine - coarse)
@@ -147,7 +138,7 @@ def capacitances(
     return Capacitances(status, scale * value, scale * mutual, error, gap)
 
 
-def _pair(
+def _in_vacuum(
     electrodes: Electrodes,
     chart: PanelChart,
     shape: MeshShape,
@@ -157,63 +148,42 @@ def _pair(
     """Two-terminal and mutual capacitance in vacuum [pF]."""
     panels = np.asarray(panels_on(chart, shape, configurations))
     period = np.asarray(configurations.lengths)[:, electrodes.axis]
-    ground, thickness = None, capacitor.dielectric_thickness
+    ground = None
     if capacitor.ground == "plane":
         lowest = np.asarray(configurations.positions)[..., 2].min(axis=(1, 2))
         ground = lowest - capacitor.ground_distance
     images = images_along(electrodes.axis, panels, period, ground) if shape.periodic else None
-    apart = jnp.asarray(thickness) if thickness else None
-    near = near_pairs(panels, images, period)
-    found = []
+    near, membership = near_pairs(panels, images, period), np.eye(2)[chart.electrode]
+    values = []
     for first in range(0, len(panels), STATES_AT_ONCE):
         # The last batch is padded, as a smaller one would be compiled separately.
         batch = np.minimum(np.arange(first, first + STATES_AT_ONCE), len(panels) - 1)
         matrices = maxwell_matrices(
             jnp.asarray(panels[batch]),
-            jnp.asarray(chart.membership),
+            jnp.asarray(membership),
             jnp.asarray(near),
             images,
             jnp.asarray(period[batch]),
-            Surroundings(apart, None if ground is None else jnp.asarray(ground[batch])),
+            capacitor.dielectric_thickness,
+            None if ground is None else jnp.asarray(ground[batch]),
         )
-        found.append(np.stack([two_terminal(matrices), -matrices[:, 0, 1]], axis=-1))
-    return np.concatenate(found)[: len(panels)]
+        values.append(np.stack([two_terminal(matrices), -matrices[:, 0, 1]], axis=-1))
+    return np.concatenate(values)[: len(panels)]
 
 
 def _obstacles(
-    electrodes: Electrodes,
-    net: Network,
-    fabric: Fabric,
-    configurations: Configuration,
-    refinement: int,
+    electrodes: Electrodes, shape: MeshShape, configurations: Configuration, reach: float
 ) -> tuple[Float[np.ndarray, " state"], Bool[np.ndarray, " state"]]:
-    """Distance of the electrodes in every state, and whether a fold at them is beyond ±π."""
-    shape = net.shape
+    """Distance of the electrodes in every state, and whether one passes through itself."""
     chart = panel_chart(electrodes, shape, LEVELS[0])
     panels = np.asarray(panels_on(chart, shape, configurations))
-    reach = refinement * float(np.asarray(fabric.cell_sides).max())
-    along = np.eye(3)[electrodes.axis]
-    periods = [
-        length * along if shape.periodic else None
-        for length in np.asarray(configurations.lengths)[:, electrodes.axis]
-    ]
-    gap = np.array(
-        [
-            gap_between(state, chart.electrode, reach, period)
-            for state, period in zip(panels, periods, strict=True)
-        ]
-    )
-    folds = np.asarray(fold_angles(net, fabric, configurations))[:, hinges_at(electrodes, net)]
-    through = (np.abs(folds) > np.pi).any(axis=-1)
-    for number in (0, 1):
-        panels_of_one = panels[:, chart.electrode == number]
-        through |= np.array(
-            [
-                crosses_itself(state, period)
-                for state, period in zip(panels_of_one, periods, strict=True)
-            ]
-        )
-    return gap, through
+    lengths = np.asarray(configurations.lengths) * np.eye(2)[electrodes.axis] * shape.periodic
+    gaps, through = [], []
+    for panels_of_state, periods in zip(panels, lengths, strict=True):
+        one, other = (panels_of_state[chart.electrode == k] for k in (0, 1))
+        gaps.append(gap_between(one, other, reach, periods))
+        through.append(crossings(one, periods) + crossings(other, periods) > 0)
+    return np.array(gaps), np.array(through)
 
 
 def mean_fold(
@@ -222,28 +192,16 @@ def mean_fold(
     """Mean angle of the folds at and between the electrodes and parallel to them [rad].
 
     The electrodes move apart as these open.
-
-    Args:
-        electrodes: the plated cells.
-        net: network of the fabric.
-        fabric: the fabric.
-        configurations: configurations of all states, along a leading axis.
     """
     rest = np.asarray(fabric.rest_fold)
     alongside = net.wale if electrodes.along == "wale" else ~net.wale
-    counted = hinges_at(electrodes, net) & alongside & (rest != 0)
-    angles = np.asarray(fold_angles(net, fabric, configurations))
+    counted = _hinges_at(electrodes, net) & alongside & (rest != 0)
+    angles = fold_angles(net, fabric, configurations)
     return (angles * np.sign(rest))[:, counted].mean(axis=1)
 
 
 def electrode_length(electrodes: Electrodes, shape: MeshShape, relaxed: Configuration) -> float:
-    """Length of the electrodes on a relaxed fabric; that of one period if it is periodic [mm].
-
-    Args:
-        electrodes: the plated cells.
-        shape: mesh shape of the fabric.
-        relaxed: its relaxed configuration.
-    """
+    """Length of the electrodes on a relaxed fabric; that of one period if it is periodic [mm]."""
     axis = electrodes.axis
     if shape.periodic:
         return float(relaxed.lengths[axis])
@@ -253,15 +211,11 @@ def electrode_length(electrodes: Electrodes, shape: MeshShape, relaxed: Configur
     return float(ends[1] - ends[0])
 
 
-def hinges_at(electrodes: Electrodes, net: Network) -> Bool[np.ndarray, " hinge"]:
-    """Hinges on the electrodes or between them."""
-    strips = [strip for strips in electrodes.strips for strip in strips]
-    left, right = min(strip.left for strip in strips), max(strip.right for strip in strips)
-    bottom, top = min(strip.bottom for strip in strips), max(strip.top for strip in strips)
-    row, column = net.hinge_cells.T
-    beside = (column >= np.floor(left)) & (column < np.ceil(right))
-    above = (row >= np.floor(bottom)) & (row < np.ceil(top))
-    # On periodic fabric electrodes may cross the periodic boundary.
-    beside |= (column + net.shape.cells_x < np.ceil(right)) & net.shape.periodic
-    above |= (row + net.shape.cells_y < np.ceil(top)) & net.shape.periodic
-    return beside & above
+def _hinges_at(electrodes: Electrodes, net: Network) -> Bool[np.ndarray, " hinge"]:
+    """Hinges on the electrodes or between them, also across the border of periodic fabric."""
+    extents = np.array([strip.extents for strips in electrodes.strips for strip in strips])
+    first, last = np.floor(extents[..., 0].min(axis=0)), np.ceil(extents[..., 1].max(axis=0))
+    place, cells = net.hinge_cells[:, ::-1], (net.shape.cells_x, net.shape.cells_y)
+    within = (place >= first) & (place < last)
+    within |= (place + cells < last) & net.shape.periodic
+    return within.all(axis=1)

@@ -1,7 +1,7 @@
 """Panels: electrodes of the flat chart, divided and mapped onto the deformed fabric."""
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -9,27 +9,23 @@ from jaxtyping import Array, Float, Int
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.electrodes import Electrodes, Strip, split_by_cells
 from knitlab.fabric.network import MeshShape
-from knitlab.measure.grid_nodes import nodes_at
+from knitlab.measure.unit_cells import nodes_at
+
+Side = tuple[int, float, float, float]
+"""Axis, position along it, and extent across it of a side of a part of an electrode."""
 
 
 @dataclass(frozen=True, eq=False)
 class PanelChart:
     """Panels on the flat chart; none crosses the border of a grid cell.
 
-    Attributes:
-        cell: grid cell (y, x) of each panel, which may lie beyond a periodic boundary.
-        corners: corners of each panel in order around it: (x, y) within its cell, from 0 to 1.
-        electrode: number of the electrode that each panel belongs to.
+    Each has its grid cell (y, x), which may lie beyond a periodic boundary, the (x, y) of its
+    corners within that cell, from 0 to 1 and in order around it, and the number of its electrode.
     """
 
     cell: Int[np.ndarray, "panel 2"]
     corners: Float[np.ndarray, "panel 4 2"]
     electrode: Int[np.ndarray, " panel"]
-
-    @property
-    def membership(self) -> Float[np.ndarray, "panel electrode"]:
-        """1 if a panel belongs to an electrode, else 0."""
-        return np.eye(self.electrode.max() + 1)[self.electrode]
 
 
 def panel_chart(electrodes: Electrodes, shape: MeshShape, level: int) -> PanelChart:
@@ -37,30 +33,41 @@ def panel_chart(electrodes: Electrodes, shape: MeshShape, level: int) -> PanelCh
 
     Along each direction a grid cell is divided into ``level`` panels, twice as many if the
     electrode ends at one side of it, and four times as many if it ends at both.
-
-    Args:
-        electrodes: the plated cells.
-        shape: mesh of the fabric, which determines where periodic electrodes continue.
-        level: level of refinement.
     """
+    wrapped: list[int | None] = [None, None]
+    if shape.periodic:
+        wrapped[electrodes.axis] = (shape.cells_x, shape.cells_y)[electrodes.axis]
     cells: list[tuple[int, int]] = []
     corners: list[list[tuple[float, float]]] = []
     electrode: list[int] = []
     for number, strips in enumerate(electrodes.strips):
         plated = [part for strip in strips for part in split_by_cells(strip)]
-        sides = _Sides(plated, electrodes.axis, shape)
+        begin, end = (
+            {_side(part, axis, side, wrapped[axis]) for part in plated for axis in (0, 1)}
+            for side in (0, 1)
+        )
         for part in plated:
             origin = int(np.floor(part.left)), int(np.floor(part.bottom))
-            x, y = (
-                low - origin[axis] + (high - low) * graded(level, *sides.free(part, axis))
-                for axis, (low, high) in enumerate(part.extents)
-            )
-            for left, right in pairwise(x):
-                for bottom, top in pairwise(y):
-                    cells.append(origin[::-1])
-                    corners.append([(left, bottom), (right, bottom), (right, top), (left, top)])
-                    electrode.append(number)
+            lines = []
+            for axis, (low, high) in enumerate(part.extents):
+                low_free = _side(part, axis, 0, wrapped[axis]) not in end
+                high_free = _side(part, axis, 1, wrapped[axis]) not in begin
+                steps = graded(level, low_free, high_free)
+                lines.append(low - origin[axis] + (high - low) * steps)
+            for (left, right), (bottom, top) in product(*map(pairwise, lines)):
+                cells.append(origin[::-1])
+                corners.append([(left, bottom), (right, bottom), (right, top), (left, top)])
+                electrode.append(number)
     return PanelChart(np.array(cells), np.array(corners), np.array(electrode))
+
+
+def _side(part: Strip, axis: int, end: int, wrapped: int | None) -> Side:
+    """The lower or upper side of a part; the same for parts that meet there."""
+    position = part.extents[axis][end]
+    low, high = part.extents[1 - axis]
+    if wrapped is not None:
+        position %= wrapped
+    return axis, round(position, 9), round(low, 9), round(high, 9)
 
 
 def graded(level: int, low_free: bool, high_free: bool) -> Float[np.ndarray, " line"]:
@@ -75,17 +82,9 @@ def graded(level: int, low_free: bool, high_free: bool) -> Float[np.ndarray, " l
 
 
 def panels_on(
-    chart: PanelChart,
-    shape: MeshShape,
-    configuration: Configuration,
+    chart: PanelChart, shape: MeshShape, configuration: Configuration
 ) -> Float[Array | np.ndarray, "*state panel 4 3"]:
-    """Corners of the panels on a deformed fabric, bilinear between the nodes of each cell [mm].
-
-    Args:
-        chart: the panels.
-        shape: mesh of the configuration.
-        configuration: configuration of one state or several.
-    """
+    """Corners of the panels on a fabric in one state or several, as :func:`points_on` [mm]."""
     places = chart.cell[:, None, ::-1] + chart.corners
     cells = np.repeat(chart.cell, 4, axis=0)
     corners = points_on(places.reshape(-1, 2), cells, shape, configuration)
@@ -98,13 +97,9 @@ def points_on(
     shape: MeshShape,
     configuration: Configuration,
 ) -> Float[Array | np.ndarray, "*state point 3"]:
-    """Points of the flat chart on a deformed fabric, bilinear between nodes [mm].
+    """Points of the flat chart on a fabric in one state or several, bilinear between nodes [mm].
 
-    Args:
-        places: coordinates (x, y) of the points on the chart [grid cells].
-        cells: grid cell (y, x) of each point, which is ambiguous on a border.
-        shape: mesh of the configuration.
-        configuration: configuration of one state or several.
+    Points are given as (x, y) in grid cells, with the cell (y, x) that is ambiguous on a border.
     """
     first, last = cells.min(axis=0), cells.max(axis=0)
     rows, columns = (np.arange(low, high + 2) for low, high in zip(first, last, strict=True))
@@ -114,27 +109,3 @@ def points_on(
     low = (1 - u) * nodes[..., row, column, :] + u * nodes[..., row, column + 1, :]
     top = (1 - u) * nodes[..., row + 1, column, :] + u * nodes[..., row + 1, column + 1, :]
     return (1 - v) * low + v * top
-
-
-class _Sides:
-    """Sides at which the parts of one electrode meet."""
-
-    def __init__(self, plated: list[Strip], wrapped_axis: int, shape: MeshShape) -> None:
-        self.wrapped_axis = wrapped_axis
-        self.around = (shape.cells_x, shape.cells_y)[wrapped_axis] if shape.periodic else None
-        self.begin = {self._side(part, axis, 0) for part in plated for axis in (0, 1)}
-        self.end = {self._side(part, axis, 1) for part in plated for axis in (0, 1)}
-
-    def free(self, part: Strip, axis: int) -> tuple[bool, bool]:
-        """Whether the electrode ends at the lower and at the upper side of a part."""
-        return (
-            self._side(part, axis, 0) not in self.end,
-            self._side(part, axis, 1) not in self.begin,
-        )
-
-    def _side(self, part: Strip, axis: int, end: int) -> tuple[int, float, float, float]:
-        position = part.extents[axis][end]
-        low, high = part.extents[1 - axis]
-        if self.around is not None and axis == self.wrapped_axis:
-            position %= self.around
-        return axis, round(position, 9), round(low, 9), round(high, 9)

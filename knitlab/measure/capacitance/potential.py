@@ -20,7 +20,7 @@ def triangle_potential(
     corners: Float[Array, "3 3 *#point"],
     apart: Float[Array, "*#point"] | float = 0.0,
 ) -> Float[Array, "..."]:
-    """Integral of 1/r over a triangle, as seen from a point.
+    """Integral of 1/r over a triangle, as seen from a point [mm].
 
     With the point at height d above the plane of the triangle, and each edge at distance t from
     the foot of the perpendicular, extending from l⁻ to l⁺,
@@ -35,12 +35,9 @@ def triangle_potential(
         corners: the triangle for each point, by corner and component [mm].
         apart: square c² of a distance that r includes besides, as √(r² + c²). It is then also part
             of d, as the height above a plane is [mm²].
-
-    Returns:
-        The integrals [mm].
     """
     ends = [[corner[axis] - at[axis] for axis in range(3)] for corner in corners]
-    edges = [_minus(ends[1], ends[0]), _minus(ends[2], ends[1]), _minus(ends[0], ends[2])]
+    edges = [[b - a for a, b in zip(ends[k], ends[(k + 1) % 3], strict=True)] for k in range(3)]
     normal = _unit(_cross(edges[0], edges[1]))
     distance = [jnp.sqrt(_dot(end, end) + apart) for end in ends]
     height = jnp.sqrt(_dot(ends[0], normal) ** 2 + apart)
@@ -65,26 +62,15 @@ def triangle_potential(
     return total
 
 
-def _minus(one: Vector, other: Vector) -> Vector:
-    return [a - b for a, b in zip(one, other, strict=True)]
-
-
 def _dot(one: Vector, other: Vector) -> Array:
     return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
 
 
 def _cross(one: Vector, other: Vector) -> Vector:
-    return [
-        one[1] * other[2] - one[2] * other[1],
-        one[2] * other[0] - one[0] * other[2],
-        one[0] * other[1] - one[1] * other[0],
-    ]
-
-
-def _length(vector: Vector) -> Array:
-    return jnp.sqrt(_dot(vector, vector))
+    (a, b, c), (x, y, z) = one, other
+    return [b * z - c * y, c * x - a * z, a * y - b * x]
 
 
 def _unit(vector: Vector) -> Vector:
-    inverse = 1 / jnp.maximum(_length(vector), SMALLEST)
+    inverse = 1 / jnp.maximum(jnp.sqrt(_dot(vector, vector)), SMALLEST)
     return [component * inverse for component in vector]

@@ -1,13 +1,13 @@
 """Figures of merit of a capacitor as a strain sensor (paper, "Knit capacitors").
 
-All of them follow from a curve C(ε), simulated or measured, with at least three points.
+All of them follow from a curve C(ε), simulated or measured, with at least three points. Imports
+neither JAX nor SciPy, as cubes are read without them.
 """
 
-from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.interpolate import PchipInterpolator
 
 CENTRAL_PART = 0.2
 """Central fraction of the strain range over which the paper averages the slope."""
@@ -21,80 +21,59 @@ Curve = Float[np.ndarray, " point"]
 Kept = Bool[np.ndarray, " point"]
 
 
-@dataclass(frozen=True)
-class Sensor:
-    """Figures of merit of a strain sensor.
+class CapacitorStatus(IntEnum):
+    """Whether a capacitance is measured, or why not.
 
-    Attributes:
-        sensitivity: mean |dC/dε| over the central 20 % of the strain range [pF].
-        gauge_factor: (C_end − C_0)/C_0 over the strain between [1].
-        humidity_strain: strain that changes the capacitance as much, at the mean slope, as a change
-            of the permittivity by 5 % does [1].
-        linearity: R² of a straight line over the whole range [1].
-        working_range: width of the widest strain window in which a straight line has the required
-            R² [1].
-        working_start: strain at which that window begins [1].
-        working_slope: slope of that line [pF].
+    ``touching``: bare electrodes are closer than ``clearance``, or electrodes pass through each
+    other.
+    ``folded_through``: a fold at the electrodes is beyond half a turn, or an electrode passes
+    through itself, which the model does not prevent. ``unresolved``: finer panels change the
+    capacitance by more than the required accuracy.
     """
 
-    sensitivity: float
-    gauge_factor: float
-    humidity_strain: float
-    linearity: float
-    working_range: float
-    working_start: float
-    working_slope: float
+    measured = 0
+    touching = 1
+    folded_through = 2
+    unresolved = 3
 
 
-def sensor_of(
+def sensor_values(
     strain: Curve, capacitance: Curve, least_linearity: float, leads: float = 0.0
-) -> Sensor | None:
-    """The figures of merit of a sensor from its curve; ``None`` if it has too few points.
+) -> dict[str, float]:
+    """Figures of merit of a sensor, by the names of the schema; none if it has too few points.
 
-    Between points the curve is interpolated by monotone cubics.
-
-    Args:
-        strain: strains, ascending [1].
-        capacitance: capacitance at these strains [pF].
-        least_linearity: R² that the working range must have.
-        leads: the part of the capacitance that humidity does not change [pF].
+    Between points, at ascending strains, the curve [pF] is interpolated by monotone cubics. The
+    working range is the widest strain window in which a straight line has the R² that is asked for.
+    Humidity does not change the part of the capacitance that is due to the leads.
     """
+    from scipy.interpolate import PchipInterpolator
+
     if len(strain) < FEWEST_POINTS:
-        return None
+        return {}
     curve = PchipInterpolator(strain, capacitance)
     start, end = float(strain[0]), float(strain[-1])
     fine = np.linspace(start, end, RESOLUTION + 1)
     low, high, slope = widest_linear(fine, curve(fine), least_linearity)
     change = float(capacitance[-1] / capacitance[0]) - 1
     humidity = HUMIDITY * (1 - leads / float(capacitance[0]))
-    return Sensor(
-        sensitivity=mean_slope(strain, capacitance),
-        gauge_factor=change / (end - start),
-        humidity_strain=humidity * (end - start) / abs(change) if change else float("inf"),
-        linearity=float(linearity(fine, curve(fine))),
-        working_range=high - low,
-        working_start=low,
-        working_slope=slope,
-    )
+    return {
+        "sensitivity": mean_slope(strain, capacitance),
+        "gauge_factor": change / (end - start),
+        "humidity_strain": humidity * (end - start) / abs(change) if change else float("inf"),
+        "linearity": float(linearity(fine, curve(fine))),
+        "working_range": high - low,
+        "working_start": low,
+        "working_slope": slope,
+    }
 
 
 def sensing_range(strain: Curve, capacitance: Curve, unfolded: float) -> Kept:
     """The strains of a test at which a fabric can serve as a sensor.
 
     It is the longest interval of strains, or the first of equal ones, in which there is a
-    capacitance and the fabric is not yet unfolded.
-
-    Args:
-        strain: strains, ascending from 0 [1].
-        capacitance: capacitance at these strains, NaN where there is none [pF].
-        unfolded: strain at which unfolding is complete, see :func:`strain_unfolded`; NaN if it is
-            not within the test [1].
+    capacitance and the fabric is not yet unfolded, see :func:`strain_unfolded`.
     """
-    return longest_run(np.isfinite(capacitance) & ~(strain > unfolded))
-
-
-def longest_run(usable: Kept) -> Kept:
-    """The longest run of true values, or the first of equal ones."""
+    usable = np.isfinite(capacitance) & ~(strain > unfolded)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]])))
     runs = edges.reshape(-1, 2)
     kept = np.zeros_like(usable)
@@ -105,11 +84,9 @@ def longest_run(usable: Kept) -> Kept:
 
 
 def mean_slope(strain: Curve, capacitance: Curve) -> float:
-    """Mean |dC/dε| over the central 20 % of a strain range (paper, Fig. "capacitor testing" D).
+    """Mean |dC/dε| over the central 20 % of a strain range [pF].
 
-    Args:
-        strain: strains, ascending [1].
-        capacitance: capacitance at these strains, linear in between [pF].
+    Between its points the curve is linear (paper, Fig. "capacitor testing" D).
     """
     middle, half = (strain[0] + strain[-1]) / 2, CENTRAL_PART / 2 * (strain[-1] - strain[0])
     inner = strain[(strain > middle - half) & (strain < middle + half)]
@@ -127,13 +104,8 @@ def widest_linear(
 ) -> tuple[float, float, float]:
     """The widest strain window in which a straight line has an R², and the slope of that line.
 
-    Args:
-        strain: strains, evenly spaced and ascending [1].
-        capacitance: capacitance at these strains [pF].
-        least_linearity: the R².
-
-    Returns:
-        Its first and last strain [1], and the slope [pF]; of equally wide windows the steepest.
+    Strains are evenly spaced. Returns the first and last strain [1], and the slope [pF]; of equally
+    wide windows those of the steepest.
     """
     squared, slope = _fits(strain, capacitance)
     width = strain[None, :] - strain[:, None]
@@ -141,9 +113,8 @@ def widest_linear(
     usable = (squared >= least_linearity) & (width > 1.5 * (strain[1] - strain[0]))
     if not usable.any():
         return float(strain[0]), float(strain[0]), 0.0
-    widest = width[usable].max()
-    candidates = usable & np.isclose(width, widest)
-    place = np.argmax(np.where(candidates, np.abs(slope), -1.0))
+    widest = usable & np.isclose(width, width[usable].max())
+    place = np.argmax(np.where(widest, np.abs(slope), -1.0))
     first, last = np.unravel_index(place, width.shape)
     return float(strain[first]), float(strain[last]), float(slope[first, last])
 
@@ -166,12 +137,7 @@ def _fits(
 
 
 def hysteresis(loading: Curve, unloading: Curve) -> float:
-    """Largest difference between loading and unloading, over the range of the curve [1].
-
-    Args:
-        loading: capacitance during loading [pF].
-        unloading: capacitance at the same strains during unloading; NaNs are ignored [pF].
-    """
+    """Largest difference of two curves at the same strains, over their range; NaNs are ignored."""
     both = np.isfinite(loading) & np.isfinite(unloading)
     if not both.any():
         return float("nan")
@@ -183,14 +149,9 @@ def strain_unfolded(strain: Curve, fold: Curve, left: float) -> float:
     """Applied strain at which unfolding is complete, NaN if it is not within the test [1].
 
     Unfolding is complete when the folds between the electrodes are open: when their mean angle has
-    fallen to a fraction of its relaxed value, or to its minimum if they close again from there on.
-    A checkerboard reaches this at its largest transverse strain, as the paper describes (Sec.
-    "Kinematics under tension"); at larger strain it narrows, and its folds close.
-
-    Args:
-        strain: strains, ascending from 0 [1].
-        fold: mean angle of the folds between the electrodes at these strains [rad].
-        left: the fraction of the relaxed angle.
+    fallen to the fraction ``left`` of its relaxed value, or to its minimum if they close again from
+    there on. A checkerboard reaches this at its largest transverse strain, as the paper describes
+    (Sec. "Kinematics under tension"); at larger strain it narrows, and its folds close.
     """
     least = int(np.argmin(fold))
     open_enough = np.flatnonzero(fold <= left * fold[0])

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from knitlab.cli import main
 from knitlab.cube.cube_file import write_cube
-from knitlab.figures.report.introduction import introduction, reliance
+from knitlab.figures.report.content import introduction, reliance
 from knitlab.figures.report.page import write_page
 from knitlab.validation.claims import TOPICS, read_claims
 from knitlab.validation.judgement import judged
@@ -97,20 +97,18 @@ def test_the_page_begins_with_reliable_claims_and_separates_near_misses(cubes, t
 
 @pytest.mark.slow
 def test_every_claim_is_reported_once_under_its_topic(judgements):
-    passages = introduction(judgements)
-    assert [passage.topic for passage in passages] == list(TOPICS)
-    said = {
-        passage.topic: " ".join(claims for _, claims in passage.sentences) for passage in passages
-    }
+    topics = introduction(judgements)
+    assert list(topics) == list(TOPICS)
+    said = {topic: " ".join(claims for _, claims in topics[topic]) for topic in topics}
     for each in judgements:
         claim = each.claim
-        assert said[claim.statement.topic].count(f"“{claim.quoted}”") == 1
+        assert said[claim.topic].count(f"“{claim.quoted}”") == 1
     assert sum(text.count("“") for text in said.values()) == len(judgements)
 
 
 def test_reliable_claims_hold_by_a_large_margin(judgements):
     for each in judgements:
-        margin, group = each.finding.margin, reliance(each)
+        margin, group = each.result.margin, reliance(each)
         assert (group == "not measured") == (margin is None)
         if margin is not None:
             assert (group in ("good", "reserved")) == (margin >= 0.25)
@@ -128,13 +126,13 @@ def test_claims_that_another_cube_contradicts_are_not_reliable(cubes, tmp_path):
     (each,) = judged(claims, [*cubes, tmp_path / "other.nc"])
     assert reliance(alone) == reliance(each) == "narrow"
     assert each.contrary
-    assert "but it fails at -1.80 on 20 of 20 designs of" in introduction([each])[0].sentences[0][1]
+    assert "but it fails at -1.80 on 20 of 20 designs of" in str(introduction([each]))
 
 
 def test_rows_along_weft_and_warp_are_labelled(judgements):
     twins = [each.claim for each in judgements if "_along_w" in each.claim.name]
     assert len(twins) == 8
     for claim in twins:
-        along = claim.statement.measured_along
+        along = claim.measured_along
         assert f"_along_{along}" in claim.name
-        assert claim.quoted == f"{claim.statement.text} (here along the {along})"
+        assert claim.quoted == f"{claim.text} (here along the {along})"

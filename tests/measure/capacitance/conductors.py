@@ -1,12 +1,10 @@
 """Conductors divided into panels without knitlab, and their capacitance."""
 
-import jax.numpy as jnp
 import numpy as np
 
 from knitlab.measure.capacitance.boundary_elements import (
     PAIRS_AT_ONCE,
     VACUUM_PERMITTIVITY,
-    Surroundings,
     images_along,
     maxwell_matrices,
     near_pairs,
@@ -98,11 +96,10 @@ def maxwell(*conductors, period=None, axis=1, images=None, apart=0.0, ground=Non
     heights = None if ground is None else np.full(len(states), float(ground))
     if periods is not None and images is None:
         images = images_along(axis, states, periods, heights)
-    surroundings = Surroundings(
-        jnp.asarray(apart) if apart else None, None if heights is None else jnp.asarray(heights)
-    )
     near = filled(near_pairs(states, images, periods), PAIRS_A_PANEL * states.shape[1])
-    matrices = np.asarray(maxwell_matrices(states, membership, near, images, periods, surroundings))
+    matrices = np.asarray(
+        maxwell_matrices(states, membership, near, images, periods, apart, heights)
+    )
     return matrices.reshape(*panels.shape[:-3], *matrices.shape[1:])
 
 

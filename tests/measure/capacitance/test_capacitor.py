@@ -9,7 +9,7 @@ from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.electrodes import ElectrodeLayout, place_electrodes
 from knitlab.measure.capacitance.boundary_elements import VACUUM_PERMITTIVITY
 from knitlab.measure.capacitance.capacitor import Capacitor, capacitances
-from knitlab.measure.capacitance.capacitor_status import CapacitorStatus
+from knitlab.measure.capacitance.sensor import CapacitorStatus
 from tests.fabrics import CLAMPED, PERIODIC, cell_of, patch_map, pure, stripe
 
 PERIODS = 2

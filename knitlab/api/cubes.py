@@ -1,0 +1,200 @@
+"""Cubes: their designs in tables, compared with targets, experiments and claims, and explored."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+
+from knitlab.cube.comparison import compared
+from knitlab.cube.cube_file import open_cube
+from knitlab.cube.find import Found, find_designs
+from knitlab.cube.query import query_cubes
+from knitlab.cube.selection import refuse_others, selected, selections_along
+from knitlab.cube.target import Target, read_target
+from knitlab.io.errors import BadInput, ErrorCollector
+
+Cube = str | Path | xr.Dataset
+"""A cube, its file, or the results folder that holds it."""
+Wanted = str | Mapping[str, Any] | Target
+"""A target as text, as the table of a curve, or as an object."""
+
+
+def opened(cube: Cube, *, lazily: bool = False) -> xr.Dataset:
+    """A cube, opened as by :func:`knitlab.open_cube` unless it is."""
+    return open_cube(cube, lazily=lazily) if isinstance(cube, str | Path) else cube
+
+
+def query(
+    *cubes: Cube,
+    where: str | None = None,
+    sort: str | Sequence[str] | None = None,
+    columns: Sequence[str] | None = None,
+    **selections: Any,
+) -> pd.DataFrame:
+    """The designs of several cubes, simulated and measured, in one table.
+
+    Args:
+        cubes: cubes of designs along the same dimensions.
+        where: expression over the columns that the rows must meet.
+        sort: column to sort by, or several; a leading minus sorts descending.
+        columns: columns to keep, by default all but the stripe parameters.
+        selections: a value or a list of values for each coordinate.
+
+    Raises:
+        BadInput: with everything that is wrong in these arguments.
+
+    Example:
+        >>> import knitlab as kl
+        >>> table = kl.query("results/reference/periodic", sort="poisson_ratio_min")
+        >>> table[["n_stripe", "n_subunit"]].iloc[0].tolist()
+        [8, 64]
+    """
+    read = [opened(cube, lazily=True) for cube in cubes]
+    return query_cubes(read, selections, where, sort, columns)
+
+
+def find(
+    *cubes: Cube,
+    targets: Wanted | Sequence[Wanted],
+    subject_to: Wanted | Sequence[Wanted] = (),
+    most: int | None = None,
+) -> Found:
+    """Find the designs that come closest to targets; nothing is simulated.
+
+    A target is a variable, a relation and a number: ``"knit_cell_x < 20"``. A variable along the
+    applied strain needs a strain or a window, and is interpolated linearly:
+    ``"poisson_ratio = -0.3 @ 0.05:0.25"`` applies to every strain of the window,
+    ``"mean(poisson_ratio) = -0.3 @ 0.05:0.25"`` to the mean over it. Reductions are ``mean``,
+    ``min``, ``max``, ``slope`` and ``spread`` (largest minus smallest). ``± 0.02`` is the
+    tolerance, which is the unit of distance; by default it is the scatter among the designs.
+
+    Args:
+        cubes: cubes of designs along the same dimensions.
+        targets: targets. A curve is ``"poisson_ratio = wanted.csv"``, with the columns
+            ``strain`` and ``poisson_ratio``, or ``{"name": "poisson_ratio", "applied_strain": […],
+            "value": […], "tolerance": 0.02}``.
+        subject_to: targets that must be met; designs that do not are left out.
+        most: largest number of designs to return, all by default.
+
+    Returns:
+        The designs by their distance, the nearest first. For the first target ``table`` has
+        ``value_1``, ``off_by_1`` in the unit of the variable, and ``in_spread_1``: whether the
+        spread over a design's siblings covers the target; and so on for the others.
+
+    Raises:
+        BadInput: with every target that cannot be read or is not of a variable of the cubes.
+
+    Example:
+        >>> import knitlab as kl
+        >>> found = kl.find(
+        ...     "results/reference/periodic",
+        ...     targets=["poisson_ratio = -0.3 @ 0.05:0.25", "reaction_force < 2 @ 0.2"],
+        ...     subject_to="knit_cell_x < 20",
+        ... )
+        >>> found.table[["n_stripe", "n_subunit"]].iloc[0].tolist()
+        [4, 16]
+    """
+    wanted, required = _targets(targets, "target"), _targets(subject_to, "subject_to")
+    return find_designs([opened(cube, lazily=True) for cube in cubes], wanted, required, most)
+
+
+def _targets(given: Wanted | Sequence[Wanted], source: str) -> list[Target]:
+    faults, targets = ErrorCollector(), list[Target]()
+    for one in [given] if isinstance(given, str | Mapping | Target) else given:
+        with faults:
+            targets.append(read_target(one, source))
+    if faults.all:
+        raise BadInput(faults.all)
+    return targets
+
+
+def compare(simulation: Cube, /, *experiments: Cube, **selections: Any) -> pd.DataFrame:
+    """How far a simulation is from experiments, curve by curve.
+
+    Args:
+        simulation: a simulated cube.
+        experiments: measured cubes, see :func:`knitlab.import_records`.
+        selections: a value or a list of values for each coordinate.
+
+    Returns:
+        One row for each design, experiment and curve, with the RMS difference and its
+        uncertainty, by the scatter of the records, in the unit of the curve.
+
+    Raises:
+        BadInput: if the cubes have no design in common, or a selection is at fault.
+    """
+    cubes = [opened(cube) for cube in (simulation, *experiments)]
+    known = {str(name) for cube in cubes for name in cube.dims if name in cube.coords}
+    remedy = f"select along {', '.join(sorted(known))}"
+    refuse_others(selections, known, f"is not a coordinate of these cubes; {remedy}")
+    chosen = [selected(cube, selections_along(selections, cube.dims)) for cube in cubes]
+    return compared(chosen[0], chosen[1:])
+
+
+def claims(*cubes: str | Path, output: str | Path | None = None, **selections: Any) -> pd.DataFrame:
+    """Judge the paper's claims by cubes: each holds, nearly holds, fails, or is not measured.
+
+    Args:
+        cubes: cubes or results folders; if several measure a claim, the one with the paper's
+            samples decides it.
+        output: report to write, ``.html`` or ``.md``.
+        selections: a value for each swept setting.
+
+    Returns:
+        One row for each claim, with its verdict, margin, and the cube that decided it.
+
+    Raises:
+        BadInput: if a cube, a selection or the suffix of the page is at fault.
+
+    Example:
+        >>> import knitlab as kl
+        >>> table = kl.claims("results/reference/paper")
+        >>> len(table)
+        39
+    """
+    from knitlab.validation.claims import read_claims
+    from knitlab.validation.judgement import judged, records
+
+    judgements = judged(read_claims(), [Path(cube) for cube in cubes], selections)
+    if output is not None:
+        from knitlab.figures.report.page import check_suffix, write_page
+
+        check_suffix(Path(output))
+        write_page(judgements, Path(output), selections)
+    return pd.DataFrame(records(judgements))
+
+
+def explore(*cubes: Cube, output: str | Path = "explorer.html") -> Path:
+    """Write a page on which cubes can be explored in a browser, without a network.
+
+    The page shows a design map, from that the curves of a design with their bands, and its shape,
+    which turns and is pulled. Designs can be filtered, pinned and compared; a link restores a
+    view. Its other tab is the report of the run: settings, times, failures, versions and figures.
+
+    Shapes come from the case files beside the file of a cube, and figures from its results folder;
+    a design without a case file has its curves only. Positions are rounded to less than a
+    thousandth of the extent of a shape, other numbers to 6 digits. Of samples with more than 4096
+    nodes the central unit cells are shown.
+
+    Args:
+        cubes: cubes, or the results folders that hold them.
+        output: the page, with the suffix ``.html``.
+
+    Returns:
+        The page.
+
+    Raises:
+        BadInput: if there is no cube, one cannot be read, or the suffix is another one.
+        CannotWrite: if the page cannot be written.
+
+    Example:
+        >>> import knitlab as kl
+        >>> page = kl.explore("results/reference/periodic", output=folder / "explorer.html")
+        >>> page.name
+        'explorer.html'
+    """
+    from knitlab.explorer.explorer import write_explorer
+
+    return write_explorer([opened(cube) for cube in cubes], Path(output))

@@ -1,0 +1,208 @@
+"""Commands towards a sample: ``design``, ``knit``, ``export``."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from knitlab.cli.options import (
+    COUNT,
+    FILE,
+    MOST_LINES,
+    PATH,
+    SOME_CASE_NOT_OK,
+    echo_problem,
+    format_option,
+    output_option,
+    read_machine_values,
+    repeats_option,
+    results_option,
+    select_option,
+    set_option,
+    workers_option,
+)
+
+
+@click.command()
+@click.argument("file", metavar="TARGETS.toml", type=FILE)
+@results_option
+@click.option(
+    "--budget",
+    default="60",
+    metavar="N|MINUTESmin",
+    help="Largest number of simulations of coarse sweep and searches, or a time such as 30min.",
+)
+@workers_option(0)
+@format_option
+def design(file: Path, results: Path, budget: str, workers: int, style: str) -> None:
+    """Find the stripes and sizes that come closest to the targets of a TOML file, by simulation.
+
+    Writes a cube of the candidates, a workflow that reproduces each, a table of all trials, and
+    figures into a folder with the name of the file. An interrupted design continues when it is
+    run again.
+    Exit code 1 if no candidate meets all targets.
+    """
+    from knitlab.api import design as api
+    from knitlab.cube.cube_file import CUBE
+    from knitlab.cube.query import formatted
+    from knitlab.inverse.summary import summary
+
+    try:
+        designed = api.design(file, budget=budget, workers=workers, results=results, progress=True)
+    except KeyboardInterrupt:
+        click.echo("stopped: finished simulations are kept; run again to continue", err=True)
+        sys.exit(SOME_CASE_NOT_OK)
+    if style == "table":
+        for number, target in enumerate(designed.request.wanted, start=1):
+            kind = "target" if number <= len(designed.request.targets) else "subject to"
+            click.echo(f"{kind} {number}: {target.text}")
+    click.echo(formatted(designed.table, style))
+    for line in summary(designed):
+        click.echo(line, err=style != "table")
+    click.echo(f"cube    {designed.folder / CUBE}", err=True)
+    for path in designed.workflows:
+        click.echo(f"workflow  {path}", err=True)
+    for path in api.draw(designed):
+        click.echo(f"figure  {path}", err=True)
+    if not designed.met:
+        sys.exit(SOME_CASE_NOT_OK)
+
+
+@click.command()
+@click.argument("design", metavar="DESIGN|CUBE")
+@select_option
+@set_option
+@repeats_option
+@click.option(
+    "--needles", type=COUNT, help="Needles to fill with whole repeats, twice as long as wide."
+)
+@click.option(
+    "--face",
+    type=click.Choice(["front", "back"]),
+    help="Face of the fabric for conductors; by default that to which their ridges point.",
+)
+@click.option(
+    "--machine",
+    "changes",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Override a value of params/machine.toml, such as end=drop. Repeatable.",
+)
+@click.option(
+    "-o",
+    "--output",
+    "outputs",
+    multiple=True,
+    type=FILE,
+    help="File: .k knitout; .svg, .png or .pdf the stitch chart; .csv the chart as a table."
+    " Repeatable.",
+)
+@click.option(
+    "--sheet",
+    "sheets",
+    multiple=True,
+    type=FILE,
+    help="File for the specification sheet, .pdf, .svg or .png. Repeatable.",
+)
+@click.option("--check", is_flag=True, help="Check the knitout, and compare it with the chart.")
+def knit(
+    design: str,
+    selections: dict[str, Any],
+    settings: tuple[str, ...],
+    repeats: tuple[int, int] | None,
+    needles: int | None,
+    face: Any,
+    changes: tuple[str, ...],
+    outputs: tuple[Path, ...],
+    sheets: tuple[Path, ...],
+    check: bool,
+) -> None:
+    """Chart a design stitch by stitch, and write knitout for a machine.
+
+    DESIGN is a workflow, by its name or file, that --set and --select narrow to one design. A CUBE
+    also predicts the relaxed size and the Poisson's ratio of the sheet.
+    Exit code 1 if the check finds a fault.
+    """
+    from knitlab.api.knitting import check_output, knitted, single_design
+    from knitlab.sweep.figure_names import check_still
+
+    for path in outputs:
+        check_output(path)
+    for path in sheets:
+        check_still(path)
+    single = single_design(design, settings, selections)
+    sample = knitted(single, repeats, needles, face, read_machine_values(changes))
+    for name, value in sample.specification.rows():
+        click.echo(f"{name:13} {value}")
+    for remark in sample.specification.remarks:
+        click.echo(f"remark: {remark}", err=True)
+    for path in outputs:
+        click.echo(f"{'knitout' if path.suffix == '.k' else 'chart':13} {sample.save(path)}")
+    for path in sheets:
+        click.echo(f"{'sheet':13} {sample.save_sheet(path)}")
+    if not check:
+        return
+    checked = sample.check()
+    for note in checked.notes:
+        click.echo(f"{'check':13} {note}")
+    for fault in checked.faults[:MOST_LINES]:
+        echo_problem(fault)
+    if len(checked.faults) > MOST_LINES:
+        click.echo(f"… and {len(checked.faults) - MOST_LINES} more", err=True)
+    if checked.faults:
+        sys.exit(SOME_CASE_NOT_OK)
+
+
+@click.command()
+@click.argument("cube", type=PATH)
+@select_option
+@output_option(
+    "File to write, .vtu, .ply, .obj, .stl or .glb; .pvd is a series over the strain.",
+    required=True,
+)
+@repeats_option
+@click.option("--triangles", is_flag=True, help="Divide every grid cell into two triangles.")
+@click.option(
+    "--thickness",
+    type=float,
+    metavar="MM",
+    help="Thickness of a closed solid, to print; without it the mesh is an open sheet.",
+)
+def export(
+    cube: Path,
+    selections: dict[str, Any],
+    output: Path,
+    repeats: tuple[int, int] | None,
+    triangles: bool,
+    thickness: float | None,
+) -> None:
+    """Write the shape of one design of CUBE as a mesh for other programs.
+
+    Shapes are in the case files beside a cube. Of a single file the strain is 0 unless it is
+    selected; a series has every strain that was reached.
+    """
+    from knitlab.api import exporting as api
+
+    exported = api.export(
+        cube,
+        output,
+        selections,
+        repeats=repeats or (1, 1),
+        triangles=triangles,
+        thickness=thickness,
+    )
+    for strain, mesh, crossing in zip(
+        exported.applied_strain, exported.meshes, exported.self_intersections, strict=True
+    ):
+        corners = {3: "triangles", 4: "quads"}[mesh.faces.shape[1]]
+        size = " × ".join(f"{length:.3g}" for length in mesh.size)
+        click.echo(
+            f"applied_strain {strain:g}: {len(mesh.nodes)} nodes, {len(mesh.faces)} {corners},"
+            f" {size} mm of the model"
+            + (f", {crossing} pairs of cells pass through each other" if crossing else "")
+        )
+    click.echo(f"mesh    {exported.files[0]}")
+
+
+COMMANDS = (design, knit, export)

@@ -1,0 +1,167 @@
+"""Designs found for targets: what was wanted, what they have, and how targets conflict."""
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Bool, Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from knitlab.cube.find import Found, Reached
+from knitlab.cube.schema import VARIABLES
+from knitlab.cube.target import Target
+from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, Look
+
+MOST_SHOWN = 6
+"""Designs that are drawn, the nearest first."""
+WANTED = CATEGORY_COLOURS[2]
+OWN, OTHERS, FRONT = CATEGORY_COLOURS[0], "0.7", CATEGORY_COLOURS[1]
+RANGE = "range over slightly different fabrics"
+NAMED_BY = ("n_stripe", "n_subunit", "pattern")
+COLOURS = tuple(colour for colour in CATEGORY_COLOURS if colour != WANTED)
+"""Colours of the designs; none is that of what is wanted."""
+PANEL_HEIGHT, PARETO_HEIGHT = 2.4, 3.0
+"""Height of the panels of a target, and of the figure of trials [in]."""
+MARGIN = 0.3
+"""Margin around the front of trials, as a fraction of its extent."""
+
+
+def found_figure(found: Found, title: str = "designs", bands: bool = False) -> Figure:
+    """A row of panels for each target: what is wanted in green, and the nearest designs.
+
+    Curves with bands have a panel for each design, with the curves of the others in grey behind
+    it: bands of similar designs would cover each other.
+
+    Args:
+        found: designs by their distance from the targets.
+        title: what the designs are called.
+        bands: whether to shade the range over the siblings of a design.
+    """
+    names = [_name(found, number) for number in range(min(MOST_SHOWN, len(found.table)))]
+    rows = len(found.reached)
+    figure = Figure(figsize=(TWO_COLUMNS, PANEL_HEIGHT * rows + 0.6), layout="constrained")
+    for row, reached in zip(
+        figure.subfigures(rows, 1, squeeze=False)[:, 0], found.reached, strict=True
+    ):
+        banded = bands and len(reached.band) == 2
+        curved = reached.target.reduction is None and len(reached.at) > 1
+        count = len(names) if curved and banded else 1
+        panels = row.subplots(1, count, squeeze=False, sharex=True, sharey=True)[0]
+        for number, panel in enumerate(panels):
+            if not curved:
+                _draw_bars(panel, reached, names, banded)
+            elif banded:
+                _draw_band(panel, reached, number, count)
+                panel.set_title(names[number])
+            else:
+                for values, colour, name in zip(reached.values, COLOURS, names, strict=False):
+                    panel.plot(reached.at, values, color=colour, label=name)
+            if curved:
+                panel.set(xlabel="applied strain [1]", xlim=(reached.at[0], reached.at[-1]))
+            _draw_wanted(panel, reached.target)
+        panels[0].set_ylabel(_label(reached.target), fontsize="small")
+        # The first panel has every entry: those of the others repeat it.
+        row.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    figure.suptitle(f"the {len(names)} nearest {title}, the nearest first", fontsize="small")
+    return figure
+
+
+def _draw_band(panel: Axes, reached: Reached, number: int, shown: int) -> None:
+    """Draw the curve of a design and its band, and the curves of the others behind it."""
+    label: str | None = "the other designs"
+    for other in range(shown):
+        if other != number:
+            panel.plot(reached.at, reached.values[other], color=OTHERS, lw=0.8, label=label)
+            label = None
+    low, high = (edge[number] for edge in reached.band)
+    panel.fill_between(reached.at, low, high, color=OWN, alpha=0.25, lw=0, label=RANGE)
+    panel.plot(reached.at, reached.values[number], color=OWN, label="this design")
+
+
+def _draw_bars(panel: Axes, reached: Reached, names: list[str], banded: bool) -> None:
+    shown = len(names)
+    middle = reached.obtained[:shown]
+    panel.bar(range(shown), middle, color=COLOURS[:shown], width=0.5, zorder=2)
+    panel.set_xticks(range(shown), names)
+    if banded and reached.target.reduction is None:
+        edges = [np.abs(edge[:shown, 0] - middle) for edge in reached.band]
+        look: Look = {"color": "black", "capsize": 3, "zorder": 4}
+        panel.errorbar(range(shown), middle, edges, fmt="none", label=RANGE, **look)
+
+
+def _label(target: Target) -> str:
+    """Label of the axis of a target."""
+    variable = VARIABLES.get(target.name)
+    if variable is None:
+        return f"{target.label}\n[1]"
+    name = variable.long_name if target.reduction is None else target.label
+    return f"{name}\n[{variable.units}]"
+
+
+def _name(found: Found, number: int) -> str:
+    row = found.table.iloc[number]
+    labels = ", ".join(str(row[name]) for name in NAMED_BY if name in row)
+    if "candidate" in row:
+        return f"candidate {row['candidate']}: ({labels})"
+    return f"({labels})" + (f"\n{row['cube']}" if "cube" in row else "")
+
+
+def _draw_wanted(panel: Axes, target: Target) -> None:
+    """Draw a wanted value or curve as a line in its tolerance; shade a wanted range."""
+    shade: Look = {"color": WANTED, "alpha": 0.15, "lw": 0}
+    if target.curve is None and target.low != target.high:
+        ends = [end for end in (target.low, target.high) if np.isfinite(end)]
+        below, above = panel.get_ylim()
+        below, above = min([below, *ends]), max([above, *ends])
+        panel.set_ylim(below, above)
+        panel.axhspan(max(target.low, below), min(target.high, above), label="wanted", **shade)
+        return
+    line: Look = {"color": WANTED, "lw": 2, "label": "wanted", "zorder": 3}
+    tolerance = target.tolerance
+    if target.curve is not None:
+        strains, wanted = map(np.asarray, target.curve)
+        panel.plot(strains, wanted, **line)
+        if tolerance is not None:
+            low, high = wanted - tolerance, wanted + tolerance
+            panel.fill_between(strains, low, high, label="its tolerance", **shade)
+    else:
+        panel.axhline(target.low, **line)
+        if tolerance is not None:
+            ends = [target.low - tolerance, target.low + tolerance]
+            panel.axhspan(*ends, label="its tolerance", **shade)
+
+
+def pareto_figure(
+    distances: Float[np.ndarray, "trial 2"], labels: tuple[str, str], candidates: pd.Series
+) -> Figure:
+    """Trials of a design by their distances from two targets, the front, and the candidates.
+
+    Args:
+        distances: distances from both targets, each over the tolerance of the target.
+        labels: names of the targets.
+        candidates: for each trial the number of the candidate whose search it belongs to.
+    """
+    figure = Figure(figsize=(ONE_COLUMN * 1.4, PARETO_HEIGHT), layout="constrained")
+    axes = figure.subplots()
+    for number in sorted(candidates.unique()):
+        of_search = (candidates == number).to_numpy()
+        axes.plot(*distances[of_search].T, "o", ms=4, alpha=0.7, label=f"search {number}")
+    front = distances[non_dominated(distances)]
+    front = front[np.argsort(front[:, 0])]
+    axes.plot(*front.T, "-", color=FRONT, lw=1, label="Pareto front", zorder=0)
+    axes.axvspan(0, 1, color=WANTED, alpha=0.1, lw=0, label="within a tolerance")
+    axes.axhspan(0, 1, color=WANTED, alpha=0.1, lw=0)
+    for axis, label, on_front in zip("xy", labels, front.T, strict=True):
+        # Trials far from the front would hide its shape.
+        room = MARGIN * max(float(np.ptp(on_front)), 1.0)
+        limits = max(float(on_front.min()) - room, -0.1), float(on_front.max()) + room
+        axes.set(**{f"{axis}lim": limits})
+        axes.set(**{f"{axis}label": f"off by, in tolerances:\n{label}"})
+    axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def non_dominated(losses: Float[np.ndarray, "point loss"]) -> Bool[np.ndarray, " point"]:
+    """Whether no other point dominates a point: no larger in any loss, and smaller in one."""
+    own, other = losses[:, None], losses[None]
+    dominated = np.all(other <= own, axis=2) & np.any(other < own, axis=2)
+    return np.logical_not(dominated.any(axis=1))

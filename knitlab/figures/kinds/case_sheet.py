@@ -1,0 +1,203 @@
+"""The sheet of one case: its shape coloured by height, and where its electrodes run."""
+
+import json
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+
+from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.sheets import design_text, draw_faces, faces_of, state_text
+from knitlab.figures.style import ONE_COLUMN, SEQUENCE_COLOURS
+from knitlab.meshes.fabric import closed_nodes, is_periodic
+
+if TYPE_CHECKING:
+    from knitlab.fabric.pattern import PatchGrid
+
+from typing import TYPE_CHECKING
+
+from matplotlib.patches import Patch, Rectangle
+from matplotlib.ticker import MultipleLocator
+from mpl_toolkits.mplot3d import Axes3D
+from scipy.interpolate import RegularGridInterpolator
+
+from knitlab.figures.sheets import FABRIC, draw_sheet, frame_sheet
+from knitlab.figures.style import TWO_COLUMNS
+from knitlab.io.errors import fault
+
+if TYPE_CHECKING:
+    from knitlab.simulation.case import Case
+
+
+BORDER = 0.6
+"""Width of the lines of patch borders [pt]."""
+NAME_SIZE, LETTER_SIZE = 8, 6
+MOST_NAMES = 4
+"""Patches along a side that are named; where there are more they have a letter each."""
+LETTERS = "R rib, G garter, P plain"
+PERIODIC_REPEATS = 2
+"""Unit cells of periodic fabric that are drawn along each direction."""
+
+
+def fabric_shape(case: xr.Dataset) -> Figure:
+    """Shape of a fabric seen from the technical face; relaxed, or at ``applied_strain``.
+
+    Colour is height, white lines are patch borders.
+    """
+    # JAX is imported only when this figure is drawn.
+    from knitlab.fabric.pattern import recorded_pattern
+
+    parameters = json.loads(case.attrs["parameters"])
+    periodic = is_periodic(case)
+    repeats = PERIODIC_REPEATS if periodic else 1
+    nodes = closed_nodes(case.isel(applied_strain=[0]), (repeats, repeats))[0]
+    along_y, along_x = parameters["unit_cells"]
+    repeat = len(parameters["pattern"]), len(parameters["pattern"][0])
+    sample = recorded_pattern(parameters, (repeats * along_y, repeats * along_x))
+
+    faces = faces_of(nodes)
+    heights = faces[:, :, 2].mean(axis=1)
+    norm = mpl.colors.Normalize(heights.min(), heights.max())
+    extent = np.ptp(nodes[..., :2], axis=(0, 1))
+    height = ONE_COLUMN * min(1.6, 0.8 * extent[1] / extent[0]) + 0.7
+    figure = Figure(figsize=(ONE_COLUMN * 1.2, height), layout="constrained")
+    axes = figure.add_subplot()
+    draw_faces(axes, faces, mpl.colormaps[SEQUENCE_COLOURS](norm(heights)))
+    borders = (*nodes[sample.row_borders], *nodes[:, sample.column_borders].swapaxes(0, 1))
+    lines = LineCollection([line[:, :2] for line in borders], colors="white", lw=BORDER)
+    axes.add_collection(lines)
+    _name_patches(axes, nodes, sample, repeat)
+    notes = ["white lines: patch borders", *([LETTERS] if max(repeat) > MOST_NAMES else [])]
+    crossing = int(case["self_intersections"][0]) if "self_intersections" in case else 0
+    if crossing:
+        notes.insert(0, f"passes through itself: {crossing} pairs of cells")
+    state = ("periodic, " if periodic else "") + state_text(float(case["applied_strain"][0]))
+    axes.set_title("\n".join([design_text(case), state, "; ".join(notes)]), fontsize=7)
+    colours = mpl.cm.ScalarMappable(norm, SEQUENCE_COLOURS)
+    figure.colorbar(colours, ax=axes, label="height z [mm]", shrink=0.8)
+    return figure
+
+
+def _name_patches(
+    axes: Axes, nodes: np.ndarray, sample: "PatchGrid", repeat: tuple[int, int]
+) -> None:
+    """Write the knit on the patches of the repeat of the pattern nearest the middle."""
+    from knitlab.fabric.pattern import KNIT_OF_LETTER
+
+    large = max(repeat) <= MOST_NAMES
+    first_row, first_column = (
+        size * ((whole // size - 1) // 2)
+        for size, whole in zip(repeat, sample.knit.shape, strict=True)
+    )
+    rows, columns = (
+        (borders[:-1] + borders[1:]) // 2 for borders in (sample.row_borders, sample.column_borders)
+    )
+    for y, x in np.ndindex(repeat):
+        row, column = first_row + y, first_column + x
+        letter = str(sample.knit[row, column])
+        across, along = nodes[rows[row], columns[column], :2]
+        axes.text(
+            across,
+            along,
+            KNIT_OF_LETTER[letter] if large else letter,
+            ha="center",
+            va="center",
+            fontsize=NAME_SIZE if large else LETTER_SIZE,
+            color="white",
+            path_effects=[withStroke(linewidth=2, foreground="black")],
+        )
+
+
+COLOURS = ("#D55E00", "#0072B2")
+SHADES = {"R": "0.82", "G": "0.94", "P": "1.0"}
+"""Grey of every knit, by its letter."""
+CELLS_PER_TICK, MOST_TICKS = 4, 12
+FINE_PARTS, COARSE_PARTS, FEW_CELLS = 4, 2, 24
+"""Subdivisions of a grid cell along each direction: fine up to this many cells, else coarse."""
+
+
+def electrodes_figure(case_file: xr.Dataset) -> Figure:
+    """Where electrodes run, on the chart and on the fabric, relaxed or at ``applied_strain``."""
+    # JAX is imported only when this figure is drawn.
+    from knitlab.fabric.pattern import KNIT_OF_LETTER
+    from knitlab.simulation.case import case_of
+
+    parameters = json.loads(case_file.attrs["parameters"])
+    if not parameters.get("capacitor"):
+        raise fault("electrodes", "this case has no electrodes; run a workflow with [electrodes]")
+    case = case_of(parameters)
+    figure = Figure(figsize=(TWO_COLUMNS, 3.6))
+    chart = figure.add_axes((0.06, 0.2, 0.36, 0.7))
+    _draw_chart(chart, case)
+    design = ", ".join(f"{name} = {value}" for name, value in case.design.items())
+    chart.set_title(f"as knitted, {design}")
+    scene = figure.add_axes((0.44, 0.1, 0.56, 0.86), projection="3d")
+    _draw_fabric(scene, case, case_file)
+    scene.set_title(state_text(float(case_file["applied_strain"][0])), y=0.96)
+    handles = [
+        Patch(color=colour, label=f"electrode {letter}")
+        for letter, colour in zip("AB", COLOURS, strict=True)
+    ]
+    knits = {KNIT_OF_LETTER[letter]: SHADES[letter] for letter in np.unique(case.sample.knit)}
+    if case.pure:
+        knits = {case.weft.knit: SHADES["G"]}
+    handles += [Patch(fc=shade, ec="0.6", lw=0.5, label=knit) for knit, shade in knits.items()]
+    figure.legend(handles=handles, loc="lower center", ncols=4)
+    return figure
+
+
+def _draw_chart(axes: Axes, case: "Case") -> None:
+    sample = case.sample
+    rows, columns = sample.row_borders.tolist(), sample.column_borders.tolist()
+    for row, column in np.ndindex(sample.knit.shape):
+        corner = columns[column], rows[row]
+        size = columns[column + 1] - columns[column], rows[row + 1] - rows[row]
+        shade = SHADES[str(sample.knit[row, column])]
+        axes.add_patch(Rectangle(corner, *size, color=shade, lw=0))
+    for strips, colour in zip(case.electrodes.strips, COLOURS, strict=True):
+        for strip in strips:
+            size = strip.right - strip.left, strip.top - strip.bottom
+            axes.add_patch(Rectangle((strip.left, strip.bottom), *size, color=colour, lw=0))
+    height, width = sample.grid
+    axes.set(
+        xlim=(0, width),
+        ylim=(0, height),
+        xlabel="x, weft [grid cells]",
+        ylabel="y, warp [grid cells]",
+        aspect="equal",
+    )
+    step = CELLS_PER_TICK * int(np.ceil(max(width, height) / CELLS_PER_TICK / MOST_TICKS))
+    axes.xaxis.set_major_locator(MultipleLocator(step))
+    axes.yaxis.set_major_locator(MultipleLocator(step))
+
+
+def _draw_fabric(scene: Axes3D, case: "Case", case_file: xr.Dataset) -> None:
+    sheet = closed_nodes(case_file.isel(applied_strain=[0]))[0]
+    cells = sheet.shape[0] - 1, sheet.shape[1] - 1
+    parts = FINE_PARTS if max(cells) <= FEW_CELLS else COARSE_PARTS
+    y, x = ((np.arange(count * parts) + 0.5) / parts for count in cells)
+    colours = np.full((len(y), len(x)), FABRIC, dtype=object)
+    for strips, colour in zip(case.electrodes.strips, COLOURS, strict=True):
+        for strip in strips:
+            (left, right), (low, high) = strip.extents
+            across = (left < x) & (x < right)
+            if case.mesh_shape.periodic:
+                across |= (left < x + cells[1]) & (x + cells[1] < right)
+            colours[np.ix_((low < y) & (y < high), across)] = colour
+    fine = np.meshgrid(*(np.arange(n * parts + 1) / parts for n in cells), indexing="ij")
+    refined = RegularGridInterpolator([np.arange(n + 1) for n in cells], sheet)
+    draw_sheet(scene, refined(np.stack(fine, axis=-1)), colours.ravel().tolist())
+    frame_sheet(scene, sheet)
+
+
+FIGURES = {
+    "shape": FigureKind(fabric_shape, needs="position", coordinates=("applied_strain",)),
+    "electrodes": FigureKind(
+        electrodes_figure, dims=None, needs="position", coordinates=("applied_strain",)
+    ),
+}

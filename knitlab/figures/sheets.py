@@ -1,0 +1,121 @@
+"""Sheets: in perspective, shaded by their slope, and in plan, each face in its colour."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import LightSource, to_rgba_array
+from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.proj3d import proj_transform
+
+VIEW = {"elev": 38.0, "azim": -58.0}
+MARGIN = 0.02
+FILLED = 0.97
+"""Fraction of its frame that a sheet fills."""
+FABRIC = "0.85"
+"""Colour of a sheet."""
+LIGHT = np.array([-0.5, 0.5, 0.7])
+"""Direction of the light on a sheet in plan."""
+DARKEST = 0.45
+"""Brightness of a face that the light grazes."""
+TONES = 8
+"""Steps of brightness: few keep the files of large samples small."""
+
+
+def design_text(case: xr.Dataset) -> str:
+    """The design of a case as text."""
+    return f"n_stripe = {int(case['n_stripe'])}, n_subunit = {int(case['n_subunit'])}"
+
+
+def state_text(strain: float) -> str:
+    """An applied strain as the state of a sheet."""
+    return f"pulled {strain:.0%}" if strain else "relaxed"
+
+
+def draw_sheet(axes: Axes3D, nodes: np.ndarray, colours: Sequence[str] = (FABRIC,)) -> None:
+    """Draw one sheet in perspective, without seams between its faces.
+
+    Args:
+        axes: three-dimensional axes.
+        nodes: positions (y, x, component).
+        colours: one colour, or one for every face, row after row.
+    """
+    rows, columns = nodes.shape[0] - 1, nodes.shape[1] - 1
+    faces = np.broadcast_to(to_rgba_array(list(colours)), (rows * columns, 4))
+    axes.plot_surface(
+        *np.moveaxis(nodes, -1, 0),
+        rcount=nodes.shape[0],
+        ccount=nodes.shape[1],
+        facecolors=faces.reshape(rows, columns, 4),
+        # Edges in the colour of their face cover the gaps between faces.
+        linewidth=0.3,
+        antialiased=False,
+        shade=True,
+        lightsource=LightSource(azdeg=225, altdeg=45),
+        rasterized=True,
+    )
+
+
+def frame_sheet(axes: Axes3D, around: np.ndarray) -> None:
+    """Frame positions (…, component), with equal scales of x, y and z, so that none is cut off."""
+    points = around.reshape(-1, 3)
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, half = (low + high) / 2, (high - low) / 2 * (1 + MARGIN)
+    half = np.maximum(half, 0.05 * half.max())
+    axes.set(
+        **{f"{name}lim": (middle[k] - half[k], middle[k] + half[k]) for k, name in enumerate("xyz")}
+    )
+    axes.set_proj_type("ortho")
+    axes.view_init(**VIEW)
+    axes.set_axis_off()
+    # In this projection the picture grows as the zoom does.
+    axes.set_box_aspect(half)
+    across, along, _ = proj_transform(*points.T, axes.get_proj())
+    reach = max(np.abs(across).max(), np.abs(along).max())
+    axes.set_box_aspect(half, zoom=FILLED * axes.viewLim.x1 / reach)
+
+
+def faces_of(nodes: Float[np.ndarray, "y x 3"]) -> Float[np.ndarray, "face 4 3"]:
+    """Corners of the grid cells of a sheet of nodes."""
+    corners = np.stack([nodes[:-1, :-1], nodes[:-1, 1:], nodes[1:, 1:], nodes[1:, :-1]], axis=2)
+    return corners.reshape(-1, 4, 3)
+
+
+def shaded(
+    faces: Float[np.ndarray, "face 4 3"], colours: Float[np.ndarray, "face 4"]
+) -> Float[np.ndarray, "face 4"]:
+    """RGBA colours of faces, darkened by their slope."""
+    normals = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    light = np.abs(normals @ (LIGHT / np.linalg.norm(LIGHT)))
+    light = np.round(light * TONES) / TONES
+    darkened = colours.copy()
+    darkened[:, :3] *= (DARKEST + (1 - DARKEST) * light)[:, None]
+    return darkened
+
+
+def draw_faces(
+    axes: Axes, faces: Float[np.ndarray, "face 4 3"], colours: Float[np.ndarray, "face 4"]
+) -> None:
+    """Draw faces [mm] in their RGBA colours from above, without seams between them.
+
+    They are drawn from the lowest to the highest, so that a fold hides what lies under it; vector
+    files hold them as a picture.
+    """
+    from_below = np.argsort(faces[:, :, 2].mean(axis=1))
+    axes.add_collection(
+        PolyCollection(
+            list(faces[from_below, :, :2]),
+            facecolors=colours[from_below],
+            edgecolors="face",
+            lw=0.2,
+            # Smoothed edges let the background through between two faces.
+            antialiaseds=False,
+            rasterized=True,
+        )
+    )
+    axes.set(xlabel="x, weft [mm]", ylabel="y, warp [mm]", aspect="equal")
+    axes.autoscale_view()

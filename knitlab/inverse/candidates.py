@@ -1,0 +1,203 @@
+"""Candidates: the best trial of each search, simulated again with its siblings, and ranked."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import tomli_w
+import xarray as xr
+
+from knitlab.cube.find import Found, find_designs
+from knitlab.cube.schema import described
+from knitlab.cube.strain_window import STRAIN
+from knitlab.inverse.objective import distance_of, violation_of
+from knitlab.inverse.request import DesignRequest
+from knitlab.inverse.search import TRIALS, SearchResult
+from knitlab.inverse.search_space import SearchSpace
+from knitlab.inverse.trial import ShapeFunctions, run_trial
+from knitlab.io.atomic_write import atomic_write
+from knitlab.io.fingerprint import text_fingerprint
+from knitlab.io.toml import read_toml
+from knitlab.measure.knit_size import ALONG_X, ALONG_Y, Gauge
+from knitlab.simulation.case import Case
+from knitlab.sweep.cube import GAUGE_ATTRIBUTES
+from knitlab.sweep.declared_fields import declared
+from knitlab.sweep.plan import Plan, batched
+from knitlab.sweep.settings import SETTINGS
+from knitlab.sweep.workflow_file import workflow_file
+
+DISTANCES = ("distance", "distance_worst")
+"""Variables of the cube: distance of a candidate, and the worst within its spread."""
+FIGURES = ["curves", "shape"]
+
+
+class Candidate(NamedTuple):
+    """The best trial of a search: its number, labels, values of variables, case and gauge."""
+
+    number: int
+    labels: dict[str, int | str]
+    values: dict[str, float]
+    case: Case
+    gauge: Gauge
+
+
+def candidates_of(space: SearchSpace, searches: Sequence[SearchResult]) -> list[Candidate]:
+    """The candidates of the searches that had a trial that converged."""
+    return [
+        Candidate(
+            number,
+            space.labels(search.design),
+            search.winner.values,
+            *space.case(search.design, np.array(search.winner.point)),
+        )
+        for number, search in enumerate(searches, start=1)
+        if search.winner is not None
+    ]
+
+
+def candidates_plan(
+    request: DesignRequest, space: SearchSpace, candidates: Sequence[Candidate]
+) -> Plan:
+    """The candidates as cases to be simulated from the flat sheet, with siblings."""
+    cases = {}
+    for number, labels, _, case, _ in candidates:
+        tested = replace(
+            case, design={**labels, "candidate": number}, robustness=request.robustness
+        )
+        cases[tested.case_id] = tested
+    return Plan(
+        workflow=request.name,
+        title=f"Candidates of the design {request.name}",
+        figures=(),
+        cases=cases,
+        batches=batched(cases),
+        excluded={},
+        coordinates={},
+        overrides={},
+        inputs={},
+        stripes=text_fingerprint(request.text),
+        gauge=space.plan(space.designs[0], {}).gauge,
+    )
+
+
+def completed(
+    cube: xr.Dataset,
+    space: SearchSpace,
+    candidates: Sequence[Candidate],
+    own: ShapeFunctions,
+    folder: Path,
+) -> xr.Dataset:
+    """The cube with own functions, and with sizes in cloth at the gauge of each candidate."""
+    dims = cube["status"].dims
+    along_strain = (*dims, STRAIN)
+    lengths = [cube.sizes[dim] for dim in along_strain]
+    cube = cube.assign({name: (along_strain, np.full(lengths, np.nan)) for name, _ in own})
+    gauge_varies = bool(set(declared(Gauge)) & set(space.names))
+    if gauge_varies:
+        unknown = np.full(cube["status"].shape, np.nan)
+        cube = cube.assign({name: (dims, unknown.copy()) for name in declared(Gauge)})
+        stated = set(GAUGE_ATTRIBUTES.values())
+        others = {name: value for name, value in cube.attrs.items() if name not in stated}
+        cube = cube.drop_attrs(deep=False).assign_attrs(others)
+    for number, labels, _, case, gauge in candidates:
+        trial = run_trial(folder / TRIALS, case, gauge, own)
+        values: dict[str, Any] = {name: trial.values(name) for name, _ in own}
+        if gauge_varies:
+            values |= {name: trial.values(name)[0] for name in (*ALONG_X, *ALONG_Y)} | vars(gauge)
+        for name, value in values.items():
+            cube[name].loc[{**labels, "candidate": number}] = value
+    return cube
+
+
+def ranked(cube: xr.Dataset, request: DesignRequest) -> Found:
+    """The candidates that meet the constraints, then the others; by their worst distance."""
+    targets, constraints = request.targets, request.subject_to
+    found = find_designs([cube], request.wanted)
+    reached, kept = found.reached[: len(targets)], found.reached[len(targets) :]
+    worst = distance_of(targets, [each.worst for each in reached])
+    violation = np.array(
+        [
+            violation_of(constraints, [each.worst[row] for each in kept])
+            for row in range(len(found.table))
+        ]
+    )
+    distance = distance_of(targets, [each.off_by for each in reached])
+    added = dict(zip(DISTANCES, (distance, worst), strict=True))
+    added |= {"violation": violation} if constraints else {}
+    table = found.table.drop(columns=DISTANCES[0])
+    column = list(found.table.columns).index(DISTANCES[0])
+    for name, values in reversed(added.items()):
+        table.insert(column, name, values)
+    order = np.lexsort((worst, violation))
+    return Found(
+        table.iloc[order].reset_index(drop=True),
+        tuple(each.in_order(order) for each in found.reached),
+        found.passed_over,
+    )
+
+
+def with_distances(cube: xr.Dataset, table: pd.DataFrame) -> xr.Dataset:
+    """The cube with the distances of the ranked candidates."""
+    dims = cube["status"].dims
+    for name in DISTANCES:
+        cube[name] = (dims, np.full(cube["status"].shape, np.nan))
+        for row in table.to_dict("records"):
+            cube[name].loc[{dim: row[dim] for dim in dims}] = row[name]
+    return described(cube)
+
+
+def write_workflow(
+    folder: Path, request: DesignRequest, space: SearchSpace, candidate: Candidate
+) -> Path:
+    """Write a workflow that reproduces a candidate exactly; returns its path.
+
+    Raises:
+        CannotWrite: if it cannot be written.
+    """
+    path = folder / f"candidate_{candidate.number}.toml"
+    base = workflow_file(space.workflow)
+    table: dict[str, Any] = read_toml(base)
+    settings = {
+        **space.settings,
+        **candidate.values,
+        "robustness": request.robustness,
+        **{name: [label] for name, label in candidate.labels.items()},
+    }
+    for name, value in settings.items():
+        table.setdefault(SETTINGS[name].section, {})[name] = value
+    table["design"].pop("set", None)
+    table["title"] = f"{path.stem} of the design {request.name}"
+    table["figures"] = FIGURES
+    for section, name in (("model", "stripe_files"), ("design", "pattern_files")):
+        if files := table.get(section, {}).get(name):
+            table[section][name] = [str((base.parent / file).resolve()) for file in files]
+    with atomic_write(path) as temporary:
+        temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
+    return path
+
+
+def trials_table(
+    request: DesignRequest, dims: Sequence[str], searches: Sequence[SearchResult]
+) -> pd.DataFrame:
+    """One row for each trial: design, values, distance, and how far it is from each target."""
+    unknown = [None] * len(request.wanted)
+    return pd.DataFrame(
+        [
+            {
+                "candidate": number,
+                **dict(zip(dims, search.design, strict=True)),
+                **trial.values,
+                "converged": trial.converged,
+                "snapped": trial.snapped,
+                "distance": trial.distance,
+                "violation": trial.violation,
+                **{f"off_by_{k}": off for k, off in enumerate(trial.off_by or unknown, start=1)},
+                "case_id": trial.case_id,
+            }
+            for number, search in enumerate(searches, start=1)
+            for trial in search.trials
+        ]
+    )

@@ -1,0 +1,185 @@
+"""A program read line by line: its operations, carriage passes and floats.
+
+Operations that one movement of the carriage can do make one pass: stitches of the same carriers in
+one direction, transfers from one bed at one racking. Groups of stitches of different carriers are
+knitted in passes of their own (paper, "Knit capacitors"). Two passes in the same direction have an
+empty one between them, in which the carriage comes back.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+from knitlab.knitting.machine import Machine
+
+DIRECTED = ("knit", "tuck")
+OF_CARRIERS = ("inhook", "releasehook", "outhook")
+NEEDLE = re.compile(r"([fb])(-?\d+)")
+KINDS = {"knit": "knit", "tuck": "knit", "xfer": "transfer", "drop": "drop"}
+CARRIER_CHANGES = ("inhook", "outhook")
+
+
+class Needle(NamedTuple):
+    """A needle of the front or the back bed."""
+
+    front: bool
+    number: int
+
+    def __str__(self) -> str:
+        return f"{'f' if self.front else 'b'}{self.number}"
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """An operation on a line of a program, from 1: its first word, and the words after that.
+
+    ``direction`` of the carriage, ``needles`` and ``carriers`` are those that it names, if any.
+    """
+
+    line: int
+    opcode: str
+    parameters: tuple[str, ...]
+    direction: str | None = None
+    needles: tuple[Needle, ...] = ()
+    carriers: tuple[str, ...] = ()
+
+    @property
+    def is_extension(self) -> bool:
+        """Whether it is an extension of the language."""
+        return self.opcode.startswith("x-")
+
+    def __str__(self) -> str:
+        return " ".join((self.opcode, *self.parameters))
+
+
+def operations(text: str) -> Iterator[Operation]:
+    """The operations of a program; comments are left out."""
+    for line, content in enumerate(text.split("\n"), start=1):
+        opcode, *words = content.partition(";")[0].split() or [""]
+        if opcode in DIRECTED:
+            direction, carriers = (*words, "")[0], tuple(words[2:])
+            yield Operation(line, opcode, tuple(words), direction, _needles(words[1:2]), carriers)
+        elif opcode in OF_CARRIERS:
+            yield Operation(line, opcode, tuple(words), carriers=tuple(words))
+        elif opcode:
+            yield Operation(line, opcode, tuple(words), needles=_needles(words))
+
+
+def _needles(words: Sequence[str]) -> tuple[Needle, ...]:
+    matches = (NEEDLE.fullmatch(word) for word in words)
+    return tuple(Needle(match[1] == "f", int(match[2])) for match in matches if match)
+
+
+def headers(text: str) -> dict[str, str]:
+    """The headers of a program, by name."""
+    found: dict[str, str] = {}
+    for content in text.split("\n")[1:]:
+        if not content.startswith(";;"):
+            break
+        name, _, value = content[2:].partition(":")
+        found[name.strip()] = value.strip()
+    return found
+
+
+class CarriagePass(NamedTuple):
+    """One movement of the carriage, which works from its first to its last needle.
+
+    Its ``direction`` is + rightwards; none where it may go either way.
+    """
+
+    kind: str
+    direction: str | None
+    first: int
+    last: int
+
+
+class Duration(NamedTuple):
+    """Numbers of passes of a program by what they do, and its time."""
+
+    passes: dict[str, int]
+    seconds: float
+
+    @property
+    def total(self) -> int:
+        """Number of all passes."""
+        return sum(self.passes.values())
+
+
+def carriage_passes(program: Iterable[Operation]) -> list[CarriagePass]:
+    """The passes of a program, in order."""
+    groups: list[list[Operation]] = []
+    ended = True
+    for operation in program:
+        if operation.opcode in KINDS:
+            if ended or not _goes_on(groups[-1][-1], operation):
+                groups.append([])
+            groups[-1].append(operation)
+            ended = False
+        elif not operation.is_extension or operation.opcode == "x-stitch-number":
+            ended = True
+    return [
+        CarriagePass(
+            KINDS[group[0].opcode],
+            group[0].direction,
+            group[0].needles[0].number,
+            group[-1].needles[0].number,
+        )
+        for group in groups
+    ]
+
+
+def _goes_on(before: Operation, following: Operation) -> bool:
+    """Whether an operation goes on in the pass of the one before it."""
+    if KINDS[before.opcode] != KINDS[following.opcode]:
+        return False
+    step = following.needles[0].number - before.needles[0].number
+    if following.opcode in DIRECTED:
+        same = (before.direction, before.carriers) == (following.direction, following.carriers)
+        return same and (step > 0 if following.direction == "+" else step < 0)
+    same_bed = before.needles[0].front == following.needles[0].front
+    return step > 0 and (following.opcode == "drop" or same_bed)
+
+
+def duration(program: Iterable[Operation], machine: Machine) -> Duration:
+    """Passes of a program, and its time by the speeds of the machine."""
+    listed = list(program)
+    passes, time = carriage_passes(listed), machine.time
+    kinds = Counter(each.kind for each in passes)
+    opcodes = Counter(operation.opcode for operation in listed)
+    needles: Counter[str] = Counter()
+    for each in passes:
+        needles[each.kind] += abs(each.last - each.first) + 1
+    returns = [
+        abs(following.first - before.last)
+        for before, following in pairwise(passes)
+        if before.kind == following.kind == "knit" and before.direction == following.direction
+    ]
+    metres = machine.pitch / 1000
+    seconds = (
+        metres * (sum(returns) + needles["knit"] + needles["drop"]) / time.knitting_speed
+        + metres * needles["transfer"] / time.transfer_speed
+        + time.turn_time * (len(passes) + len(returns))
+        + time.racking_time * opcodes["rack"]
+        + time.carrier_time * sum(opcodes[opcode] for opcode in CARRIER_CHANGES)
+    )
+    kinds["empty"] = len(returns)
+    return Duration({kind: kinds[kind] for kind in ("knit", "transfer", "empty", "drop")}, seconds)
+
+
+def longest_floats(program: Iterable[Operation]) -> dict[str, int]:
+    """The most needles that the yarn of each carrier passes between two stitches in a row."""
+    longest: dict[str, int] = {}
+    last: dict[str, int] = {}
+    for operation in program:
+        for carrier in operation.carriers:
+            if operation.opcode in DIRECTED:
+                number = operation.needles[0].number
+                passed = abs(number - last.get(carrier, number)) - 1
+                longest[carrier] = max(longest.get(carrier, 0), passed)
+                last[carrier] = number
+            elif operation.opcode in CARRIER_CHANGES:
+                last.pop(carrier, None)
+    return longest

@@ -1,0 +1,169 @@
+"""Records of a testing machine or a camera: separated into cycles, and resampled at given strains.
+
+At every strain a parabola is fitted to the records nearby, which averages their noise and estimates
+it.
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+FEWEST_POINTS = {2: 8, 1: 4, 0: 3}
+"""Number of points needed for a polynomial, by its degree; the first with enough is used."""
+LEAST_CURVATURE = 1e-6
+"""Smallest over largest eigenvalue of the normal equations, below which points are too close."""
+AT_REST = 1e-9
+"""Range of the strains of records at rest, over the width of a window."""
+DRAWN_OUT = 0.1
+"""Largest extrapolation of a polynomial beyond its last point, over its length."""
+
+Record = Float[np.ndarray, " record"]
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """Times at which a cycle starts, turns to unloading and ends; at ``turn`` without unloading."""
+
+    start: float
+    turn: float
+    end: float
+
+    def loaded(self, time: Record) -> Bool[np.ndarray, " record"]:
+        """Whether times are during loading."""
+        return (time >= self.start) & (time <= self.turn)
+
+    def unloaded(self, time: Record) -> Bool[np.ndarray, " record"]:
+        """Whether times are during unloading."""
+        return (time >= self.turn) & (time <= self.end)
+
+
+def cycles(time: Record, extension: Record, least_turn: float) -> list[Cycle]:
+    """The cycles of a test in order, from its extension at ascending times.
+
+    A change of extension after a reversal by less than ``least_turn`` of its full range is ignored.
+    There are no records before the first loading, nor a final loading by less than that.
+    """
+    span = np.ptp(extension)
+    if not span > 0:
+        return []
+    turns = _turns(extension, least_turn * span)
+    separated = []
+    for place, (low, high) in enumerate(pairwise(turns)):
+        if extension[high] > extension[low]:
+            last = turns[min(place + 2, len(turns) - 1)]
+            separated.append(Cycle(float(time[low]), float(time[high]), float(time[last])))
+    return separated
+
+
+def _turns(extension: Record, least: float) -> list[int]:
+    """Indices of alternating minima and maxima, each ``least`` away from the previous one."""
+    lowest = highest = 0
+    turns: list[int] = []
+    rising = None
+    for place, value in enumerate(extension):
+        # Loading is from the last of equal minima to the first of equal maxima.
+        if value <= extension[lowest]:
+            lowest = place
+        if value > extension[highest]:
+            highest = place
+        if rising is not False and extension[highest] - value >= least:
+            turns += [lowest, highest] if rising is None and lowest < highest else [highest]
+            rising, lowest = False, place
+        elif rising is not True and value - extension[lowest] >= least:
+            turns.append(lowest)
+            rising, highest = True, place
+    last = highest if rising else lowest
+    if rising is not None and last != turns[-1]:
+        turns.append(last)
+    return turns
+
+
+class Resampled(NamedTuple):
+    """Values at given strains, NaN if no record is near, and their standard errors.
+
+    Errors, and the standard deviations of a single record, are NaN if there are too few records.
+    """
+
+    values: Float[np.ndarray, "strain *series"]
+    errors: Float[np.ndarray, "strain *series"]
+    noise: Float[np.ndarray, "strain *series"]
+
+
+def resampled(
+    at: Float[np.ndarray, " strain"], strain: Record, values: Float[np.ndarray, "record *series"]
+) -> Resampled:
+    """Records resampled at given ascending strains, with standard errors.
+
+    A parabola is fitted to the records within half the distance to the next strains, for every
+    series separately, as records may be missing (NaN) in one only; with few records, a line or a
+    mean. If even that is impossible, the value is interpolated linearly between the nearest records
+    on both sides, and has no error.
+    """
+    middles = (at[1:] + at[:-1]) / 2
+    low, high = (
+        np.append(2 * at[0] - middles[0], middles),
+        np.append(middles, 2 * at[-1] - middles[-1]),
+    )
+    series = np.reshape(values, (len(strain), math.prod(np.shape(values)[1:])))
+    found = np.full((3, len(at), series.shape[1]), np.nan)
+    for place, centre in enumerate(at):
+        window = (strain >= low[place]) & (strain <= high[place])
+        width = high[place] - low[place]
+        found[:, place] = _at_zero((strain[window] - centre) / width, series[window])
+        for missing in np.flatnonzero(np.isnan(found[0, place])):
+            known = np.isfinite(series[:, missing])
+            found[0, place, missing] = _between(
+                centre, strain[known], series[known, missing], width
+            )
+    return Resampled(*found.reshape(3, len(at), *np.shape(values)[1:]))
+
+
+def _at_zero(
+    offset: Record, series: Float[np.ndarray, "record series"]
+) -> Float[np.ndarray, "3 series"]:
+    """Values at zero of polynomials fitted to series, their standard errors, and the noise."""
+    known = np.isfinite(series)
+    value = np.where(known, series, 0.0)
+    found = np.full((3, series.shape[1]), np.nan)
+    if not len(offset):
+        return found
+    first = np.where(known, offset[:, None], np.inf).min(axis=0)
+    last = np.where(known, offset[:, None], -np.inf).max(axis=0)
+    covered = np.maximum(first, -last) <= DRAWN_OUT * np.ptp(offset)
+    for degree, fewest in FEWEST_POINTS.items():
+        powers = offset[:, None] ** np.arange(degree + 1)
+        normal = np.einsum("np,nq,ns->spq", powers, powers, known)
+        curvatures, vectors = np.linalg.eigh(normal)
+        fitted = covered & np.isnan(found[0]) & (known.sum(axis=0) >= fewest)
+        fitted &= curvatures[:, 0] > LEAST_CURVATURE * curvatures[:, -1]
+        # A mean is only for records at rest, all at one strain.
+        fitted &= degree > 0 or np.ptp(offset) <= AT_REST
+        vectors, curvatures = vectors[fitted], curvatures[fitted]
+        right = np.einsum("np,ns->sp", powers, value[:, fitted])
+        along = np.einsum("spk,sp->sk", vectors, right) / curvatures
+        coefficients = np.einsum("spk,sk->sp", vectors, along)
+        left = np.where(known[:, fitted], value[:, fitted] - powers @ coefficients.T, 0.0)
+        freedom = known[:, fitted].sum(axis=0) - degree - 1
+        noise = np.sqrt((left**2).sum(axis=0) / freedom)
+        leverage = (vectors[:, 0] ** 2 / curvatures).sum(axis=1)
+        found[:, fitted] = coefficients[:, 0], noise * np.sqrt(leverage), noise
+    return found
+
+
+def _between(centre: float, strain: Record, values: Record, reach: float) -> float:
+    """The value interpolated between the nearest records on both sides within reach; else NaN."""
+    before, after = strain <= centre, strain >= centre
+    if not (before.any() and after.any()):
+        return np.nan
+    nearest = [
+        np.flatnonzero(before)[np.argmax(strain[before])],
+        np.flatnonzero(after)[np.argmin(strain[after])],
+    ]
+    (first, second), ends = strain[nearest], values[nearest]
+    if max(centre - first, second - centre) > reach:
+        return np.nan
+    return float(ends.mean() if first == second else np.interp(centre, (first, second), ends))

@@ -1,0 +1,99 @@
+"""Siblings of a case, which differ from it slightly, and how far their results spread."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from knitlab.equilibrium.settings import Start
+from knitlab.equilibrium.state import TensileTest
+from knitlab.fabric.stripe import Stripe
+from knitlab.simulation.case import Case
+from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
+
+STRIPE_TOLERANCE = 0.02
+"""Largest fraction by which a stripe number of a sibling is larger or smaller."""
+SAME_BRANCH = 1e-6
+"""Relative difference up to which two relaxed energies are of one branch."""
+SPREAD = ("poisson_ratio", "reaction_force")
+"""Results whose spread is taken."""
+
+
+@dataclass(frozen=True)
+class SiblingTest:
+    """A sibling, its test, and the energy of the fabric as designed, relaxed from its shape.
+
+    That energy is NaN if one of both did not converge [N mm].
+    """
+
+    case: Case
+    test: TensileTest
+    branch_energy: float
+
+
+def sibling(case: Case, number: int) -> Case:
+    """A sibling of a case, by its number from 1 on.
+
+    Stripe numbers are up to 2 % larger or smaller, and every second one has another start.
+    """
+    pair, second = divmod(number - 1, 2)
+    changes = np.random.default_rng(pair).uniform(-1, 1, size=(2, len(STRIPE_QUANTITIES)))
+    # The second of a pair differs the other way, so that a spread is not to one side by chance.
+    rib, garter = 1 + STRIPE_TOLERANCE * (-changes if second else changes)
+    solver = case.solver
+    if case.options.boundary == "clamped" and number % 2 and case.method == "equilibrium":
+        settings = case.equilibrium_solver
+        other: Start = "periodic" if settings.start == "flat" else "flat"
+        solver = replace(settings, start=other)
+    changed = replace(
+        case.with_stripes(
+            lambda stripe: _scaled(stripe, rib), lambda stripe: _scaled(stripe, garter)
+        ),
+        solver=solver,
+        sensitivities=False,
+        unloading=False,
+        capacitor=None,
+        robustness=0,
+    )
+    return changed.without_unused()
+
+
+def _scaled(stripe: Stripe, factors: Float[np.ndarray, " number"]) -> Stripe:
+    numbers: dict[str, Any] = {
+        name: float(getattr(stripe, name) * factor)
+        for name, factor in zip(STRIPE_QUANTITIES, factors, strict=True)
+    }
+    # A rest angle next to flat must not pass it.
+    numbers["theta_0"] = min(numbers["theta_0"], (np.pi + stripe.theta_0) / 2)
+    return replace(stripe, **numbers)
+
+
+def spread(
+    values: dict[str, Any], siblings: Sequence[dict[str, Any]], energies: Sequence[float]
+) -> dict[str, Any]:
+    """Lowest and highest results of a case and its siblings, under the registry's names.
+
+    A sibling counts at the strains that it reached. Energies are the relaxed one of the case, then
+    those that its siblings led it to; NaN for what did not converge [N mm].
+    """
+    found: dict[str, Any] = {"relaxed_branches": float(branches(energies))}
+    for name in SPREAD:
+        length = len(values[name])
+        rows = np.full((1 + len(siblings), length), np.nan)
+        for row, its in zip(rows, [values, *siblings], strict=True):
+            reached = np.asarray(its.get(name, ()))[:length]
+            row[: len(reached)] = reached
+        found[f"{name}_low"] = np.fmin.reduce(rows)
+        found[f"{name}_high"] = np.fmax.reduce(rows)
+        found["siblings"] = np.isfinite(rows[1:]).sum(axis=0).astype(float)
+    return found
+
+
+def branches(energies: Sequence[float]) -> int:
+    """How many distinct relaxed energies there are; what did not converge is not counted."""
+    ordered = np.sort([energy for energy in energies if np.isfinite(energy)])
+    if not len(ordered):
+        return 0
+    return 1 + int(np.count_nonzero(np.diff(ordered) > SAME_BRANCH * np.abs(ordered[1:])))

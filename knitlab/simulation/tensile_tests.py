@@ -1,0 +1,225 @@
+"""Tensile tests of cases of one mesh shape and of their siblings, by equilibria or dynamics."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from knitlab.equilibrium.relaxation import imperfect_sheet, relax_near, starts_from_periodic
+from knitlab.equilibrium.state import TensileTest
+from knitlab.equilibrium.system import run_each
+from knitlab.equilibrium.tensile_test import stretch
+from knitlab.fabric.configuration import Configuration
+from knitlab.io.errors import fault
+from knitlab.simulation.case import Case
+from knitlab.simulation.siblings import SiblingTest, sibling
+
+if TYPE_CHECKING:
+    from knitlab.dynamics.damped_test import MovingFabrics, Relaxed
+    from knitlab.fabric.barrier import Barrier
+
+Progress = Callable[[str, float], None]
+"""Function of a case's identifier and of the number of its finished states, with a fraction."""
+SECONDS_BETWEEN_REPORTS = 1.0
+USUAL_FACTORISATIONS = 20
+"""Number of factorisations after which half of a state is reported as done."""
+
+
+def tensile_tests(
+    cases: Sequence[Case], progress: Progress, imperfection: int | None = None
+) -> list[TensileTest]:
+    """Tensile tests of cases of one mesh shape and method.
+
+    From imperfections, by this seed, they are by equilibria whatever the method.
+    """
+    if cases[0].method == "dynamics" and imperfection is None:
+        return dynamic_tests(cases, progress)
+    sheets = starts(cases, imperfection)
+    moved = relaxed_by_dynamics(cases, sheets, progress)
+    searches = []
+    for case, start, relaxed in zip(cases, sheets, moved, strict=True):
+        reporter = Reporter(partial(progress, case.case_id))
+        search = partial(
+            stretch,
+            applied_strain=case.applied_strain,
+            settings=case.equilibrium_solver,
+            progress=reporter.done,
+            start=start,
+            folded=None if relaxed is None else relaxed.configuration,
+            unload=case.unloading,
+            contact=contact_of(case),
+            factorised=reporter.factorised,
+        )
+        searches.append(search)
+    fabrics = [case.assemble()[1] for case in cases]
+    tests = run_each(cases[0].mesh_shape, fabrics, searches)
+    return [
+        test if relaxed is None else _after_motion(test, relaxed)
+        for test, relaxed in zip(tests, moved, strict=True)
+    ]
+
+
+def _after_motion(test: TensileTest, relaxed: "Relaxed") -> TensileTest:
+    """A test by equilibria of a fabric that relaxed by dynamics, with the history of that."""
+    first, *others = test.states
+    peak = float(relaxed.history.kinetic.max())
+    first = replace(first, iterations=first.iterations + relaxed.steps, kinetic_peak=peak)
+    return replace(test, states=[first, *others], history=relaxed.history)
+
+
+class Reporter:
+    """Reports the number of finished states, with a fraction of the next one.
+
+    The number of factorisations of a state is not known beforehand. The fraction that is reported
+    after n factorisations is n / (n + 20), which increases for any number.
+    """
+
+    def __init__(self, report: Callable[[float], None]) -> None:
+        self._report = report
+        self._states = self._factorisations = 0
+        self._last = time.monotonic()
+
+    def done(self, states: int) -> None:
+        """Report a number of finished states."""
+        self._states, self._factorisations = states, 0
+        self._report(states)
+
+    def factorised(self) -> None:
+        """Count a factorisation, and report the fraction at most once a second."""
+        self._factorisations += 1
+        if time.monotonic() - self._last >= SECONDS_BETWEEN_REPORTS:
+            self._last = time.monotonic()
+            fraction = self._factorisations / (self._factorisations + USUAL_FACTORISATIONS)
+            self._report(self._states + fraction)
+
+
+def starts(cases: Sequence[Case], imperfection: int | None = None) -> list[Configuration | None]:
+    """What samples of one mesh shape relax from; ``None`` for the flat sheet [mm].
+
+    That is an imperfect sheet, by a seed, or a tiling of relaxed periodic fabric.
+    """
+    found: list[Configuration | None] = [None] * len(cases)
+    if imperfection is not None:
+        found = [imperfect_sheet(*case.assemble(), imperfection) for case in cases]
+    tiled = {
+        place: case.periodic_cell
+        for place, case in enumerate(cases)
+        if not case.mesh_shape.periodic and case.equilibrium_solver.start == "periodic"
+    }
+    if not tiled:
+        return found
+    tilings = starts_from_periodic(
+        [cases[place].assemble() for place in tiled],
+        [cell.assemble() for cell in tiled.values()],
+        [cell.equilibrium_solver for cell in tiled.values()],
+        imperfection,
+        [contact_of(cell) for cell in tiled.values()],
+    )
+    for place, start in zip(tiled, tilings, strict=True):
+        contact = contact_of(cases[place])
+        if start is not None and (contact is None or contact.holds(np.asarray(start.flattened()))):
+            found[place] = start
+    return found
+
+
+def contact_of(case: Case) -> "Barrier | None":
+    """The contact of the fabric of a case; ``None`` if it may pass through itself.
+
+    Raises:
+        BadInput: if the library of the contact is not installed.
+    """
+    if case.options.contact == "none":
+        return None
+    if find_spec("ipctk") is None:
+        raise fault("contact = barrier", "needs the package ipctk; pip install 'knitlab[contact]'")
+    from knitlab.fabric.barrier import Barrier
+
+    _, fabric = case.assemble()
+    cell = float(np.mean(fabric.cell_x)), float(np.mean(fabric.cell_y))
+    sheet, refinement = case.sheet, case.options.cells_per_period
+    return Barrier(case.mesh_shape, sheet.thickness, sheet.contact_pressure, cell, refinement)
+
+
+def relaxed_by_dynamics(
+    cases: Sequence[Case], sheets: Sequence[Configuration | None], progress: Progress
+) -> "list[Relaxed | None]":
+    """What samples of one batch relax to by dynamics, from sheets [mm]; ``None`` if not by them."""
+    if not cases[0].relaxes_by_dynamics:
+        return [None] * len(cases)
+    from knitlab.dynamics.damped_test import relax_by_dynamics
+
+    return [
+        *relax_by_dynamics(
+            moving_fabrics(cases),
+            lambda number, fraction: progress(cases[number].case_id, fraction),
+            sheets,
+        )
+    ]
+
+
+def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
+    """Tensile tests by damped dynamics, all cases in one vmapped program."""
+    from knitlab.dynamics.damped_test import stretch_by_dynamics
+
+    return stretch_by_dynamics(
+        moving_fabrics(cases),
+        [case.applied_strain for case in cases],
+        lambda place, done: progress(cases[place].case_id, done),
+    )
+
+
+def moving_fabrics(cases: Sequence[Case]) -> "MovingFabrics":
+    """Cases of one mesh shape and the same settings of the dynamics, as a batch."""
+    from knitlab.dynamics.damped_test import MovingFabrics
+
+    return MovingFabrics(
+        cases[0].mesh_shape,
+        [case.assemble()[1] for case in cases],
+        [case.inertia() for case in cases],
+        cases[0].motion,
+    )
+
+
+def sibling_tests(cases: Sequence[Case], progress: Progress) -> list[list[SiblingTest]]:
+    """Tests of the siblings of cases of one mesh shape, each case's in order."""
+    tests: list[list[SiblingTest]] = [[] for _ in cases]
+    for number in range(1, max(case.robustness for case in cases) + 1):
+        places = [place for place, case in enumerate(cases) if case.robustness >= number]
+        originals = [cases[place] for place in places]
+        siblings = [sibling(case, number) for case in originals]
+        names = {its.case_id: case for its, case in zip(siblings, originals, strict=True)}
+        report = partial(_report_of_sibling, progress, number, names)
+        found = tensile_tests(siblings, report, imperfection=number)
+        energies = _branch_energies(originals, found)
+        for place, case, test, energy in zip(places, siblings, found, energies, strict=True):
+            tests[place].append(SiblingTest(case, test, energy))
+    return tests
+
+
+def _report_of_sibling(
+    progress: Progress, number: int, cases: dict[str, Case], sibling_id: str, states: float
+) -> None:
+    case = cases[sibling_id]
+    progress(case.case_id, number * len(case.applied_strain) + states)
+
+
+def _branch_energies(cases: Sequence[Case], tests: Sequence[TensileTest]) -> list[float]:
+    """Energies of cases, relaxed from the relaxed shapes of siblings; NaN if not in equilibrium."""
+    searches = [
+        partial(
+            relax_near,
+            settings=case.equilibrium_solver,
+            start=test.states[0].configuration,
+            contact=contact_of(case),
+        )
+        for case, test in zip(cases, tests, strict=True)
+    ]
+    relaxed = run_each(cases[0].mesh_shape, [case.assemble()[1] for case in cases], searches)
+    return [
+        float(state.energy.total) if state.converged and test.states[0].converged else np.nan
+        for state, test in zip(relaxed, tests, strict=True)
+    ]

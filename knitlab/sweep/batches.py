@@ -1,0 +1,223 @@
+"""Batches: cases simulated together, their time and memory, and shards of about equal time.
+
+The numbers of the estimates are measurements that the page on performance states.
+"""
+
+import heapq
+import itertools
+import math
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import psutil
+
+from knitlab.dynamics.settings import DynamicsSettings
+from knitlab.io.errors import fault
+from knitlab.simulation.case import Case, Method, by_test
+
+BATCH_UNKNOWNS = 8_000
+"""Unknowns that one vmapped batch may hold: about 1 GiB of element Hessians."""
+RELAXATION_STEPS = 10
+"""About the number of steps of a tensile test that its relaxation costs."""
+COST_POWER = 1.3
+"""About the power of the number of unknowns with which the cost of a step grows."""
+SECONDS_OF_WORK: dict[Method, float] = {"equilibrium": 0.018, "dynamics": 1.2e-7}
+"""Seconds for a unit of work on one core, by method."""
+TIME_TO_REST = 60.0
+"""Usual duration of a motion until a fabric is at rest [ms]."""
+STIFFNESS_OF_NODE = 4.7
+"""Largest eigenvalue of the stiffness of a sheet, over the largest k_s."""
+CONTACT = 4.0
+"""How much longer a fabric with contact takes; more where its plies are pressed together."""
+PROCESS_BYTES = 500e6
+"""Memory of a worker with its compiled programs."""
+BYTES_OF_UNKNOWN: dict[Method, float] = {"equilibrium": 19e3, "dynamics": 1.2e3}
+"""Memory for each unknown of a batch, of equilibria mostly for element Hessians, indices and
+factors, to some 30 %."""
+PARTS_OF_SHARE = 8
+"""Parts that the work of a shard has at least, if its cases are small enough: batches are cut into
+such parts, so that shards differ by less than one of them."""
+DIGITS = 6
+"""Digits of estimated times by which shards are balanced: the last digits of a float may differ
+from machine to machine, and the split must not."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Cases that one worker simulates together, by one vmapped program, as identifiers.
+
+    All of them together have a number of unknowns, take a time on one core [s], and memory of their
+    worker [bytes].
+    """
+
+    cases: tuple[str, ...]
+    unknowns: int
+    estimated_seconds: float
+    estimated_bytes: float
+
+
+@dataclass(frozen=True)
+class Shard:
+    """One of the ``count`` parts of a plan, numbered from 1 on.
+
+    Machines run them that do not talk to each other.
+    """
+
+    number: int
+    count: int
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that no shard has."""
+        whole = all(type(value) is int for value in (self.number, self.count))
+        if not (whole and 1 <= self.number <= self.count):
+            raise fault(
+                f"shard {self}",
+                "is not a part of a plan; give a whole number from 1 to the number of shards",
+            )
+
+    @classmethod
+    def of(cls, text: str) -> "Shard":
+        """Read a shard, as in ``3/40``; BadInput if the text is of another form."""
+        if not (match := re.fullmatch(r"\s*(\d+)\s*/\s*(\d+)\s*", text)):
+            raise fault(f"shard {text}", "is not of the form NUMBER/COUNT; write it as in 3/40")
+        return cls(int(match[1]), int(match[2]))
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.count}"
+
+
+def batched(cases: Mapping[str, Case]) -> tuple[Batch, ...]:
+    """Batches of cases that can be stacked, as large as memory allows, the longest first."""
+    alike: dict[tuple[Any, ...], list[str]] = defaultdict(list)
+    for case_id, case in cases.items():
+        dynamics = case.dynamics
+        if dynamics is not None:
+            # Mass and damping are numbers of each fabric in a batch.
+            dynamics = replace(dynamics, damping_ratio=0.0, surface_density=1.0)
+        key = case.mesh_shape, case.options.fold_angle, case.spring_kinds, dynamics
+        alike[key].append(case_id)
+    batches = []
+    for (shape, *_), members in alike.items():
+        size = max(1, BATCH_UNKNOWNS // shape.unknowns)
+        sharing = by_test((case_id, cases[case_id]) for case_id in members)
+        for first in range(0, len(sharing), size):
+            together = itertools.chain.from_iterable(sharing[first : first + size])
+            batches.append(_batch_of(tuple(together), cases))
+    return tuple(sorted(batches, key=lambda batch: batch.estimated_seconds, reverse=True))
+
+
+def _batch_of(members: Sequence[str], cases: Mapping[str, Case]) -> Batch:
+    """The batch of some cases that share a mesh shape."""
+    # Cases that share a test take the time and the memory of one.
+    sharing = by_test((case_id, cases[case_id]) for case_id in members)
+    first = cases[members[0]]
+    unknowns = first.mesh_shape.unknowns * len(sharing)
+    time = seconds(cases[those[0]] for those in sharing)
+    memory = PROCESS_BYTES + BYTES_OF_UNKNOWN[first.method] * unknowns
+    return Batch(tuple(members), unknowns, time, memory)
+
+
+def seconds(cases: Iterable[Case]) -> float:
+    """Time of cases on one core, accurate to a factor of about two [s]."""
+    return sum(SECONDS_OF_WORK[case.method] * work(case, case.states) for case in cases)
+
+
+def work(case: Case, states: float) -> float:
+    """Work in the first ``states`` states of a case.
+
+    It is counted in steps of a test of 1000 unknowns, or by dynamics in time steps of one node. The
+    states of its siblings are counted after its own; a fraction is part of the next state.
+    """
+    if case.method == "dynamics":
+        time_step = _time_step(case, case.motion)
+        return _time(case, case.motion, states) / time_step * case.mesh_shape.nodes
+    tests, states = divmod(states, len(case.applied_strain))
+    whole = len(case.applied_strain) + RELAXATION_STEPS - 1
+    begun = min(states, 1.0) * (RELAXATION_STEPS - 1)
+    steps = tests * whole + begun + states
+    if case.unloading:
+        steps += len(case.applied_strain) - 1 if tests else max(states - 1, 0)
+    steps *= CONTACT if case.options.contact == "barrier" else 1.0
+    return steps * (case.mesh_shape.unknowns / 1000) ** COST_POWER
+
+
+def _time(case: Case, motion: DynamicsSettings, states: float) -> float:
+    """Time that passes in the first states of a test by dynamics [ms]."""
+    at_rest, rate = motion.ending == "rest", motion.strain_rate
+    relaxation = TIME_TO_REST if at_rest else motion.relax_time
+    if motion.ending == "steps":
+        stable = _time_step(case, motion) / motion.step_safety
+        relaxation, rate = motion.relax_steps * stable, motion.step_strain / stable
+    strain = float(np.interp(states - 1, range(len(case.applied_strain)), case.applied_strain))
+    waiting = TIME_TO_REST * max(states - 1, 0.0) if at_rest else 0.0
+    return relaxation * min(states, 1.0) + strain / rate + waiting
+
+
+def _time_step(case: Case, motion: DynamicsSettings) -> float:
+    """About the time step of the leapfrog [ms]."""
+    stiffest = max(case.weft.k_s, case.warp.k_s)
+    mass = motion.surface_density * case.weft.period * case.warp.period
+    mass *= (case.options.length_scale / case.options.cells_per_period) ** 2
+    return float(2 * motion.step_safety * np.sqrt(mass / (STIFFNESS_OF_NODE * stiffest)))
+
+
+def workers_that_fit(batches: Sequence[Batch], workers: int, memory: float | None = None) -> int:
+    """Number of workers whose batches fit into a memory [bytes] together, at most those wished.
+
+    Any of the batches may run at the same time. The memory is by default that of this machine.
+
+    Raises:
+        BadInput: if a single batch does not fit.
+    """
+    memory = float(psutil.virtual_memory().total) if memory is None else memory
+    needs = sorted((batch.estimated_bytes for batch in batches), reverse=True)
+    if needs and needs[0] > memory:
+        raise fault(
+            f"batch of {max(batch.unknowns for batch in batches):,} unknowns",
+            f"needs about {needs[0] / 1e9:.1f} GB, and this machine has {memory / 1e9:.1f} GB;"
+            " take fewer unit_cells or a larger machine",
+        )
+    while workers > 1 and sum(needs[:workers]) > memory:
+        workers -= 1
+    return workers
+
+
+def split(
+    batches: Sequence[Batch], cases: Mapping[str, Case], count: int
+) -> list[tuple[Batch, ...]]:
+    """The batches of each of several shards of a plan; every case is in exactly one shard.
+
+    The split depends on the plan alone, whatever is done already. The longest part goes first, each
+    to the shard that has least to do, so that shards differ in estimated time by at most one part:
+    about an eighth of a shard, or one case.
+    """
+    share = math.fsum(batch.estimated_seconds for batch in batches) / count
+    parts = [part for batch in batches for part in _parts(batch, cases, share / PARTS_OF_SHARE)]
+    costs = {part: _rounded(part.estimated_seconds) for part in parts}
+    shards: list[list[Batch]] = [[] for _ in range(count)]
+    loads = [(0.0, number) for number in range(count)]
+    for part in sorted(parts, key=lambda part: (-costs[part], part.cases)):
+        load, number = loads[0]
+        heapq.heapreplace(loads, (load + costs[part], number))
+        shards[number].append(part)
+    return [tuple(its) for its in shards]
+
+
+def _parts(batch: Batch, cases: Mapping[str, Case], longest: float) -> list[Batch]:
+    """A batch, cut into parts that take at most a time [s], or into single cases."""
+    times = _rounded(batch.estimated_seconds / longest) if longest else 1.0
+    count = min(len(batch.cases), max(1, math.ceil(times)))
+    if count == 1:
+        return [batch]
+    borders = [len(batch.cases) * k // count for k in range(count + 1)]
+    return [
+        _batch_of(batch.cases[first:last], cases) for first, last in itertools.pairwise(borders)
+    ]
+
+
+def _rounded(time: float) -> float:
+    return float(f"{time:.{DIGITS}g}")
