@@ -16,7 +16,7 @@ import knitlab as kl
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.equilibrium.state import State
 from knitlab.fabric.configuration import Configuration
-from knitlab.measure.intersections import self_intersections
+from knitlab.measure.surfaces import self_intersections
 from knitlab.simulation.case import Case
 from knitlab.simulation.tensile_tests import tensile_tests
 

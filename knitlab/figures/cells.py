@@ -33,12 +33,6 @@ PERIODS_LABEL = (
 """With spaces where no line may end."""
 MEASURED: Look = {"edgecolor": "black", "linestyle": "--", "linewidth": 1.0, "zorder": 3}
 """Frame of a measured cell."""
-MEASURED_HEIGHT = 0.42
-"""Height of the measured part of a cell whose design is simulated too."""
-INSET = 0.015
-"""Distance of the frame of a measured part from its edge."""
-DESIGN_SIZE, VALUE_SIZE, SMALL_VALUE_SIZE = 6, 7.5, 6
-"""Sizes of the type in a cell [pt]."""
 WHITE: Colour = (1.0, 1.0, 1.0, 1.0)
 
 
@@ -64,7 +58,7 @@ def draw_map(
         cubes: cubes of checkerboards, at most one of them simulated.
         name: the variable shown.
         label: label of the colour bar.
-        text: text of a cell, given its value and its cell of the cube.
+        text: text of a cell, given its value and the design.
         signed: whether white stands for zero.
 
     Returns:
@@ -80,7 +74,7 @@ def draw_map(
     marked: set[Status] = set()
     for (n_stripe, p), designs in cells.items():
         row, column = stripes.index(n_stripe), periods.index(p)
-        border = row - 0.5 + (MEASURED_HEIGHT if len(designs) > 1 else 0)
+        border = row - 0.5 + (0.42 if len(designs) > 1 else 0)
         spans = (border, row + 0.5), (row - 0.5, border)
         for design, (bottom, top) in zip(designs, spans, strict=False):
             status = Status(int(design["status"]))
@@ -93,13 +87,13 @@ def draw_map(
                 cell(axes, row, column, (bottom, top), **MARKS[status])
                 marked.add(status)
                 continue
-            size = VALUE_SIZE if len(designs) == 1 else SMALL_VALUE_SIZE
-            look: Look = {"fontsize": size, "linespacing": 0.95}
+            look: Look = {"fontsize": 7.5 if len(designs) == 1 else 6, "linespacing": 0.95}
             value_cell(axes, row, column, colour, text(value, design), (bottom, top), **look)
             if is_measured(design):
-                corner, height = (column - 0.5 + INSET, bottom + INSET), top - bottom - 2 * INSET
-                frame = MEASURED | {"edgecolor": ink_on(colour)}
-                axes.add_patch(Rectangle(corner, 1 - 2 * INSET, height, fill=False, **frame))
+                inset, frame = 0.015, MEASURED | {"edgecolor": ink_on(colour)}
+                corner = column - 0.5 + inset, bottom + inset
+                size = 1 - 2 * inset, top - bottom - 2 * inset
+                axes.add_patch(Rectangle(corner, *size, fill=False, **frame))
     axes.set(
         xlim=(-0.5, len(periods) - 0.5),
         ylim=(-0.5, len(stripes) - 0.5),
@@ -140,7 +134,7 @@ def _name_design(axes: Axes, row: int, column: int, design: xr.Dataset, colour: 
         xytext=(3, -3),
         textcoords="offset points",
         va="top",
-        fontsize=DESIGN_SIZE,
+        fontsize=6,
         color=ink_on(colour),
         zorder=4,
         # Of a mark the name hides the hatching.
@@ -189,14 +183,9 @@ def marks_legend(
     notes: Sequence[str] = (),
     cubes: Sequence[xr.Dataset] = (),
 ) -> None:
-    """Add a legend of the marks below a figure.
+    """Add a legend of the statuses marked, of notes, and of the frames of measured cubes.
 
-    Args:
-        figure: the figure.
-        marked: the statuses that are marked.
-        no_value: why a design that is ok may have no value.
-        notes: further texts.
-        cubes: cubes, of which measured ones have dashed frames.
+    ``no_value`` says why a design that is ok may have no value.
     """
     names = NAMES | {Status.ok: no_value}
     sources = dict.fromkeys(source_of(cube) for cube in cubes if is_measured(cube))

@@ -1,18 +1,20 @@
-"""The relaxation by dynamics: kinetic energy against time, and snapshots."""
+"""The relaxation by dynamics: kinetic energy and snapshots, and a film of the fabric folding."""
 
 import numpy as np
 import xarray as xr
+from matplotlib.animation import FuncAnimation
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from knitlab.figures.figure_files import FRAMES_PER_SECOND
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.sheets import design_text, draw_sheet, frame_sheet
-from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, Look
+from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, Look
+from knitlab.meshes.fabric import closed_nodes
 
 CONTRACTED = (0.0, 0.15, 0.5)
 """Fractions of the in-plane contraction at which snapshots are shown, before the last one."""
-BEFORE_FIRST = 0.7
-"""Start of the time axis, which is logarithmic, over the first time after 0."""
 
 
 def relaxation_figure(case: xr.Dataset) -> Figure:
@@ -39,14 +41,9 @@ def relaxation_figure(case: xr.Dataset) -> Figure:
 
 def snapshot_nodes(case: xr.Dataset) -> np.ndarray:
     """Node positions (snapshot, y, x, component) of a relaxation, periodic fabric closed [mm]."""
-    nodes = case["snapshot_position"].values
-    if "snapshot_length_x" not in case:
-        return nodes
-    across, along = (np.zeros((len(nodes), 1, 1, 3)) for _ in range(2))
-    across[..., 0] = case["snapshot_length_x"].values[:, None, None]
-    along[..., 1] = case["snapshot_length_y"].values[:, None, None]
-    nodes = np.concatenate([nodes, nodes[:, :, :1] + across], axis=2)
-    return np.concatenate([nodes, nodes[:, :1] + along], axis=1)
+    states = {f"snapshot_{name}": name for name in ("position", "length_x", "length_y")}
+    states = {name: state for name, state in states.items() if name in case}
+    return closed_nodes(case[[*states]].rename(states | {"snapshot": "applied_strain"}))
 
 
 def _draw_energies(axes: Axes, case: xr.Dataset) -> None:
@@ -59,7 +56,7 @@ def _draw_energies(axes: Axes, case: xr.Dataset) -> None:
     axes.set(
         xlabel="time since the flat sheet was released [ms]",
         ylabel="energy [N mm]",
-        xlim=(BEFORE_FIRST * time[1], 1.1 * time[-1]),
+        xlim=(0.7 * time[1], 1.1 * time[-1]),
         ylim=(max(kinetic[-1], 1e-14), 5 * stored[0]),
     )
     axes.legend(loc="lower left")
@@ -73,4 +70,29 @@ def _chosen_snapshots(nodes: np.ndarray) -> list[int]:
     return [*(int(np.argmax(each)) for each in reached), len(nodes) - 1]
 
 
-FIGURE = FigureKind(relaxation_figure, needs="snapshot_position")
+def folding_animation(case: xr.Dataset) -> FuncAnimation:
+    """Film of a fabric that folds as it relaxes.
+
+    Frames are evenly spaced in the logarithm of time.
+    """
+    nodes = snapshot_nodes(case)
+    figure = Figure(figsize=(ONE_COLUMN * 1.3, ONE_COLUMN), dpi=120)
+    scene = figure.add_axes((0, 0, 1, 0.92), projection="3d")
+
+    def frame(number: int) -> list[Artist]:
+        snapshot = min(number, len(nodes) - 1)
+        scene.clear()
+        draw_sheet(scene, nodes[snapshot])
+        frame_sheet(scene, nodes)
+        time = float(case["snapshot"][snapshot])
+        figure.suptitle(f"{design_text(case)}, {time:.2g} ms", fontsize=8)
+        return []
+
+    frames = len(nodes) + 20
+    return FuncAnimation(figure, frame, frames, interval=1000 / FRAMES_PER_SECOND)
+
+
+FIGURES = {
+    "relaxation": FigureKind(relaxation_figure, needs="snapshot_position"),
+    "folding": FigureKind(folding_animation, needs="snapshot_position"),
+}
