@@ -21,7 +21,7 @@ from knitlab.knitting.chart import Face, StitchChart
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import Machine, read_machine
 from knitlab.knitting.round_trip import RoundTrip, round_trip
-from knitlab.knitting.specification import Prediction, Specification, specification
+from knitlab.knitting.specification import Prediction, Specification
 from knitlab.knitting.stitch_chart import is_turned, stitch_chart
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Gauge
@@ -216,7 +216,7 @@ def knitted(
         raise fault("face", f"is of electrodes, and {design.case.label} has none; leave it out")
     chart = stitch_chart(design.case, repeats, needles, face)
     program = knitout(chart, used)
-    needed = specification(chart, used, design.gauge, program, design.prediction)
+    needed = Specification(chart, used, design.gauge, program, design.prediction)
     return KnitSample(chart, used, program, needed)
 
 
