@@ -109,7 +109,7 @@ def _echo_excluded(dims: Sequence[str], design: Sequence[Any], reason: str) -> N
 @click.option("--refresh", is_flag=True, help="Recompute stale results.")
 @click.option(
     "--shard",
-    metavar="NUMBER/options.COUNT",
+    metavar="NUMBER/COUNT",
     help="Run one part of the plan, as 3/40, beside processes that run the others.",
 )
 @click.option("--dashboard", is_flag=True, help="Open dask's dashboard on this machine.")
