@@ -283,19 +283,19 @@ def export(
         known = ", ".join((*FORMATS, SERIES))
         raise fault(f"output {output}", f"has no suffix of a mesh; give one of {known}")
     case_file = _case_file(shapes, selections)
-    places = chosen_strains(case_file, selections, several=suffix == SERIES)
-    meshes = fabric_meshes(case_file, places, repeats)
+    rows = chosen_strains(case_file, selections, several=suffix == SERIES)
+    meshes = fabric_meshes(case_file, rows, repeats)
     if thickness is not None:
         meshes = [solid_of(mesh, thickness) for mesh in meshes]
     if triangles or not (suffix == SERIES or FORMATS[suffix].quads):
         meshes = [mesh.triangulated() for mesh in meshes]
-    strains = tuple(case_file[STRAIN].values[places].tolist())
+    strains = tuple(case_file[STRAIN].values[rows].tolist())
     files = [output]
     if suffix == SERIES:
         files = write_series(meshes, strains, output)
     else:
         write_mesh(meshes[0], output)
-    crossing = case_file["self_intersections"].values[places].astype(int).tolist()
+    crossing = case_file["self_intersections"].values[rows].astype(int).tolist()
     return Exported(tuple(files), strains, tuple(meshes), tuple(crossing))
 
 

@@ -134,21 +134,23 @@ def run(
     from knitlab.sweep.plan import make_plan
     from knitlab.sweep.run import RunOptions, run_plan
 
-    part = None if shard is None else Shard.of(shard)
+    own_shard = None if shard is None else Shard.of(shard)
     made = make_plan(workflow, overrides)
     _echo_warnings(made)
-    chosen = RunOptions(fail_fast=not keep_going, shard=part, show_progress=True, **run_options)
+    chosen = RunOptions(
+        fail_fast=not keep_going, shard=own_shard, show_progress=True, **run_options
+    )
     folder = results / made.workflow
     done = run_plan(made, folder, chosen)
     drawn: list[Path] = []
     faults: list[Fault] = []
-    if part is None:
+    if own_shard is None:
         from knitlab.figures.drawing import draw_figures
 
         drawn, faults = draw_figures(made.figures, folder)
     for design, reason in made.excluded.items():
         _echo_excluded(made.dims, design, reason)
-    of_shard = f" in shard {part}" if part else ""
+    of_shard = f" in shard {own_shard}" if own_shard else ""
     click.echo(f"{len(done.simulated)} cases simulated, {len(done.reused)} already there{of_shard}")
     if done.joined:
         click.echo(f"cube    {folder / CUBE}")
@@ -229,18 +231,18 @@ def status(workflow: str, results: Path, check: bool, as_json: bool) -> None:
     """
     from knitlab.sweep.status import workflow_status
 
-    found = workflow_status(workflow, results, check)
+    state = workflow_status(workflow, results, check)
     if as_json:
-        click.echo(json.dumps(found.record(), indent=1))
+        click.echo(json.dumps(state.record(), indent=1))
         return
-    click.echo(f"{len(found.designs)} cases: {_counted(found.counts)}")
-    for path in found.changed:
+    click.echo(f"{len(state.designs)} cases: {_counted(state.counts)}")
+    for path in state.changed:
         click.echo(f"changed since the plan: {path}")
-    not_ok = [case_id for case_id, word in found.statuses.items() if word != "ok"]
+    not_ok = [case_id for case_id, word in state.statuses.items() if word != "ok"]
     for case_id in not_ok[: options.MOST_LINES]:
-        reason = found.failures.get(case_id, "")
-        state = f"{found.statuses[case_id]}: {reason}" if reason else found.statuses[case_id]
-        click.echo(f"  {found.label(case_id)}  {case_id}  {state}")
+        reason = state.failures.get(case_id, "")
+        word = f"{state.statuses[case_id]}: {reason}" if reason else state.statuses[case_id]
+        click.echo(f"  {state.label(case_id)}  {case_id}  {word}")
     if len(not_ok) > options.MOST_LINES:
         click.echo(f"  … and {len(not_ok) - options.MOST_LINES} more; --json lists them all")
 

@@ -255,9 +255,8 @@ def summary(designed: Designed) -> Iterator[str]:
     for number, search in searches:
         yield from _of_candidate(number, search, dims)
     if not designed.met:
-        found = [search for _, search in searches]
-        nearest = [*found, *(each for each in designed.searches if each.winner is not None)][0]
-        yield from _unmet(designed, nearest)
+        others = (search for search in designed.searches if search.winner)
+        yield from _unmet(designed, searches[0][1] if searches else next(others))
     if designed.unknown:
         labels = "; ".join(_labels(dims, design) for design in designed.unknown)
         yield f"not considered, as no cube has results of them: {labels}"

@@ -311,7 +311,7 @@ def _simulate(
         try:
             with pool_of(task, workers, options.scheduler, options.dashboard, bar.reached) as pool:
                 try:
-                    for batch, error in _in_rounds(pool, batches, options.retries):
+                    for batch, error in in_rounds(pool, batches, options.retries):
                         for case in batch:
                             bar.ended(case.case_id)
                             if error:
@@ -332,7 +332,7 @@ def _simulate(
     return tuple(case_id for case_id in missing if case_id in ended), failed, stopped
 
 
-def _in_rounds(
+def in_rounds(
     pool: Pool, batches: Sequence[Sequence[Case]], retries: int
 ) -> Iterator[tuple[Sequence[Case], BatchError | None]]:
     """Simulate batches, and repeat those that need it; yields each that has ended for good.
