@@ -43,9 +43,7 @@ MILLIMETRES = click.FloatRange(min=0, min_open=True, max=1e6)
     type=options.FILE,
     help="Measured curve of a spring, from strain 0, for --law tabulated; its shape counts. CSV.",
 )
-@options.output(
-    "Stripe entry to write, .toml, with figures beside it. [default: STRIPE-N.toml]",
-)
+@options.output("Stripe entry to write, .toml, with figures beside it. [default: STRIPE-N.toml]")
 def calibrate(
     curve: Path,
     knit: Literal["rib", "garter"],
@@ -64,21 +62,19 @@ def calibrate(
     network, or the stress with the row's --width. Measure until the folds are open and the springs
     stretch, to about 200 % strain: below that the three cannot be determined separately.
     """
+    from knitlab.fabric.spring_law import SpringCurve
+    from knitlab.figures.fits import calibration_figure
     from knitlab.io.errors import fault
     from knitlab.io.table_file import read_tension_curve
+    from knitlab.measure.calibration import calibrate as fit
+    from knitlab.measure.calibration import report, report_comparison, write_stripe_file
+    from knitlab.sweep.parameters import defaults
 
     output = output or Path(f"{knit}-{stitches}.toml")
     options.check_toml(output)
     if (law == "tabulated") != (spring_curve is not None):
         raise fault("--spring-curve", "goes with --law tabulated; give both, or neither")
     measured = read_tension_curve(curve, width, thickness)
-
-    from knitlab.fabric.spring_law import SpringCurve
-    from knitlab.figures.fits import calibration_figure
-    from knitlab.measure.calibration import calibrate as fit
-    from knitlab.measure.calibration import report, report_comparison, write_stripe_file
-    from knitlab.sweep.parameters import defaults
-
     springs: Any = law
     if spring_curve is not None:
         table = read_tension_curve(spring_curve)
@@ -170,16 +166,15 @@ def fit(
     The sample is the only case of WORKFLOW with the design of the experiment. It is simulated
     about ten to thirty times.
     """
+    from knitlab.api import laboratory as api
     from knitlab.cube.cube_file import open_cube
     from knitlab.cube.selection import selected
-
-    options.check_toml(output)
-    cube = selected(open_cube(experiment), selections)
-
-    from knitlab.api import laboratory as api
     from knitlab.figures.fits import fit_figure
     from knitlab.laboratory.fit import report, write_stripes
     from knitlab.sweep.plan import make_plan
+
+    options.check_toml(output)
+    cube = selected(open_cube(experiment), selections)
 
     def report_step(tests: int, chi_squared: float) -> None:
         click.echo(f"test {tests}: chi² {chi_squared:.4g}", err=True)
