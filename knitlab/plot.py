@@ -1,9 +1,8 @@
 """Figures of cubes and tests: one function for each, which returns a matplotlib figure.
 
-There is one function for each file of :mod:`knitlab.figures.kinds`, under its name. Save a figure
-with ``figure.savefig("map.png")``. Keyword arguments select along the coordinates of a cube:
-``plot.shape(cube, n_stripe=4, n_subunit=16, applied_strain=0.15)``. A figure that shows a shape
-takes it from a test, or from the case files beside the file that the cube was opened from.
+Save a figure with ``figure.savefig("map.png")``. Keyword arguments select along the coordinates of
+a cube: ``plot.shape(cube, n_stripe=4, n_subunit=16, applied_strain=0.15)``. A figure that shows a
+shape takes it from a test, or from the case files beside the file that the cube was opened from.
 
 All of them raise :class:`knitlab.BadInput` if a cube does not hold what they show, or a selection
 is at fault.

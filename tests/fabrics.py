@@ -11,15 +11,14 @@ import pytest
 from knitlab.dynamics.damped_test import MovingFabrics
 from knitlab.dynamics.grid import Shape
 from knitlab.dynamics.settings import DynamicsSettings
-from knitlab.equilibrium.divided_system import system_of
 from knitlab.equilibrium.relaxation import relax
 from knitlab.equilibrium.settings import SolverSettings
-from knitlab.equilibrium.state import State
+from knitlab.equilibrium.state import State, TensileTest
 from knitlab.equilibrium.system import System
-from knitlab.equilibrium.tensile_result import TensileTest
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.element_hessians import (
+    LANES,
     ElementHessians,
     hinge_stiffness,
     spring_stiffness,
@@ -31,7 +30,7 @@ from knitlab.fabric.inertia import inertia
 from knitlab.fabric.layout import assemble_fabric
 from knitlab.fabric.network import Network
 from knitlab.fabric.pattern import PatchGrid, graded_pattern
-from knitlab.fabric.settings import ModelOptions, Sheet
+from knitlab.fabric.settings import FoldAngle, ModelOptions, Sheet
 from knitlab.fabric.stripe import Knit, Stripe
 from knitlab.fabric.zigzag import tension
 from knitlab.io.shipped import shipped
@@ -107,7 +106,7 @@ def cell_of(fabric: Fabric) -> np.ndarray:
 
 def equations(net: Network, fabric: Fabric) -> System:
     """What the solvers solve for a fabric."""
-    return system_of(net.shape, fabric)
+    return System(net.shape, fabric)
 
 
 def staged(fabric: Fabric, stage: Stage) -> Fabric:
@@ -127,6 +126,15 @@ def evaluate_whole(net: Network, fabric: Fabric, stage: Stage, unknowns: np.ndar
     return Evaluation(parts, gradient)
 
 
+def padded_hinge_stiffness(
+    vectors: jax.Array, rest: np.ndarray, stiffness: np.ndarray, of: FoldAngle
+) -> jax.Array:
+    """Hessians of any number of hinges; the last block is padded with copies without stiffness."""
+    spare = (0, -len(rest) % LANES)
+    filled = jnp.pad(vectors, ((0, 0), (0, 0), spare), mode="edge")
+    return hinge_stiffness(filled, jnp.pad(rest, spare), jnp.pad(stiffness, spare), of)
+
+
 def whole_element_hessians(
     net: Network, fabric: Fabric, stage: Stage, unknowns: np.ndarray
 ) -> ElementHessians:
@@ -138,7 +146,7 @@ def whole_element_hessians(
         spring_stiffness(
             springs[0], acting.rest_length, acting.stretch_stiffness, acting.spring_law
         ),
-        hinge_stiffness(hinges, acting.rest_fold, acting.fold_stiffness, acting.fold_angle),
+        padded_hinge_stiffness(hinges, acting.rest_fold, acting.fold_stiffness, acting.fold_angle),
         wall_stiffness(heights, acting.z_max, acting.k_wall),
     )
 

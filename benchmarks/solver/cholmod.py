@@ -1,12 +1,10 @@
 """CHOLMOD through the optional ``cvxopt`` (GPL), to compare knitlab's factorisation with."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.equilibrium.factorisation import Entries, Factoriser
 from knitlab.equilibrium.stiffness import FreeStiffness
 from knitlab.equilibrium.system import System
 
@@ -15,49 +13,42 @@ SUPERNODAL = 2
 Vector = Float[np.ndarray, " free"]
 
 
-@dataclass(frozen=True)
 class CholmodFactors:
-    """The last factor.
+    """Factors matrices of one sparsity, like :class:`.Multifrontal`."""
 
-    Attributes:
-        solve: returns the matrix's inverse times a vector.
-    """
+    def __init__(self, free: FreeStiffness) -> None:
+        from cvxopt import cholmod, spmatrix
 
-    solve: Callable[[Vector], Vector]
+        size = len(free.places)
+        columns = np.repeat(np.arange(size), np.diff(free.indptr))
+        self._lower = spmatrix(1.0, free.indices.tolist(), columns.tolist(), (size, size))
+        cholmod.options["supernodal"] = SUPERNODAL
+        self._factor = cholmod.symbolic(self._lower)
+
+    def factorise(self, entries: Float[np.ndarray, " nonzero"], convexified: bool = False) -> bool:
+        """Factorise a matrix; whether it is positive definite. None is convexified."""
+        from cvxopt import cholmod, matrix
+
+        if not np.isfinite(entries).all():
+            return False
+        self._lower.V = matrix(entries)
+        try:
+            cholmod.numeric(self._lower, self._factor)
+        except ArithmeticError:
+            return False
+        return True
+
+    def solve(self, right: Vector) -> Vector:
+        """The matrix's inverse times a vector."""
+        from cvxopt import cholmod, matrix
+
+        solution = matrix(right)
+        cholmod.solve(self._factor, solution)
+        return np.array(solution).ravel()
 
     def change_diagonal(self, unknowns: Int[np.ndarray, " _"], changes: Vector) -> bool:
         """Nothing is changed."""
         return False
-
-
-def cholmod_factoriser(free: FreeStiffness) -> Factoriser:
-    """What factors matrices of one sparsity; ``None`` of one that is not positive definite."""
-    from cvxopt import cholmod, matrix, spmatrix
-
-    size = len(free.places)
-    columns = np.repeat(np.arange(size), np.diff(free.indptr))
-    lower = spmatrix(1.0, free.indices.tolist(), columns.tolist(), (size, size))
-    cholmod.options["supernodal"] = SUPERNODAL
-    factor = cholmod.symbolic(lower)
-
-    def solve(right: Vector) -> Vector:
-        solution = matrix(right)
-        cholmod.solve(factor, solution)
-        return np.array(solution).ravel()
-
-    factors = CholmodFactors(solve)
-
-    def factorise(entries: Entries, convexified: bool = False) -> CholmodFactors | None:
-        if not np.isfinite(entries).all():
-            return None
-        lower.V = matrix(entries)
-        try:
-            cholmod.numeric(lower, factor)
-        except ArithmeticError:
-            return None
-        return factors
-
-    return factorise
 
 
 class CholmodSystem(System):
@@ -67,6 +58,6 @@ class CholmodSystem(System):
     convexified, nor any diagonal changed.
     """
 
-    def new_factoriser(self, free: FreeStiffness, exact: bool) -> Factoriser:
+    def new_factors(self, free: FreeStiffness, exact: bool) -> Any:
         """CHOLMOD for the stiffness of these free unknowns."""
-        return cholmod_factoriser(free)
+        return CholmodFactors(free)

@@ -16,17 +16,15 @@ from benchmarks.solver.problem import (
     pull_by,
 )
 from benchmarks.solver.watch import GivenUp, Watch
-from knitlab.equilibrium.divided_system import system_class
-from knitlab.equilibrium.equilibrium import find_equilibrium
-from knitlab.equilibrium.equilibrium_search import SearchRules
-from knitlab.equilibrium.factorisation import one_thread_of_blas
+from knitlab.equilibrium.domain_decomposition import SubdomainSolver
 from knitlab.equilibrium.loading import all_free
-from knitlab.equilibrium.relaxation import relax
+from knitlab.equilibrium.relaxation import relax, tiled
+from knitlab.equilibrium.search import Search as OneSearch
+from knitlab.equilibrium.search import SearchRules, minimise
 from knitlab.equilibrium.settings import SolverSettings
-from knitlab.equilibrium.starting_shape import tiled
 from knitlab.equilibrium.state import State
-from knitlab.equilibrium.stiffness import FreeStiffness
-from knitlab.equilibrium.system import System
+from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
+from knitlab.equilibrium.system import System, one_thread_of_blas
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import COMPLETE, Evaluation, Point
@@ -88,8 +86,12 @@ def knitlab(
 
 def _search(each: Callable[[Problem], SolverSettings], systems: Systems) -> Search:
     def search(problem: Problem, start: Unknowns, free: Free, watch: Watch) -> Unknowns:
-        rules = SearchRules.of(problem.shape, free, problem.fabric, each(problem))
-        found = partial(find_equilibrium, start=Point(start), rules=rules)
+        rules = SearchRules(free_stiffness(problem.shape, free), each(problem))
+
+        def found(system: System) -> State:
+            whole = OneSearch(system, Point(start), rules)
+            return whole.state(minimise(whole))
+
         return _reached(driven(problem, found, systems, watch))
 
     return search
@@ -125,10 +127,8 @@ def driven(
 
     While the search looks at a fabric that is not yet whole, the watch is paused to see the whole.
     """
-    kind = system_class(problem.shape)
-    bases = (kind,) if systems is System else (systems, kind)
 
-    class Watched(*bases):  # type: ignore[misc]
+    class Watched(systems):  # type: ignore[misc, valid-type]
         """Equations whose parts are timed."""
 
         seen = all_free(problem.shape)
@@ -161,12 +161,17 @@ def driven(
             with watch.part("solving_seconds"):
                 return super().solve(right)
 
-        def solve_subdomains(self, *args: Any) -> tuple[Point, float]:
+    class WatchedSubdomains(SubdomainSolver):
+        """Subdomains whose solution is timed."""
+
+        def solve(self, *args: Any) -> tuple[Point, float]:
             with watch.part("subdomains_seconds"):
-                return super().solve_subdomains(*args)
+                return super().solve(*args)
 
     with one_thread_of_blas():
-        return search(Watched(problem.shape, problem.fabric, threads=Threads(allowed_threads())))
+        system = Watched(problem.shape, problem.fabric, threads=Threads(allowed_threads()))
+        system.subdomains = WatchedSubdomains(system)
+        return search(system)
 
 
 def prepare(problem: Problem) -> None:

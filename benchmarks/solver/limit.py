@@ -12,11 +12,12 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from benchmarks.solver.cholmod import Vector, cholmod_factoriser
+from benchmarks.solver.cholmod import CholmodFactors, Vector
 from benchmarks.solver.measurement import Measurement, Record
-from knitlab.equilibrium.factorisation import factoriser, one_thread_of_blas
+from knitlab.equilibrium.linear_algebra.multifrontal import Multifrontal
 from knitlab.equilibrium.loading import tensile
 from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
+from knitlab.equilibrium.system import one_thread_of_blas
 from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import COMPLETE
 from knitlab.fabric.threads import Threads, allowed_threads
@@ -35,18 +36,18 @@ its symbolic one: it has no way to keep it."""
 
 def _nested_dissection(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:
     # As knitlab uses it: threads of its own, and of BLAS one.
-    factorise = factoriser(free, Threads(allowed_threads()))
+    factors = Multifrontal(free.plan, Threads(allowed_threads()))
 
-    def factored() -> Any:
+    def factorise() -> Any:
         with one_thread_of_blas():
-            return factorise(entries)
+            return factors.factorise(entries)
 
-    return factored, lambda factors: factors.solve(right)
+    return factorise, lambda _: factors.solve(right)
 
 
 def _cholmod(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:
-    factorise = cholmod_factoriser(free)
-    return lambda: factorise(entries), lambda factors: factors.solve(right)
+    factors = CholmodFactors(free)
+    return lambda: factors.factorise(entries), lambda _: factors.solve(right)
 
 
 def _pardiso(free: FreeStiffness, entries: np.ndarray, right: Vector) -> Plan:
@@ -92,7 +93,7 @@ def measure(measurement: Measurement) -> Record:
     if start is None:
         raise RuntimeError("periodic fabric did not relax")
     shape, unknowns = net.shape, np.asarray(start.flattened())
-    sample = ChunkedFabric.of(shape, fabric, Threads(allowed_threads()))
+    sample = ChunkedFabric(shape, fabric, Threads(allowed_threads()))
     free = free_stiffness(shape, tensile(shape, start).free)
 
     def assembled() -> np.ndarray:

@@ -16,9 +16,9 @@ import knitlab as kl
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.equilibrium.state import State
 from knitlab.fabric.configuration import Configuration
-from knitlab.measure.intersections import self_intersections
+from knitlab.measure.surfaces import self_intersections
 from knitlab.simulation.case import Case
-from knitlab.simulation.tensile_tests import equilibrium_tests
+from knitlab.simulation.tensile_tests import tensile_tests
 
 DESIGNS = (8, 32), (6, 24)
 STARTS = "dynamics", "flat", "periodic"
@@ -41,7 +41,7 @@ def relaxed(design: tuple[int, int], start: str) -> tuple[Case, State]:
         strain_max=0.0,
     )
     (case,) = planned.cases.values()
-    (test,) = equilibrium_tests([case], lambda name, states: None)
+    (test,) = tensile_tests([case], lambda name, states: None)
     return case, test.states[0]
 
 

@@ -87,8 +87,7 @@ def calibrate(
     from knitlab.fabric.spring_law import SpringCurve
     from knitlab.figures.fits import calibration_figure
     from knitlab.measure.calibration import calibrate as fit
-    from knitlab.measure.calibration import report, report_comparison
-    from knitlab.measure.stripe_file import write_stripe_file
+    from knitlab.measure.calibration import report, report_comparison, write_stripe_file
     from knitlab.sweep.parameters import defaults
 
     springs: Any = law

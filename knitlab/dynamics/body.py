@@ -13,7 +13,6 @@ class Body(eqx.Module):
     """A fabric with what makes it move.
 
     Attributes:
-        fabric: the fabric.
         inverse_mass: 1/m of the nodes, 0 for held ones, which keep their velocity [1/g].
         inverse_mass_of_lengths: the same for L_x and L_y; 0 for a sample [1/g].
         damping: viscous damping of a node, c [g/ms].
@@ -26,18 +25,17 @@ class Body(eqx.Module):
     damping: Float[Array, ""]
     nodes_of_lengths: Float[Array, "2"]
 
-    def per_mass(self, force: Shape) -> Shape:
-        """A force over the mass that it moves; 0 on what is held [N/g]."""
-        x, y, z = (self.inverse_mass * part for part in force.positions)
-        return Shape((x, y, z), self.inverse_mass_of_lengths * force.lengths)
+    @property
+    def inverse(self) -> Shape:
+        """1/m of every coordinate and of the lengths; 0 for what is held [1/g]."""
+        return Shape((self.inverse_mass,) * 3, self.inverse_mass_of_lengths)
 
     @property
-    def damping_rate(self) -> tuple[Float[Array, "row column"], Float[Array, "2"]]:
-        """c/m of the nodes and of the lengths; 0 for what is held [1/ms]."""
-        return (
-            self.damping * self.inverse_mass,
-            self.damping * self.nodes_of_lengths * self.inverse_mass_of_lengths,
-        )
+    def damping_rate(self) -> Shape:
+        """c/m of every coordinate and of the lengths; 0 for what is held [1/ms]."""
+        rate = self.damping * self.inverse_mass
+        of_lengths = self.damping * self.nodes_of_lengths * self.inverse_mass_of_lengths
+        return Shape((rate,) * 3, of_lengths)
 
 
 class Motion(eqx.Module):
@@ -81,28 +79,26 @@ class Observed(eqx.Module):
 
 def observed(body: Body, motion: Motion) -> Observed:
     """Energies and forces of a motion."""
-    gradient = body.fabric.gradient(motion.shape)
-    free = body.inverse_mass > 0
-    free_lengths = body.inverse_mass_of_lengths > 0
+    gradient, velocity = body.fabric.gradient(motion.shape), motion.velocity
+    inverse, inverse_of_lengths = body.inverse_mass, body.inverse_mass_of_lengths
 
     def largest(vector: Shape, of_lengths: Float[Array, "2"] | float) -> Float[Array, ""]:
-        nodes = sum(part**2 for part in vector.positions)
+        lengths = jnp.abs(vector.lengths * of_lengths)
         return jnp.maximum(
-            jnp.sqrt(jnp.max(jnp.where(free, nodes, 0.0))),
-            jnp.max(jnp.where(free_lengths, jnp.abs(vector.lengths * of_lengths), 0.0)),
+            jnp.sqrt(jnp.max(jnp.where(inverse > 0, _squares(vector), 0.0))),
+            jnp.max(jnp.where(inverse_of_lengths > 0, lengths, 0.0)),
         )
 
     def mass(inverse: Array) -> Array:
         return jnp.where(inverse > 0, 1 / jnp.where(inverse > 0, inverse, 1.0), 0.0)
 
-    squares = sum(part**2 for part in motion.velocity.positions)
-    lengths = mass(body.inverse_mass_of_lengths) * motion.velocity.lengths**2
+    of_nodes = jnp.sum(mass(inverse) * _squares(velocity))
     return Observed(
         energy=body.fabric.energy(motion.shape),
-        kinetic=0.5 * (jnp.sum(mass(body.inverse_mass) * squares) + jnp.sum(lengths)),
+        kinetic=0.5 * (of_nodes + jnp.sum(mass(inverse_of_lengths) * velocity.lengths**2)),
         gradient=gradient,
         force=largest(gradient, 1.0),
-        drag=body.damping * largest(motion.velocity, body.nodes_of_lengths),
+        drag=body.damping * largest(velocity, body.nodes_of_lengths),
     )
 
 
@@ -117,9 +113,14 @@ def driving_power(body: Body, gradient: Shape, velocity: Shape) -> Float[Array, 
 
 def loss(body: Body, velocity: Shape) -> Float[Array, ""]:
     """Power of the drag, Σ c u̇² over what is free [N mm/ms]."""
-    squares = sum(part**2 for part in velocity.positions)
     lengths = jnp.where(body.inverse_mass_of_lengths > 0, body.nodes_of_lengths, 0.0)
     return body.damping * (
-        jnp.sum(jnp.where(body.inverse_mass > 0, squares, 0.0))
+        jnp.sum(jnp.where(body.inverse_mass > 0, _squares(velocity), 0.0))
         + jnp.sum(lengths * velocity.lengths**2)
     )
+
+
+def _squares(vector: Shape) -> Float[Array, "row column"]:
+    """Squared length of the vector of every node."""
+    x, y, z = vector.positions
+    return x**2 + y**2 + z**2

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from knitlab.dynamics.body import Body, Observed
+from knitlab.dynamics.body import Body
 from knitlab.dynamics.grid import GridFabric, Shape
 from knitlab.dynamics.motion import Moving, advance, largest_step
 from knitlab.dynamics.settings import DynamicsSettings
@@ -20,37 +20,22 @@ from knitlab.equilibrium.loading import (
     rigidly_aligned,
     tensile,
 )
-from knitlab.equilibrium.state import Outcome, State
-from knitlab.equilibrium.tensile_result import History, TensileTest
+from knitlab.equilibrium.state import History, Outcome, State, TensileTest
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import Energy
 from knitlab.fabric.fabric import Fabric, flat_sheet
 from knitlab.fabric.inertia import Inertia, moved_mass
 from knitlab.fabric.network import MeshShape, network
 
-FIRST_RECORD = 0.01
-"""Time of the first record of a relaxation after its beginning [ms]."""
-RECORDS = 40
-"""Records of a relaxation of which no configurations are kept."""
-
 Progress = Callable[[int, float], None]
 """Function of the index in a batch and of the number of finished states, with a fraction."""
-
-
-def no_progress(case: int, states: float) -> None:
-    """Report nothing."""
+Record = tuple[float, float, float, float, Configuration]
+"""Time, kinetic and potential energy, dissipated work, as in a :class:`History`, and the shape."""
 
 
 @dataclass(frozen=True, eq=False)
 class MovingFabrics:
-    """Fabrics of one mesh shape that move together.
-
-    Attributes:
-        shape: the mesh shape.
-        fabrics: the fabrics.
-        inertias: their masses and drags.
-        settings: settings of the dynamics.
-    """
+    """Fabrics of one mesh shape that move together, with their masses and drags."""
 
     shape: MeshShape
     fabrics: Sequence[Fabric]
@@ -86,7 +71,7 @@ class Relaxed:
 
 def relax_by_dynamics(
     fabrics: MovingFabrics,
-    progress: Progress = no_progress,
+    progress: Progress = lambda case, states: None,
     sheets: Sequence[Configuration | None] | None = None,
 ) -> list[Relaxed]:
     """Release flat sheets at rest and let them fold (paper, Sec. "Relaxation of a pattern").
@@ -99,7 +84,7 @@ def relax_by_dynamics(
         progress: called with the index of a fabric and which part of its relaxation is done.
         sheets: what is released in place of each flat sheet, such as an imperfect one [mm].
     """
-    shape, settings = fabrics.shape, fabrics.settings
+    shape, settings, cases = fabrics.shape, fabrics.settings, range(len(fabrics.fabrics))
     flat = [flat_sheet(network(shape), fabric) for fabric in fabrics.fabrics]
     released = [given or sheet for given, sheet in zip(sheets or flat, flat, strict=True)]
     moving = Moving.from_rest(fabrics.bodies(clamped=False), [on_grid(sheet) for sheet in released])
@@ -111,50 +96,46 @@ def relax_by_dynamics(
         "time": np.full(len(flat), settings.relax_time),
         "steps": settings.relax_steps * stable,
     }[settings.ending]
-    rate = settings.strain_rate / np.ones(len(flat))
+    rate = np.full(len(flat), settings.strain_rate)
     if settings.ending == "steps":
         rate = settings.step_strain / stable
-    # The last is the end, even if it is the only one or if all is over before the first.
-    count = settings.snapshots or RECORDS
-    times = np.geomspace(longest, np.minimum(FIRST_RECORD, longest), count)[::-1]
-    records = [[_Record.of(moving, case)] for case in range(len(flat))]
+    # The first record after the beginning is at 0.01 ms. The last is the end, even if it is the
+    # only one or if all is over before the first.
+    count = settings.snapshots or 40
+    times = np.geomspace(longest, np.minimum(0.01, longest), count)[::-1]
+    records = [[_record(moving, case)] for case in cases]
     for number, time in enumerate(times):
         moving = advance(moving, time, settings, to_rest)
-        for case, own in enumerate(records):
-            if moving.time[case] > own[-1].time:
-                own.append(_Record.of(moving, case))
+        for case in cases:
+            if moving.time[case] > records[case][-1][0]:
+                records[case].append(_record(moving, case))
             progress(case, (number + 1) / (len(times) + 1))
         if (moving.resting | moving.diverged).all():
             break
-    found = []
-    for case, (sheet, fabric, own) in enumerate(zip(flat, fabrics.fabrics, records, strict=True)):
-        if moving.diverged[case]:
-            outcome = Outcome.diverged
-        elif to_rest and not moving.resting[case]:
-            outcome = Outcome.time_limit
-        else:
-            outcome = Outcome.converged
-        folded = own[-1].configuration
+    relaxed = []
+    for case in cases:
+        folded = records[case][-1][-1]
         if not shape.periodic:
-            aligned = rigidly_aligned(shape, sheet, folded)
-            folded = between_walls(aligned, float(fabric.z_max))
+            aligned = rigidly_aligned(shape, flat[case], folded)
+            folded = between_walls(aligned, float(fabrics.fabrics[case].z_max))
         first, left = float(first_force[case]), float(moving.seen.force[case])
-        found.append(
+        force_left = left / first if first else 0.0
+        relaxed.append(
             Relaxed(
                 configuration=folded,
-                history=_history(own, left / first if first else 0.0, settings.snapshots > 0),
+                history=_history(records[case], force_left, settings.snapshots > 0),
                 strain_rate=float(rate[case]),
                 steps=int(moving.steps[case]),
-                outcome=outcome,
+                outcome=_outcome(moving, case, to_rest),
             )
         )
-    return found
+    return relaxed
 
 
 def stretch_by_dynamics(
     fabrics: MovingFabrics,
     applied_strain: Sequence[Sequence[float]],
-    progress: Progress = no_progress,
+    progress: Progress = lambda case, states: None,
 ) -> list[TensileTest]:
     """Relax flat sheets, then pull them (paper, Sec. "Kinematics under tension").
 
@@ -175,39 +156,43 @@ def stretch_by_dynamics(
     moving = Moving.from_rest(fabrics.bodies(clamped=True), starts)
     failed = np.array([its.outcome is not Outcome.converged for its in relaxed])
     moving = replace(moving, diverged=failed)
-    to_rest = settings.ending == "rest"
-    states = [[_relaxed_state(shape, moving, case, its)] for case, its in enumerate(relaxed)]
+    to_rest, still = settings.ending == "rest", np.zeros(len(relaxed))
+    states = []
+    for case, its in enumerate(relaxed):
+        state = _state(shape, moving, case, all_free(shape), its.outcome)
+        peak = float(its.history.kinetic.max())
+        states.append([replace(state, iterations=its.steps, kinetic_peak=peak)])
     strains, rate = np.array(applied_strain), np.array([its.strain_rate for its in relaxed])
-    waited = np.zeros(len(relaxed))
+    waited = still
     for number in range(1, strains.shape[1]):
         steps, began = moving.steps, moving.time
         moving = replace(_driven(moving, loadings, rate), kinetic_peak=0 * began)
         arrival = waited + strains[:, number] / rate
         moving = advance(moving, arrival, settings)
         if to_rest:
-            moving = _driven(moving, loadings, np.zeros(len(relaxed)))
+            moving = _driven(moving, loadings, still)
             moving = advance(moving, arrival + settings.longest_time, settings, to_rest=True)
             waited = waited + moving.time - arrival
         for case, own in enumerate(states):
-            if own[-1].outcome is not Outcome.converged:
-                continue
-            outcome = Outcome.converged
-            if moving.diverged[case]:
-                outcome = Outcome.diverged
-            elif to_rest and not moving.resting[case]:
-                outcome = Outcome.time_limit
-            state = _state(shape, moving, case, free_under_tension(shape), outcome)
-            taken = int(moving.steps[case] - steps[case])
-            own.append(
-                replace(state, iterations=taken, kinetic_peak=float(moving.kinetic_peak[case]))
-            )
-            progress(case, number + 1)
-        ended = [own[-1].outcome is not Outcome.converged for own in states]
+            if own[-1].converged:
+                outcome = _outcome(moving, case, to_rest)
+                state = _state(shape, moving, case, free_under_tension(shape), outcome)
+                taken = int(moving.steps[case] - steps[case])
+                peak = float(moving.kinetic_peak[case])
+                own.append(replace(state, iterations=taken, kinetic_peak=peak))
+                progress(case, number + 1)
+        ended = [not own[-1].converged for own in states]
         moving = replace(moving, diverged=moving.diverged | ended)
     return [
         TensileTest(loading if own[0].converged else None, own, history=its.history)
         for loading, own, its in zip(loadings, states, relaxed, strict=True)
     ]
+
+
+def _outcome(moving: Moving, case: int, to_rest: bool) -> Outcome:
+    if moving.diverged[case]:
+        return Outcome.diverged
+    return Outcome.time_limit if to_rest and not moving.resting[case] else Outcome.converged
 
 
 def _body(shape: MeshShape, fabric: Fabric, inertia: Inertia, clamped: bool) -> Body:
@@ -230,10 +215,8 @@ def _body(shape: MeshShape, fabric: Fabric, inertia: Inertia, clamped: bool) -> 
 
 def on_grid(configuration: Configuration) -> Shape:
     """A configuration as the dynamics hold it."""
-    x, y, z = np.moveaxis(np.asarray(configuration.positions), -1, 0)
-    return Shape(
-        (jnp.asarray(x), jnp.asarray(y), jnp.asarray(z)), jnp.asarray(configuration.lengths)
-    )
+    x, y, z = map(jnp.asarray, np.moveaxis(np.asarray(configuration.positions), -1, 0))
+    return Shape((x, y, z), jnp.asarray(configuration.lengths))
 
 
 def configuration_of(shape: Shape, case: int) -> Configuration:
@@ -259,14 +242,12 @@ def _driven(
 def _state(
     shape: MeshShape, moving: Moving, case: int, free: Int[np.ndarray, " free"], outcome: Outcome
 ) -> State:
-    seen: Observed = jax.tree.map(lambda leaf: np.asarray(leaf[case]), moving.seen)
-    gradient = Configuration(np.stack(seen.gradient.positions, axis=-1), seen.gradient.lengths)
-    unknowns = np.asarray(configuration_of(moving.motion.shape, case).flattened())
-    forces = np.asarray(gradient.flattened())
+    energy: Energy = jax.tree.map(lambda leaf: np.asarray(leaf[case]), moving.seen.energy)
+    forces = np.asarray(configuration_of(moving.seen.gradient, case).flattened())
     return State(
         shape=shape,
-        unknowns=unknowns,
-        energy=Energy(seen.energy.stretch, seen.energy.fold, seen.energy.wall),
+        unknowns=np.asarray(configuration_of(moving.motion.shape, case).flattened()),
+        energy=energy,
         gradient=forces,
         outcome=outcome,
         residual=float(np.abs(forces[free]).max()),
@@ -274,41 +255,23 @@ def _state(
     )
 
 
-def _relaxed_state(shape: MeshShape, moving: Moving, case: int, relaxed: Relaxed) -> State:
-    state = _state(shape, moving, case, all_free(shape), relaxed.outcome)
-    peak = float(relaxed.history.kinetic.max())
-    return replace(state, iterations=relaxed.steps, kinetic_peak=peak)
+def _record(moving: Moving, case: int) -> Record:
+    seen = moving.seen
+    energies = seen.kinetic[case], seen.energy.total[case], moving.motion.dissipated[case]
+    kinetic, potential, dissipated = map(float, energies)
+    shape = configuration_of(moving.motion.shape, case)
+    return float(moving.time[case]), kinetic, potential, dissipated, shape
 
 
-@dataclass(frozen=True, eq=False)
-class _Record:
-    """A fabric at one time of its relaxation; energies as in :class:`History`."""
-
-    time: float
-    kinetic: float
-    potential: float
-    dissipated: float
-    configuration: Configuration
-
-    @classmethod
-    def of(cls, moving: Moving, case: int) -> "_Record":
-        return cls(
-            time=float(moving.time[case]),
-            kinetic=float(moving.seen.kinetic[case]),
-            potential=float(moving.seen.energy.total[case]),
-            dissipated=float(moving.motion.dissipated[case]),
-            configuration=configuration_of(moving.motion.shape, case),
-        )
-
-
-def _history(records: Sequence[_Record], force_left: float, with_snapshots: bool) -> History:
-    kept = records if with_snapshots else records[-1:]
+def _history(records: Sequence[Record], force_left: float, with_snapshots: bool) -> History:
+    time, kinetic, potential, dissipated, shapes = zip(*records, strict=True)
+    kept = slice(None) if with_snapshots else slice(-1, None)
     return History(
-        time=np.array([record.time for record in records]),
-        kinetic=np.array([record.kinetic for record in records]),
-        potential=np.array([record.potential for record in records]),
-        dissipated=np.array([record.dissipated for record in records]),
-        snapshot_time=np.array([record.time for record in kept]),
-        snapshots=Configuration.stacked([record.configuration for record in kept]),
+        time=np.array(time),
+        kinetic=np.array(kinetic),
+        potential=np.array(potential),
+        dissipated=np.array(dissipated),
+        snapshot_time=np.array(time[kept]),
+        snapshots=Configuration.stacked(shapes[kept]),
         force_left=force_left,
     )

@@ -11,6 +11,7 @@ fabric have one more line of nodes than of cells. What lies on the images counts
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -22,6 +23,7 @@ from knitlab.dynamics.vectors import (
     arctan2,
     cross,
     dot,
+    norm,
     scale,
     subtract,
 )
@@ -52,13 +54,7 @@ class Shape(NamedTuple):
 
 
 class Springs(eqx.Module):
-    """Springs of one direction; those beyond an edge or on an image of a line have no stiffness.
-
-    Attributes:
-        stiffness: k_s [N/mm].
-        rest_length: ℓ0 [mm].
-        law: their law.
-    """
+    """Springs of one direction; those beyond an edge or on an image of a line have no stiffness."""
 
     stiffness: Float[Array, "row column"]
     rest_length: Float[Array, "row column"]
@@ -66,13 +62,12 @@ class Springs(eqx.Module):
 
     def energy(self, along: Vector) -> Float[Array, ""]:
         """Energy of all springs, given the vectors along them [N mm]."""
-        return jnp.sum(self.stiffness * self.law.stored(_norm(along), self.rest_length))
+        return jnp.sum(self.stiffness * self.law.stored(norm(along), self.rest_length))
 
     def gradient(self, along: Vector) -> Vector:
         """Derivative of the energy with respect to the vectors along them [N]."""
-        return scale(
-            self.stiffness * self.law.pull_over_length(_norm(along), self.rest_length), along
-        )
+        pull_over_length = self.law.pull_over_length(norm(along), self.rest_length)
+        return scale(self.stiffness * pull_over_length, along)
 
 
 class Hinges(eqx.Module):
@@ -91,17 +86,15 @@ class Hinges(eqx.Module):
     def from_rest(self, edge: Vector, before: Vector, after: Vector) -> Component:
         """Fold angle minus its rest value, on the branch nearest zero [rad].
 
-        Args:
-            edge: along the edges [mm].
-            before: normals of the cells before the edges, as long as these are large [mm²].
-            after: those of the cells after them [mm²].
+        It follows from the vectors along the edges [mm] and the normals of the cells before and
+        after them, as long as the cells are large [mm²].
         """
         sine, cosine = self._sine_and_cosine(edge, before, after)
         angle = arctan2(sine, cosine) - self.rest
         return angle - 2 * np.pi * jnp.round(angle / (2 * np.pi))
 
     def energy(self, edge: Vector, before: Vector, after: Vector) -> Component:
-        """Energy of every hinge; arguments as for :meth:`from_rest` [N mm]."""
+        """Energy of every hinge [N mm]."""
         return 0.5 * self.stiffness * self.from_rest(edge, before, after) ** 2
 
     def gradient(
@@ -109,11 +102,11 @@ class Hinges(eqx.Module):
     ) -> tuple[Vector, Vector, Vector]:
         """Derivatives of the energy with respect to the edges and to the normals.
 
-        Arguments as for :meth:`from_rest`; :mod:`knitlab.fabric.fold_angle` derives the formulas.
+        :mod:`knitlab.fabric.fold_angle` derives the formulas.
         """
         sine, cosine = self._sine_and_cosine(edge, before, after)
         moment = self.stiffness * self.from_rest(edge, before, after)
-        per_length = 1 / _norm(edge)
+        per_length = 1 / norm(edge)
         along = scale(per_length, edge)
         if self.of == "across_edge":
             one, other = dot(before, along), dot(after, along)
@@ -136,7 +129,7 @@ class Hinges(eqx.Module):
         self, edge: Vector, before: Vector, after: Vector
     ) -> tuple[Component, Component]:
         """Sine and cosine of the fold angles, times the same positive number."""
-        sine = dot(cross(before, after), edge) / _norm(edge)
+        sine = dot(cross(before, after), edge) / norm(edge)
         cosine = dot(before, after)
         if self.of == "across_edge":
             cosine = cosine - dot(before, edge) * dot(after, edge) / dot(edge, edge)
@@ -234,12 +227,7 @@ class GridFabric(eqx.Module):
         )
 
     def gradient(self, shape: Shape, walls: bool = True) -> Shape:
-        """Derivative of the elastic energy, minus the force, of every node and length [N].
-
-        Args:
-            shape: the configuration.
-            walls: whether that of the walls is included.
-        """
+        """Derivative of the elastic energy, minus the force, with or without the walls [N]."""
         weft, warp, rising, falling = _edges(self._surrounded(shape))
         wale, course = _hinged(weft, warp, cross(rising, falling))
         by_warp, wale_before, wale_after = self.wale.gradient(*wale)
@@ -248,26 +236,23 @@ class GridFabric(eqx.Module):
             by_warp = _cleared(by_warp, np.s_[:, -1])
             by_weft = _cleared(by_weft, np.s_[-1])
         # A cell is before the hinges on its far lines, and after those on its near lines.
-        x, y, z = add(
+        by_normal = add(
             _at(wale_before, INNER, AFTER),
             _at(wale_after, INNER, BEFORE),
             _at(course_before, AFTER, INNER),
             _at(course_after, BEFORE, INNER),
         )
-        by_normal = jnp.pad(x, 1), jnp.pad(y, 1), jnp.pad(z, 1)
+        by_normal = jax.tree.map(lambda part: jnp.pad(part, 1), by_normal)
         # The edge of a course hinge points to −x.
         along_weft = subtract(self.weft.gradient(_at(weft, INNER, ALL)), by_weft)
         along_warp = add(self.warp.gradient(_at(warp, ALL, INNER)), by_warp)
         along_rising = add(self.rising.gradient(rising), cross(falling, by_normal))
         along_falling = add(self.falling.gradient(falling), cross(by_normal, rising))
-        x, y, z = (
-            _gathered(*parts)
-            for parts in zip(along_weft, along_warp, along_rising, along_falling, strict=True)
-        )
+        x, y, z = map(_gathered, along_weft, along_warp, along_rising, along_falling)
         lengths = jnp.zeros(2)
         if self.periodic:
             lengths = jnp.stack([x[:, -1].sum(), y[-1].sum()])
-            x, y, z = (_images_added(part) for part in (x, y, z))
+            x, y, z = map(_images_added, (x, y, z))
         if walls:
             z = z + self.k_wall * self._beyond(shape.positions[2])
         return Shape((x, y, z), lengths)
@@ -286,14 +271,12 @@ class GridFabric(eqx.Module):
 
         Beyond an open edge the sheet goes on straight, so that normals exist; nothing acts there.
         """
-        length_x, length_y = shape.lengths
-        x, y, z = (
-            _extended(part, self.periodic, offset_x, offset_y)
-            for part, offset_x, offset_y in zip(
-                shape.positions, (length_x, 0.0, 0.0), (0.0, length_y, 0.0), strict=True
-            )
+        (x, y, z), (length_x, length_y) = shape.positions, shape.lengths
+        return (
+            _extended(x, self.periodic, length_x, 0.0),
+            _extended(y, self.periodic, 0.0, length_y),
+            _extended(z, self.periodic, 0.0, 0.0),
         )
-        return x, y, z
 
 
 def _hinged(
@@ -307,18 +290,12 @@ def _hinged(
     )
 
 
-def _norm(vector: Vector) -> Component:
-    return jnp.sqrt(dot(vector, vector))
-
-
 def _at(vector: OnLines, rows: slice, columns: slice) -> OnLines:
-    x, y, z = (part[rows, columns] for part in vector)
-    return x, y, z
+    return jax.tree.map(lambda part: part[rows, columns], vector)
 
 
 def _cleared(vector: Vector, lines: Any) -> Vector:
-    x, y, z = (part.at[lines].set(0.0) for part in vector)
-    return x, y, z
+    return jax.tree.map(lambda part: part.at[lines].set(0.0), vector)
 
 
 def _extended(

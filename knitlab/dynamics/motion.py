@@ -4,9 +4,9 @@ Fabrics of one mesh shape move in one vmapped program. Each has its own time ste
 Within a batch, those that have arrived stand still: a result does not depend on its batch.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import jax
@@ -18,19 +18,13 @@ from knitlab.dynamics.body import Body, Motion, Observed, driving_power, loss, o
 from knitlab.dynamics.grid import Shape
 from knitlab.dynamics.settings import DynamicsSettings
 
-STEPS_AT_ONCE = 256
-"""Time steps after which step size, energy and forces are looked at again."""
-FIRST_ITERATIONS, MORE_ITERATIONS = 40, 4
-"""Iterations for the highest frequency of a fabric, the first time and from its last mode on."""
-DIFFERENCE = 1e-6
-"""Displacement by which a product of the Hessian with a vector is a central difference [mm]."""
-GROWTH = 0.02
-"""Growth of the mechanical energy, over its largest part, above which a step was unstable."""
+FIRST_ITERATIONS = 40
+"""Iterations for the highest frequency of a fabric, the first time."""
 HALVINGS = 12
 """Times that an unstable step is halved before the motion counts as diverged. Where a cell is
 crushed to a line its hinges are stiff for a moment, which a step of 1/300 was seen to pass."""
-RUNGE_KUTTA_TIME = 1.0
-"""Time after which the Runge–Kutta method looks at the forces again [ms]."""
+
+OfCases = Float[np.ndarray, " case"]
 
 
 def highest_frequency(
@@ -38,20 +32,10 @@ def highest_frequency(
 ) -> tuple[Float[Array, ""], Shape]:
     """Square of the highest frequency, without walls, by power iteration on M⁻¹ K [1/ms²].
 
-    Args:
-        body: the fabric.
-        motion: its motion.
-        mode: a shape to begin with, of any size.
-        iterations: products of the Hessian with a vector.
-
-    Returns:
-        The square, and the mode, for the next time.
+    It begins with ``mode``, a shape of any size, and also returns the last one, for the next time.
     """
-
-    def weighted(vector: Shape) -> Shape:
-        # With M^(−1/2) on both sides the matrix is symmetric, and its Rayleigh quotients are sharp.
-        x, y, z = (jnp.sqrt(body.inverse_mass) * part for part in vector.positions)
-        return Shape((x, y, z), jnp.sqrt(body.inverse_mass_of_lengths) * vector.lengths)
+    # With M^(−1/2) on both sides the matrix is symmetric, and its Rayleigh quotients are sharp.
+    weighted = partial(jax.tree.map, lambda part, inverse: jnp.sqrt(inverse) * part)
 
     def norm(vector: Shape) -> Float[Array, ""]:
         return jnp.sqrt(sum(jnp.sum(leaf**2) for leaf in jax.tree.leaves(vector)))
@@ -61,12 +45,13 @@ def highest_frequency(
         return body.fabric.gradient(shape, walls=False)
 
     def again(_: Any, last: tuple[Array, Shape]) -> tuple[Array, Shape]:
-        direction = weighted(last[1])
+        direction = weighted(last[1], body.inverse)
         # A forward derivative of the gradient takes six times as long as two gradients.
         size = jnp.stack([jnp.max(jnp.abs(leaf)) for leaf in jax.tree.leaves(direction)])
-        part = DIFFERENCE / jnp.max(size)
+        part = 1e-6 / jnp.max(size)  # a central difference over as many mm
         ahead, behind = gradient_at(direction, part), gradient_at(direction, -part)
-        image = weighted(jax.tree.map(lambda one, two: (one - two) / (2 * part), ahead, behind))
+        image = jax.tree.map(lambda one, two: (one - two) / (2 * part), ahead, behind)
+        image = weighted(image, body.inverse)
         size = norm(image)
         return size, jax.tree.map(lambda leaf: leaf / size, image)
 
@@ -94,9 +79,8 @@ def leapfrog(
         count: number of steps.
         longest: largest number of steps in the batch; the fabric stands still after its own.
     """
-    rate, rate_of_lengths = body.damping_rate
-    half, half_of_lengths = step * rate / 2, step * rate_of_lengths / 2
     stiffness, z_max = body.fabric.k_wall, body.fabric.z_max
+    half = jax.tree.map(lambda rate: step * rate / 2, body.damping_rate)
     gradient = partial(body.fabric.gradient, walls=False)
 
     def kicked(
@@ -108,21 +92,24 @@ def leapfrog(
     ) -> Shape:
         # Velocity after a kick of ``before`` half steps up to now, and ``after`` from now on, with
         # the walls as they act after a drift.
-        kept = (1 - after * half) / (1 + before * half)
-        push = step * (before + after) / 2 * body.inverse_mass / (1 + before * half)
-        kept_of_lengths = (1 - after * half_of_lengths) / (1 + before * half_of_lengths)
-        push_of_lengths = (step * (before + after) / 2 * body.inverse_mass_of_lengths) / (
-            1 + before * half_of_lengths
+        kept = jax.tree.map(lambda h: (1 - after * h) / (1 + before * h), half)
+        push = jax.tree.map(
+            lambda h, inverse: step * (before + after) / 2 * inverse / (1 + before * h),
+            half,
+            body.inverse,
         )
-        x, y, z = (
-            kept * velocity - push * by
-            for velocity, by in zip(motion.velocity.positions, force.positions, strict=True)
+        velocity = jax.tree.map(
+            lambda part, old, by, acting: part * old - by * acting,
+            kept,
+            motion.velocity,
+            push,
+            force,
         )
+        (x, y, z), (_, _, by) = velocity.positions, push.positions
         ahead = motion.shape.positions[2] + drift * z
         beyond = ahead - jnp.clip(ahead, -z_max, z_max)
-        z = z - push * stiffness / (1 + drift * push * stiffness) * beyond
-        lengths = kept_of_lengths * motion.velocity.lengths - push_of_lengths * force.lengths
-        return Shape((x, y, z), lengths)
+        z = z - by * stiffness / (1 + drift * by * stiffness) * beyond
+        return Shape((x, y, z), velocity.lengths)
 
     def once(number: Any, moving: tuple[Motion, Float[Array, ""]]) -> tuple[Motion, Any]:
         motion, power = moving
@@ -157,28 +144,25 @@ def leapfrog(
 def runge_kutta(
     body: Body, motion: Motion, duration: Float[Array, ""], tolerances: tuple[float, float]
 ) -> tuple[Motion, Int[Array, ""], Bool[Array, ""]]:
-    """Move a fabric by ``diffrax.Tsit5``, the paper's integrator, with adaptive steps.
+    """Move a fabric for a time [ms] by ``diffrax.Tsit5``, the paper's integrator.
 
-    Args:
-        body: the fabric.
-        motion: its motion.
-        duration: time [ms].
-        tolerances: relative and absolute error of a step.
-
-    Returns:
-        The motion, the steps tried, and whether the end was reached.
+    Its steps adapt to tolerances of the relative and the absolute error. Returns the motion, the
+    steps tried, and whether the end was reached.
     """
     import diffrax  # half as long to import as JAX, and the leapfrog does without
 
     def derivative(_: Any, motion: Motion, __: Any) -> Motion:
         force, velocity = body.fabric.gradient(motion.shape), motion.velocity
-        push, (rate, rate_of_lengths) = body.per_mass(force), body.damping_rate
-        x, y, z = (
-            -by - rate * along for by, along in zip(push.positions, velocity.positions, strict=True)
+        acceleration = jax.tree.map(
+            lambda inverse, acting, rate, along: -(inverse * acting) - rate * along,
+            body.inverse,
+            force,
+            body.damping_rate,
+            velocity,
         )
         return Motion(
             shape=velocity,
-            velocity=Shape((x, y, z), -push.lengths - rate_of_lengths * velocity.lengths),
+            velocity=acceleration,
             dissipated=loss(body, velocity),
             supplied=driving_power(body, force, velocity),
         )
@@ -200,15 +184,11 @@ def runge_kutta(
     return end, solution.stats["num_steps"], reached
 
 
-@lru_cache(maxsize=1)
-def _programs() -> tuple[Callable[..., Any], ...]:
-    """Compiled for a batch; JAX keeps a program for each mesh shape and size of batch."""
-    return (
-        jax.jit(jax.vmap(observed)),
-        jax.jit(jax.vmap(leapfrog, in_axes=(0, 0, 0, 0, None))),
-        jax.jit(jax.vmap(highest_frequency)),
-        jax.jit(jax.vmap(runge_kutta, in_axes=(0, 0, 0, None))),
-    )
+# Compiled for a batch; JAX keeps a program for each mesh shape and size of batch.
+_observe = jax.jit(jax.vmap(observed))
+_leap = jax.jit(jax.vmap(leapfrog, in_axes=(0, 0, 0, 0, None)))
+_highest_frequencies = jax.jit(jax.vmap(highest_frequency))
+_runge_kutta = jax.jit(jax.vmap(runge_kutta, in_axes=(0, 0, 0, None)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,9 +196,7 @@ class Moving:
     """A batch of fabrics in motion; arrays have one entry for each along their first axis.
 
     Attributes:
-        body: the fabrics.
-        motion: their motions.
-        seen: energies and forces of these.
+        seen: energies and forces of the motions.
         mode: their shapes of highest frequency, from which the next search for it begins.
         time: since the beginning [ms].
         steps: time steps taken.
@@ -232,10 +210,10 @@ class Moving:
     motion: Motion
     seen: Observed
     mode: Shape
-    time: Float[np.ndarray, " case"]
+    time: OfCases
     steps: Int[np.ndarray, " case"]
-    kinetic_peak: Float[np.ndarray, " case"]
-    largest: Float[np.ndarray, " case"]
+    kinetic_peak: OfCases
+    largest: OfCases
     resting: Bool[np.ndarray, " case"]
     diverged: Bool[np.ndarray, " case"]
 
@@ -243,42 +221,31 @@ class Moving:
     def from_rest(cls, bodies: Sequence[Body], shapes: Sequence[Shape]) -> "Moving":
         """Fabrics at rest, of one mesh shape."""
         stack = partial(jax.tree.map, lambda *leaves: jnp.stack(leaves))
-        body, shape = stack(*bodies), stack(*shapes)
+        body, shape, cases = stack(*bodies), stack(*shapes), len(bodies)
         motion = jax.vmap(Motion.at_rest)(shape)
-        seen = _programs()[0](body, motion)
+        seen = _observe(body, motion)
         random = np.random.default_rng(0)
         mode = jax.tree.map(
             lambda leaf: jnp.broadcast_to(random.normal(size=leaf.shape[1:]), leaf.shape), shape
         )
-        none = np.zeros(len(bodies), dtype=bool)
         return cls(
             body=body,
             motion=motion,
             seen=seen,
             mode=mode,
-            time=np.zeros(len(bodies)),
-            steps=np.zeros(len(bodies), dtype=int),
-            kinetic_peak=np.zeros(len(bodies)),
+            time=np.zeros(cases),
+            steps=np.zeros(cases, dtype=int),
+            kinetic_peak=np.zeros(cases),
             largest=np.asarray(seen.energy.total),
-            resting=none,
-            diverged=none,
+            resting=np.zeros(cases, dtype=bool),
+            diverged=np.zeros(cases, dtype=bool),
         )
 
 
 def advance(
-    moving: Moving,
-    until: Float[np.ndarray, " case"],
-    settings: DynamicsSettings,
-    to_rest: bool = False,
+    moving: Moving, until: OfCases, settings: DynamicsSettings, to_rest: bool = False
 ) -> Moving:
-    """Move a batch until given times.
-
-    Args:
-        moving: the batch.
-        until: time of each fabric at which it stops [ms].
-        settings: settings of the dynamics.
-        to_rest: whether a fabric also stops when it is at rest, by ``settings.rest_force``.
-    """
+    """Move a batch until given times [ms], or only until it is at rest, by its ``rest_force``."""
     rest = settings.rest_force if to_rest else -1.0
     moving = replace(moving, resting=np.zeros_like(moving.diverged))
     part = np.full(len(until), settings.step_safety)
@@ -295,56 +262,41 @@ def advance(
             moving, part = _by_leapfrog(moving, left, part, settings.step_safety)
 
 
-def largest_step(moving: Moving) -> Float[np.ndarray, " case"]:
+def largest_step(moving: Moving) -> OfCases:
     """Largest stable time step of the leapfrog as every fabric is now, 2/ω [ms]."""
-    _, _, frequency, _ = _programs()
     iterations = np.full(len(moving.time), FIRST_ITERATIONS)
-    square, _ = frequency(moving.body, moving.motion, moving.mode, iterations)
+    square, _ = _highest_frequencies(moving.body, moving.motion, moving.mode, iterations)
     return 2 / np.sqrt(np.asarray(square))
 
 
 def _by_leapfrog(
-    moving: Moving,
-    left: Float[np.ndarray, " case"],
-    part: Float[np.ndarray, " case"],
-    largest_part: float,
-) -> tuple[Moving, Float[np.ndarray, " case"]]:
-    """A number of equal steps of those that have time left; unstable ones are undone.
+    moving: Moving, left: OfCases, part: OfCases, largest_part: float
+) -> tuple[Moving, OfCases]:
+    """A number of equal steps of those that have time left [ms]; unstable ones are undone.
 
-    Args:
-        moving: the batch.
-        left: time that each has left, 0 where it stands still [ms].
-        part: part of the stability limit that a step of each has.
-        largest_part: the part that it has where nothing was unstable.
-
-    Returns:
-        The batch, and the part of the stability limit that a step of each is to have from now on.
+    ``part`` is the part of the stability limit that a step of each has, also returned as it is to
+    be from now on; ``largest_part`` what it is where nothing was unstable.
     """
-    observe, leap, frequency, _ = _programs()
-    iterations = np.where(moving.steps > 0, MORE_ITERATIONS, FIRST_ITERATIONS)
-    square, mode = frequency(moving.body, moving.motion, moving.mode, iterations)
-    mode = jax.tree.map(partial(_chosen, left > 0), mode, moving.mode)
+    iterations = np.where(moving.steps > 0, 4, FIRST_ITERATIONS)
+    square, mode = _highest_frequencies(moving.body, moving.motion, moving.mode, iterations)
     step = part * 2 / np.sqrt(np.asarray(square))
     whole = np.maximum(np.ceil(left / step), 1.0)
     step = left / whole
-    count = np.where(left > 0, np.minimum(whole, STEPS_AT_ONCE), 0).astype(int)
-    motion = leap(moving.body, moving.motion, step, count, count.max())
-    seen = observe(moving.body, motion)
+    # After 256 steps step size, energy and forces are looked at again.
+    count = np.where(left > 0, np.minimum(whole, 256), 0).astype(int)
+    motion = _leap(moving.body, moving.motion, step, count, count.max())
+    seen = _observe(moving.body, motion)
     supplied = np.asarray(motion.supplied - moving.motion.supplied)
-    before, after = (_mechanical_energy(its) for its in (moving.seen, seen))
-    stable = after - supplied <= before + GROWTH * np.maximum(moving.largest, np.abs(supplied))
-    if not stable.all():
-        motion, seen = (
-            jax.tree.map(partial(_chosen, stable), new, old)
-            for new, old in ((motion, moving.motion), (seen, moving.seen))
-        )
+    before, after = _mechanical_energy(moving.seen), _mechanical_energy(seen)
+    # A step was unstable if the energy grew by more than this part of the largest.
+    stable = after - supplied <= before + 0.02 * np.maximum(moving.largest, np.abs(supplied))
     count = np.where(stable, count, 0)
     part = np.where(stable, np.minimum(2 * part, largest_part), part / 2)
     moved = replace(
         moving,
-        motion=motion,
-        seen=seen,
-        mode=mode,
+        motion=_chosen(stable, motion, moving.motion),
+        seen=_chosen(stable, seen, moving.seen),
+        mode=_chosen(left > 0, mode, moving.mode),
         time=np.where(count == whole, moving.time + left, moving.time + count * step),
         steps=moving.steps + count,
         diverged=moving.diverged | (part < largest_part * 0.5**HALVINGS),
@@ -352,21 +304,17 @@ def _by_leapfrog(
     return _with_peaks(moved), part
 
 
-def _by_runge_kutta(
-    moving: Moving, left: Float[np.ndarray, " case"], settings: DynamicsSettings
-) -> Moving:
-    observe, _, _, solve = _programs()
+def _by_runge_kutta(moving: Moving, left: OfCases, settings: DynamicsSettings) -> Moving:
     tolerances = settings.relative_tolerance, settings.absolute_tolerance
-    # At rest is looked for after every part of the time.
-    taken = np.minimum(left, RUNGE_KUTTA_TIME)
-    motion, steps, reached = solve(moving.body, moving.motion, taken, tolerances)
+    # Every millisecond the fabric is looked at, whether it is at rest.
+    taken = np.minimum(left, 1.0)
+    motion, steps, reached = _runge_kutta(moving.body, moving.motion, taken, tolerances)
     ok = np.asarray(reached) | (left == 0)
-    if not ok.all():
-        motion = jax.tree.map(partial(_chosen, ok), motion, moving.motion)
+    motion = _chosen(ok, motion, moving.motion)
     moved = replace(
         moving,
         motion=motion,
-        seen=observe(moving.body, motion),
+        seen=_observe(moving.body, motion),
         time=moving.time + np.where(ok, taken, 0.0),
         steps=moving.steps + np.where(left > 0, np.asarray(steps), 0),
         diverged=moving.diverged | ~ok,
@@ -374,7 +322,7 @@ def _by_runge_kutta(
     return _with_peaks(moved)
 
 
-def _mechanical_energy(seen: Observed) -> Float[np.ndarray, " case"]:
+def _mechanical_energy(seen: Observed) -> OfCases:
     return np.asarray(seen.kinetic) + np.asarray(seen.energy.total)
 
 
@@ -386,5 +334,12 @@ def _with_peaks(moving: Moving) -> Moving:
     )
 
 
-def _chosen(which: Bool[np.ndarray, " case"], new: Array, old: Array) -> Array:
-    return jnp.where(which.reshape(-1, *[1] * (new.ndim - 1)), new, old)
+def _chosen(which: Bool[np.ndarray, " case"], new: Any, old: Any) -> Any:
+    """What is new of some fabrics of a batch, and old of all others."""
+    if which.all():
+        return new
+    return jax.tree.map(
+        lambda one, other: jnp.where(which.reshape(-1, *[1] * (one.ndim - 1)), one, other),
+        new,
+        old,
+    )

@@ -4,6 +4,7 @@ XLA fuses operations on separate components into one loop over the grid. With th
 an axis of one array it would write every intermediate vector to memory.
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -15,8 +16,7 @@ Vector = tuple[Component, Component, Component]
 
 def add(*vectors: Vector) -> Vector:
     """Sum of vectors."""
-    x, y, z = (sum(parts[1:], parts[0]) for parts in zip(*vectors, strict=True))
-    return x, y, z
+    return jax.tree.map(lambda *parts: sum(parts[1:], parts[0]), *vectors)
 
 
 def subtract(one: Vector, other: Vector) -> Vector:
@@ -32,6 +32,11 @@ def scale(factor: Component, vector: Vector) -> Vector:
 def dot(one: Vector, other: Vector) -> Component:
     """Scalar product."""
     return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+
+
+def norm(vector: Vector) -> Component:
+    """Length of a vector."""
+    return jnp.sqrt(dot(vector, vector))
 
 
 def cross(one: Vector, other: Vector) -> Vector:

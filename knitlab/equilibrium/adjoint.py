@@ -53,41 +53,15 @@ class Adjoint:
         NoDerivative: if the relaxed shape is not a stable equilibrium.
     """
 
-    def __init__(
-        self,
-        layout: FabricLayout,
-        stripes: StripePair,
-        relaxed: Configuration,
-    ) -> None:
-        self._shape, self._relaxed = layout.net.shape, np.asarray(relaxed.flattened())
-        self._fabric, self._slope = (
-            layout.fabric(stripes),
-            _slope(layout, stripes),
-        )
-        self._stripes = stripes
-        self._under_tension = LinearResponses.of(self._shape, free_under_tension(self._shape))
-        at_rest = LinearResponses.of(self._shape, all_free(self._shape))
-        self._at_rest = at_rest.at(self._fabric, self._relaxed)
-
-    def of_relaxed(self, measure: Measure) -> StripePair:
-        """Derivatives of a measure of the relaxed shape, which is also passed as the strained one.
-
-        Args:
-            measure: the function to differentiate, see :meth:`of_strained`.
-
-        Returns:
-            Derivatives of every value of the measure with respect to every stripe parameter.
-        """
-        by_relaxed, by_strained, by_fabric = _jacobian(measure, self._shape)(
-            self._relaxed, self._relaxed, self._fabric
-        )
-        return self._through_relaxed(np.asarray(by_relaxed + by_strained), by_fabric)
+    def __init__(self, layout: FabricLayout, stripes: StripePair, relaxed: Configuration) -> None:
+        shape = self._shape = layout.net.shape
+        self._relaxed, self._stripes = np.asarray(relaxed.flattened()), stripes
+        self._fabric, self._slope = layout.fabric(stripes), _slope(layout, stripes)
+        self._under_tension = LinearResponses(shape, free_under_tension(shape))
+        self._at_rest = LinearResponses(shape, all_free(shape)).at(self._fabric, self._relaxed)
 
     def of_strained(
-        self,
-        applied_strain: float,
-        strained: Configuration,
-        measure: Measure,
+        self, applied_strain: float, strained: Configuration, measure: Measure
     ) -> StripePair:
         """Derivatives of a measure of the state at one applied strain.
 
@@ -118,6 +92,13 @@ class Adjoint:
         by_held[:, response.free] = 0
         by_relaxed += _through_loading(self._shape)(self._relaxed, applied_strain, by_held)
         return self._through_relaxed(np.asarray(by_relaxed), by_fabric)
+
+    def of_relaxed(self, measure: Measure) -> StripePair:
+        """The same of a measure of the relaxed shape, which is also passed as the strained one."""
+        by_relaxed, by_strained, by_fabric = _jacobian(measure, self._shape)(
+            self._relaxed, self._relaxed, self._fabric
+        )
+        return self._through_relaxed(np.asarray(by_relaxed + by_strained), by_fabric)
 
     def _through_relaxed(
         self, by_relaxed: Float[np.ndarray, "quantity unknown"], by_fabric: Fabric

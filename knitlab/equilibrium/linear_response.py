@@ -9,80 +9,54 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from knitlab.equilibrium.factorisation import Factoriser, Factors, factoriser, one_thread_of_blas
+from knitlab.equilibrium.linear_algebra.multifrontal import Multifrontal
 from knitlab.equilibrium.loading import all_free
-from knitlab.equilibrium.stiffness import FreeStiffness, free_stiffness
+from knitlab.equilibrium.stiffness import free_stiffness
+from knitlab.equilibrium.system import one_thread_of_blas
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import COMPLETE
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape
 
-SHIFT = 1e-9
-"""Shift of K, so that rigid motions do not make it singular [N/mm]."""
-RIGID = 1e-7
-"""Stiffness below which a rigid motion is free; contact with a wall gives far more [N/mm]."""
-REFINEMENTS = 20
-ACCURACY = 1e-11
-"""Largest relative residual of a solve."""
-
 Rows = Float[np.ndarray, "row unknown"]
+Vector = Float[np.ndarray, " free"]
 
 
 class NoDerivative(ArithmeticError):
     """The state is not a stable equilibrium, or so close to instability that K is singular."""
 
 
-@dataclass(frozen=True, eq=False)
 class LinearResponses:
-    """Linear responses of the fabrics of one mesh shape, for one choice of free unknowns.
+    """Linear responses of fabrics of one mesh shape, for one choice of free unknowns."""
 
-    Attributes:
-        free: sparsity of the stiffness of the free unknowns.
-        movable: sparsity of the stiffness of all unknowns that forces can act on.
-        factorise: factoriser of the former.
-    """
-
-    free: FreeStiffness
-    movable: FreeStiffness
-    factorise: Factoriser
-
-    @classmethod
-    def of(cls, shape: MeshShape, free: Int[np.ndarray, " free"]) -> "LinearResponses":
-        """Prepare the responses of a mesh shape.
-
-        Args:
-            shape: the mesh shape.
-            free: indices of the free unknowns.
-        """
-        stiffness = free_stiffness(shape, free)
-        return cls(stiffness, free_stiffness(shape, all_free(shape)), factoriser(stiffness))
+    def __init__(self, shape: MeshShape, free: Int[np.ndarray, " free"]) -> None:
+        self._free = free_stiffness(shape, free)
+        self._movable = free_stiffness(shape, all_free(shape))
+        self._factors = Multifrontal(self._free.plan)
 
     def at(self, fabric: Fabric, unknowns: Float[np.ndarray, " unknown"]) -> "LinearResponse":
         """The response of one equilibrium, which invalidates the previous one.
 
-        Args:
-            fabric: the fabric.
-            unknowns: its configuration in equilibrium, flattened [mm].
-
         Raises:
             NoDerivative: if K is not positive definite, apart from rigid motions.
         """
-        whole = ChunkedFabric.of(self.free.shape, fabric)
-        hessians = whole.element_hessians(COMPLETE, unknowns)
+        free = self._free.places
+        hessians = ChunkedFabric(self._free.shape, fabric).element_hessians(COMPLETE, unknowns)
         with one_thread_of_blas():
-            factors = self.factorise(self.free.shifted(self.free.entries(hessians), SHIFT))
-        if factors is None:
-            raise NoDerivative("the stiffness is not positive definite")
-        lower = self.movable.lower(self.movable.entries(hessians))
+            # A small shift, so that rigid motions do not make K singular [N/mm].
+            entries = self._free.shifted(self._free.entries(hessians), 1e-9)
+            if not self._factors.factorise(entries):
+                raise NoDerivative("the stiffness is not positive definite")
+        lower = self._movable.lower(self._movable.entries(hessians))
         stiffness = sp.csr_array(lower + sp.tril(lower, -1).T)
-        free = self.free.places
         within = stiffness[free][:, free]
-        configuration = Configuration.of(unknowns, self.free.shape)
-        motions = np.linalg.qr(rigid_motions(configuration)[free])[0]
+        motions = rigid_motions(Configuration.of(unknowns, self._free.shape))[free]
+        motions = np.linalg.qr(motions)[0]
         energies, combined = np.linalg.eigh(motions.T @ (within @ motions))
-        rigid = motions @ combined[:, energies < RIGID]
-        return LinearResponse(free, stiffness, within, factors, rigid)
+        # Contact with a wall makes a rigid motion far stiffer [N/mm].
+        rigid = motions @ combined[:, energies < 1e-7]
+        return LinearResponse(free, stiffness, within, self._factors, rigid)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,21 +67,18 @@ class LinearResponse:
         free: indices of the free unknowns.
         stiffness: K of all unknowns that forces can act on, which come first [N/mm].
         within: K of the free unknowns [N/mm].
-        factors: factors of ``within`` plus ``SHIFT``.
+        factors: factors of ``within``, slightly shifted.
         rigid: orthonormal rigid motions of the free unknowns that cost no energy.
     """
 
     free: Int[np.ndarray, " free"]
     stiffness: sp.csr_array
     within: sp.csr_array
-    factors: Factors
+    factors: Multifrontal
     rigid: Float[np.ndarray, "free motion"]
 
     def to(self, forces: Rows) -> Rows:
-        """Displacements under forces, row by row; 0 for held unknowns.
-
-        Args:
-            forces: forces on every unknown; those on held ones have no effect.
+        """Displacements under forces, row by row; 0 for held unknowns, whose forces do nothing.
 
         Raises:
             NoDerivative: if K is nearly singular.
@@ -129,18 +100,17 @@ class LinearResponse:
         part[:, self.free] = rows[:, self.free] @ self.rigid @ self.rigid.T
         return part
 
-    def _solved(self, force: Float[np.ndarray, " free"]) -> Float[np.ndarray, " free"]:
+    def _solved(self, force: Vector) -> Vector:
+        """The solution by iterative refinement, to a small relative residual."""
         solution, residual, largest = np.zeros_like(force), force, np.abs(force).max()
-        for _ in range(REFINEMENTS):
-            if np.abs(residual).max() <= ACCURACY * largest:
+        for _ in range(20):
+            if np.abs(residual).max() <= 1e-11 * largest:
                 return solution
             solution = self._without_rigid_motion(solution + self.factors.solve(residual))
             residual = self._without_rigid_motion(force - self.within @ solution)
         raise NoDerivative("the stiffness is singular, or nearly so")
 
-    def _without_rigid_motion(
-        self, vector: Float[np.ndarray, " free"]
-    ) -> Float[np.ndarray, " free"]:
+    def _without_rigid_motion(self, vector: Vector) -> Vector:
         return vector - self.rigid @ (self.rigid.T @ vector)
 
 

@@ -1,4 +1,4 @@
-"""Loadings: the free unknowns, and the motion of the held ones with the applied strain."""
+"""Loadings: the free unknowns, the motion of the held ones, and how a sample is laid in a test."""
 
 import math
 from collections.abc import Sequence
@@ -6,25 +6,21 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Float, Int
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from knitlab.equilibrium.alignment import aligning_rotation
 from knitlab.fabric.array_library import array_library
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.network import MeshShape
 
-ACCURACY = 1e-12
-"""Relative accuracy of a tilt between walls."""
-
 
 @dataclass(frozen=True, eq=False)
 class Loading:
-    """A displacement-controlled test along y, from a reference configuration.
+    """A displacement-controlled test along y, from a relaxed configuration.
 
     Attributes:
-        shape: the mesh shape.
         free: indices of the free unknowns.
         reference: the relaxed configuration, flattened [mm].
         drive: displacement of each unknown per unit of applied strain: prescribed if it is held,
@@ -38,16 +34,11 @@ class Loading:
     drive: Float[np.ndarray, " unknown"]
     length: float
 
-    @property
-    def held(self) -> Int[np.ndarray, " held"]:
-        """Indices of the held unknowns."""
-        return held_under_tension(self.shape)
-
     def holding(
         self, unknowns: Float[np.ndarray, " unknown"], applied_strain: float
     ) -> Float[np.ndarray, " unknown"]:
         """The unknowns, with the held ones set as the applied strain prescribes [mm]."""
-        held, moved = self.held, unknowns.copy()
+        held, moved = held_under_tension(self.shape), unknowns.copy()
         moved[held] = self.reference[held] + applied_strain * self.drive[held]
         return moved
 
@@ -112,21 +103,41 @@ def reaction_force(
     return drive[held] @ gradient[held] / length
 
 
-def rigidly_aligned(
-    shape: MeshShape,
-    flat: Configuration,
-    relaxed: Configuration,
-) -> Configuration:
+def tensile(shape: MeshShape, relaxed: Configuration) -> Loading:
+    """The paper's tensile test on a relaxed shape (Sec. "Kinematics under tension").
+
+    A clamped sample has its bottom row held and its top row displaced along y; the applied
+    strain is that displacement over the relaxed distance between the rows. Periodic fabric has
+    L_y prescribed and L_x free; the applied strain is the relative change of L_y.
+    """
+    drive, length = drive_along(shape, relaxed)
+    reference = np.asarray(relaxed.flattened())
+    return Loading(shape, free_under_tension(shape), reference, np.asarray(drive), float(length))
+
+
+def drive_along(
+    shape: MeshShape, relaxed: Configuration
+) -> tuple[Float[Array | np.ndarray, " unknown"], Float[Array | np.ndarray, ""]]:
+    """The drive and the length of a :class:`Loading`, differentiable by the relaxed shape [mm]."""
+    xp, rows = array_library(relaxed), relaxed.positions[..., 1]
+    if shape.periodic:
+        length = relaxed.lengths[1]
+        moved, grown = rows, xp.stack([np.zeros(()), length])
+    else:
+        length = rows[-1].mean() - rows[0].mean()
+        inner = xp.clip(rows[1:-1] - rows[0].mean(), 0, length)
+        ends = np.zeros((1, shape.nodes_x))
+        moved, grown = xp.concatenate([ends, inner, ends + length]), np.zeros(2)
+    still = np.zeros(rows.shape)
+    return Configuration(xp.stack([still, moved, still], axis=-1), grown).flattened(), length
+
+
+def rigidly_aligned(shape: MeshShape, flat: Configuration, relaxed: Configuration) -> Configuration:
     """A relaxed sample rotated so that the rows to be clamped match its flat sheet best.
 
     A free sample rotates, tilts and drifts as it folds, by amounts that depend on the path of the
     relaxation. It is aligned and levelled for clamping, because a misaligned sample takes other
     states. Walls are ignored, and its height between them is kept. Periodic fabric cannot rotate.
-
-    Args:
-        shape: mesh shape of the sample.
-        flat: its flat sheet.
-        relaxed: its relaxed configuration.
     """
     if shape.periodic:
         return relaxed
@@ -141,13 +152,31 @@ def rigidly_aligned(
     return Configuration(level.reshape(relaxed.positions.shape), relaxed.lengths)
 
 
-def between_walls(configuration: Configuration, z_max: float) -> Configuration:
-    """A sample tilted and lifted rigidly so that it penetrates the walls least [mm].
+def aligning_rotation(
+    target: Float[Array | np.ndarray, "point 3"], points: Float[Array | np.ndarray, "point 3"]
+) -> Float[Array | np.ndarray, "3 3"]:
+    """The rotation R that minimises Σ ‖R x − y‖² (Kabsch, Acta Cryst. A 32, 922, 1976).
 
-    Args:
-        configuration: configuration of the sample.
-        z_max: half the gap between the walls [mm].
+    It and its first derivative exist where the best rotation is unique, so not for collinear
+    points.
     """
+    xp, covariance = array_library(target, points), target.T @ points
+    constant = covariance if xp is np else lax.stop_gradient(covariance)
+    left, _, right = xp.linalg.svd(constant)
+    handed = xp.sign(xp.linalg.det(left @ right))
+    rotation = (left * xp.array([1.0, 1.0, handed])) @ right
+    # Singular vectors are not differentiable where two singular values coincide, but the rotation
+    # is: one Newton step for a small rotation vector, whose value is 0, carries its derivative.
+    turned = rotation @ covariance.T
+    skew = turned - turned.T
+    unbalanced = xp.stack([skew[1, 2], skew[2, 0], skew[0, 1]])
+    curvature = xp.trace(turned) * np.eye(3) - (turned + turned.T) / 2
+    x, y, z = xp.linalg.solve(curvature, unbalanced)
+    return rotation + xp.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ rotation
+
+
+def between_walls(configuration: Configuration, z_max: float) -> Configuration:
+    """A sample tilted and lifted rigidly so that it penetrates the walls at ± z_max least [mm]."""
     nodes = np.asarray(configuration.positions).reshape(-1, 3)
     middle = nodes.mean(axis=0)
 
@@ -158,39 +187,6 @@ def between_walls(configuration: Configuration, z_max: float) -> Configuration:
     def excess(move: Float[np.ndarray, "3"]) -> Float[np.ndarray, " node"]:
         return np.maximum(np.abs(moved(move)[:, 2]) - z_max, 0.0)
 
-    least = least_squares(excess, np.zeros(3), xtol=ACCURACY, ftol=ACCURACY, gtol=ACCURACY)
+    least = least_squares(excess, np.zeros(3), xtol=1e-12, ftol=1e-12, gtol=1e-12)
     positions = moved(least.x).reshape(configuration.positions.shape)
     return Configuration(positions, np.asarray(configuration.lengths))
-
-
-def drive_along(
-    shape: MeshShape, relaxed: Configuration
-) -> tuple[Float[Array | np.ndarray, " unknown"], Float[Array | np.ndarray, ""]]:
-    """The drive of a :class:`Loading` and the length that the applied strain refers to [mm].
-
-    Both follow from the relaxed shape and are differentiable by JAX.
-    """
-    xp, rows = array_library(relaxed), relaxed.positions[..., 1]
-    if shape.periodic:
-        length = relaxed.lengths[1]
-        moved, grown = rows, xp.stack([np.zeros(()), length])
-    else:
-        length = rows[-1].mean() - rows[0].mean()
-        inner = xp.clip(rows[1:-1] - rows[0].mean(), 0, length)
-        ends = np.zeros((1, shape.nodes_x))
-        moved, grown = xp.concatenate([ends, inner, ends + length]), np.zeros(2)
-    still = np.zeros(rows.shape)
-    return Configuration(xp.stack([still, moved, still], axis=-1), grown).flattened(), length
-
-
-def tensile(shape: MeshShape, relaxed: Configuration) -> Loading:
-    """The paper's tensile test on a relaxed shape (Sec. "Kinematics under tension").
-
-    A clamped sample has its bottom row held and its top row displaced along y; the applied
-    strain is that displacement over the relaxed distance between the rows. Periodic fabric has
-    L_y prescribed and L_x free; the applied strain is the relative change of L_y.
-    """
-    drive, length = drive_along(shape, relaxed)
-    free = free_under_tension(shape)
-    reference = np.asarray(relaxed.flattened())
-    return Loading(shape, free, reference, np.asarray(drive), float(length))

@@ -1,23 +1,25 @@
-"""Relaxation: the flat sheet taken off the needles folds into its corrugated shape."""
+"""Relaxation: a sheet taken off the needles folds into its corrugated shape."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from knitlab.equilibrium.domain_decomposition import find_equilibrium_by_subdomains
-from knitlab.equilibrium.equilibrium_search import SearchRules
+from knitlab.equilibrium.equilibrium import find_equilibrium
 from knitlab.equilibrium.loading import all_free, between_walls, rigidly_aligned
+from knitlab.equilibrium.search import SearchRules
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.equilibrium.state import State
+from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.subdomains import worth_dividing
-from knitlab.equilibrium.system import System
+from knitlab.equilibrium.system import System, run_each
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import COMPLETE, Point, Stage
 from knitlab.fabric.fabric import Fabric, flat_sheet
-from knitlab.fabric.network import network
+from knitlab.fabric.network import Network, network
 
 if TYPE_CHECKING:
     from knitlab.fabric.barrier import Barrier
@@ -42,35 +44,40 @@ def relax(
 
     Args:
         system: the equations of the fabric.
-        settings: settings of the equilibrium solver.
+        settings: settings of the search.
         start: configuration to start from; the flat sheet by default.
         contact: contact of the fabric with itself, if any.
     """
     shape, fabric = system.shape, system.fabric
-    whole = SearchRules.of(shape, all_free(shape), fabric, settings, contact=contact)
+    free = free_stiffness(shape, all_free(shape))
     # From a flat sheet, round-off of single precision may decide which shape is reached.
-    whole = replace(whole, exact=not worth_dividing(shape))
+    whole = SearchRules(free, settings, contact=contact, exact=not worth_dividing(shape))
     flat = flat_sheet(network(shape), fabric)
     begin = np.asarray((flat if start is None else start).flattened())
+    ramp, soft = settings.ramp_steps, settings.soft_wall
+    stages = [Stage(step / ramp, soft) for step in range(1, ramp)]
+    stages += [Stage(1.0, soft * 10.0**k) for k in range(math.ceil(-math.log10(soft)))]
     waypoint = intermediate_settings(settings, fabric)
-    stages = [(stage, waypoint) for stage in _stages(settings)] + [(COMPLETE, settings)]
     passed: list[State] = []
     # A convexified stiffness would rotate a sample with free edges slightly at every step.
     for convexified in (True, False) if shape.periodic else (False,):
         unknowns = begin
-        for stage, stage_settings in stages:
-            rules = replace(whole, settings=stage_settings, convexified=convexified)
-            at = Point(unknowns, stage)
-            passed.append(find_equilibrium_by_subdomains(system, at, rules, patience=None))
-            unknowns = passed[-1].unknowns
+        for stage in (*stages, COMPLETE):
+            rules = replace(
+                whole,
+                settings=settings if stage is COMPLETE else waypoint,
+                convexified=convexified,
+            )
+            state = find_equilibrium(system, Point(unknowns, stage), rules, patience=None)
+            passed.append(state)
+            unknowns = state.unknowns
         if passed[-1].converged:
             break
     if passed[-1].converged and not shape.periodic:
         aligned = rigidly_aligned(shape, flat, passed[-1].configuration)
-        fitting = between_walls(aligned, float(fabric.z_max))
+        at = Point(np.asarray(between_walls(aligned, float(fabric.z_max)).flattened()))
         rules = replace(whole, convexified=False)
-        at = Point(np.asarray(fitting.flattened()))
-        passed.append(find_equilibrium_by_subdomains(system, at, rules, patience=None))
+        passed.append(find_equilibrium(system, at, rules, patience=None))
     return passed[-1].after(*passed[:-1])
 
 
@@ -80,19 +87,10 @@ def relax_near(
     start: Configuration,
     contact: "Barrier | None" = None,
 ) -> State:
-    """The relaxed shape next to a configuration that is nearly in equilibrium.
-
-    Args:
-        system: the equations of the fabric.
-        settings: settings of the equilibrium solver.
-        start: the configuration [mm].
-        contact: contact of the fabric with itself, if any.
-    """
-    free = all_free(system.shape)
-    rules = SearchRules.of(system.shape, free, system.fabric, settings, contact=contact)
-    rules = replace(rules, convexified=False)
-    begin = Point(np.asarray(start.flattened()))
-    return find_equilibrium_by_subdomains(system, begin, rules)
+    """The relaxed shape next to a configuration that is nearly in equilibrium; as :func:`relax`."""
+    free = free_stiffness(system.shape, all_free(system.shape))
+    rules = SearchRules(free, settings, convexified=False, contact=contact)
+    return find_equilibrium(system, Point(np.asarray(start.flattened())), rules)
 
 
 def intermediate_settings(settings: SolverSettings, fabric: Fabric) -> SolverSettings:
@@ -102,9 +100,55 @@ def intermediate_settings(settings: SolverSettings, fabric: Fabric) -> SolverSet
     return replace(settings, tolerance=max(settings.tolerance, near))
 
 
-def _stages(settings: SolverSettings) -> Iterator[Stage]:
-    """All stages before the complete fabric."""
-    for step in range(1, settings.ramp_steps):
-        yield Stage(step / settings.ramp_steps, settings.soft_wall)
-    for decade in range(math.ceil(-math.log10(settings.soft_wall))):
-        yield Stage(1.0, settings.soft_wall * 10.0**decade)
+def imperfect_sheet(net: Network, fabric: Fabric, seed: int) -> Configuration:
+    """A flat sheet with every node displaced at random, by 2 % of a side of a grid cell."""
+    flat, sides = flat_sheet(net, fabric), np.asarray(fabric.cell_sides)
+    noise = np.random.default_rng(seed).normal(size=flat.positions.shape)
+    moved = np.asarray(flat.positions) + 0.02 * float(sides.min()) * noise
+    return Configuration(moved, np.asarray(flat.lengths))
+
+
+def starts_from_periodic(
+    samples: Sequence[tuple[Network, Fabric]],
+    cells: Sequence[tuple[Network, Fabric]],
+    settings: Sequence[SolverSettings],
+    seed: int | None = None,
+    contacts: Sequence["Barrier | None"] = (),
+) -> list[Configuration | None]:
+    """Starting shapes of samples of one mesh shape, tiled with their relaxed periodic fabrics.
+
+    Args:
+        samples: network and fabric of each sample.
+        cells: network and fabric of each sample's periodic fabric, all of one mesh shape.
+        settings: settings of the search, for each sample.
+        seed: seed of the imperfections of the periodic fabrics; without imperfections by default.
+        contacts: contact of each periodic fabric with itself; none by default.
+
+    Returns:
+        The starting shape of each sample; ``None`` if its periodic fabric did not relax.
+    """
+    searches = [
+        partial(
+            relax,
+            settings=own,
+            start=None if seed is None else imperfect_sheet(*cell, seed),
+            contact=contact,
+        )
+        for cell, own, contact in zip(cells, settings, contacts or [None] * len(cells), strict=True)
+    ]
+    relaxed = run_each(cells[0][0].shape, [fabric for _, fabric in cells], searches)
+    return [
+        tiled(*sample, net, state.configuration) if state.converged else None
+        for sample, (net, _), state in zip(samples, cells, relaxed, strict=True)
+    ]
+
+
+def tiled(net: Network, fabric: Fabric, cell: Network, relaxed: Configuration) -> Configuration:
+    """A sample tiled with relaxed periodic fabric, in equilibrium except at its edges."""
+    rows, columns = np.mgrid[: net.shape.nodes_y, : net.shape.nodes_x]
+    turns_y, rows = np.divmod(rows, cell.shape.nodes_y)
+    turns_x, columns = np.divmod(columns, cell.shape.nodes_x)
+    nodes = np.asarray(relaxed.positions)[rows, columns].copy()
+    nodes[..., 0] += turns_x * relaxed.lengths[0]
+    nodes[..., 1] += turns_y * relaxed.lengths[1]
+    return Configuration(nodes, np.asarray(flat_sheet(net, fabric).lengths))

@@ -31,8 +31,7 @@ class Subdomain:
     Attributes:
         places: indices of its coordinates, and of L_x and L_y, among the unknowns of the sample.
         free: the free unknowns of the subdomain, and the sparsity of their stiffness.
-        springs, hinges: indices of its springs and hinges in the sample, in the order of its own
-            network.
+        springs, hinges: their indices in the sample, in the order of its own network.
     """
 
     places: Int[np.ndarray, " unknown"]
@@ -101,23 +100,21 @@ def subdomains_of(free: FreeStiffness) -> Iterator[Subdomain]:
 
 
 def couplings(found: Sequence[Subdomain], unknowns: int) -> Bool[np.ndarray, "subdomain subdomain"]:
-    """Which pairs of subdomains are coupled: free unknowns of one affect the other.
+    """Which pairs of the subdomains of a sample are coupled: free unknowns of one affect the other.
 
-    Args:
-        found: the subdomains of a sample.
-        unknowns: number of unknowns of the sample.
+    ``unknowns`` is the number of unknowns of the sample.
     """
-    places = [subdomain.places for subdomain in found], [b.places[b.free.places] for b in found]
-    touched, free = (_membership(indices, unknowns) for indices in places)
+
+    def membership(places: Sequence[Int[np.ndarray, " _"]]) -> sp.csr_array:
+        ends = np.cumsum([0, *map(len, places)])
+        return sp.csr_array(
+            (np.ones(ends[-1]), np.concatenate(places), ends), shape=(len(places), unknowns)
+        )
+
+    touched = membership([subdomain.places for subdomain in found])
+    free = membership([subdomain.places[subdomain.free.places] for subdomain in found])
     coupled = (touched @ free.T).toarray() > 0
     return coupled | coupled.T | np.eye(len(found), dtype=bool)
-
-
-def _membership(places: Sequence[Int[np.ndarray, " _"]], unknowns: int) -> sp.csr_array:
-    ends = np.cumsum([0, *map(len, places)])
-    return sp.csr_array(
-        (np.ones(ends[-1]), np.concatenate(places), ends), shape=(len(places), unknowns)
-    )
 
 
 def independent_groups(
@@ -126,10 +123,6 @@ def independent_groups(
     """Groups of subdomains that can be solved at the same time, because no two are coupled.
 
     Those with the largest forces come first, because the others adapt to them.
-
-    Args:
-        forces: largest force in each subdomain.
-        coupled: which pairs are coupled.
     """
     waiting = np.argsort(-forces).tolist()
     while waiting:

@@ -1,25 +1,39 @@
-"""The equations of one fabric: its energy, forces and factorised stiffness, as solvers use them."""
+"""The equations of one fabric: its energy, forces and factorised stiffness, as solvers use them.
 
-from collections.abc import Callable
+The stiffness is factorised by a sparse Cholesky, ordered by nested dissection: the multifrontal
+method (:mod:`knitlab.equilibrium.linear_algebra`) is faster here than CHOLMOD, PARDISO and SuperLU,
+with which ``benchmarks.solver`` compares it.
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from threading import Event
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
+from threadpoolctl import ThreadpoolController
 
-from knitlab.equilibrium.factorisation import (
-    Factoriser,
-    Factorisers,
-    Factors,
-    factorise_with_contact,
-    factoriser,
-)
+from knitlab.equilibrium.linear_algebra.multifrontal import Multifrontal
+from knitlab.equilibrium.linear_algebra.symbolic_factorisation import planned
 from knitlab.equilibrium.stiffness import FreeStiffness
+from knitlab.equilibrium.subdomains import worth_dividing
 from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import Evaluation, Point
 from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.network import MeshShape
-from knitlab.fabric.threads import ALONE, Threads
+from knitlab.fabric.threads import ALONE, Threads, allowed_threads
+
+if TYPE_CHECKING:
+    from knitlab.equilibrium.domain_decomposition import SubdomainSolver
+
+LARGEST_CONCURRENT = 4096
+"""Number of nodes up to which fabrics run concurrently."""
+
+KeptFactors = dict[tuple[FreeStiffness, bool], Multifrontal]
+"""Factors by free unknowns, and by whether they are in double precision; their memory is reused."""
+Result = TypeVar("Result")
 
 
 class System:
@@ -28,29 +42,31 @@ class System:
     Args:
         shape: mesh shape of the fabric.
         fabric: the fabric.
-        factorisers: cache of factorisers, to which new ones are added.
         threads: threads that share the work.
         stopped: if this is set by another thread, the next evaluation raises ``InterruptedError``.
+        kept: factors that systems of one thread share, to which new ones are added.
 
     Attributes:
         factorised: called after every factorisation, to report progress.
+        subdomains: what solves the subdomains of a large sample, once they have been asked for.
     """
 
     def __init__(
         self,
         shape: MeshShape,
         fabric: Fabric,
-        factorisers: Factorisers | None = None,
         threads: Threads = ALONE,
         stopped: Event | None = None,
+        kept: KeptFactors | None = None,
     ) -> None:
         self.shape, self.fabric, self.threads = shape, fabric, threads
         self.factorised: Callable[[], None] = lambda: None
-        self.factorisers = {} if factorisers is None else factorisers
-        self._elements, self._stopped = ChunkedFabric.of(shape, fabric, threads), stopped
+        self.subdomains: SubdomainSolver | None = None
+        self._kept: KeptFactors = {} if kept is None else kept
+        self._elements, self._stopped = ChunkedFabric(shape, fabric, threads), stopped
         self._free: FreeStiffness | None = None
         self._entries = np.zeros(0)
-        self._factors: Factors | None = None
+        self._factors: Multifrontal | None = None
 
     def evaluate(self, at: Point) -> Evaluation:
         """Energy and gradient, in NumPy arrays."""
@@ -83,23 +99,32 @@ class System:
         """
         if self._free is None:
             raise RuntimeError("nothing is assembled")
-        free, entries = self._free, self._free.shifted(self._entries, shift)
+        free, key = self._free, (self._free, exact)
+        entries = free.shifted(self._entries, shift)
         if contact is not None:
-            self._factors = factorise_with_contact(free, entries, contact, self.threads)
+            # Planned again for every matrix, as the plies that touch change; that takes less time
+            # than the numeric factorisation.
+            whole = sp.csc_array(free.lower(entries) + sp.tril(contact))
+            whole.sort_indices()
+            entries, convexified = whole.data, False
+            factors = Multifrontal(planned(free.order, whole.indptr, whole.indices), self.threads)
+        elif key in self._kept:
+            factors = self._kept[key]
         else:
-            if (free, exact) not in self.factorisers:
-                self.release_factors()
-                self.factorisers[free, exact] = self.new_factoriser(free, exact)
-            self._factors = self.factorisers[free, exact](entries, convexified)
+            if worth_dividing(self.shape):
+                # Factors are most of the memory of a large sample, whose free unknowns change only
+                # once, between relaxation and tensile test.
+                self._factors = None
+                for old in [old for old in self._kept if old[0].shape == self.shape]:
+                    del self._kept[old]
+            factors = self._kept[key] = self.new_factors(free, exact)
+        self._factors = factors if factors.factorise(entries, convexified) else None
         self.factorised()
         return self._factors is not None
 
-    def new_factoriser(self, free: FreeStiffness, exact: bool) -> Factoriser:
-        """What factorises the stiffness of these free unknowns; ``exact`` in double precision."""
-        return factoriser(free, self.threads, np.float64 if exact else np.float32)
-
-    def release_factors(self) -> None:
-        """Release the memory of factors that are not needed any more; here it is little."""
+    def new_factors(self, free: FreeStiffness, exact: bool) -> Multifrontal:
+        """Memory for factors of the stiffness of these free unknowns."""
+        return Multifrontal(free.plan, self.threads, np.float64 if exact else np.float32)
 
     def change_diagonal(
         self, places: Int[np.ndarray, " changed"], changes: Float[np.ndarray, " changed"]
@@ -122,7 +147,41 @@ class System:
         return self._factor.solve(right)
 
     @property
-    def _factor(self) -> Factors:
+    def _factor(self) -> Multifrontal:
         if self._factors is None:
             raise RuntimeError("nothing is factorised")
         return self._factors
+
+
+def one_thread_of_blas() -> AbstractContextManager[object]:
+    """Limit BLAS to one thread, as more threads slow down small fronts."""
+    return ThreadpoolController().limit(limits=1, user_api="blas")
+
+
+def run_each(
+    shape: MeshShape, fabrics: Sequence[Fabric], searches: Sequence[Callable[[System], Result]]
+) -> list[Result]:
+    """Results of one function for each fabric, which is called with the equations of the fabric.
+
+    Small fabrics run one to a thread; large ones one after another, as their elements and fronts
+    keep all threads busy. Results do not depend on the number of threads.
+    """
+    threads, stopped = Threads(allowed_threads()), Event()
+    pairs = list(zip(fabrics, searches, strict=True))
+    with one_thread_of_blas():
+        if len(pairs) == 1 or shape.nodes > LARGEST_CONCURRENT:
+            results = []
+            for fabric, search in pairs:
+                results.append(search(System(shape, fabric, threads)))
+            return results
+
+        def alone(pair: tuple[Fabric, Callable[[System], Result]]) -> Result:
+            fabric, search = pair
+            return search(System(shape, fabric, stopped=stopped))
+
+        try:
+            return threads.each(alone, pairs)
+        except BaseException:
+            # Python would wait for the other threads before it exits.
+            stopped.set()
+            raise

@@ -6,36 +6,31 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
 
-from knitlab.equilibrium.domain_decomposition import find_equilibrium_by_subdomains
 from knitlab.equilibrium.equilibrium import find_equilibrium
-from knitlab.equilibrium.equilibrium_search import SearchRules
 from knitlab.equilibrium.loading import Loading, tensile
-from knitlab.equilibrium.path_step import PathStep
 from knitlab.equilibrium.relaxation import intermediate_settings, relax, relax_near
+from knitlab.equilibrium.search import Drag, SearchRules
 from knitlab.equilibrium.settings import SolverSettings
-from knitlab.equilibrium.state import Outcome, State
+from knitlab.equilibrium.state import Outcome, State, TensileTest
+from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.subdomains import worth_dividing
 from knitlab.equilibrium.system import System
-from knitlab.equilibrium.tensile_result import TensileTest
-from knitlab.equilibrium.viscous import Drag
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import Point, Stage
 
 if TYPE_CHECKING:
     from knitlab.fabric.barrier import Barrier
 
-KEPT = 3
-"""States from which the path is extrapolated."""
+EASY, SMOOTH, HARD = 4, 10, 16
+"""Iterations of a step up to which the next one is twice as long, up to which the path is
+extrapolated quadratically from it, and above which the next one is half as long."""
+LONGEST = 4
+"""Largest step along a path that is easy to follow, over ``path_step``."""
 ROUGH = 50
 """Iterations of a strain step above which the path counts as rough."""
-ROUGH_WALL = 1e-2
-"""Fraction of the wall stiffness at which the step after a rough one begins."""
 PARTS_AHEAD = (1.0, 0.5, 0.25, 0.125, 0.0)
 """Fractions of the way from an affine stretch of the last state to the extrapolation."""
-LEAST_WORK = 1e-6
-"""Ratio of work to stored energy of a strain step below which the stored energy is the scale."""
 
 
 def stretch(
@@ -47,16 +42,16 @@ def stretch(
     folded: Configuration | None = None,
     unload: bool = False,
     contact: "Barrier | None" = None,
+    factorised: Callable[[], None] = lambda: None,
 ) -> TensileTest:
     """Relax a fabric and run its tensile test.
 
     The path to a strain is followed in steps of ``settings.path_step``, or up to four times as long
-    where that takes few iterations (:mod:`.path_step`). Each step starts from the
-    linear extrapolation of the two previous states, or, after few iterations, the quadratic one of
-    three; for a sample of many subdomains, from the point of lowest energy on the way there. If the
-    previous step took many iterations, the path is rough: the extrapolation is poor, and hard walls
-    would obstruct the search for the equilibrium. The search then begins with soft walls and a
-    convexified stiffness.
+    where that takes few iterations. Each step starts from the linear extrapolation of the two
+    previous states, or, after few iterations, the quadratic one of three; for a sample of many
+    subdomains, from the point of lowest energy on the way there. If the previous step took many
+    iterations, the path is rough: the extrapolation is poor, and hard walls would obstruct the
+    search for the equilibrium. The search then begins with soft walls and a convexified stiffness.
 
     Along a branch of equilibria the energy grows by the work of the reaction force. If the
     difference exceeds ``settings.branch_limit`` times that work, or times the work of a step of
@@ -70,14 +65,16 @@ def stretch(
     Args:
         system: the equations of the fabric.
         applied_strain: strains, ascending from 0, which is the relaxed shape.
-        settings: settings of the equilibrium solver.
+        settings: settings of the search.
         progress: called with the number of finished states.
         start: configuration to start the relaxation from; the flat sheet by default.
         folded: in place of it, a configuration nearly in equilibrium, whose equilibrium is found
             without a detour.
         unload: whether to unload a fabric that reached the last strain through all strains.
         contact: contact of the fabric with itself, if any.
+        factorised: called after every factorisation.
     """
+    system.factorised = factorised
     if folded is None:
         relaxed = relax(system, settings, start, contact)
     else:
@@ -103,9 +100,54 @@ def stretch(
     return TensileTest(loading, states, unloaded=tuple(unloaded))
 
 
+@dataclass(frozen=True)
+class PathStep:
+    """Step of applied strain along a path: long where extrapolation is accurate.
+
+    ``smooth`` says whether to extrapolate the path quadratically.
+    """
+
+    settings: SolverSettings
+    length: float
+    smooth: bool = False
+
+    @classmethod
+    def first(cls, settings: SolverSettings) -> "PathStep":
+        """First step of a path, and the first on another branch."""
+        return cls(settings, settings.path_step)
+
+    def towards(self, strain: float, target: float) -> float:
+        """The next strain on the way to a target, which is reached in equal steps."""
+        steps = _steps(abs(target - strain), self.length)
+        return target if steps == 1 else strain + (target - strain) / steps
+
+    def smallest(self, distance: float) -> float:
+        """Step on the way over a distance that is not halved again."""
+        whole = distance / _steps(distance, self.settings.path_step)
+        return self.settings.smallest_step * whole * (1 + 1e-9)
+
+    def after(self, step: float, iterations: int) -> "PathStep":
+        """The step after one that stayed on the branch; with drag all are equal, as time steps."""
+        length, doubled = abs(step), 2 * abs(step)
+        if iterations > EASY:
+            doubled = min(doubled, self.settings.path_step)
+        longer = max(length / 2 if iterations > HARD else self.length, doubled)
+        longest = self.settings.path_step * (1 if self.settings.drag else LONGEST)
+        return replace(self, length=min(longer, longest), smooth=iterations <= SMOOTH)
+
+    def after_failure(self, step: float) -> "PathStep":
+        """The step after one that is to be repeated."""
+        return replace(self, length=abs(step) / 2, smooth=False)
+
+
+def _steps(distance: float, longest: float) -> int:
+    """Number of equal steps over a distance."""
+    return max(math.ceil(distance / longest - 1e-9), 1)
+
+
 @dataclass
 class _Path:
-    """The most recent states of a test, from which the next one is found."""
+    """The most recent states of a test, at most three, from which the next one is found."""
 
     system: System
     loading: Loading
@@ -115,6 +157,8 @@ class _Path:
 
     def __post_init__(self) -> None:
         self.step = PathStep.first(self.settings)
+        self.free = free_stiffness(self.system.shape, self.loading.free)
+        self.many = worth_dividing(self.system.shape)
 
     def to(self, target: float) -> State:
         """Follow the path to a larger or smaller strain."""
@@ -125,8 +169,7 @@ class _Path:
             taken = strain - self.last[-1][0]
             final = abs(taken) <= smallest
             # If subdomains are solved first, walls rarely obstruct the search for the whole sample.
-            many = worth_dividing(self.loading.shape)
-            rough = self.last[-1][1].iterations > ROUGH and not many and not self.settings.drag
+            rough = self.last[-1][1].iterations > ROUGH and not self.many and not self.settings.drag
             state = self._find_fast(strain) if rough else self._find_slowly(strain, final)
             followed = self._on_branch(strain, state)
             if rough and final and not followed:
@@ -136,7 +179,7 @@ class _Path:
             if not state.converged and final:
                 return replace(state, snapped=snapped).after(*spent)
             if followed:
-                self.last = [*self.last[1 - KEPT :], (strain, state)]
+                self.last = [*self.last[-2:], (strain, state)]
                 self.step = self.step.after(taken, state.iterations)
             elif state.converged and final:
                 snapped, self.last = True, [(strain, state)]
@@ -159,18 +202,14 @@ class _Path:
         if self.settings.drag:
             return self._against_drag(strain)
         floor = -math.inf if to_the_end else self._least_energy(strain)
-        convexified = worth_dividing(self.loading.shape)
-        return self._found(self._ahead(strain), self.settings, floor, convexified)
+        return self._found(self._ahead(strain), self.settings, floor, convexified=self.many)
 
     def _find_fast(self, strain: float) -> State:
         """Search for the state at a strain on a rough path."""
-        floor, start = self._least_energy(strain), self._ahead(strain)
-        soft = self._found(
-            replace(start, stage=Stage(wall=ROUGH_WALL)),
-            intermediate_settings(self.settings, self.system.fabric),
-            floor,
-            convexified=True,
-        )
+        floor = self._least_energy(strain)
+        start = replace(self._ahead(strain), stage=Stage(wall=1e-2))
+        near = intermediate_settings(self.settings, self.system.fabric)
+        soft = self._found(start, near, floor, convexified=True)
         if soft.outcome is Outcome.left_branch:
             return soft
         state = self._found(Point(soft.unknowns), self.settings, floor, convexified=True)
@@ -182,16 +221,20 @@ class _Path:
         Its energy and gradient are those of the fabric; its residual includes the drag.
         """
         before_strain, before = self.last[-1]
-        free, settings, system = self.loading.free, self.settings, self.system
-        step = settings.drag / abs(strain - before_strain)
-        rules = SearchRules.of(system.shape, free, system.fabric, settings)
-        rules = replace(rules, drag=Drag(free, before.unknowns, step))
-        state = find_equilibrium(system, self._ahead(strain), rules)
-        elastic = system.evaluate(Point(state.unknowns))
+        drag = Drag(before.unknowns, self.settings.drag / abs(strain - before_strain))
+        rules = SearchRules(self.free, self.settings, drag=drag)
+        state = find_equilibrium(self.system, self._ahead(strain), rules)
+        elastic = self.system.evaluate(Point(state.unknowns))
         return replace(state, energy=elastic.energy, gradient=np.asarray(elastic.gradient))
 
+    def _found(
+        self, start: Point, settings: SolverSettings, floor: float, convexified: bool
+    ) -> State:
+        rules = SearchRules(self.free, settings, floor, convexified, self.contact)
+        return find_equilibrium(self.system, start, rules)
+
     def _ahead(self, strain: float) -> Point:
-        """Extrapolation of the path to a strain.
+        """Extrapolation of the path to a strain, or as far on the way there as contact allows.
 
         If wrinkles across many subdomains have moved, the extrapolation penetrates the walls, and
         the search from there would crush cells. Then the point of lowest energy on the line from
@@ -201,33 +244,21 @@ class _Path:
         passed = [(before, state.unknowns) for before, state in used]
         far = self.loading.ahead(passed, strain)
         near = self.loading.ahead(passed[-1:], strain)
-        if self.contact is not None:
-            return Point(self._reachable(near, far))
-        if len(passed) == 1 or not worth_dividing(self.loading.shape):
+        if self.contact is None and (len(passed) == 1 or not self.many):
             return Point(far)
         starts = [Point(near + part * (far - near)) for part in PARTS_AHEAD]
+        if self.contact is not None:
+            return self._reachable(starts, self.contact)
         energies = [float(self.system.evaluate(start).energy.total) for start in starts]
         return starts[int(np.argmin(np.nan_to_num(energies, nan=np.inf)))]
 
-    def _reachable(
-        self, near: Float[np.ndarray, " unknown"], far: Float[np.ndarray, " unknown"]
-    ) -> Float[np.ndarray, " unknown"]:
-        """The furthest point on the way from ``near`` to ``far`` that contact lets be reached."""
+    def _reachable(self, starts: Sequence[Point], contact: "Barrier") -> Point:
+        """The first of several starts that contact lets be reached from the last state."""
         before = self.last[-1][1].unknowns
-        for part in PARTS_AHEAD:
-            start = near + part * (far - near)
-            if self.contact is None or self.contact.free_part(before, start - before) == 1:
+        for start in starts:
+            if contact.free_part(before, start.unknowns - before) == 1:
                 return start
-        return np.full_like(near, np.nan)
-
-    def _found(
-        self, start: Point, settings: SolverSettings, floor: float, convexified: bool
-    ) -> State:
-        system, free = self.system, self.loading.free
-        rules = SearchRules.of(
-            system.shape, free, system.fabric, settings, floor, convexified, self.contact
-        )
-        return find_equilibrium_by_subdomains(system, start, rules)
+        return Point(np.full_like(before, np.nan))
 
     def _least_energy(self, strain: float) -> float:
         """Energy below which a state at a strain cannot be on the branch, by extrapolated work."""
@@ -246,7 +277,8 @@ class _Path:
         """Largest difference between the energy and the work of a step on one branch [N mm]."""
         before_strain, before = self.last[-1]
         part = min(1.0, self.settings.path_step / abs(strain - before_strain))
-        least = LEAST_WORK * float(before.energy.total)
+        # If the work is almost 0, the stored energy is the scale.
+        least = 1e-6 * float(before.energy.total)
         return self.settings.branch_limit * max(part * abs(work), least)
 
     def _on_branch(self, strain: float, state: State) -> bool:

@@ -1,73 +1,98 @@
-"""How far a step of a search may go between the walls, whose penalty is known along the step."""
+"""Steps of a search between the walls, whose penalty is known along the step."""
 
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import brentq
 
-from knitlab.fabric.fabric import Fabric
+if TYPE_CHECKING:
+    from knitlab.equilibrium.search import Search
 
-ACCURACY = 1e-3
-"""Relative accuracy of the length of a step."""
+MOST_CHANGES = 50
+"""Nodes that come to a wall, or leave it, above which their update would cost too much."""
+MOST_ACTIVE_SETS = 10
 
 
-@dataclass(frozen=True)
-class Walls:
-    """The two walls that a fabric lies between.
+def step_between_walls(search: "Search") -> tuple[Float[np.ndarray, " free"], float]:
+    """The step from the configuration of the last factorisation to the minimum between the walls.
 
-    Attributes:
-        z_max: half the gap between them [mm].
+    In a Newton step the energy with walls is piecewise quadratic: the factorised stiffness has a
+    wall only for nodes that touch it now. The minimum is found by active sets. Nodes that the step
+    would bring to a wall are added to the factorised stiffness, and those that it would take off
+    one are removed, by a low-rank update, until the step agrees with the nodes that it assumes to
+    touch.
+
+    If the step is longer than the step limit, the nodes that touch after the allowed part count;
+    contact of the fabric with itself, which may shorten it further, is ignored. If many nodes come
+    to a wall or leave one, or the active sets do not settle, it is the Newton step with the walls
+    that are touched now: then a factorisation of the next configuration is cheaper. Otherwise the
+    factorised stiffness keeps the changes.
+
+    Returns:
+        The change of the free unknowns [mm], and the second derivative of the energy along it, with
+        the walls touched now [N mm].
+    """
+    system, z_max, heights = search.system, search.z_max, search.rules.free.heights
+    z, gradient, stiffness = search.heights, search.gradient, search.wall_stiffness
+    touching = active = np.abs(z) > z_max
+    step = newton = system.solve(-gradient)
+    curvature = of_newton = -float(gradient @ newton)
+    for _ in range(MOST_ACTIVE_SETS):
+        end = z + min(1.0, search.longest_part(step)) * step[heights]
+        active_after = np.abs(end) > z_max
+        if (active_after == active).all():
+            return step, curvature
+        active = active_after
+        changed = np.flatnonzero(active != touching)
+        places, change = heights[changed], np.where(active[changed], stiffness, -stiffness)
+        few = len(changed) <= MOST_CHANGES
+        if not (few and system.change_diagonal(places, change)):
+            break
+        # An added wall pushes from z_max on rather than from z, and a removed one no longer.
+        wall = np.copysign(z_max, np.where(active, end, z)[changed])
+        modified = gradient.copy()
+        modified[places] += change * (z[changed] - wall)
+        step = system.solve(-modified)
+        curvature = -float(modified @ step) - float(change @ step[places] ** 2)
+    system.change_diagonal(heights[:0], np.zeros(0))
+    return newton, of_newton
+
+
+def lowest_part(
+    heights: Float[np.ndarray, " node"],
+    rise: Float[np.ndarray, " node"],
+    slope: float,
+    curvature: float,
+    z_max: float,
+    stiffness: float,
+) -> float:
+    """Fraction of a step with the least energy between the walls, at most 1.
+
+    A quadratic model of the energy holds only until further nodes touch a wall. The wall penalty is
+    known exactly, so that it replaces its part of the model.
+
+    Args:
+        heights: heights of the nodes [mm].
+        rise: their changes in the step [mm].
+        slope: first derivative of the energy along the step, negative [N mm].
+        curvature: second derivative along it, with the walls that are touched now [N mm].
+        z_max: half the gap between the walls [mm].
         stiffness: their stiffness [N/mm].
     """
+    touching = np.maximum(np.abs(heights), np.abs(heights + rise)) > z_max
+    z, dz = heights[touching], rise[touching]
 
-    z_max: float
-    stiffness: float
+    def pushed(fraction: float) -> float:
+        height = z + fraction * dz
+        return stiffness * float((height - np.clip(height, -z_max, z_max)) @ dz)
 
-    @classmethod
-    def of(cls, fabric: Fabric) -> "Walls":
-        """The walls of a fabric."""
-        return cls(float(fabric.z_max), float(fabric.k_wall))
+    now = np.abs(z) > z_max
+    first, second = pushed(0.0), stiffness * float(dz[now] @ dz[now])
 
-    def lowest(
-        self,
-        heights: Float[np.ndarray, " node"],
-        rise: Float[np.ndarray, " node"],
-        slope: float,
-        curvature: float,
-        part: float = 1.0,
-    ) -> float:
-        """Fraction of a step with the least energy, at most 1.
+    def derivative(fraction: float) -> float:
+        return slope + fraction * (curvature - second) + pushed(fraction) - first
 
-        A quadratic model of the energy holds only until further nodes touch a wall. The wall
-        penalty is known exactly, so that it replaces its part of the model.
-
-        Args:
-            heights: heights of the nodes [mm].
-            rise: their changes in the step [mm].
-            slope: first derivative of the energy along the step, negative [N mm].
-            curvature: second derivative of the energy along the step, the walls that are touched
-                now included [N mm].
-            part: fraction of the stiffness of the walls.
-        """
-        deepest = np.maximum(np.abs(heights), np.abs(heights + rise))
-        touching = deepest > self.z_max
-        z, dz, stiffness = heights[touching], rise[touching], part * self.stiffness
-
-        def pushed(fraction: float) -> float:
-            return stiffness * float(self._depth(z + fraction * dz) @ dz)
-
-        now = np.abs(z) > self.z_max
-        first, second = pushed(0.0), stiffness * float(dz[now] @ dz[now])
-
-        def derivative(fraction: float) -> float:
-            model = slope + fraction * (curvature - second)
-            return model + pushed(fraction) - first
-
-        if derivative(1.0) <= 0:
-            return 1.0
-        return float(brentq(derivative, 0.0, 1.0, xtol=1e-12, rtol=ACCURACY))
-
-    def _depth(self, z: Float[np.ndarray, " node"]) -> Float[np.ndarray, " node"]:
-        """Signed depth by which nodes penetrate a wall [mm]."""
-        return z - np.clip(z, -self.z_max, self.z_max)
+    if derivative(1.0) <= 0:
+        return 1.0
+    return float(brentq(derivative, 0.0, 1.0, xtol=1e-12, rtol=1e-3))

@@ -64,7 +64,7 @@ def draw_map(
         cubes: cubes of checkerboards, at most one of them simulated.
         name: the variable shown.
         label: label of the colour bar.
-        text: text of a cell, given its value and its cell of the cube.
+        text: text of a cell, given its value and the design.
         signed: whether white stands for zero.
 
     Returns:
@@ -189,14 +189,9 @@ def marks_legend(
     notes: Sequence[str] = (),
     cubes: Sequence[xr.Dataset] = (),
 ) -> None:
-    """Add a legend of the marks below a figure.
+    """Add a legend of the statuses marked, of notes, and of the frames of measured cubes.
 
-    Args:
-        figure: the figure.
-        marked: the statuses that are marked.
-        no_value: why a design that is ok may have no value.
-        notes: further texts.
-        cubes: cubes, of which measured ones have dashed frames.
+    ``no_value`` says why a design that is ok may have no value.
     """
     names = NAMES | {Status.ok: no_value}
     sources = dict.fromkeys(source_of(cube) for cube in cubes if is_measured(cube))

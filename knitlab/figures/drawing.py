@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import Any
 
 import numpy as np
@@ -23,15 +24,17 @@ from knitlab.cube.cube_file import (
 )
 from knitlab.cube.schema import DESIGN_DIMS, VARIABLES
 from knitlab.cube.selection import as_given, choices, refuse_others, selected, selections_along
+from knitlab.figures import kinds
 from knitlab.figures.figure_files import fingerprint_of_figure, is_drawn, requested_figures, save
 from knitlab.figures.figure_kind import Drawing, FigureKind
 from knitlab.figures.style import print_style
 from knitlab.io.errors import BadInput, Fault, fault, unknown
-from knitlab.sweep.figure_names import COMPARING, FIGURE_NAMES, suffixes
+from knitlab.sweep.figure_names import COMPARING, suffixes
 
-FIGURES: dict[str, FigureKind] = {
-    name: import_module(f"knitlab.figures.kinds.{name}").FIGURE for name in FIGURE_NAMES
-}
+FIGURES: dict[str, FigureKind] = {}
+for _module in iter_modules(kinds.__path__):
+    FIGURES |= import_module(f"{kinds.__name__}.{_module.name}").FIGURES
+FIGURES = dict(sorted(FIGURES.items()))
 MOST_SLICES = 8
 """Largest number of values of swept settings for which a run draws figures."""
 NO_CASE_FILES = "shapes are in case files, not in the cube: run the designs into this folder"
@@ -44,19 +47,20 @@ def draw_figure(
     selections: Mapping[str, Any] = {},
     options: Mapping[str, str] = {},
 ) -> Path:
-    """Draw one figure into a file, unless it holds that figure already.
+    """Draw a figure of cubes, or of their results folders, unless the file holds it already.
+
+    A figure of a single case shows the most auxetic design of the selection that has its case file
+    beside the cube.
 
     Args:
-        kind: a name of :data:`FIGURES`; one that shows a single case shows the most auxetic
-            design of the selection that has its case file beside the cube.
-        cube_paths: a cube, or the results folder that holds one; several for a kind that takes
-            several.
+        kind: a name of :data:`FIGURES`.
+        cube_paths: the cubes.
         output: the file; its suffix sets the format.
-        selections: values by coordinate that slice the cube first.
+        selections: values by coordinate that slice the cubes first.
         options: what a kind with options shows, such as ``{"of": "reaction_force"}``.
 
     Raises:
-        BadInput: if the cube, a selection or the suffix is at fault.
+        BadInput: if a cube, a selection or the suffix is at fault.
     """
     if kind not in FIGURES:
         raise fault("kind", unknown(kind, FIGURES, "figure"))
@@ -72,7 +76,7 @@ def draw_figure(
     return output
 
 
-def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[Fault]]:
+def draw_figures(names: Iterable[str], folder: Path) -> tuple[list[Path], list[Fault]]:
     """Draw a workflow's figures into its results folder, each for print and for the screen.
 
     A cube with dimensions of swept settings gives a figure for each of their values. Figures that
@@ -84,7 +88,7 @@ def draw_figures(kinds: Iterable[str], folder: Path) -> tuple[list[Path], list[F
     files: list[Path] = []
     faults: list[Fault] = []
     cube = open_cube(folder)
-    requested = requested_figures(kinds, cube, folder)
+    requested = requested_figures(names, cube, folder)
     slices = {tuple(each.selections.items()) for each in requested if each.kind not in COMPARING}
     if len(slices) > MOST_SLICES:
         problem = f"{len(slices)} slices are too many to draw in a run; draw one by knitlab map"
@@ -116,20 +120,10 @@ def draw(
     selections: Mapping[str, Any] = {},
     options: Mapping[str, str] = {},
 ) -> Drawing:
-    """Draw one figure from cubes in memory.
+    """Draw one figure from cubes or single cases in memory; otherwise as :func:`draw_figure`.
 
-    Args:
-        kind: a name of :data:`FIGURES`.
-        cubes: cubes or single cases. A figure that needs node positions takes them from a case,
-            or from the case files beside the file that the cube was opened from.
-        selections: values by coordinate that slice the cubes first.
-        options: what a kind with options shows, such as ``{"of": "reaction_force"}``.
-
-    Returns:
-        The figure, or an animation if the kind is a film.
-
-    Raises:
-        BadInput: if a cube or a selection is at fault.
+    A figure that needs node positions takes them from a case, or from the case files beside the
+    file that the cube was opened from.
     """
     _check_request(kind, len(cubes), options)
     paths = [
@@ -141,12 +135,7 @@ def draw(
 
 
 def _check_request(name: str, cubes: int, options: Mapping[str, str]) -> None:
-    """Check the number of cubes, and the names of options.
-
-    Raises:
-        BadInput: if there is no cube, more than one for a kind that takes one, or an option that
-            the kind does not have.
-    """
+    """Check the number of cubes, and the names of options."""
     kind = FIGURES[name]
     if not cubes:
         raise fault(name, "shows a cube; give one")
@@ -200,12 +189,7 @@ def _drawn(
 
 
 def _check_cubes(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> None:
-    """Check the dimensions of cubes, and which are simulated and which are measured.
-
-    Raises:
-        BadInput: for designs or experiments that a kind cannot show, or cubes that it could not
-            tell apart.
-    """
+    """Check that a kind can show the dimensions of cubes, and tell apart which are measured."""
     for cube in cubes:
         if kind.dims not in (None, base_dims(cube)):
             able = [name for name, kind in FIGURES.items() if kind.dims in (None, base_dims(cube))]
@@ -230,11 +214,7 @@ def _check_cubes(name: str, kind: FigureKind, cubes: Sequence[xr.Dataset]) -> No
 
 
 def _swept_values(name: str, cube: xr.Dataset) -> str:
-    """The one value of every swept setting of a cube, as text.
-
-    Raises:
-        BadInput: if there are several values of one.
-    """
+    """The one value of every swept setting of a cube, as text."""
     swept = swept_dims(cube)
     if several := [dim for dim in swept if cube.sizes[dim] > 1]:
         raise fault(name, f"shows one value of each swept setting; select {choices(cube, several)}")
@@ -249,11 +229,7 @@ def _drawn_of_cases(
 
 
 def _sliced_case(case: xr.Dataset, selections: Mapping[str, Any]) -> xr.Dataset:
-    """The selected strains of a case.
-
-    Raises:
-        BadInput: if the file of the case does not hold the shape at one of them.
-    """
+    """The selected strains of a case, of which its file must hold the shapes."""
     sliced = selected(case, selections)
     if selections and "position" in case:
         strains = case["applied_strain"].values

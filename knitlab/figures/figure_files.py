@@ -45,13 +45,7 @@ class RequestedFigure:
 def requested_figures(
     kinds: Iterable[str], cube: xr.Dataset, folder: Path
 ) -> list[RequestedFigure]:
-    """The figures of a workflow, one for each value of swept settings unless it compares them.
-
-    Args:
-        kinds: names of figures.
-        cube: cube of the workflow.
-        folder: results folder of the workflow.
-    """
+    """The figures of a workflow, one for each value of swept settings unless it compares them."""
     swept = swept_dims(cube)
     values = itertools.product(*(cube[dim].values for dim in swept))
     slices: list[dict[str, Any]] = [dict(zip(swept, each, strict=True)) for each in values]
@@ -71,13 +65,7 @@ def fingerprint_of_figure(
     selections: Mapping[str, Any],
     options: Mapping[str, str] = {},
 ) -> str:
-    """Fingerprint of everything a figure depends on: cubes, code and the version of matplotlib.
-
-    Args:
-        kind: a name of a figure.
-        cube_paths: cubes, or the results folders that hold them.
-        selections: values by coordinate that slice the cubes.
-        options: what a kind with options shows.
+    """Fingerprint of all that a figure depends on: cubes, their slice, code and matplotlib's.
 
     Raises:
         OSError: if a cube cannot be read.
@@ -94,10 +82,7 @@ def is_drawn(output: Path, fingerprint: str) -> bool:
 
 
 def save(drawing: "Drawing", output: Path, fingerprint: str = "") -> None:
-    """Write a figure or a film atomically, with the fingerprint of what it depends on.
-
-    The suffix of the file sets its format.
-    """
+    """Write a figure or film in the format of its suffix, with the fingerprint of its sources."""
     from matplotlib.animation import FuncAnimation, PillowWriter
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 

@@ -33,7 +33,6 @@ OF_NO_CASE = (
     "measure/knit_size.py",
     "measure/marker_grid.py",
     "measure/records.py",
-    "measure/stripe_file.py",
 )
 """Modules of these that compute nothing of a case: they serve measured fabrics and cubes, or keep
 programs."""

@@ -16,18 +16,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import tomli_w
 from jaxtyping import Float
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import norm, qmc
 
 from knitlab.cube.schema import VARIABLES
 from knitlab.equilibrium.linear_response import NoDerivative
-from knitlab.fabric.stripe import Stripe
-from knitlab.io.atomic_write import atomic_write
 from knitlab.laboratory.simulated_test import (
     QUANTITIES,
     SimulatedTest,
@@ -35,7 +32,7 @@ from knitlab.laboratory.simulated_test import (
     with_factors,
 )
 from knitlab.laboratory.target import Curves, MeasuredTest
-from knitlab.measure.stripe_file import ENTRY_UNITS, row_units, stripe_row
+from knitlab.measure.calibration import ENTRY_UNITS, write_stripe_table
 from knitlab.simulation.case import Case
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS
 
@@ -336,20 +333,14 @@ def write_stripes(path: Path, fit: Fit, experiment: Path) -> None:
 
     The cube of the experiment is named as their source.
     """
-    table: dict[str, Any] = {}
+    stripes = []
     for side in ("weft", "warp"):
-        stripe: Stripe = getattr(fit.after, side)
         errors = ", ".join(
             f"{STRIPE_PARAMETERS[name][1]} {error:.1%}"
             for name, error in fit.standard_errors.items()
             if STRIPE_PARAMETERS[name][0] == side
         )
         warnings = "".join(f"; {warning}" for warning in fit.warnings)
-        row = stripe_row(stripe)
-        table[stripe.knit] = {
-            "source": f"knitlab fit {experiment}; standard errors {errors or 'none'}{warnings}",
-            "unit": row_units(row),
-            "n": {str(stripe.n): row},
-        }
-    with atomic_write(path) as temporary:
-        temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
+        source = f"knitlab fit {experiment}; standard errors {errors or 'none'}{warnings}"
+        stripes.append((getattr(fit.after, side), source))
+    write_stripe_table(path, stripes)

@@ -1,6 +1,6 @@
 """Logs of a tensile tester and an LCR meter, on one clock, resampled to the applied strains."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from knitlab.laboratory.description import (
     conversion,
     number,
 )
-from knitlab.measure.capacitance.sensor import CapacitorStatus, hysteresis, sensor_of
+from knitlab.measure.capacitance.sensor import CapacitorStatus, hysteresis, sensor_values
 from knitlab.measure.records import Cycle, cycles, resampled
 from knitlab.sweep.parameters import defaults
 
@@ -181,8 +181,8 @@ def _capacitance_values(
             "applied_strain_opened": strains[finite][0],
             "sensing_end": strains[finite][-1],
         }
-    sensor = sensor_of(strains[finite], capacitance[finite], defaults().capacitor.linearity)
-    return values if sensor is None else values | asdict(sensor)
+    least = defaults().capacitor.linearity
+    return values | sensor_values(strains[finite], capacitance[finite], least)
 
 
 def _read_log(

@@ -9,20 +9,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from knitlab.equilibrium.domain_decomposition import find_equilibrium_by_subdomains
-from knitlab.equilibrium.equilibrium_search import SearchRules
+from knitlab.equilibrium.equilibrium import find_equilibrium
 from knitlab.equilibrium.loading import tensile
 from knitlab.equilibrium.relaxation import relax
-from knitlab.equilibrium.runners import run_each
-from knitlab.equilibrium.state import State
-from knitlab.equilibrium.system import System
-from knitlab.equilibrium.tensile_result import TensileTest
-from knitlab.equilibrium.tensile_test import stretch
+from knitlab.equilibrium.search import SearchRules
+from knitlab.equilibrium.state import State, TensileTest
+from knitlab.equilibrium.stiffness import free_stiffness
+from knitlab.equilibrium.system import System, run_each
 from knitlab.fabric.energy import Point
 from knitlab.fabric.stripe import Stripe
 from knitlab.simulation.case import Case
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of, logarithmic, measured_by
-from knitlab.simulation.tensile_tests import relaxed_by_dynamics, starts
+from knitlab.simulation.tensile_tests import tensile_tests
 
 QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")
 """Quantities measured in a test, in this order."""
@@ -77,18 +75,10 @@ def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTe
     """
     _, fabric = case.assemble()
     if near is None:
-        (start,) = starts([case])
-        (moved,) = relaxed_by_dynamics([case], [start], lambda name, states: None)
-        search = partial(
-            stretch,
-            applied_strain=case.applied_strain,
-            settings=case.equilibrium_solver,
-            start=start,
-            folded=None if moved is None else moved.configuration,
-        )
+        (test,) = tensile_tests([case], lambda name, states: None)
     else:
         search = partial(_retested, case=case, near=near)
-    (test,) = run_each(case.mesh_shape, [fabric], [search])
+        (test,) = run_each(case.mesh_shape, [fabric], [search])
     converged = test.loading is not None and all(state.converged for state in test.states)
     if not converged or len(test.states) < len(case.applied_strain):
         return None
@@ -105,13 +95,14 @@ def _retested(system: System, case: Case, near: SimulatedTest) -> TensileTest:
     if not relaxed.converged:
         return TensileTest(None, [relaxed])
     loading = tensile(system.shape, relaxed.configuration)
-    rules = SearchRules.of(system.shape, loading.free, system.fabric, settings, convexified=False)
+    free = free_stiffness(system.shape, loading.free)
+    rules = SearchRules(free, settings, convexified=False)
     states: list[State] = [relaxed]
     for strain, other in zip(case.applied_strain[1:], others, strict=True):
         # The relaxed sample may have changed size: add the change of the relaxed shape.
         moved = other.unknowns + relaxed.unknowns - first.unknowns
         start = Point(loading.holding(moved, strain))
-        states.append(find_equilibrium_by_subdomains(system, start, rules))
+        states.append(find_equilibrium(system, start, rules))
         if not states[-1].converged:
             break
     return TensileTest(loading, states)

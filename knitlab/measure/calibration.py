@@ -2,14 +2,16 @@
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import tomli_w
 from jaxtyping import Array, Float
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.stats import t as student_t
@@ -18,6 +20,7 @@ from knitlab.fabric.settings import CellSize
 from knitlab.fabric.spring_law import SpringCurve
 from knitlab.fabric.stripe import Knit, Stripe
 from knitlab.fabric.zigzag import Zigzag, law_of_one, tension
+from knitlab.io.atomic_write import atomic_write
 from knitlab.measure.fit_statistics import Comparison, compare
 
 Law = Literal["linear", "stiffening"] | SpringCurve
@@ -28,6 +31,9 @@ FITTED = ("k_s", "k_t", "theta_0")
 FITTED_IF_STIFFENING = (*FITTED, "stiffening_strain")
 UNITS = {"k_s": "N/mm", "k_t": "N", "theta_0": "rad", "stiffening_strain": "1"}
 """Units as in the paper's tables, except for k_t, which is N mm for an edge."""
+ENTRY_UNITS = {"period": "mm", **UNITS}
+DIGITS = 6
+"""Digits of the numbers of a stripe that is written to a file."""
 BOUNDS = {
     "k_s": (1e-4, 1e4),
     "k_t": (1e-7, 1e2),
@@ -122,9 +128,9 @@ class Calibration:
 
     def compared_with(self, simpler: "Calibration") -> Comparison:
         """Comparison of this law with a simpler one that was fitted to the same curve."""
-        counts = len(simpler.values), len(self.values)
         order = np.argsort(self.strain, kind="stable")
-        return compare(simpler.residuals[order], self.residuals[order], counts)
+        residuals = simpler.residuals[order], self.residuals[order]
+        return compare(*residuals, (len(simpler.values), len(self.values)))
 
 
 def calibrate(period: float, strain: Points, force: Points, law: Law = "linear") -> Calibration:
@@ -208,19 +214,18 @@ def report(calibration: Calibration) -> list[str]:
         f" {UNITS[name]}, 95 %: {low:.5g} to {high:.5g}"
         for name, (low, high) in calibration.intervals.items()
     ]
-    lines += [
-        f"correlation of {first} and {second}: {calibration.correlations[one, other]:+.4f}"
-        for (one, first), (other, second) in itertools.combinations(
-            enumerate(calibration.values), 2
-        )
-    ]
+    pairs = zip(
+        itertools.combinations(calibration.values, 2),
+        calibration.correlations[np.triu_indices(len(calibration.values), 1)],
+        strict=True,
+    )
+    lines += [f"correlation of {one} and {other}: {value:+.4f}" for (one, other), value in pairs]
     tried, agreeing = calibration.starts
-    points = len(calibration.strain)
-    return [
-        *lines,
-        f"misfit   {calibration.misfit:.2g} N rms over {points} points;"
-        f" {agreeing} of {tried} starts agree, {calibration.iterations} steps",
-    ]
+    lines.append(
+        f"misfit   {calibration.misfit:.2g} N rms over {len(calibration.strain)} points;"
+        f" {agreeing} of {tried} starts agree, {calibration.iterations} steps"
+    )
+    return lines
 
 
 def report_comparison(calibration: Calibration, linear: Calibration) -> list[str]:
@@ -244,6 +249,43 @@ def report_comparison(calibration: Calibration, linear: Calibration) -> list[str
         f" {comparison.autocorrelation[0]:.2f} linear, {comparison.autocorrelation[1]:.2f} {name})",
         f"law      {verdict}",
     ]
+
+
+def write_stripe_table(path: Path, stripes: Iterable[tuple[Stripe, str]]) -> None:
+    """Write stripes, each with its source, as a table that workflows can use (``stripe_files``)."""
+    table: dict[str, Any] = {}
+    for stripe, source in stripes:
+        given = {name: getattr(stripe, name) for name in ENTRY_UNITS}
+        row: dict[str, Any] = {
+            name: float(f"{value:.{DIGITS}g}") for name, value in given.items() if value is not None
+        }
+        units = {name: ENTRY_UNITS[name] for name in row}
+        if stripe.spring_curve is not None:
+            curve = stripe.spring_curve
+            row["spring_curve"] = {"strain": list(curve.strain), "force": list(curve.force)}
+        table[stripe.knit] = {"source": source, "unit": units, "n": {str(stripe.n): row}}
+    with atomic_write(path) as temporary:
+        temporary.write_text(tomli_w.dumps(table), encoding="utf-8")
+
+
+def write_stripe_file(
+    path: Path,
+    knit: Knit,
+    stitches: int,
+    calibration: Calibration,
+    curve: Path,
+    cell_size: CellSize,
+) -> None:
+    """Write the stripe fitted to the curve of a file, for designs with this ``cell_size``."""
+    errors = ", ".join(
+        f"{name} {error:.2g} {UNITS[name]}" for name, error in calibration.standard_errors.items()
+    )
+    warned = "".join(f"; {warning}" for warning in calibration.warnings)
+    source = (
+        f"knitlab calibrate {curve.name}, relaxed period {calibration.period:g} mm, for cell_size"
+        f" {cell_size}; standard errors {errors}{warned}"
+    )
+    write_stripe_table(path, [(calibration.stripe(knit, stitches, cell_size), source)])
 
 
 @partial(jax.jit, static_argnums=0)

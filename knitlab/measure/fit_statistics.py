@@ -21,16 +21,11 @@ class Comparison:
 
     AICc = n ln(S/n) + 2K + 2K(K + 1)/(n − K − 1), with the sum S of squares of n residuals and K
     parameters, including the noise (Hurvich and Tsai, Biometrika 76, 297, 1989). This assumes
-    independent residuals. Those of a measured curve are not independent, because the error of a
-    model varies smoothly; a curve of many points then seems to justify any parameter. AICc is
-    therefore also computed from the innovations r_i − ρ r_(i−1), with the autocorrelation ρ of
-    neighbouring residuals of each fit as an additional parameter. Both fits are least-squares fits;
-    they are not fitted again with correlated noise.
+    independent residuals, but the error of a model varies smoothly: a curve of many points then
+    seems to justify any parameter. AICc is therefore also computed from the innovations
+    r_i − ρ r_(i−1), with the autocorrelation ρ of neighbours as a parameter more.
 
-    Attributes:
-        autocorrelation: ρ of the simpler fit and of the other.
-        gain: AICc of the simpler fit minus that of the other, if residuals are independent.
-        gain_if_correlated: the same if neighbours are correlated.
+    A gain is the AICc of the simpler fit minus that of the other; ρ is given in the same order.
     """
 
     autocorrelation: tuple[float, float]
@@ -76,13 +71,9 @@ def _aicc(residuals: Points, parameters: int) -> float:
 
 @dataclass(frozen=True)
 class LinearFit:
-    """A least-squares line y = intercept + slope × x.
+    """A least-squares line y = intercept + slope × x through points, with its R².
 
-    Attributes:
-        slope, intercept: parameters of the line.
-        slope_halfwidth: half the 95 % confidence interval of the slope, by Student's t.
-        r_squared: fraction of the variance of y that the line explains.
-        x, y: the points.
+    ``slope_halfwidth`` is half the 95 % confidence interval of the slope, by Student's t.
     """
 
     slope: float

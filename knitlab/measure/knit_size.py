@@ -55,17 +55,10 @@ def knit_sizes(
 ) -> dict[str, float]:
     """Finished sizes in cloth of a fabric of patches: contraction × stitches × stitch size [mm].
 
-    Args:
-        lengths: lengths of the network, relaxed_cell, flat_cell and wavelength along x and y, by
-            the names of the schema; NaN if missing [mm].
-        stitches: stitches of the fabric.
-        periodic: whether it has no edges.
-        gauge: size of a stitch.
-
-    Returns:
-        Sizes by the names of :data:`ALONG_X` and :data:`ALONG_Y`: size of a unit cell, wavelength
-        of the boundary, and size of the sample, which is missing for periodic fabric. Sizes of a
-        graded sample follow from the contraction of its central unit cells.
+    Given relaxed_cell, flat_cell and wavelength along x and y, the sizes by :data:`ALONG_X` and
+    :data:`ALONG_Y` are those of a unit cell, of the wave of its boundary, and of the sample, which
+    is missing for periodic fabric. Sizes of a graded sample follow from the contraction of its
+    central unit cells.
     """
     sizes: dict[str, float] = {}
     for axis, names, in_cell, whole, stitch in (

@@ -46,12 +46,9 @@ class NoGrid(ValueError):
 
 @dataclass(frozen=True)
 class MarkerGrid:
-    """Rows and columns of markers in a grid.
+    """The marker at each grid position, −1 if it is missing, and those that are not on the grid.
 
-    Attributes:
-        marker: marker at each grid position, rows along the warp, columns along the weft; −1 if
-            it is missing.
-        strays: markers that are not on the grid.
+    Rows follow the warp, columns the weft.
     """
 
     marker: Int[np.ndarray, "row column"]
@@ -91,11 +88,9 @@ def grid_of_places(
 
 
 def find_grid(points: Points) -> MarkerGrid:
-    """Find the grid that points form.
+    """Find the grid of markers at points (x, y), NaN if not seen, that run along weft and warp.
 
-    Args:
-        points: positions (x, y) of the markers, along the weft and the warp to within 45°; NaN if
-            a marker is not seen [mm].
+    Directions may be off by up to 45°.
 
     Raises:
         NoGrid: if there are too few points, or they form no grid.
@@ -164,27 +159,25 @@ def _followed(points: Points, steps: Steps) -> dict[int, Step]:
     local = {start: steps}
     doubts: list[tuple[float, int, int, Step]] = []
 
-    def look_around(point: int, kinds: tuple[Step, ...]) -> None:
+    def look_around(point: int) -> None:
         """Add the neighbours of a point to the queue, by their distance from the prediction."""
-        for step in kinds:
+        for step in STEPS + HOPS:
             expected = points[point] + step[1] * local[point][0] + step[0] * local[point][1]
             distance, neighbour = tree.query(expected, distance_upper_bound=reach)
             if np.isfinite(distance) and neighbour != point:
-                hop = abs(step[0]) + abs(step[1]) > 1
-                heapq.heappush(doubts, (distance + hop * reach, point, int(neighbour), step))
+                # Hops come after all steps, whose distance is within reach.
+                late = reach * (step in HOPS)
+                heapq.heappush(doubts, (distance + late, point, int(neighbour), step))
 
-    for kinds in (STEPS, STEPS + HOPS):
-        for point in places:
-            look_around(point, kinds)
-        while doubts:
-            _, origin, point, step = heapq.heappop(doubts)
-            place = places[origin][0] + step[0], places[origin][1] + step[1]
-            if point in places or place in taken:
-                continue
+    look_around(start)
+    while doubts:
+        _, origin, point, step = heapq.heappop(doubts)
+        place = places[origin][0] + step[0], places[origin][1] + step[1]
+        if point not in places and place not in taken:
             places[point] = place
             taken.add(place)
             local[point] = _learned(local[origin], step, points[point] - points[origin])
-            look_around(point, kinds)
+            look_around(point)
     return places
 
 

@@ -26,13 +26,7 @@ Record = Float[np.ndarray, " record"]
 
 @dataclass(frozen=True)
 class Cycle:
-    """One cycle of loading and unloading, by the times of its reversals.
-
-    Attributes:
-        start: start of loading.
-        turn: end of loading and start of unloading.
-        end: end of unloading; ``turn`` if there is none.
-    """
+    """Times at which a cycle starts, turns to unloading and ends; at ``turn`` without unloading."""
 
     start: float
     turn: float
@@ -89,12 +83,9 @@ def _turns(extension: Record, least: float) -> list[int]:
 
 
 class Resampled(NamedTuple):
-    """Records at given strains.
+    """Values at given strains, NaN if no record is near, and their standard errors.
 
-    Attributes:
-        values: values at the strains; NaN if no record is near.
-        errors: their standard errors; NaN if there are too few records.
-        noise: standard deviation of a single record at each strain.
+    Errors, and the standard deviations of a single record, are NaN if there are too few records.
     """
 
     values: Float[np.ndarray, "strain *series"]

@@ -12,12 +12,7 @@ from knitlab.fabric.network import MeshShape
 
 @dataclass(frozen=True)
 class CellGrid:
-    """Grid lines between which the unit cells of a fabric lie; cells need not be equal.
-
-    Attributes:
-        rows: lines along the weft, ascending from 0 to the last one.
-        columns: lines along the warp, ascending from 0 to the last one.
-    """
+    """Grid lines, ascending from 0 to the last, between which unit cells lie; these may differ."""
 
     rows: tuple[int, ...]
     columns: tuple[int, ...]
@@ -38,11 +33,11 @@ class CellGrid:
     @property
     def middle(self) -> tuple[slice, slice]:
         """Nodes (rows, columns) of the unit cell nearest the middle, including its last lines."""
-        spans = []
-        for lines, count in zip((self.rows, self.columns), self.count, strict=True):
-            first = (count - 1) // 2
-            spans.append(slice(lines[first], lines[first + 1] + 1))
-        return spans[0], spans[1]
+        row, column = ((count - 1) // 2 for count in self.count)
+        return (
+            slice(self.rows[row], self.rows[row + 1] + 1),
+            slice(self.columns[column], self.columns[column + 1] + 1),
+        )
 
 
 def central(count: int) -> slice:

@@ -38,13 +38,10 @@ Direction = Literal["x", "y"]
 
 @dataclass(frozen=True)
 class Wave:
-    """The wave in a line.
+    """The wave in a line [mm].
 
-    Attributes:
-        wavelength: λ [mm].
-        amplitude: half the height from trough to crest of the sinusoid at the peak [mm].
-        along: coordinates along the line, evenly spaced from its first point [mm].
-        across: offset of the line at these, without the trend [mm].
+    Its amplitude is half the height of the sinusoid from trough to crest; ``across`` is the line
+    without its trend, at coordinates ``along`` it that are evenly spaced from its first point.
     """
 
     wavelength: float
@@ -83,13 +80,10 @@ def boundary_wave(
 
 
 def wave_of(line: Float[np.ndarray, "point 2"], waves: float) -> Wave:
-    """The strongest wave in a line.
+    """The strongest wave in a line of points (along, across) in any order [mm].
 
-    Args:
-        line: points (along, across) in any order; points at the same coordinate, where the fabric
-            folds over, are averaged [mm].
-        waves: approximate number of waves along it, such as unit cells crossed. Only waves within
-            a factor of two of that number are searched.
+    Points at the same coordinate, where the fabric folds over, are averaged. Only waves within a
+    factor of two of the stated number of waves along the line are searched.
 
     Raises:
         ValueError: if there are fewer than two waves, the points are too few to resolve them, or

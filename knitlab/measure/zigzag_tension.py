@@ -18,14 +18,9 @@ GRADIENT_ROUND_OFF = 1e-8
 
 @dataclass(frozen=True)
 class ChainState:
-    """Equilibrium of a zigzag at one strain.
+    """Equilibrium of a zigzag at one strain: nodes [mm], and the reaction along x at the right [N].
 
-    Attributes:
-        nodes: positions (x, y) [mm].
-        force: reaction at the right node, along x [N].
-        residual: largest residual force on a free coordinate [N].
-        iterations: iterations of the minimiser and the root finder.
-        converged: whether the residual is within tolerance.
+    The residual is the largest force on a free coordinate [N].
     """
 
     nodes: Float[np.ndarray, "node 2"]

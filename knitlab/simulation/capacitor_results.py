@@ -1,7 +1,6 @@
 """Results of a capacitor in a finished test: capacitance in every state, and figures of merit."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,12 @@ from knitlab.measure.capacitance.capacitor import (
     electrode_length,
     mean_fold,
 )
-from knitlab.measure.capacitance.sensor import hysteresis, sensing_range, sensor_of, strain_unfolded
+from knitlab.measure.capacitance.sensor import (
+    hysteresis,
+    sensing_range,
+    sensor_values,
+    strain_unfolded,
+)
 from knitlab.measure.capacitance.wedge import side_by_side, wedge_capacitance
 from knitlab.simulation.case import Case
 
@@ -75,8 +79,7 @@ def capacitor_values(
         values["capacitance_ratio"] = capacitance / capacitance[kept][0]
         values["applied_strain_opened"] = strain[kept][0]
         values["sensing_end"] = strain[kept][-1]
-    sensor = sensor_of(strain[kept], capacitance[kept], capacitor.linearity, leads)
-    return values if sensor is None else values | asdict(sensor)
+    return values | sensor_values(strain[kept], capacitance[kept], capacitor.linearity, leads)
 
 
 def _capacitances(case: Case, configurations: Configuration) -> Capacitances:

@@ -47,13 +47,11 @@ class Case:
         periods: periods of a stripe that fill a patch, P.
         unit_cells: unit cells of the sample along (y, x).
         applied_strain: strains of the tensile test, ascending from 0.
-        method: how the states of the test are reached.
         solver: settings of the equilibrium solver; ``None`` if the test is one by dynamics.
         dynamics: settings of the dynamics; ``None`` if nothing moves in time.
         sensitivities: whether derivatives of its results by the stripe parameters are computed.
         unloading: whether the fabric is let go again, through the same strains.
-        capacitor: the electrodes on it, if any.
-        robustness: siblings that are tested beside it, to see how far its results spread.
+        robustness: number of siblings tested beside it, to see how far its results spread.
         grading: sizes and stripes of rows and columns of the pattern, if they differ; ``weft``,
             ``warp`` and ``periods`` are then those of the design that it varies.
         folds: single folds of the pattern.

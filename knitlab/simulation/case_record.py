@@ -16,9 +16,8 @@ FINER_GRID = ("cells_per_period", "ridge_fraction")
 OF_CONTACT = ("thickness", "contact_pressure")
 """Numbers of the sheet that a record leaves out without contact."""
 OF_STEPS = ("relax_steps", "step_strain")
-"""Settings of the dynamics that a record leaves out unless its motion ends after steps."""
 OF_TIME = ("relax_time", "strain_rate")
-"""Settings of the dynamics that a record leaves out if its motion does so."""
+"""Settings of the dynamics of which a record has those by which its motion ends."""
 OF_CAPACITOR = ("dielectric_thickness", "lead_capacitance")
 """Numbers of a capacitor that a record leaves out where they are 0."""
 STORED_STARTS = {"periodic": "endless"}
@@ -44,42 +43,36 @@ then. None is added, and no new field has one of these names.
 
 
 def stored_record(fields: dict[str, Any]) -> dict[str, Any]:
-    """The record of a case.
+    """The record of a case, without the fields and options that it does not use.
 
-    Fields and options that it does not use are left out.
-
-    Args:
-        fields: of the case, as :func:`dataclasses.asdict` gives them; they are changed.
+    The fields are as :func:`dataclasses.asdict` gives them; they are changed.
     """
     record = {"reading" if name == "options" else name: value for name, value in fields.items()}
+    reading, sheet = record["reading"], record["sheet"]
     grading = record["grading"] or {"row_stripes": (), "column_stripes": ()}
     graded = (*grading["row_stripes"], *grading["column_stripes"])
     for stripe in (record["weft"], record["warp"], *graded):
-        for name in SPRING_LAWS:
-            if stripe[name] is None:
-                del stripe[name]
-    for name in UNUSED_LEFT_OUT:
-        if not record[name]:
-            del record[name]
-    if record["reading"]["cells_per_period"] == CELLS_PER_PERIOD:
-        for name in FINER_GRID:
-            del record["reading"][name]
-    if record["reading"]["contact"] == "none":
-        del record["reading"]["contact"]
-        for name in OF_CONTACT:
-            del record["sheet"][name]
+        _drop(stripe, *(name for name in SPRING_LAWS if stripe[name] is None))
+    _drop(record, *(name for name in UNUSED_LEFT_OUT if not record[name]))
+    if reading["cells_per_period"] == CELLS_PER_PERIOD:
+        _drop(reading, *FINER_GRID)
+    if reading["contact"] == "none":
+        _drop(reading, "contact")
+        _drop(sheet, *OF_CONTACT)
     if capacitor := record["capacitor"]:
-        for name in OF_CAPACITOR:
-            if not capacitor[name]:
-                del capacitor[name]
+        _drop(capacitor, *(name for name in OF_CAPACITOR if not capacitor[name]))
         if capacitor["ground"] == "none":
-            del capacitor["ground"], capacitor["ground_distance"]
-    if "dynamics" in record:
-        for name in OF_TIME if record["dynamics"]["ending"] == "steps" else OF_STEPS:
-            del record["dynamics"][name]
+            _drop(capacitor, "ground", "ground_distance")
+    if dynamics := record.get("dynamics"):
+        _drop(dynamics, *(OF_TIME if dynamics["ending"] == "steps" else OF_STEPS))
     if "solver" in record:
         _rename_start(record["solver"], STORED_STARTS)
     return record
+
+
+def _drop(table: dict[str, Any], *names: str) -> None:
+    for name in names:
+        del table[name]
 
 
 def identifying(fields: dict[str, Any], differing: dict[str, Any]) -> dict[str, Any]:
@@ -87,11 +80,8 @@ def identifying(fields: dict[str, Any], differing: dict[str, Any]) -> dict[str, 
 
     A field that is added later thus changes the identifier of no case that has its default in code,
     which is the value of every earlier case. That default is fixed for ever: another one would give
-    two results one identifier. What users get is the value in ``params/``, which may change.
-
-    Args:
-        fields: of the case, as :func:`dataclasses.asdict` gives them.
-        differing: those of them that differ from their default in code.
+    two results one identifier. What users get is the value in ``params/``, which may change. The
+    fields ``differing`` are those that differ from their default in code.
     """
     return {
         name: _identifying(value, differing[name]) if name in differing else value

@@ -7,12 +7,10 @@ import numpy as np
 import xarray as xr
 
 from knitlab.cube.schema import VARIABLES, Status, Variable, described
-from knitlab.equilibrium.state import State
-from knitlab.equilibrium.tensile_result import History, TensileTest
+from knitlab.equilibrium.state import History, State, TensileTest
 from knitlab.fabric.configuration import Configuration
 from knitlab.io.fingerprint import code_fingerprint
 from knitlab.measure.folds import hinges_past_pi, widths_across_folds
-from knitlab.measure.intersections import self_intersections
 from knitlab.measure.strain import (
     central_mean,
     local_strain,
@@ -20,6 +18,7 @@ from knitlab.measure.strain import (
     mean_cell_size,
     poisson_ratio_of_test,
 )
+from knitlab.measure.surfaces import self_intersections
 from knitlab.measure.unit_cells import unit_cell_corners
 from knitlab.measure.wavelength import POINTS, Direction, boundary_wave
 from knitlab.measure.zigzag_tension import ChainState
@@ -163,7 +162,7 @@ def _shapes(case: Case, reached: list[State]) -> dict[str, Any]:
     values |= _lengths(case, configurations)
     values["hinges_past_pi"] = hinges_past_pi(*case.assemble(), configurations).astype(float)
     intersecting = self_intersections(case.mesh_shape, configurations)
-    values["self_intersections"] = intersecting.astype(float)
+    values["self_intersections"] = np.array(intersecting, float)
     return values | {"position": configurations.positions}
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from knitlab.equilibrium.settings import Start
-from knitlab.equilibrium.tensile_result import TensileTest
+from knitlab.equilibrium.state import TensileTest
 from knitlab.fabric.stripe import Stripe
 from knitlab.simulation.case import Case
 from knitlab.simulation.stripe_changes import STRIPE_QUANTITIES
@@ -23,13 +23,9 @@ SPREAD = ("poisson_ratio", "reaction_force")
 
 @dataclass(frozen=True)
 class SiblingTest:
-    """The test of a sibling.
+    """A sibling, its test, and the energy of the fabric as designed, relaxed from its shape.
 
-    Attributes:
-        case: the sibling.
-        test: its test.
-        branch_energy: energy of the fabric as designed, relaxed from the relaxed shape of the
-            sibling; NaN if it did not converge [N mm].
+    That energy is NaN if one of both did not converge [N mm].
     """
 
     case: Case

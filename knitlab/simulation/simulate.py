@@ -8,8 +8,7 @@ from pathlib import Path
 import xarray as xr
 
 from knitlab.cube.case_file import write_case_file
-from knitlab.equilibrium.state import Outcome
-from knitlab.equilibrium.tensile_result import TensileTest
+from knitlab.equilibrium.state import Outcome, TensileTest
 from knitlab.fabric.zigzag import zigzag
 from knitlab.io.provenance import provenance
 from knitlab.measure.zigzag_tension import ChainState, pull_chain

@@ -9,14 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from knitlab.equilibrium.relaxation import relax_near
-from knitlab.equilibrium.runners import run_each
-from knitlab.equilibrium.starting_shape import imperfect_sheet, starts_from_periodic
-from knitlab.equilibrium.system import System
-from knitlab.equilibrium.tensile_result import TensileTest
+from knitlab.equilibrium.relaxation import imperfect_sheet, relax_near, starts_from_periodic
+from knitlab.equilibrium.state import TensileTest
+from knitlab.equilibrium.system import run_each
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.configuration import Configuration
-from knitlab.fabric.fabric import Fabric
 from knitlab.io.errors import fault
 from knitlab.simulation.case import Case
 from knitlab.simulation.siblings import SiblingTest, sibling
@@ -32,60 +29,53 @@ USUAL_FACTORISATIONS = 20
 """Number of factorisations after which half of a state is reported as done."""
 
 
-def tensile_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
-    """Tensile tests of cases of one mesh shape and method."""
-    by = dynamic_tests if cases[0].method == "dynamics" else equilibrium_tests
-    return by(cases, progress)
-
-
-def equilibrium_tests(
+def tensile_tests(
     cases: Sequence[Case], progress: Progress, imperfection: int | None = None
 ) -> list[TensileTest]:
-    """Tensile tests by the equilibrium solver, from imperfections by this seed if any."""
+    """Tensile tests of cases of one mesh shape and method.
+
+    From imperfections, by this seed, they are by equilibria whatever the method.
+    """
+    if cases[0].method == "dynamics" and imperfection is None:
+        return dynamic_tests(cases, progress)
     sheets = starts(cases, imperfection)
     moved = relaxed_by_dynamics(cases, sheets, progress)
-    searches = [
-        partial(_reported_test, case=case, start=start, moved=relaxed, progress=progress)
-        for case, start, relaxed in zip(cases, sheets, moved, strict=True)
+    searches = []
+    for case, start, relaxed in zip(cases, sheets, moved, strict=True):
+        reporter = Reporter(partial(progress, case.case_id))
+        search = partial(
+            stretch,
+            applied_strain=case.applied_strain,
+            settings=case.equilibrium_solver,
+            progress=reporter.done,
+            start=start,
+            folded=None if relaxed is None else relaxed.configuration,
+            unload=case.unloading,
+            contact=contact_of(case),
+            factorised=reporter.factorised,
+        )
+        searches.append(search)
+    fabrics = [case.assemble()[1] for case in cases]
+    tests = run_each(cases[0].mesh_shape, fabrics, searches)
+    return [
+        test if relaxed is None else _after_motion(test, relaxed)
+        for test, relaxed in zip(tests, moved, strict=True)
     ]
-    return run_each(cases[0].mesh_shape, [case.assemble()[1] for case in cases], searches)
 
 
-def _reported_test(
-    system: System,
-    case: Case,
-    start: Configuration | None,
-    moved: "Relaxed | None",
-    progress: Progress,
-) -> TensileTest:
-    reporter = Reporter(partial(progress, case.case_id))
-    system.factorised = reporter.factorised
-    test = stretch(
-        system,
-        case.applied_strain,
-        case.equilibrium_solver,
-        reporter.done,
-        start,
-        None if moved is None else moved.configuration,
-        unload=case.unloading,
-        contact=contact_of(case, system.fabric),
-    )
-    if moved is None:
-        return test
+def _after_motion(test: TensileTest, relaxed: "Relaxed") -> TensileTest:
+    """A test by equilibria of a fabric that relaxed by dynamics, with the history of that."""
     first, *others = test.states
-    peak = float(moved.history.kinetic.max())
-    first = replace(first, iterations=first.iterations + moved.steps, kinetic_peak=peak)
-    return replace(test, states=[first, *others], history=moved.history)
+    peak = float(relaxed.history.kinetic.max())
+    first = replace(first, iterations=first.iterations + relaxed.steps, kinetic_peak=peak)
+    return replace(test, states=[first, *others], history=relaxed.history)
 
 
 class Reporter:
-    """Reports finished states, and fractions of the next one.
+    """Reports the number of finished states, with a fraction of the next one.
 
     The number of factorisations of a state is not known beforehand. The fraction that is reported
     after n factorisations is n / (n + 20), which increases for any number.
-
-    Args:
-        report: called with the number of finished states.
     """
 
     def __init__(self, report: Callable[[float], None]) -> None:
@@ -101,9 +91,8 @@ class Reporter:
     def factorised(self) -> None:
         """Count a factorisation, and report the fraction at most once a second."""
         self._factorisations += 1
-        now = time.monotonic()
-        if now - self._last >= SECONDS_BETWEEN_REPORTS:
-            self._last = now
+        if time.monotonic() - self._last >= SECONDS_BETWEEN_REPORTS:
+            self._last = time.monotonic()
             fraction = self._factorisations / (self._factorisations + USUAL_FACTORISATIONS)
             self._report(self._states + fraction)
 
@@ -116,31 +105,28 @@ def starts(cases: Sequence[Case], imperfection: int | None = None) -> list[Confi
     found: list[Configuration | None] = [None] * len(cases)
     if imperfection is not None:
         found = [imperfect_sheet(*case.assemble(), imperfection) for case in cases]
-    tiled_places = [
-        place
+    tiled = {
+        place: case.periodic_cell
         for place, case in enumerate(cases)
         if not case.mesh_shape.periodic and case.equilibrium_solver.start == "periodic"
-    ]
-    if not tiled_places:
+    }
+    if not tiled:
         return found
-    cells = [cases[place].periodic_cell for place in tiled_places]
-    tiled = starts_from_periodic(
-        [cases[place].assemble() for place in tiled_places],
-        [cell.assemble() for cell in cells],
-        [cell.equilibrium_solver for cell in cells],
+    tilings = starts_from_periodic(
+        [cases[place].assemble() for place in tiled],
+        [cell.assemble() for cell in tiled.values()],
+        [cell.equilibrium_solver for cell in tiled.values()],
         imperfection,
-        [contact_of(cell, cell.assemble()[1]) for cell in cells],
+        [contact_of(cell) for cell in tiled.values()],
     )
-    for place, start in zip(tiled_places, tiled, strict=True):
-        if start is None:
-            continue
-        contact = contact_of(cases[place], cases[place].assemble()[1])
-        if contact is None or contact.holds(np.asarray(start.flattened())):
+    for place, start in zip(tiled, tilings, strict=True):
+        contact = contact_of(cases[place])
+        if start is not None and (contact is None or contact.holds(np.asarray(start.flattened()))):
             found[place] = start
     return found
 
 
-def contact_of(case: Case, fabric: Fabric) -> "Barrier | None":
+def contact_of(case: Case) -> "Barrier | None":
     """The contact of the fabric of a case; ``None`` if it may pass through itself.
 
     Raises:
@@ -152,36 +138,27 @@ def contact_of(case: Case, fabric: Fabric) -> "Barrier | None":
         raise fault("contact = barrier", "needs the package ipctk; pip install 'knitlab[contact]'")
     from knitlab.fabric.barrier import Barrier
 
-    return Barrier(
-        case.mesh_shape,
-        case.sheet.thickness,
-        case.sheet.contact_pressure,
-        (float(np.mean(fabric.cell_x)), float(np.mean(fabric.cell_y))),
-        case.options.cells_per_period,
-    )
+    _, fabric = case.assemble()
+    cell = float(np.mean(fabric.cell_x)), float(np.mean(fabric.cell_y))
+    sheet, refinement = case.sheet, case.options.cells_per_period
+    return Barrier(case.mesh_shape, sheet.thickness, sheet.contact_pressure, cell, refinement)
 
 
 def relaxed_by_dynamics(
     cases: Sequence[Case], sheets: Sequence[Configuration | None], progress: Progress
 ) -> "list[Relaxed | None]":
-    """What samples of one mesh shape relax to by dynamics; ``None`` for all others.
-
-    They relax from ``sheets``, or the flat sheet for ``None`` [mm].
-    """
-    found: list[Relaxed | None] = [None] * len(cases)
-    places = [place for place, case in enumerate(cases) if case.relaxes_by_dynamics]
-    if not places:
-        return found
+    """What samples of one batch relax to by dynamics, from sheets [mm]; ``None`` if not by them."""
+    if not cases[0].relaxes_by_dynamics:
+        return [None] * len(cases)
     from knitlab.dynamics.damped_test import relax_by_dynamics
 
-    relaxed = relax_by_dynamics(
-        moving_fabrics([cases[place] for place in places]),
-        lambda number, fraction: progress(cases[places[number]].case_id, fraction),
-        [sheets[place] for place in places],
-    )
-    for place, its in zip(places, relaxed, strict=True):
-        found[place] = its
-    return found
+    return [
+        *relax_by_dynamics(
+            moving_fabrics(cases),
+            lambda number, fraction: progress(cases[number].case_id, fraction),
+            sheets,
+        )
+    ]
 
 
 def dynamic_tests(cases: Sequence[Case], progress: Progress) -> list[TensileTest]:
@@ -216,7 +193,7 @@ def sibling_tests(cases: Sequence[Case], progress: Progress) -> list[list[Siblin
         siblings = [sibling(case, number) for case in originals]
         names = {its.case_id: case for its, case in zip(siblings, originals, strict=True)}
         report = partial(_report_of_sibling, progress, number, names)
-        found = equilibrium_tests(siblings, report, imperfection=number)
+        found = tensile_tests(siblings, report, imperfection=number)
         energies = _branch_energies(originals, found)
         for place, case, test, energy in zip(places, siblings, found, energies, strict=True):
             tests[place].append(SiblingTest(case, test, energy))
@@ -232,17 +209,16 @@ def _report_of_sibling(
 
 def _branch_energies(cases: Sequence[Case], tests: Sequence[TensileTest]) -> list[float]:
     """Energies of cases, relaxed from the relaxed shapes of siblings; NaN if not in equilibrium."""
-    fabrics = [case.assemble()[1] for case in cases]
     searches = [
         partial(
             relax_near,
             settings=case.equilibrium_solver,
             start=test.states[0].configuration,
-            contact=contact_of(case, fabric),
+            contact=contact_of(case),
         )
-        for case, fabric, test in zip(cases, fabrics, tests, strict=True)
+        for case, test in zip(cases, tests, strict=True)
     ]
-    relaxed = run_each(cases[0].mesh_shape, fabrics, searches)
+    relaxed = run_each(cases[0].mesh_shape, [case.assemble()[1] for case in cases], searches)
     return [
         float(state.energy.total) if state.converged and test.states[0].converged else np.nan
         for state, test in zip(relaxed, tests, strict=True)

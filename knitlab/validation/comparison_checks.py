@@ -23,6 +23,7 @@ from knitlab.validation.samples import (
     Samples,
     by_labels,
     name_of,
+    one_sample,
     preference,
     unit_of,
 )
@@ -46,8 +47,7 @@ def monotonic(
 ) -> CheckResult:
     """A value, or the largest of a curve, rises or falls along n_stripe or n_subunit."""
     samples = Samples.of(cube, about, of)
-    values = samples.values(lambda sample: float(sample[of].max()))
-    return _trend(samples, values, DESIGN_DIMS.index(along), direction)
+    return _trend(samples, samples.values(of), DESIGN_DIMS.index(along), direction)
 
 
 def stripe_order(
@@ -71,7 +71,8 @@ def stripe_order(
         return float(stripe["applied_strain"].values[first : first + 2].mean())
 
     samples = Samples.of(cube, about, "row_force")
-    return _trend(samples, samples.values(value), 1, direction)
+    values = {labels: value(one_sample(cube, labels)) for labels in samples.complete}
+    return _trend(samples, values, 1, direction)
 
 
 def _trend(
@@ -107,7 +108,7 @@ def _trend(
 def lowest_of_all(cube: xr.Dataset, about: Checkerboards, of: str, design: Design) -> CheckResult:
     """A design has the lowest value of all designs with a complete test."""
     samples = Samples.of(cube, about, of)
-    values = samples.values(lambda sample: float(sample[of]))
+    values = samples.values(of)
     if design not in values:
         raise samples.too_few(0)
     if len(values) < 2:
@@ -122,7 +123,7 @@ def lowest_of_all(cube: xr.Dataset, about: Checkerboards, of: str, design: Desig
 def spread(cube: xr.Dataset, about: Checkerboards, of: str, least: PositiveFloat) -> CheckResult:
     """The largest value exceeds the smallest by more than the fraction ``least`` of it."""
     samples = Samples.of(cube, about, of)
-    values = samples.values(lambda sample: float(sample[of]))
+    values = samples.values(of)
     if len(values) < 2:
         raise samples.too_few(len(values))
     smallest, largest = min(values.values()), max(values.values())
@@ -144,8 +145,7 @@ def trades_off(
     The correlation must be significant at the level ``significant``.
     """
     samples = Samples.of(cube, about, of, against)
-    ones = samples.values(lambda sample: float(sample[of]))
-    others = samples.values(lambda sample: float(sample[against]))
+    ones, others = samples.values(of), samples.values(against)
     pairs = {labels: (ones[labels], others[labels]) for labels in ones if labels in others}
     if len(pairs) < 3 or not np.ptp(list(pairs.values()), axis=0).all():
         raise samples.too_few(len(pairs))
@@ -156,10 +156,7 @@ def trades_off(
 
 
 def weakest_significant(count: int, significant: float) -> float:
-    """The weakest rank correlation of three pairs or more that is significant, by Student's t.
-
-    The level of significance is two-sided.
-    """
+    """The weakest rank correlation that is significant by Student's t, at a two-sided level."""
     t = float(stats.t.ppf(1 - significant / 2, count - 2))
     return t / float(np.sqrt(count - 2 + t**2))
 
@@ -231,7 +228,7 @@ def departs_most(
 ) -> CheckResult:
     """The slope of one n_stripe is farther from the mean of the others than each of the others."""
     families = (departing, *n_stripe)
-    lines = _lines(cube, families, of, fewest=3, needed=(departing,))
+    lines = _lines(cube, families, of, fewest=3, needed=departing)
     others = np.array([line.slope for n, line in lines.items() if n != departing])
     mean = float(others.mean())
     scale = float(np.ptp([line.slope for line in lines.values()]))
@@ -240,20 +237,16 @@ def departs_most(
 
 
 def _lines(
-    cube: xr.Dataset, n_stripe: Families, of: str, fewest: int, needed: tuple[int, ...] = ()
+    cube: xr.Dataset, n_stripe: Families, of: str, fewest: int, needed: int | None = None
 ) -> Lines:
-    """The lines of all n_stripe of which enough designs have a complete test.
-
-    Raises:
-        NotMeasured: if there are fewer than ``fewest``, or one that is ``needed`` is missing.
-    """
+    """The lines of n_stripe with enough complete tests: ``fewest`` of them, and the needed one."""
     samples = Samples.of(cube, Checkerboards(n_stripe=n_stripe), of)
-    values = samples.values(lambda sample: float(sample[of]))
+    values = samples.values(of)
     points = {n: [(float(m), v) for (k, m), v in values.items() if k == n] for n in n_stripe}
     lines = {
         n: linear_fit(*np.array(each).T) for n, each in points.items() if len(each) >= FEWEST_POINTS
     }
-    if len(lines) < fewest or not {*needed} <= {*lines}:
+    if len(lines) < fewest or needed not in (None, *lines):
         missing = ", ".join(str(n) for n in n_stripe if n not in lines)
         reason = f"fewer than {FEWEST_POINTS} designs measured for n_stripe {missing}"
         raise NotMeasured(reason, len(n_stripe), "lines")

@@ -100,19 +100,14 @@ def judged_slices(claims: Sequence[Claim], slices: Sequence[Slice]) -> list[Judg
 
 def _by_nearest(claim: Claim, slices: Sequence[Slice]) -> Judgement:
     """The judgement by the one cube whose samples are nearest the paper's."""
-    found = [(path, cube, claim.check([cube])) for path, cube in slices]
-    path, cube, result = min(found, key=lambda each: _rank(each[1], each[2]))
-    return Judgement(
-        claim,
-        result,
-        (JudgedSamples.of(path, cube, result.at),),
-        tuple(claim.check([cube], factor).verdict for factor in QUARTER) if claim.knitlab else (),
-        tuple(
-            (other, each)
-            for other, _, each in found
-            if each.verdict not in (result.verdict, Verdict.not_measured)
-        ),
-    )
+    checked = [(path, cube, claim.check([cube])) for path, cube in slices]
+    path, cube, result = min(checked, key=lambda each: _rank(each[1], each[2]))
+    samples = JudgedSamples.of(path, cube, result.at)
+    factors = QUARTER if claim.knitlab else ()
+    quarters = tuple(claim.check([cube], factor).verdict for factor in factors)
+    same = (result.verdict, Verdict.not_measured)
+    others = tuple((other, each) for other, _, each in checked if each.verdict not in same)
+    return Judgement(claim, result, (samples,), quarters, others)
 
 
 def _rank(cube: xr.Dataset, result: CheckResult) -> tuple[object, ...]:
@@ -160,25 +155,16 @@ def listed(judgements: Sequence[Judgement]) -> str:
     return "\n".join([*lines, summary(judgements)])
 
 
-def contrary(found: Sequence[tuple[Path, CheckResult]], name: Callable[[Path], str]) -> str:
-    """Verdicts that differ from the deciding one, as text.
-
-    Args:
-        found: the cubes with another verdict, and their results.
-        name: returns the name of a cube for its path.
-    """
+def contrary(others: Sequence[tuple[Path, CheckResult]], name: Callable[[Path], str]) -> str:
+    """Verdicts that differ from the deciding one, as text, with the names of their cubes."""
     return ", ".join(
         f"{result.verdict.value} at {signed(result.margin)} on {result.count} of {name(path)}"
-        for path, result in found
+        for path, result in others
     )
 
 
 def records(judgements: Sequence[Judgement]) -> list[dict[str, Any]]:
-    """One table row for each claim.
-
-    All values are texts but ``margin``, which is ``None`` where nothing was measured, and the
-    counts ``judged`` and ``wanted``.
-    """
+    """A table row for each claim: texts, counts, and the margin if it was measured."""
     return [_record(each) for each in judgements]
 
 

@@ -1,7 +1,7 @@
 """The samples of a cube that a claim is about, and how like the paper's they are."""
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -109,10 +109,12 @@ class Samples:
         wanted = max(about.at_least, len(asked))
         return cls(cube[["status", *variables]], complete, wanted, about.counted)
 
-    def values(self, of: Callable[[xr.Dataset], float]) -> dict[Labels, float]:
-        """A number for each complete sample, without samples for which it is not finite."""
-        values = {labels: of(one_sample(self.cube, labels)) for labels in self.complete}
-        return {labels: value for labels, value in values.items() if np.isfinite(value)}
+    def values(self, of: str) -> dict[Labels, float]:
+        """The value, or the largest of a curve, of the complete samples that have one."""
+        dims = base_dims(self.cube)
+        variable = self.cube[of].transpose(*dims, ...)
+        values = by_labels(variable.max([dim for dim in variable.dims if dim not in dims]))
+        return {labels: values[labels] for labels in self.complete if np.isfinite(values[labels])}
 
     def result(self, margin: float | None, text: str, at: Iterable[Labels]) -> CheckResult:
         """The result of a check that was judged on some of the samples."""

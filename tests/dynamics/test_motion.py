@@ -232,18 +232,16 @@ def misjudged(monkeypatch):
     """Makes the dynamics take the highest frequency for a number of times lower than it is."""
 
     def misjudge(times, halvings):
-        true = motion.highest_frequency
+        true = motion._highest_frequencies
 
         def found(*given):
             square, mode = true(*given)
             return square / times**2, mode
 
-        monkeypatch.setattr(motion, "highest_frequency", found)
+        monkeypatch.setattr(motion, "_highest_frequencies", found)
         monkeypatch.setattr(motion, "HALVINGS", halvings)
-        motion._programs.cache_clear()
 
-    yield misjudge
-    motion._programs.cache_clear()
+    return misjudge
 
 
 def test_a_step_that_is_too_long_is_halved(misjudged):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from knitlab.simulation.measurement import measured
-from knitlab.simulation.tensile_tests import equilibrium_tests
+from knitlab.simulation.tensile_tests import tensile_tests
 from knitlab.sweep.plan import make_plan
 
 ROOT = Path(__file__).parents[2]
@@ -22,7 +22,7 @@ KERNELS = {"Sandybridge": "avx", "Haswell": "avx2", "SkylakeX": "avx512f"}
 
 def ratios(cases):
     """Poisson's ratios of cases of one mesh shape, by identifier."""
-    tests = equilibrium_tests(cases, lambda *_: None)
+    tests = tensile_tests(cases, lambda *_: None)
     found = {}
     for case, test in zip(cases, tests, strict=True):
         results = measured(case, test)

@@ -12,11 +12,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from knitlab.equilibrium.adjoint import Adjoint
-from knitlab.equilibrium.alignment import aligning_rotation
 from knitlab.equilibrium.equilibrium import find_equilibrium
-from knitlab.equilibrium.equilibrium_search import SearchRules
 from knitlab.equilibrium.linear_response import NoDerivative, rigid_motions
-from knitlab.equilibrium.loading import all_free, rigidly_aligned, tensile
+from knitlab.equilibrium.loading import aligning_rotation, all_free, rigidly_aligned, tensile
+from knitlab.equilibrium.search import SearchRules
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.energy import Point

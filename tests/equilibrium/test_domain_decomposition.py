@@ -9,21 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from knitlab.equilibrium import divided_system, domain_decomposition, subdomains
-from knitlab.equilibrium.divided_system import DividedSystem
-from knitlab.equilibrium.domain_decomposition import (
-    LONGEST_EXTRAPOLATION,
-    SubdomainSolution,
-    find_equilibrium_by_subdomains,
-    subdomain_settings,
-)
+from knitlab.equilibrium import domain_decomposition, equilibrium, subdomains
+from knitlab.equilibrium.domain_decomposition import SubdomainSolver
 from knitlab.equilibrium.equilibrium import (
-    BACKTRACKS,
+    LONGEST_EXTRAPOLATION,
+    ROUNDS,
+    SubdomainRounds,
     find_equilibrium,
-    minimise_with_one_factorisation,
 )
-from knitlab.equilibrium.equilibrium_search import Search, SearchRules
 from knitlab.equilibrium.loading import all_free, free_under_tension
+from knitlab.equilibrium.search import Search, SearchRules, minimise
 from knitlab.equilibrium.state import Outcome, State
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.subdomains import (
@@ -32,7 +27,7 @@ from knitlab.equilibrium.subdomains import (
     subdomains_of,
     worth_dividing,
 )
-from knitlab.equilibrium.walls import Walls
+from knitlab.equilibrium.system import System
 from knitlab.fabric.element_chunks import ChunkedFabric
 from knitlab.fabric.energy import COMPLETE, Energy, Evaluation, Point
 from knitlab.fabric.threads import ALONE, Threads
@@ -42,8 +37,19 @@ from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered, equations
 def slow(sample, step_length=0.3, settings=DEFAULT) -> SearchRules:
     """Search rules as in a tensile test."""
     net, fabric, loading = sample
+    limit = step_length / float(fabric.cell_sides.min())
     free = free_stiffness(net.shape, loading.free)
-    return SearchRules(free, step_length, Walls.of(fabric), settings, convexified=False)
+    return SearchRules(free, replace(settings, step_limit=limit), convexified=False)
+
+
+def whole_equilibrium(sample, start, rules) -> State:
+    """The equilibrium of a sample that is solved as a whole."""
+    search = Search(equations(*sample[:2]), start, rules)
+    return search.state(minimise(search))
+
+
+def solved_by_subdomains(system, *args, **options):
+    return SubdomainSolver(system).solve(system, *args, **options)
 
 
 @pytest.mark.slow
@@ -52,12 +58,12 @@ def test_forces_on_a_subdomain_equal_those_in_the_whole_sample(small_subdomains,
     net, fabric, loading = sample
     random = np.random.default_rng(0)
     at = loading.reference + 0.1 * random.normal(size=net.shape.unknowns)
-    whole = ChunkedFabric.of(net.shape, fabric).evaluate(COMPLETE, at)
+    whole = ChunkedFabric(net.shape, fabric).evaluate(COMPLETE, at)
     free = free_stiffness(net.shape, places(net.shape))
     found = list(subdomains_of(free))
     assert len(found) == 4
     for subdomain in found:
-        own = ChunkedFabric.of(subdomain.free.shape, subdomain.fabric(fabric))
+        own = ChunkedFabric(subdomain.free.shape, subdomain.fabric(fabric))
         gradient = np.asarray(own.evaluate(COMPLETE, at[subdomain.places]).gradient)
         movable = subdomain.free.places
         np.testing.assert_allclose(
@@ -70,8 +76,8 @@ def test_a_move_within_a_subdomain_changes_its_energy_as_that_of_the_sample(
 ):
     net, fabric, loading = sample
     subdomain = list(subdomains_of(free_stiffness(net.shape, loading.free)))[1]
-    whole = ChunkedFabric.of(net.shape, fabric)
-    own = ChunkedFabric.of(subdomain.free.shape, subdomain.fabric(fabric))
+    whole = ChunkedFabric(net.shape, fabric)
+    own = ChunkedFabric(subdomain.free.shape, subdomain.fabric(fabric))
     before = loading.reference
     after = before.copy()
     movable = subdomain.places[subdomain.free.places]
@@ -129,8 +135,8 @@ def test_two_threads_give_the_subdomain_solutions_of_one(small_subdomains, sampl
     found = list(subdomains_of(free))
     assert not couplings(found, net.shape.unknowns).all()
     alone, shared = (
-        DividedSystem(net.shape, fabric, threads=threads).solve_subdomains(
-            start, free, 0.3, subdomain_settings(DEFAULT)
+        solved_by_subdomains(
+            System(net.shape, fabric, threads), start, free, DEFAULT, force_part=0.0
         )
         for threads in (ALONE, Threads(2))
     )
@@ -141,15 +147,13 @@ def test_two_threads_give_the_subdomain_solutions_of_one(small_subdomains, sampl
 def test_subdomain_solutions_lower_the_energy_and_their_cost_is_counted(small_subdomains, sample):
     net, fabric, loading = sample
     free = free_stiffness(net.shape, loading.free)
-    system = DividedSystem(net.shape, fabric)
+    system = equations(net, fabric)
     start = Point(loading.ahead([(0.0, loading.reference)], 0.05))
-    settings = subdomain_settings(DEFAULT)
-    longest = DEFAULT.step_limit * float(fabric.cell_sides.min())
-    solved, share = system.solve_subdomains(start, free, longest, settings)
+    solved, share = solved_by_subdomains(system, start, free, DEFAULT, force_part=0.0)
     energies = [float(system.evaluate(at).energy.total) for at in (start, solved)]
     assert energies[1] < energies[0]
     assert share > 0
-    held = loading.held
+    held = np.setdiff1d(np.arange(net.shape.unknowns), loading.free)
     np.testing.assert_array_equal(solved.unknowns[held], start.unknowns[held])
 
 
@@ -157,7 +161,7 @@ def test_only_subdomains_with_large_forces_are_solved(small_subdomains, sample):
     net, fabric, loading = sample
     free = free_stiffness(net.shape, loading.free)
     found = list(subdomains_of(free))
-    system, settings = DividedSystem(net.shape, fabric), subdomain_settings(DEFAULT)
+    system = equations(net, fabric)
     # Only the first subdomain moves this node.
     moved = sorted(
         set(found[0].places[found[0].free.places].tolist()).difference(
@@ -170,19 +174,19 @@ def test_only_subdomains_with_large_forces_are_solved(small_subdomains, sample):
     gradient = np.asarray(system.evaluate(at).gradient)
     accepted = 0.5 * np.abs(gradient[free.places]).max()
     assert [subdomain.force(gradient) > accepted for subdomain in found] == [True, *[False] * 3]
-    solved, cost = system.solve_subdomains(at, free, 0.3, settings, force_part=0.5)
+    solved, cost = solved_by_subdomains(system, at, free, DEFAULT, force_part=0.5)
     changed = np.flatnonzero(solved.unknowns != unknowns)
     assert cost > 0
     assert set(changed) <= set(found[0].places[found[0].free.places])
     after = np.asarray(system.evaluate(solved).gradient)
     assert found[0].force(after) <= accepted
-    _, cost_of_all = system.solve_subdomains(at, free, 0.3, settings)
+    _, cost_of_all = solved_by_subdomains(system, at, free, DEFAULT, force_part=0.0)
     assert cost_of_all > cost
 
 
 def test_a_large_sample_keeps_factors_for_one_choice_of_free_unknowns(small_subdomains, sample):
     net, fabric, loading = sample
-    system = DividedSystem(net.shape, fabric)
+    system = equations(net, fabric)
 
     def factors(free) -> weakref.ref:
         system.assemble(Point(loading.reference), free_stiffness(net.shape, free))
@@ -202,11 +206,11 @@ def test_a_sample_reaches_the_same_state_by_subdomains_and_as_a_whole(
     small_subdomains, sample, monkeypatch
 ):
     net, fabric, loading = sample
-    rules = SearchRules.of(net.shape, loading.free, fabric, DEFAULT, convexified=False)
+    rules = SearchRules(free_stiffness(net.shape, loading.free), DEFAULT, convexified=False)
     start = Point(loading.ahead([(0.0, loading.reference)], 0.01))
 
     def found():
-        return find_equilibrium_by_subdomains(equations(net, fabric), start, rules)
+        return find_equilibrium(equations(net, fabric), start, rules)
 
     by_subdomains = found()
     assert by_subdomains.outcome is Outcome.converged
@@ -220,7 +224,7 @@ def test_the_limit_of_iterations_holds_for_subdomains_too(small_subdomains, samp
     net, fabric, loading = sample
     start = Point(loading.ahead([(0.0, loading.reference)], 0.2))
     few = replace(DEFAULT, max_iterations=5)
-    state = find_equilibrium_by_subdomains(equations(net, fabric), start, slow(sample, 0.1, few))
+    state = find_equilibrium(equations(net, fabric), start, slow(sample, 0.1, few))
     assert state.outcome is Outcome.iteration_limit
     assert state.iterations >= 5
 
@@ -237,31 +241,26 @@ def test_a_search_that_stalls_after_its_subdomains_restarts_without_them(
     net, fabric, loading = sample
     start = Point(loading.ahead([(0.0, loading.reference)], 0.1))
 
-    def stalling(search):
-        minimise_with_one_factorisation(search)
-        return Outcome.stalled
+    def stalling(search, once=False):
+        outcome = minimise(search, once)
+        return Outcome.stalled if once else outcome
 
-    monkeypatch.setattr(domain_decomposition, "minimise_with_one_factorisation", stalling)
+    monkeypatch.setattr(equilibrium, "minimise", stalling)
     system = equations(net, fabric)
-    state = find_equilibrium_by_subdomains(system, start, slow(sample), patience=None)
+    state = find_equilibrium(system, start, slow(sample), patience=None)
     assert state.outcome is Outcome.converged
-    whole = find_equilibrium(equations(net, fabric), start, slow(sample))
+    whole = whole_equilibrium(sample, start, slow(sample))
     np.testing.assert_allclose(state.unknowns, whole.unknowns, atol=1e-7)
 
 
-class Counting(DividedSystem):
+class Counting(System):
     """A system that counts its solutions of subdomains, factorisations, and evaluations."""
 
     def __init__(self, *args):
         super().__init__(*args)
+        self.subdomains = CountingSubdomains(self)
         self.divided = self.factorisations = 0
         self.evaluated = [0]
-
-    def solve_subdomains(self, *args):
-        solved = super().solve_subdomains(*args)
-        self.divided += 1
-        self.evaluated.append(0)
-        return solved
 
     def factorise(self, *args):
         self.factorisations += 1
@@ -272,13 +271,21 @@ class Counting(DividedSystem):
         return super().evaluate(at)
 
 
+class CountingSubdomains(SubdomainSolver):
+    def solve(self, system, *args):
+        solved = super().solve(system, *args)
+        system.divided += 1
+        system.evaluated.append(0)
+        return solved
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("patience", [None, 3])
 def test_the_cost_of_all_rounds_is_counted(small_subdomains, sample, patience):
     net, fabric, loading = sample
     start = Point(loading.ahead([(0.0, loading.reference)], 0.1))
     system = Counting(net.shape, fabric)
-    state = find_equilibrium_by_subdomains(system, start, slow(sample), patience=patience)
+    state = find_equilibrium(system, start, slow(sample), patience=patience)
     assert state.converged
     assert system.divided > 1
     assert state.factorisations == system.factorisations > 1
@@ -292,27 +299,29 @@ def test_subdomains_are_solved_again_after_too_many_iterations(small_subdomains,
     def longest_round(patience):
         system = Counting(net.shape, fabric)
         rules = slow(sample)
-        assert find_equilibrium_by_subdomains(system, start, rules, patience=patience).converged
+        assert find_equilibrium(system, start, rules, patience=patience).converged
         return max(system.evaluated)
 
-    # Their solution is evaluated once; the last step may be tried at several lengths.
-    assert longest_round(3) <= 3 + BACKTRACKS
-    assert longest_round(None) > 3 + BACKTRACKS
+    # The state is evaluated before and after; the last step may be tried at five lengths.
+    assert longest_round(3) <= 3 + 5 + 1
+    assert longest_round(None) > 3 + 5 + 1
 
 
-class FoldedToNothing(DividedSystem):
-    """A system whose subdomains collapse to one point, where no hinge has an angle."""
+class FoldedToNothing(SubdomainSolver):
+    """Subdomains that collapse to one point, where no hinge has an angle."""
 
-    def solve_subdomains(self, at, *args):
+    def solve(self, system, at, *args):
         return replace(at, unknowns=np.zeros_like(at.unknowns)), 1.0
 
 
 def test_collapsed_subdomains_are_discarded(small_subdomains, sample):
     net, fabric, loading = sample
     start, rules = Point(loading.ahead([(0.0, loading.reference)], 0.01)), slow(sample)
-    state = find_equilibrium_by_subdomains(FoldedToNothing(net.shape, fabric), start, rules)
+    system = equations(net, fabric)
+    system.subdomains = FoldedToNothing(system)
+    state = find_equilibrium(system, start, rules)
     assert state.outcome is Outcome.converged
-    whole = find_equilibrium(equations(net, fabric), start, rules)
+    whole = whole_equilibrium(sample, start, rules)
     np.testing.assert_allclose(state.unknowns, whole.unknowns, atol=1e-7)
 
 
@@ -327,21 +336,21 @@ def test_a_subdomain_without_a_solution_stays_as_it_was(
     free = free_stiffness(net.shape, loading.free)
     start = Point(loading.ahead([(0.0, loading.reference)], 0.05))
 
-    def stalling(system, at, rules):
+    def stalling(system, own, at, settings):
         evaluation = system.evaluate(at)
         nowhere = np.zeros_like(at.unknowns)
         return State(
             free.shape, nowhere, evaluation.energy, evaluation.gradient, outcome, residual, 7
         )
 
-    monkeypatch.setattr(divided_system, "find_equilibrium", stalling)
-    system = DividedSystem(net.shape, fabric)
-    solved, share = system.solve_subdomains(start, free, 0.3, subdomain_settings(DEFAULT))
+    monkeypatch.setattr(domain_decomposition, "solve_subdomain", stalling)
+    system = equations(net, fabric)
+    solved, share = solved_by_subdomains(system, start, free, DEFAULT, force_part=0.0)
     np.testing.assert_array_equal(solved.unknowns, start.unknowns)
     assert share > 0
 
 
-def extrapolated(sample, energy, passed, step_length=1e6, waiting=domain_decomposition.ROUNDS):
+def extrapolated(sample, energy, passed, step_length=1e6, waiting=ROUNDS):
     """Position of a node after extrapolation from previous positions, with given energies;
     and how often subdomains are solved."""
     rules = slow(sample, step_length)
@@ -359,18 +368,22 @@ def extrapolated(sample, energy, passed, step_length=1e6, waiting=domain_decompo
     class Known:
         """A system whose energy is known, and whose subdomains are solved already."""
 
-        solved = 0
+        solved, fabric = 0, sample[1]
+
+        @property
+        def subdomains(self):
+            return self
 
         def evaluate(self, there):
             return cost(there)
 
-        def solve_subdomains(self, there, *_):
+        def solve(self, system, there, *_):
             self.solved += 1
             return there, 1.0
 
     system = Known()
     search = Search(system, at(passed[0]), rules)
-    by_subdomains = SubdomainSolution(system, search)
+    by_subdomains = SubdomainRounds(search)
     for where in [passed[0]] * waiting + list(passed):
         search.move(at(where), cost(at(where)))
         by_subdomains.extrapolate()
@@ -393,8 +406,8 @@ def test_there_is_no_extrapolation_in_the_first_rounds(sample):
     def after(rounds):
         return extrapolated(sample, lambda x: abs(x - 20.0), np.arange(float(rounds)), waiting=0)
 
-    assert after(domain_decomposition.ROUNDS) == (domain_decomposition.ROUNDS - 1, 0)
-    assert after(domain_decomposition.ROUNDS + 1)[1] > 0
+    assert after(ROUNDS) == (ROUNDS - 1, 0)
+    assert after(ROUNDS + 1)[1] > 0
 
 
 @given(st.floats(0.01, 0.25), st.floats(-5, 5))

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from knitlab.equilibrium.equilibrium import find_equilibrium
-from knitlab.equilibrium.equilibrium_search import NEARLY, SearchRules
-from knitlab.equilibrium.factorisation import one_thread_of_blas
 from knitlab.equilibrium.loading import tensile
 from knitlab.equilibrium.relaxation import relax
-from knitlab.equilibrium.system import System
+from knitlab.equilibrium.search import NEARLY, SearchRules
+from knitlab.equilibrium.stiffness import free_stiffness
+from knitlab.equilibrium.system import System, one_thread_of_blas
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.energy import Point
 from tests.fabrics import DEFAULT, FINE, PERIODIC, checkered, equations
@@ -66,7 +66,7 @@ def pulled(strain, useless="", settings=DEFAULT):
         relaxed = relax(equations(net, fabric), FINE)
         loading = tensile(net.shape, relaxed.configuration)
         system = Recorded(net, fabric, loading.free, useless)
-        rules = SearchRules.of(net.shape, loading.free, fabric, settings, convexified=False)
+        rules = SearchRules(free_stiffness(net.shape, loading.free), settings, convexified=False)
         start = Point(relaxed.unknowns + strain * loading.drive)
         return find_equilibrium(system, start, rules), system.asked
 

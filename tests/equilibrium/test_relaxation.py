@@ -4,8 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from knitlab.equilibrium.relaxation import relax
-from knitlab.equilibrium.starting_shape import tiled
+from knitlab.equilibrium.relaxation import relax, tiled
 from knitlab.fabric.energy import energy
 from tests.fabrics import CLAMPED, DEFAULT, PERIODIC, checkered, equations, relaxed
 

@@ -5,20 +5,19 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from knitlab.equilibrium import divided_system
-from knitlab.equilibrium.divided_system import DividedSystem, solve_subdomain
-from knitlab.equilibrium.domain_decomposition import subdomain_settings
-from knitlab.equilibrium.factorisation import one_thread_of_blas
-from knitlab.equilibrium.second_process import SecondProcess, SubdomainData, SubdomainTask
+from knitlab.equilibrium import domain_decomposition
+from knitlab.equilibrium.domain_decomposition import SubdomainSolver, solve_subdomain
+from knitlab.equilibrium.second_process import SecondProcess
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.subdomains import subdomains_of
-from knitlab.equilibrium.system import System
+from knitlab.equilibrium.system import System, one_thread_of_blas
 from knitlab.fabric.energy import Point
-from knitlab.fabric.threads import Threads
+from knitlab.fabric.threads import ALONE, Threads
 from tests.fabrics import DEFAULT
 
 
@@ -28,7 +27,7 @@ def divided(sample, small_subdomains):
     net, _, loading = sample
     start = Point(loading.ahead([(0.0, loading.reference)], 0.05))
     free = free_stiffness(net.shape, loading.free)
-    return start, free, 0.3, subdomain_settings(DEFAULT)
+    return start, free, DEFAULT
 
 
 def is_there(pid: int) -> bool:
@@ -41,16 +40,19 @@ def is_there(pid: int) -> bool:
 
 @pytest.mark.slow
 def test_a_second_process_finds_the_same_solution(sample, divided):
-    (_, fabric, _), (at, free, longest, settings) = sample, divided
+    (_, fabric, _), (at, free, _) = sample, divided
+    settings = replace(DEFAULT, tolerance=1e-6, max_iterations=300)
     process = SecondProcess()
     for number, subdomain in enumerate(subdomains_of(free)):
-        sent = SubdomainData(subdomain.free.shape, subdomain.free.places, subdomain.fabric(fabric))
-        # Sent twice, the second time only by its name.
+        own = subdomain.fabric(fabric)
+        sent = subdomain.free.shape, subdomain.free.places, own
+        # Sent twice, the second time only by its number.
         for start in (at.unknowns, at.unknowns + 1e-3):
-            task = SubdomainTask((0, number), Point(start[subdomain.places]), longest, settings)
-            remote = process.solve(task, sent)
+            begin = Point(start[subdomain.places])
+            remote = process.solve(number, sent, begin, settings)
             with one_thread_of_blas():
-                local = solve_subdomain(System(sent.shape, sent.fabric), subdomain.free, task)
+                system = System(subdomain.free.shape, own)
+                local = solve_subdomain(system, subdomain.free, begin, settings)
             assert remote.outcome is local.outcome
             assert remote.iterations == local.iterations > 0
             np.testing.assert_array_equal(remote.unknowns, local.unknowns)
@@ -62,15 +64,19 @@ def test_subdomains_are_solved_though_a_second_process_dies(sample, divided, mon
     dead = []
 
     class Dying(SecondProcess):
-        def solve(self, task, sent):
+        def solve(self, *args):
             os.kill(self.pid, signal.SIGKILL)
-            state = super().solve(task, sent)
+            state = super().solve(*args)
             dead.append(state is None)
             return state
 
-    alone = DividedSystem(net.shape, fabric).solve_subdomains(*divided)
-    monkeypatch.setattr(divided_system, "SecondProcess", Dying)
-    left = DividedSystem(net.shape, fabric, threads=Threads(2)).solve_subdomains(*divided)
+    def solved(threads):
+        system = System(net.shape, fabric, threads)
+        return SubdomainSolver(system).solve(system, *divided)
+
+    alone = solved(ALONE)
+    monkeypatch.setattr(domain_decomposition, "SecondProcess", Dying)
+    left = solved(Threads(2))
     np.testing.assert_array_equal(left[0].unknowns, alone[0].unknowns)
     assert dead
     assert all(dead)

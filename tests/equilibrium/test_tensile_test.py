@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from knitlab.equilibrium import tensile_test
-from knitlab.equilibrium.domain_decomposition import find_equilibrium_by_subdomains
+from knitlab.equilibrium.equilibrium import find_equilibrium
 from knitlab.equilibrium.loading import tensile
 from knitlab.equilibrium.settings import SolverSettings
 from knitlab.equilibrium.state import Outcome
@@ -241,9 +241,9 @@ def test_large_samples_start_from_the_lowest_energy_on_the_line_of_extrapolation
 
     def found(system, start, *rest):
         starts.append(start)
-        return find_equilibrium_by_subdomains(system, start, *rest)
+        return find_equilibrium(system, start, *rest)
 
-    monkeypatch.setattr(tensile_test, "find_equilibrium_by_subdomains", found)
+    monkeypatch.setattr(tensile_test, "find_equilibrium", found)
     passed_states = [(0.0, replace(before, unknowns=off)), (0.01, last)]
     path = _Path(equations(net, fabric), loading, passed_states, DEFAULT)
     assert path.to(0.02).converged
@@ -252,7 +252,7 @@ def test_large_samples_start_from_the_lowest_energy_on_the_line_of_extrapolation
     way = far - near
     part = float((starts[0].unknowns - near) @ way / (way @ way))
     assert any(part == pytest.approx(one) for one in parts)
-    whole = ChunkedFabric.of(net.shape, fabric)
+    whole = ChunkedFabric(net.shape, fabric)
     taken, *others = (
         float(whole.evaluate(COMPLETE, at).energy.total) for at in (starts[0].unknowns, near, far)
     )

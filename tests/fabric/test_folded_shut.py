@@ -9,7 +9,7 @@ from knitlab.equilibrium.relaxation import relax
 from knitlab.fabric.barrier import Barrier
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.settings import CONTACT_RANGE, ModelOptions
-from knitlab.measure.intersections import self_intersections
+from knitlab.measure.surfaces import self_intersections
 from tests.fabrics import DEFAULT, cell_of, equations, pure, stripe
 
 THICKNESS, PERIODS, ROOM = 0.1, 2, 1 + CONTACT_RANGE

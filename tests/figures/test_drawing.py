@@ -8,13 +8,14 @@ import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from knitlab.cube.schema import Status
-from knitlab.figures.drawing import draw, draw_figure
-from knitlab.figures.kinds.auxetic import auxetic_map
+from knitlab.figures.drawing import FIGURES, draw, draw_figure
 from knitlab.figures.kinds.curves import tension_curves
+from knitlab.figures.kinds.design_map import auxetic_map
 from knitlab.figures.kinds.samples import stretched_samples
 from knitlab.figures.kinds.sensitivity import sensitivity_map
 from knitlab.figures.style import ValueColours
 from knitlab.io.errors import BadInput
+from knitlab.sweep.figure_names import FIGURE_NAMES
 from tests.cube.artificial_cubes import STATUS, made_up_cube
 
 
@@ -22,6 +23,10 @@ from tests.cube.artificial_cubes import STATUS, made_up_cube
 def cube_file(tmp_path):
     made_up_cube().to_netcdf(tmp_path / "cube.nc")
     return tmp_path / "cube.nc"
+
+
+def test_every_figure_is_listed_for_workflows():
+    assert tuple(FIGURES) == FIGURE_NAMES
 
 
 def cell_pixels(figure, column, row):

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from knitlab.cli import main
+from knitlab.figures.found_designs import non_dominated
 from knitlab.figures.kinds.capacitors import capacitors_figure
-from knitlab.figures.kinds.sensor import PAPER, pareto_front, sensor_map, values_of_designs
+from knitlab.figures.kinds.design_map import PAPER, sensor_map, values_of_designs
 from knitlab.io.errors import BadInput
 from tests.cube.artificial_cubes import made_up_cube
 from tests.figures.test_drawing import values_written
@@ -42,24 +43,22 @@ def with_electrodes() -> xr.Dataset:
     return cube
 
 
-def test_the_front_is_of_designs_that_are_ok():
-    figures = values_of_designs([with_electrodes()], PAPER)
-    assert set(figures) == {(2, 16), (4, 16), (4, 32)}
-    assert pareto_front(figures) == [(4, 16), (2, 16)]
+def test_values_are_of_designs_that_are_ok():
+    table = values_of_designs([with_electrodes()], PAPER)
+    designs = list(zip(table["n_stripe"], table["n_subunit"], strict=True))
+    assert designs == [(2, 16), (4, 16), (4, 32)]
 
 
 @given(st.lists(st.tuples(FIGURE, FIGURE), min_size=1, max_size=12))
-def test_the_front_is_the_set_of_designs_that_none_dominates(points):
-    figures = {(k, k): point for k, point in enumerate(points)}
-    front = pareto_front(figures)
+def test_the_front_is_the_set_of_points_that_none_dominates(points):
+    front = non_dominated(-np.array(points))
 
     def beats(one, other):
         return one != other and one[0] >= other[0] and one[1] >= other[1]
 
-    assert front
-    for design, each in figures.items():
-        beaten = any(beats(other, each) for other in points)
-        assert beaten == (design not in front)
+    assert front.any()
+    for point, on_front in zip(points, front, strict=True):
+        assert on_front != any(beats(other, point) for other in points)
 
 
 def test_the_map_writes_both_figures_and_lists_the_front():

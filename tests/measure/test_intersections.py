@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.network import MeshShape, mesh_shape
-from knitlab.measure.intersections import self_intersections
+from knitlab.measure.surfaces import self_intersections
 from knitlab.measure.unit_cells import nodes_at
 from tests.fabrics import patch_map
 
@@ -71,7 +71,7 @@ def test_a_flat_sheet_and_a_zigzag_do_not_intersect():
     flat = extruded(shape, np.stack([along, 0 * along], axis=-1))
     folded = extruded(shape, np.stack([0.1 * along, along % 2], axis=-1))
     both = Configuration(np.stack([flat, folded]), np.zeros((2, 2)))
-    assert self_intersections(shape, both).tolist() == [0, 0]
+    assert self_intersections(shape, both) == [0, 0]
 
 
 def test_a_sheet_that_loops_through_itself_intersects_once_per_row():
@@ -79,7 +79,7 @@ def test_a_sheet_that_loops_through_itself_intersects_once_per_row():
     loop = np.array([[0, 0], [2, 0], [2, 1], [1, 1], [1, -1]])
     assert shape.nodes_x == len(loop)
     found = self_intersections(shape, configuration(extruded(shape, loop)))
-    assert found.tolist() == [shape.cells_y]
+    assert found == [shape.cells_y]
 
 
 @pytest.mark.parametrize(("height", "pairs"), [(0.001, 1), (0.0, 0), (-0.001, 0)])
@@ -87,7 +87,7 @@ def test_touching_is_not_passing_through(height, pairs):
     shape = sheet("clamped")
     loop = np.array([[0, 0], [2, 0], [2, 1], [1, 1], [1, -height]])
     found = self_intersections(shape, configuration(extruded(shape, loop)))
-    assert found.tolist() == [pairs * shape.cells_y]
+    assert found == [pairs * shape.cells_y]
 
 
 def test_periodic_fabric_longer_than_its_period_intersects_its_image():
@@ -96,8 +96,8 @@ def test_periodic_fabric_longer_than_its_period_intersects_its_image():
     nodes = extruded(shape, row) + np.random.default_rng(1).normal(scale=1e-3, size=(4, 4, 3))
     state = configuration(nodes, (0.7, 4.0))
     found = self_intersections(shape, state)
-    assert found.tolist() == [pairs_by_library(shape, state[0], 2)]
-    assert found > 0
+    assert found == [pairs_by_library(shape, state[0], 2)]
+    assert found > [0]
 
 
 @pytest.mark.slow
@@ -111,7 +111,7 @@ def test_every_pair_is_one_that_the_library_finds(seed, boundary):
     nodes = nodes + rng.normal(scale=rng.choice([0.2, 0.35, 0.5]), size=nodes.shape)
     state = configuration(nodes, (shape.nodes_x, shape.nodes_y))
     reach = 1 if shape.periodic else 0
-    assert self_intersections(shape, state).tolist() == [pairs_by_library(shape, state[0], reach)]
+    assert self_intersections(shape, state) == [pairs_by_library(shape, state[0], reach)]
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -122,4 +122,4 @@ def test_a_turned_and_moved_sheet_intersects_as_often(seed):
     turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     moved = nodes @ turn + rng.normal(size=3)
     both = Configuration(np.stack([nodes, moved]), np.zeros((2, 2)))
-    assert len(set(self_intersections(shape, both).tolist())) == 1
+    assert len(set(self_intersections(shape, both))) == 1

@@ -8,7 +8,7 @@ import pytest
 import knitlab as kl
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.network import MeshShape
-from knitlab.measure.intersections import self_intersections
+from knitlab.measure.surfaces import self_intersections
 from knitlab.measure.unit_cells import nodes_at
 from knitlab.simulation.case import case_of
 
@@ -43,7 +43,7 @@ def test_a_fabric_that_would_pass_through_itself_keeps_its_distance():
     shape = MeshShape(16, 16, periodic=True)
     sides = np.stack([held["length_x"], held["length_y"]], axis=-1)
     shapes = Configuration(held["position"].values, sides)
-    assert not self_intersections(shape, shapes).any()
+    assert not any(self_intersections(shape, shapes))
     around = nodes_at(shape, shapes, np.arange(32), np.arange(32))
     assert all(distances(np.asarray(state)) > THICKNESS for state in around)
 

@@ -1,4 +1,5 @@
-"""Every figure that can be drawn by name: one file each, called as the figure is.
+"""Every figure that can be drawn by name.
 
-A file holds the function that draws and ``FIGURE``, which describes it (:class:`FigureKind`).
+A module holds functions that draw, and ``FIGURES``, which describes each by its name
+(:class:`~knitlab.figures.figure_kind.FigureKind`).
 """

@@ -139,4 +139,4 @@ def _samples(cube: xr.Dataset) -> list[Sample]:
     return samples
 
 
-FIGURE = FigureKind(capacitors_figure, dims=None, several="any")
+FIGURES = {"capacitors": FigureKind(capacitors_figure, dims=None, several="any")}

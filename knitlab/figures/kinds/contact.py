@@ -121,4 +121,4 @@ def _draw_sizes(axes: Axes, without: xr.Dataset, touching: xr.Dataset, colours: 
     axes.legend(handles=handles, ncols=2, fontsize=6.5, **above)
 
 
-FIGURE = FigureKind(contact_effect)
+FIGURES = {"contact": FigureKind(contact_effect)}

@@ -124,4 +124,6 @@ def _edges(design: xr.Dataset, name: str) -> list[np.ndarray]:
     return []
 
 
-FIGURE = FigureKind(tension_curves, coordinates=("applied_strain",), several="experiments")
+FIGURES = {
+    "curves": FigureKind(tension_curves, coordinates=("applied_strain",), several="experiments")
+}

@@ -200,9 +200,11 @@ def _text(value: Any, form: str = ".3g") -> str:
     return value if isinstance(value, str) else number(float(value), form)
 
 
-FIGURE = FigureKind(
-    value_grid,
-    dims=None,
-    coordinates=("applied_strain", "stripe_parameter"),
-    options=("x", "y", "of"),
-)
+FIGURES = {
+    "grid": FigureKind(
+        value_grid,
+        dims=None,
+        coordinates=("applied_strain", "stripe_parameter"),
+        options=("x", "y", "of"),
+    )
+}

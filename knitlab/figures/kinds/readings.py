@@ -88,4 +88,4 @@ def _head(options: RankedOptions, varied: Sequence[str]) -> list[str]:
     return [*labels, *judged, f"{options.count(Grade.holds)}/{options.decided}"]
 
 
-FIGURE = FigureKind(readings_figure, dims=None, several="any")
+FIGURES = {"readings": FigureKind(readings_figure, dims=None, several="any")}

@@ -1,17 +1,98 @@
-"""Samples between clamps, relaxed and stretched (paper, Fig. "tension images")."""
+"""Samples between clamps (paper, Fig. "tension images"): local strain, and how they look."""
 
 import json
 from collections.abc import Sequence
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Rectangle
 
+from knitlab.cube.cube_file import is_measured, source_of
+from knitlab.cube.schema import Status
+from knitlab.figures.cells import designs_of
 from knitlab.figures.figure_kind import FigureKind
-from knitlab.figures.kinds.tension import PAPER_DESIGNS, shown_strain
 from knitlab.figures.sheets import draw_faces, faces_of, shaded, state_text
-from knitlab.figures.style import TWO_COLUMNS, ValueColours
+from knitlab.figures.style import TWO_COLUMNS, Look, ValueColours
 from knitlab.io.errors import fault
+from knitlab.measure.unit_cells import central
+
+SHOWN_STRAIN = 0.23
+PAPER_DESIGNS = ((8, 48), (4, 16), (4, 32))
+CENTRAL: Look = {"fill": False, "ec": "0.2", "lw": 1.2}
+COMPONENTS = {
+    "strain_xx": "transverse strain $\\varepsilon_{xx}$",
+    "strain_yy": "axial strain $\\varepsilon_{yy}$",
+}
+
+
+def tension_maps(cubes: Sequence[xr.Dataset]) -> Figure:
+    """Local strain over samples between clamps (paper, Fig. "tension images").
+
+    Shows every unit cell of the paper's three samples, and of measured samples of any design, at
+    ``applied_strain`` or the recorded strain nearest 0.23. Cells have the size of the relaxed unit
+    cell, and are white if they lost a marker; the central ones, over which strains are averaged,
+    have a dark frame.
+    """
+    shown = _samples(cubes)
+    if not shown:
+        names = ", ".join(map(str, PAPER_DESIGNS))
+        raise fault("tension", f"no cube has one of {names} with more than one unit cell")
+    figure = Figure(figsize=(TWO_COLUMNS, 5.2), layout="constrained")
+    grid = figure.subplots(len(COMPONENTS), len(shown), squeeze=False)
+    for row, (name, label) in zip(grid, COMPONENTS.items(), strict=True):
+        values = np.concatenate([sample[name].values.ravel() for sample in shown])
+        colours = ValueColours.of(values, signed=True)
+        for axes, sample in zip(row, shown, strict=True):
+            _draw_cells(axes, sample, sample[name], colours)
+            title = "({}, {})".format(*_design(sample))
+            title += f" {source_of(sample)}" if is_measured(sample) else ""
+            axes.set(xlabel="x, weft [mm]", ylabel="y, warp [mm]", aspect="equal", title=title)
+        colours.bar(figure, list(row), label=f"{label} [1]", shrink=0.9)
+    strains = dict.fromkeys(f"{float(sample['applied_strain']):.0%}" for sample in shown)
+    figure.suptitle(f"applied strain {' and '.join(strains)}", fontsize="medium")
+    averaged = Patch(**CENTRAL, label="unit cells over which strains are averaged")
+    figure.legend(handles=[averaged], loc="outside lower center")
+    return figure
+
+
+def shown_strain(cube: xr.Dataset) -> float:
+    """The recorded applied strain nearest :data:`SHOWN_STRAIN` [1]."""
+    return float(cube["applied_strain"].sel(applied_strain=SHOWN_STRAIN, method="nearest"))
+
+
+def _samples(cubes: Sequence[xr.Dataset]) -> list[xr.Dataset]:
+    """The samples that are shown, at the shown strain: the paper's three, then measured ones."""
+    samples = [
+        design.sel(applied_strain=shown_strain(design))
+        for cube in cubes
+        if "strain_xx" in cube
+        for design in designs_of(cube)
+        if int(design["status"]) == Status.ok
+    ]
+    samples = [sample for sample in samples if int(sample["strain_xx"].notnull().sum()) > 1]
+    first = {design: number for number, design in enumerate(PAPER_DESIGNS)}
+    shown = [each for each in samples if is_measured(each) or _design(each) in first]
+    return sorted(shown, key=lambda each: first.get(_design(each), len(first)))
+
+
+def _design(sample: xr.Dataset) -> tuple[int, int]:
+    return int(sample["n_stripe"]), int(sample["n_subunit"])
+
+
+def _draw_cells(axes: Axes, sample: xr.Dataset, field: xr.DataArray, colours: ValueColours) -> None:
+    observed = field.dropna("cell_y", how="all").dropna("cell_x", how="all")
+    rows, columns = observed.shape
+    width, height = float(sample["relaxed_cell_x"]), float(sample["relaxed_cell_y"])
+    x, y = width * np.arange(columns + 1), height * np.arange(rows + 1)
+    look: Look = {"cmap": colours.colours, "norm": colours.norm, "edgecolors": "0.8", "lw": 0.3}
+    axes.pcolormesh(x, y, observed.values, **look)
+    inner_y, inner_x = central(rows), central(columns)
+    corner = x[inner_x.start], y[inner_y.start]
+    size = x[inner_x.stop] - x[inner_x.start], y[inner_y.stop] - y[inner_y.start]
+    axes.add_patch(Rectangle(corner, *size, **CENTRAL))
+
 
 MOST_STRAINS = 2
 """Largest number of states of a sample that are shown."""
@@ -77,6 +158,9 @@ def _name(case: xr.Dataset) -> str:
     return f"{design}\n{cells_x} × {cells_y} cells"
 
 
-FIGURE = FigureKind(
-    stretched_samples, needs="position", designs=PAPER_DESIGNS, coordinates=("applied_strain",)
-)
+FIGURES = {
+    "tension": FigureKind(tension_maps, several="experiments", coordinates=("applied_strain",)),
+    "samples": FigureKind(
+        stretched_samples, needs="position", designs=PAPER_DESIGNS, coordinates=("applied_strain",)
+    ),
+}

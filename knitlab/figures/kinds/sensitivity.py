@@ -114,4 +114,4 @@ def _name(design: xr.Dataset) -> str:
     return f"({int(design['n_stripe'])}, {int(design['n_subunit'])})  {where}"
 
 
-FIGURE = FigureKind(sensitivity_map)
+FIGURES = {"sensitivity": FigureKind(sensitivity_map)}

@@ -72,4 +72,4 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     return figure
 
 
-FIGURE = FigureKind(swept_values, dims=None, options=("of",))
+FIGURES = {"swept": FigureKind(swept_values, dims=None, options=("of",))}

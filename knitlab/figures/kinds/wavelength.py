@@ -99,4 +99,4 @@ def _draw_lines(axes: Axes, cube: xr.Dataset, direction: str) -> None:
     axes.set_ylim(0, 1.7 * axes.get_ylim()[1])
 
 
-FIGURE = FigureKind(wavelength_figure)
+FIGURES = {"wavelength": FigureKind(wavelength_figure)}

@@ -15,7 +15,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, Num
+from jaxtyping import Array, Float, Int
 from scipy.spatial import cKDTree
 from scipy.special import zeta
 
@@ -62,10 +62,7 @@ def images_along(
     period: Float[np.ndarray, " state"],
     ground: Float[np.ndarray, " state"] | None = None,
 ) -> Images:
-    """Enough images for the multipoles of the others to converge.
-
-    Arguments as for :func:`maxwell_matrices`.
-    """
+    """Enough images for the multipoles of the others to converge."""
     if ground is not None:
         mirror = _mirrored(panels, ground[:, None, None, None])
         panels = np.concatenate([panels, mirror], axis=1)
@@ -86,9 +83,9 @@ def near_pairs(
     The larger panel is second. The pairs are padded with copies of the last one.
     """
     states, count = panels.shape[:2]
-    turns = np.zeros((states, 1, 3))
-    if images is not None and period is not None:
-        turns[:, 0, images.axis] = period
+    turns = np.zeros((states, 3))
+    if images is not None:
+        turns[:, images.axis] = period
     near, extent = np.eye(count, dtype=bool), np.zeros(count)
     for corners, turn in zip(panels, turns, strict=True):
         centre = corners.mean(axis=1)
@@ -104,7 +101,8 @@ def near_pairs(
     pairs = np.argwhere(np.triu(near | near.T))
     first, second = extent[pairs].T
     # Gauss points of a large panel would not resolve the potential of a small one close to it.
-    pairs[first > second * (1 + TIE)] = pairs[first > second * (1 + TIE)][:, ::-1]
+    turned = first > second * (1 + TIE)
+    pairs[turned] = pairs[turned, ::-1]
     # The number of pairs is rounded up, so that few programs are compiled for many shapes.
     steps = math.ceil(math.log(max(len(pairs) / PAIRS_AT_ONCE, 1), PAIRS_RATIO))
     filled = PAIRS_AT_ONCE * math.ceil(PAIRS_RATIO**steps)
@@ -140,14 +138,9 @@ def maxwell_matrices(
     """
     apart_squared = apart**2 * (1 - membership @ membership.T)
 
-    def of_state(
-        panels: Float[Array, "panel 4 3"],
-        period: Float[Array, ""],
-        ground: Float[Array, ""] | None,
-    ) -> Float[Array, "conductor conductor"]:
-        lower = jnp.linalg.cholesky(
-            potential_coefficients(panels, near, images, period, apart_squared, ground)
-        )
+    def of_state(panels: Array, period: Array, ground: Array | None) -> Array:
+        potential = _potential_coefficients(panels, near, images, period, apart_squared, ground)
+        lower = jnp.linalg.cholesky(potential)
         half = jax.scipy.linalg.solve_triangular(lower, membership, lower=True)
         return half.T @ half
 
@@ -167,7 +160,7 @@ def two_terminal(
     return (one * other - mutual**2) / (one + other + 2 * mutual)
 
 
-def potential_coefficients(
+def _potential_coefficients(
     panels: Float[Array, "panel 4 3"],
     near: Int[Array, "pair 2"],
     images: Images | None,
@@ -215,11 +208,7 @@ def _due_to(
         axis = images.axis
         turns = jnp.round((centre[:, None, axis] - middle[None, :, axis]) / period)
 
-    def inverse_distance(
-        one: Float[Array, "panel 3"],
-        other: Float[Array, "panel 3"],
-        image: Num[Array, ""] | float = 0.0,
-    ) -> Matrix:
+    def inverse_distance(one: Array, other: Array, image: Array | float = 0.0) -> Matrix:
         steps = [one[:, None, k] - other[None, :, k] for k in range(3)]
         if axis is not None:
             steps[axis] -= (turns + image) * period
@@ -236,7 +225,7 @@ def _due_to(
     combinations = jnp.array(list(product(range(len(points)), repeat=2)))
     total, _ = jax.lax.scan(add_points, jnp.zeros_like(turns), combinations)
 
-    def closed(pairs: Int[Array, "some 2"]) -> Float[Array, " some"]:
+    def closed(pairs: Array) -> Array:
         seen_from, charged = pairs.T
         source = sources[charged]
         if axis is not None:
@@ -244,8 +233,8 @@ def _due_to(
         return _closed_form(panels[seen_from], source, apart_squared[seen_from, charged])
 
     coefficients = jax.lax.map(closed, near.reshape(-1, PAIRS_AT_ONCE, 2)).ravel()
-    total = total.at[near[:, 0], near[:, 1]].set(coefficients)
-    total = total.at[near[:, 1], near[:, 0]].set(coefficients)
+    one, other = near.T
+    total = total.at[one, other].set(coefficients).at[other, one].set(coefficients)
     if images is None:
         return total
 

@@ -19,10 +19,10 @@ from knitlab.measure.capacitance.boundary_elements import (
     near_pairs,
     two_terminal,
 )
-from knitlab.measure.capacitance.gap import crosses_itself, gap_between
 from knitlab.measure.capacitance.panels import PanelChart, panel_chart, panels_on
 from knitlab.measure.capacitance.sensor import CapacitorStatus
 from knitlab.measure.folds import fold_angles
+from knitlab.measure.surfaces import crossings, gap_between
 
 STATES_AT_ONCE = 4
 """States that are computed together."""
@@ -73,9 +73,8 @@ class Capacitances:
     """A capacitor in every state of a test.
 
     Attributes:
-        status: status in each state, see :class:`CapacitorStatus`.
-        capacitance: two-terminal capacitance without leads, NaN if not measured; of one period if
-            periodic [pF].
+        status: a :class:`CapacitorStatus` for each state.
+        capacitance: two-terminal capacitance without leads, of one period if periodic [pF].
         mutual: mutual capacitance −C₁₂ of Maxwell's matrix, NaN for periodic fabric without a
             grounded plane [pF].
         error: estimated relative error of the capacitance, also where it is too large [1].
@@ -177,13 +176,13 @@ def _obstacles(
 ) -> tuple[Float[np.ndarray, " state"], Bool[np.ndarray, " state"]]:
     """Distance of the electrodes in every state, and whether one passes through itself."""
     chart = panel_chart(electrodes, shape, LEVELS[0])
-    lengths = np.asarray(configurations.lengths)[:, electrodes.axis]
+    panels = np.asarray(panels_on(chart, shape, configurations))
+    lengths = np.asarray(configurations.lengths) * np.eye(2)[electrodes.axis] * shape.periodic
     gaps, through = [], []
-    for panels, length in zip(panels_on(chart, shape, configurations), lengths, strict=True):
-        panels = np.asarray(panels)
-        period = length * np.eye(3)[electrodes.axis] if shape.periodic else None
-        gaps.append(gap_between(panels, chart.electrode, reach, period))
-        through.append(any(crosses_itself(panels[chart.electrode == k], period) for k in (0, 1)))
+    for panels_of_state, periods in zip(panels, lengths, strict=True):
+        one, other = (panels_of_state[chart.electrode == k] for k in (0, 1))
+        gaps.append(gap_between(one, other, reach, periods))
+        through.append(crossings(one, periods) + crossings(other, periods) > 0)
     return np.array(gaps), np.array(through)
 
 

@@ -19,10 +19,8 @@ Side = tuple[int, float, float, float]
 class PanelChart:
     """Panels on the flat chart; none crosses the border of a grid cell.
 
-    Attributes:
-        cell: grid cell (y, x) of each panel, which may lie beyond a periodic boundary.
-        corners: corners of each panel in order around it: (x, y) within its cell, from 0 to 1.
-        electrode: number of the electrode that each panel belongs to.
+    Each has its grid cell (y, x), which may lie beyond a periodic boundary, the (x, y) of its
+    corners within that cell, from 0 to 1 and in order around it, and the number of its electrode.
     """
 
     cell: Int[np.ndarray, "panel 2"]
@@ -99,13 +97,9 @@ def points_on(
     shape: MeshShape,
     configuration: Configuration,
 ) -> Float[Array | np.ndarray, "*state point 3"]:
-    """Points of the flat chart on a deformed fabric, bilinear between nodes [mm].
+    """Points of the flat chart on a fabric in one state or several, bilinear between nodes [mm].
 
-    Args:
-        places: coordinates (x, y) of the points on the chart [grid cells].
-        cells: grid cell (y, x) of each point, which is ambiguous on a border.
-        shape: mesh of the configuration.
-        configuration: configuration of one state or several.
+    Points are given as (x, y) in grid cells, with the cell (y, x) that is ambiguous on a border.
     """
     first, last = cells.min(axis=0), cells.max(axis=0)
     rows, columns = (np.arange(low, high + 2) for low, high in zip(first, last, strict=True))

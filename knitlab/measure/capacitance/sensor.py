@@ -4,7 +4,6 @@ All of them follow from a curve C(ε), simulated or measured, with at least thre
 neither JAX nor SciPy, as cubes are read without them.
 """
 
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
@@ -38,63 +37,34 @@ class CapacitorStatus(IntEnum):
     unresolved = 3
 
 
-@dataclass(frozen=True)
-class Sensor:
-    """Figures of merit of a strain sensor.
-
-    Attributes:
-        sensitivity: mean |dC/dε| over the central 20 % of the strain range [pF].
-        gauge_factor: (C_end − C_0)/C_0 over the strain between [1].
-        humidity_strain: strain that changes the capacitance as much, at the mean slope, as a change
-            of the permittivity by 5 % does [1].
-        linearity: R² of a straight line over the whole range [1].
-        working_range: width of the widest strain window in which a straight line has the required
-            R² [1].
-        working_start: strain at which that window begins [1].
-        working_slope: slope of that line [pF].
-    """
-
-    sensitivity: float
-    gauge_factor: float
-    humidity_strain: float
-    linearity: float
-    working_range: float
-    working_start: float
-    working_slope: float
-
-
-def sensor_of(
+def sensor_values(
     strain: Curve, capacitance: Curve, least_linearity: float, leads: float = 0.0
-) -> Sensor | None:
-    """The figures of merit of a sensor from its curve; ``None`` if it has too few points.
+) -> dict[str, float]:
+    """Figures of merit of a sensor, by the names of the schema; none if it has too few points.
 
-    Between points the curve is interpolated by monotone cubics.
-
-    Args:
-        strain: strains, ascending [1].
-        capacitance: capacitance at these strains [pF].
-        least_linearity: R² that the working range must have.
-        leads: the part of the capacitance that humidity does not change [pF].
+    Between points, at ascending strains, the curve [pF] is interpolated by monotone cubics. The
+    working range is the widest strain window in which a straight line has the R² that is asked for.
+    Humidity does not change the part of the capacitance that is due to the leads.
     """
     from scipy.interpolate import PchipInterpolator
 
     if len(strain) < FEWEST_POINTS:
-        return None
+        return {}
     curve = PchipInterpolator(strain, capacitance)
     start, end = float(strain[0]), float(strain[-1])
     fine = np.linspace(start, end, RESOLUTION + 1)
     low, high, slope = widest_linear(fine, curve(fine), least_linearity)
     change = float(capacitance[-1] / capacitance[0]) - 1
     humidity = HUMIDITY * (1 - leads / float(capacitance[0]))
-    return Sensor(
-        sensitivity=mean_slope(strain, capacitance),
-        gauge_factor=change / (end - start),
-        humidity_strain=humidity * (end - start) / abs(change) if change else float("inf"),
-        linearity=float(linearity(fine, curve(fine))),
-        working_range=high - low,
-        working_start=low,
-        working_slope=slope,
-    )
+    return {
+        "sensitivity": mean_slope(strain, capacitance),
+        "gauge_factor": change / (end - start),
+        "humidity_strain": humidity * (end - start) / abs(change) if change else float("inf"),
+        "linearity": float(linearity(fine, curve(fine))),
+        "working_range": high - low,
+        "working_start": low,
+        "working_slope": slope,
+    }
 
 
 def sensing_range(strain: Curve, capacitance: Curve, unfolded: float) -> Kept:

@@ -50,16 +50,11 @@ def wedge_capacitance(
 ) -> Float[Array, "*state"]:
     """Capacitance between two strips in vacuum, by the wedge integral [pF].
 
-    It is differentiable with respect to the configuration. For periodic fabric it is that of one
-    period.
-
-    Args:
-        electrodes: two strips, see :func:`side_by_side`.
-        shape: mesh of the configuration.
-        configuration: configuration of one state or several.
+    It is differentiable with respect to the configuration, of one state or several. For periodic
+    fabric it is that of one period.
 
     Raises:
-        ValueError: if the electrodes are not two such strips.
+        ValueError: if the electrodes are not two strips :func:`side_by_side`.
     """
     if not side_by_side(electrodes):
         raise ValueError("the wedge integral needs two strips of equal width, side by side")
@@ -115,19 +110,19 @@ def _plate(
     configuration: Configuration,
 ) -> tuple[Float[Array, "*state run reach 3"], ...]:
     """Points of a strip, and the tangents across and along it per grid cell [mm]."""
-    grid = np.stack(np.broadcast_arrays(at[None, :], run[:, None]), axis=-1).reshape(-1, 2)
-    places = grid if axis == 1 else grid[:, ::-1]
+    places = np.stack(np.meshgrid(at, run), axis=-1).reshape(-1, 2)[:, :: 1 if axis == 1 else -1]
     cells = np.floor(places).astype(int)
 
-    def on(shift: tuple[float, float]) -> Float[Array, "*state run reach 3"]:
-        corner = np.where(np.isnan(shift), places, cells + np.array(shift))
-        points = points_on(corner, cells[:, ::-1], shape, configuration)
+    def on(places: Float[np.ndarray, "point 2"]) -> Float[Array, "*state run reach 3"]:
+        points = points_on(places, cells[:, ::-1], shape, configuration)
         return jnp.asarray(points).reshape(*points.shape[:-2], len(run), len(at), 3)
 
-    points_here = on((np.nan, np.nan))
-    by_x = on((1, np.nan)) - on((0, np.nan))
-    by_y = on((np.nan, 1)) - on((np.nan, 0))
-    return (points_here, by_x, by_y) if axis == 1 else (points_here, by_y, by_x)
+    def tangent(along: int) -> Float[Array, "*state run reach 3"]:
+        low, high = places.copy(), places.copy()
+        low[:, along], high[:, along] = cells[:, along], cells[:, along] + 1
+        return on(high) - on(low)
+
+    return on(places), tangent(1 - axis), tangent(axis)
 
 
 def _cut(low: float, high: float, origins: tuple[float, ...]) -> list[float]:

@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from knitlab.measure.capacitance.gap import (
-    crosses_itself,
+from knitlab.measure.surfaces import (
+    crossings,
     gap_between,
     segment_distance,
     triangle_distance,
@@ -70,8 +70,7 @@ def square(corner=(0.0, 0.0, 0.0), one=(1.0, 0.0, 0.0), other=(0.0, 1.0, 0.0), c
 
 
 def gap(one, other, reach=FAR):
-    panels = np.concatenate([one, other])
-    return gap_between(panels, np.repeat([0, 1], [len(one), len(other)]), reach)
+    return gap_between(one, other, reach)
 
 
 def turned(panels, turn):
@@ -206,11 +205,11 @@ ZIGZAG = [(0, 0), (1, 4), (2, 0), (3, 4), (4, 0)]
 
 @pytest.mark.parametrize("motion", range(3))
 def test_a_folded_zigzag_does_not_cross_itself(motion):
-    assert not crosses_itself(turned(folded_strip(ZIGZAG), Rotation.random(rng=motion)))
+    assert not crossings(turned(folded_strip(ZIGZAG), Rotation.random(rng=motion)))
 
 
 def test_a_tightly_folded_zigzag_does_not_cross_itself():
-    assert not crosses_itself(folded_strip([(1e-3 * x, z) for x, z in ZIGZAG]))
+    assert not crossings(folded_strip([(1e-3 * x, z) for x, z in ZIGZAG]))
 
 
 @pytest.mark.parametrize("motion", range(3))
@@ -218,19 +217,19 @@ def test_a_tightly_folded_zigzag_does_not_cross_itself():
 def test_a_strip_that_comes_back_through_itself_crosses_itself(end, crosses, motion):
     outline = [(0, 0), (2, 4), (4, 4), (4, 2), (end, 2)]
     panels = turned(folded_strip(outline), Rotation.random(rng=motion))
-    assert crosses_itself(panels) == crosses
-    assert crosses_itself(panels[::-1]) == crosses
+    assert (crossings(panels) > 0) == crosses
+    assert (crossings(panels[::-1]) > 0) == crosses
 
 
 def test_neighbours_at_an_edge_do_not_cross():
     for angle in (0.0, 0.5, 2.0, 3.1):
-        assert not crosses_itself(folded_strip([(-1, 0), (0, 0), (-np.cos(angle), np.sin(angle))]))
+        assert not crossings(folded_strip([(-1, 0), (0, 0), (-np.cos(angle), np.sin(angle))]))
 
 
 def test_neighbours_at_a_corner_do_not_cross():
     beside = square((1.0, 1.0, 0), (1.0, 0, 1.0), (0, 1.0, 0), count=1)
-    assert not crosses_itself(np.concatenate([square(count=1), beside]))
+    assert not crossings(np.concatenate([square(count=1), beside]))
 
 
 def test_a_flat_sheet_does_not_cross_itself():
-    assert not crosses_itself(square(count=5))
+    assert not crossings(square(count=5))

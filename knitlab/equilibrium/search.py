@@ -1,0 +1,346 @@
+"""One search for an equilibrium: minimisation of the energy by quasi-Newton steps.
+
+Folds move far while the yarn hardly stretches, so that the energy is a narrow curved valley, and a
+long straight Newton step would raise it. A factorisation costs about ten gradients and solves. So
+one factorisation of K + μ I is the initial inverse Hessian of many L-BFGS steps (Nocedal and
+Wright, Numerical Optimization, Alg. 7.4), which learn the curvature of the valley. The stiffness is
+refactorised when a step gains less than the average since the last factorisation, including its
+cost, and does not halve the force either, as steps near the minimum may. The first step predicts
+which nodes will touch the walls (:mod:`knitlab.equilibrium.walls`); later ones keep these.
+"""
+
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg.blas import daxpy
+
+from knitlab.equilibrium.settings import SolverSettings
+from knitlab.equilibrium.state import Outcome, State
+from knitlab.equilibrium.stiffness import FreeStiffness
+from knitlab.equilibrium.system import System
+from knitlab.equilibrium.walls import lowest_part, step_between_walls
+from knitlab.fabric.configuration import Configuration
+from knitlab.fabric.energy import Evaluation, Point
+
+if TYPE_CHECKING:
+    from knitlab.fabric.barrier import Barrier
+
+NEARLY = 1e3
+"""Force of a search that has nearly ended, over the tolerance."""
+LEAST_RAISED_SHIFT, LARGEST_SHIFT = 1e-6, 1e6
+ENERGY_ROUND_OFF = 1e-13
+"""Relative change of the energy below which it is round-off, and the force decides instead."""
+
+Vector = Float[np.ndarray, " free"]
+
+
+@dataclass(frozen=True, eq=False)
+class Drag:
+    """Drag during one strain step: the paper's damping without inertia, c u̇ + ∇V = 0.
+
+    By implicit Euler, the state after a strain step Δε at a strain rate ε̇ is a minimum of the
+    incremental potential V(u) + ½ (c ε̇ / Δε) ‖u − u_before‖² over the free unknowns.
+
+    Attributes:
+        before: unknowns before the step [mm].
+        stiffness: c ε̇ / Δε, damping of a node times strain rate over the step [N/mm].
+    """
+
+    before: Float[np.ndarray, " unknown"]
+    stiffness: float
+
+
+@dataclass(frozen=True, eq=False)
+class SearchRules:
+    """Rules of a search.
+
+    Attributes:
+        free: the free unknowns and the sparsity of their stiffness.
+        floor: energy below which the search stops, because the state sought has more [N mm].
+        convexified: whether to convexify the stiffness rather than raise μ.
+        contact: contact of the fabric with itself, if any.
+        exact: whether to factorise in double precision from the start.
+        drag: drag of a viscous step, if it is one.
+    """
+
+    free: FreeStiffness
+    settings: SolverSettings
+    floor: float = -np.inf
+    convexified: bool = True
+    contact: "Barrier | None" = None
+    exact: bool = False
+    drag: Drag | None = None
+
+
+class Search:
+    """Current configuration of a search, its energy and forces, and the cost so far.
+
+    Attributes:
+        step_length: longest change of the vector between neighbouring nodes in a step [mm].
+        limit: number of iterations at which the search ends.
+        exact: whether the stiffness is factorised in double precision.
+        shift: μ [N/mm].
+    """
+
+    def __init__(self, system: System, at: Point, rules: SearchRules) -> None:
+        self.system, self.rules, self.places = system, rules, rules.free.places
+        fabric, settings = system.fabric, rules.settings
+        self.step_length = settings.step_limit * float(fabric.cell_sides.min())
+        self.z_max, self._k_wall = float(fabric.z_max), float(fabric.k_wall)
+        self.limit, self.exact = settings.max_iterations, rules.exact
+        self.iterations = self.factorisations = 0
+        self.begin(at, self.evaluated(at))
+
+    def evaluated(self, at: Point) -> Evaluation:
+        """Energy and gradient of a configuration, contact and drag included."""
+        evaluation, contact, drag = self.system.evaluate(at), self.rules.contact, self.rules.drag
+        if drag is not None:
+            moved = at.unknowns[self.places] - drag.before[self.places]
+            gradient: Any = np.array(evaluation.gradient)
+            gradient[self.places] += drag.stiffness * moved
+            potential = 0.5 * drag.stiffness * float(moved @ moved)
+            evaluation = Evaluation(replace(evaluation.energy, drag=potential), gradient)
+        if contact is None or not np.isfinite(at.unknowns).all():
+            return evaluation
+        return contact.added(evaluation, at.unknowns)
+
+    def begin(self, at: Point, evaluation: Evaluation) -> None:
+        """Start, or restart, from a configuration; the cost so far is kept."""
+        self.move(at, evaluation)
+        self.shift = self.steepest_shift if self.rules.convexified else 1e-4
+
+    def move(self, at: Point, evaluation: Evaluation) -> None:
+        """Continue from another configuration, given its energy and gradient."""
+        self.at, self.evaluation = at, evaluation
+        self.energy = float(evaluation.energy.total)
+        self.gradient: Vector = np.asarray(evaluation.gradient)[self.places]
+        self.force = float(np.abs(self.gradient).max())
+
+    def end(self) -> Outcome | None:
+        """The outcome if the search ends at the current configuration, else None."""
+        if self.force <= self.rules.settings.tolerance:
+            return Outcome.converged
+        if self.energy < self.rules.floor:
+            return Outcome.left_branch
+        if self.iterations >= self.limit:
+            return Outcome.iteration_limit
+        return None if np.isfinite(self.force) else Outcome.stalled
+
+    @property
+    def nearly_ended(self) -> bool:
+        """Whether so little force is left that the stiffness must be positive definite.
+
+        Subdomains and intermediate states, whose tolerance is larger, may be far from any minimum.
+        """
+        return self.force <= min(NEARLY * self.rules.settings.tolerance, 1e-3)
+
+    @property
+    def steepest_shift(self) -> float:
+        """μ with which the largest force moves a node by the step limit [N/mm].
+
+        A step with a larger μ is shorter than the limit even along the softest modes.
+        """
+        return self.force / self.step_length
+
+    @property
+    def heights(self) -> Vector:
+        """Heights of the free nodes [mm]."""
+        return self.at.unknowns[self.places[self.rules.free.heights]]
+
+    @property
+    def wall_stiffness(self) -> float:
+        """Stiffness of the walls at the current stage [N/mm]."""
+        return self._k_wall * float(self.at.stage.wall)
+
+    def of_all(self, step: Vector) -> Float[np.ndarray, " unknown"]:
+        """A step of all unknowns, which the held ones do not take."""
+        whole = np.zeros(self.rules.free.shape.unknowns)
+        whole[self.places] = step
+        return whole
+
+    def longest_part(self, step: Vector) -> float:
+        """The fraction of a step that has the largest allowed length; above 1 for shorter steps.
+
+        A part of the sheet may move or rotate far as a rigid body; only relative motion of
+        neighbouring nodes is limited.
+        """
+        shape = self.rules.free.shape
+        move = Configuration.of(self.of_all(step), shape)
+        nodes, (along_x, along_y) = np.asarray(move.positions), np.asarray(move.lengths)
+        changes = [np.diff(nodes, axis=0), np.diff(nodes, axis=1)]
+        if shape.periodic:
+            changes.append(nodes[0] - nodes[-1] + np.array([0.0, along_y, 0.0]))
+            changes.append(nodes[:, 0] - nodes[:, -1] + np.array([along_x, 0.0, 0.0]))
+        longest = max(np.einsum("...c,...c->...", change, change).max() for change in changes)
+        return self.step_length / max(float(longest), np.finfo(float).tiny) ** 0.5
+
+    def state(self, outcome: Outcome) -> State:
+        """The current state."""
+        return State(
+            shape=self.rules.free.shape,
+            unknowns=self.at.unknowns,
+            energy=self.evaluation.energy,
+            gradient=np.asarray(self.evaluation.gradient),
+            outcome=outcome,
+            residual=self.force,
+            iterations=self.iterations,
+            factorisations=self.factorisations,
+        )
+
+
+def minimise(search: Search, once: bool = False) -> Outcome:
+    """Minimise the energy over the free unknowns until the forces on them vanish.
+
+    Every step lowers the energy, so that the fabric is followed through snaps to a nearby minimum.
+    If K + μ I is not positive definite, it is either convexified, which is fast and takes large
+    steps, or μ is raised until it is, which stays in the valley of the initial configuration, as a
+    slow motion would. A convexified search begins with a μ that keeps its steps near the step
+    limit, as a trust region would. μ decreases while steps succeed; once it is negligible and the
+    forces are small, convergence is that of Newton's method. Only the forces of the result are
+    tested: a path that leads exactly into a saddle point would end there.
+
+    Factorisations that fail, or allow no step that lowers the energy, are repeated with another μ;
+    if the search has nearly ended, first in double precision, which it then keeps. With ``once``
+    the search ends, as at its limit of iterations, when one factorisation is no longer useful.
+    """
+    rules, system, smallest = search.rules, search.system, search.rules.settings.smallest_shift
+    while (outcome := search.end()) is None:
+        system.assemble(search.at, rules.free)
+        drag = 0.0 if rules.drag is None else rules.drag.stiffness
+        contact = rules.contact and rules.contact.hessian(search.at.unknowns, search.places)
+        raised = False
+        while True:
+            search.factorisations += 1
+            if system.factorise(search.shift + drag, rules.convexified, contact, search.exact):
+                break
+            if search.nearly_ended and not search.exact:
+                search.exact = True
+                continue
+            search.shift, raised = max(10 * search.shift, LEAST_RAISED_SHIFT), True
+            if search.shift > LARGEST_SHIFT:
+                return Outcome.stalled
+        descent = _descend(search)
+        if not (descent.steps or search.exact) and (search.nearly_ended or descent.below_round_off):
+            search.exact = True
+            continue
+        if descent.below_round_off and not descent.steps and search.shift <= smallest:
+            return Outcome.stalled
+        if descent.shortened:
+            longest = max(search.steepest_shift, search.shift)
+            search.shift = min(max(10 * search.shift, LEAST_RAISED_SHIFT), longest)
+        elif descent.below_round_off or not (descent.blocked or raised):
+            search.shift = max(0.1 * search.shift, smallest)
+        elif not descent.steps:
+            search.shift = max(10 * search.shift, LEAST_RAISED_SHIFT)
+        elif descent.blocked:
+            search.shift *= 2
+        if search.shift > LARGEST_SHIFT:
+            return Outcome.stalled
+        if descent.steps and once and search.end() is None:
+            return Outcome.iteration_limit
+    return outcome
+
+
+@dataclass(frozen=True)
+class _Descent:
+    """Result of the quasi-Newton steps with one factorisation.
+
+    Attributes:
+        blocked: whether no fraction of the next step lowered the energy.
+        below_round_off: whether the expected decrease was below round-off: then the step is not
+            too long, but the shift is too large for the force to fall.
+        shortened: whether the step limit shortened most steps of a convexified stiffness to a
+            small part, so that only its softest modes moved: then μ is too small.
+    """
+
+    steps: int
+    blocked: bool = False
+    below_round_off: bool = False
+    shortened: bool = False
+
+
+def _descend(search: Search) -> _Descent:
+    """Quasi-Newton steps with one factorisation."""
+    rules = search.rules
+    # Cost of a factorisation in steps, most steps with one, which the L-BFGS memory holds, and
+    # consecutive poor steps after which the stiffness is factorised again. If μ is raised, a
+    # factorisation costs twice as much, as several attempts may fail first.
+    cost, most_steps, patience = (8, 30, 2) if rules.convexified else (16, 60, 3)
+    memory: deque[tuple[Vector, Vector, float]] = deque(maxlen=most_steps)
+    highest, steps, poor, shortened = search.energy, 0, 0, 0
+    while steps < most_steps and search.iterations < search.limit:
+        if steps:
+            direction = _direction(search, memory)
+            curvature = -float(search.gradient @ direction)
+        else:
+            direction, curvature = step_between_walls(search)
+        slope = float(search.gradient @ direction)
+        if not slope < 0:
+            return _Descent(steps, blocked=True)
+        part = min(1.0, search.longest_part(direction))
+        shortened += part < 0.1
+        free = 1.0
+        if rules.contact is not None:
+            free = rules.contact.free_part(search.at.unknowns, search.of_all(direction * part))
+        part *= free
+        before = search.energy, search.gradient, search.force
+        step, slope, curvature = direction * part, slope * part, curvature * part**2
+        walls = search.z_max, search.wall_stiffness
+        rise = step[rules.free.heights]
+        length = lowest_part(search.heights, rise, slope, curvature, *walls)
+        length = _line_search(search, step, slope, length)
+        if not length:
+            noise = ENERGY_ROUND_OFF * abs(search.energy)
+            return _Descent(steps, blocked=True, below_round_off=-slope < noise)
+        steps += 1
+        # Contact that has come within reach is in the forces, but not in the factorisation.
+        if search.end() is not None or free < 1:
+            break
+        step, change = step * length, search.gradient - before[1]
+        curvature = float(step @ change)
+        if curvature > 1e-8 * np.sqrt((step @ step) * (change @ change)):
+            memory.append((step, change, curvature))
+        total, is_poor = highest - search.energy, search.force > 0.5 * before[2]
+        if total > 1e-10 * abs(search.energy):  # else the energy gained is round-off
+            is_poor &= before[0] - search.energy < total / (cost + steps)
+        poor = poor + 1 if is_poor else 0
+        if poor == patience:
+            break
+    return _Descent(steps, shortened=rules.convexified and shortened > steps / 2)
+
+
+def _direction(search: Search, memory: deque[tuple[Vector, Vector, float]]) -> Vector:
+    """The L-BFGS direction, with the factorised stiffness as the initial Hessian."""
+    direction, weights = -search.gradient, list[float]()
+    for step, change, curvature in reversed(memory):
+        weights.append(float(step @ direction) / curvature)
+        direction = daxpy(change, direction, a=-weights[-1])
+    direction = search.system.solve(direction)
+    for (step, change, curvature), weight in zip(memory, reversed(weights), strict=True):
+        direction = daxpy(step, direction, a=weight - float(change @ direction) / curvature)
+    return direction
+
+
+def _line_search(search: Search, step: Vector, slope: float, length: float) -> float:
+    """Move by the fraction of a step, at most ``length``, that lowers the energy; 0 if none."""
+    energy, force = search.energy, search.force
+    noise = ENERGY_ROUND_OFF * abs(energy)
+    for _ in range(5):
+        unknowns = search.at.unknowns.copy()
+        unknowns[search.places] += length * step
+        trial = replace(search.at, unknowns=unknowns)
+        evaluation = search.evaluated(trial)
+        search.iterations += 1
+        trial_energy = float(evaluation.energy.total)
+        trial_force = float(np.abs(np.asarray(evaluation.gradient)[search.places]).max())
+        lower = trial_energy <= energy + 1e-4 * length * slope + noise  # sufficient decrease
+        if lower and (trial_energy < energy - noise or trial_force <= force):
+            search.move(trial, evaluation)
+            return length
+        excess = trial_energy - energy - length * slope
+        lowest = -slope * length**2 / (2 * excess) if excess > 0 else length / 2
+        length = min(max(lowest, 0.1 * length), 0.5 * length)
+    return 0.0

@@ -1,0 +1,208 @@
+"""Design maps over n_stripe and P: lowest Poisson's ratio, and sensitivity and working range."""
+
+from collections.abc import Sequence
+from textwrap import fill
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from knitlab.cube.cube_file import is_measured
+from knitlab.cube.reduced_columns import with_columns
+from knitlab.cube.schema import Status
+from knitlab.figures.cells import (
+    EMPTY,
+    PERIODS_LABEL,
+    draw_map,
+    marks_legend,
+    row_count,
+)
+from knitlab.figures.figure_kind import FigureKind
+from knitlab.figures.found_designs import non_dominated
+from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
+from knitlab.io.errors import fault
+
+LARGE_SPREAD = 0.05
+"""Spread of Poisson's ratio over the siblings of a design above which the map states it."""
+SPREAD_NOTE = "spread: difference in ν between slightly different fabrics, docs/how-to/spread.md"
+NO_RATIO = "no ratio: not stretched, or a single clamped cell"
+
+
+def auxetic_map(cubes: Sequence[xr.Dataset]) -> Figure:
+    """Design map: lowest Poisson's ratio of every design, and the strain at which it occurs.
+
+    With one applied strain selected, it shows Poisson's ratio there. Designs without a value are
+    hatched by status, so that a failure never looks like a value; measured ones have a dashed
+    frame. Where ν of the siblings of a design differs by more than 0.05 at any strain, the map
+    states the difference.
+    """
+    if not any("poisson_ratio_min" in cube for cube in cubes):
+        raise fault("auxetic", "shows Poisson's ratio, and there is none; import markers")
+    strains = np.unique(np.concatenate([cube["applied_strain"].values for cube in cubes]))
+    lowest = len(strains) > 1 or strains[0] == 0
+    if not lowest:
+        cubes = [cube.isel(applied_strain=0) for cube in cubes]
+
+    def text(value: float, design: xr.Dataset) -> str:
+        shown = number(value)
+        if lowest:
+            shown += f"\nat {float(design['applied_strain_at_min']):.0%}"
+        spread = _spread(design)
+        return f"{shown}\nspread {spread:.2f}" if spread > LARGE_SPREAD else shown
+
+    height = max(2.4, 1.2 + 0.5 * row_count(cubes))
+    figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
+    axes = figure.add_subplot()
+    name = "poisson_ratio_min" if lowest else "poisson_ratio"
+    label = "lowest Poisson's ratio ν" if lowest else f"Poisson's ratio ν at {strains[0]:.0%}"
+    label += "\n(negative: auxetic)"
+    marked, gaps = draw_map(figure, axes, cubes, name, label, text, signed=True)
+    axes.set_xlabel(PERIODS_LABEL)
+    said = "lowest ν, and the applied strain there" if lowest else "ν"
+    notes = [f"in each cell: (n_stripe, n_subunit), {said}", *([EMPTY] if gaps else [])]
+    if any(_spread(cube) > LARGE_SPREAD for cube in cubes):
+        notes.append(SPREAD_NOTE)
+    marks_legend(figure, marked, NO_RATIO, notes, cubes)
+    return figure
+
+
+def _spread(cube: xr.Dataset) -> float:
+    """Largest spread of ν over siblings, at any strain of any design; NaN without siblings."""
+    if "poisson_ratio_low" not in cube:
+        return float("nan")
+    return float((cube["poisson_ratio_high"] - cube["poisson_ratio_low"]).max())
+
+
+CAPACITANCE = "capacitance"
+LETTERS_A_LINE, LETTERS_OF_BAR = 110, 18
+MAP_ROW, MAP_MARGIN, TRADE_OFF = 0.38, 0.5, 3.1
+"""Heights of a row of a map, of the space around it, and of the trade-off [in]."""
+FEWEST_ROWS = 3
+"""Smallest number of rows that a map has room for; its labels need it."""
+NO_VALUE = "apart at too few strains to be read"
+NEEDED = "needs electrodes on the fabric; run knitlab run sensor, or a workflow with [electrodes]"
+
+
+class Merit(NamedTuple):
+    """A figure of merit of a sensor, which is better the larger it is: a variable of the cubes."""
+
+    name: str
+    label: str
+    number: str
+
+    def text(self, value: float, *_: object) -> str:
+        """A value as text."""
+        return self.number.format(value)
+
+
+Merits = tuple[Merit, Merit]
+PAPER = (
+    Merit("sensitivity", "sensitivity |dC/dε| [pF]", "{:.2f}"),
+    Merit("working_range", "working range of applied strain [1]", "{:.0%}"),
+)
+
+
+def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure:
+    """Sensor design map: sensitivity and working range of every design, and their trade-off.
+
+    With a ``window`` of applied strain, mean slope and linearity of the capacitance within it take
+    their place. The Pareto front is joined, named and listed. Designs without a value are marked by
+    status, so that a failure never looks like a value; measured ones have a dashed frame.
+
+    Args:
+        cubes: the cubes.
+        window: the strains, such as ``0.1:0.3``.
+    """
+    if any(CAPACITANCE not in cube for cube in cubes):
+        raise fault("sensor", NEEDED)
+    merits: Merits = PAPER
+    if window is not None:
+        merits, cubes = _within(window, cubes)
+    height = MAP_MARGIN + MAP_ROW * max(row_count(cubes), FEWEST_ROWS)
+    figure = Figure(figsize=(TWO_COLUMNS, 2 * height + TRADE_OFF), layout="constrained")
+    *maps, below = figure.subplots(3, 1, height_ratios=(height, height, TRADE_OFF))
+    marked: set[Status] = set()
+    for axes, merit in zip(maps, merits, strict=True):
+        label = fill(merit.label, LETTERS_OF_BAR)
+        more, gaps = draw_map(figure, axes, cubes, merit.name, label, merit.text)
+        marked |= more
+    maps[1].set_xlabel(PERIODS_LABEL)
+    notes = ["in each cell: (n_stripe, n_subunit), value", *([EMPTY] if gaps else [])]
+    marks_legend(figure, marked, NO_VALUE, notes, cubes)
+    _draw_trade_off(below, cubes, merits)
+    return figure
+
+
+def _within(window: str, cubes: Sequence[xr.Dataset]) -> tuple[Merits, list[xr.Dataset]]:
+    """Slope and linearity within a window as merits, and the cubes with both."""
+    slope, straight = (f"{name}({CAPACITANCE}, {window})" for name in ("slope", "linearity"))
+    reduced = []
+    for cube in cubes:
+        (cube,) = with_columns([cube], [slope, straight])
+        reduced.append(cube.assign({slope: abs(cube[slope])}))
+    merits = (
+        Merit(slope, f"|slope| of C over {window} [pF]", "{:.2f}"),
+        Merit(straight, f"R² of a line over {window} [1]", "{:.2f}"),
+    )
+    return merits, reduced
+
+
+def _draw_trade_off(axes: Axes, cubes: Sequence[xr.Dataset], merits: Merits) -> None:
+    """Draw the second value of every design across and the first up, and name the Pareto front."""
+    up, across = (merit.name for merit in merits)
+    table = values_of_designs(cubes, merits)
+    measured = table["measured"]
+    shown = table if measured.all() else table[~measured]
+    for (n_stripe, points), colour, marker in zip(
+        shown.groupby("n_stripe"), CATEGORY_COLOURS, MARKERS, strict=False
+    ):
+        look: Look = {"color": colour, "ms": 4.5, "label": f"n_stripe = {n_stripe}"}
+        axes.plot(points[across], points[up], marker, **look)
+    front = shown[non_dominated(-shown[[up, across]].to_numpy())]
+    front = front.sort_values([up, across], ascending=False)
+    look = {"color": "0.5", "lw": 0.8, "zorder": 0, "label": "Pareto front"}
+    axes.step(front[across], front[up], where="post", **look)
+    named = front
+    if len(shown) < len(table):
+        named, points = pd.concat([front, table[measured]]), table[measured]
+        axes.plot(points[across], points[up], "o", ms=8, mfc="none", mec="black", label="measured")
+    for _, one in named.iterrows():
+        name = f"({one['n_stripe']}, {one['n_subunit']})"
+        name += " measured" if one["measured"] and not measured.all() else ""
+        # Nothing lies above and to the right of the front, along which slanted names stay apart.
+        beside: Look = {"xytext": (2, 2), "textcoords": "offset points", "rotation_mode": "anchor"}
+        axes.annotate(name, (one[across], one[up]), rotation=45, fontsize=6, **beside)
+    axes.set(xlabel=merits[1].label, ylabel=merits[0].label)
+    axes.margins(0.2)
+    axes.set_ylim(bottom=0)
+    axes.set_xlim(left=0)
+    listed = [
+        f"({one['n_stripe']}, {one['n_subunit']}) {merits[0].text(one[up])} pF,"
+        f" {merits[1].text(one[across])}"
+        for _, one in front.iterrows()
+    ]
+    title = fill(f"Pareto front: {'; '.join(listed)}", LETTERS_A_LINE)
+    axes.set_title(title, loc="left", fontsize=7, pad=20)
+    if len(shown):
+        entries = len(axes.get_legend_handles_labels()[1])
+        axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=entries)
+
+
+def values_of_designs(cubes: Sequence[xr.Dataset], merits: Merits) -> pd.DataFrame:
+    """A row of both values for every design that is ok and has both."""
+    names = [merit.name for merit in merits]
+    tables = [
+        cube[["status", *names]].to_dataframe().reset_index().assign(measured=is_measured(cube))
+        for cube in cubes
+    ]
+    table = pd.concat(tables)
+    return table[table["status"] == Status.ok].dropna(subset=names)
+
+
+FIGURES = {
+    "auxetic": FigureKind(auxetic_map, several="designs", coordinates=("applied_strain",)),
+    "sensor": FigureKind(sensor_map, options=("window",), several="designs"),
+}
