@@ -18,6 +18,7 @@ from knitlab.equilibrium.system import System
 from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.element_hessians import (
+    LANES,
     ElementHessians,
     hinge_stiffness,
     spring_stiffness,
@@ -29,7 +30,7 @@ from knitlab.fabric.inertia import inertia
 from knitlab.fabric.layout import assemble_fabric
 from knitlab.fabric.network import Network
 from knitlab.fabric.pattern import PatchGrid, graded_pattern
-from knitlab.fabric.settings import ModelOptions, Sheet
+from knitlab.fabric.settings import FoldAngle, ModelOptions, Sheet
 from knitlab.fabric.stripe import Knit, Stripe
 from knitlab.fabric.zigzag import tension
 from knitlab.io.shipped import shipped
@@ -125,6 +126,15 @@ def evaluate_whole(net: Network, fabric: Fabric, stage: Stage, unknowns: np.ndar
     return Evaluation(parts, gradient)
 
 
+def padded_hinge_stiffness(
+    vectors: jax.Array, rest: np.ndarray, stiffness: np.ndarray, of: FoldAngle
+) -> jax.Array:
+    """Hessians of any number of hinges; the last block is padded with copies without stiffness."""
+    spare = (0, -len(rest) % LANES)
+    filled = jnp.pad(vectors, ((0, 0), (0, 0), spare), mode="edge")
+    return hinge_stiffness(filled, jnp.pad(rest, spare), jnp.pad(stiffness, spare), of)
+
+
 def whole_element_hessians(
     net: Network, fabric: Fabric, stage: Stage, unknowns: np.ndarray
 ) -> ElementHessians:
@@ -136,7 +146,7 @@ def whole_element_hessians(
         spring_stiffness(
             springs[0], acting.rest_length, acting.stretch_stiffness, acting.spring_law
         ),
-        hinge_stiffness(hinges, acting.rest_fold, acting.fold_stiffness, acting.fold_angle),
+        padded_hinge_stiffness(hinges, acting.rest_fold, acting.fold_stiffness, acting.fold_angle),
         wall_stiffness(heights, acting.z_max, acting.k_wall),
     )
 

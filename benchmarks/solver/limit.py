@@ -93,7 +93,7 @@ def measure(measurement: Measurement) -> Record:
     if start is None:
         raise RuntimeError("periodic fabric did not relax")
     shape, unknowns = net.shape, np.asarray(start.flattened())
-    sample = ChunkedFabric.of(shape, fabric, Threads(allowed_threads()))
+    sample = ChunkedFabric(shape, fabric, Threads(allowed_threads()))
     free = free_stiffness(shape, tensile(shape, start).free)
 
     def assembled() -> np.ndarray:

@@ -59,7 +59,7 @@ class Problem:
     @cached_property
     def chunked(self) -> ChunkedFabric:
         """Its fabric in chunks of elements."""
-        return ChunkedFabric.of(self.shape, self.fabric)
+        return ChunkedFabric(self.shape, self.fabric)
 
     def which(self, free: Free) -> Bool[np.ndarray, " unknown"]:
         """Of every unknown, whether it is free."""

@@ -174,10 +174,9 @@ def explore(*cubes: Cube, output: str | Path = "explorer.html") -> Path:
     view. Its other tab is the report of the run: settings, times, failures, versions and figures.
 
     Shapes come from the case files beside the file of a cube, and figures from its results folder;
-    a design without a case file has its curves only. Positions are rounded to 12 bits a component:
-    to less than a thousandth of the extent of a shape. Of samples with more than 4096 nodes the
-    central unit cells are shown. Other numbers are rounded to 6 digits, and to 0
-    below 1e-7 of the largest of their variable.
+    a design without a case file has its curves only. Positions are rounded to less than a
+    thousandth of the extent of a shape, other numbers to 6 digits. Of samples with more than 4096
+    nodes the central unit cells are shown.
 
     Args:
         cubes: cubes, or the results folders that hold them.

@@ -2,7 +2,7 @@
 
 import json
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, replace
 from itertools import pairwise
@@ -210,20 +210,19 @@ def case_of_design(
     *,
     electrodes: bool,
 ) -> Case:
-    """The case of a design.
-
-    Args:
-        design: the design.
-        applied_strain: strains of its test, ascending from 0 [1].
-        parameters: the settings; stripes and boundary are those of the design where it has them.
-        protocol: how the states of the test are reached.
-        electrodes: whether it has those of ``parameters.capacitor``.
+    """The case of a design, with parameters where it has no stripes and boundary of its own.
 
     Raises:
         BadInput: with every fault of the design and the strains, or if settings contradict.
     """
     strains = tuple(map(float, applied_strain))
-    faults = [*_bad_strains(strains)]
+    faults = []
+    if not strains or strains[0] != 0:
+        problem = f"begins at 0, the relaxed fabric, but is {list(strains)}"
+        faults.append(Fault("applied_strain", problem))
+    elif any(later <= earlier for earlier, later in pairwise(strains)):
+        problem = f"ascends, but is {list(strains)}; sort it and keep each once"
+        faults.append(Fault("applied_strain", problem))
     pattern = design.pattern
     if isinstance(pattern, Pattern):
         named = parameters.patterns | {OWN_PATTERN: (pattern, Path())}
@@ -258,15 +257,6 @@ def case_of_design(
     if problems := electrode_problems(case):
         raise fault("layout", "; ".join(problems))
     return replace(case, applied_strain=strains)
-
-
-def _bad_strains(strains: Sequence[float]) -> Iterator[Fault]:
-    if not strains or strains[0] != 0:
-        problem = f"begins at 0, the relaxed fabric, but is {list(strains)}"
-        yield Fault("applied_strain", problem)
-    elif any(later <= earlier for earlier, later in pairwise(strains)):
-        problem = f"ascends, but is {list(strains)}; sort it and keep each once"
-        yield Fault("applied_strain", problem)
 
 
 def evaluate(

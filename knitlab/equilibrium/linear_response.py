@@ -42,7 +42,7 @@ class LinearResponses:
             NoDerivative: if K is not positive definite, apart from rigid motions.
         """
         free = self._free.places
-        hessians = ChunkedFabric.of(self._free.shape, fabric).element_hessians(COMPLETE, unknowns)
+        hessians = ChunkedFabric(self._free.shape, fabric).element_hessians(COMPLETE, unknowns)
         with one_thread_of_blas():
             # A small shift, so that rigid motions do not make K singular [N/mm].
             entries = self._free.shifted(self._free.entries(hessians), 1e-9)

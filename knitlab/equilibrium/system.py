@@ -63,7 +63,7 @@ class System:
         self.factorised: Callable[[], None] = lambda: None
         self.subdomains: SubdomainSolver | None = None
         self._kept: KeptFactors = {} if kept is None else kept
-        self._elements, self._stopped = ChunkedFabric.of(shape, fabric, threads), stopped
+        self._elements, self._stopped = ChunkedFabric(shape, fabric, threads), stopped
         self._free: FreeStiffness | None = None
         self._entries = np.zeros(0)
         self._factors: Multifrontal | None = None

@@ -15,10 +15,10 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Float, Int
 
-from knitlab.fabric.contact_mesh import contact_mesh
+from knitlab.fabric.contact_mesh import ContactMesh, contact_mesh
 from knitlab.fabric.energy import Evaluation
 from knitlab.fabric.network import MeshShape
-from knitlab.fabric.pair_search import Kind, Pairs, PairSearch
+from knitlab.fabric.pair_search import PairSearch
 from knitlab.fabric.pattern import CELLS_PER_PERIOD
 from knitlab.fabric.settings import CONTACT_RANGE
 
@@ -32,6 +32,12 @@ KEPT_PART = 0.5
 """Part of the collision-free step that is taken, so that the barrier is finite after it."""
 LEAST_FREE = 1e-12
 """Distance over the least allowed one, less 1, below which a configuration counts as touching."""
+
+Unknowns = Float[np.ndarray, " unknown"]
+
+
+Touching = tuple[ipctk.NormalCollisions, ipctk.CollisionMesh, Float[np.ndarray, "part 3"]]
+"""Pairs within reach of the barrier, their collision mesh, and the positions of its vertices."""
 
 
 class Barrier:
@@ -59,80 +65,76 @@ class Barrier:
 
     def _use(self, band: int) -> None:
         self._mesh = contact_mesh(self._shape, band, self._cells_per_period)
-        kinds = (
-            Kind(near=False, least=self._thickness, reach=CONTACT_RANGE * self._thickness),
-            Kind(near=True, least=0.0, reach=NEAR_RANGE * self._thickness),
-        )
-        self._searches = [PairSearch(self._mesh, kind, self._cell) for kind in kinds]
+        thickness = self._thickness
+        self._searches = [
+            PairSearch(self._mesh, near, least, reach, self._cell)
+            for near, least, reach in (
+                (False, thickness, CONTACT_RANGE * thickness),
+                (True, 0.0, NEAR_RANGE * thickness),
+            )
+        ]
 
-    def _vertices(
-        self, *configurations: Float[np.ndarray, " unknown"]
-    ) -> list[Float[np.ndarray, "vertex 3"]]:
+    def _vertices(self, *configurations: Unknowns) -> list[Float[np.ndarray, "vertex 3"]]:
         """Vertices of the contact mesh, with a band of images that is wide enough for all."""
         reach = (1 + CONTACT_RANGE) * self._thickness
         while not all(self._mesh.suffices(unknowns, reach) for unknowns in configurations):
             self._use(2 * self._mesh.band)
         return [self._mesh.vertices(unknowns) for unknowns in configurations]
 
-    def added(self, evaluation: Evaluation, unknowns: Float[np.ndarray, " unknown"]) -> Evaluation:
+    def added(self, evaluation: Evaluation, unknowns: Unknowns) -> Evaluation:
         """The evaluation of a configuration that holds, with energy and gradient of the barrier."""
         energy, gradient = 0.0, np.zeros(len(unknowns))
-        for pairs, touching, near in self._touching(unknowns):
-            potential = self._potential(pairs.kind)
-            energy += potential(touching, pairs.parts, near)
-            by_vertex = potential.gradient(touching, pairs.parts, near)
-            gradient += pairs.mesh.from_unknowns.T @ by_vertex
+        for search, mesh, touching in self._touching(unknowns):
+            potential = self._potential(search)
+            energy += potential(*touching)
+            gradient += mesh.from_unknowns.T @ potential.gradient(*touching)
         if not energy:
             return evaluation
         total: Any = np.asarray(evaluation.gradient) + gradient
         return Evaluation(replace(evaluation.energy, contact=energy), total)
 
-    def hessian(
-        self, unknowns: Float[np.ndarray, " unknown"], free: Int[np.ndarray, " free"]
-    ) -> sp.csc_array | None:
+    def hessian(self, unknowns: Unknowns, free: Int[np.ndarray, " free"]) -> sp.csc_array | None:
         """Hessian of the barrier by the free unknowns, made positive semidefinite pair by pair.
 
         Returns:
             (free, free), both triangles [N/mm]; ``None`` where nothing is within reach.
         """
-        found = []
-        for pairs, touching, near in self._touching(unknowns):
-            by_vertex = self._potential(pairs.kind).hessian(
-                touching, pairs.parts, near, ipctk.PSDProjectionMethod.CLAMP
-            )
-            of_free = pairs.mesh.from_unknowns[:, free]
-            found.append(of_free.T @ sp.csr_array(by_vertex) @ of_free)
-        return sp.csc_array(sum(found[1:], found[0])) if found else None
+        terms = []
+        for search, mesh, touching in self._touching(unknowns):
+            potential, of_free = self._potential(search), mesh.from_unknowns[:, free]
+            by_vertex = potential.hessian(*touching, ipctk.PSDProjectionMethod.CLAMP)
+            terms.append(of_free.T @ sp.csr_array(by_vertex) @ of_free)
+        return sp.csc_array(sum(terms[1:], terms[0])) if terms else None
 
-    def free_part(
-        self, unknowns: Float[np.ndarray, " unknown"], step: Float[np.ndarray, " unknown"]
-    ) -> float:
+    def free_part(self, unknowns: Unknowns, step: Unknowns) -> float:
         """Part of a step, at most 1, after which all parts still keep their distance."""
         before, after = self._vertices(unknowns, unknowns + step)
         part = min(search.free_part(before, after) for search in self._searches)
         return part if part == 1 else KEPT_PART * part
 
-    def holds(self, unknowns: Float[np.ndarray, " unknown"]) -> bool:
+    def holds(self, unknowns: Unknowns) -> bool:
         """Whether all parts keep their distance, and nothing passes through anything."""
-        for pairs, touching, near in self._touching(unknowns):
-            squared = touching.compute_minimum_distance(pairs.parts, near)
-            if squared <= pairs.kind.least**2 * (1 + LEAST_FREE):
+        for search, _, (collisions, parts, positions) in self._touching(unknowns):
+            squared = collisions.compute_minimum_distance(parts, positions)
+            if squared <= search.least**2 * (1 + LEAST_FREE):
                 return False
         (vertices,) = self._vertices(unknowns)
         return not ipctk.has_intersections(self._mesh.whole, vertices)
 
-    def _touching(
-        self, unknowns: Float[np.ndarray, " unknown"]
-    ) -> Iterator[tuple[Pairs, ipctk.NormalCollisions, Float[np.ndarray, "part 3"]]]:
-        """Pairs within reach of the barrier, by kind, with the positions of their mesh."""
+    def _touching(self, unknowns: Unknowns) -> Iterator[tuple[PairSearch, ContactMesh, Touching]]:
+        """What is within reach of the barrier, by search, with the mesh that it belongs to."""
         (vertices,) = self._vertices(unknowns)
         for search in self._searches:
-            pairs = search.close(vertices)
-            touching = pairs.touching(vertices)
-            if len(touching):
-                yield pairs, touching, pairs.positions(vertices)
+            pairs, collisions = search.close(vertices), ipctk.NormalCollisions()
+            if not len(pairs.candidates):
+                continue
+            positions = pairs.positions(vertices)
+            reach, least = search.reach, search.least
+            collisions.build(pairs.candidates, pairs.parts, positions, reach, least)
+            if len(collisions):
+                yield search, pairs.mesh, (collisions, pairs.parts, positions)
 
-    def _potential(self, kind: Kind) -> ipctk.BarrierPotential:
+    def _potential(self, search: PairSearch) -> ipctk.BarrierPotential:
         # The library's barrier takes squared distances, so that its value is a length to the 4th.
-        squared = 2 * kind.least * kind.reach + kind.reach**2
-        return ipctk.BarrierPotential(kind.reach, self._force * kind.reach / squared**2, False)
+        squared = 2 * search.least * search.reach + search.reach**2
+        return ipctk.BarrierPotential(search.reach, self._force * search.reach / squared**2, False)

@@ -35,7 +35,7 @@ class ContactMesh:
     Attributes:
         shape: the mesh shape.
         band: rows and columns of cells of the images, on each side that has any.
-        places: row and column (y, x) of every vertex.
+        grid: row and column (y, x) of every vertex.
         faces: vertices of every triangle.
         near_reach: rows and columns within which vertices are near each other.
         own: which vertices are nodes of the fabric itself, rather than images.
@@ -44,7 +44,7 @@ class ContactMesh:
 
     shape: MeshShape
     band: int
-    places: Int[np.ndarray, "vertex 2"]
+    grid: Int[np.ndarray, "vertex 2"]
     faces: Int[np.ndarray, "face 3"]
     near_reach: int
     own: Bool[np.ndarray, " vertex"]
@@ -53,7 +53,8 @@ class ContactMesh:
     @cached_property
     def whole(self) -> ipctk.CollisionMesh:
         """Collision mesh of all parts."""
-        return self._collision_mesh()
+        rest = np.pad(self.grid[:, ::-1].astype(float), ((0, 0), (0, 1)))
+        return ipctk.CollisionMesh(np.asfortranarray(rest), ipctk.edges(self.faces), self.faces)
 
     @cached_property
     def far(self) -> ipctk.CollisionMesh:
@@ -65,19 +66,25 @@ class ContactMesh:
         """That of parts that are near each other on the grid."""
         return self._filtered(are_near=True)
 
-    def _collision_mesh(self) -> ipctk.CollisionMesh:
-        rest = np.pad(self.places[:, ::-1].astype(float), ((0, 0), (0, 1)))
-        return ipctk.CollisionMesh(np.asfortranarray(rest), ipctk.edges(self.faces), self.faces)
-
     def _filtered(self, are_near: bool) -> ipctk.CollisionMesh:
-        mesh = self._collision_mesh()
+        # Of a copy, because a filter belongs to its mesh.
+        mesh = replace(self).whole
         pairs = dict.fromkeys(zip(*self._near_pairs.T.tolist(), strict=True), are_near)
         mesh.can_collide = ipctk.make_sparse_filter(pairs, not are_near)
         return mesh
 
     @cached_property
     def _near_pairs(self) -> Int[np.ndarray, "pair 2"]:
-        return _near_pairs(self.places, self.near_reach)
+        """Pairs of vertices, the lower number first, within reach along both axes."""
+        vertex = np.arange(len(self.grid))
+        low = self.grid.min(axis=0) - self.near_reach
+        number = np.full(self.grid.max(axis=0) - low + self.near_reach + 1, -1)
+        row, column = (self.grid - low).T
+        number[row, column] = vertex
+        reach = range(-self.near_reach, self.near_reach + 1)
+        others = [number[row + up, column + right] for up in reach for right in reach]
+        pairs = np.concatenate([np.stack([vertex, other], axis=1) for other in others])
+        return pairs[pairs[:, 0] < pairs[:, 1]]
 
     def around(
         self, chosen: Bool[np.ndarray, " vertex"]
@@ -88,7 +95,7 @@ class ContactMesh:
         coordinates = (3 * kept[:, None] + np.arange(3)).ravel()
         part = replace(
             self,
-            places=self.places[kept],
+            grid=self.grid[kept],
             faces=number.reshape(-1, 3).astype(np.int32),
             own=self.own[kept],
             from_unknowns=self.from_unknowns[coordinates],
@@ -120,39 +127,31 @@ class ContactMesh:
 def contact_mesh(
     shape: MeshShape, band: int, cells_per_period: int = CELLS_PER_PERIOD
 ) -> ContactMesh:
-    """The contact mesh of a mesh shape.
+    """The contact mesh of a mesh shape with so many grid cells along one period of a stripe.
 
-    Args:
-        shape: the mesh shape.
-        band: rows and columns of cells of the images; a whole period of them at most.
-        cells_per_period: grid cells along one period of a stripe.
+    The band of images is a whole period of them at most.
     """
     corners = _cells(shape, band)[:, None, None] + TRIANGLES
-    places, number = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
-    inside = (places >= 0) & (places < [shape.nodes_y, shape.nodes_x])
+    grid, number = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
+    inside = (grid >= 0) & (grid < [shape.nodes_y, shape.nodes_x])
     return ContactMesh(
         shape=shape,
         band=band,
-        places=places,
+        grid=grid,
         faces=number.reshape(-1, 3).astype(np.int32),
         near_reach=NEAR_CELLS * cells_per_period // CELLS_PER_PERIOD,
         own=np.asarray(inside.all(axis=1)),
-        from_unknowns=_from_unknowns(shape, places),
+        from_unknowns=_from_unknowns(shape, grid),
     )
 
 
 def without_pairs_of_images(
     candidates: ipctk.Candidates, parts: ipctk.CollisionMesh, own: Bool[np.ndarray, " vertex"]
 ) -> None:
-    """Remove the candidates of which both parts are images.
+    """Remove, in place, the candidates of which both parts are images.
 
     The filter of a collision mesh cannot: it asks for each pair of vertices by itself, and so would
     also lose pairs of which only the vertices that are not near each other are images.
-
-    Args:
-        candidates: pairs of a vertex and a triangle, and of two edges; changed in place.
-        parts: the collision mesh whose parts they are.
-        own: which of its vertices are not images.
     """
     if own.all():
         return
@@ -177,46 +176,17 @@ def _cells(shape: MeshShape, band: int) -> Int[np.ndarray, "cell 2"]:
     rows, columns = shape.cells_y, shape.cells_x
     if not shape.periodic:
         return np.indices((rows, columns)).reshape(2, -1).T
-    up, across = np.meshgrid(
-        np.arange(rows + min(band, rows)),
-        np.arange(-min(band, columns), columns + min(band, columns)),
-        indexing="ij",
-    )
-    places = np.stack([up.ravel(), across.ravel()], axis=1)
-    below_left = (places[:, 0] < rows) & (places[:, 1] < 0)
-    return places[~below_left]
+    above, beside = min(band, rows), min(band, columns)
+    cells = np.indices((rows + above, columns + 2 * beside)).reshape(2, -1).T - [0, beside]
+    left = (cells[:, 0] < rows) & (cells[:, 1] < 0)
+    return cells[~left]
 
 
-def _from_unknowns(shape: MeshShape, places: Int[np.ndarray, "vertex 2"]) -> sp.csr_array:
-    grid = np.array([shape.nodes_y, shape.nodes_x])
-    turns, nodes = np.divmod(places, grid)
-    node = nodes[:, 0] * shape.nodes_x + nodes[:, 1]
-    vertex = np.arange(len(places))
-    rows = [3 * vertex[:, None] + np.arange(3)]
-    columns = [3 * node[:, None] + np.arange(3)]
-    factors = [np.ones((len(places), 3))]
-    for component, turn in enumerate((turns[:, 1], turns[:, 0])):
-        moved = np.flatnonzero(turn)
-        rows.append(3 * moved[:, None] + component)
-        columns.append(np.full((len(moved), 1), 3 * shape.nodes + component))
-        factors.append(turn[moved, None].astype(float))
-    row, column, factor = (
-        np.concatenate([part.ravel() for part in parts]) for parts in (rows, columns, factors)
-    )
-    return sp.csr_array((factor, (row, column)), shape=(3 * len(places), shape.unknowns))
-
-
-def _near_pairs(places: Int[np.ndarray, "vertex 2"], reach: int) -> Int[np.ndarray, "pair 2"]:
-    """Pairs of vertices, the lower number first, within a reach along both axes."""
-    low = places.min(axis=0) - reach
-    extent = places.max(axis=0) - low + reach + 1
-    key = (places - low) @ np.array([extent[1], 1])
-    order = np.argsort(key)
-    steps = np.indices((2 * reach + 1, 2 * reach + 1)).reshape(2, -1).T - reach
-    pairs = []
-    for step in steps[steps @ np.array([extent[1], 1]) > 0]:
-        wanted = key + step @ np.array([extent[1], 1])
-        at = np.minimum(np.searchsorted(key[order], wanted), len(order) - 1)
-        found = np.flatnonzero(key[order[at]] == wanted)
-        pairs.append(np.stack([found, order[at[found]]], axis=1))
-    return np.sort(np.concatenate(pairs), axis=1)
+def _from_unknowns(shape: MeshShape, grid: Int[np.ndarray, "vertex 2"]) -> sp.csr_array:
+    turns, nodes = np.divmod(grid, [shape.nodes_y, shape.nodes_x])
+    node, count = nodes[:, 0] * shape.nodes_x + nodes[:, 1], len(grid)
+    entries = np.ones(count), (np.arange(count), node)
+    of_node = sp.kron(sp.csr_array(entries, shape=(count, shape.nodes)), sp.eye_array(3))
+    of_sides = np.zeros((count, 3, 2))
+    of_sides[:, 0, 0], of_sides[:, 1, 1] = turns[:, 1], turns[:, 0]
+    return sp.csr_array(sp.hstack([of_node, sp.csr_array(of_sides.reshape(-1, 2))]))

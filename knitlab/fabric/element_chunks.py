@@ -53,19 +53,17 @@ WORTH_SHARING = 8
 """Number of chunks from which a second thread pays off."""
 
 Places = Int[np.ndarray, " place"]
+Unknowns = Float[np.ndarray, " unknown"]
 Vectors = tuple[Float[Array, "1 3 spring"], Float[Array, "5 3 hinge"], Float[Array, " node"]]
 """Vectors of the springs of a chunk, vectors of its hinges, and heights of its nodes [mm]."""
-Stiffnesses = tuple[
-    Float[Array, " spring"],
-    Float[Array, " spring"],
-    Float[Array, " hinge"],
-    Float[Array, " hinge"],
-    SpringLaw,
-]
-"""Rest length and stiffness of the springs of a chunk, rest angle and stiffness of its hinges, and
-the law of its springs."""
 Acting = Float[np.ndarray, "3"]
 """Fraction of the rest angles, z_max [mm] and stiffness of the walls [N/mm]."""
+Parameters = tuple[
+    tuple[Float[Array, " spring"], Float[Array, " spring"], SpringLaw],
+    tuple[Float[Array, " hinge"], Float[Array, " hinge"]],
+]
+"""Rest lengths, stiffnesses and law of the springs of a chunk; rest angles and stiffnesses of its
+hinges."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,225 +71,152 @@ class ThreadChunks:
     """Chunks that one thread works on.
 
     Attributes:
-        first: index of the first chunk.
-        count: number of chunks.
+        chunks: their indices.
         incidence: constant matrix from configurations to the vectors of these chunks.
         transposed: its transpose, from gradients by the vectors to those by the configuration.
     """
 
-    first: int
-    count: int
+    chunks: range
     incidence: sp.csr_array
     transposed: sp.csr_array
 
-    @property
-    def chunks(self) -> range:
-        """Indices of the chunks."""
-        return range(self.first, self.first + self.count)
-
-    def vectors(self, unknowns: Float[np.ndarray, " unknown"]) -> Float[np.ndarray, "chunk vector"]:
+    def vectors(self, unknowns: Unknowns) -> Float[np.ndarray, "chunk vector"]:
         """Vectors of the chunks in a configuration [mm]."""
-        return (self.incidence @ unknowns).reshape(self.count, VECTORS)
-
-
-@dataclass(frozen=True, eq=False)
-class ElementChunks:
-    """A mesh shape in chunks.
-
-    Attributes:
-        shape: the mesh shape.
-        count: number of chunks.
-        by_thread: the chunks, for one thread or, if there are many, for two.
-    """
-
-    shape: MeshShape
-    count: int
-    by_thread: tuple[ThreadChunks, ...]
+        return (self.incidence @ unknowns).reshape(len(self.chunks), VECTORS)
 
 
 @cached_by_shape
-def chunks_of(shape: MeshShape) -> ElementChunks:
-    """The elements of the network of a mesh shape, in chunks."""
-    count = -(-shape.nodes // HEIGHTS)
-    incidence = chunk_incidence(shape, (SPRINGS, HINGES, HEIGHTS), count)
-    ends = [0, count] if count < WORTH_SHARING else [0, count // 2, count]
-    return ElementChunks(
-        shape, count, tuple(_thread_chunks(incidence, *ends) for ends in pairwise(ends))
-    )
-
-
-def _thread_chunks(incidence: sp.csr_array, first: int, end: int) -> ThreadChunks:
-    rows = incidence[first * VECTORS : end * VECTORS]
-    return ThreadChunks(first, end - first, rows, rows.T.tocsr())
-
-
-def chunk_incidence(shape: MeshShape, sizes: tuple[int, int, int], chunks: int) -> sp.csr_array:
-    """Matrix from configurations to the vectors and heights of all chunks of a mesh shape.
-
-    Args:
-        shape: the mesh shape.
-        sizes: numbers of springs, hinges and nodes in a chunk.
-        chunks: number of chunks.
-    """
-    net, (springs, hinges, heights) = network(shape), sizes
-    first_height = 3 * springs + 15 * hinges
-    length, nodes = first_height + heights, np.arange(shape.nodes)
-    chunk, lane = np.divmod(nodes, heights)
+def chunks_of(shape: MeshShape) -> tuple[ThreadChunks, ...]:
+    """The network of a mesh shape in chunks: for one thread or, if there are many, for two."""
+    net, count = network(shape), -(-shape.nodes // HEIGHTS)
+    nodes = np.arange(shape.nodes)
+    chunk, lane = np.divmod(nodes, HEIGHTS)
+    height = chunk * VECTORS + VECTORS - HEIGHTS + lane
     terms = [
-        *_terms(net.springs, chunks, springs, 0, length),
-        *_terms(net.hinges, chunks, hinges, 3 * springs, length),
-        (chunk * length + first_height + lane, 3 * nodes + 2, np.ones(shape.nodes)),
+        *_terms(net.springs, count, SPRINGS, 0),
+        *_terms(net.hinges, count, HINGES, 3 * SPRINGS),
+        (height, 3 * nodes + 2, np.ones(shape.nodes)),
     ]
     rows, columns, values = (np.concatenate(parts) for parts in zip(*terms, strict=True))
     # SciPy would keep 64-bit indices, which take as much memory as the values.
     places = rows.astype(np.int32), columns.astype(np.int32)
-    incidence = sp.csr_array((values, places), shape=(chunks * length, shape.unknowns))
+    incidence = sp.csr_array((values, places), shape=(count * VECTORS, shape.unknowns))
     incidence.eliminate_zeros()
-    return incidence
+    ends = [0, count] if count < WORTH_SHARING else [0, count // 2, count]
+    parts = [
+        (range(*own), incidence[own[0] * VECTORS : own[1] * VECTORS]) for own in pairwise(ends)
+    ]
+    return tuple(ThreadChunks(chunks, own, own.T.tocsr()) for chunks, own in parts)
 
 
 def _terms(
-    elements: Elements, chunks: int, per_chunk: int, offset: int, length: int
+    elements: Elements, chunks: int, per_chunk: int, offset: int
 ) -> Iterator[tuple[Places, Places, Float[np.ndarray, " place"]]]:
     """Rows, columns and values of the incidence of one kind of elements."""
-    places = chunks * per_chunk
-    place = np.arange(places)
+    place = np.arange(chunks * per_chunk)
     # Padding may repeat any element, as it has no stiffness.
     element = np.minimum(place, len(elements.nodes) - 1)
     chunk, lane = np.divmod(place, per_chunk)
-    first, ones = chunk * length + offset + lane, np.ones(places)
+    first, ones = chunk * VECTORS + offset + lane, np.ones(len(place))
     for vector, (start, end) in enumerate(elements.ends):
         for component in range(3):
             row = first + (3 * vector + component) * per_chunk
             yield row, 3 * elements.nodes[element, end] + component, ones
             yield row, 3 * elements.nodes[element, start] + component, -ones
             if component < 2:
-                period = np.full(places, elements.shape.unknowns - 2 + component)
+                period = np.full(len(place), elements.shape.unknowns - 2 + component)
                 yield row, period, elements.periods[vector, component, element]
 
 
-@dataclass(frozen=True, eq=False)
 class ChunkedFabric:
-    """A fabric in chunks, for repeated evaluation.
+    """A fabric in chunks, for repeated evaluation, in NumPy arrays.
 
-    Attributes:
-        chunks: the chunks of its mesh shape.
-        stiffnesses: rest values and stiffnesses of each chunk.
-        walls: z_max [mm] and stiffness [N/mm].
-        fold_angle: definition of the fold angle.
-        threads: threads that evaluate it.
+    Args:
+        shape: mesh shape of the fabric.
+        fabric: the fabric.
+        threads: threads that share the work.
     """
 
-    chunks: ElementChunks
-    stiffnesses: tuple[Stiffnesses, ...]
-    walls: tuple[float, float]
-    fold_angle: FoldAngle
-    threads: Threads = ALONE
-
-    @classmethod
-    def of(cls, shape: MeshShape, fabric: Fabric, threads: Threads = ALONE) -> "ChunkedFabric":
-        """A fabric in chunks.
-
-        Args:
-            shape: mesh shape of the fabric.
-            fabric: the fabric.
-            threads: threads that share the work.
-        """
-        mesh_chunks = chunks_of(shape)
-        count = mesh_chunks.count
-        columns = [
-            _in_chunks(fabric.rest_length, count, SPRINGS, spare=1.0),
-            _in_chunks(fabric.stretch_stiffness, count, SPRINGS),
-            _in_chunks(fabric.rest_fold, count, HINGES),
-            _in_chunks(fabric.fold_stiffness, count, HINGES),
-        ]
-        parameters, structure = jax.tree.flatten(fabric.spring_law)
-        of_law = [_in_chunks(parameter, count, SPRINGS) for parameter in parameters]
-        laws = [
-            jax.tree.unflatten(structure, [values[k] for values in of_law]) for k in range(count)
-        ]
-        walls = float(fabric.z_max), float(fabric.k_wall)
-        numbered = tuple(zip(*columns, laws, strict=True))
-        return cls(mesh_chunks, numbered, walls, fabric.fold_angle, threads)
-
-    def evaluate(self, stage: Stage, unknowns: Float[np.ndarray, " unknown"]) -> Evaluation:
-        """Like :func:`~knitlab.fabric.energy.evaluate`, in NumPy arrays."""
-        evaluate_part = partial(self._evaluated, self._acting(stage), unknowns)
-        energies, gradients = zip(
-            *self.threads.each(evaluate_part, self.chunks.by_thread), strict=True
+    def __init__(self, shape: MeshShape, fabric: Fabric, threads: Threads = ALONE) -> None:
+        self.shape, self.parts, self._threads = shape, chunks_of(shape), threads
+        self._fold_angle, self._walls = (
+            fabric.fold_angle,
+            (float(fabric.z_max), float(fabric.k_wall)),
         )
+        count = self.parts[-1].chunks.stop
+        lengths = _in_chunks(fabric.rest_length, count, SPRINGS, spare=1.0)
+        springs = _in_chunks((fabric.stretch_stiffness, fabric.spring_law), count, SPRINGS)
+        hinges = _in_chunks((fabric.rest_fold, fabric.fold_stiffness), count, HINGES)
+        self._parameters: list[Parameters] = [
+            ((length, *spring), hinge)
+            for length, spring, hinge in zip(lengths, springs, hinges, strict=True)
+        ]
+
+    def evaluate(self, stage: Stage, unknowns: Unknowns) -> Evaluation:
+        """Energy and gradient of a configuration at a stage."""
+        acting = self._acting(stage)
+
+        def of_part(part: ThreadChunks) -> tuple[Float[np.ndarray, "3"], Unknowns]:
+            """Energies of the chunks of one thread, and the gradient of their sum."""
+            vectors = part.vectors(unknowns)
+            energies, gradient = np.zeros(3), np.empty_like(vectors)
+            for chunk, values, slopes in zip(part.chunks, vectors, gradient, strict=True):
+                own, by_vectors = _evaluate(
+                    self._fold_angle, acting, self._parameters[chunk], _split(values)
+                )
+                energies += np.asarray(own)
+                for view, by_kind in zip(_split(slopes), by_vectors, strict=True):
+                    view[:] = by_kind
+            return energies, part.transposed @ gradient.ravel()
+
+        energies, gradients = zip(*self._threads.each(of_part, self.parts), strict=True)
         return Evaluation(Energy(*np.sum(energies, axis=0)), np.sum(gradients, axis=0))
 
-    def _evaluated(
-        self, acting: Acting, unknowns: Float[np.ndarray, " unknown"], thread_chunks: ThreadChunks
-    ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, " unknown"]]:
-        """Energies of the chunks of one thread, and the gradient of their sum."""
-        vectors = thread_chunks.vectors(unknowns)
-        energies, gradient = np.zeros(3), np.empty_like(vectors)
-        for chunk, values, slopes in zip(thread_chunks.chunks, vectors, gradient, strict=True):
-            stiffnesses = self.stiffnesses[chunk]
-            parts, by_vectors = _evaluate(self.fold_angle, acting, stiffnesses, _split(values))
-            energies += np.asarray(parts)
-            for view, part in zip(_split(slopes), by_vectors, strict=True):
-                view[:] = part
-        return energies, thread_chunks.transposed @ gradient.ravel()
-
-    def element_hessians(
-        self, stage: Stage, unknowns: Float[np.ndarray, " unknown"]
-    ) -> ElementHessians:
-        """Like :func:`~knitlab.fabric.element_hessians.element_hessians`, in NumPy arrays."""
-        count, net = self.chunks.count, network(self.chunks.shape)
+    def element_hessians(self, stage: Stage, unknowns: Unknowns) -> ElementHessians:
+        """Element Hessians of a configuration at a stage."""
+        count, net, acting = len(self._parameters), network(self.shape), self._acting(stage)
         filled = ElementHessians(
             np.empty((len(SPRING_ENTRIES[0]), count * SPRINGS)),
             np.empty((count * HINGES // LANES, len(HINGE_ENTRIES[0]), LANES)),
             np.empty(count * HEIGHTS),
         )
-        fill = partial(self._fill, filled, self._acting(stage), unknowns)
-        self.threads.each(fill, self.chunks.by_thread)
+
+        def fill(part: ThreadChunks) -> None:
+            for chunk, values in zip(part.chunks, part.vectors(unknowns), strict=True):
+                own = _hessians(self._fold_angle, acting, self._parameters[chunk], _split(values))
+                springs, hinges, heights = (
+                    slice(chunk * per_chunk, (chunk + 1) * per_chunk)
+                    for per_chunk in (SPRINGS, HINGES // LANES, HEIGHTS)
+                )
+                filled.springs[:, springs] = own.springs
+                filled.hinges[hinges] = own.hinges
+                filled.walls[heights] = own.walls
+
+        self._threads.each(fill, self.parts)
         return ElementHessians(
             filled.springs[:, : len(net.springs.nodes)],
             filled.hinges[: -(-len(net.hinges.nodes) // LANES)],
             filled.walls[: net.shape.nodes],
         )
 
-    def _fill(
-        self,
-        filled: ElementHessians,
-        acting: Acting,
-        unknowns: Float[np.ndarray, " unknown"],
-        thread_chunks: ThreadChunks,
-    ) -> None:
-        """Compute the element Hessians of the chunks of one thread."""
-        for chunk, values in zip(
-            thread_chunks.chunks, thread_chunks.vectors(unknowns), strict=True
-        ):
-            stiffnesses = self.stiffnesses[chunk]
-            part = chunk_hessians(self.fold_angle, acting, stiffnesses, _split(values))
-            springs, hinges, heights = (
-                slice(chunk * per_chunk, (chunk + 1) * per_chunk)
-                for per_chunk in (SPRINGS, HINGES // LANES, HEIGHTS)
-            )
-            filled.springs[:, springs] = part.springs
-            filled.hinges[hinges] = part.hinges
-            filled.walls[heights] = part.walls
-
     def _acting(self, stage: Stage) -> Acting:
-        z_max, k_wall = self.walls
+        z_max, k_wall = self._walls
         return np.array([float(stage.fold), z_max, float(stage.wall) * k_wall])
 
 
-def _in_chunks(
-    number: Float[Array | np.ndarray, " element ..."],
-    count: int,
-    per_chunk: int,
-    spare: float = 0.0,
-) -> list[Float[Array, " place ..."]]:
-    """A parameter of all elements by chunks; the last chunk is padded."""
-    none = [(0, count * per_chunk - len(number)), *[(0, 0)] * (number.ndim - 1)]
-    padded = np.pad(np.asarray(number), none, constant_values=spare)
+def _in_chunks(parameters: Any, count: int, per_chunk: int, spare: float = 0.0) -> list[Any]:
+    """A pytree of parameters of all elements by chunks; the last chunk is padded."""
     # On the processor also where JAX finds an accelerator: all else of a search is done there.
-    rows = padded.reshape(count, per_chunk, *number.shape[1:])
-    return [jax.device_put(row, jax.local_devices(backend="cpu")[0]) for row in rows]
+    processor = jax.local_devices(backend="cpu")[0]
+
+    def rows(values: Float[Array | np.ndarray, " element ..."]) -> Float[np.ndarray, "chunk ..."]:
+        none = [(0, count * per_chunk - len(values)), *[(0, 0)] * (values.ndim - 1)]
+        padded = np.pad(np.asarray(values), none, constant_values=spare)
+        return padded.reshape(count, per_chunk, *values.shape[1:])
+
+    leaves, structure = jax.tree.flatten(parameters)
+    chunks = zip(*map(rows, leaves), strict=True)
+    return [jax.device_put(jax.tree.unflatten(structure, own), processor) for own in chunks]
 
 
 def _split(
@@ -304,37 +229,20 @@ def _split(
     return springs.reshape(1, 3, SPRINGS), hinges.reshape(5, 3, HINGES), numbers[-HEIGHTS:]
 
 
-def _elements(
-    acting: Any, stiffnesses: Stiffnesses, vectors: Vectors
-) -> tuple[
-    tuple[Array, Array, Array, SpringLaw], tuple[Array, Array, Array], tuple[Array, Array, Array]
-]:
-    """Arguments of the energies of a chunk's springs, hinges and heights."""
-    length, k_s, rest, k_t, law = stiffnesses
-    springs, hinges, heights = vectors
-    fold, z_max, k_wall = acting
-    return (springs, length, k_s, law), (hinges, fold * rest, k_t), (heights, z_max, k_wall)
-
-
-def element_energies(
-    of: FoldAngle, acting: Any, stiffnesses: Stiffnesses, vectors: Vectors
-) -> tuple[Array, Array, Array]:
-    """Energies of each spring, hinge and node of a chunk.
-
-    ``acting`` has z_max and the stiffness of the walls for all nodes, or for each.
-    """
-    springs, hinges, heights = _elements(acting, stiffnesses, vectors)
-    return spring_energy(*springs), hinge_energy(*hinges, of), wall_energy(*heights)
-
-
 @partial(jax.jit, static_argnums=0)
 def _evaluate(
-    of: FoldAngle, acting: Acting, stiffnesses: Stiffnesses, vectors: Vectors
+    of: FoldAngle, acting: Acting, parameters: Parameters, vectors: Vectors
 ) -> tuple[Float[Array, "3"], Vectors]:
     """Energies of a chunk, and the gradient of their sum with respect to the vectors."""
+    springs, (rest, k_t) = parameters
+    fold, z_max, k_wall = acting
 
     def total(at: Vectors) -> tuple[Array, Array]:
-        parts = element_energies(of, acting, stiffnesses, at)
+        parts = (
+            spring_energy(at[0], *springs),
+            hinge_energy(at[1], fold * rest, k_t, of),
+            wall_energy(at[2], z_max, k_wall),
+        )
         energies = jnp.stack([part.sum() for part in parts])
         return energies.sum(), energies
 
@@ -343,13 +251,14 @@ def _evaluate(
 
 
 @partial(jax.jit, static_argnums=0)
-def chunk_hessians(
-    of: FoldAngle, acting: Any, stiffnesses: Stiffnesses, vectors: Vectors
+def _hessians(
+    of: FoldAngle, acting: Acting, parameters: Parameters, vectors: Vectors
 ) -> ElementHessians:
-    """Element Hessians of a chunk; arguments as for :func:`element_energies`."""
-    (springs, length, k_s, law), hinges, heights = _elements(acting, stiffnesses, vectors)
+    """Element Hessians of a chunk."""
+    springs, (rest, k_t) = parameters
+    fold, z_max, k_wall = acting
     return ElementHessians(
-        spring_stiffness(springs[0], length, k_s, law),
-        hinge_stiffness(*hinges, of),
-        wall_stiffness(*heights),
+        spring_stiffness(vectors[0][0], *springs),
+        hinge_stiffness(vectors[1], fold * rest, k_t, of),
+        wall_stiffness(vectors[2], z_max, k_wall),
     )

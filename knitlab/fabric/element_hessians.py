@@ -18,8 +18,6 @@ HINGE_ENTRIES = np.tril_indices(3 * 6)
 """Rows and columns (3 × node + component) of the entries of a hinge's stiffness that are kept."""
 LANES = 64
 """Number of hinges in a block, so that their intermediate values stay in the fastest cache."""
-UNFOLDED = np.array([[0, 1, 0], [1, 1, 0], [-1, 1, 0], [1, 1, 0], [-1, 1, 0]])[:, :, None] * 1.0
-"""Vectors of a flat hinge, for padding: any that is not degenerate."""
 
 
 class ElementHessians(eqx.Module):
@@ -76,22 +74,18 @@ def hinge_stiffness(
     """Hessian of ½ k_t (φ − φ0)² with respect to the hinge's six nodes, lower triangle [N/mm].
 
     Args:
-        vectors: see :data:`~knitlab.fabric.network.HINGE_VECTORS`.
+        vectors: see :data:`~knitlab.fabric.network.HINGE_VECTORS`, of whole blocks of hinges.
         rest: signed fold angle at rest, φ0.
         stiffness: k_t.
         of: definition of the fold angle, a model option.
 
     Returns:
-        The entries of :data:`HINGE_ENTRIES`, for blocks of :data:`LANES` hinges; the last block
-        is padded with hinges of no stiffness.
+        The entries of :data:`HINGE_ENTRIES`, for blocks of :data:`LANES` hinges.
     """
-    blocks = -(-len(rest) // LANES)
-    spare = (0, blocks * LANES - len(rest))
-    filled = jnp.concatenate([vectors, jnp.broadcast_to(UNFOLDED, (5, 3, spare[1]))], axis=-1)
     hinges = (
-        jnp.moveaxis(filled.reshape(5, 3, blocks, LANES), 2, 0),
-        jnp.pad(rest, spare).reshape(blocks, LANES),
-        jnp.pad(stiffness, spare).reshape(blocks, LANES),
+        jnp.moveaxis(vectors.reshape(5, 3, -1, LANES), 2, 0),
+        rest.reshape(-1, LANES),
+        stiffness.reshape(-1, LANES),
     )
     return jax.lax.map(lambda block: _hinge_entries(block[0], block[1], block[2], of), hinges)
 

@@ -73,9 +73,9 @@ def fold_from_normals(
 
 
 def by_hinge_vectors(
-    slopes: Array | Sequence[Float[Array | np.ndarray, "3 *other element"]],
+    slopes: Array | Sequence[Float[Array | np.ndarray, "3 ..."]],
     diagonals: Array | Sequence[Vector],
-) -> Float[Array | np.ndarray, "5 3 *other element"]:
+) -> Float[Array | np.ndarray, "5 3 ..."]:
     """Derivatives with respect to a hinge's vectors, from those by its edge and two normals."""
     xp = array_library(slopes)
     by_edge, by_before, by_after = slopes

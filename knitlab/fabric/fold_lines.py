@@ -12,7 +12,7 @@ from functools import lru_cache
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from knitlab.fabric.array_library import array_library
 from knitlab.fabric.pattern import CELLS_PER_PERIOD, PatchGrid
@@ -24,67 +24,10 @@ SENSE_BY_LINE = {
 }
 """Sense of the fold at a line of the paper's grid, by its place in the period of four cells."""
 
-
-def inside_runs(
-    like: Bool[np.ndarray, "line cell"], periodic: bool
-) -> Bool[np.ndarray, "line cell"]:
-    """Whether the edge before each cell lies inside a run of like cells, along axis 1."""
-    inside = like & np.roll(like, 1, axis=1)
-    if not periodic:
-        inside[:, 0] = False
-    return inside
-
-
-def place_in_run(
-    like: Bool[np.ndarray, "line cell"], periodic: bool
-) -> Float[np.ndarray, "line cell"]:
-    """Number of cells of its run that come before each cell, along axis 1.
-
-    In periodic fabric a run may continue across the boundary; a run that fills the whole line is
-    counted from 0.
-    """
-    lines, cells = like.shape
-    start = np.where(like.all(axis=1), 0, np.argmin(like, axis=1)) if periodic else np.zeros(lines)
-    order = (start[:, None].astype(int) + np.arange(cells)) % cells
-    unrolled = np.take_along_axis(like, order, axis=1)
-    last_other = np.maximum.accumulate(np.where(unrolled, -1, np.arange(cells)), axis=1)
-    place = np.empty((lines, cells))
-    np.put_along_axis(place, order, (np.arange(cells) - last_other - 1).astype(float), axis=1)
-    return place
-
-
-def fold_senses(
-    like: Bool[np.ndarray, "line cell"],
-    fold_phase: FoldPhase,
-    periodic: bool,
-    ridge: "Ridge | None" = None,
-) -> Float[np.ndarray, "line cell"]:
-    """Part of a fold on the edge before each cell: +1 and −1 alternately, 0 if it is flat at rest.
-
-    Lines are counted from the start of each run of like cells, so neighbouring patches of one
-    knit fold together and no fold lies on the border between two knits. In periodic fabric
-    a run may continue across the boundary; a run that fills the whole line is counted from line 0.
-
-    Args:
-        like: which cells are of this knit; axis 1 runs across its folds.
-        fold_phase: whether the folds lie on the odd or the even lines of a run.
-        periodic: whether axis 1 is periodic.
-        ridge: distribution of a fold on a finer grid; on the paper's grid it is one hinge.
-
-    Returns:
-        At index k of axis 1 the part and sense of the edge between cells k − 1 and k.
-    """
-    spread = ridge or PAPER_RIDGE
-    inside = inside_runs(like, periodic)
-    line, between = np.divmod(place_in_run(like, periodic).astype(int), spread.refinement)
-    middles = SENSE_BY_LINE[fold_phase][line % CELLS_PER_PERIOD]
-    middles = np.where(inside & (between == 0), middles, 0.0)
-    parts = sum(
-        part * np.roll(middles, offset, axis=1)
-        for offset, part in enumerate(spread.fold_parts, -spread.refinement)
-        if part
-    )
-    return np.where(inside, parts, 0.0)
+Like = Bool[np.ndarray, "line cell"]
+"""Which cells are of one knit; axis 1 runs across its folds."""
+ByEdge = Float[np.ndarray, "line cell"]
+"""Values of edges; at index k of axis 1, that of the edge between cells k − 1 and k."""
 
 
 class Ridge:
@@ -111,10 +54,9 @@ class Ridge:
         A hinge with the part s of a fold's compliance is 1/s times as stiff, and its edge is
         shorter than on the paper's grid by the factor ``refinement``.
         """
-        fold = np.abs(SENSE_BY_LINE[fold_phase])
         shares = np.zeros(CELLS_PER_PERIOD * self.refinement)
-        for line in range(CELLS_PER_PERIOD):
-            parts = self.fold_parts if fold[line] else self._flank_parts
+        for line, sense in enumerate(SENSE_BY_LINE[fold_phase]):
+            parts = self.fold_parts if sense else self._flank_parts
             for offset, part in enumerate(parts, -self.refinement):
                 shares[(line * self.refinement + offset) % len(shares)] += part
         return 1 / (self.refinement * shares)
@@ -122,14 +64,11 @@ class Ridge:
     def rest_fold(
         self, theta_0: Float[Array | np.ndarray, "*stripe"]
     ) -> Float[Array | np.ndarray, "*stripe"]:
-        """Total fold angle of a ridge at rest [rad].
+        """Total fold angle at rest [rad] of a ridge whose sharp fold has the rest angle θ0.
 
         On the paper's grid π − θ0. On a finer grid it is chosen so that a pure stripe relaxes to
         sin(θ0/2) of its flat length, as on the paper's grid. This ratio is the mean cosine of the
         tilt of its cells.
-
-        Args:
-            theta_0: interior rest angle of the sharp fold [rad].
         """
         sharp = np.pi - theta_0
         if self.refinement == 1:
@@ -160,10 +99,8 @@ def _parts(refinement: int, fraction: float) -> Float[np.ndarray, " offset"]:
     The length of the arc is ``fraction`` of a stripe, which is two cells of the paper's grid.
     """
     offsets = np.arange(-refinement, refinement + 1)
-    if refinement == 1:
-        return np.where(offsets == 0, 1.0, 0.0)
     half = fraction * refinement
-    if half <= 0.5:
+    if refinement == 1 or half <= 0.5:
         return np.where(offsets == 0, 1.0, 0.0)
     low, high = np.maximum(offsets - 0.5, -half), np.minimum(offsets + 0.5, half)
     return np.maximum(high - low, 0.0) / (2 * half)
@@ -178,35 +115,84 @@ def ridge_of(options: ModelOptions) -> Ridge:
     return Ridge(options.cells_per_period, options.ridge_fraction)
 
 
-def patch_senses(
-    pattern: PatchGrid, options: ModelOptions
-) -> tuple[Float[np.ndarray, "row column"], Float[np.ndarray, "row column"]]:
+def inside_runs(like: Like, periodic: bool) -> Bool[np.ndarray, "line cell"]:
+    """Whether the edge before each cell lies inside a run of like cells, along axis 1."""
+    inside = like & np.roll(like, 1, axis=1)
+    if not periodic:
+        inside[:, 0] = False
+    return inside
+
+
+def _number_in_run(like: Like, periodic: bool) -> Int[np.ndarray, "line cell"]:
+    """Number of cells of its run that come before each cell, along axis 1.
+
+    In periodic fabric a run may continue across the boundary; a run that fills the whole line is
+    counted from 0.
+    """
+    lines, cells = like.shape
+    start = np.where(like.all(axis=1) | (not periodic), 0, np.argmin(like, axis=1))
+    order = (start[:, None] + np.arange(cells)) % cells
+    unrolled = np.take_along_axis(like, order, axis=1)
+    last_other = np.maximum.accumulate(np.where(unrolled, -1, np.arange(cells)), axis=1)
+    number = np.empty((lines, cells), int)
+    np.put_along_axis(number, order, np.arange(cells) - last_other - 1, axis=1)
+    return number
+
+
+def fold_senses(
+    like: Like, fold_phase: FoldPhase, periodic: bool, ridge: Ridge = PAPER_RIDGE
+) -> ByEdge:
+    """Part of a fold on the edge before each cell: +1 and −1 alternately, 0 if it is flat at rest.
+
+    Lines are counted from the start of each run of like cells, so neighbouring patches of one
+    knit fold together and no fold lies on the border between two knits. In periodic fabric
+    a run may continue across the boundary; a run that fills the whole line is counted from line 0.
+
+    Args:
+        like: which cells are of this knit; axis 1 runs across its folds.
+        fold_phase: whether the folds lie on the odd or the even lines of a run.
+        periodic: whether axis 1 is periodic.
+        ridge: distribution of a fold on a finer grid; on the paper's grid it is one hinge.
+    """
+    inside = inside_runs(like, periodic)
+    line, between = np.divmod(_number_in_run(like, periodic), ridge.refinement)
+    middles = SENSE_BY_LINE[fold_phase][line % CELLS_PER_PERIOD]
+    middles = np.where(inside & (between == 0), middles, 0.0)
+    parts = sum(
+        part * np.roll(middles, offset, axis=1)
+        for offset, part in enumerate(ridge.fold_parts, -ridge.refinement)
+        if part
+    )
+    return np.where(inside, parts, 0.0)
+
+
+def patch_senses(pattern: PatchGrid, options: ModelOptions) -> tuple[ByEdge, ByEdge]:
     """Parts of the folds of rib and of garter patches, > 0 for a mountain and < 0 for a valley.
 
     The first array is for rib, at the edge to the left of every grid cell, the second for garter,
     at the edge below it; 0 where the fabric is flat at rest.
     """
     periodic, ridge = options.boundary == "periodic", ridge_of(options)
-    garter_sign = 1 if options.garter_start == "mountain" else -1
-    rib, garter = pattern.cells_of("rib"), pattern.cells_of("garter")
-    return (
-        fold_senses(rib, options.fold_phase, periodic, ridge),
-        garter_sign * fold_senses(garter.T, options.fold_phase, periodic, ridge).T,
+    rib, garter = (
+        fold_senses(like, options.fold_phase, periodic, ridge)
+        for like in (pattern.cells_of("rib"), pattern.cells_of("garter").T)
     )
+    return rib, (garter if options.garter_start == "mountain" else -garter).T
 
 
-def fold_stiffness_factors(
-    pattern: PatchGrid, options: ModelOptions
-) -> tuple[Float[np.ndarray, "row column"], Float[np.ndarray, "row column"]]:
+def fold_stiffness_factors(pattern: PatchGrid, options: ModelOptions) -> tuple[ByEdge, ByEdge]:
     """Factors on k_t of hinges inside rib patches, and inside garter patches; 1 elsewhere.
 
-    Arguments and edges as for :func:`patch_senses`.
+    Edges as for :func:`patch_senses`.
     """
     periodic = options.boundary == "periodic"
     by_place = ridge_of(options).stiffness_by_place(options.fold_phase)
-
-    def factors(like: Bool[np.ndarray, "line cell"]) -> Float[np.ndarray, "line cell"]:
-        place = place_in_run(like, periodic).astype(int) % len(by_place)
-        return np.where(inside_runs(like, periodic), by_place[place], 1.0)
-
-    return factors(pattern.cells_of("rib")), factors(pattern.cells_of("garter").T).T
+    rib, garter = (
+        np.where(
+            inside_runs(like, periodic),
+            by_place[_number_in_run(like, periodic) % len(by_place)],
+            1.0,
+        )
+        for like in (pattern.cells_of("rib"), pattern.cells_of("garter").T)
+    )
+    return rib, garter.T

@@ -20,49 +20,25 @@ WIDE, NARROW = 0.3, 0.06
 Vertices = Float[np.ndarray, "vertex 3"]
 
 
-@dataclass(frozen=True)
-class Kind:
-    """Which parts keep what distance.
-
-    Attributes:
-        near: whether they are those near each other on the grid, or those that are not.
-        least: distance that they keep [mm].
-        reach: distance beyond it over which the barrier acts [mm].
-    """
-
-    near: bool
-    least: float
-    reach: float
-
-    def mesh(self, of: ContactMesh) -> ipctk.CollisionMesh:
-        """The collision mesh of these parts."""
-        return of.near if self.near else of.far
-
-
 @dataclass(frozen=True, eq=False)
 class Pairs:
     """Pairs of parts, complete up to a distance at one configuration.
 
     Attributes:
-        kind: which parts, and what distance they keep.
         mesh: contact mesh whose parts they are.
+        parts: its collision mesh, of the parts that are near on the grid or of those that are not.
         kept: its vertices among those of the whole contact mesh.
         at: positions of all vertices [mm].
         within: all other pairs were at least so far apart [mm].
         candidates: the pairs.
     """
 
-    kind: Kind
     mesh: ContactMesh
+    parts: ipctk.CollisionMesh
     kept: Int[np.ndarray, " part"]
     at: Vertices
     within: float
     candidates: ipctk.Candidates = field(default_factory=ipctk.Candidates)
-
-    @property
-    def parts(self) -> ipctk.CollisionMesh:
-        """The collision mesh."""
-        return self.kind.mesh(self.mesh)
 
     def complete_within(self, vertices: Vertices) -> float:
         """Distance up to which they are complete at another configuration [mm]."""
@@ -72,39 +48,26 @@ class Pairs:
         """Positions of the vertices of the mesh, among those of all."""
         return np.asfortranarray(vertices[self.kept])
 
-    def touching(self, vertices: Vertices) -> ipctk.NormalCollisions:
-        """Those within reach of the barrier."""
-        found = ipctk.NormalCollisions()
-        if len(self.candidates):
-            near = self.positions(vertices)
-            found.build(self.candidates, self.parts, near, self.kind.reach, self.kind.least)
-        return found
-
-    def free_part(self, before: Vertices, after: Vertices) -> float:
-        """Part of a straight step that brings none as near as they may be."""
-        if not len(self.candidates):
-            return 1.0
-        ends = self.positions(before), self.positions(after)
-        return self.candidates.compute_collision_free_stepsize(
-            self.parts, *ends, self.kind.least, ipctk.AdditiveCCD()
-        )
-
 
 class PairSearch:
-    """Search of the pairs of one kind.
+    """Search of the pairs of parts that are near each other on the grid, or of those that are not.
 
     Args:
         mesh: the contact mesh.
-        kind: the kind.
+        near: which of both.
+        least: distance that they keep [mm].
+        reach: distance beyond it over which the barrier acts [mm].
         cell: shortest side of a grid cell [mm].
     """
 
-    def __init__(self, mesh: ContactMesh, kind: Kind, cell: float) -> None:
-        self.kind = kind
-        self._mesh, self._every = mesh, np.arange(len(mesh.places))
-        self._reached = kind.least + kind.reach
+    def __init__(
+        self, mesh: ContactMesh, near: bool, least: float, reach: float, cell: float
+    ) -> None:
+        self.least, self.reach, self._near = least, reach, near
+        self._mesh, self._every = mesh, np.arange(len(mesh.grid))
+        self._reached = least + reach
         self._wide, self._narrow = (2 * margin * cell for margin in (WIDE, NARROW))
-        self._all = self._close = self._of_whole(np.full((len(mesh.places), 3), np.nan), 0.0)
+        self._all = self._close = self._of_whole(np.full((len(mesh.grid), 3), np.nan), 0.0)
 
     def close(self, vertices: Vertices) -> Pairs:
         """Pairs among which all are that are within reach, each once."""
@@ -115,15 +78,23 @@ class PairSearch:
     def free_part(self, before: Vertices, after: Vertices) -> float:
         """Part of a straight step that brings no parts as near as they may be."""
         pairs = self.close(before)
-        if not pairs.complete_within(after) > self.kind.least:
+        if not pairs.complete_within(after) > self.least:
             pairs = self._search(before)
-        if not pairs.complete_within(after) > self.kind.least:
+        if not pairs.complete_within(after) > self.least:
             pairs = self._of_whole(before, np.inf)
             pairs.candidates.build(pairs.parts, before, after, self._reached / 2)
-        return pairs.free_part(before, after)
+        if not len(pairs.candidates):
+            return 1.0
+        ends = pairs.positions(before), pairs.positions(after)
+        return pairs.candidates.compute_collision_free_stepsize(
+            pairs.parts, *ends, self.least, ipctk.AdditiveCCD()
+        )
 
     def _of_whole(self, vertices: Vertices, within: float) -> Pairs:
-        return Pairs(self.kind, self._mesh, self._every, vertices, within)
+        return Pairs(self._mesh, self._parts(self._mesh), self._every, vertices, within)
+
+    def _parts(self, mesh: ContactMesh) -> ipctk.CollisionMesh:
+        return mesh.near if self._near else mesh.far
 
     def _search(self, vertices: Vertices) -> Pairs:
         """Pairs of the whole mesh, those of two images included."""
@@ -139,18 +110,18 @@ class PairSearch:
         """
         pairs = self._search(vertices)
         complete = pairs.complete_within(vertices)
-        distances = self.kind.least + pairs.candidates.compute_per_vertex_safe_distances(
-            pairs.parts, vertices, complete, self.kind.least
+        distances = self.least + pairs.candidates.compute_per_vertex_safe_distances(
+            pairs.parts, vertices, complete, self.least
         )
         nearest = min(float(distances.min()), complete)
         if nearest > self._reached:
             return self._of_whole(vertices, nearest)
         within = min(self._reached + self._narrow, complete)
-        part, kept = self._mesh.around(distances <= within)
-        found = Pairs(self.kind, part, kept, vertices, within)
-        found.candidates.build(found.parts, found.positions(vertices), within / 2)
-        without_pairs_of_images(found.candidates, found.parts, part.own)
-        return found
+        mesh, kept = self._mesh.around(distances <= within)
+        closest = Pairs(mesh, self._parts(mesh), kept, vertices, within)
+        closest.candidates.build(closest.parts, closest.positions(vertices), within / 2)
+        without_pairs_of_images(closest.candidates, closest.parts, mesh.own)
+        return closest
 
 
 def shortened(distance: float, before: Vertices, after: Vertices) -> float:

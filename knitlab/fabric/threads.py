@@ -5,12 +5,9 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-ONE_THREAD = {
-    "PJRT_NPROC": "1",
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    "MKL_NUM_THREADS": "1",
-}
+ONE_THREAD = dict.fromkeys(
+    ("PJRT_NPROC", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
+)
 """Environment of a process limited to one thread."""
 
 Part = TypeVar("Part")
@@ -18,12 +15,9 @@ Result = TypeVar("Result")
 
 
 class Threads:
-    """A pool of threads.
+    """A pool of ``count`` threads; 1 runs in the calling thread.
 
     Work that runs in the pool must not use the same pool, or it deadlocks.
-
-    Args:
-        count: number of threads; 1 runs in the calling thread.
     """
 
     def __init__(self, count: int) -> None:
@@ -38,10 +32,10 @@ class Threads:
 ALONE = Threads(1)
 
 
-def allowed_threads() -> int:
-    """Number of threads that this process may use: ``OMP_NUM_THREADS``, or all its processors."""
-    text = os.environ.get("OMP_NUM_THREADS", "")
-    if text.isdecimal():
-        return max(int(text), 1)
+def allowed_threads(variable: str = "OMP_NUM_THREADS") -> int:
+    """Threads that this process may use: by an environment variable, or all processors."""
+    text = os.environ.get(variable, "")
+    if text.isdecimal() and int(text) > 0:
+        return int(text)
     # Not every system reports which processors a process may use.
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -11,8 +11,8 @@ import pandas as pd
 import xarray as xr
 from tqdm import tqdm
 
-from knitlab.cube.cube_file import CUBE, write_cube
-from knitlab.cube.find import Found
+from knitlab.cube.cube_file import CUBE, open_cube, write_cube
+from knitlab.cube.find import Found, find_designs
 from knitlab.inverse.candidates import (
     candidates_of,
     candidates_plan,
@@ -25,19 +25,22 @@ from knitlab.inverse.candidates import (
 from knitlab.inverse.objective import Objective, all_met, check_targets
 from knitlab.inverse.request import DesignRequest
 from knitlab.inverse.search import SEARCHES, TRIALS, DesignSearch, SearchResult, run_searches
-from knitlab.inverse.search_space import DesignLabels, search_space
-from knitlab.inverse.starts import starting_designs
+from knitlab.inverse.search_space import DesignLabels, SearchSpace, search_space
 from knitlab.inverse.targets import Conflict, conflict_of
 from knitlab.inverse.trial import ShapeFunctions
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 from knitlab.io.lock import held
+from knitlab.sweep.plan import make_plan
 from knitlab.sweep.run import RunOptions, run_plan
+from knitlab.sweep.settings import PATTERN
 from knitlab.sweep.workers import interrupted_by_signals
 
 REQUEST = "request.json"
 BUDGET = 60
 """Default number of simulations of the searches."""
+PAPERS_PATTERN = "checkerboard"
+"""Pattern of a cube that names none."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +127,10 @@ def run_design(
     if not objective.has_gradient and find_spec("cmaes") is None:
         problem = "is needed for targets without derivatives; pip install 'knitlab[design]'"
         raise fault("the package cmaes", problem)
-    _check_folder(request, folder)
+    path = folder / REQUEST
+    if path.is_file() and path.read_text() != request.text:
+        problem = "holds the design of another request; name another results folder, or remove it"
+        raise fault(str(folder), problem)
     # The run that tests the candidates locks the folder itself.
     with held(folder / SEARCHES), interrupted_by_signals():
         coarse = not request.cubes and len(space.designs) > request.starts
@@ -133,13 +139,11 @@ def run_design(
                 f"is used up by the coarse sweep of {len(space.designs)} designs; raise it, or"
             )
             raise fault(f"budget {budget}", f"{problem} give cubes to start from")
-        # No cube has own functions.
-        known = [target for target in request.wanted if target.name not in dict(own)]
-        starts = starting_designs(request, space, known, folder / TRIALS, run)
-        with atomic_write(folder / REQUEST) as temporary:
+        starts, simulations, unknown = _starts(request, space, own, folder / TRIALS, run)
+        with atomic_write(path) as temporary:
             temporary.write_text(request.text)
-        left = max(budget - starts.simulations, 1)
-        designs = starts.designs[:left]
+        left = max(budget - simulations, 1)
+        designs = starts[:left]
         at_once = max(workers, 1)
         seconds = np.inf if minutes is None else 60 * minutes / -(-len(designs) // at_once)
         searches = [
@@ -179,17 +183,47 @@ def run_design(
         found,
         tuple(results),
         trials,
-        starts.simulations + len(trials),
+        simulations + len(trials),
         tuple(write_workflow(folder, request, space, candidate) for candidate in candidates),
-        starts.unknown,
+        unknown,
     )
 
 
-def _check_folder(request: DesignRequest, folder: Path) -> None:
-    path = folder / REQUEST
-    if path.is_file() and path.read_text() != request.text:
-        problem = "holds the design of another request; name another results folder, or remove it"
-        raise fault(str(folder), problem)
+def _starts(
+    request: DesignRequest,
+    space: SearchSpace,
+    own: ShapeFunctions,
+    folder: Path,
+    options: RunOptions,
+) -> tuple[tuple[DesignLabels, ...], int, tuple[DesignLabels, ...]]:
+    """Designs to refine: the nearest to the targets, by cubes or by a coarse sweep into a folder.
+
+    Returns:
+        At most as many designs as the request wants, the nearest first; the number of simulations
+        of the sweep; and the allowed designs that no cube has, which are not considered.
+    """
+    if len(space.designs) <= request.starts and not request.cubes:
+        return space.designs, 0, ()
+    cubes, simulations = [open_cube(path, lazily=True) for path in request.cubes], 0
+    if not cubes:
+        plan = make_plan(space.workflow, {**space.settings, **request.choices})
+        if run_plan(plan, folder, options).stopped:
+            raise KeyboardInterrupt
+        cubes, simulations = [open_cube(folder / CUBE)], len(plan.cases)
+    # No cube has own functions; refining may fulfil constraints.
+    targets = [target for target in request.wanted if target.name not in dict(own)]
+    if not targets:
+        return space.designs[: request.starts], simulations, ()
+    table = find_designs(cubes, targets).table
+    if PATTERN not in table:
+        table = table.assign(**{PATTERN: PAPERS_PATTERN})
+    known: list[DesignLabels] = [*map(tuple, table[[*space.dims]].to_numpy(object).tolist())]
+    allowed = [design for design in dict.fromkeys(known) if design in space.designs]
+    if not allowed:
+        labels = ", ".join(map(str, space.designs))
+        raise fault("cubes", f"have none of the allowed designs; simulate {labels} first")
+    unknown = tuple(design for design in space.designs if design not in known)
+    return tuple(allowed[: request.starts]), simulations, unknown
 
 
 def _searched(

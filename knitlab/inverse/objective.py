@@ -28,12 +28,7 @@ Jacobian = Float[np.ndarray, "row variable"]
 
 
 def distance_of(targets: Sequence[Target], off_by: Sequence[Any]) -> Any:
-    """Root mean square of distances from targets, each over its tolerance.
-
-    Args:
-        targets: the targets.
-        off_by: distance from each target in the unit of its variable; a number or an array.
-    """
+    """Root mean square of distances, each over the tolerance of its target; numbers or arrays."""
     scaled = [off / scale_of(target) for off, target in zip(off_by, targets, strict=True)]
     return np.sqrt(np.mean(np.square(scaled), axis=0))
 
@@ -63,13 +58,9 @@ def aimed(target: Target) -> Target:
 
 @dataclass(frozen=True, eq=False)
 class Objective:
-    """Targets and constraints of a search.
+    """Targets and constraints of a search, which may name the user's functions of shapes.
 
-    Attributes:
-        targets: the targets.
-        subject_to: the constraints.
-        own: the user's functions of shapes that they may name.
-        acts_on: derivatives of the logarithm of each parameter by each variable.
+    ``acts_on`` are derivatives of the logarithm of each parameter by each variable.
     """
 
     targets: tuple[Target, ...]
@@ -102,7 +93,7 @@ class Objective:
         return distances
 
     def distance(self, off_by: Sequence[float]) -> float:
-        """Distance from the targets, see :func:`distance_of`."""
+        """Distance from the targets alone, see :func:`distance_of`."""
         return float(distance_of(self.targets, off_by[: len(self.targets)]))
 
     def violation(self, off_by: Sequence[float]) -> float:
@@ -167,11 +158,9 @@ class Objective:
     def _read(
         self, target: Target, trial: Trial, slopes: dict[str, Slopes] | None
     ) -> tuple[Float[np.ndarray, " point"], Residuals, Jacobian]:
-        """A variable of a trial over the window of a target.
+        """Strains of a target's window, values at these, and derivatives (0 without slopes).
 
-        Returns:
-            Strains of the window, empty for a single number; values at these, or their reduction;
-            and derivatives of the values by the variables, 0 without slopes.
+        A single number, such as a reduction, has no strains.
         """
         values = trial.values(target.name)
         by = np.zeros((len(values), self.acts_on.shape[1]))

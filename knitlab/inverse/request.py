@@ -116,11 +116,7 @@ def checked_request(
 ) -> DesignRequest:
     """The request that the keys of a :class:`DesignFile` describe.
 
-    Args:
-        name: name of the request.
-        table: the keys.
-        source: prefix of the messages of faults.
-        folder: folder that paths of curves are relative to.
+    Faults are named with a prefix, ``source``; paths of curves are relative to a folder.
 
     Raises:
         BadInput: with every fault of it.

@@ -1,9 +1,8 @@
 """A search: one design is refined from its start, with gradients or, where these fail, without."""
 
-import json
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -18,7 +17,6 @@ from knitlab.inverse.search_space import DesignLabels, Point, SearchSpace
 from knitlab.inverse.trial import Trial, run_trial
 from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import BadInput, Fault
-from knitlab.io.fingerprint import code_fingerprint
 from knitlab.simulation.case import Case
 from knitlab.simulation.tensile_tests import Progress
 from knitlab.sweep.workers import BatchError, Task, pool_of
@@ -51,17 +49,13 @@ ATTEMPTS = 3
 
 @dataclass(frozen=True)
 class TrialRecord:
-    """The record of a trial.
+    """The record of a trial: its point in the search space, its case, and how far off it is.
 
     Attributes:
-        point: its point in the search space.
         values: values of the variables, in their units.
-        case_id: identifier of its case.
-        converged: whether its whole test converged.
-        snapped: whether the fabric snapped.
         off_by: distance from each target and constraint, in the unit of the variable.
-        distance: distance from the targets.
-        violation: violation of the constraints.
+        distance: root mean square of those from targets, over tolerances.
+        violation: largest excess of those from constraints, in tolerances.
         met: whether all targets and constraints are met.
     """
 
@@ -114,6 +108,10 @@ class SearchResult:
         return None if self.best is None else self.trials[self.best]
 
 
+RESULT = TypeAdapter(SearchResult)
+"""Writes results into JSON files, and reads them."""
+
+
 class SearchEnded(Exception):
     """Ends a search before its method does, with the reason."""
 
@@ -123,13 +121,11 @@ class DesignSearch:
     """The search from one design, and its trials so far.
 
     Attributes:
-        space: the search space.
-        objective: the objective.
-        design: the labels of the design.
-        folder: results folder of the design, with those of trials and searches.
+        folder: results folder of the request, with those of trials and searches.
         budget: largest number of trials.
         deadline: time after which no further trial starts, by :func:`time.time` [s].
         report: called after each trial with its distance, if given.
+        rough: whether a trial snapped or failed, so that gradients may mislead.
     """
 
     space: SearchSpace
@@ -147,16 +143,6 @@ class DesignSearch:
     def start(self) -> Case:
         """The case at the start."""
         return self.space.case(self.design, self.space.start(self.design))[0]
-
-    @property
-    def stamp(self) -> str:
-        """Identifies a stored result that may be reused; empty if time or own code affects it.
-
-        Everything else is determined by the request, of which a folder has only one.
-        """
-        if self.objective.own or np.isfinite(self.deadline):
-            return ""
-        return f"{self.budget} simulations, code {code_fingerprint()}"
 
     def run(self) -> SearchResult:
         """Search from the tabulated values.
@@ -364,13 +350,7 @@ def run_searches(
     """Run searches, each in one worker, with its result in a JSON file.
 
     A search that was killed repeats its trials from their files and continues; one whose worker
-    died is tried again.
-
-    Args:
-        searches: the searches.
-        folder: results folder of the design.
-        workers: number of processes on this machine; 0 for this process.
-        progress: called with the design and the distance of each trial.
+    died is tried again. After each trial ``progress`` is called with its design and distance.
 
     Raises:
         BadInput: with the reason of every search that failed.
@@ -395,24 +375,17 @@ def run_searches(
             Fault(f"search from {starts[case_id].label}", error.reason)
             for case_id, error in errors.items()
         )
-    result = TypeAdapter(SearchResult)
-    return [result.validate_json(_path(folder, case_id).read_text()) for case_id in by_start]
+    files = [folder / SEARCHES / f"{case_id}.json" for case_id in by_start]
+    return [RESULT.validate_json(file.read_bytes()) for file in files]
 
 
 def _run_search(
     searches: dict[str, DesignSearch], folder: Path, batch: Sequence[Case], progress: Progress
 ) -> None:
-    """Run the search that starts with the only case of a batch, unless its result is stored."""
+    """Run the search that starts with the only case of a batch, and write its result."""
     (start,) = batch
-    search, path = searches[start.case_id], _path(folder, start.case_id)
-    stamp = search.stamp
-    if path.is_file() and stamp and json.loads(path.read_text()).get("of") == stamp:
-        return
+    search = searches[start.case_id]
     search.report = lambda distance: progress(start.case_id, distance)
-    record = asdict(search.run()) | {"of": stamp}
-    with atomic_write(path) as temporary:
-        temporary.write_text(json.dumps(record, indent=1))
-
-
-def _path(folder: Path, case_id: str) -> Path:
-    return folder / SEARCHES / f"{case_id}.json"
+    result = RESULT.dump_json(search.run(), indent=1)
+    with atomic_write(folder / SEARCHES / f"{start.case_id}.json") as temporary:
+        temporary.write_bytes(result)

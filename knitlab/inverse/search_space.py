@@ -31,9 +31,7 @@ class SearchSpace:
         workflow: name or path of the workflow.
         settings: settings that replace the workflow's, the strains of the test included.
         dims: what the labels of designs are: n_stripe, n_subunit and, if it varies, pattern.
-        designs: the labels of the possible designs.
-        names: names of the variables.
-        lower, upper: logarithms of their bounds.
+        lower, upper: logarithms of the bounds of the variables.
     """
 
     workflow: str
@@ -57,10 +55,8 @@ class SearchSpace:
     def bounds_at(self, point: Point, downhill: Point) -> list[str]:
         """The active bounds at a point, such as ``rib_k_t <= 0.1``.
 
-        Args:
-            point: the point.
-            downhill: direction in which the distance decreases; a bound that is reached counts as
-                active if this is 0.
+        A bound that is reached is active unless the distance decreases away from it; ``downhill``
+        is the direction of decrease.
         """
         active = []
         for name, fraction, slope, low, high in zip(

@@ -1,8 +1,9 @@
 """Targets of a design: their tolerances, and pairs of them that cannot be met together."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -39,15 +40,8 @@ def contradictions(targets: Sequence[Target]) -> Iterator[tuple[Target, Target]]
     """Pairs of targets of one variable whose allowed values have nothing in common.
 
     Values are compared at the strains that both windows share, and those of a mean, minimum or
-    maximum with the range that the other target allows over its whole window. Targets of different
-    variables, and other reductions over different windows, are not compared.
-
-    Example:
-        >>> from knitlab.cube.target import read_target
-        >>> low = read_target("poisson_ratio < -0.3 @ 0.05:0.25")
-        >>> high = read_target("poisson_ratio > -0.2 @ 0.2:0.4")
-        >>> [other.text for _, other in contradictions([low, high])]
-        ['poisson_ratio > -0.2 @ 0.2:0.4']
+    maximum with the range that the other target allows over its whole window. Other reductions
+    over different windows are not compared.
     """
     for one, other in combinations(targets, 2):
         if one.name == other.name and _contradict(one, other):
@@ -85,14 +79,11 @@ def _strains(window: StrainWindow | None) -> Float[np.ndarray, " point"]:
     return np.linspace(window.start, window.stop, PARTS + 1)
 
 
-@dataclass(frozen=True)
-class Conflict:
+class Conflict(NamedTuple):
     """Two targets of which no trial meets both.
 
-    Attributes:
-        targets: the targets as they were given.
-        distances: distances of the converged trials, each over the tolerance of its target.
-        candidates: for each trial the number of the candidate whose search it belongs to.
+    Distances of the converged trials are over the tolerance of each target; ``candidates`` are the
+    numbers of their searches.
     """
 
     targets: tuple[str, str]

@@ -61,14 +61,7 @@ Slopes = Float[np.ndarray, "strain parameter"]
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A simulated case.
-
-    Attributes:
-        case: the case.
-        gauge: gauge of its sizes in cloth.
-        results: contents of its case file.
-        own: the user's functions of its shapes.
-    """
+    """A simulated case: the contents of its case file, and the user's functions of its shapes."""
 
     case: Case
     gauge: Gauge
@@ -118,11 +111,8 @@ class Trial:
 
         Args:
             names: names of :data:`ALONG_STRAIN`, :data:`OF_DESIGN` or own functions; the same in
-                every call.
+                every call. Those of the design have one strain.
             needed: whether each strain is needed; derivatives at the others are 0.
-
-        Returns:
-            (strain, parameter) by name, one strain for a variable of the design.
 
         Raises:
             NoDerivative: if a state is not a stable equilibrium, such as at a snap.
@@ -179,13 +169,9 @@ def state_slopes(
 def measure_of_strained(
     shape: MeshShape, cells: CellGrid, names: tuple[str, ...], own: ShapeFunctions
 ) -> Measure:
-    """A measure of quantities under strain; the same function for the same arguments.
+    """A measure of :data:`ALONG_STRAIN` and own functions, by name.
 
-    Args:
-        shape: the mesh shape.
-        cells: the unit cells.
-        names: names of :data:`ALONG_STRAIN`, or of own functions.
-        own: the user's functions.
+    It is the same function for the same arguments, as JAX traces each once.
     """
     functions = dict(own)
     known = tuple(name for name in names if name not in functions)

@@ -167,19 +167,16 @@ def read_machine(changes: Mapping[str, Any] | None = None, folder: Path | None =
             values[name] = value
         else:
             faults.append(Fault(f"machine {name}", unknown(name, values, "setting of the machine")))
-    tables = {}
-    for name, table in TABLES.items():
-        try:
-            tables[name] = TypeAdapter(table).validate_python(
-                {k: values[k] for k in declared(table)}
-            )
-        except ValidationError as error:
-            faults += [Fault(f"machine {each.path}", each.problem) for each in faults_of(error, "")]
-    if len(tables) == len(TABLES):
-        faults += _carrier_faults(tables["carriers"])
+    tables = {name: {key: values[key] for key in declared(table)} for name, table in TABLES.items()}
+    try:
+        machine = TypeAdapter(Machine).validate_python(tables)
+        faults += _carrier_faults(machine.carriers)
+    except ValidationError as error:
+        for each in faults_of(error, ""):
+            faults.append(Fault(f"machine {each.path.partition('.')[2]}", each.problem))
     if faults:
         raise BadInput(faults)
-    return Machine(**tables)
+    return machine
 
 
 def _carrier_faults(carriers: Carriers) -> list[Fault]:

@@ -96,20 +96,16 @@ class CarriagePass(NamedTuple):
     last: int
 
 
-@dataclass(frozen=True)
-class Duration:
-    """Passes of a program by what they do; in empty ones the carriage comes back."""
+class Duration(NamedTuple):
+    """Numbers of passes of a program by what they do, and its time."""
 
-    knit_passes: int
-    transfer_passes: int
-    empty_passes: int
-    drop_passes: int
+    passes: dict[str, int]
     seconds: float
 
     @property
-    def passes(self) -> int:
-        """All passes."""
-        return self.knit_passes + self.transfer_passes + self.empty_passes + self.drop_passes
+    def total(self) -> int:
+        """Number of all passes."""
+        return sum(self.passes.values())
 
 
 def carriage_passes(program: Iterable[Operation]) -> list[CarriagePass]:
@@ -169,7 +165,8 @@ def duration(program: Iterable[Operation], machine: Machine) -> Duration:
         + time.racking_time * opcodes["rack"]
         + time.carrier_time * sum(opcodes[opcode] for opcode in CARRIER_CHANGES)
     )
-    return Duration(kinds["knit"], kinds["transfer"], len(returns), kinds["drop"], seconds)
+    kinds["empty"] = len(returns)
+    return Duration({kind: kinds[kind] for kind in ("knit", "transfer", "empty", "drop")}, seconds)
 
 
 def longest_floats(program: Iterable[Operation]) -> dict[str, int]:

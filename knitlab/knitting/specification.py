@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -9,7 +10,7 @@ from jaxtyping import Float
 from knitlab.knitting.chart import StitchChart, electrode_name
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import Machine
-from knitlab.knitting.program import Duration, duration, longest_floats, operations
+from knitlab.knitting.program import Duration, Operation, duration, longest_floats, operations
 from knitlab.measure.knit_size import Gauge
 
 
@@ -37,22 +38,32 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class Specification:
-    """What it takes to knit a sample: passes and time of its program, floats and sizes.
-
-    ``unplated`` is the duration without its electrodes; ``floats`` are the most needles that each
-    carrier's yarn passes.
-    """
+    """What it takes to knit a chart by a program: passes, time, floats and sizes."""
 
     chart: StitchChart
     machine: Machine
     gauge: Gauge
-    duration: Duration
-    unplated: Duration
-    floats: dict[str, int]
+    program: str
     prediction: Prediction | None = None
 
     def __repr__(self) -> str:
-        return f"<Specification {self.chart.size}, {self.duration.passes} passes>"
+        return f"<Specification {self.chart.size}, {self.duration.total} passes>"
+
+    @cached_property
+    def operations(self) -> list[Operation]:
+        """The operations of the program."""
+        return list(operations(self.program))
+
+    @cached_property
+    def duration(self) -> Duration:
+        """Passes and time of the whole program."""
+        return duration(self.operations, self.machine)
+
+    @cached_property
+    def unplated(self) -> Duration:
+        """The same without its electrodes."""
+        bare = replace(self.chart, plated=np.zeros_like(self.chart.plated))
+        return duration(operations(knitout(bare, self.machine)), self.machine)
 
     @property
     def flat_size(self) -> tuple[float, float]:
@@ -86,7 +97,7 @@ class Specification:
         """What deserves a look before it is knitted."""
         remarks = [
             f"the yarn of carrier {carrier} floats past {passed} needles"
-            for carrier, passed in self.floats.items()
+            for carrier, passed in longest_floats(self.operations).items()
             if passed > self.machine.carriers.longest_float
         ]
         if self.prediction is not None and self.prediction.passes_through_itself:
@@ -118,39 +129,17 @@ class Specification:
             sizes += f", plated {stitches.plated_stitch_size}"
         yield "stitch size", f"{sizes} (machine units)"
         yield "end", self.machine.sections.end.replace("_", "-")
-        yield (
-            "passes",
-            f"{time.passes}: {time.knit_passes} knit, {time.transfer_passes} transfer,"
-            f" {time.empty_passes} empty, {time.drop_passes} drop",
-        )
+        passes = time.total
+        kinds = ", ".join(f"{count} {kind}" for kind, count in time.passes.items())
+        yield "passes", f"{passes}: {kinds}"
         yield "machine time", f"about {_minutes(time.seconds)}"
         if plated:
-            more, passes = time.seconds - self.unplated.seconds, time.passes - self.unplated.passes
+            more, added = time.seconds - self.unplated.seconds, passes - self.unplated.total
             fraction = more / self.unplated.seconds
-            yield "plating adds", f"{_minutes(more)} ({fraction:.0%} more) and {passes} passes"
+            yield "plating adds", f"{_minutes(more)} ({fraction:.0%} more) and {added} passes"
         yield "size flat", _millimetres(self.flat_size)
         if self.relaxed_size is not None:
             yield "size relaxed", _millimetres(self.relaxed_size)
-
-
-def specification(
-    chart: StitchChart,
-    machine: Machine,
-    gauge: Gauge,
-    program: str | None = None,
-    prediction: Prediction | None = None,
-) -> Specification:
-    """The specification of a chart, and of its knitout if that is written already.
-
-    Raises:
-        BadInput: if the chart is wider than the machine.
-    """
-    listed = list(operations(knitout(chart, machine) if program is None else program))
-    time = unplated = duration(listed, machine)
-    if chart.electrodes:
-        bare = replace(chart, plated=np.zeros_like(chart.plated))
-        unplated = duration(operations(knitout(bare, machine)), machine)
-    return Specification(chart, machine, gauge, time, unplated, longest_floats(listed), prediction)
 
 
 def _minutes(seconds: float) -> str:

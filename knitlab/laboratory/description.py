@@ -128,17 +128,6 @@ class ProtocolTable(StrictModel):
         return even_strains(self.strain_max, self.strain_step)
 
 
-class RecordedTable(StrictModel):
-    """A record with its own clock, and how it is synchronised with the machine's.
-
-    Either ``starts`` is the machine's time at which the clock was at 0, or both records have a
-    ``trigger``: a column that rises past the middle of its range at the same moment.
-    """
-
-    file: str = Field(min_length=1)
-    starts: Time | None = None
-
-
 class TensileTable(StrictModel):
     """``[tensile]``: the log of the machine, whose clock is the reference for all records."""
 
@@ -149,9 +138,15 @@ class TensileTable(StrictModel):
     trigger: PlainColumn | None = None
 
 
-class CapacitanceTable(RecordedTable):
-    """``[capacitance]``: the log of an LCR meter."""
+class CapacitanceTable(StrictModel):
+    """``[capacitance]``: the log of an LCR meter, and how its clock is that of the machine.
 
+    Either ``starts`` is the machine's time at which the clock was at 0, or both logs have a
+    ``trigger``: a column that rises past the middle of its range at the same moment.
+    """
+
+    file: str = Field(min_length=1)
+    starts: Time | None = None
     time: Annotated[Column, _in("s")]
     capacitance: Annotated[Column, _in("pF")]
     trigger: PlainColumn | None = None
@@ -163,7 +158,7 @@ class CapacitanceTable(RecordedTable):
         return self
 
 
-class MarkersTable(RecordedTable):
+class MarkersTable(StrictModel):
     """``[markers]``: tracked points, in pixels.
 
     ``file`` is an array (frame, marker, 2) with x to the right and y down, as tracking-markers
@@ -173,10 +168,12 @@ class MarkersTable(RecordedTable):
     pull is along y. The grid of unit-cell corners is detected, or read from the table ``places``
     with the columns marker, row and column; every ``markers_per_cell``-th marker along (y, x) is a
     corner. The relaxed shape is the mean of the first ``relaxed_frames``. The applied strain of a
-    frame is that of the machine at its time, from ``frame_rate`` and ``starts``, or increases by
-    ``strain_per_frame`` from the first frame on.
+    frame is that of the machine at its time, from ``frame_rate`` and ``starts``, the machine's time
+    at frame 0, or increases by ``strain_per_frame`` from the first frame on.
     """
 
+    file: str = Field(min_length=1)
+    starts: Time | None = None
     pixel: Length
     weft: Towards = "right"
     warp: Towards = "up"

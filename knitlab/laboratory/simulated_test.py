@@ -16,12 +16,11 @@ from knitlab.equilibrium.search import SearchRules
 from knitlab.equilibrium.state import State, TensileTest
 from knitlab.equilibrium.stiffness import free_stiffness
 from knitlab.equilibrium.system import System, run_each
-from knitlab.equilibrium.tensile_test import stretch
 from knitlab.fabric.energy import Point
 from knitlab.fabric.stripe import Stripe
 from knitlab.simulation.case import Case
 from knitlab.simulation.sensitivity import STRIPE_PARAMETERS, adjoint_of, logarithmic, measured_by
-from knitlab.simulation.tensile_tests import relaxed_by_dynamics, starts
+from knitlab.simulation.tensile_tests import tensile_tests
 
 QUANTITIES = ("mean_strain_xx", "mean_strain_yy", "reaction_force")
 """Quantities measured in a test, in this order."""
@@ -76,18 +75,10 @@ def simulated_test(case: Case, near: SimulatedTest | None = None) -> SimulatedTe
     """
     _, fabric = case.assemble()
     if near is None:
-        (start,) = starts([case])
-        (moved,) = relaxed_by_dynamics([case], [start], lambda name, states: None)
-        search = partial(
-            stretch,
-            applied_strain=case.applied_strain,
-            settings=case.equilibrium_solver,
-            start=start,
-            folded=None if moved is None else moved.configuration,
-        )
+        (test,) = tensile_tests([case], lambda name, states: None)
     else:
         search = partial(_retested, case=case, near=near)
-    (test,) = run_each(case.mesh_shape, [fabric], [search])
+        (test,) = run_each(case.mesh_shape, [fabric], [search])
     converged = test.loading is not None and all(state.converged for state in test.states)
     if not converged or len(test.states) < len(case.applied_strain):
         return None

@@ -113,4 +113,6 @@ def case_for(plan: Plan, experiment: xr.Dataset) -> Case:
         raise fault(plan.workflow, "uses dynamics; set method = equilibrium")
     if int(experiment["status"].values.flat[0]) != Status.ok:
         raise fault("fit", "needs an experiment that is ok, and this one is not; import it again")
-    return replace(case, capacitor=None, sensitivities=False, unloading=False)
+    # A test that continues from another cannot keep clear of contact.
+    options = replace(case.options, contact="none")
+    return replace(case, options=options, capacitor=None, sensitivities=False, unloading=False)

@@ -58,12 +58,12 @@ def test_forces_on_a_subdomain_equal_those_in_the_whole_sample(small_subdomains,
     net, fabric, loading = sample
     random = np.random.default_rng(0)
     at = loading.reference + 0.1 * random.normal(size=net.shape.unknowns)
-    whole = ChunkedFabric.of(net.shape, fabric).evaluate(COMPLETE, at)
+    whole = ChunkedFabric(net.shape, fabric).evaluate(COMPLETE, at)
     free = free_stiffness(net.shape, places(net.shape))
     found = list(subdomains_of(free))
     assert len(found) == 4
     for subdomain in found:
-        own = ChunkedFabric.of(subdomain.free.shape, subdomain.fabric(fabric))
+        own = ChunkedFabric(subdomain.free.shape, subdomain.fabric(fabric))
         gradient = np.asarray(own.evaluate(COMPLETE, at[subdomain.places]).gradient)
         movable = subdomain.free.places
         np.testing.assert_allclose(
@@ -76,8 +76,8 @@ def test_a_move_within_a_subdomain_changes_its_energy_as_that_of_the_sample(
 ):
     net, fabric, loading = sample
     subdomain = list(subdomains_of(free_stiffness(net.shape, loading.free)))[1]
-    whole = ChunkedFabric.of(net.shape, fabric)
-    own = ChunkedFabric.of(subdomain.free.shape, subdomain.fabric(fabric))
+    whole = ChunkedFabric(net.shape, fabric)
+    own = ChunkedFabric(subdomain.free.shape, subdomain.fabric(fabric))
     before = loading.reference
     after = before.copy()
     movable = subdomain.places[subdomain.free.places]

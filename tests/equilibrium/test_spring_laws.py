@@ -93,7 +93,7 @@ def test_chunks_of_elements_give_what_the_whole_network_gives(rib, garter):
     stripes = stripes[0], replace(stripes[1], **LAWS.get(garter, {}))
     net, fabric = assemble_fabric(checkerboard(3), *stripes, SHEET, CLAMPED)
     at = np.asarray(shaken(flat_sheet(net, fabric), 0.05).flattened())
-    chunked, whole = ChunkedFabric.of(net.shape, fabric), evaluate_whole(net, fabric, COMPLETE, at)
+    chunked, whole = ChunkedFabric(net.shape, fabric), evaluate_whole(net, fabric, COMPLETE, at)
     parts = chunked.evaluate(COMPLETE, at)
     assert float(parts.energy.total) == pytest.approx(float(whole.energy.total), rel=1e-12)
     np.testing.assert_allclose(parts.gradient, whole.gradient, atol=1e-11)

@@ -11,7 +11,6 @@ from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.element_hessians import (
     HINGE_ENTRIES,
     SPRING_ENTRIES,
-    hinge_stiffness,
     spring_stiffness,
 )
 from knitlab.fabric.energy import (
@@ -25,7 +24,7 @@ from knitlab.fabric.energy import (
 from knitlab.fabric.fabric import Fabric, flat_sheet
 from knitlab.fabric.network import HINGE_VECTORS, Network
 from knitlab.fabric.settings import ModelOptions
-from tests.fabrics import checkered, shaken, staged, whole_element_hessians
+from tests.fabrics import checkered, padded_hinge_stiffness, shaken, staged, whole_element_hessians
 
 
 def whole_stiffness(
@@ -51,7 +50,11 @@ def test_element_hessians_are_those_of_automatic_differentiation(angle):
     by_vectors = jax.vmap(jax.hessian(partial(hinge_energy, of=angle)), (-1, 0, 0))(hinges, *turned)
     by_nodes = np.einsum("vn,evrwc,wm->enrmc", HINGE_VECTORS, by_vectors, HINGE_VECTORS)
     exact = by_nodes.reshape(-1, 18, 18)[:, *HINGE_ENTRIES]
-    laned = np.asarray(hinge_stiffness(hinges, *turned, angle)).transpose(0, 2, 1).reshape(-1, 171)
+    laned = (
+        np.asarray(padded_hinge_stiffness(hinges, *turned, angle))
+        .transpose(0, 2, 1)
+        .reshape(-1, 171)
+    )
     assert np.allclose(laned[: len(exact)], exact, atol=1e-13)
     assert not laned[len(exact) :].any()
 

@@ -252,7 +252,7 @@ def test_large_samples_start_from_the_lowest_energy_on_the_line_of_extrapolation
     way = far - near
     part = float((starts[0].unknowns - near) @ way / (way @ way))
     assert any(part == pytest.approx(one) for one in parts)
-    whole = ChunkedFabric.of(net.shape, fabric)
+    whole = ChunkedFabric(net.shape, fabric)
     taken, *others = (
         float(whole.evaluate(COMPLETE, at).energy.total) for at in (starts[0].unknowns, near, far)
     )

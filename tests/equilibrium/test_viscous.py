@@ -33,7 +33,7 @@ def integrated(sample, test, drag):
     """The same test by a Runge–Kutta integrator, with the applied strain instead of time."""
     net, fabric = sample
     loading, free = test.loading, test.loading.free
-    chunked = ChunkedFabric.of(net.shape, fabric)
+    chunked = ChunkedFabric(net.shape, fabric)
 
     def velocity(strain, moving):
         current = loading.holding(loading.reference, strain)

@@ -49,7 +49,7 @@ def stiffness(squeezed, unknowns, shift):
     """The stiffness of the free unknowns plus a shift, as a dense matrix."""
     net, fabric, _ = squeezed
     free = free_stiffness(net.shape, all_free(net.shape))
-    hessians = ChunkedFabric.of(net.shape, fabric).element_hessians(COMPLETE, unknowns)
+    hessians = ChunkedFabric(net.shape, fabric).element_hessians(COMPLETE, unknowns)
     lower = free.lower(free.shifted(free.entries(hessians), shift)).toarray()
     return lower + np.tril(lower, -1).T
 

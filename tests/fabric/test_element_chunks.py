@@ -36,7 +36,7 @@ def test_energy_forces_and_hessians_equal_those_without_chunks(boundary, periods
     assert spare or boundary == "periodic"
     at = np.array(shaken(flat_sheet(net, fabric), 0.1).flattened())
     at[2:-2:6] += float(fabric.z_max)
-    chunked = ChunkedFabric.of(net.shape, fabric)
+    chunked = ChunkedFabric(net.shape, fabric)
     pairs = [
         (chunked.evaluate(PART, at), evaluate_whole(net, fabric, PART, at)),
         (chunked.element_hessians(PART, at), whole_element_hessians(net, fabric, PART, at)),
@@ -51,29 +51,24 @@ def test_energy_forces_and_hessians_equal_those_without_chunks(boundary, periods
 
 def test_the_incidence_of_a_translation_is_zero():
     """Vectors are differences: a translation changes only the heights."""
-    mesh_chunks = chunks_of(checkered(4, 1, ModelOptions(boundary="clamped"))[0].shape)
+    shape = checkered(4, 1, ModelOptions(boundary="clamped"))[0].shape
+    parts = chunks_of(shape)
     for axis in (0, 1):
-        moved = np.zeros(mesh_chunks.shape.unknowns)
+        moved = np.zeros(shape.unknowns)
         moved[axis:-2:3] = 1.0
-        assert not any(part.vectors(moved).any() for part in mesh_chunks.by_thread)
-    moved = np.zeros(mesh_chunks.shape.unknowns)
+        assert not any(part.vectors(moved).any() for part in parts)
+    moved = np.zeros(shape.unknowns)
     moved[2:-2:3] = 1.0
-    assert (
-        sum(part.vectors(moved).sum() for part in mesh_chunks.by_thread) == mesh_chunks.shape.nodes
-    )
+    assert sum(part.vectors(moved).sum() for part in parts) == shape.nodes
 
 
 @pytest.mark.slow
 def test_threads_share_all_chunks_and_give_identical_results(shared):
     net, fabric = checkered(4, 4, ModelOptions(boundary="clamped", hinges="all"))
-    alone, threads = (
-        ChunkedFabric.of(net.shape, fabric, threads) for threads in (ALONE, Threads(2))
-    )
-    mesh_chunks = threads.chunks
-    assert [chunk for part in mesh_chunks.by_thread for chunk in part.chunks] == [
-        *range(mesh_chunks.count)
-    ]
-    assert len(mesh_chunks.by_thread) == 2
+    alone, threads = (ChunkedFabric(net.shape, fabric, threads) for threads in (ALONE, Threads(2)))
+    chunks = [chunk for part in threads.parts for chunk in part.chunks]
+    assert chunks == [*range(-(-net.shape.nodes // HEIGHTS))]
+    assert len(threads.parts) == 2
     at = np.array(shaken(flat_sheet(net, fabric), 0.1).flattened())
     for method in (ChunkedFabric.evaluate, ChunkedFabric.element_hessians):
         pairs = (jax.tree.leaves(method(of, PART, at)) for of in (alone, threads))

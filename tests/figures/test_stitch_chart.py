@@ -14,8 +14,9 @@ from knitlab.figures.stitch_chart import (
     stitch_chart_figure,
     title_of,
 )
+from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import read_machine
-from knitlab.knitting.specification import specification
+from knitlab.knitting.specification import Specification
 from knitlab.knitting.stitch_chart import stitch_chart
 from knitlab.measure.knit_size import Gauge
 from tests.knitting.charts import case_of
@@ -79,9 +80,8 @@ def test_of_a_large_chart_one_repeat_is_drawn_with_its_electrodes():
 
 
 def test_the_sheet_states_every_line_of_the_specification():
-    sheet = specification(
-        PLATED, read_machine({"waste_courses": 2, "end": "drop"}), Gauge(0.5, 0.2)
-    )
+    machine = read_machine({"waste_courses": 2, "end": "drop"})
+    sheet = Specification(PLATED, machine, Gauge(0.5, 0.2), knitout(PLATED, machine))
     figure = specification_sheet(sheet)
     assert tuple(figure.get_size_inches()) == pytest.approx(A4)
     shown = texts(figure)

@@ -6,7 +6,7 @@ import pytest
 from knitlab.knitting.knitout import knitout
 from knitlab.knitting.machine import read_machine
 from knitlab.knitting.program import carriage_passes, duration, longest_floats, operations
-from knitlab.knitting.specification import specification
+from knitlab.knitting.specification import Specification
 from knitlab.measure.knit_size import Gauge
 from tests.knitting.charts import chart_of_arrays
 
@@ -27,6 +27,11 @@ outhook 3
 """
 
 
+def specification_of(chart):
+    machine = read_machine()
+    return Specification(chart, machine, Gauge(0.5, 0.25), knitout(chart, machine))
+
+
 def test_passes_of_a_program():
     passes = list(carriage_passes(operations(TEXT)))
     assert [(each.kind, each.first, each.last) for each in passes] == [
@@ -42,8 +47,8 @@ def test_passes_of_a_program():
 def test_the_time_of_a_program_is_that_of_its_parts():
     machine = read_machine()
     found, time, metres = duration(operations(TEXT), machine), machine.time, machine.pitch / 1000
-    assert (found.knit_passes, found.transfer_passes, found.empty_passes) == (4, 2, 2)
-    assert found.passes == 8
+    assert found.passes == {"knit": 4, "transfer": 2, "empty": 2, "drop": 0}
+    assert found.total == 8
     assert found.seconds == pytest.approx(
         8 * time.turn_time
         + metres * (3 + 1 + 1 + 1 + 2 * 1) / time.knitting_speed
@@ -62,10 +67,10 @@ def test_every_group_of_a_plated_course_takes_a_pass_of_its_own():
     plated = np.zeros((10, 20), int)
     plated[:, 5:8], plated[:, 12:14] = 1, 2
     chart = chart_of_arrays(np.ones((10, 20)), plated)
-    sheet = specification(chart, read_machine(), Gauge(0.5, 0.25))
+    sheet = specification_of(chart)
     # Five passes in place of one, all in one direction, with four empty ones between.
-    assert sheet.duration.knit_passes - sheet.unplated.knit_passes == 10 * 4
-    assert sheet.duration.empty_passes - sheet.unplated.empty_passes == 10 * 4
+    for kind in ("knit", "empty"):
+        assert sheet.duration.passes[kind] - sheet.unplated.passes[kind] == 10 * 4
     assert sheet.flat_size == (10, 2.5)
     assert sheet.relaxed_size is None
 
@@ -74,6 +79,6 @@ def test_a_long_float_is_remarked_on():
     plated = np.zeros((2, 30), int)
     plated[:, [1, 28]] = 1
     chart = chart_of_arrays(np.ones((2, 30)), plated)
-    sheet = specification(chart, read_machine(), Gauge(0.5, 0.25))
+    sheet = specification_of(chart)
     assert sheet.remarks == ["the yarn of carrier 4 floats past 26 needles"]
     assert len(list(operations(knitout(chart, read_machine())))) > 60
