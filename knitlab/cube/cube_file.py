@@ -23,7 +23,7 @@ from knitlab.io.atomic_write import atomic_write
 from knitlab.io.errors import fault
 
 CUBE = "cube.nc"
-READING = "reading_"
+OPTION = "model_"
 """Prefix of the attributes of a cube that state its model options."""
 PRECEDENCE = {
     Status.excluded: 0,
@@ -125,8 +125,8 @@ def is_measured(cube: xr.Dataset) -> bool:
 def model_options(cube: xr.Dataset) -> dict[str, Any]:
     """The model options that all designs of a cube share, by name."""
     stated = {str(name): value for name, value in cube.attrs.items()}
-    names = [name for name in stated if name.startswith(READING)]
-    return {name.removeprefix(READING): stated[name] for name in names}
+    names = [name for name in stated if name.startswith(OPTION)]
+    return {name.removeprefix(OPTION): stated[name] for name in names}
 
 
 def is_case(dataset: xr.Dataset) -> bool:

@@ -44,7 +44,7 @@ def shape_of(case: xr.Dataset, strains: np.ndarray) -> dict[str, Any] | str:
 
     record = json.loads(case.attrs["parameters"])
     sample = recorded_pattern(record)
-    periodic = record["reading"]["boundary"] == "periodic"
+    periodic = record["options"]["boundary"] == "periodic"
     window = _window(sample, record, periodic)
     (bottom, top), (left, right) = window.rows, window.columns
     ends = 0 if periodic else 1

@@ -286,7 +286,7 @@ def recorded_pattern(
         tuple(record["pattern"]),
         record["periods"],
         (along_y, along_x),
-        TypeAdapter(Grading | None).validate_python(record.get("grading")),
-        TypeAdapter(tuple[SingleFold, ...]).validate_python(record.get("folds", ())),
-        record["reading"].get("cells_per_period", CELLS_PER_PERIOD),
+        TypeAdapter(Grading | None).validate_python(record["grading"]),
+        TypeAdapter(tuple[SingleFold, ...]).validate_python(record["folds"]),
+        record["options"]["cells_per_period"],
     )

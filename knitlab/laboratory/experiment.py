@@ -113,7 +113,7 @@ def _experiment(description: Description, cycles: list[Values]) -> xr.Dataset:
         "unit_cells": list(sample.unit_cells),
         "length": number(sample.length, "mm"),
         "width": number(sample.width, "mm"),
-        "reading": {"boundary": "clamped"},
+        "options": {"boundary": "clamped"},
     }
     attributes: dict[str, Any] = {
         "source": source,

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any, Literal, TypeVar
@@ -17,13 +17,19 @@ from knitlab.fabric.fabric import Fabric
 from knitlab.fabric.inertia import Inertia, inertia
 from knitlab.fabric.layout import FabricLayout, fabric_layout
 from knitlab.fabric.network import MeshShape, Network, mesh_shape
-from knitlab.fabric.pattern import BadPattern, Grading, PatchGrid, SingleFold, graded_pattern
+from knitlab.fabric.pattern import (
+    CELLS_PER_PERIOD,
+    BadPattern,
+    Grading,
+    PatchGrid,
+    SingleFold,
+    graded_pattern,
+)
 from knitlab.fabric.settings import ModelOptions, PlainKnit, Sheet
 from knitlab.fabric.stripe import SpringKind, Stripe, StripePair
 from knitlab.measure.capacitance.capacitor import Capacitor
 from knitlab.measure.knit_size import Stitches
 from knitlab.measure.unit_cells import CellGrid, central
-from knitlab.simulation.case_record import fields_of_record, identifying, stored_record
 
 Method = Literal["equilibrium", "dynamics"]
 Label = int | float | str
@@ -32,6 +38,10 @@ Name = TypeVar("Name")
 
 OF_NO_TEST = ("design", "capacitor")
 """Fields of a case that do not change its tests, only what is measured in them."""
+OF_CONTACT = ("thickness", "contact_pressure")
+OF_STEPS = ("relax_steps", "step_strain")
+OF_TIME = ("relax_time", "strain_rate")
+"""Numbers of the sheet that only contact uses, and of the dynamics, by which a motion ends."""
 
 
 @dataclass(frozen=True)
@@ -86,20 +96,41 @@ class Case:
     @cached_property
     def record(self) -> dict[str, Any]:
         """The case as JSON holds it; :func:`case_of` reads it."""
-        return stored_record(self._fields())
+        return self._fields()
 
     @cached_property
     def case_id(self) -> str:
-        """Identifier: the design, and a hash of what :func:`.identifying` says identifies it."""
-        fields = identifying(self._fields(), self._fields(exclude_defaults=True))
-        return "-".join([*map(str, self.design.values()), _digest(stored_record(fields))[:12]])
+        """Identifier: the design, and a hash of all that differs from its default in code.
+
+        A field that is added later changes the identifier of no case that has its default, which is
+        the value of every earlier case. A default in code is therefore never changed: another one
+        would give two results one identifier. What users get is the value in ``params/``.
+        """
+        differing = self._fields(exclude_defaults=True)
+        return "-".join([*map(str, self.design.values()), _digest(differing)[:12]])
 
     def _fields(self, *, exclude_defaults: bool = False) -> dict[str, Any]:
+        """Its fields and those of its tables, without numbers that its model does not use."""
         # Much faster than dataclasses.asdict, which also copies what cannot change.
         # mypy takes the hash of an instance for that of its class.
         schema = _schema(type(self))  # type: ignore[arg-type]
         fields: dict[str, Any] = schema.dump_python(self, exclude_defaults=exclude_defaults)
+        for table, name in self._unused():
+            if fields.get(table):
+                fields[table].pop(name, None)
         return fields
+
+    def _unused(self) -> Iterator[tuple[str, str]]:
+        """Numbers that change nothing, by the field that has them and their name."""
+        if self.options.cells_per_period == CELLS_PER_PERIOD:
+            yield "options", "ridge_fraction"
+        if self.options.contact == "none":
+            yield from (("sheet", name) for name in OF_CONTACT)
+        if self.capacitor is not None and self.capacitor.ground == "none":
+            yield "capacitor", "ground_distance"
+        if self.dynamics is not None:
+            by_steps = self.dynamics.ending == "steps"
+            yield from (("dynamics", name) for name in (OF_TIME if by_steps else OF_STEPS))
 
     @cached_property
     def test_id(self) -> str:
@@ -324,8 +355,8 @@ def case_of(record: dict[str, Any]) -> Case:
     Raises:
         ValidationError: if the record is not of a case of this version.
     """
-    fields = fields_of_record(record)
-    return _schema(Case).validate_python(fields)
+    case: Case = _schema(Case).validate_python(record)
+    return case
 
 
 @cache

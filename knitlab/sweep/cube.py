@@ -11,7 +11,7 @@ import xarray as xr
 
 from knitlab.cube.case_file import case_path, read_values
 from knitlab.cube.common_settings import ATTRIBUTE, differences, parameters_of, shared
-from knitlab.cube.cube_file import READING, design_dims, open_cube
+from knitlab.cube.cube_file import OPTION, design_dims, open_cube
 from knitlab.cube.schema import VARIABLES, Status, described
 from knitlab.io.errors import BadInput, fault
 from knitlab.io.provenance import provenance
@@ -153,10 +153,10 @@ def _attributes(
     attributes = {"title": plan.title, "workflow": plan.workflow, ATTRIBUTE: json.dumps(common)}
     if "method" in common:
         attributes["method"] = common["method"]
-    reading = {f"{READING}{key}": value for key, value in common.get("reading", {}).items()}
+    options = {f"{OPTION}{key}": value for key, value in common.get("options", {}).items()}
     most = max((case.robustness for case in plan.cases.values()), default=0)
     seeds = {"random_seeds": f"1 to {most}: of the siblings of each design"} if most else {}
-    return provenance() | seeds | attributes | reading
+    return provenance() | seeds | attributes | options
 
 
 def known_in_advance(case: Case) -> Values:

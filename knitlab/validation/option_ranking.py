@@ -113,9 +113,9 @@ def differing(ranked: Sequence[RankedOptions]) -> list[str]:
 def options_of(cube: xr.Dataset) -> Options:
     """The model options of a cube at one value of every swept setting."""
     parameters: dict[str, Any] = json.loads(cube.attrs.get("parameters", "{}"))
-    motion = parameters.get("dynamics", {})
+    motion = parameters.get("dynamics") or {}
     stated: dict[str, Any] = {
-        "drag": parameters.get("solver", {}).get("drag", 0.0),
+        "drag": (parameters.get("solver") or {}).get("drag", 0.0),
         **{name: motion[name] for name in OF_MOTION if name in motion},
         **parameters.get("sheet", {}),
         **model_options(cube),

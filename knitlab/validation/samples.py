@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 from pydantic import Field, PositiveInt
 
-from knitlab.cube.cube_file import READING, base_dims, is_measured, model_options, source_of
+from knitlab.cube.cube_file import OPTION, base_dims, is_measured, model_options, source_of
 from knitlab.cube.schema import DESIGN_DIMS, SOURCE, STRIPE_DIMS, VARIABLES, Status
 from knitlab.io.toml import StrictModel
 from knitlab.validation.margin import CheckResult, Labels, NotMeasured
@@ -206,7 +206,7 @@ def boundary_of(cube: xr.Dataset, labels: Labels) -> str:
     if "boundary" in along:
         return str(along["boundary"])
     swept = cube.coords.get("boundary")
-    return str(cube.attrs.get(f"{READING}boundary", "") if swept is None else swept.item())
+    return str(cube.attrs.get(f"{OPTION}boundary", "") if swept is None else swept.item())
 
 
 def unit_cells(cube: xr.Dataset, labels: Labels) -> tuple[int, int] | None:
