@@ -33,7 +33,6 @@ class ContactMesh:
     """Vertices and triangles of a mesh shape, and which of them may touch.
 
     Attributes:
-        shape: the mesh shape.
         band: rows and columns of cells of the images, on each side that has any.
         grid: row and column (y, x) of every vertex.
         faces: vertices of every triangle.
@@ -107,10 +106,7 @@ class ContactMesh:
         return np.asfortranarray((self.from_unknowns @ unknowns).reshape(-1, 3))
 
     def suffices(self, unknowns: Float[np.ndarray, " unknown"], reach: float) -> bool:
-        """Whether images beyond the band are further away than a reach [mm].
-
-        Their bounding box is compared with that of the fabric.
-        """
+        """Whether images beyond the band, by their bounding box, are further away than a reach."""
         shape, band = self.shape, self.band
         if not shape.periodic or band >= min(shape.cells_y, shape.cells_x):
             return True
@@ -127,10 +123,7 @@ class ContactMesh:
 def contact_mesh(
     shape: MeshShape, band: int, cells_per_period: int = CELLS_PER_PERIOD
 ) -> ContactMesh:
-    """The contact mesh of a mesh shape with so many grid cells along one period of a stripe.
-
-    The band of images is a whole period of them at most.
-    """
+    """The contact mesh of a mesh shape; the band of images is at most a whole period of them."""
     corners = _cells(shape, band)[:, None, None] + TRIANGLES
     grid, number = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
     inside = (grid >= 0) & (grid < [shape.nodes_y, shape.nodes_x])

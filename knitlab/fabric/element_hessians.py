@@ -21,13 +21,10 @@ LANES = 64
 
 
 class ElementHessians(eqx.Module):
-    """Second derivatives of the energies of elements.
+    """Second derivatives of the energies of springs, hinges and walls [N/mm].
 
-    Attributes:
-        springs: Hessian of the energy of every spring by its vector, lower triangle [N/mm].
-        hinges: Hessian of the energy of every hinge by its nodes, lower triangle, in the blocks of
-            :func:`hinge_stiffness` [N/mm].
-        walls: second derivative of the wall penalty by the height of every node [N/mm].
+    They are the results of :func:`spring_stiffness`, :func:`hinge_stiffness` and
+    :func:`wall_stiffness`.
     """
 
     springs: Float[Array | np.ndarray, "*batch 6 spring"]
@@ -41,10 +38,9 @@ def spring_stiffness(
     stiffness: Float[Array | np.ndarray, " spring"],
     law: SpringLaw = LINEAR,
 ) -> Float[Array, "6 spring"]:
-    """Hessian of the energy of springs with respect to their vectors, lower triangle [N/mm].
+    """Hessian of springs with respect to their vectors, :data:`SPRING_ENTRIES` of it [N/mm].
 
-    For a linear spring it is k_s along the spring, and tension over length, k_s (1 − ℓ0/ℓ), across
-    it.
+    Of a linear spring it is k_s along it and tension over length, k_s (1 − ℓ0/ℓ), across it.
     """
     length = jnp.sqrt((vectors**2).sum(0))
     along = vectors / length
@@ -71,16 +67,9 @@ def hinge_stiffness(
     stiffness: Float[Array | np.ndarray, " hinge"],
     of: FoldAngle,
 ) -> Float[Array, "block 171 lane"]:
-    """Hessian of ½ k_t (φ − φ0)² with respect to the hinge's six nodes, lower triangle [N/mm].
+    """Hessian of ½ k_t (φ − φ0)² with respect to the six nodes, :data:`HINGE_ENTRIES` of it [N/mm].
 
-    Args:
-        vectors: see :data:`~knitlab.fabric.network.HINGE_VECTORS`, of whole blocks of hinges.
-        rest: signed fold angle at rest, φ0.
-        stiffness: k_t.
-        of: definition of the fold angle, a model option.
-
-    Returns:
-        The entries of :data:`HINGE_ENTRIES`, for blocks of :data:`LANES` hinges.
+    In blocks of :data:`LANES` hinges; vectors see :data:`~knitlab.fabric.network.HINGE_VECTORS`.
     """
     hinges = (
         jnp.moveaxis(vectors.reshape(5, 3, -1, LANES), 2, 0),
@@ -96,11 +85,9 @@ def _hinge_entries(
     stiffness: Float[Array, " lane"],
     of: FoldAngle,
 ) -> Float[Array, "171 lane"]:
-    """Kept entries of one block.
+    """Hessians of one block: by the edge and the normals beside it, by the vectors, by the nodes.
 
-    The energy depends on the edge and on the normals beside it, which are cross products of
-    diagonals. First the Hessian with respect to these three, then with respect to the vectors,
-    then to the nodes. Differentiating with respect to the nodes at once would take twice the time.
+    Differentiating with respect to the nodes at once would take twice the time.
     """
     diagonals = vectors[1:]
     normals = jnp.cross(diagonals[::2], diagonals[1::2], axis=1)

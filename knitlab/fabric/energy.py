@@ -115,18 +115,11 @@ def wall_energy(
 
 def energy(net: Network, fabric: Fabric, configuration: Configuration) -> Energy:
     """Elastic energy of a configuration, split into its parts [N mm]."""
-    springs = spring_energy(
-        element_vectors(net.springs, configuration),
-        fabric.rest_length,
-        fabric.stretch_stiffness,
-        fabric.spring_law,
-    )
-    hinges = hinge_energy(
-        element_vectors(net.hinges, configuration),
-        fabric.rest_fold,
-        fabric.fold_stiffness,
-        fabric.fold_angle,
-    )
+    springs, hinges = (element_vectors(each, configuration) for each in (net.springs, net.hinges))
     heights = jnp.asarray(configuration.positions[..., 2]).ravel()
-    walls = wall_energy(heights, fabric.z_max, fabric.k_wall)
-    return Energy(springs.sum(), hinges.sum(), walls.sum())
+    stretch, fold = fabric.stretch_stiffness, fabric.fold_stiffness
+    return Energy(
+        spring_energy(springs, fabric.rest_length, stretch, fabric.spring_law).sum(),
+        hinge_energy(hinges, fabric.rest_fold, fold, fabric.fold_angle).sum(),
+        wall_energy(heights, fabric.z_max, fabric.k_wall).sum(),
+    )

@@ -29,14 +29,9 @@ def fold_from_rest(
     """Signed fold angle of hinges minus its rest value, on the branch nearest zero [rad].
 
     The fold angle is that between the normals of the two cells about their shared edge, positive
-    for a mountain; a normal is the cross product of its cell's diagonals. On this
-    branch the energy is smooth unless the angle differs from its rest value by exactly π.
-
-    Args:
-        vectors: the edge and the two diagonals of each cell,
-            see :data:`~knitlab.fabric.network.HINGE_VECTORS`.
-        rest: signed fold angle at rest.
-        of: the definition of the fold angle, a model option.
+    for a mountain. On this branch the energy is smooth unless the angle differs from its rest value
+    by exactly π. The vectors are the edge and the diagonals of both cells, see
+    :data:`~knitlab.fabric.network.HINGE_VECTORS`.
     """
     return fold_and_slope(vectors, rest, of)[0]
 
@@ -46,10 +41,7 @@ def fold_and_slope(
     rest: Float[Array | np.ndarray, " *element"],
     of: FoldAngle,
 ) -> tuple[Float[Array | np.ndarray, " *element"], Float[Array | np.ndarray, "5 3 *element"]]:
-    """The fold angle minus its rest value, and its derivative with respect to the vectors.
-
-    Arguments as for :func:`fold_from_rest`; NumPy arrays need no compilation.
-    """
+    """The result of :func:`fold_from_rest`, and its derivative with respect to the vectors."""
     xp = array_library(vectors)
     edge, *diagonals = vectors
     before = xp.cross(diagonals[0], diagonals[1], axis=0)

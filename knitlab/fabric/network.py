@@ -39,7 +39,7 @@ class MeshShape:
 
     @property
     def nodes_x(self) -> int:
-        """Columns of nodes: one more than of cells, unless the sheet is periodic."""
+        """Columns of nodes."""
         return self.cells_x + (not self.periodic)
 
     @property
@@ -63,9 +63,8 @@ def cached_by_shape(
 ) -> Callable[Concatenate[MeshShape, Others], Result]:
     """Decorator that keeps the most recent results for mesh shapes, apart for small and for large.
 
-    What follows from a large shape may take a gigabyte, and a sample has subdomains of many small
-    shapes. In one cache for all, subdomains would evict the sample that they belong to, or samples
-    that are no longer needed would fill the memory.
+    What follows from a large shape may take a gigabyte; the subdomains of many small shapes of a
+    sample would evict it from a cache for all, or samples no longer needed would fill the memory.
     """
     large: Callable[..., Result] = lru_cache(LARGE_KEPT)(function)
     small: Callable[..., Result] = lru_cache(SMALL_KEPT)(function)
@@ -83,10 +82,8 @@ class Elements:
 
     Attributes:
         nodes: node numbers of every element.
-        images: periods of periodic fabric along (x, y) by which each node is shifted; zero unless
-            the element crosses the periodic boundary.
-        incidence: the vectors as differences of nodes, −1 where a vector starts and 1 where it
-            ends.
+        images: periods of periodic fabric along (x, y) by which each node is shifted.
+        incidence: the vectors: −1 at the node where one starts, 1 where it ends.
         shape: the mesh shape.
     """
 
@@ -106,9 +103,6 @@ class Elements:
         return np.einsum("vn,enk->vke", self.incidence, self.images).astype(float)
 
 
-SPRING_VECTORS = np.array([[-1, 1]])
-"""From one end to the other."""
-
 HINGE_VECTORS = np.array(
     [
         [-1, 1, 0, 0, 0, 0],
@@ -127,13 +121,11 @@ class Network:
     """Springs and hinges of one mesh shape (paper, Sec. "3D model", Fig. 1F).
 
     Attributes:
-        shape: the mesh shape.
         springs: two nodes each: weft springs, warp springs, then two diagonals per grid cell.
         weft, warp: which springs are along x, which along y; the others are diagonals.
         hinges: six nodes each: the ends a, b of the shared edge, the far nodes c, d of the cell
             before it and e, f of the cell after it (c and e beside a, d and f beside b).
-        wale: which hinges have an edge along y, as rib ridges have; the others have an edge along
-            x, as garter ridges have.
+        wale: which hinges have an edge along y, as rib ridges have.
         spring_cells: the two grid cells (y, x) beside every spring; twice the same cell for a
             diagonal and at an edge.
         hinge_cells: grid cell (y, x) after each hinge's edge.
@@ -184,7 +176,7 @@ def network(shape: MeshShape) -> Network:
 
     return Network(
         shape=shape,
-        springs=elements(SPRING_VECTORS, weft, warp, rising, falling),
+        springs=elements(np.array([[-1, 1]]), weft, warp, rising, falling),
         weft=spring_kind == 0,
         warp=spring_kind == 1,
         hinges=elements(HINGE_VECTORS, wale, course),
