@@ -33,12 +33,6 @@ PERIODS_LABEL = (
 """With spaces where no line may end."""
 MEASURED: Look = {"edgecolor": "black", "linestyle": "--", "linewidth": 1.0, "zorder": 3}
 """Frame of a measured cell."""
-MEASURED_HEIGHT = 0.42
-"""Height of the measured part of a cell whose design is simulated too."""
-INSET = 0.015
-"""Distance of the frame of a measured part from its edge."""
-DESIGN_SIZE, VALUE_SIZE, SMALL_VALUE_SIZE = 6, 7.5, 6
-"""Sizes of the type in a cell [pt]."""
 WHITE: Colour = (1.0, 1.0, 1.0, 1.0)
 
 
@@ -80,7 +74,7 @@ def draw_map(
     marked: set[Status] = set()
     for (n_stripe, p), designs in cells.items():
         row, column = stripes.index(n_stripe), periods.index(p)
-        border = row - 0.5 + (MEASURED_HEIGHT if len(designs) > 1 else 0)
+        border = row - 0.5 + (0.42 if len(designs) > 1 else 0)
         spans = (border, row + 0.5), (row - 0.5, border)
         for design, (bottom, top) in zip(designs, spans, strict=False):
             status = Status(int(design["status"]))
@@ -93,13 +87,13 @@ def draw_map(
                 cell(axes, row, column, (bottom, top), **MARKS[status])
                 marked.add(status)
                 continue
-            size = VALUE_SIZE if len(designs) == 1 else SMALL_VALUE_SIZE
-            look: Look = {"fontsize": size, "linespacing": 0.95}
+            look: Look = {"fontsize": 7.5 if len(designs) == 1 else 6, "linespacing": 0.95}
             value_cell(axes, row, column, colour, text(value, design), (bottom, top), **look)
             if is_measured(design):
-                corner, height = (column - 0.5 + INSET, bottom + INSET), top - bottom - 2 * INSET
-                frame = MEASURED | {"edgecolor": ink_on(colour)}
-                axes.add_patch(Rectangle(corner, 1 - 2 * INSET, height, fill=False, **frame))
+                inset, frame = 0.015, MEASURED | {"edgecolor": ink_on(colour)}
+                corner = column - 0.5 + inset, bottom + inset
+                size = 1 - 2 * inset, top - bottom - 2 * inset
+                axes.add_patch(Rectangle(corner, *size, fill=False, **frame))
     axes.set(
         xlim=(-0.5, len(periods) - 0.5),
         ylim=(-0.5, len(stripes) - 0.5),
@@ -140,7 +134,7 @@ def _name_design(axes: Axes, row: int, column: int, design: xr.Dataset, colour: 
         xytext=(3, -3),
         textcoords="offset points",
         va="top",
-        fontsize=DESIGN_SIZE,
+        fontsize=6,
         color=ink_on(colour),
         zorder=4,
         # Of a mark the name hides the hatching.

@@ -19,10 +19,6 @@ RANGE = "range over slightly different fabrics"
 NAMED_BY = ("n_stripe", "n_subunit", "pattern")
 COLOURS = tuple(colour for colour in CATEGORY_COLOURS if colour != WANTED)
 """Colours of the designs; none is that of what is wanted."""
-PANEL_HEIGHT, PARETO_HEIGHT = 2.4, 3.0
-"""Height of the panels of a target, and of the figure of trials [in]."""
-MARGIN = 0.3
-"""Margin around the front of trials, as a fraction of its extent."""
 
 
 def found_figure(found: Found, title: str = "designs", bands: bool = False) -> Figure:
@@ -38,7 +34,7 @@ def found_figure(found: Found, title: str = "designs", bands: bool = False) -> F
     """
     names = [_name(found, number) for number in range(min(MOST_SHOWN, len(found.table)))]
     rows = len(found.reached)
-    figure = Figure(figsize=(TWO_COLUMNS, PANEL_HEIGHT * rows + 0.6), layout="constrained")
+    figure = Figure(figsize=(TWO_COLUMNS, 2.4 * rows + 0.6), layout="constrained")
     for row, reached in zip(
         figure.subfigures(rows, 1, squeeze=False)[:, 0], found.reached, strict=True
     ):
@@ -140,7 +136,7 @@ def pareto_figure(
         labels: names of the targets.
         candidates: for each trial the number of the candidate whose search it belongs to.
     """
-    figure = Figure(figsize=(ONE_COLUMN * 1.4, PARETO_HEIGHT), layout="constrained")
+    figure = Figure(figsize=(ONE_COLUMN * 1.4, 3.0), layout="constrained")
     axes = figure.subplots()
     for number in sorted(candidates.unique()):
         of_search = (candidates == number).to_numpy()
@@ -152,7 +148,7 @@ def pareto_figure(
     axes.axhspan(0, 1, color=WANTED, alpha=0.1, lw=0)
     for axis, label, on_front in zip("xy", labels, front.T, strict=True):
         # Trials far from the front would hide its shape.
-        room = MARGIN * max(float(np.ptp(on_front)), 1.0)
+        room = 0.3 * max(float(np.ptp(on_front)), 1.0)
         limits = max(float(on_front.min()) - room, -0.1), float(on_front.max()) + room
         axes.set(**{f"{axis}lim": limits})
         axes.set(**{f"{axis}label": f"off by, in tolerances:\n{label}"})

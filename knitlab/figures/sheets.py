@@ -11,10 +11,6 @@ from matplotlib.colors import LightSource, to_rgba_array
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
-VIEW = {"elev": 38.0, "azim": -58.0}
-MARGIN = 0.02
-FILLED = 0.97
-"""Fraction of its frame that a sheet fills."""
 FABRIC = "0.85"
 """Colour of a sheet."""
 LIGHT = np.array([-0.5, 0.5, 0.7])
@@ -63,19 +59,19 @@ def frame_sheet(axes: Axes3D, around: np.ndarray) -> None:
     """Frame positions (…, component), with equal scales of x, y and z, so that none is cut off."""
     points = around.reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
-    middle, half = (low + high) / 2, (high - low) / 2 * (1 + MARGIN)
+    middle, half = (low + high) / 2, (high - low) / 2 * (1 + 0.02)
     half = np.maximum(half, 0.05 * half.max())
     axes.set(
         **{f"{name}lim": (middle[k] - half[k], middle[k] + half[k]) for k, name in enumerate("xyz")}
     )
     axes.set_proj_type("ortho")
-    axes.view_init(**VIEW)
+    axes.view_init(**{"elev": 38.0, "azim": -58.0})
     axes.set_axis_off()
     # In this projection the picture grows as the zoom does.
     axes.set_box_aspect(half)
     across, along, _ = proj_transform(*points.T, axes.get_proj())
     reach = max(np.abs(across).max(), np.abs(along).max())
-    axes.set_box_aspect(half, zoom=FILLED * axes.viewLim.x1 / reach)
+    axes.set_box_aspect(half, zoom=0.97 * axes.viewLim.x1 / reach)
 
 
 def faces_of(nodes: Float[np.ndarray, "y x 3"]) -> Float[np.ndarray, "face 4 3"]:

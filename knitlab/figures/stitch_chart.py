@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 FRONT, BACK = "white", "0.68"
 ELECTRODES = {1: ("#FAD7A0", "#DC7633"), 2: ("#AED6F1", "#2471A3")}
 """Colours of the plated stitches of electrodes, on the front and on the back bed."""
-WIDEST_STITCH = 0.16
-"""Width of a stitch in a small chart [in]."""
 NARROWEST_MARKED = 0.045
 """Width of a stitch from which on purls have a mark of their own [in]."""
 MOST_DRAWN = (256, 128)
@@ -38,12 +36,6 @@ REPEAT: Look = {"linewidth": 1.6, "linestyle": (0, (4, 2))}
 
 A4 = 210 / 25.4, 297 / 25.4
 """Width and height of the specification sheet [in]."""
-CHART_WIDTH = 4.4
-"""Width of the chart on the sheet [in]."""
-LINE = 0.0165
-"""Height of a line of the table, as a fraction of the sheet."""
-WIDEST_VALUE = 78
-"""Letters of a value on one line."""
 NOTES = (
     "Sizes are of cloth, by the gauge;",
     "times by the speeds in machine.toml.",
@@ -54,7 +46,7 @@ NOTES = (
 def stitch_chart_figure(chart: StitchChart) -> Figure:
     """Every stitch of a chart, seen from the front; of a large one, one repeat."""
     rows, columns = drawn_part(chart)
-    stitch = min(WIDEST_STITCH, (TWO_COLUMNS - MARGIN) / (columns.stop - columns.start))
+    stitch = min(0.16, (TWO_COLUMNS - MARGIN) / (columns.stop - columns.start))
     # A stitch is drawn twice as wide as high, as it is.
     height = stitch * (rows.stop - rows.start) / 2 + 2 * MARGIN + 0.55
     figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
@@ -210,14 +202,14 @@ def specification_sheet(specification: "Specification") -> Figure:
     figure.text(0.93, 0.955, written, ha="right", fontsize=8, color="0.3")
     y = 0.925
     for name, value in specification.rows():
-        lines = textwrap.wrap(value, WIDEST_VALUE) or [""]
+        lines = textwrap.wrap(value, 78) or [""]
         figure.text(0.07, y, name, fontsize=9, color="0.3", va="top")
         figure.text(0.24, y, "\n".join(lines), fontsize=9, va="top")
-        y -= LINE * len(lines)
+        y -= 0.0165 * len(lines)
     _, columns = drawn_part(chart)
     axes = figure.add_axes((0.1, 0.12, 0.54, 0.4))
     axes.set_anchor("NW")
-    draw_chart(axes, chart, CHART_WIDTH / (columns.stop - columns.start))
+    draw_chart(axes, chart, 4.4 / (columns.stop - columns.start))
     figure.text(0.07, 0.565, f"Chart, seen from the front. {title_of(chart)}", fontsize=9)
     at: Look = {"loc": "lower left", "bbox_to_anchor": (0.06, 0.03)}
     figure.legend(handles=legend_handles(chart), ncols=2, **at)

@@ -13,15 +13,7 @@ import xarray as xr
 from pydantic import PositiveFloat
 
 from knitlab.measure.unit_cells import central
-from knitlab.validation.margin import (
-    CheckResult,
-    Labels,
-    NotMeasured,
-    above,
-    below,
-    within,
-    worst,
-)
+from knitlab.validation.margin import CheckResult, Labels, NotMeasured, above, below, within, worst
 from knitlab.validation.samples import (
     Checkerboards,
     PureStripes,

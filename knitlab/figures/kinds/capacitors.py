@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from knitlab.cube.cube_file import base_dims, is_measured, source_of
-from knitlab.cube.schema import DESIGN_DIMS, RUN
+from knitlab.cube.schema import RUN
 from knitlab.figures.curves import break_note, broken, line_style, snapped_before
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, TWO_COLUMNS, Look
@@ -25,8 +25,12 @@ END: Look = {"marker": "|", "ms": 9, "mew": 1.5, "ls": ""}
 BACK: Look = {"marker": ".", "ms": 3, "mfc": "none", "ls": ""}
 INK = "0.3"
 DASHES = ("-", "--", "-.", (0, (1, 1)))
-PAPER_STRIPES = (("rib", 4), ("garter", 4))
-PAPER_CHECKERBOARDS = ((4, 16), (4, 32))
+PAPER_SAMPLES: dict[tuple[str | int, ...], str] = {
+    ("rib", 4): "4 × 4 rib",
+    ("garter", 4): "4 × 4 garter",
+    (4, 16): "(4, 16)",
+    (4, 32): "(4, 32)",
+}
 
 
 class Sample(NamedTuple):
@@ -116,26 +120,15 @@ def _samples(cube: xr.Dataset) -> list[Sample]:
     """The samples of a cube that are shown, those with measured capacitances."""
     if "capacitance" not in cube:
         return []
-    wanted: list[tuple[str, dict[str, int | str]]]
-    if base_dims(cube) == DESIGN_DIMS:
-        source = f" {source_of(cube)}" if is_measured(cube) else ""
-        designs = PAPER_CHECKERBOARDS
-        if source:
-            designs = tuple(cube["status"].stack(design=DESIGN_DIMS)["design"].values)
-        wanted = [(f"({n}, {m}){source}", {"n_stripe": n, "n_subunit": m}) for n, m in designs]
-    else:
-        boundary = cube["boundary"].values[0]
-        wanted = [
-            (f"{n} × {n} {knit}", {"knit": knit, "n": n, "boundary": boundary})
-            for knit, n in PAPER_STRIPES
-        ]
     samples = []
-    for name, labels in wanted:
-        if all(value in cube[dim].values for dim, value in labels.items()):
-            cell = cube.sel(labels)
-            read = (cell["capacitor_status"] == CapacitorStatus.measured).any()
-            if int(cell["status"]) in RUN and read:
-                samples.append(Sample(name, cell))
+    first = cube.isel(boundary=[0]) if "boundary" in cube.dims else cube
+    measured, stacked = is_measured(cube), first.stack(sample=base_dims(cube))
+    for labels in stacked["sample"].values:
+        cell, design = stacked.sel(sample=labels), labels[:2]
+        name = PAPER_SAMPLES.get(design, f"({design[0]}, {design[1]})")
+        read = (cell["capacitor_status"] == CapacitorStatus.measured).any()
+        if (measured or design in PAPER_SAMPLES) and int(cell["status"]) in RUN and read:
+            samples.append(Sample(f"{name} {source_of(cube)}" if measured else name, cell))
     return samples
 
 

@@ -34,14 +34,9 @@ if TYPE_CHECKING:
     from knitlab.simulation.case import Case
 
 
-BORDER = 0.6
-"""Width of the lines of patch borders [pt]."""
-NAME_SIZE, LETTER_SIZE = 8, 6
 MOST_NAMES = 4
 """Patches along a side that are named; where there are more they have a letter each."""
 LETTERS = "R rib, G garter, P plain"
-PERIODIC_REPEATS = 2
-"""Unit cells of periodic fabric that are drawn along each direction."""
 
 
 def fabric_shape(case: xr.Dataset) -> Figure:
@@ -54,7 +49,7 @@ def fabric_shape(case: xr.Dataset) -> Figure:
 
     parameters = json.loads(case.attrs["parameters"])
     periodic = is_periodic(case)
-    repeats = PERIODIC_REPEATS if periodic else 1
+    repeats = 2 if periodic else 1
     nodes = closed_nodes(case.isel(applied_strain=[0]), (repeats, repeats))[0]
     along_y, along_x = parameters["unit_cells"]
     repeat = len(parameters["pattern"]), len(parameters["pattern"][0])
@@ -69,7 +64,7 @@ def fabric_shape(case: xr.Dataset) -> Figure:
     axes = figure.add_subplot()
     draw_faces(axes, faces, mpl.colormaps[SEQUENCE_COLOURS](norm(heights)))
     borders = (*nodes[sample.row_borders], *nodes[:, sample.column_borders].swapaxes(0, 1))
-    lines = LineCollection([line[:, :2] for line in borders], colors="white", lw=BORDER)
+    lines = LineCollection([line[:, :2] for line in borders], colors="white", lw=0.6)
     axes.add_collection(lines)
     _name_patches(axes, nodes, sample, repeat)
     notes = ["white lines: patch borders", *([LETTERS] if max(repeat) > MOST_NAMES else [])]
@@ -107,7 +102,7 @@ def _name_patches(
             KNIT_OF_LETTER[letter] if large else letter,
             ha="center",
             va="center",
-            fontsize=NAME_SIZE if large else LETTER_SIZE,
+            fontsize=8 if large else 6,
             color="white",
             path_effects=[withStroke(linewidth=2, foreground="black")],
         )

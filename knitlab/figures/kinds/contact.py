@@ -15,8 +15,6 @@ from knitlab.io.errors import fault
 CONTACT = ("none", "barrier")
 NAMED = 3
 """Number of curves, those of the largest changes, that have the names of their designs."""
-ROW, SMALLEST = 0.155, 3.6
-"""Height of the row of a design, and of the smallest figure [in]."""
 THROUGH = "#FBE3D0"
 """Colour behind designs that pass through themselves without contact."""
 NOTE = "relaxed, it passes through itself without contact"
@@ -55,7 +53,7 @@ def contact_effect(cube: xr.Dataset) -> Figure:
     stripes = sorted({n_stripe for n_stripe, _ in designs})
     colour = dict(zip(stripes, CATEGORY_COLOURS, strict=False))
     colours = [colour[n_stripe] for n_stripe, _ in designs]
-    height = max(SMALLEST, 1.0 + ROW * len(designs))
+    height = max(3.6, 1.0 + 0.155 * len(designs))
     figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
     grid = figure.add_gridspec(2, 2, width_ratios=(1.15, 1))
     ratio = figure.add_subplot(grid[0, 0])

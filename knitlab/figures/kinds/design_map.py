@@ -13,13 +13,7 @@ from matplotlib.figure import Figure
 from knitlab.cube.cube_file import is_measured
 from knitlab.cube.reduced_columns import with_columns
 from knitlab.cube.schema import Status
-from knitlab.figures.cells import (
-    EMPTY,
-    PERIODS_LABEL,
-    draw_map,
-    marks_legend,
-    row_count,
-)
+from knitlab.figures.cells import EMPTY, PERIODS_LABEL, draw_map, marks_legend, row_count
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.found_designs import non_dominated
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
@@ -77,11 +71,6 @@ def _spread(cube: xr.Dataset) -> float:
 
 
 CAPACITANCE = "capacitance"
-LETTERS_A_LINE, LETTERS_OF_BAR = 110, 18
-MAP_ROW, MAP_MARGIN, TRADE_OFF = 0.38, 0.5, 3.1
-"""Heights of a row of a map, of the space around it, and of the trade-off [in]."""
-FEWEST_ROWS = 3
-"""Smallest number of rows that a map has room for; its labels need it."""
 NO_VALUE = "apart at too few strains to be read"
 NEEDED = "needs electrodes on the fabric; run knitlab run sensor, or a workflow with [electrodes]"
 
@@ -121,12 +110,12 @@ def sensor_map(cubes: Sequence[xr.Dataset], window: str | None = None) -> Figure
     merits: Merits = PAPER
     if window is not None:
         merits, cubes = _within(window, cubes)
-    height = MAP_MARGIN + MAP_ROW * max(row_count(cubes), FEWEST_ROWS)
-    figure = Figure(figsize=(TWO_COLUMNS, 2 * height + TRADE_OFF), layout="constrained")
-    *maps, below = figure.subplots(3, 1, height_ratios=(height, height, TRADE_OFF))
+    height = 0.5 + 0.38 * max(row_count(cubes), 3)
+    figure = Figure(figsize=(TWO_COLUMNS, 2 * height + 3.1), layout="constrained")
+    *maps, below = figure.subplots(3, 1, height_ratios=(height, height, 3.1))
     marked: set[Status] = set()
     for axes, merit in zip(maps, merits, strict=True):
-        label = fill(merit.label, LETTERS_OF_BAR)
+        label = fill(merit.label, 18)
         more, gaps = draw_map(figure, axes, cubes, merit.name, label, merit.text)
         marked |= more
     maps[1].set_xlabel(PERIODS_LABEL)
@@ -184,7 +173,7 @@ def _draw_trade_off(axes: Axes, cubes: Sequence[xr.Dataset], merits: Merits) -> 
         f" {merits[1].text(one[across])}"
         for _, one in front.iterrows()
     ]
-    title = fill(f"Pareto front: {'; '.join(listed)}", LETTERS_A_LINE)
+    title = fill(f"Pareto front: {'; '.join(listed)}", 110)
     axes.set_title(title, loc="left", fontsize=7, pad=20)
     if len(shown):
         entries = len(axes.get_legend_handles_labels()[1])

@@ -28,22 +28,13 @@ from knitlab.io.errors import fault, unknown
 PERIODS = "periods"
 MOST_COLUMNS, MOST_ROWS = 16, 24
 """Largest numbers of columns and rows whose cells still have room for a number."""
-ROW, MARGIN = 0.3, 1.3
-"""Height of a row, and of what is around the grid [in]."""
-LOWEST, HIGHEST = 2.4, 6.5
-"""Limits of the height of the figure [in]."""
-LETTERS = 26
-"""Letters on a line of an upright label."""
 MOST_NAMED = 16
 """Largest number of values of an axis that have a tick each."""
 NO_VALUE = "no value there"
 
 
 def value_grid(
-    cube: xr.Dataset,
-    x: str | None = None,
-    y: str | None = None,
-    of: str = "poisson_ratio_min",
+    cube: xr.Dataset, x: str | None = None, y: str | None = None, of: str = "poisson_ratio_min"
 ) -> Figure:
     """Any variable over any two dimensions of a cube, swept settings included.
 
@@ -81,7 +72,7 @@ def value_grid(
     kept = {dim: used.any(other).values for dim, other in ((x, y), (y, x))}
     values, status = values.isel(kept), status.isel(kept)
     rows, columns = values.shape
-    height = min(max(LOWEST, MARGIN + ROW * rows), HIGHEST)
+    height = min(max(2.4, 1.3 + 0.3 * rows), 6.5)
     figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
     axes = figure.add_subplot()
     colours = ValueColours.of(values.values)
@@ -181,7 +172,7 @@ def _draw(
 
 def _upright(label: str) -> str:
     """A label in short lines."""
-    return fill(label, LETTERS, break_long_words=False)
+    return fill(label, 26, break_long_words=False)
 
 
 def _axis_label(cube: xr.Dataset, dim: str) -> str:

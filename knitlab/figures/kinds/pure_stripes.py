@@ -20,8 +20,6 @@ SHEETS: dict[str, dict[str, Any]] = {
     "clamped": {"marker": "s", "ms": 5, "fillstyle": "none", "ls": ""},
 }
 """Marks of the sheets, by their boundary."""
-EVERY = 4
-"""Strain steps between the points of a sheet, so that the lines stay visible."""
 
 
 def stripe_tension(cube: xr.Dataset) -> Figure:
@@ -33,7 +31,7 @@ def stripe_tension(cube: xr.Dataset) -> Figure:
             zigzag = stripe["zigzag_force"].max("boundary")
             axes.plot(cube["applied_strain"], zigzag, color=colour, label=str(int(stripe["n"])))
             for boundary, look in sheets.items():
-                points = stripe["row_force"].sel(boundary=boundary)[::EVERY]
+                points = stripe["row_force"].sel(boundary=boundary)[::4]
                 axes.plot(points["applied_strain"], points, color=colour, **look)
         axes.set(ylabel="force for one row [N]", ylim=(0, None))
         axes.legend(title="stripe $n$", loc="upper left")
@@ -67,9 +65,6 @@ def coloured_stripes(cube: xr.Dataset, knit: str) -> Iterator[tuple[Any, xr.Data
 
 
 LINES = {"periodic": "-", "clamped": "--"}
-SHADE = "0.93"
-SHOWN = (-7, 30)
-"""Range of departures that is drawn [%]."""
 AGREEMENT = 0.05
 """Relative difference within which the two models count as equal."""
 
@@ -83,7 +78,7 @@ def stripe_departure(cube: xr.Dataset) -> Figure:
     figure, panels = stripe_panels(cube)
     lines = {boundary: LINES[boundary] for boundary in cube["boundary"].values}
     for axes, knit in zip(panels, cube["knit"].values, strict=True):
-        axes.axhspan(-100 * AGREEMENT, 100 * AGREEMENT, color=SHADE, lw=0)
+        axes.axhspan(-100 * AGREEMENT, 100 * AGREEMENT, color="0.93", lw=0)
         axes.axhline(0, color="0.7", lw=0.6)
         for colour, stripe in coloured_stripes(cube, knit):
             departure = (stripe["row_force"] / stripe["zigzag_force"] - 1)[:, 1:]
@@ -92,7 +87,7 @@ def stripe_departure(cube: xr.Dataset) -> Figure:
                 axes.plot(curve["applied_strain"], curve, ls=line, color=colour)
             label = f"{int(stripe['n'])}: {_agreed_strain(departure):.0%}"
             axes.plot([], [], color=colour, label=label)
-        axes.set(ylabel="force beyond the zigzag's [%]", ylim=SHOWN)
+        axes.set(ylabel="force beyond the zigzag's [%]", ylim=(-7, 30))
         # The curves fill the panel.
         axes.legend(
             title=f"stripe $n$,\nwithin {AGREEMENT:.0%}\nto a strain of",
@@ -105,7 +100,7 @@ def stripe_departure(cube: xr.Dataset) -> Figure:
         Line2D([], [], color="0.3", ls=line, label=f"3D sheet, {boundary}")
         for boundary, line in lines.items()
     ]
-    handles.append(Patch(color=SHADE, label=f"within {AGREEMENT:.0%}"))
+    handles.append(Patch(color="0.93", label=f"within {AGREEMENT:.0%}"))
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     return figure
 

@@ -11,11 +11,10 @@ from knitlab.figures.figure_files import FRAMES_PER_SECOND
 from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.sheets import design_text, draw_sheet, frame_sheet
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS, Look
+from knitlab.meshes.fabric import closed_nodes
 
 CONTRACTED = (0.0, 0.15, 0.5)
 """Fractions of the in-plane contraction at which snapshots are shown, before the last one."""
-BEFORE_FIRST = 0.7
-"""Start of the time axis, which is logarithmic, over the first time after 0."""
 
 
 def relaxation_figure(case: xr.Dataset) -> Figure:
@@ -42,14 +41,9 @@ def relaxation_figure(case: xr.Dataset) -> Figure:
 
 def snapshot_nodes(case: xr.Dataset) -> np.ndarray:
     """Node positions (snapshot, y, x, component) of a relaxation, periodic fabric closed [mm]."""
-    nodes = case["snapshot_position"].values
-    if "snapshot_length_x" not in case:
-        return nodes
-    across, along = (np.zeros((len(nodes), 1, 1, 3)) for _ in range(2))
-    across[..., 0] = case["snapshot_length_x"].values[:, None, None]
-    along[..., 1] = case["snapshot_length_y"].values[:, None, None]
-    nodes = np.concatenate([nodes, nodes[:, :, :1] + across], axis=2)
-    return np.concatenate([nodes, nodes[:, :1] + along], axis=1)
+    states = {f"snapshot_{name}": name for name in ("position", "length_x", "length_y")}
+    states = {name: state for name, state in states.items() if name in case}
+    return closed_nodes(case[[*states]].rename(states | {"snapshot": "applied_strain"}))
 
 
 def _draw_energies(axes: Axes, case: xr.Dataset) -> None:
@@ -62,7 +56,7 @@ def _draw_energies(axes: Axes, case: xr.Dataset) -> None:
     axes.set(
         xlabel="time since the flat sheet was released [ms]",
         ylabel="energy [N mm]",
-        xlim=(BEFORE_FIRST * time[1], 1.1 * time[-1]),
+        xlim=(0.7 * time[1], 1.1 * time[-1]),
         ylim=(max(kinetic[-1], 1e-14), 5 * stored[0]),
     )
     axes.legend(loc="lower left")
@@ -74,10 +68,6 @@ def _chosen_snapshots(nodes: np.ndarray) -> list[int]:
     contracted, whole = area[0] - area, area[0] - area[-1]
     reached = [contracted >= (fraction - 1e-9) * whole for fraction in CONTRACTED]
     return [*(int(np.argmax(each)) for each in reached), len(nodes) - 1]
-
-
-LAST_FRAME_HELD = 20
-"""Frames for which the film rests on the relaxed shape."""
 
 
 def folding_animation(case: xr.Dataset) -> FuncAnimation:
@@ -98,7 +88,7 @@ def folding_animation(case: xr.Dataset) -> FuncAnimation:
         figure.suptitle(f"{design_text(case)}, {time:.2g} ms", fontsize=8)
         return []
 
-    frames = len(nodes) + LAST_FRAME_HELD
+    frames = len(nodes) + 20
     return FuncAnimation(figure, frame, frames, interval=1000 / FRAMES_PER_SECOND)
 
 

@@ -94,14 +94,6 @@ def _draw_cells(axes: Axes, sample: xr.Dataset, field: xr.DataArray, colours: Va
     axes.add_patch(Rectangle(corner, *size, **CENTRAL))
 
 
-MOST_STRAINS = 2
-"""Largest number of states of a sample that are shown."""
-MARGIN = 1.1
-"""Width and height of a panel over those of what it shows."""
-DRAWN, TEXT = 0.75, 1.3
-"""Fraction of the width that the panels take, and height of the text above and below [in]."""
-
-
 def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     """Samples between clamps, relaxed and stretched (paper, Fig. "tension images").
 
@@ -112,14 +104,14 @@ def stretched_samples(cases: Sequence[xr.Dataset]) -> Figure:
     if any("length_x" in case for case in cases):
         raise fault("samples", "shows samples between clamps, not periodic fabric; draw shape")
     strains = cases[0]["applied_strain"].values
-    if len(strains) > MOST_STRAINS:
+    if len(strains) > 2:
         strains = np.array([0.0, shown_strain(cases[0])])
     states = [case.sel(applied_strain=strain) for case in cases for strain in strains]
     local_strains = np.concatenate([state["strain_xx"].values.ravel() for state in states])
     by_strain = ValueColours.of(local_strains, signed=True)
     spans = [np.ptp(state["position"].values[..., :2], axis=(0, 1)) for state in states]
-    widths, heights = MARGIN * np.transpose(spans)
-    height = DRAWN * TWO_COLUMNS * heights.max() / widths.sum() + TEXT
+    widths, heights = 1.1 * np.transpose(spans)
+    height = 0.75 * TWO_COLUMNS * heights.max() / widths.sum() + 1.3
     figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
     grid = figure.subplots(1, len(states), squeeze=False, sharey=True, width_ratios=widths)[0]
     for axes, state in zip(grid, states, strict=True):

@@ -14,8 +14,6 @@ from knitlab.io.errors import fault
 QUANTITY = "poisson_ratio_sensitivity"
 SYMBOLS = {"k_s": "$k_s$", "k_t": "$k_t$", "theta_0": "$\\theta_0$"}
 PERIODS = {"rib": "$w$ (period)", "garter": "$h$ (period)"}
-GAP = 0.25
-"""Gap between the columns of rib and of garter, in cells."""
 MOST_DESIGNS = 60
 """Largest number of rows that remain legible."""
 MOST_OVER_MEDIAN = 3
@@ -40,7 +38,7 @@ def sensitivity_map(cube: xr.Dataset) -> Figure:
         problem = f"shows {MOST_DESIGNS} designs at most, not {len(designs)}; select some"
         raise fault("sensitivity", problem)
     parameters = [str(name) for name in cube["stripe_parameter"].values]
-    columns = [k + GAP * name.startswith("garter_") for k, name in enumerate(parameters)]
+    columns = [k + 0.25 * name.startswith("garter_") for k, name in enumerate(parameters)]
     values = np.array([_at_lowest(design) for design in designs]).reshape(-1, len(parameters))
     norm = _norm(values)
     colours = mpl.colormaps[STRAIN_COLOURS]

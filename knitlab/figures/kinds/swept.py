@@ -11,9 +11,6 @@ from knitlab.figures.figure_kind import FigureKind
 from knitlab.figures.style import CATEGORY_COLOURS, MARKERS, TWO_COLUMNS, Look, number
 from knitlab.io.errors import fault, unknown
 
-ROW, MARGIN, SMALLEST = 0.16, 1.1, 2.4
-"""Height of the row of a design, of what is around the rows, and of the smallest figure [in]."""
-
 
 def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     """Any variable of every design, at each value of a swept setting.
@@ -46,7 +43,7 @@ def swept_values(cube: xr.Dataset, of: str = "poisson_ratio_min") -> Figure:
     rows = cube[["status", of]].stack(design=designs).transpose("design", setting)
     rows = rows.isel(design=(rows["status"] != Status.excluded).any(setting).values)
     names = [f"({', '.join(map(str, design))})" for design in rows["design"].values]
-    height = max(SMALLEST, MARGIN + ROW * len(names))
+    height = max(2.4, 1.1 + 0.16 * len(names))
     figure = Figure(figsize=(TWO_COLUMNS, height), layout="constrained")
     axes = figure.add_subplot()
     for k, value in enumerate(rows[setting].values):

@@ -14,9 +14,6 @@ from knitlab.measure.wavelength import spectrum
 
 DIRECTIONS = {"x": "weft x", "y": "warp y"}
 PEAK = CATEGORY_COLOURS[1]
-SHOWN_WAVES = 3
-HIGHEST_WAVENUMBER = 4
-"""End of the axis of a spectrum, over the wavenumber of its peak."""
 
 
 def wavelength_figure(cube: xr.Dataset) -> Figure:
@@ -49,7 +46,7 @@ def wavelength_figure(cube: xr.Dataset) -> Figure:
 def _draw_boundary(axes: Axes, shown: xr.Dataset, direction: str) -> None:
     along = shown["boundary_point"].values * float(shown[f"boundary_length_{direction}"])
     across = shown[f"boundary_{direction}"].values
-    shown_length = SHOWN_WAVES * float(shown[f"wavelength_{direction}"])
+    shown_length = 3 * float(shown[f"wavelength_{direction}"])
     within = abs(along - along[-1] / 2) <= shown_length / 2
     axes.plot(along[within], across[within], color="black", lw=0.9)
     axes.set(xlabel=f"along the {DIRECTIONS[direction]} [mm]", ylabel="boundary's offset [mm]")
@@ -60,7 +57,7 @@ def _draw_spectrum(axes: Axes, shown: xr.Dataset, direction: str) -> None:
     length = float(shown[f"boundary_length_{direction}"])
     wavenumbers, amplitudes = spectrum(shown[f"boundary_{direction}"].values, length)
     wavelength = float(shown[f"wavelength_{direction}"])
-    within = wavenumbers <= HIGHEST_WAVENUMBER / wavelength
+    within = wavenumbers <= 4 / wavelength
     axes.plot(wavenumbers[within], amplitudes[within], color="black", lw=0.9)
     peak = 1 / wavelength, float(shown[f"wave_amplitude_{direction}"])
     axes.plot(*peak, "o", ms=4, mfc="none", color=PEAK)

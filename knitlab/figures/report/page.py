@@ -76,10 +76,7 @@ MARKDOWN = Format(
     str, _marked_in_markdown, lambda text, target: f"[{text}]({target})", _markdown_table
 )
 HTML = Format(
-    html.escape,
-    _marked_in_html,
-    lambda text, target: f'<a href="{target}">{text}</a>',
-    _html_table,
+    html.escape, _marked_in_html, lambda text, target: f'<a href="{target}">{text}</a>', _html_table
 )
 
 
