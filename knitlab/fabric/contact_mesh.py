@@ -16,6 +16,7 @@ import ipctk
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Bool, Float, Int
+from scipy.spatial import cKDTree
 
 from knitlab.fabric.configuration import Configuration
 from knitlab.fabric.network import MeshShape
@@ -75,15 +76,7 @@ class ContactMesh:
     @cached_property
     def _near_pairs(self) -> Int[np.ndarray, "pair 2"]:
         """Pairs of vertices, the lower number first, within reach along both axes."""
-        vertex = np.arange(len(self.grid))
-        low = self.grid.min(axis=0) - self.near_reach
-        number = np.full(self.grid.max(axis=0) - low + self.near_reach + 1, -1)
-        row, column = (self.grid - low).T
-        number[row, column] = vertex
-        reach = range(-self.near_reach, self.near_reach + 1)
-        others = [number[row + up, column + right] for up in reach for right in reach]
-        pairs = np.concatenate([np.stack([vertex, other], axis=1) for other in others])
-        return pairs[pairs[:, 0] < pairs[:, 1]]
+        return cKDTree(self.grid).query_pairs(self.near_reach, p=np.inf, output_type="ndarray")
 
     def around(
         self, chosen: Bool[np.ndarray, " vertex"]

@@ -6,8 +6,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from knitlab.fabric.energy import wall_energy
-from knitlab.fabric.fold_angle import by_hinge_vectors, fold_from_normals
+from knitlab.fabric.energy import OneOrEach, wall_energy
+from knitlab.fabric.fold_angle import (
+    Each,
+    HingeVectors,
+    Vector,
+    by_hinge_vectors,
+    fold_from_normals,
+)
 from knitlab.fabric.network import HINGE_VECTORS
 from knitlab.fabric.settings import FoldAngle
 from knitlab.fabric.spring_law import LINEAR, SpringLaw
@@ -33,9 +39,9 @@ class ElementHessians(eqx.Module):
 
 
 def spring_stiffness(
-    vectors: Float[Array | np.ndarray, "3 spring"],
-    rest_length: Float[Array | np.ndarray, " spring"],
-    stiffness: Float[Array | np.ndarray, " spring"],
+    vectors: Vector,
+    rest_length: Each,
+    stiffness: Each,
     law: SpringLaw = LINEAR,
 ) -> Float[Array, "6 spring"]:
     """Hessian of springs with respect to their vectors, :data:`SPRING_ENTRIES` of it [N/mm].
@@ -51,21 +57,14 @@ def spring_stiffness(
     return jnp.asarray(hessian[SPRING_ENTRIES])
 
 
-def wall_stiffness(
-    heights: Float[Array | np.ndarray, " node"],
-    z_max: Float[Array | np.ndarray, "*#node"],
-    k_wall: Float[Array | np.ndarray, "*#node"],
-) -> Float[Array, " node"]:
+def wall_stiffness(heights: Each, z_max: OneOrEach, k_wall: OneOrEach) -> Each:
     """Second derivative of the wall penalty with respect to the height of every node [N/mm]."""
     walls = (jnp.broadcast_to(number, heights.shape) for number in (z_max, k_wall))
     return jax.vmap(jax.grad(jax.grad(wall_energy)))(heights, *walls)
 
 
 def hinge_stiffness(
-    vectors: Float[Array | np.ndarray, "5 3 hinge"],
-    rest: Float[Array | np.ndarray, " hinge"],
-    stiffness: Float[Array | np.ndarray, " hinge"],
-    of: FoldAngle,
+    vectors: HingeVectors, rest: Each, stiffness: Each, of: FoldAngle
 ) -> Float[Array, "block 171 lane"]:
     """Hessian of ½ k_t (φ − φ0)² with respect to the six nodes, :data:`HINGE_ENTRIES` of it [N/mm].
 
@@ -80,10 +79,7 @@ def hinge_stiffness(
 
 
 def _hinge_entries(
-    vectors: Float[Array, "5 3 lane"],
-    rest: Float[Array, " lane"],
-    stiffness: Float[Array, " lane"],
-    of: FoldAngle,
+    vectors: Float[Array, "5 3 lane"], rest: Each, stiffness: Each, of: FoldAngle
 ) -> Float[Array, "171 lane"]:
     """Hessians of one block: by the edge and the normals beside it, by the vectors, by the nodes.
 
@@ -95,7 +91,7 @@ def _hinge_entries(
 
     def gradient(three: Float[Array, "3 3 lane"]) -> Float[Array, "3 3 lane"]:
         angle, slopes = fold_from_normals(three[0], three[1], three[2], rest, of)
-        return stiffness * angle * jnp.stack(slopes)
+        return jnp.asarray(stiffness) * angle * jnp.stack(slopes)
 
     slopes, along = jax.linearize(gradient, three)
     units = jnp.eye(9).reshape(9, 3, 3, 1)

@@ -271,7 +271,7 @@ def graded_pattern(
 def recorded_pattern(
     record: Mapping[str, Any], repeats: tuple[int, int] | None = None
 ) -> PatchGrid:
-    """The pattern of a whole fabric, from the record of its case; repeats are those of the case."""
+    """The pattern of a whole fabric, from the record of its case; by default with its repeats."""
     along_y, along_x = repeats or record["unit_cells"]
     return graded_pattern(
         tuple(record["pattern"]),
