@@ -36,6 +36,7 @@ from knitlab.sweep.results_folder import (
 )
 from knitlab.sweep.workers import (
     BatchError,
+    Pool,
     SchedulerLost,
     Simulate,
     Task,
@@ -260,11 +261,7 @@ class _Simulated:
 def _simulate(
     plan: Plan, results: Path, missing: Mapping[str, Case], options: RunOptions
 ) -> _Simulated:
-    """Simulate the missing cases, and repeat the batches that need it.
-
-    A batch may be lost because another batch killed the worker that it was assigned to. A batch
-    that was lost twice is therefore run alone, where only itself can kill its worker.
-    """
+    """Simulate the missing cases."""
     done = _Simulated()
     planned = [batch for batch in plan.batches if not missing.keys().isdisjoint(batch.cases)]
     if not planned:
@@ -279,33 +276,23 @@ def _simulate(
     # Processors without a batch go to the others as threads; those of a scheduler are not known.
     threads = 1 if options.scheduler else processors // max(workers, 1)
     task = Task(options.simulate, results.resolve(), options.case_timeout, threads)
-<<<<<<< HEAD
-    ended: set[str] = set()
-    failed: Failed = {}
-    stopped = False
-    with ProgressBar(missing, shown=options.show_progress) as bar:
-        try:
-            with pool_of(task, workers, options.scheduler, options.dashboard, bar.reached) as pool:
-                try:
-                    for batch, error in in_rounds(pool, batches, options.retries):
-                        for case in batch:
-                            bar.ended(case.case_id)
-                            if error:
-                                failed[case.case_id] = error
-                            else:
-                                ended.add(case.case_id)
-                        if options.fail_fast and (error or not _all_ok(results, batch)):
-                            stopped = True
-                            break
-                except KeyboardInterrupt:
-                    bar.write("stopping: the workers end and the cube is written; wait a moment")
-                    raise
-        except KeyboardInterrupt:
-            stopped = True
-        except SchedulerLost:
-            bar.write("stopping: the dask scheduler ended or cannot be reached")
-            stopped = True
-    return tuple(case_id for case_id in missing if case_id in ended), failed, stopped
+    with (
+        ProgressBar(missing, shown=options.show_progress) as bar,
+        _until_stopped(bar, done),  # while the workers end
+        pool_of(task, workers, options.scheduler, options.dashboard, bar.reached) as pool,
+        _until_stopped(bar, done),
+    ):
+        for batch, error in in_rounds(pool, batches, options.retries):
+            for case in batch:
+                bar.ended(case.case_id)
+                if error:
+                    done.failed[case.case_id] = error
+                else:
+                    done.ended.add(case.case_id)
+            if options.fail_fast and (error or not _all_ok(results, batch)):
+                done.stopped = True
+                break
+    return done
 
 
 def in_rounds(
@@ -330,37 +317,6 @@ def in_rounds(
             else:
                 yield batch, error
         batches, attempts = again, attempts + 1
-=======
-    with (
-        ProgressBar(missing, shown=options.show_progress) as bar,
-        _until_stopped(bar, done),  # while the workers end
-        pool_of(task, workers, options.scheduler, options.dashboard, bar.reached) as pool,
-        _until_stopped(bar, done),
-    ):
-        attempts = 0
-        while batches:
-            again: list[Sequence[Case]] = []
-            together = [[batch] for batch in batches] if attempts >= ONE_BY_ONE else [batches]
-            for batch, error in itertools.chain.from_iterable(map(pool, together)):
-                if error and error.cannot_write:
-                    raise error.cannot_write
-                if error and (attempts < options.retries or (error.lost and attempts < ONE_BY_ONE)):
-                    again.append(batch)
-                    continue
-                if error and len(batch) > 1:
-                    again += [[case] for case in batch]
-                    continue
-                for case in batch:
-                    bar.ended(case.case_id)
-                    if error:
-                        done.failed[case.case_id] = error
-                    else:
-                        done.ended.add(case.case_id)
-                if options.fail_fast and (error or not _all_ok(results, batch)):
-                    done.stopped = True
-                    return done
-            batches, attempts = again, attempts + 1
-    return done
 
 
 @contextmanager
@@ -374,7 +330,6 @@ def _until_stopped(bar: ProgressBar, done: _Simulated) -> Iterator[None]:
     except SchedulerLost:
         done.stopped = True
         bar.write("stopping: the dask scheduler ended or cannot be reached")
->>>>>>> trunk
 
 
 def _all_ok(results: Path, batch: Sequence[Case]) -> bool:
