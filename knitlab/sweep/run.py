@@ -36,7 +36,6 @@ from knitlab.sweep.results_folder import (
 )
 from knitlab.sweep.workers import (
     BatchError,
-    Pool,
     SchedulerLost,
     Simulate,
     Task,
@@ -261,7 +260,11 @@ class _Simulated:
 def _simulate(
     plan: Plan, results: Path, missing: Mapping[str, Case], options: RunOptions
 ) -> _Simulated:
-    """Simulate the missing cases."""
+    """Simulate the missing cases, and repeat the batches that need it.
+
+    A batch may be lost because another batch killed the worker that it was assigned to. A batch
+    that was lost twice is therefore run alone, where only itself can kill its worker.
+    """
     done = _Simulated()
     planned = [batch for batch in plan.batches if not missing.keys().isdisjoint(batch.cases)]
     if not planned:
@@ -282,41 +285,30 @@ def _simulate(
         pool_of(task, workers, options.scheduler, options.dashboard, bar.reached) as pool,
         _until_stopped(bar, done),
     ):
-        for batch, error in in_rounds(pool, batches, options.retries):
-            for case in batch:
-                bar.ended(case.case_id)
-                if error:
-                    done.failed[case.case_id] = error
-                else:
-                    done.ended.add(case.case_id)
-            if options.fail_fast and (error or not _all_ok(results, batch)):
-                done.stopped = True
-                break
+        attempts = 0
+        while batches:
+            again: list[Sequence[Case]] = []
+            together = [[batch] for batch in batches] if attempts >= ONE_BY_ONE else [batches]
+            for batch, error in itertools.chain.from_iterable(map(pool, together)):
+                if error and error.cannot_write:
+                    raise error.cannot_write
+                if error and (attempts < options.retries or (error.lost and attempts < ONE_BY_ONE)):
+                    again.append(batch)
+                    continue
+                if error and len(batch) > 1:
+                    again += [[case] for case in batch]
+                    continue
+                for case in batch:
+                    bar.ended(case.case_id)
+                    if error:
+                        done.failed[case.case_id] = error
+                    else:
+                        done.ended.add(case.case_id)
+                if options.fail_fast and (error or not _all_ok(results, batch)):
+                    done.stopped = True
+                    return done
+            batches, attempts = again, attempts + 1
     return done
-
-
-def in_rounds(
-    pool: Pool, batches: Sequence[Sequence[Case]], retries: int
-) -> Iterator[tuple[Sequence[Case], BatchError | None]]:
-    """Simulate batches, and repeat those that need it; yields each that has ended for good.
-
-    A batch may be lost because another batch killed the worker that it was assigned to. A batch
-    that was lost twice is therefore run alone, where only itself can kill its worker.
-    """
-    attempts = 0
-    while batches:
-        again: list[Sequence[Case]] = []
-        together = [[batch] for batch in batches] if attempts >= ONE_BY_ONE else [batches]
-        for batch, error in itertools.chain.from_iterable(map(pool, together)):
-            if error and error.cannot_write:
-                raise error.cannot_write
-            if error and (attempts < retries or (error.lost and attempts < ONE_BY_ONE)):
-                again.append(batch)
-            elif error and len(batch) > 1:
-                again += [[case] for case in batch]
-            else:
-                yield batch, error
-        batches, attempts = again, attempts + 1
 
 
 @contextmanager
