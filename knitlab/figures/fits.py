@@ -1,14 +1,13 @@
 """Fits of the stripes: to the tension curve of a stripe, and to a test of a whole fabric."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS
+from knitlab.laboratory.fit import Fit
+from knitlab.measure.calibration import Calibration
 
 LABELS = (
     "transverse strain\nmean $\\varepsilon_{xx}$ [1]",
@@ -20,93 +19,61 @@ BEFORE, SHADE = "0.55", "0.9"
 
 
 def calibration_figure(
-    strain: np.ndarray,
-    force: np.ndarray,
-    fitted_force: np.ndarray,
-    title: str,
-    linear_force: np.ndarray | None = None,
+    fitted: Calibration, title: str, linear: Calibration | None = None
 ) -> Figure:
-    """Curve and fit above, residual of each fit below in its colour.
-
-    Args:
-        strain: applied strain [1].
-        force: measured, on one row [N].
-        fitted_force: of the fitted zigzag [N].
-        title: what was fitted; one line or more.
-        linear_force: force of the zigzag of linear springs, if the fit has another law [N].
-    """
+    """Curve and fit above, residuals below; also those of linear springs if they are not fitted."""
     figure = Figure(figsize=(ONE_COLUMN * 1.2, 3.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    above.plot(strain, force, "o", ms=2.5, mfc="none", color="0.3", label="measured")
-    if linear_force is not None:
-        above.plot(strain, linear_force, color=LINEAR, ls="--", label="with linear springs")
-        below.plot(strain, 1000 * (force - linear_force), "x", ms=2.5, color=LINEAR)
-    above.plot(strain, fitted_force, color=FITTED, label="zigzag, fitted")
+    strain = fitted.strain
+    above.plot(strain, fitted.force, "o", ms=2.5, mfc="none", color="0.3", label="measured")
+    if linear is not None:
+        label = "with linear springs"
+        above.plot(strain, linear.fitted_force, color=LINEAR, ls="--", label=label)
+        below.plot(strain, 1000 * linear.residuals, "x", ms=2.5, color=LINEAR)
+    above.plot(strain, fitted.fitted_force, color=FITTED, label="zigzag, fitted")
     above.set(ylabel="force for one row [N]")
     above.set_title(title, fontsize=7)
     above.legend()
     below.axhline(0, color="0.7", lw=0.6)
-    below.plot(strain, 1000 * (force - fitted_force), ".", ms=3, color=FITTED)
+    below.plot(strain, 1000 * fitted.residuals, ".", ms=3, color=FITTED)
     below.set(xlabel="applied strain [1]", ylabel="residual [mN]")
     figure.align_ylabels([above, below])
     return figure
 
 
-class Fitted(NamedTuple):
-    """Curves (quantity, strain) and factors of a fit to a whole fabric.
-
-    Attributes:
-        applied_strain: above 0 [1].
-        measured: mean transverse and axial strain, and reaction force.
-        errors: standard errors of these.
-        before: simulated with the tabulated stripes.
-        after: simulated with the fitted stripes.
-        factors: fitted over tabulated value, by parameter.
-        standard_errors: standard errors of the logarithms of the factors.
-    """
-
-    applied_strain: Sequence[float]
-    measured: np.ndarray
-    errors: np.ndarray
-    before: np.ndarray
-    after: np.ndarray
-    factors: dict[str, float]
-    standard_errors: dict[str, float]
-
-
-def fit_figure(shown: Fitted, title: str) -> Figure:
+def fit_figure(fit: Fit, title: str) -> Figure:
     """Curves above, residuals in standard errors below, and the factors beside them."""
     figure = Figure(figsize=(TWO_COLUMNS, 3.6), layout="constrained")
     grid = figure.add_gridspec(2, 4, height_ratios=(2.5, 1), width_ratios=(1, 1, 1, 0.9))
-    strain = np.asarray(shown.applied_strain)
+    strain, (before, after) = np.asarray(fit.target.applied_strain), fit.curves
     for column, label in enumerate(LABELS):
         above, below = (figure.add_subplot(grid[row, column]) for row in (0, 1))
-        values, errors = shown.measured[column], shown.errors[column]
-        above.plot(strain, shown.before[column], color=BEFORE, label="simulated, tables")
-        above.plot(strain, shown.after[column], color=FITTED, label="simulated, fitted")
+        values, errors = fit.target.values[column], fit.target.errors[column]
+        above.plot(strain, before[column], color=BEFORE, label="simulated, tables")
+        above.plot(strain, after[column], color=FITTED, label="simulated, fitted")
         above.plot(strain, values, "--", color="black", label="measured")
         above.set(ylabel=label)
         above.tick_params(labelbottom=False)
         below.axhspan(-1, 1, color=SHADE, lw=0)
-        for curves, colour in ((shown.before, BEFORE), (shown.after, FITTED)):
+        for curves, colour in ((before, BEFORE), (after, FITTED)):
             below.plot(strain, (curves[column] - values) / errors, ".", ms=3, color=colour)
         below.set_yscale("symlog", linthresh=3)
         below.set_xlabel("applied strain [1]")
         if column == 0:
             below.set_ylabel("difference\nover error [1]")
             handles = above.get_legend_handles_labels()[0]
-    _draw_factors(figure.add_subplot(grid[:, 3]), shown)
+    _draw_factors(figure.add_subplot(grid[:, 3]), fit)
     handles.append(Patch(color=SHADE, label="difference within one error"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
     figure.suptitle(title, fontsize=8)
     return figure
 
 
-def _draw_factors(axes: Axes, shown: Fitted) -> None:
+def _draw_factors(axes: Axes, fit: Fit) -> None:
     """Factors with two standard errors."""
-    names = list(shown.factors)
+    names = list(fit.factors)
     for row, name in enumerate(names):
-        factor, reach = shown.factors[name], np.exp(2 * shown.standard_errors[name])
+        factor, reach = fit.factors[name], np.exp(2 * fit.standard_errors[name])
         axes.plot([factor / reach, factor * reach], [row, row], color=FITTED, lw=1.5)
         axes.plot(factor, row, "o", color=FITTED, ms=4)
     axes.axvline(1, color=BEFORE, lw=0.8)
