@@ -190,7 +190,7 @@ def fit(
     cube = selected(open_cube(experiment), selections)
 
     from knitlab.api import laboratory as api
-    from knitlab.figures.fits import Fitted, fit_figure
+    from knitlab.figures.fits import fit_figure
     from knitlab.laboratory.fit import report, write_stripes
     from knitlab.sweep.plan import make_plan
 
@@ -204,16 +204,8 @@ def fit(
         echo_problem(warning)
     write_stripes(output, fitted, experiment)
     click.echo(f"stripes  {output}")
-    shown = Fitted(
-        fitted.target.applied_strain,
-        fitted.target.values,
-        fitted.target.errors,
-        *fitted.curves,
-        fitted.factors,
-        fitted.standard_errors,
-    )
     title = f"{fitted.before.label}, fitted to {experiment}"
-    draw_beside(output, lambda: fit_figure(shown, title))
+    draw_beside(output, lambda: fit_figure(fitted, title))
     if not fitted.converged:
         sys.exit(SOME_CASE_NOT_OK)
 

@@ -1,7 +1,6 @@
 """Fits of the stripes: to the tension curve of a stripe, and to a test of a whole fabric."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,6 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from knitlab.figures.style import CATEGORY_COLOURS, ONE_COLUMN, TWO_COLUMNS
+
+if TYPE_CHECKING:
+    from knitlab.laboratory.fit import Fit
 
 LABELS = (
     "transverse strain\nmean $\\varepsilon_{xx}$ [1]",
@@ -26,14 +28,9 @@ def calibration_figure(
     title: str,
     linear_force: np.ndarray | None = None,
 ) -> Figure:
-    """Curve and fit above, residual of each fit below in its colour.
+    """Curve and fit above, residual of each fit below in its colour; forces of one row [N].
 
-    Args:
-        strain: applied strain [1].
-        force: measured, on one row [N].
-        fitted_force: of the fitted zigzag [N].
-        title: what was fitted; one line or more.
-        linear_force: force of the zigzag of linear springs, if the fit has another law [N].
+    ``linear_force`` is of the zigzag of linear springs, if the fit has another law.
     """
     figure = Figure(figsize=(ONE_COLUMN * 1.2, 3.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
@@ -52,61 +49,40 @@ def calibration_figure(
     return figure
 
 
-class Fitted(NamedTuple):
-    """Curves (quantity, strain) and factors of a fit to a whole fabric.
-
-    Attributes:
-        applied_strain: above 0 [1].
-        measured: mean transverse and axial strain, and reaction force.
-        errors: standard errors of these.
-        before: simulated with the tabulated stripes.
-        after: simulated with the fitted stripes.
-        factors: fitted over tabulated value, by parameter.
-        standard_errors: standard errors of the logarithms of the factors.
-    """
-
-    applied_strain: Sequence[float]
-    measured: np.ndarray
-    errors: np.ndarray
-    before: np.ndarray
-    after: np.ndarray
-    factors: dict[str, float]
-    standard_errors: dict[str, float]
-
-
-def fit_figure(shown: Fitted, title: str) -> Figure:
+def fit_figure(fit: "Fit", title: str) -> Figure:
     """Curves above, residuals in standard errors below, and the factors beside them."""
     figure = Figure(figsize=(TWO_COLUMNS, 3.6), layout="constrained")
     grid = figure.add_gridspec(2, 4, height_ratios=(2.5, 1), width_ratios=(1, 1, 1, 0.9))
-    strain = np.asarray(shown.applied_strain)
+    target, (before, after) = fit.target, fit.curves
+    strain = np.asarray(target.applied_strain)
     for column, label in enumerate(LABELS):
         above, below = (figure.add_subplot(grid[row, column]) for row in (0, 1))
-        values, errors = shown.measured[column], shown.errors[column]
-        above.plot(strain, shown.before[column], color=BEFORE, label="simulated, tables")
-        above.plot(strain, shown.after[column], color=FITTED, label="simulated, fitted")
+        values, errors = target.values[column], target.errors[column]
+        above.plot(strain, before[column], color=BEFORE, label="simulated, tables")
+        above.plot(strain, after[column], color=FITTED, label="simulated, fitted")
         above.plot(strain, values, "--", color="black", label="measured")
         above.set(ylabel=label)
         above.tick_params(labelbottom=False)
         below.axhspan(-1, 1, color=SHADE, lw=0)
-        for curves, colour in ((shown.before, BEFORE), (shown.after, FITTED)):
+        for curves, colour in ((before, BEFORE), (after, FITTED)):
             below.plot(strain, (curves[column] - values) / errors, ".", ms=3, color=colour)
         below.set_yscale("symlog", linthresh=3)
         below.set_xlabel("applied strain [1]")
         if column == 0:
             below.set_ylabel("difference\nover error [1]")
             handles = above.get_legend_handles_labels()[0]
-    _draw_factors(figure.add_subplot(grid[:, 3]), shown)
+    _draw_factors(figure.add_subplot(grid[:, 3]), fit)
     handles.append(Patch(color=SHADE, label="difference within one error"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
     figure.suptitle(title, fontsize=8)
     return figure
 
 
-def _draw_factors(axes: Axes, shown: Fitted) -> None:
+def _draw_factors(axes: Axes, fit: "Fit") -> None:
     """Factors with two standard errors."""
-    names = list(shown.factors)
+    names = list(fit.factors)
     for row, name in enumerate(names):
-        factor, reach = shown.factors[name], np.exp(2 * shown.standard_errors[name])
+        factor, reach = fit.factors[name], np.exp(2 * fit.standard_errors[name])
         axes.plot([factor / reach, factor * reach], [row, row], color=FITTED, lw=1.5)
         axes.plot(factor, row, "o", color=FITTED, ms=4)
     axes.axvline(1, color=BEFORE, lw=0.8)
